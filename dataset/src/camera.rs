@@ -1,0 +1,137 @@
+//! Pinhole cameras: where they stand, and where a point of the world falls in their picture.
+//!
+//! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so a picture
+//! covers -0.5 to width - 0.5.
+
+use glam::{DMat3, DVec2, DVec3};
+use serde::{Deserialize, Serialize};
+
+use crate::pose::Pose;
+
+/// A camera as it is placed: a pose whose forward axis is the optical axis, and a horizontal field of view.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct CameraPose {
+    /// Where the camera stands and looks.
+    #[serde(flatten)]
+    pub pose: Pose,
+    /// Horizontal field of view over the whole width of the picture, degrees.
+    pub hfov_deg: f64,
+}
+
+/// Intrinsics and extrinsics of a camera without lens distortion.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Camera {
+    /// Width of the picture, pixels.
+    pub width_px: u32,
+    /// Height of the picture, pixels.
+    pub height_px: u32,
+    /// Focal length, pixels (square pixels).
+    pub focal_px: f64,
+    /// Principal point, pixels.
+    pub principal_px: DVec2,
+    /// Rotation from camera axes to ECEF.
+    pub ecef_from_camera: DMat3,
+    /// The projection centre in ECEF, metres.
+    pub center_ecef_m: DVec3,
+}
+
+impl Camera {
+    /// The camera that results from placing one: principal point in the middle of the picture,
+    /// `focal = (width / 2) / tan(hfov / 2)`.
+    pub fn from_pose(placed: &CameraPose, width_px: u32, height_px: u32) -> Self {
+        // Columns: the camera's right, down and forward axes in body axes (forward, right, down).
+        let body_from_camera = DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X);
+        Self {
+            width_px,
+            height_px,
+            focal_px: f64::from(width_px) / 2.0 / (placed.hfov_deg.to_radians() / 2.0).tan(),
+            principal_px: DVec2::new((f64::from(width_px) - 1.0) / 2.0, (f64::from(height_px) - 1.0) / 2.0),
+            ecef_from_camera: placed.pose.ecef_from_body() * body_from_camera,
+            center_ecef_m: placed.pose.position().to_ecef(),
+        }
+    }
+
+    /// Coordinates of an ECEF point in camera axes (right, down, forward), metres.
+    pub fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
+        self.ecef_from_camera.transpose() * (ecef_m - self.center_ecef_m)
+    }
+
+    /// Where an ECEF point falls in the picture, pixels; `None` if it is not in front of the camera.
+    /// The pixel may lie outside the picture.
+    pub fn project(&self, ecef_m: DVec3) -> Option<DVec2> {
+        let point = self.to_camera(ecef_m);
+        (point.z > 0.0).then(|| DVec2::new(point.x, point.y) * (self.focal_px / point.z) + self.principal_px)
+    }
+
+    /// Unit vector in ECEF from the camera through a pixel.
+    pub fn ray(&self, pixel: DVec2) -> DVec3 {
+        let image = (pixel - self.principal_px) / self.focal_px;
+        (self.ecef_from_camera * image.extend(1.0)).normalize()
+    }
+
+    /// The 3x3 matrix of intrinsics, row-major.
+    pub fn k(&self) -> [[f64; 3]; 3] {
+        [[self.focal_px, 0.0, self.principal_px.x], [0.0, self.focal_px, self.principal_px.y], [0.0, 0.0, 1.0]]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geodesy::LatLon;
+
+    fn camera() -> (CameraPose, Camera) {
+        let placed = CameraPose {
+            pose: Pose {
+                latitude_deg: 1.36,
+                longitude_deg: 103.98,
+                altitude_msl_m: 16.7,
+                heading_true_deg: 203.0,
+                pitch_deg: 0.0,
+                roll_deg: 0.0,
+            },
+            hfov_deg: 10.0,
+        };
+        (placed, Camera::from_pose(&placed, 1920, 1280))
+    }
+
+    #[test]
+    fn a_point_straight_ahead_falls_on_the_principal_point() {
+        let (placed, camera) = camera();
+        let ahead = placed.pose.body_point_to_ecef(DVec3::new(5_000.0, 0.0, 0.0));
+        assert!(camera.project(ahead).unwrap().abs_diff_eq(DVec2::new(959.5, 639.5), 1e-6));
+    }
+
+    #[test]
+    fn right_is_right_and_down_is_down_and_behind_is_nowhere() {
+        let (placed, camera) = camera();
+        let pixel = camera.project(placed.pose.body_point_to_ecef(DVec3::new(1_000.0, 10.0, 5.0))).unwrap();
+        assert!(pixel.x > 959.5 && pixel.y > 639.5, "{pixel}");
+        assert_eq!(camera.project(placed.pose.body_point_to_ecef(DVec3::new(-1_000.0, 0.0, 0.0))), None);
+    }
+
+    #[test]
+    fn half_the_field_of_view_reaches_the_edge_of_the_picture() {
+        let (placed, camera) = camera();
+        let edge = DVec3::new(1.0, 5.0_f64.to_radians().tan(), 0.0) * 1_000.0;
+        let pixel = camera.project(placed.pose.body_point_to_ecef(edge)).unwrap();
+        assert!((pixel.x - 1919.5).abs() < 1e-6, "{pixel}");
+    }
+
+    #[test]
+    fn a_ray_goes_back_through_its_pixel() {
+        let (_, camera) = camera();
+        let pixel = DVec2::new(123.25, 1_000.75);
+        let point = camera.center_ecef_m + camera.ray(pixel) * 12_345.0;
+        assert!(camera.project(point).unwrap().abs_diff_eq(pixel, 1e-6));
+    }
+
+    #[test]
+    fn the_earth_curves_away_by_27_metres_at_ten_nautical_miles() {
+        let (placed, camera) = camera();
+        let here = LatLon { latitude_deg: 1.36, longitude_deg: 103.98 };
+        let there = here.destination(203.0, 18_520.0).at_altitude_m(placed.pose.altitude_msl_m);
+        let drop_m = camera.to_camera(there.to_ecef()).y;
+        assert!((drop_m - 27.0).abs() < 0.2, "{drop_m}");
+    }
+}

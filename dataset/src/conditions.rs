@@ -1,0 +1,78 @@
+//! The physical conditions of a scenario: air, clouds, wind, rain, and the time that sets the sun.
+//!
+//! All SI. The bridge turns them into X-Plane's units in one place.
+
+use serde::{Deserialize, Serialize};
+
+/// Kind of a cloud layer, in X-Plane 12's order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum CloudKind {
+    /// High thin ice cloud.
+    Cirrus,
+    /// Grey sheet.
+    Stratus,
+    /// Heaps.
+    Cumulus,
+    /// Thunderstorm towers.
+    Cumulonimbus,
+}
+
+/// One layer of cloud.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CloudLayer {
+    /// What it is made of.
+    pub kind: CloudKind,
+    /// Part of the sky that it covers, 0 to 1.
+    pub cover_ratio: f64,
+    /// Height of its base above mean sea level, metres.
+    pub base_msl_m: f64,
+    /// Height of its top above mean sea level, metres.
+    pub top_msl_m: f64,
+}
+
+/// The weather of a scenario, the same everywhere and at all times of the scenario.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Weather {
+    /// Meteorological visibility (contrast of a black object falls to 2 %), metres.
+    pub visibility_m: f64,
+    /// At most three layers, lowest first.
+    #[serde(default)]
+    pub clouds: Vec<CloudLayer>,
+    /// Rain intensity, 0 to 1.
+    #[serde(default)]
+    pub rain_ratio: f64,
+    /// Wind speed at 10 m above ground, metres per second.
+    #[serde(default)]
+    pub wind_speed_mps: f64,
+    /// Where the wind comes from, degrees true.
+    #[serde(default)]
+    pub wind_from_true_deg: f64,
+    /// Turbulence intensity, 0 none to 1 severe.
+    #[serde(default)]
+    pub turbulence_ratio: f64,
+}
+
+/// When a scenario takes place. The simulator's clock stands still during a scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Clock {
+    /// Day of the year, 1 to 365. X-Plane has no year.
+    pub day_of_year: u32,
+    /// Coordinated universal time, seconds since midnight, 0 to 86 400.
+    pub zulu_time_s: f64,
+}
+
+/// Weather and time, with the names under which the sweep lists them.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Conditions {
+    /// Local time as the sweep names it, e.g. `06:00`.
+    pub time_of_day: String,
+    /// When it is.
+    pub clock: Clock,
+    /// Name of the weather in the sweep, e.g. `foggy`.
+    pub weather_name: String,
+    /// What that name means.
+    pub weather: Weather,
+}

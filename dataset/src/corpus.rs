@@ -1,0 +1,190 @@
+//! Where everything lies in a corpus, and which scenarios of it count.
+//!
+//! ```text
+//! corpus/
+//!   corpus.toml  plan.json  splits.json
+//!   scenarios/0042-1700-foggy-r3/
+//!     scenario.json  calibration.json  frames.parquet  boxes_truth.parquet
+//!     views/<camera>.mp4  detections/<model>.parquet  detections/<model>.json
+//!     MANIFEST.b3  DONE.json
+//! ```
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::calibration::Calibration;
+use crate::error::{Error, Result};
+use crate::frames::Frames;
+use crate::pixel_box::{Detection, TruthBox, read_detections, read_truth_boxes};
+use crate::scenario::ScenarioRecord;
+use crate::seal::{self, Seal};
+
+/// Ending of a folder that is still being filled.
+pub const PARTIAL_SUFFIX: &str = ".partial";
+
+/// A corpus on disk.
+#[derive(Debug, Clone)]
+pub struct Corpus {
+    root: PathBuf,
+}
+
+/// The folder of one scenario.
+#[derive(Debug, Clone)]
+pub struct ScenarioFolder {
+    root: PathBuf,
+}
+
+impl Corpus {
+    /// Opens an existing corpus.
+    pub fn open(root: &Path) -> Result<Self> {
+        if !root.join("scenarios").is_dir() {
+            return Err(Error::corpus(
+                root,
+                "is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`",
+            ));
+        }
+        Ok(Self { root: root.to_owned() })
+    }
+
+    /// Opens a corpus, creating its folders if they are not there.
+    pub fn create(root: &Path) -> Result<Self> {
+        let scenarios = root.join("scenarios");
+        fs::create_dir_all(&scenarios).map_err(Error::io("create", &scenarios))?;
+        Ok(Self { root: root.to_owned() })
+    }
+
+    /// The folder of the corpus.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// The sweep as its author wrote it.
+    pub fn sweep_path(&self) -> PathBuf {
+        self.root.join("corpus.toml")
+    }
+
+    /// The expanded plan.
+    pub fn plan_path(&self) -> PathBuf {
+        self.root.join("plan.json")
+    }
+
+    /// The split by trajectory.
+    pub fn splits_path(&self) -> PathBuf {
+        self.root.join("splits.json")
+    }
+
+    /// The folder that a committed scenario has.
+    pub fn scenario(&self, id: &str) -> ScenarioFolder {
+        ScenarioFolder { root: self.root.join("scenarios").join(id) }
+    }
+
+    /// The folder in which a scenario is made before it counts.
+    pub fn partial_scenario(&self, id: &str) -> ScenarioFolder {
+        ScenarioFolder { root: self.root.join("scenarios").join(format!("{id}{PARTIAL_SUFFIX}")) }
+    }
+
+    /// All committed scenarios, sorted by identifier. A folder without a seal does not count.
+    pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
+        let folder = self.root.join("scenarios");
+        let mut found = Vec::new();
+        for entry in fs::read_dir(&folder).map_err(Error::io("list", &folder))? {
+            let root = entry.map_err(Error::io("list", &folder))?.path();
+            let partial = root.to_string_lossy().ends_with(PARTIAL_SUFFIX);
+            if root.is_dir() && !partial && seal::read_seal(&root)?.is_some() {
+                found.push(ScenarioFolder { root });
+            }
+        }
+        found.sort_by(|a, b| a.root.cmp(&b.root));
+        Ok(found)
+    }
+}
+
+impl ScenarioFolder {
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Identifier of the scenario: the folder's name.
+    pub fn id(&self) -> String {
+        self.root.file_name().unwrap_or_default().to_string_lossy().into_owned()
+    }
+
+    /// Path of `scenario.json`.
+    pub fn record_path(&self) -> PathBuf {
+        self.root.join("scenario.json")
+    }
+
+    /// Path of `calibration.json`.
+    pub fn calibration_path(&self) -> PathBuf {
+        self.root.join("calibration.json")
+    }
+
+    /// Path of `frames.parquet`.
+    pub fn frames_path(&self) -> PathBuf {
+        self.root.join(Self::FRAMES)
+    }
+
+    /// Path of `boxes_truth.parquet`.
+    pub fn truth_boxes_path(&self) -> PathBuf {
+        self.root.join(Self::TRUTH_BOXES)
+    }
+
+    /// Path of a view's video.
+    pub fn video_path(&self, view: &str) -> PathBuf {
+        self.root.join("views").join(format!("{view}.mp4"))
+    }
+
+    /// Folder of the detections.
+    pub fn detections_folder(&self) -> PathBuf {
+        self.root.join("detections")
+    }
+
+    /// Path of the detections of one model.
+    pub fn detections_path(&self, model_hash: &str) -> PathBuf {
+        self.detections_folder().join(format!("{model_hash}.parquet"))
+    }
+
+    /// Name of the table of ticks.
+    pub const FRAMES: &str = "frames.parquet";
+    /// Name of the table of true boxes.
+    pub const TRUTH_BOXES: &str = "boxes_truth.parquet";
+
+    /// Reads `scenario.json`.
+    pub fn record(&self) -> Result<ScenarioRecord> {
+        ScenarioRecord::read(&self.record_path())
+    }
+
+    /// Reads `calibration.json`.
+    pub fn calibration(&self) -> Result<Calibration> {
+        Calibration::read(&self.calibration_path())
+    }
+
+    /// Reads `frames.parquet`.
+    pub fn frames(&self) -> Result<Frames> {
+        Frames::read(&self.frames_path())
+    }
+
+    /// Reads `boxes_truth.parquet`.
+    pub fn truth_boxes(&self) -> Result<Vec<TruthBox>> {
+        let path = self.truth_boxes_path();
+        if !path.exists() {
+            return Err(Error::corpus(&path, "is missing: run `dtd label` on the corpus first"));
+        }
+        read_truth_boxes(&path)
+    }
+
+    /// Reads the detections of one model.
+    pub fn detections(&self, model_hash: &str) -> Result<Vec<Detection>> {
+        let path = self.detections_path(model_hash);
+        if !path.exists() {
+            return Err(Error::corpus(&path, "is missing: run `dtd detect` on the corpus with that model first"));
+        }
+        read_detections(&path)
+    }
+
+    /// The folder's seal, if it is whole.
+    pub fn seal(&self) -> Result<Option<Seal>> {
+        if self.root.is_dir() { seal::read_seal(&self.root) } else { Ok(None) }
+    }
+}

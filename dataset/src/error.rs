@@ -1,0 +1,72 @@
+//! What can go wrong with a corpus on disk.
+
+use std::path::{Path, PathBuf};
+
+/// A corpus, or a file of one, that cannot be read or written. Every message says which file.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The operating system refused.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was being done: "read", "create", ...
+        action: &'static str,
+        /// The file or folder.
+        path: PathBuf,
+        /// The system's own words.
+        source: std::io::Error,
+    },
+    /// A JSON file does not hold what it should.
+    #[error("{} is not a valid {what}: {source}", path.display())]
+    Json {
+        /// What the file should hold.
+        what: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Line, column and reason.
+        source: serde_json::Error,
+    },
+    /// A table lacks a column, has another type, or is damaged.
+    #[error("table {}: {message}", path.display())]
+    Table {
+        /// The file.
+        path: PathBuf,
+        /// What was expected and what was found.
+        message: String,
+    },
+    /// A video cannot be read or written.
+    #[error("video {}: {message}", path.display())]
+    Video {
+        /// The file.
+        path: PathBuf,
+        /// What was being done and what happened.
+        message: String,
+    },
+    /// The folder is not what it should be.
+    #[error("{}: {message}", path.display())]
+    Corpus {
+        /// The folder or file.
+        path: PathBuf,
+        /// What was expected, what was found, what to do.
+        message: String,
+    },
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// Wraps an I/O error; meant for `map_err(Error::io("read", path))`.
+    pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
+        let path = path.to_owned();
+        move |source| Self::Io { action, path, source }
+    }
+
+    pub(crate) fn table(path: &Path, message: impl ToString) -> Self {
+        Self::Table { path: path.to_owned(), message: message.to_string() }
+    }
+
+    /// A folder or file that is not what it should be.
+    pub fn corpus(path: &Path, message: impl ToString) -> Self {
+        Self::Corpus { path: path.to_owned(), message: message.to_string() }
+    }
+}

@@ -1,0 +1,81 @@
+//! A frame rate as an exact fraction, and the time of a tick.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::units::{NANOS_PER_SECOND, SimTime};
+
+/// Frames per second as a fraction: 30/1, 30000/1001, 1/2. Never a float, so that no time is ever accumulated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct FrameRate {
+    /// Frames in `denominator` seconds.
+    pub numerator: u32,
+    /// Seconds in which `numerator` frames pass.
+    pub denominator: u32,
+}
+
+impl FrameRate {
+    /// The rate `numerator / denominator`; `None` if either is zero.
+    pub fn new(numerator: u32, denominator: u32) -> Option<Self> {
+        (numerator > 0 && denominator > 0).then_some(Self { numerator, denominator })
+    }
+
+    /// The simulator time of tick `tick`: `round(tick * 1e9 * denominator / numerator)`, computed exactly.
+    pub fn time_of_tick(self, tick: u32) -> SimTime {
+        let numerator = i128::from(self.numerator);
+        let nanos = i128::from(tick) * i128::from(NANOS_PER_SECOND) * i128::from(self.denominator);
+        SimTime(((2 * nanos + numerator) / (2 * numerator)) as i64)
+    }
+
+    /// Seconds between two ticks.
+    pub fn period_s(self) -> f64 {
+        f64::from(self.denominator) / f64::from(self.numerator)
+    }
+
+    /// The presentation timestamp of a tick in units of [`FrameRate::time_scale`]ths of a second.
+    pub fn pts_of_tick(self, tick: u32) -> i64 {
+        i64::from(tick) * i64::from(self.denominator)
+    }
+
+    /// Units per second in which every tick's timestamp is a whole number.
+    pub fn time_scale(self) -> u32 {
+        self.numerator
+    }
+}
+
+impl fmt::Display for FrameRate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.denominator == 1 {
+            write!(f, "{}", self.numerator)
+        } else {
+            write!(f, "{}/{}", self.numerator, self.denominator)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_of_a_tick_is_rounded_once_and_never_accumulated() {
+        let rate = FrameRate::new(30, 1).unwrap();
+        assert_eq!(rate.time_of_tick(1), SimTime(33_333_333));
+        assert_eq!(rate.time_of_tick(2), SimTime(66_666_667));
+        assert_eq!(rate.time_of_tick(7_200), SimTime(240 * NANOS_PER_SECOND));
+    }
+
+    #[test]
+    fn a_slow_rate_has_whole_timestamps_too() {
+        let every_two_seconds = FrameRate::new(1, 2).unwrap();
+        assert_eq!(every_two_seconds.time_of_tick(3), SimTime(6 * NANOS_PER_SECOND));
+        assert_eq!(every_two_seconds.pts_of_tick(3), 6);
+    }
+
+    #[test]
+    fn a_rate_of_zero_does_not_exist() {
+        assert_eq!(FrameRate::new(0, 1), None);
+        assert_eq!(FrameRate::new(1, 0), None);
+    }
+}

@@ -1,0 +1,27 @@
+//! The shared words of the project and their form on disk.
+//!
+//! Generator, labeller and trainer never call each other: they meet in the files of a corpus, and this crate is the one
+//! place that knows those files. It holds the geometry that all of them must agree on (WGS-84, poses, cameras, runways),
+//! the records and tables (`scenario.json`, `calibration.json`, `frames.parquet`, ...), the videos, and how a scenario
+//! folder is committed so that a killed process never leaves half of one. `docs/dataset.md` describes every file and column.
+
+pub mod calibration;
+pub mod camera;
+pub mod columns;
+pub mod conditions;
+pub mod corpus;
+pub mod error;
+pub mod frame_rate;
+pub mod frames;
+pub mod geodesy;
+pub mod json_file;
+pub mod pixel_box;
+pub mod pose;
+pub mod runway;
+pub mod scenario;
+pub mod seal;
+pub mod splits;
+pub mod units;
+
+
+pub use error::{Error, Result};

@@ -1,0 +1,227 @@
+//! Boxes in pictures: the true ones (`boxes_truth.parquet`) and the detected ones (`detections/<model>.parquet`).
+//!
+//! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is
+//! one pixel wide.
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::columns::{Table, TableWriter};
+use crate::error::Result;
+
+/// An axis-parallel box, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct PixelBox {
+    /// Centre, right.
+    pub cx_px: f64,
+    /// Centre, down.
+    pub cy_px: f64,
+    /// Width.
+    pub width_px: f64,
+    /// Height.
+    pub height_px: f64,
+}
+
+impl PixelBox {
+    /// The box with these edges.
+    pub fn from_edges(left: f64, top: f64, right: f64, bottom: f64) -> Self {
+        Self {
+            cx_px: (left + right) / 2.0,
+            cy_px: (top + bottom) / 2.0,
+            width_px: right - left,
+            height_px: bottom - top,
+        }
+    }
+
+    /// Left, top, right and bottom edge.
+    pub fn edges(&self) -> [f64; 4] {
+        let (half_width, half_height) = (self.width_px / 2.0, self.height_px / 2.0);
+        [self.cx_px - half_width, self.cy_px - half_height, self.cx_px + half_width, self.cy_px + half_height]
+    }
+
+    /// Area, square pixels.
+    pub fn area(&self) -> f64 {
+        self.width_px.max(0.0) * self.height_px.max(0.0)
+    }
+
+    /// The part inside a picture of this size, or `None` if all of it is outside.
+    pub fn clipped_to(&self, picture_width_px: u32, picture_height_px: u32) -> Option<Self> {
+        let [left, top, right, bottom] = self.edges();
+        let clipped = Self::from_edges(
+            left.max(-0.5),
+            top.max(-0.5),
+            right.min(f64::from(picture_width_px) - 0.5),
+            bottom.min(f64::from(picture_height_px) - 0.5),
+        );
+        (clipped.width_px > 0.0 && clipped.height_px > 0.0).then_some(clipped)
+    }
+
+    /// Intersection over union with another box, 0 to 1.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let [a, b] = [self.edges(), other.edges()];
+        let width = (a[2].min(b[2]) - a[0].max(b[0])).max(0.0);
+        let height = (a[3].min(b[3]) - a[1].max(b[1])).max(0.0);
+        let intersection = width * height;
+        let union = self.area() + other.area() - intersection;
+        if union > 0.0 { intersection / union } else { 0.0 }
+    }
+}
+
+/// The true box of the aircraft in one view at one tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TruthBox {
+    /// Tick.
+    pub tick: u32,
+    /// Identifier of the view.
+    pub view: String,
+    /// Class name: always `aircraft`.
+    pub class: String,
+    /// Box of the projected mesh, clipped to the picture.
+    pub pixel_box: PixelBox,
+    /// Part of the aircraft's silhouette that lies inside the picture and above the ground, 0 to 1.
+    pub visible_fraction: f64,
+    /// Part of the unclipped box that lies outside the picture, 0 to 1.
+    pub truncation: f64,
+    /// Share of contrast that the air leaves at this distance, `exp(-3.912 * range / visibility)`, 0 to 1.
+    pub transmission: f64,
+}
+
+/// Writes `boxes_truth.parquet`.
+pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
+    let table = TableWriter::new()
+        .u32("tick", boxes.iter().map(|b| b.tick))
+        .text("view", boxes.iter().map(|b| &b.view))
+        .text("class", boxes.iter().map(|b| &b.class));
+    box_columns(table, boxes.iter().map(|b| &b.pixel_box))
+        .f64("visible_fraction", boxes.iter().map(|b| b.visible_fraction))
+        .f64("truncation", boxes.iter().map(|b| b.truncation))
+        .f64("transmission", boxes.iter().map(|b| b.transmission))
+        .write(path)
+}
+
+/// Reads `boxes_truth.parquet`.
+pub fn read_truth_boxes(path: &Path) -> Result<Vec<TruthBox>> {
+    let table = Table::read(path)?;
+    let tick = table.u32("tick")?;
+    let boxes = read_boxes(&table)?;
+    let visible_fraction = table.f64("visible_fraction")?;
+    let truncation = table.f64("truncation")?;
+    let transmission = table.f64("transmission")?;
+    let words = table.text("view")?.into_iter().zip(table.text("class")?);
+    Ok(words
+        .enumerate()
+        .map(|(row, (view, class))| TruthBox {
+            tick: tick[row],
+            view,
+            class,
+            pixel_box: boxes[row],
+            visible_fraction: visible_fraction[row],
+            truncation: truncation[row],
+            transmission: transmission[row],
+        })
+        .collect())
+}
+
+/// A detected aircraft in one view at one tick.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Detection {
+    /// Tick.
+    pub tick: u32,
+    /// Identifier of the view.
+    pub view: String,
+    /// The box in the original frame.
+    pub pixel_box: PixelBox,
+    /// Confidence of the second pass, 0 to 1.
+    pub score: f64,
+    /// Number of the tile (row-major, from 0) in which the first pass saw it.
+    pub tile: u32,
+}
+
+/// Writes `detections/<model>.parquet`.
+pub fn write_detections(path: &Path, detections: &[Detection]) -> Result<()> {
+    let table = TableWriter::new()
+        .u32("tick", detections.iter().map(|d| d.tick))
+        .text("view", detections.iter().map(|d| &d.view));
+    box_columns(table, detections.iter().map(|d| &d.pixel_box))
+        .f64("score", detections.iter().map(|d| d.score))
+        .u32("tile", detections.iter().map(|d| d.tile))
+        .write(path)
+}
+
+/// Reads `detections/<model>.parquet`.
+pub fn read_detections(path: &Path) -> Result<Vec<Detection>> {
+    let table = Table::read(path)?;
+    let tick = table.u32("tick")?;
+    let boxes = read_boxes(&table)?;
+    let score = table.f64("score")?;
+    let tile = table.u32("tile")?;
+    Ok(table
+        .text("view")?
+        .into_iter()
+        .enumerate()
+        .map(|(row, view)| Detection { tick: tick[row], view, pixel_box: boxes[row], score: score[row], tile: tile[row] })
+        .collect())
+}
+
+fn box_columns<'a>(table: TableWriter, boxes: impl Iterator<Item = &'a PixelBox> + Clone) -> TableWriter {
+    table
+        .f64("cx_px", boxes.clone().map(|b| b.cx_px))
+        .f64("cy_px", boxes.clone().map(|b| b.cy_px))
+        .f64("width_px", boxes.clone().map(|b| b.width_px))
+        .f64("height_px", boxes.map(|b| b.height_px))
+}
+
+fn read_boxes(table: &Table) -> Result<Vec<PixelBox>> {
+    let [cx, cy, width, height] =
+        [table.f64("cx_px")?, table.f64("cy_px")?, table.f64("width_px")?, table.f64("height_px")?];
+    Ok((0..table.rows())
+        .map(|row| PixelBox { cx_px: cx[row], cy_px: cy[row], width_px: width[row], height_px: height[row] })
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample() -> PixelBox {
+        PixelBox { cx_px: 0.0, cy_px: 0.0, width_px: 2.0, height_px: 4.0 }
+    }
+
+    #[test]
+    fn a_box_half_outside_the_picture_keeps_the_inner_part() {
+        let inner = sample().clipped_to(100, 100).unwrap();
+        assert_eq!(inner.edges(), [-0.5, -0.5, 1.0, 2.0]);
+        assert_eq!(PixelBox { cx_px: -9.0, ..sample() }.clipped_to(100, 100), None);
+    }
+
+    #[test]
+    fn iou_of_a_box_with_itself_is_one_and_with_its_half_is_a_half() {
+        assert_eq!(sample().iou(&sample()), 1.0);
+        assert_eq!(sample().iou(&PixelBox { height_px: 2.0, ..sample() }), 0.5);
+        assert_eq!(sample().iou(&PixelBox { cx_px: 50.0, ..sample() }), 0.0);
+    }
+
+    #[test]
+    fn truth_boxes_and_detections_are_read_back_as_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("boxes.parquet");
+        let truth = vec![TruthBox {
+            tick: 3,
+            view: "left".into(),
+            class: "aircraft".into(),
+            pixel_box: sample(),
+            visible_fraction: 0.5,
+            truncation: 0.25,
+            transmission: 0.9,
+        }];
+        write_truth_boxes(&path, &truth).unwrap();
+        assert_eq!(read_truth_boxes(&path).unwrap(), truth);
+        let found =
+            vec![Detection { tick: 3, view: "left".into(), pixel_box: sample(), score: 0.75, tile: 2 }];
+        write_detections(&path, &found).unwrap();
+        assert_eq!(read_detections(&path).unwrap(), found);
+        write_detections(&path, &[]).unwrap();
+        assert_eq!(read_detections(&path).unwrap(), vec![]);
+    }
+}

@@ -1,0 +1,115 @@
+//! A runway, its touchdown target, and where an aircraft is relative to it.
+
+use serde::{Deserialize, Serialize};
+
+use crate::geodesy::{Geodetic, LatLon};
+
+/// A landing runway as a scenario uses it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Runway {
+    /// ICAO code of the airport.
+    pub airport: String,
+    /// Designator, e.g. `02L`.
+    pub name: String,
+    /// The landing threshold on the centreline.
+    pub threshold: Geodetic,
+    /// Landing course, degrees true, on the WGS-84 ellipsoid at the threshold.
+    pub course_true_deg: f64,
+    /// Glide path angle, degrees.
+    pub glide_path_deg: f64,
+    /// Distance of the touchdown target past the threshold along the centreline, metres.
+    pub touchdown_past_threshold_m: f64,
+    /// Frequency of the instrument landing system, MHz, if there is one.
+    pub ils_frequency_mhz: Option<f64>,
+    /// Magnetic course of the localizer as a pilot would set it, degrees.
+    pub course_magnetic_deg: Option<f64>,
+}
+
+/// Where a point is, as seen from the touchdown target: geodesic polar coordinates about the target, resolved along the course.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RunwayCoordinates {
+    /// Geodesic distance to the touchdown target over ground, metres. Never negative.
+    pub dtd_m: f64,
+    /// Distance still to go along the course: positive before the target, negative past it, metres.
+    pub along_track_m: f64,
+    /// Offset from the extended centreline, right of the landing course positive, metres.
+    pub cross_track_m: f64,
+    /// Height over the touchdown target, metres.
+    pub height_over_target_m: f64,
+}
+
+impl Runway {
+    /// The touchdown target: on the centreline, `touchdown_past_threshold_m` past the threshold, at the threshold's elevation.
+    pub fn touchdown_target(&self) -> Geodetic {
+        self.threshold
+            .lat_lon()
+            .destination(self.course_true_deg, self.touchdown_past_threshold_m)
+            .at_altitude_m(self.threshold.altitude_msl_m)
+    }
+
+    /// The point `along_track_m` before the touchdown target and `cross_track_m` right of the course. The inverse of
+    /// [`RunwayCoordinates::of`].
+    pub fn point_on_approach(&self, along_track_m: f64, cross_track_m: f64) -> LatLon {
+        let azimuth = self.course_true_deg + cross_track_m.atan2(-along_track_m).to_degrees();
+        self.touchdown_target().lat_lon().destination(azimuth, along_track_m.hypot(cross_track_m))
+    }
+}
+
+impl RunwayCoordinates {
+    /// Coordinates of `position` about `target`, with the landing course at the target.
+    pub fn of(position: Geodetic, target: Geodetic, course_true_deg: f64) -> Self {
+        let dtd_m = target.lat_lon().distance_m(position.lat_lon());
+        let off_course = (target.lat_lon().azimuth_to_deg(position.lat_lon()) - course_true_deg).to_radians();
+        Self {
+            dtd_m,
+            along_track_m: -dtd_m * off_course.cos(),
+            cross_track_m: dtd_m * off_course.sin(),
+            height_over_target_m: position.altitude_msl_m - target.altitude_msl_m,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn changi_02l() -> Runway {
+        Runway {
+            airport: "WSSS".into(),
+            name: "02L".into(),
+            threshold: Geodetic { latitude_deg: 1.348_971_96, longitude_deg: 103.977_501_24, altitude_msl_m: 6.71 },
+            course_true_deg: 23.02,
+            glide_path_deg: 3.0,
+            touchdown_past_threshold_m: 340.1,
+            ils_frequency_mhz: Some(110.9),
+            course_magnetic_deg: None,
+        }
+    }
+
+    #[test]
+    fn changi_target_lies_where_the_glide_path_meets_the_runway() {
+        let target = changi_02l().touchdown_target();
+        let published = LatLon { latitude_deg: 1.351_803, longitude_deg: 103.978_697 };
+        assert!(target.lat_lon().distance_m(published) < 1.0);
+    }
+
+    #[test]
+    fn touchdown_point_has_zero_distance() {
+        let runway = changi_02l();
+        let target = runway.touchdown_target();
+        assert_eq!(RunwayCoordinates::of(target, target, runway.course_true_deg).dtd_m, 0.0);
+    }
+
+    #[test]
+    fn an_aircraft_right_of_course_has_positive_cross_track_and_comes_back() {
+        let runway = changi_02l();
+        for (along, cross) in [(18_520.0, 0.0), (9_000.0, 120.0), (5_000.0, -300.0), (-200.0, 10.0)] {
+            let at = runway.point_on_approach(along, cross).at_altitude_m(300.0);
+            let found = RunwayCoordinates::of(at, runway.touchdown_target(), runway.course_true_deg);
+            assert!((found.along_track_m - along).abs() < 1e-6, "{found:?}");
+            assert!((found.cross_track_m - cross).abs() < 1e-6, "{found:?}");
+        }
+        // Right of a north-north-easterly course is south-east: a larger longitude.
+        assert!(runway.point_on_approach(5_000.0, 300.0).longitude_deg > runway.point_on_approach(5_000.0, 0.0).longitude_deg);
+    }
+}

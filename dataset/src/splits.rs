@@ -1,0 +1,113 @@
+//! `splits.json`: which scenarios train, validate and test, and the proof that no trajectory is on two sides.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::json_file::{read_json, write_json};
+
+/// The side of a split.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Side {
+    /// Networks learn from these.
+    Train,
+    /// Decisions during training (schedules, when to stop) look at these.
+    Validation,
+    /// Only evaluation looks at these.
+    Test,
+}
+
+/// A scenario as the split sees it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Assignment {
+    /// Trajectory of the scenario.
+    pub trajectory: String,
+    /// Its side.
+    pub side: Side,
+}
+
+/// The split of a corpus.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Splits {
+    /// What is never parted: always `trajectory`.
+    pub by: String,
+    /// Side of each scenario, by its identifier.
+    pub scenarios: BTreeMap<String, Assignment>,
+}
+
+impl Splits {
+    /// A split by trajectory; refuses one that leaks.
+    pub fn new(scenarios: BTreeMap<String, Assignment>) -> std::result::Result<Self, String> {
+        let splits = Self { by: "trajectory".into(), scenarios };
+        match splits.leak() {
+            None => Ok(splits),
+            Some(leak) => Err(leak),
+        }
+    }
+
+    /// Scenarios of one side, sorted.
+    pub fn side(&self, side: Side) -> impl Iterator<Item = &str> {
+        self.scenarios.iter().filter(move |(_, a)| a.side == side).map(|(id, _)| id.as_str())
+    }
+
+    /// The first trajectory that is on two sides, in words.
+    pub fn leak(&self) -> Option<String> {
+        let mut seen: BTreeMap<&str, (&str, Side)> = BTreeMap::new();
+        for (id, assignment) in &self.scenarios {
+            let (first, side) = *seen.entry(&assignment.trajectory).or_insert((id, assignment.side));
+            if side != assignment.side {
+                return Some(format!(
+                    "trajectory {} is on two sides: {first} is in {side:?}, {id} is in {:?}",
+                    assignment.trajectory, assignment.side
+                ));
+            }
+        }
+        None
+    }
+
+    /// Reads `splits.json`; refuses a split that leaks.
+    pub fn read(path: &Path) -> Result<Self> {
+        let splits: Self = read_json(path, "split")?;
+        match splits.leak() {
+            None => Ok(splits),
+            Some(leak) => Err(Error::corpus(path, format!("{leak}; a trajectory must be on one side only"))),
+        }
+    }
+
+    /// Writes `splits.json`.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        write_json(path, self)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn assignment(trajectory: &str, side: Side) -> Assignment {
+        Assignment { trajectory: trajectory.into(), side }
+    }
+
+    #[test]
+    fn a_trajectory_on_two_sides_is_refused_by_name() {
+        let scenarios = BTreeMap::from([
+            ("0001".to_owned(), assignment("flight-a", Side::Train)),
+            ("0002".to_owned(), assignment("flight-a", Side::Test)),
+        ]);
+        let message = Splits::new(scenarios).unwrap_err();
+        assert!(message.contains("flight-a") && message.contains("0001") && message.contains("0002"), "{message}");
+    }
+
+    #[test]
+    fn scenarios_that_share_a_trajectory_may_share_a_side() {
+        let scenarios = BTreeMap::from([
+            ("0001".to_owned(), assignment("flight-a", Side::Test)),
+            ("0002".to_owned(), assignment("flight-a", Side::Test)),
+        ]);
+        let splits = Splits::new(scenarios).unwrap();
+        assert_eq!(splits.side(Side::Test).collect::<Vec<_>>(), ["0001", "0002"]);
+    }
+}

@@ -1,0 +1,3 @@
+//! From a sweep to recorded scenario folders.
+
+#![forbid(unsafe_code)]

@@ -1,0 +1,3 @@
+//! Geodesic labels, projected truth boxes and detections.
+
+#![forbid(unsafe_code)]

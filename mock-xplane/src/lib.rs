@@ -1,0 +1,3 @@
+//! A stand-in X-Plane: UDP server, capture link, flight, sky and renderer.
+
+#![forbid(unsafe_code)]

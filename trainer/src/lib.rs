@@ -1,0 +1,3 @@
+//! Calibration networks, distance estimators, baselines, evaluation and report.
+
+#![forbid(unsafe_code)]

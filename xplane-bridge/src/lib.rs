@@ -1,0 +1,3 @@
+//! Speaks to X-Plane: its UDP protocol, its datarefs and the capture link of our plugin.
+
+#![forbid(unsafe_code)]
