@@ -1,1 +1,19 @@
-fn main() {}
+//! The `dtd` command.
+
+#![forbid(unsafe_code)]
+
+mod args;
+mod failure;
+mod logging;
+mod progress;
+mod verbs;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+fn main() -> ExitCode {
+    let args = args::Args::parse();
+    logging::start(args.verbose);
+    failure::exit_code(verbs::run(args.verb))
+}

@@ -1,0 +1,68 @@
+//! Exit codes: what a shell script or a scheduler learns from a run.
+
+use std::fmt::Display;
+use std::process::ExitCode;
+
+/// Everything was done.
+const DONE: u8 = 0;
+/// The work could not be done.
+const FAILED: u8 = 1;
+/// The arguments or an input file are wrong: the same call will fail again.
+const BAD_INPUT: u8 = 2;
+/// The work is done but for some scenarios, which were reported.
+const LOSSES: u8 = 3;
+/// Interrupted or disturbed from outside: the same call goes on where this one stopped.
+const TRY_AGAIN: u8 = 75;
+
+/// How a verb ended, if it did not fail.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// All of it.
+    Done,
+    /// Some scenarios were lost and reported.
+    Losses,
+    /// Stopped by a signal; nothing is lost.
+    Interrupted,
+}
+
+/// Why a verb failed.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// The caller has to change something first.
+    BadInput(anyhow::Error),
+    /// It did not work.
+    Failed(anyhow::Error),
+}
+
+impl Failure {
+    /// A failure of the caller's input.
+    pub(crate) fn bad_input(error: impl Into<anyhow::Error>) -> Self {
+        Self::BadInput(error.into())
+    }
+
+    /// A failure of the caller's input, in words.
+    pub(crate) fn bad_input_message(message: impl Display) -> Self {
+        Self::BadInput(anyhow::anyhow!("{message}"))
+    }
+}
+
+impl<E: Into<anyhow::Error>> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Failed(error.into())
+    }
+}
+
+/// Says on stderr what went wrong and turns it into the process's exit code.
+pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
+    let (code, error) = match result {
+        Ok(Ending::Done) => (DONE, None),
+        Ok(Ending::Losses) => (LOSSES, None),
+        Ok(Ending::Interrupted) => (TRY_AGAIN, None),
+        Err(Failure::BadInput(error)) => (BAD_INPUT, Some(error)),
+        Err(Failure::Failed(error)) => (FAILED, Some(error)),
+    };
+    if let Some(error) = error {
+        eprintln!("error: {error:#}");
+    }
+    ExitCode::from(code)
+}

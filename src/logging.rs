@@ -1,0 +1,16 @@
+//! Logs on stderr. Results go to stdout, so that both can be redirected apart.
+
+use std::io;
+
+use tracing_subscriber::EnvFilter;
+
+/// Starts logging: warnings by default, `-v` adds what happens, `-vv` every detail. `RUST_LOG` overrides both.
+pub(crate) fn start(verbose: u8) {
+    let default = match verbose {
+        0 => "warn",
+        1 => "info",
+        _ => "debug",
+    };
+    let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(default));
+    tracing_subscriber::fmt().with_env_filter(filter).with_writer(io::stderr).without_time().with_target(false).init();
+}
