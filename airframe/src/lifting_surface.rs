@@ -1,0 +1,207 @@
+//! Wings with winglets and flaps, horizontal and vertical tail: lofts over airfoil sections.
+
+use glam::{DMat3, DVec3};
+
+use crate::{Material, Mesh, at, solid::add_loft};
+
+/// Points on one side of an airfoil between its leading and its trailing edge.
+const POINTS_PER_SIDE: usize = 6;
+/// Deflection of full flaps, radians.
+const FULL_FLAP_RAD: f64 = 40.0 * std::f64::consts::PI / 180.0;
+/// Chord of a flap, as a part of the local wing chord.
+const FLAP_CHORD_RATIO: f64 = 0.26;
+/// How far full flaps travel aft, as a part of the local wing chord.
+const FLAP_TRAVEL_RATIO: f64 = 0.12;
+
+/// An airfoil section.
+#[derive(Clone, Copy)]
+struct Section {
+    leading_edge: DVec3,
+    chord_m: f64,
+    thickness_ratio: f64,
+    /// Unit vector towards the upper side.
+    up: DVec3,
+    /// Nose-down turn about the leading edge, radians (flaps).
+    deflection_rad: f64,
+}
+
+/// The right wing, from its centre to the winglet's tip.
+fn right_wing() -> [Section; 7] {
+    let wing_up = DVec3::new(0.0, -0.105, -1.0).normalize();
+    let canted = DVec3::new(0.0, -0.75, -0.66).normalize();
+    let winglet_up = DVec3::new(0.0, -0.97, -0.24).normalize();
+    let section = |leading_edge, chord_m, thickness_ratio, up| Section {
+        leading_edge,
+        chord_m,
+        thickness_ratio,
+        up,
+        deflection_rad: 0.0,
+    };
+    [
+        section(at(13.20, 0.00, 1.25), 7.90, 0.14, wing_up),
+        section(at(14.18, 1.88, 1.05), 7.05, 0.135, wing_up),
+        section(at(16.08, 5.50, 0.67), 5.20, 0.12, wing_up),
+        section(at(22.17, 17.16, -0.55), 1.62, 0.10, wing_up),
+        section(at(22.55, 17.50, -0.78), 1.40, 0.09, canted),
+        section(at(23.05, 17.66, -1.40), 1.10, 0.08, winglet_up),
+        // The thickness of the tip itself makes up the last centimetres of the half span.
+        section(at(24.05, 17.885, -3.00), 0.55, 0.056, winglet_up),
+    ]
+}
+
+fn right_tailplane() -> [Section; 2] {
+    let up = DVec3::new(0.0, -0.12, -1.0).normalize();
+    [
+        Section {
+            leading_edge: at(33.40, 0.40, -1.28),
+            chord_m: 4.15,
+            thickness_ratio: 0.11,
+            up,
+            deflection_rad: 0.0,
+        },
+        Section {
+            leading_edge: at(37.80, 7.17, -2.10),
+            chord_m: 1.70,
+            thickness_ratio: 0.10,
+            up,
+            deflection_rad: 0.0,
+        },
+    ]
+}
+
+fn fin() -> [Section; 4] {
+    let section = |leading_edge, chord_m, thickness_ratio| Section {
+        leading_edge,
+        chord_m,
+        thickness_ratio,
+        up: DVec3::Y,
+        deflection_rad: 0.0,
+    };
+    // The lowest two make the long dorsal fillet.
+    [
+        section(at(26.60, 0.0, -1.70), 10.20, 0.05),
+        section(at(30.20, 0.0, -2.75), 7.00, 0.08),
+        section(at(31.60, 0.0, -3.70), 5.85, 0.10),
+        section(
+            at(36.40, 0.0, crate::WHEEL_HEIGHT_BELOW_CG_M - crate::HEIGHT_M),
+            2.35,
+            0.10,
+        ),
+    ]
+}
+
+pub(crate) fn add(mesh: &mut Mesh, flap_ratio: f64) {
+    let wing = right_wing();
+    let flaps = [(2.10, 4.30), (5.60, 12.20)].map(|(inner_m, outer_m)| {
+        [
+            flap(&wing, inner_m, flap_ratio),
+            flap(&wing, outer_m, flap_ratio),
+        ]
+    });
+    for mirrored in [false, true] {
+        add_surface(mesh, &wing, mirrored, |section| {
+            if section < 4 {
+                Material::Wing
+            } else {
+                Material::Tail
+            }
+        });
+        add_surface(mesh, &right_tailplane(), mirrored, |_| Material::Wing);
+        for flap in &flaps {
+            add_surface(mesh, flap, mirrored, |_| Material::Flap);
+        }
+    }
+    add_surface(mesh, &fin(), false, |_| Material::Tail);
+}
+
+/// The flap's section at a span station: nested in the wing's trailing edge, or moved aft and turned down.
+fn flap(wing: &[Section], right_m: f64, flap_ratio: f64) -> Section {
+    let local = section_at(wing, right_m);
+    let aft = -DVec3::X;
+    let along_chord = (1.0 - FLAP_CHORD_RATIO) + FLAP_TRAVEL_RATIO * flap_ratio;
+    Section {
+        leading_edge: local.leading_edge + aft * (local.chord_m * along_chord)
+            - local.up * (0.012 * local.chord_m * flap_ratio),
+        chord_m: local.chord_m * FLAP_CHORD_RATIO * 0.98,
+        // Thin enough to vanish inside the wing when it is up.
+        thickness_ratio: 0.08,
+        up: local.up,
+        deflection_rad: FULL_FLAP_RAD * flap_ratio,
+    }
+}
+
+/// The section of a surface at a span station, between its neighbours.
+fn section_at(sections: &[Section], right_m: f64) -> Section {
+    let outer = sections
+        .iter()
+        .position(|s| s.leading_edge.y >= right_m)
+        .unwrap_or(sections.len() - 1)
+        .max(1);
+    let (a, b) = (&sections[outer - 1], &sections[outer]);
+    let part = (right_m - a.leading_edge.y) / (b.leading_edge.y - a.leading_edge.y);
+    Section {
+        leading_edge: a.leading_edge.lerp(b.leading_edge, part),
+        chord_m: a.chord_m + (b.chord_m - a.chord_m) * part,
+        thickness_ratio: a.thickness_ratio + (b.thickness_ratio - a.thickness_ratio) * part,
+        up: a.up.lerp(b.up, part).normalize(),
+        deflection_rad: 0.0,
+    }
+}
+
+fn add_surface(
+    mesh: &mut Mesh,
+    sections: &[Section],
+    mirrored: bool,
+    material: impl Fn(usize) -> Material,
+) {
+    let mirror = if mirrored {
+        DVec3::new(1.0, -1.0, 1.0)
+    } else {
+        DVec3::ONE
+    };
+    let rings: Vec<Vec<DVec3>> = sections
+        .iter()
+        .map(|section| {
+            section
+                .outline()
+                .into_iter()
+                .map(|point| point * mirror)
+                .collect()
+        })
+        .collect();
+    add_loft(mesh, &rings, |ring, _| material(ring));
+}
+
+impl Section {
+    /// The outline, from the leading edge over the upper side to the trailing edge and back below.
+    fn outline(&self) -> Vec<DVec3> {
+        // A flap turns about its own span line, nose-down, so its trailing edge falls.
+        let turn = DMat3::from_axis_angle(DVec3::X.cross(self.up).normalize(), self.deflection_rad);
+        let (aft, up) = (turn * -DVec3::X, turn * self.up);
+        let point = |chordwise: f64, side: f64| {
+            self.leading_edge
+                + aft * (chordwise * self.chord_m)
+                + up * (side * self.half_thickness_m(chordwise))
+        };
+        // Cosine spacing puts points where the outline curves.
+        let chordwise = |k: usize| {
+            (1.0 - (std::f64::consts::PI * k as f64 / (POINTS_PER_SIDE + 1) as f64).cos()) / 2.0
+        };
+        let mut outline = vec![point(0.0, 0.0)];
+        outline.extend((1..=POINTS_PER_SIDE).map(|k| point(chordwise(k), 1.0)));
+        outline.push(point(1.0, 0.0));
+        outline.extend(
+            (1..=POINTS_PER_SIDE)
+                .rev()
+                .map(|k| point(chordwise(k), -1.0)),
+        );
+        outline
+    }
+
+    /// Half the thickness of a symmetric NACA four-digit airfoil with a closed trailing edge.
+    fn half_thickness_m(&self, x: f64) -> f64 {
+        let form = 0.2969 * x.sqrt() - 0.1260 * x - 0.3516 * x.powi(2) + 0.2843 * x.powi(3)
+            - 0.1036 * x.powi(4);
+        5.0 * self.thickness_ratio * form * self.chord_m
+    }
+}
