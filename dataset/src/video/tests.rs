@@ -1,0 +1,242 @@
+use std::path::PathBuf;
+
+use super::*;
+use crate::frame_rate::FrameRate;
+
+const WIDTH: u32 = 256;
+const HEIGHT: u32 = 128;
+/// A dark target of 6 x 2 pixels, as an aircraft at 13 nautical miles.
+const TARGET_CONTRAST: f64 = 40.0;
+
+/// A sky that brightens downwards, with fixed fine grain, and a target with soft edges around `(cx, cy)`.
+fn picture(cx: f64, cy: f64) -> Vec<u8> {
+    let mut rgb = Vec::with_capacity((WIDTH * HEIGHT * 3) as usize);
+    for y in 0..HEIGHT {
+        for x in 0..WIDTH {
+            let grain = f64::from((x * 7_919 + y * 104_729) % 5) - 2.0;
+            let sky = 150.0 + f64::from(y) * 0.3 + grain;
+            let coverage = cover(f64::from(x) - cx, 3.0) * cover(f64::from(y) - cy, 1.0);
+            let grey = sky - TARGET_CONTRAST * coverage;
+            rgb.extend([grey as u8, (grey + 8.0) as u8, (grey + 20.0) as u8]);
+        }
+    }
+    rgb
+}
+
+/// Part of a pixel at distance `d` from the middle of a bar that the bar covers.
+fn cover(d: f64, half: f64) -> f64 {
+    ((d + 0.5).min(half) - (d - 0.5).max(-half)).clamp(0.0, 1.0)
+}
+
+/// Centre and peak of what differs from the picture without a target, by green.
+fn centre(rgb: &[u8], near: (f64, f64)) -> (f64, f64, f64) {
+    let background = picture(-100.0, -100.0);
+    let (mut sum, mut sum_x, mut sum_y, mut peak) = (0.0, 0.0, 0.0, 0.0_f64);
+    for y in (near.1 as i64 - 4)..=(near.1 as i64 + 4) {
+        for x in (near.0 as i64 - 8)..=(near.0 as i64 + 8) {
+            let at = ((y * i64::from(WIDTH) + x) * 3 + 1) as usize;
+            let depth = f64::from(background[at]) - f64::from(rgb[at]);
+            peak = peak.max(depth);
+            if depth > 4.0 {
+                sum += depth;
+                sum_x += depth * x as f64;
+                sum_y += depth * y as f64;
+            }
+        }
+    }
+    (sum_x / sum, sum_y / sum, peak)
+}
+
+fn place(tick: u32) -> (f64, f64) {
+    (40.0 + 1.37 * f64::from(tick), 60.0 + 0.21 * f64::from(tick))
+}
+
+fn record(
+    path: &std::path::Path,
+    settings: &VideoSettings,
+    rate: FrameRate,
+    ticks: u32,
+) -> Vec<i64> {
+    let mut writer = VideoWriter::create(path, settings, WIDTH, HEIGHT, rate).unwrap();
+    let pts = (0..ticks)
+        .map(|tick| {
+            writer
+                .write(&picture(place(tick).0, place(tick).1))
+                .unwrap()
+        })
+        .collect();
+    writer.finish().unwrap();
+    pts
+}
+
+fn temporary() -> (tempfile::TempDir, PathBuf) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("view.mp4");
+    (folder, path)
+}
+
+#[test]
+fn every_timestamp_and_the_number_of_pictures_are_exact_at_any_rate() {
+    let rates = [(1, 1), (1, 2), (2, 1), (25, 1), (30, 1), (30_000, 1_001)];
+    for (numerator, denominator) in rates {
+        let rate = FrameRate::new(numerator, denominator).unwrap();
+        for ticks in [1, 2, 75] {
+            let (_folder, path) = temporary();
+            let written = record(&path, &VideoSettings::default(), rate, ticks);
+            let mut reader = VideoReader::open(&path).unwrap();
+            assert_eq!(reader.time_base(), (1, numerator), "time base at {rate}");
+            assert_eq!(reader.frames_announced(), Some(u64::from(ticks)));
+            let mut rgb = Vec::new();
+            let mut read = Vec::new();
+            while let Some(pts) = reader.next_frame(&mut rgb).unwrap() {
+                read.push(pts);
+            }
+            let expected: Vec<i64> = (0..ticks).map(|tick| rate.pts_of_tick(tick)).collect();
+            assert_eq!(written, expected, "written at {rate}");
+            assert_eq!(read, expected, "read at {rate}");
+        }
+    }
+}
+
+#[test]
+fn a_small_target_keeps_its_place_and_its_contrast() {
+    let (_folder, path) = temporary();
+    record(
+        &path,
+        &VideoSettings::default(),
+        FrameRate::new(30, 1).unwrap(),
+        60,
+    );
+    let mut reader = VideoReader::open(&path).unwrap();
+    let mut rgb = Vec::new();
+    for tick in 0..60 {
+        reader.next_frame(&mut rgb).unwrap().unwrap();
+        let (x, y) = place(tick);
+        let original = centre(&picture(x, y), (x, y));
+        let found = centre(&rgb, (x, y));
+        assert!(
+            (found.0 - original.0).abs() < 0.1,
+            "tick {tick}: x moved from {} to {}",
+            original.0,
+            found.0
+        );
+        assert!(
+            (found.1 - original.1).abs() < 0.1,
+            "tick {tick}: y moved from {} to {}",
+            original.1,
+            found.1
+        );
+        assert!(
+            found.2 > 0.9 * original.2,
+            "tick {tick}: contrast fell from {} to {}",
+            original.2,
+            found.2
+        );
+    }
+}
+
+#[test]
+fn colours_come_back_within_three_levels() {
+    let (_folder, path) = temporary();
+    let mut writer = VideoWriter::create(
+        &path,
+        &VideoSettings::default(),
+        WIDTH,
+        HEIGHT,
+        FrameRate::new(30, 1).unwrap(),
+    )
+    .unwrap();
+    let colours = [
+        [200, 40, 40],
+        [40, 200, 40],
+        [40, 40, 200],
+        [255, 255, 255],
+        [0, 0, 0],
+        [120, 160, 210],
+    ];
+    for colour in colours {
+        writer
+            .write(&colour.repeat((WIDTH * HEIGHT) as usize))
+            .unwrap();
+    }
+    writer.finish().unwrap();
+    let mut reader = VideoReader::open(&path).unwrap();
+    let mut rgb = Vec::new();
+    for colour in colours {
+        reader.next_frame(&mut rgb).unwrap().unwrap();
+        let middle = ((HEIGHT / 2 * WIDTH + WIDTH / 2) * 3) as usize;
+        let found = &rgb[middle..middle + 3];
+        let close = found.iter().zip(&colour).all(|(a, b)| a.abs_diff(*b) <= 3);
+        assert!(close, "{colour:?} came back as {found:?}");
+    }
+}
+
+#[test]
+fn a_lossless_video_gives_back_every_byte() {
+    let (_folder, path) = temporary();
+    let settings = VideoSettings {
+        codec: VideoCodec::H264Lossless,
+        preset: "ultrafast".into(),
+        ..Default::default()
+    };
+    record(&path, &settings, FrameRate::new(2, 1).unwrap(), 5);
+    let mut reader = VideoReader::open(&path).unwrap();
+    let mut rgb = Vec::new();
+    for tick in 0..5 {
+        reader.next_frame(&mut rgb).unwrap().unwrap();
+        assert!(
+            rgb == picture(place(tick).0, place(tick).1),
+            "tick {tick} differs"
+        );
+    }
+}
+
+#[test]
+fn a_truncated_and_an_unfinished_video_are_refused_by_name() {
+    let (_folder, path) = temporary();
+    record(
+        &path,
+        &VideoSettings::default(),
+        FrameRate::new(30, 1).unwrap(),
+        30,
+    );
+    let whole = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
+    let read_all = || -> crate::Result<()> {
+        let mut reader = VideoReader::open(&path)?;
+        while reader.skip_frame()?.is_some() {}
+        Ok(())
+    };
+    assert!(read_all().unwrap_err().to_string().contains("view.mp4"));
+
+    let rate = FrameRate::new(30, 1).unwrap();
+    let mut writer =
+        VideoWriter::create(&path, &VideoSettings::default(), WIDTH, HEIGHT, rate).unwrap();
+    writer.write(&picture(50.0, 50.0)).unwrap();
+    drop(writer);
+    assert!(read_all().is_err());
+}
+
+#[test]
+fn a_picture_of_the_wrong_size_and_odd_sizes_are_refused() {
+    let (_folder, path) = temporary();
+    let rate = FrameRate::new(30, 1).unwrap();
+    let mut writer =
+        VideoWriter::create(&path, &VideoSettings::default(), WIDTH, HEIGHT, rate).unwrap();
+    let message = writer.write(&[0; 12]).unwrap_err().to_string();
+    assert!(
+        message.contains("12 bytes") && message.contains("98304"),
+        "{message}"
+    );
+    assert!(VideoWriter::create(&path, &VideoSettings::default(), 255, 128, rate).is_err());
+}
+
+#[test]
+fn unknown_presets_are_refused_with_the_known_ones() {
+    let settings = VideoSettings {
+        preset: "warp".into(),
+        ..Default::default()
+    };
+    assert!(settings.fault().unwrap().contains("superfast"));
+    assert_eq!(VideoSettings::default().fault(), None);
+}

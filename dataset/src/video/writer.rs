@@ -1,0 +1,268 @@
+//! Writes a video, one picture per tick.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use ffmpeg_next::codec::{self, threading};
+use ffmpeg_next::format::{self, Pixel};
+use ffmpeg_next::software::scaling::Flags;
+use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
+
+use super::scaler::{Matrix, Scaler};
+use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, start_ffmpeg};
+use crate::error::{Error, Result};
+use crate::frame_rate::FrameRate;
+
+/// Pictures between two that can be decoded alone, in frames: a jump in a player decodes at most this many.
+const GROUP_OF_PICTURES: u32 = 60;
+
+/// A video that is being written. Dropped before [`VideoWriter::finish`] it leaves a file that no player opens.
+pub struct VideoWriter {
+    path: PathBuf,
+    output: format::context::Output,
+    encoder: encoder::Video,
+    /// Absent if the encoder takes RGB.
+    conversion: Option<Conversion>,
+    rgb: frame::Video,
+    packet: Packet,
+    frame_rate: FrameRate,
+    ticks: u32,
+}
+
+struct Conversion {
+    scaler: Scaler,
+    yuv: frame::Video,
+}
+
+impl VideoWriter {
+    /// Starts an MP4 file. Its time base is 1 / [`FrameRate::time_scale`], so that every timestamp is exact.
+    pub fn create(
+        path: &Path,
+        settings: &VideoSettings,
+        width_px: u32,
+        height_px: u32,
+        frame_rate: FrameRate,
+    ) -> Result<Self> {
+        start_ffmpeg();
+        if let Some(message) = settings.fault() {
+            return Err(fault(path, "start it", message));
+        }
+        let (encoder_name, pixel) = match settings.codec {
+            VideoCodec::H264 => ("libx264", Pixel::YUV420P),
+            VideoCodec::H264Lossless => ("libx264rgb", Pixel::RGB24),
+        };
+        if width_px == 0
+            || height_px == 0
+            || (pixel == Pixel::YUV420P && (width_px % 2 == 1 || height_px % 2 == 1))
+        {
+            return Err(fault(
+                path,
+                "start it",
+                format!("{width_px}x{height_px} pixels, expected even numbers above 0"),
+            ));
+        }
+        let named = encoder::find_by_name(encoder_name).ok_or_else(|| {
+            fault(
+                path,
+                "start it",
+                format!("this FFmpeg has no encoder {encoder_name}; install one built with x264"),
+            )
+        })?;
+        let time_scale = i32::try_from(frame_rate.time_scale())
+            .map_err(|e| fault(path, "use its frame rate", e))?;
+        let time_base = Rational(1, time_scale);
+
+        let mut output = format::output_as(path, "mp4").map_err(|e| fault(path, "create it", e))?;
+        let mut context = codec::context::Context::new_with_codec(named);
+        context.set_threading(threading::Config {
+            kind: threading::Type::Slice,
+            count: settings.threads as usize,
+            ..Default::default()
+        });
+        if output
+            .format()
+            .flags()
+            .contains(format::Flags::GLOBAL_HEADER)
+        {
+            context.set_flags(codec::Flags::GLOBAL_HEADER);
+        }
+        let mut video = context
+            .encoder()
+            .video()
+            .map_err(|e| fault(path, "start the encoder", e))?;
+        video.set_width(width_px);
+        video.set_height(height_px);
+        video.set_format(pixel);
+        video.set_time_base(time_base);
+        video.set_frame_rate(Some(Rational(time_scale, frame_rate.denominator as i32)));
+        video.set_max_b_frames(0);
+        video.set_gop(GROUP_OF_PICTURES);
+        tag_colours(&mut video, pixel);
+        let encoder = video
+            .open_with(encoder_options(settings))
+            .map_err(|e| fault(path, "start the encoder", e))?;
+
+        let mut stream = output
+            .add_stream(named)
+            .map_err(|e| fault(path, "add the stream", e))?;
+        stream.set_parameters(&encoder);
+        stream.set_time_base(time_base);
+        stream.set_avg_frame_rate(Rational(time_scale, frame_rate.denominator as i32));
+        let mut options = Dictionary::new();
+        // Otherwise the muxer multiplies small time scales, and its edit list rounds to milliseconds.
+        options.set("video_track_timescale", &time_scale.to_string());
+        options.set("use_editlist", "0");
+        output
+            .write_header_with(options)
+            .map_err(|e| fault(path, "write the header", e))?;
+        let chosen = output.stream(0).map(|stream| stream.time_base());
+        if chosen != Some(time_base) {
+            return Err(fault(
+                path,
+                "keep exact timestamps",
+                format!("time base is {chosen:?}, expected {time_base}"),
+            ));
+        }
+
+        let conversion = match settings.codec {
+            VideoCodec::H264Lossless => None,
+            VideoCodec::H264 => {
+                let flags = Flags::BILINEAR
+                    | Flags::ACCURATE_RND
+                    | Flags::FULL_CHR_H_INT
+                    | Flags::FULL_CHR_H_INP;
+                let scaler = Scaler::new(
+                    (Pixel::RGB24, pixel),
+                    width_px,
+                    height_px,
+                    flags,
+                    Matrix::Bt709,
+                    false,
+                )
+                .map_err(|e| fault(path, "prepare the colour conversion", e))?;
+                Some(Conversion {
+                    scaler,
+                    yuv: frame::Video::new(pixel, width_px, height_px),
+                })
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            output,
+            encoder,
+            conversion,
+            rgb: frame::Video::new(Pixel::RGB24, width_px, height_px),
+            packet: Packet::empty(),
+            frame_rate,
+            ticks: 0,
+        })
+    }
+
+    /// Writes the picture of the next tick, rows of RGB from top to bottom without gaps, and returns its timestamp in units of the
+    /// time base.
+    pub fn write(&mut self, rgb: &[u8]) -> Result<i64> {
+        let row_bytes = self.rgb.width() as usize * BYTES_PER_PIXEL;
+        let expected = row_bytes * self.rgb.height() as usize;
+        if rgb.len() != expected {
+            return Err(self.fault(
+                "take a picture",
+                format!("it has {} bytes, expected {expected}", rgb.len()),
+            ));
+        }
+        if self.conversion.is_none() {
+            Scaler::make_writable(&mut self.rgb).map_err(|e| self.fault("hold a picture", e))?;
+        }
+        let stride = self.rgb.stride(0);
+        for (row, line) in self
+            .rgb
+            .data_mut(0)
+            .chunks_exact_mut(stride)
+            .zip(rgb.chunks_exact(row_bytes))
+        {
+            row[..row_bytes].copy_from_slice(line);
+        }
+        let pts = self.frame_rate.pts_of_tick(self.ticks);
+        let path = &self.path;
+        let sent = match &mut self.conversion {
+            None => {
+                self.rgb.set_pts(Some(pts));
+                self.encoder.send_frame(&self.rgb)
+            }
+            Some(Conversion { scaler, yuv }) => {
+                Scaler::make_writable(yuv).map_err(|e| fault(path, "hold a picture", e))?;
+                scaler
+                    .run(&self.rgb, yuv)
+                    .map_err(|e| fault(path, "convert a picture", e))?;
+                yuv.set_pts(Some(pts));
+                self.encoder.send_frame(yuv)
+            }
+        };
+        sent.map_err(|e| self.fault(&format!("encode the picture of tick {}", self.ticks), e))?;
+        self.ticks += 1;
+        self.write_ready_packets()?;
+        Ok(pts)
+    }
+
+    /// Completes the file and makes it durable.
+    pub fn finish(mut self) -> Result<()> {
+        self.encoder
+            .send_eof()
+            .map_err(|e| self.fault("finish encoding", e))?;
+        self.write_ready_packets()?;
+        self.output
+            .write_trailer()
+            .map_err(|e| self.fault("write the index", e))?;
+        let path = self.path.clone();
+        drop(self);
+        File::open(&path)
+            .and_then(|file| file.sync_all())
+            .map_err(Error::io("sync", &path))
+    }
+
+    fn write_ready_packets(&mut self) -> Result<()> {
+        loop {
+            match self.encoder.receive_packet(&mut self.packet) {
+                Ok(()) => {
+                    self.packet.set_stream(0);
+                    self.packet
+                        .set_duration(i64::from(self.frame_rate.denominator));
+                    self.packet
+                        .write_interleaved(&mut self.output)
+                        .map_err(|e| self.fault("write", e))?;
+                }
+                Err(ffmpeg_next::Error::Eof) => return Ok(()),
+                Err(ffmpeg_next::Error::Other { errno })
+                    if errno == ffmpeg_next::util::error::EAGAIN =>
+                {
+                    return Ok(());
+                }
+                Err(e) => return Err(self.fault("encode", e)),
+            }
+        }
+    }
+
+    fn fault(&self, action: &str, cause: impl std::fmt::Display) -> Error {
+        fault(&self.path, action, cause)
+    }
+}
+
+fn tag_colours(video: &mut encoder::video::Video, pixel: Pixel) {
+    let (space, range) = match pixel {
+        Pixel::RGB24 => (color::Space::RGB, color::Range::JPEG),
+        _ => (color::Space::BT709, color::Range::MPEG),
+    };
+    video.set_colorspace(space);
+    video.set_color_range(range);
+    video.set_color_primaries(color::Primaries::BT709);
+    video.set_color_transfer_characteristic(color::TransferCharacteristic::BT709);
+}
+
+fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
+    let mut options = Dictionary::new();
+    options.set("preset", &settings.preset);
+    match settings.codec {
+        VideoCodec::H264 => options.set("crf", &settings.crf.to_string()),
+        VideoCodec::H264Lossless => options.set("qp", "0"),
+    }
+    options
+}
