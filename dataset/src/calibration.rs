@@ -90,7 +90,8 @@ impl CameraEntry {
             height_px: self.height_px,
             focal_px: self.k[0][0],
             principal_px: DVec2::new(self.k[0][2], self.k[1][2]),
-            ecef_from_camera: DMat3::from_cols_array_2d(&self.ecef_from_camera.rotation).transpose(),
+            ecef_from_camera: DMat3::from_cols_array_2d(&self.ecef_from_camera.rotation)
+                .transpose(),
             center_ecef_m: DVec3::from_array(self.ecef_from_camera.translation_m),
         }
     }
@@ -105,9 +106,17 @@ impl Calibration {
     ) -> Self {
         let cameras = placed
             .into_iter()
-            .map(|(id, pose)| (id.to_owned(), CameraEntry::from_pose(pose, width_px, height_px)))
+            .map(|(id, pose)| {
+                (
+                    id.to_owned(),
+                    CameraEntry::from_pose(pose, width_px, height_px),
+                )
+            })
             .collect();
-        Self { conventions: Conventions::default(), cameras }
+        Self {
+            conventions: Conventions::default(),
+            cameras,
+        }
     }
 
     /// Reads `calibration.json`.
@@ -142,8 +151,18 @@ mod tests {
         let calibration = Calibration::from_poses([("left", placed)], 1920, 1280);
         let text = serde_json::to_string(&calibration).unwrap();
         let back: Calibration = serde_json::from_str(&text).unwrap();
-        let point = placed.pose.body_point_to_ecef(DVec3::new(7_000.0, 100.0, -200.0));
-        let expected = Camera::from_pose(&placed, 1920, 1280).project(point).unwrap();
-        assert!(back.cameras["left"].camera().project(point).unwrap().abs_diff_eq(expected, 1e-9));
+        let point = placed
+            .pose
+            .body_point_to_ecef(DVec3::new(7_000.0, 100.0, -200.0));
+        let expected = Camera::from_pose(&placed, 1920, 1280)
+            .project(point)
+            .unwrap();
+        assert!(
+            back.cameras["left"]
+                .camera()
+                .project(point)
+                .unwrap()
+                .abs_diff_eq(expected, 1e-9)
+        );
     }
 }

@@ -45,7 +45,10 @@ impl Camera {
             width_px,
             height_px,
             focal_px: f64::from(width_px) / 2.0 / (placed.hfov_deg.to_radians() / 2.0).tan(),
-            principal_px: DVec2::new((f64::from(width_px) - 1.0) / 2.0, (f64::from(height_px) - 1.0) / 2.0),
+            principal_px: DVec2::new(
+                (f64::from(width_px) - 1.0) / 2.0,
+                (f64::from(height_px) - 1.0) / 2.0,
+            ),
             ecef_from_camera: placed.pose.ecef_from_body() * body_from_camera,
             center_ecef_m: placed.pose.position().to_ecef(),
         }
@@ -60,7 +63,8 @@ impl Camera {
     /// The pixel may lie outside the picture.
     pub fn project(&self, ecef_m: DVec3) -> Option<DVec2> {
         let point = self.to_camera(ecef_m);
-        (point.z > 0.0).then(|| DVec2::new(point.x, point.y) * (self.focal_px / point.z) + self.principal_px)
+        (point.z > 0.0)
+            .then(|| DVec2::new(point.x, point.y) * (self.focal_px / point.z) + self.principal_px)
     }
 
     /// Unit vector in ECEF from the camera through a pixel.
@@ -71,7 +75,11 @@ impl Camera {
 
     /// The 3x3 matrix of intrinsics, row-major.
     pub fn k(&self) -> [[f64; 3]; 3] {
-        [[self.focal_px, 0.0, self.principal_px.x], [0.0, self.focal_px, self.principal_px.y], [0.0, 0.0, 1.0]]
+        [
+            [self.focal_px, 0.0, self.principal_px.x],
+            [0.0, self.focal_px, self.principal_px.y],
+            [0.0, 0.0, 1.0],
+        ]
     }
 }
 
@@ -98,23 +106,45 @@ mod tests {
     #[test]
     fn a_point_straight_ahead_falls_on_the_principal_point() {
         let (placed, camera) = camera();
-        let ahead = placed.pose.body_point_to_ecef(DVec3::new(5_000.0, 0.0, 0.0));
-        assert!(camera.project(ahead).unwrap().abs_diff_eq(DVec2::new(959.5, 639.5), 1e-6));
+        let ahead = placed
+            .pose
+            .body_point_to_ecef(DVec3::new(5_000.0, 0.0, 0.0));
+        assert!(
+            camera
+                .project(ahead)
+                .unwrap()
+                .abs_diff_eq(DVec2::new(959.5, 639.5), 1e-6)
+        );
     }
 
     #[test]
     fn right_is_right_and_down_is_down_and_behind_is_nowhere() {
         let (placed, camera) = camera();
-        let pixel = camera.project(placed.pose.body_point_to_ecef(DVec3::new(1_000.0, 10.0, 5.0))).unwrap();
+        let pixel = camera
+            .project(
+                placed
+                    .pose
+                    .body_point_to_ecef(DVec3::new(1_000.0, 10.0, 5.0)),
+            )
+            .unwrap();
         assert!(pixel.x > 959.5 && pixel.y > 639.5, "{pixel}");
-        assert_eq!(camera.project(placed.pose.body_point_to_ecef(DVec3::new(-1_000.0, 0.0, 0.0))), None);
+        assert_eq!(
+            camera.project(
+                placed
+                    .pose
+                    .body_point_to_ecef(DVec3::new(-1_000.0, 0.0, 0.0))
+            ),
+            None
+        );
     }
 
     #[test]
     fn half_the_field_of_view_reaches_the_edge_of_the_picture() {
         let (placed, camera) = camera();
         let edge = DVec3::new(1.0, 5.0_f64.to_radians().tan(), 0.0) * 1_000.0;
-        let pixel = camera.project(placed.pose.body_point_to_ecef(edge)).unwrap();
+        let pixel = camera
+            .project(placed.pose.body_point_to_ecef(edge))
+            .unwrap();
         assert!((pixel.x - 1919.5).abs() < 1e-6, "{pixel}");
     }
 
@@ -129,8 +159,13 @@ mod tests {
     #[test]
     fn the_earth_curves_away_by_27_metres_at_ten_nautical_miles() {
         let (placed, camera) = camera();
-        let here = LatLon { latitude_deg: 1.36, longitude_deg: 103.98 };
-        let there = here.destination(203.0, 18_520.0).at_altitude_m(placed.pose.altitude_msl_m);
+        let here = LatLon {
+            latitude_deg: 1.36,
+            longitude_deg: 103.98,
+        };
+        let there = here
+            .destination(203.0, 18_520.0)
+            .at_altitude_m(placed.pose.altitude_msl_m);
         let drop_m = camera.to_camera(there.to_ecef()).y;
         assert!((drop_m - 27.0).abs() < 0.2, "{drop_m}");
     }

@@ -8,7 +8,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use arrow_array::{
-    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array, UInt64Array,
+    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array,
+    UInt64Array,
 };
 use arrow_schema::{Field, Schema};
 use parquet::arrow::ArrowWriter;
@@ -32,19 +33,28 @@ impl TableWriter {
     }
 
     fn push(mut self, name: &str, nullable: bool, array: ArrayRef) -> Self {
-        self.fields.push(Field::new(name, array.data_type().clone(), nullable));
+        self.fields
+            .push(Field::new(name, array.data_type().clone(), nullable));
         self.arrays.push(array);
         self
     }
 
     /// Adds a column of floats.
     pub fn f64(self, name: &str, values: impl IntoIterator<Item = f64>) -> Self {
-        self.push(name, false, Arc::new(Float64Array::from_iter_values(values)))
+        self.push(
+            name,
+            false,
+            Arc::new(Float64Array::from_iter_values(values)),
+        )
     }
 
     /// Adds a column of floats that may be missing.
     pub fn optional_f64(self, name: &str, values: impl IntoIterator<Item = Option<f64>>) -> Self {
-        self.push(name, true, Arc::new(values.into_iter().collect::<Float64Array>()))
+        self.push(
+            name,
+            true,
+            Arc::new(values.into_iter().collect::<Float64Array>()),
+        )
     }
 
     /// Adds a column of signed integers.
@@ -64,7 +74,11 @@ impl TableWriter {
 
     /// Adds a column of booleans.
     pub fn bool(self, name: &str, values: impl IntoIterator<Item = bool>) -> Self {
-        self.push(name, false, Arc::new(values.into_iter().map(Some).collect::<BooleanArray>()))
+        self.push(
+            name,
+            false,
+            Arc::new(values.into_iter().map(Some).collect::<BooleanArray>()),
+        )
     }
 
     /// Adds a column of words.
@@ -76,14 +90,15 @@ impl TableWriter {
     /// name that does not count yet.
     pub fn write(self, path: &Path) -> Result<()> {
         let schema = Arc::new(Schema::new(self.fields));
-        let batch = RecordBatch::try_new(schema.clone(), self.arrays).map_err(|e| Error::table(path, e))?;
+        let batch =
+            RecordBatch::try_new(schema.clone(), self.arrays).map_err(|e| Error::table(path, e))?;
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")))
             .build();
         let file = File::create(path).map_err(Error::io("create", path))?;
-        let mut writer =
-            ArrowWriter::try_new(file, schema, Some(properties)).map_err(|e| Error::table(path, e))?;
+        let mut writer = ArrowWriter::try_new(file, schema, Some(properties))
+            .map_err(|e| Error::table(path, e))?;
         writer.write(&batch).map_err(|e| Error::table(path, e))?;
         let file = writer.into_inner().map_err(|e| Error::table(path, e))?;
         file.sync_all().map_err(Error::io("sync", path))
@@ -123,11 +138,18 @@ impl Table {
     /// Reads a Parquet file whole.
     pub fn read(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(Error::io("read", path))?;
-        let builder = ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| Error::table(path, e))?;
+        let builder =
+            ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| Error::table(path, e))?;
         let schema = builder.schema().clone();
         let reader = builder.build().map_err(|e| Error::table(path, e))?;
-        let batches = reader.collect::<std::result::Result<Vec<_>, _>>().map_err(|e| Error::table(path, e))?;
-        Ok(Self { path: path.to_owned(), schema, batches })
+        let batches = reader
+            .collect::<std::result::Result<Vec<_>, _>>()
+            .map_err(|e| Error::table(path, e))?;
+        Ok(Self {
+            path: path.to_owned(),
+            schema,
+            batches,
+        })
     }
 
     /// Number of rows.
@@ -142,7 +164,10 @@ impl Table {
 
     /// Names of all columns, in order.
     pub fn column_names(&self) -> impl Iterator<Item = &str> {
-        self.schema.fields().iter().map(|field| field.name().as_str())
+        self.schema
+            .fields()
+            .iter()
+            .map(|field| field.name().as_str())
     }
 
     typed_column!(
@@ -174,9 +199,15 @@ impl Table {
     pub fn optional_f64(&self, column: &str) -> Result<Vec<Option<f64>>> {
         let mut values = Vec::with_capacity(self.rows());
         for array in self.arrays(column)? {
-            let typed = array.as_any().downcast_ref::<Float64Array>().ok_or_else(|| {
-                self.fault(format!("column {column} should hold f64, but holds {}", array.data_type()))
-            })?;
+            let typed = array
+                .as_any()
+                .downcast_ref::<Float64Array>()
+                .ok_or_else(|| {
+                    self.fault(format!(
+                        "column {column} should hold f64, but holds {}",
+                        array.data_type()
+                    ))
+                })?;
             values.extend(typed.iter());
         }
         Ok(values)
@@ -192,6 +223,10 @@ impl Table {
             let names = self.column_names().collect::<Vec<_>>().join(", ");
             return Err(self.fault(format!("has no column {column}; its columns are {names}")));
         }
-        Ok(self.batches.iter().filter_map(|batch| batch.column_by_name(column)).collect())
+        Ok(self
+            .batches
+            .iter()
+            .filter_map(|batch| batch.column_by_name(column))
+            .collect())
     }
 }

@@ -43,14 +43,18 @@ impl Corpus {
                 "is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`",
             ));
         }
-        Ok(Self { root: root.to_owned() })
+        Ok(Self {
+            root: root.to_owned(),
+        })
     }
 
     /// Opens a corpus, creating its folders if they are not there.
     pub fn create(root: &Path) -> Result<Self> {
         let scenarios = root.join("scenarios");
         fs::create_dir_all(&scenarios).map_err(Error::io("create", &scenarios))?;
-        Ok(Self { root: root.to_owned() })
+        Ok(Self {
+            root: root.to_owned(),
+        })
     }
 
     /// The folder of the corpus.
@@ -75,12 +79,19 @@ impl Corpus {
 
     /// The folder that a committed scenario has.
     pub fn scenario(&self, id: &str) -> ScenarioFolder {
-        ScenarioFolder { root: self.root.join("scenarios").join(id) }
+        ScenarioFolder {
+            root: self.root.join("scenarios").join(id),
+        }
     }
 
     /// The folder in which a scenario is made before it counts.
     pub fn partial_scenario(&self, id: &str) -> ScenarioFolder {
-        ScenarioFolder { root: self.root.join("scenarios").join(format!("{id}{PARTIAL_SUFFIX}")) }
+        ScenarioFolder {
+            root: self
+                .root
+                .join("scenarios")
+                .join(format!("{id}{PARTIAL_SUFFIX}")),
+        }
     }
 
     /// All committed scenarios, sorted by identifier. A folder without a seal does not count.
@@ -107,7 +118,11 @@ impl ScenarioFolder {
 
     /// Identifier of the scenario: the folder's name.
     pub fn id(&self) -> String {
-        self.root.file_name().unwrap_or_default().to_string_lossy().into_owned()
+        self.root
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned()
     }
 
     /// Path of `scenario.json`.
@@ -142,7 +157,8 @@ impl ScenarioFolder {
 
     /// Path of the detections of one model.
     pub fn detections_path(&self, model_hash: &str) -> PathBuf {
-        self.detections_folder().join(format!("{model_hash}.parquet"))
+        self.detections_folder()
+            .join(format!("{model_hash}.parquet"))
     }
 
     /// Name of the table of ticks.
@@ -169,7 +185,10 @@ impl ScenarioFolder {
     pub fn truth_boxes(&self) -> Result<Vec<TruthBox>> {
         let path = self.truth_boxes_path();
         if !path.exists() {
-            return Err(Error::corpus(&path, "is missing: run `dtd label` on the corpus first"));
+            return Err(Error::corpus(
+                &path,
+                "is missing: run `dtd label` on the corpus first",
+            ));
         }
         read_truth_boxes(&path)
     }
@@ -178,13 +197,20 @@ impl ScenarioFolder {
     pub fn detections(&self, model_hash: &str) -> Result<Vec<Detection>> {
         let path = self.detections_path(model_hash);
         if !path.exists() {
-            return Err(Error::corpus(&path, "is missing: run `dtd detect` on the corpus with that model first"));
+            return Err(Error::corpus(
+                &path,
+                "is missing: run `dtd detect` on the corpus with that model first",
+            ));
         }
         read_detections(&path)
     }
 
     /// The folder's seal, if it is whole.
     pub fn seal(&self) -> Result<Option<Seal>> {
-        if self.root.is_dir() { seal::read_seal(&self.root) } else { Ok(None) }
+        if self.root.is_dir() {
+            seal::read_seal(&self.root)
+        } else {
+            Ok(None)
+        }
     }
 }

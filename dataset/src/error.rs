@@ -58,15 +58,25 @@ impl Error {
     /// Wraps an I/O error; meant for `map_err(Error::io("read", path))`.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(std::io::Error) -> Self {
         let path = path.to_owned();
-        move |source| Self::Io { action, path, source }
+        move |source| Self::Io {
+            action,
+            path,
+            source,
+        }
     }
 
     pub(crate) fn table(path: &Path, message: impl ToString) -> Self {
-        Self::Table { path: path.to_owned(), message: message.to_string() }
+        Self::Table {
+            path: path.to_owned(),
+            message: message.to_string(),
+        }
     }
 
     /// A folder or file that is not what it should be.
     pub fn corpus(path: &Path, message: impl ToString) -> Self {
-        Self::Corpus { path: path.to_owned(), message: message.to_string() }
+        Self::Corpus {
+            path: path.to_owned(),
+            message: message.to_string(),
+        }
     }
 }

@@ -18,7 +18,10 @@ pub struct FrameRate {
 impl FrameRate {
     /// The rate `numerator / denominator`; `None` if either is zero.
     pub fn new(numerator: u32, denominator: u32) -> Option<Self> {
-        (numerator > 0 && denominator > 0).then_some(Self { numerator, denominator })
+        (numerator > 0 && denominator > 0).then_some(Self {
+            numerator,
+            denominator,
+        })
     }
 
     /// The simulator time of tick `tick`: `round(tick * 1e9 * denominator / numerator)`, computed exactly.
@@ -69,7 +72,10 @@ mod tests {
     #[test]
     fn a_slow_rate_has_whole_timestamps_too() {
         let every_two_seconds = FrameRate::new(1, 2).unwrap();
-        assert_eq!(every_two_seconds.time_of_tick(3), SimTime(6 * NANOS_PER_SECOND));
+        assert_eq!(
+            every_two_seconds.time_of_tick(3),
+            SimTime(6 * NANOS_PER_SECOND)
+        );
         assert_eq!(every_two_seconds.pts_of_tick(3), 6);
     }
 

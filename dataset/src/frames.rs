@@ -86,20 +86,36 @@ impl Frames {
         for (name, get) in POSE_FIELDS {
             table = table.f64(name, rows.iter().map(|r| get(&r.pose)));
         }
-        for (axis, name) in ["velocity_north_mps", "velocity_east_mps", "velocity_down_mps"].into_iter().enumerate() {
+        for (axis, name) in [
+            "velocity_north_mps",
+            "velocity_east_mps",
+            "velocity_down_mps",
+        ]
+        .into_iter()
+        .enumerate()
+        {
             table = table.f64(name, rows.iter().map(|r| r.velocity_ned_mps[axis]));
         }
         table = table
-            .f64("true_airspeed_mps", rows.iter().map(|r| r.true_airspeed_mps))
+            .f64(
+                "true_airspeed_mps",
+                rows.iter().map(|r| r.true_airspeed_mps),
+            )
             .f64("flap_ratio", rows.iter().map(|r| r.controls.flap_ratio))
             .f64("gear_ratio", rows.iter().map(|r| r.controls.gear_ratio))
             .bool("on_ground", rows.iter().map(|r| r.on_ground));
         for (v, id) in self.views.iter().enumerate() {
             table = table
-                .u64(&format!("sim_frame_{id}"), rows.iter().map(|r| r.views[v].sim_frame))
+                .u64(
+                    &format!("sim_frame_{id}"),
+                    rows.iter().map(|r| r.views[v].sim_frame),
+                )
                 .i64(&format!("pts_{id}"), rows.iter().map(|r| r.views[v].pts));
             for (name, get) in POSE_FIELDS {
-                table = table.f64(&format!("echo_{name}_{id}"), rows.iter().map(|r| get(&r.views[v].echoed_pose)));
+                table = table.f64(
+                    &format!("echo_{name}_{id}"),
+                    rows.iter().map(|r| get(&r.views[v].echoed_pose)),
+                );
             }
             for (name, get) in POSE_FIELDS {
                 table = table.f64(
@@ -107,16 +123,24 @@ impl Frames {
                     rows.iter().map(|r| get(&r.views[v].echoed_camera.pose)),
                 );
             }
-            table =
-                table.f64(&format!("camera_hfov_deg_{id}"), rows.iter().map(|r| r.views[v].echoed_camera.hfov_deg));
+            table = table.f64(
+                &format!("camera_hfov_deg_{id}"),
+                rows.iter().map(|r| r.views[v].echoed_camera.hfov_deg),
+            );
         }
         if let Some(labels) = rows.iter().map(|r| r.labels).collect::<Option<Vec<_>>>() {
             table = table
                 .f64("dtd_m", labels.iter().map(|l| l.dtd_m))
                 .f64("along_track_m", labels.iter().map(|l| l.along_track_m))
                 .f64("cross_track_m", labels.iter().map(|l| l.cross_track_m))
-                .f64("height_over_target_m", labels.iter().map(|l| l.height_over_target_m))
-                .optional_f64("time_to_touchdown_s", labels.iter().map(|l| l.time_to_touchdown_s));
+                .f64(
+                    "height_over_target_m",
+                    labels.iter().map(|l| l.height_over_target_m),
+                )
+                .optional_f64(
+                    "time_to_touchdown_s",
+                    labels.iter().map(|l| l.time_to_touchdown_s),
+                );
         }
         table.write(path)
     }
@@ -124,8 +148,11 @@ impl Frames {
     /// Reads the table.
     pub fn read(path: &Path) -> Result<Self> {
         let table = Table::read(path)?;
-        let views: Vec<String> =
-            table.column_names().filter_map(|name| name.strip_prefix("sim_frame_")).map(str::to_owned).collect();
+        let views: Vec<String> = table
+            .column_names()
+            .filter_map(|name| name.strip_prefix("sim_frame_"))
+            .map(str::to_owned)
+            .collect();
         let pose = read_poses(&table, "", "")?;
         let tick = table.u32("tick")?;
         let time_ns = table.i64("time_ns")?;
@@ -138,7 +165,10 @@ impl Frames {
         let flap_ratio = table.f64("flap_ratio")?;
         let gear_ratio = table.f64("gear_ratio")?;
         let on_ground = table.bool("on_ground")?;
-        let stamps = views.iter().map(|id| read_stamps(&table, id)).collect::<Result<Vec<_>>>()?;
+        let stamps = views
+            .iter()
+            .map(|id| read_stamps(&table, id))
+            .collect::<Result<Vec<_>>>()?;
         let labels = read_labels(&table)?;
         let rows = (0..table.rows())
             .map(|row| Frame {
@@ -147,7 +177,10 @@ impl Frames {
                 pose: pose[row],
                 velocity_ned_mps: [velocity[0][row], velocity[1][row], velocity[2][row]],
                 true_airspeed_mps: true_airspeed_mps[row],
-                controls: Controls { flap_ratio: flap_ratio[row], gear_ratio: gear_ratio[row] },
+                controls: Controls {
+                    flap_ratio: flap_ratio[row],
+                    gear_ratio: gear_ratio[row],
+                },
                 on_ground: on_ground[row],
                 views: stamps.iter().map(|stamps| stamps[row]).collect(),
                 labels: labels.as_ref().map(|labels| labels[row]),
@@ -191,7 +224,10 @@ fn read_stamps(table: &Table, id: &str) -> Result<Vec<ViewStamp>> {
             sim_frame: sim_frame[row],
             pts: pts[row],
             echoed_pose: pose[row],
-            echoed_camera: CameraPose { pose: camera[row], hfov_deg: hfov_deg[row] },
+            echoed_camera: CameraPose {
+                pose: camera[row],
+                hfov_deg: hfov_deg[row],
+            },
         })
         .collect())
 }
@@ -235,7 +271,10 @@ mod tests {
             sim_frame: 812,
             pts: 1,
             echoed_pose: pose(0.25),
-            echoed_camera: CameraPose { pose: pose(view), hfov_deg: 10.0 },
+            echoed_camera: CameraPose {
+                pose: pose(view),
+                hfov_deg: 10.0,
+            },
         };
         let row = Frame {
             tick: 0,
@@ -243,12 +282,18 @@ mod tests {
             pose: pose(0.25),
             velocity_ned_mps: [60.0, 25.0, 3.5],
             true_airspeed_mps: 70.0,
-            controls: Controls { flap_ratio: 0.75, gear_ratio: 1.0 },
+            controls: Controls {
+                flap_ratio: 0.75,
+                gear_ratio: 1.0,
+            },
             on_ground: false,
             views: vec![stamp(1.0), stamp(2.0)],
             labels,
         };
-        Frames { views: vec!["left".into(), "right".into()], rows: vec![row] }
+        Frames {
+            views: vec!["left".into(), "right".into()],
+            rows: vec![row],
+        }
     }
 
     #[test]
@@ -274,6 +319,9 @@ mod tests {
         let path = folder.path().join("frames.parquet");
         TableWriter::new().u32("tick", [0]).write(&path).unwrap();
         let message = Frames::read(&path).unwrap_err().to_string();
-        assert!(message.contains("latitude_deg") && message.contains("its columns are tick"), "{message}");
+        assert!(
+            message.contains("latitude_deg") && message.contains("its columns are tick"),
+            "{message}"
+        );
     }
 }

@@ -49,12 +49,19 @@ impl LatLon {
     /// The point `distance_m` metres along the geodesic that leaves at `azimuth_deg` (true). Negative distances go backwards.
     pub fn destination(self, azimuth_deg: f64, distance_m: f64) -> Self {
         let point = Geodesic.destination(self.point(), azimuth_deg, distance_m);
-        Self { latitude_deg: point.y(), longitude_deg: point.x() }
+        Self {
+            latitude_deg: point.y(),
+            longitude_deg: point.x(),
+        }
     }
 
     /// The point at a height.
     pub fn at_altitude_m(self, altitude_msl_m: f64) -> Geodetic {
-        Geodetic { latitude_deg: self.latitude_deg, longitude_deg: self.longitude_deg, altitude_msl_m }
+        Geodetic {
+            latitude_deg: self.latitude_deg,
+            longitude_deg: self.longitude_deg,
+            altitude_msl_m,
+        }
     }
 
     fn point(self) -> Point<f64> {
@@ -65,14 +72,18 @@ impl LatLon {
 impl Geodetic {
     /// The point below on the ellipsoid.
     pub fn lat_lon(self) -> LatLon {
-        LatLon { latitude_deg: self.latitude_deg, longitude_deg: self.longitude_deg }
+        LatLon {
+            latitude_deg: self.latitude_deg,
+            longitude_deg: self.longitude_deg,
+        }
     }
 
     /// ECEF coordinates, metres.
     pub fn to_ecef(self) -> DVec3 {
         let (sin_lat, cos_lat) = self.latitude_deg.to_radians().sin_cos();
         let (sin_lon, cos_lon) = self.longitude_deg.to_radians().sin_cos();
-        let prime_vertical = WGS84_SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat).sqrt();
+        let prime_vertical =
+            WGS84_SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat).sqrt();
         let h = self.altitude_msl_m;
         DVec3::new(
             (prime_vertical + h) * cos_lat * cos_lon,
@@ -90,12 +101,20 @@ impl Geodetic {
         let mut height = 0.0;
         for _ in 0..8 {
             let (sin_lat, cos_lat) = latitude.sin_cos();
-            let prime_vertical = WGS84_SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat).sqrt();
+            let prime_vertical =
+                WGS84_SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat).sqrt();
             // This form of the height has no 0/0, neither at the equator nor near a pole.
-            height = p * cos_lat + ecef.z * sin_lat - WGS84_SEMI_MAJOR_M * WGS84_SEMI_MAJOR_M / prime_vertical;
-            latitude = ecef.z.atan2(p * (1.0 - ECCENTRICITY_SQUARED * prime_vertical / (prime_vertical + height)));
+            height = p * cos_lat + ecef.z * sin_lat
+                - WGS84_SEMI_MAJOR_M * WGS84_SEMI_MAJOR_M / prime_vertical;
+            latitude = ecef.z.atan2(
+                p * (1.0 - ECCENTRICITY_SQUARED * prime_vertical / (prime_vertical + height)),
+            );
         }
-        Self { latitude_deg: latitude.to_degrees(), longitude_deg: longitude.to_degrees(), altitude_msl_m: height }
+        Self {
+            latitude_deg: latitude.to_degrees(),
+            longitude_deg: longitude.to_degrees(),
+            altitude_msl_m: height,
+        }
     }
 
     /// Rotation whose columns are north, east and down at this point, in ECEF.
@@ -114,15 +133,31 @@ impl Geodetic {
 mod tests {
     use super::*;
 
-    const CHANGI: Geodetic = Geodetic { latitude_deg: 1.35, longitude_deg: 103.98, altitude_msl_m: 6.71 };
+    const CHANGI: Geodetic = Geodetic {
+        latitude_deg: 1.35,
+        longitude_deg: 103.98,
+        altitude_msl_m: 6.71,
+    };
 
     #[test]
     fn ecef_of_published_point_is_met() {
         // NIMA TR8350.2 style check point: 0 N 0 E at 0 m lies on the x axis at the semi-major axis.
-        let origin = Geodetic { latitude_deg: 0.0, longitude_deg: 0.0, altitude_msl_m: 0.0 };
-        assert!(origin.to_ecef().abs_diff_eq(DVec3::new(WGS84_SEMI_MAJOR_M, 0.0, 0.0), 1e-9));
+        let origin = Geodetic {
+            latitude_deg: 0.0,
+            longitude_deg: 0.0,
+            altitude_msl_m: 0.0,
+        };
+        assert!(
+            origin
+                .to_ecef()
+                .abs_diff_eq(DVec3::new(WGS84_SEMI_MAJOR_M, 0.0, 0.0), 1e-9)
+        );
         // Polar radius of WGS-84: 6356752.3142 m.
-        let pole = Geodetic { latitude_deg: 90.0, longitude_deg: 0.0, altitude_msl_m: 0.0 };
+        let pole = Geodetic {
+            latitude_deg: 90.0,
+            longitude_deg: 0.0,
+            altitude_msl_m: 0.0,
+        };
         assert!((pole.to_ecef().z - 6_356_752.314_2).abs() < 1e-4);
     }
 
@@ -130,9 +165,16 @@ mod tests {
     fn ecef_goes_there_and_back_within_a_micrometre() {
         for height in [-50.0, 0.0, 800.0, 20_000.0] {
             for latitude in [-60.0, -1.35, 0.0, 1.35, 48.0] {
-                let point = Geodetic { latitude_deg: latitude, altitude_msl_m: height, ..CHANGI };
+                let point = Geodetic {
+                    latitude_deg: latitude,
+                    altitude_msl_m: height,
+                    ..CHANGI
+                };
                 let back = Geodetic::from_ecef(point.to_ecef());
-                assert!(back.to_ecef().distance(point.to_ecef()) < 1e-6, "{point:?} came back as {back:?}");
+                assert!(
+                    back.to_ecef().distance(point.to_ecef()) < 1e-6,
+                    "{point:?} came back as {back:?}"
+                );
             }
         }
     }
@@ -141,7 +183,10 @@ mod tests {
     fn ned_axes_are_a_right_handed_rotation() {
         let axes = CHANGI.ecef_from_ned();
         assert!((axes.determinant() - 1.0).abs() < 1e-12);
-        let up_one = Geodetic { altitude_msl_m: CHANGI.altitude_msl_m + 1.0, ..CHANGI };
+        let up_one = Geodetic {
+            altitude_msl_m: CHANGI.altitude_msl_m + 1.0,
+            ..CHANGI
+        };
         assert!((up_one.to_ecef() - CHANGI.to_ecef()).abs_diff_eq(-axes.z_axis, 1e-8));
     }
 

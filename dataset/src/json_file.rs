@@ -12,7 +12,11 @@ use crate::error::{Error, Result};
 /// Reads a JSON file; `what` names its content in messages.
 pub fn read_json<T: DeserializeOwned>(path: &Path, what: &'static str) -> Result<T> {
     let text = fs::read(path).map_err(Error::io("read", path))?;
-    serde_json::from_slice(&text).map_err(|source| Error::Json { what, path: path.to_owned(), source })
+    serde_json::from_slice(&text).map_err(|source| Error::Json {
+        what,
+        path: path.to_owned(),
+        source,
+    })
 }
 
 /// Writes a value as indented JSON with a final newline, atomically.
@@ -32,6 +36,8 @@ pub fn write_atomically(path: &Path, content: &[u8]) -> Result<()> {
     name.push(".tmp");
     let beside = path.with_file_name(name);
     let mut file = File::create(&beside).map_err(Error::io("create", &beside))?;
-    file.write_all(content).and_then(|()| file.sync_all()).map_err(Error::io("write", &beside))?;
+    file.write_all(content)
+        .and_then(|()| file.sync_all())
+        .map_err(Error::io("write", &beside))?;
     fs::rename(&beside, path).map_err(Error::io("rename into place", path))
 }

@@ -24,5 +24,4 @@ pub mod splits;
 pub mod units;
 pub mod video;
 
-
 pub use error::{Error, Result};

@@ -37,7 +37,12 @@ impl PixelBox {
     /// Left, top, right and bottom edge.
     pub fn edges(&self) -> [f64; 4] {
         let (half_width, half_height) = (self.width_px / 2.0, self.height_px / 2.0);
-        [self.cx_px - half_width, self.cy_px - half_height, self.cx_px + half_width, self.cy_px + half_height]
+        [
+            self.cx_px - half_width,
+            self.cy_px - half_height,
+            self.cx_px + half_width,
+            self.cy_px + half_height,
+        ]
     }
 
     /// Area, square pixels.
@@ -64,7 +69,11 @@ impl PixelBox {
         let height = (a[3].min(b[3]) - a[1].max(b[1])).max(0.0);
         let intersection = width * height;
         let union = self.area() + other.area() - intersection;
-        if union > 0.0 { intersection / union } else { 0.0 }
+        if union > 0.0 {
+            intersection / union
+        } else {
+            0.0
+        }
     }
 }
 
@@ -160,11 +169,20 @@ pub fn read_detections(path: &Path) -> Result<Vec<Detection>> {
         .text("view")?
         .into_iter()
         .enumerate()
-        .map(|(row, view)| Detection { tick: tick[row], view, pixel_box: boxes[row], score: score[row], tile: tile[row] })
+        .map(|(row, view)| Detection {
+            tick: tick[row],
+            view,
+            pixel_box: boxes[row],
+            score: score[row],
+            tile: tile[row],
+        })
         .collect())
 }
 
-fn box_columns<'a>(table: TableWriter, boxes: impl Iterator<Item = &'a PixelBox> + Clone) -> TableWriter {
+fn box_columns<'a>(
+    table: TableWriter,
+    boxes: impl Iterator<Item = &'a PixelBox> + Clone,
+) -> TableWriter {
     table
         .f64("cx_px", boxes.clone().map(|b| b.cx_px))
         .f64("cy_px", boxes.clone().map(|b| b.cy_px))
@@ -173,10 +191,19 @@ fn box_columns<'a>(table: TableWriter, boxes: impl Iterator<Item = &'a PixelBox>
 }
 
 fn read_boxes(table: &Table) -> Result<Vec<PixelBox>> {
-    let [cx, cy, width, height] =
-        [table.f64("cx_px")?, table.f64("cy_px")?, table.f64("width_px")?, table.f64("height_px")?];
+    let [cx, cy, width, height] = [
+        table.f64("cx_px")?,
+        table.f64("cy_px")?,
+        table.f64("width_px")?,
+        table.f64("height_px")?,
+    ];
     Ok((0..table.rows())
-        .map(|row| PixelBox { cx_px: cx[row], cy_px: cy[row], width_px: width[row], height_px: height[row] })
+        .map(|row| PixelBox {
+            cx_px: cx[row],
+            cy_px: cy[row],
+            width_px: width[row],
+            height_px: height[row],
+        })
         .collect())
 }
 
@@ -185,21 +212,45 @@ mod tests {
     use super::*;
 
     fn sample() -> PixelBox {
-        PixelBox { cx_px: 0.0, cy_px: 0.0, width_px: 2.0, height_px: 4.0 }
+        PixelBox {
+            cx_px: 0.0,
+            cy_px: 0.0,
+            width_px: 2.0,
+            height_px: 4.0,
+        }
     }
 
     #[test]
     fn a_box_half_outside_the_picture_keeps_the_inner_part() {
         let inner = sample().clipped_to(100, 100).unwrap();
         assert_eq!(inner.edges(), [-0.5, -0.5, 1.0, 2.0]);
-        assert_eq!(PixelBox { cx_px: -9.0, ..sample() }.clipped_to(100, 100), None);
+        assert_eq!(
+            PixelBox {
+                cx_px: -9.0,
+                ..sample()
+            }
+            .clipped_to(100, 100),
+            None
+        );
     }
 
     #[test]
     fn iou_of_a_box_with_itself_is_one_and_with_its_half_is_a_half() {
         assert_eq!(sample().iou(&sample()), 1.0);
-        assert_eq!(sample().iou(&PixelBox { height_px: 2.0, ..sample() }), 0.5);
-        assert_eq!(sample().iou(&PixelBox { cx_px: 50.0, ..sample() }), 0.0);
+        assert_eq!(
+            sample().iou(&PixelBox {
+                height_px: 2.0,
+                ..sample()
+            }),
+            0.5
+        );
+        assert_eq!(
+            sample().iou(&PixelBox {
+                cx_px: 50.0,
+                ..sample()
+            }),
+            0.0
+        );
     }
 
     #[test]
@@ -217,8 +268,13 @@ mod tests {
         }];
         write_truth_boxes(&path, &truth).unwrap();
         assert_eq!(read_truth_boxes(&path).unwrap(), truth);
-        let found =
-            vec![Detection { tick: 3, view: "left".into(), pixel_box: sample(), score: 0.75, tile: 2 }];
+        let found = vec![Detection {
+            tick: 3,
+            view: "left".into(),
+            pixel_box: sample(),
+            score: 0.75,
+            tile: 2,
+        }];
         write_detections(&path, &found).unwrap();
         assert_eq!(read_detections(&path).unwrap(), found);
         write_detections(&path, &[]).unwrap();

@@ -88,7 +88,14 @@ mod tests {
     use super::*;
 
     fn level(heading_true_deg: f64) -> Pose {
-        Pose { latitude_deg: 1.3, longitude_deg: 104.0, altitude_msl_m: 0.0, heading_true_deg, pitch_deg: 0.0, roll_deg: 0.0 }
+        Pose {
+            latitude_deg: 1.3,
+            longitude_deg: 104.0,
+            altitude_msl_m: 0.0,
+            heading_true_deg,
+            pitch_deg: 0.0,
+            roll_deg: 0.0,
+        }
     }
 
     #[test]
@@ -100,9 +107,19 @@ mod tests {
 
     #[test]
     fn positive_pitch_lifts_the_nose_and_positive_roll_lowers_the_right_wing() {
-        let nose = Pose { pitch_deg: 10.0, ..level(0.0) }.ned_from_body() * DVec3::X;
+        let nose = Pose {
+            pitch_deg: 10.0,
+            ..level(0.0)
+        }
+        .ned_from_body()
+            * DVec3::X;
         assert!(nose.z < -0.17, "down component {}", nose.z);
-        let right_wing = Pose { roll_deg: 10.0, ..level(0.0) }.ned_from_body() * DVec3::Y;
+        let right_wing = Pose {
+            roll_deg: 10.0,
+            ..level(0.0)
+        }
+        .ned_from_body()
+            * DVec3::Y;
         assert!(right_wing.z > 0.17, "down component {}", right_wing.z);
     }
 }

@@ -51,7 +51,9 @@ impl Runway {
     /// [`RunwayCoordinates::of`].
     pub fn point_on_approach(&self, along_track_m: f64, cross_track_m: f64) -> LatLon {
         let azimuth = self.course_true_deg + cross_track_m.atan2(-along_track_m).to_degrees();
-        self.touchdown_target().lat_lon().destination(azimuth, along_track_m.hypot(cross_track_m))
+        self.touchdown_target()
+            .lat_lon()
+            .destination(azimuth, along_track_m.hypot(cross_track_m))
     }
 }
 
@@ -59,7 +61,8 @@ impl RunwayCoordinates {
     /// Coordinates of `position` about `target`, with the landing course at the target.
     pub fn of(position: Geodetic, target: Geodetic, course_true_deg: f64) -> Self {
         let dtd_m = target.lat_lon().distance_m(position.lat_lon());
-        let off_course = (target.lat_lon().azimuth_to_deg(position.lat_lon()) - course_true_deg).to_radians();
+        let off_course =
+            (target.lat_lon().azimuth_to_deg(position.lat_lon()) - course_true_deg).to_radians();
         Self {
             dtd_m,
             along_track_m: -dtd_m * off_course.cos(),
@@ -77,7 +80,11 @@ mod tests {
         Runway {
             airport: "WSSS".into(),
             name: "02L".into(),
-            threshold: Geodetic { latitude_deg: 1.348_971_96, longitude_deg: 103.977_501_24, altitude_msl_m: 6.71 },
+            threshold: Geodetic {
+                latitude_deg: 1.348_971_96,
+                longitude_deg: 103.977_501_24,
+                altitude_msl_m: 6.71,
+            },
             course_true_deg: 23.02,
             glide_path_deg: 3.0,
             touchdown_past_threshold_m: 340.1,
@@ -89,7 +96,10 @@ mod tests {
     #[test]
     fn changi_target_lies_where_the_glide_path_meets_the_runway() {
         let target = changi_02l().touchdown_target();
-        let published = LatLon { latitude_deg: 1.351_803, longitude_deg: 103.978_697 };
+        let published = LatLon {
+            latitude_deg: 1.351_803,
+            longitude_deg: 103.978_697,
+        };
         assert!(target.lat_lon().distance_m(published) < 1.0);
     }
 
@@ -97,19 +107,31 @@ mod tests {
     fn touchdown_point_has_zero_distance() {
         let runway = changi_02l();
         let target = runway.touchdown_target();
-        assert_eq!(RunwayCoordinates::of(target, target, runway.course_true_deg).dtd_m, 0.0);
+        assert_eq!(
+            RunwayCoordinates::of(target, target, runway.course_true_deg).dtd_m,
+            0.0
+        );
     }
 
     #[test]
     fn an_aircraft_right_of_course_has_positive_cross_track_and_comes_back() {
         let runway = changi_02l();
-        for (along, cross) in [(18_520.0, 0.0), (9_000.0, 120.0), (5_000.0, -300.0), (-200.0, 10.0)] {
+        for (along, cross) in [
+            (18_520.0, 0.0),
+            (9_000.0, 120.0),
+            (5_000.0, -300.0),
+            (-200.0, 10.0),
+        ] {
             let at = runway.point_on_approach(along, cross).at_altitude_m(300.0);
-            let found = RunwayCoordinates::of(at, runway.touchdown_target(), runway.course_true_deg);
+            let found =
+                RunwayCoordinates::of(at, runway.touchdown_target(), runway.course_true_deg);
             assert!((found.along_track_m - along).abs() < 1e-6, "{found:?}");
             assert!((found.cross_track_m - cross).abs() < 1e-6, "{found:?}");
         }
         // Right of a north-north-easterly course is south-east: a larger longitude.
-        assert!(runway.point_on_approach(5_000.0, 300.0).longitude_deg > runway.point_on_approach(5_000.0, 0.0).longitude_deg);
+        assert!(
+            runway.point_on_approach(5_000.0, 300.0).longitude_deg
+                > runway.point_on_approach(5_000.0, 0.0).longitude_deg
+        );
     }
 }

@@ -43,7 +43,10 @@ pub fn hash_file(path: &Path) -> Result<String> {
 pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
     let manifest = manifest_of(folder, &[])?;
     write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;
-    let seal = Seal { config_hash: config_hash.into(), manifest_blake3: blake3::hash(manifest.as_bytes()).to_string() };
+    let seal = Seal {
+        config_hash: config_hash.into(),
+        manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+    };
     write_json(&folder.join(DONE), &seal)?;
     sync_folder(folder)?;
     Ok(seal)
@@ -59,24 +62,34 @@ pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
 pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     settle(folder)?;
     let path = folder.join(DONE);
-    if path.exists() { read_json(&path, "seal").map(Some) } else { Ok(None) }
+    if path.exists() {
+        read_json(&path, "seal").map(Some)
+    } else {
+        Ok(None)
+    }
 }
 
 /// Everything in a sealed folder that does not match its seal, in words; empty if all is well.
 pub fn faults(folder: &Path) -> Result<Vec<String>> {
     let Some(seal) = read_seal(folder)? else {
-        return Ok(vec![format!("{DONE} is missing: the folder was never finished")]);
+        return Ok(vec![format!(
+            "{DONE} is missing: the folder was never finished"
+        )]);
     };
     let path = folder.join(MANIFEST);
     let manifest = fs::read_to_string(&path).map_err(Error::io("read", &path))?;
     if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
-        return Ok(vec![format!("{MANIFEST} does not match the hash in {DONE}")]);
+        return Ok(vec![format!(
+            "{MANIFEST} does not match the hash in {DONE}"
+        )]);
     }
     let mut faults = Vec::new();
     let mut listed = Vec::new();
     for line in manifest.lines() {
         let Some((hash, name)) = line.split_once("  ") else {
-            faults.push(format!("{MANIFEST} has a line that is not `hash  name`: {line}"));
+            faults.push(format!(
+                "{MANIFEST} has a line that is not `hash  name`: {line}"
+            ));
             continue;
         };
         listed.push(name);
@@ -84,7 +97,9 @@ pub fn faults(folder: &Path) -> Result<Vec<String>> {
         if !file.exists() {
             faults.push(format!("{name} is missing"));
         } else if hash_file(&file)? != hash {
-            faults.push(format!("{name} is not what was sealed: its hash differs from {MANIFEST}"));
+            faults.push(format!(
+                "{name} is not what was sealed: its hash differs from {MANIFEST}"
+            ));
         }
     }
     for name in files_of(folder)? {
@@ -96,15 +111,29 @@ pub fn faults(folder: &Path) -> Result<Vec<String>> {
 }
 
 /// Replaces or adds files of a sealed folder as one change: `write` is called with the path to write each to.
-pub fn replace_files(folder: &Path, names: &[&str], mut write: impl FnMut(&str, &Path) -> Result<()>) -> Result<()> {
-    let seal = read_seal(folder)?
-        .ok_or_else(|| Error::corpus(folder, format!("has no {DONE}; generate the scenario first")))?;
+pub fn replace_files(
+    folder: &Path,
+    names: &[&str],
+    mut write: impl FnMut(&str, &Path) -> Result<()>,
+) -> Result<()> {
+    let seal = read_seal(folder)?.ok_or_else(|| {
+        Error::corpus(
+            folder,
+            format!("has no {DONE}; generate the scenario first"),
+        )
+    })?;
     for name in names {
         write(name, &with_new_suffix(&folder.join(name)))?;
     }
     let manifest = manifest_of(folder, names)?;
-    write_atomically(&with_new_suffix(&folder.join(MANIFEST)), manifest.as_bytes())?;
-    let seal = Seal { manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(), ..seal };
+    write_atomically(
+        &with_new_suffix(&folder.join(MANIFEST)),
+        manifest.as_bytes(),
+    )?;
+    let seal = Seal {
+        manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+        ..seal
+    };
     // With this file the change is decided.
     write_json(&with_new_suffix(&folder.join(DONE)), &seal)?;
     sync_folder(folder)?;
@@ -123,7 +152,8 @@ fn settle(folder: &Path) -> Result<()> {
         pending.retain(|path| *path != decided);
         pending.push(decided);
         for path in &pending {
-            fs::rename(path, path.with_extension("")).map_err(Error::io("rename into place", path))?;
+            fs::rename(path, path.with_extension(""))
+                .map_err(Error::io("rename into place", path))?;
         }
     } else {
         for path in &pending {
@@ -143,7 +173,10 @@ fn new_files_of(folder: &Path) -> Result<Vec<PathBuf>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(Error::io("list", folder))? {
         let path = entry.map_err(Error::io("list", folder))?.path();
-        if path.extension().is_some_and(|extension| extension == &NEW_SUFFIX[1..]) {
+        if path
+            .extension()
+            .is_some_and(|extension| extension == &NEW_SUFFIX[1..])
+        {
             found.push(path);
         }
     }
@@ -160,7 +193,11 @@ fn manifest_of(folder: &Path, replaced: &[&str]) -> Result<String> {
     let mut manifest = String::new();
     for name in names {
         let path = folder.join(&name);
-        let hash = hash_file(&if replaced.contains(&name.as_str()) { with_new_suffix(&path) } else { path })?;
+        let hash = hash_file(&if replaced.contains(&name.as_str()) {
+            with_new_suffix(&path)
+        } else {
+            path
+        })?;
         manifest.push_str(&format!("{hash}  {name}\n"));
     }
     Ok(manifest)
@@ -192,7 +229,9 @@ fn files_of(folder: &Path) -> Result<Vec<String>> {
 }
 
 fn sync_folder(folder: &Path) -> Result<()> {
-    File::open(folder).and_then(|handle| handle.sync_all()).map_err(Error::io("sync", folder))
+    File::open(folder)
+        .and_then(|handle| handle.sync_all())
+        .map_err(Error::io("sync", folder))
 }
 
 #[cfg(test)]
@@ -220,7 +259,11 @@ mod tests {
         fs::remove_file(folder.path().join("frames.parquet")).unwrap();
         fs::write(folder.path().join("extra.txt"), "").unwrap();
         let found = faults(folder.path()).unwrap().join("\n");
-        for name in ["views/left.mp4 is not what was sealed", "frames.parquet is missing", "extra.txt is not listed"] {
+        for name in [
+            "views/left.mp4 is not what was sealed",
+            "frames.parquet is missing",
+            "extra.txt is not listed",
+        ] {
             assert!(found.contains(name), "{found}");
         }
     }
@@ -233,9 +276,15 @@ mod tests {
             fs::write(path, format!("new {name}")).map_err(Error::io("write", path))
         })
         .unwrap();
-        assert_eq!(fs::read_to_string(folder.path().join("frames.parquet")).unwrap(), "new frames.parquet");
+        assert_eq!(
+            fs::read_to_string(folder.path().join("frames.parquet")).unwrap(),
+            "new frames.parquet"
+        );
         assert_eq!(faults(folder.path()).unwrap(), Vec::<String>::new());
-        assert_eq!(read_seal(folder.path()).unwrap().unwrap().config_hash, "config");
+        assert_eq!(
+            read_seal(folder.path()).unwrap().unwrap().config_hash,
+            "config"
+        );
     }
 
     #[test]
@@ -243,7 +292,10 @@ mod tests {
         let folder = sealed();
         fs::write(folder.path().join("frames.parquet.new"), "half").unwrap();
         assert_eq!(faults(folder.path()).unwrap(), Vec::<String>::new());
-        assert_eq!(fs::read_to_string(folder.path().join("frames.parquet")).unwrap(), "old");
+        assert_eq!(
+            fs::read_to_string(folder.path().join("frames.parquet")).unwrap(),
+            "old"
+        );
         assert!(!folder.path().join("frames.parquet.new").exists());
     }
 
@@ -254,10 +306,15 @@ mod tests {
         fs::write(root.join("frames.parquet.new"), "new").unwrap();
         let manifest = manifest_of(root, &["frames.parquet"]).unwrap();
         fs::write(root.join("MANIFEST.b3.new"), &manifest).unwrap();
-        let seal =
-            Seal { config_hash: "config".into(), manifest_blake3: blake3::hash(manifest.as_bytes()).to_string() };
+        let seal = Seal {
+            config_hash: "config".into(),
+            manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+        };
         write_json(&root.join("DONE.json.new"), &seal).unwrap();
         assert_eq!(faults(root).unwrap(), Vec::<String>::new());
-        assert_eq!(fs::read_to_string(root.join("frames.parquet")).unwrap(), "new");
+        assert_eq!(
+            fs::read_to_string(root.join("frames.parquet")).unwrap(),
+            "new"
+        );
     }
 }

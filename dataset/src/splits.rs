@@ -41,7 +41,10 @@ pub struct Splits {
 impl Splits {
     /// A split by trajectory; refuses one that leaks.
     pub fn new(scenarios: BTreeMap<String, Assignment>) -> std::result::Result<Self, String> {
-        let splits = Self { by: "trajectory".into(), scenarios };
+        let splits = Self {
+            by: "trajectory".into(),
+            scenarios,
+        };
         match splits.leak() {
             None => Ok(splits),
             Some(leak) => Err(leak),
@@ -50,14 +53,19 @@ impl Splits {
 
     /// Scenarios of one side, sorted.
     pub fn side(&self, side: Side) -> impl Iterator<Item = &str> {
-        self.scenarios.iter().filter(move |(_, a)| a.side == side).map(|(id, _)| id.as_str())
+        self.scenarios
+            .iter()
+            .filter(move |(_, a)| a.side == side)
+            .map(|(id, _)| id.as_str())
     }
 
     /// The first trajectory that is on two sides, in words.
     pub fn leak(&self) -> Option<String> {
         let mut seen: BTreeMap<&str, (&str, Side)> = BTreeMap::new();
         for (id, assignment) in &self.scenarios {
-            let (first, side) = *seen.entry(&assignment.trajectory).or_insert((id, assignment.side));
+            let (first, side) = *seen
+                .entry(&assignment.trajectory)
+                .or_insert((id, assignment.side));
             if side != assignment.side {
                 return Some(format!(
                     "trajectory {} is on two sides: {first} is in {side:?}, {id} is in {:?}",
@@ -73,7 +81,10 @@ impl Splits {
         let splits: Self = read_json(path, "split")?;
         match splits.leak() {
             None => Ok(splits),
-            Some(leak) => Err(Error::corpus(path, format!("{leak}; a trajectory must be on one side only"))),
+            Some(leak) => Err(Error::corpus(
+                path,
+                format!("{leak}; a trajectory must be on one side only"),
+            )),
         }
     }
 
@@ -88,7 +99,10 @@ mod tests {
     use super::*;
 
     fn assignment(trajectory: &str, side: Side) -> Assignment {
-        Assignment { trajectory: trajectory.into(), side }
+        Assignment {
+            trajectory: trajectory.into(),
+            side,
+        }
     }
 
     #[test]
@@ -98,7 +112,10 @@ mod tests {
             ("0002".to_owned(), assignment("flight-a", Side::Test)),
         ]);
         let message = Splits::new(scenarios).unwrap_err();
-        assert!(message.contains("flight-a") && message.contains("0001") && message.contains("0002"), "{message}");
+        assert!(
+            message.contains("flight-a") && message.contains("0001") && message.contains("0002"),
+            "{message}"
+        );
     }
 
     #[test]
@@ -108,6 +125,9 @@ mod tests {
             ("0002".to_owned(), assignment("flight-a", Side::Test)),
         ]);
         let splits = Splits::new(scenarios).unwrap();
-        assert_eq!(splits.side(Side::Test).collect::<Vec<_>>(), ["0001", "0002"]);
+        assert_eq!(
+            splits.side(Side::Test).collect::<Vec<_>>(),
+            ["0001", "0002"]
+        );
     }
 }

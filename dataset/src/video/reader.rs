@@ -172,7 +172,9 @@ impl VideoReader {
                         .map_err(|e| self.fault("finish decoding", e));
                 }
                 Err(e) => {
-                    return Err(self.fault(format!("read on after picture {}", self.frames_read), e));
+                    return Err(
+                        self.fault(format!("read on after picture {}", self.frames_read), e)
+                    );
                 }
             }
         }
