@@ -1,0 +1,357 @@
+//! What a camera sees: sky, clouds, ground, runway and one aircraft, drawn in software.
+//!
+//! In: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Out: 8-bit sRGB pictures. Everything
+//! behind the aircraft is computed once per [`Scene`] and copied; the aircraft's patch is drawn with up to 256 samples per
+//! pixel and composited in linear light. The same inputs give the same bytes, whatever the number of threads.
+
+mod air;
+mod aircraft;
+mod backdrop;
+mod clouds;
+mod curves;
+mod ground;
+mod lamps;
+mod light;
+mod noise;
+mod rain;
+mod raster;
+mod ships;
+mod site_lamps;
+mod tone;
+mod view;
+
+use std::sync::{Mutex, PoisonError};
+
+use dataset::camera::Camera;
+use dataset::conditions::{Clock, Weather};
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, Pose};
+use dataset::runway::Runway;
+use glam::{DVec2, DVec3, Vec3};
+
+use air::Air;
+use aircraft::Placed;
+use backdrop::{Backdrop, SkyGrid, Surroundings};
+use clouds::{CloudLight, Clouds};
+use ground::Ground;
+use lamps::Spot;
+use light::Light;
+use raster::{Patch, Scratch};
+use tone::Tone;
+use view::View;
+
+/// A place, its weather and time as one camera sees them; draws frames of an aircraft in it.
+pub struct Scene {
+    world: Surroundings,
+    light: Light,
+    backdrop: Backdrop,
+    rain_ratio: f64,
+    /// Display value of raindrops, and what tells this camera's drops from another's.
+    rain_grey: [f32; 3],
+    rain_seed: u32,
+    scratch: Mutex<Vec<Scratch>>,
+}
+
+/// The light of a patch of pixels, row by row, with the rectangle that it covers.
+struct Canvas {
+    x: usize,
+    y: usize,
+    width: usize,
+    light: Vec<Vec3>,
+    /// Whether a pixel differs from the backdrop.
+    touched: Vec<bool>,
+}
+
+impl Scene {
+    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large picture).
+    /// The sun stands where the clock of 2023 has it, as seen from the camera.
+    pub fn new(camera: &Camera, runway: &Runway, weather: &Weather, clock: &Clock) -> Self {
+        let view = View::new(camera, runway);
+        let beta_per_m = air::beta_per_m(weather.visibility_m);
+        let light = Light::new(
+            Geodetic::from_ecef(camera.center_ecef_m),
+            clock,
+            weather,
+            beta_per_m,
+        );
+        let air = Air::new(beta_per_m, light);
+        // All cameras of a site expose for the same piece of sky: where the aircraft come from.
+        let approach = (-view.course + DVec3::Z * 0.03).normalize();
+        let tone = Tone::for_horizon(curves::luminance(air.airlight(approach)));
+        let ground = Ground::new(&view, &air, &light, weather.rain_ratio);
+        let site_lamps = site_lamps::spots(&view, &air, &tone, &ground);
+        let rain_grey = tone::encode(tone.expose(air.airlight(approach) * 1.15)).to_array();
+        let rain_seed = view.position_m.to_array().iter().fold(0, |seed, c| {
+            noise::hash(seed, c.to_bits() as u32, (c.to_bits() >> 32) as u32)
+        });
+        let world = Surroundings {
+            clouds: Clouds::new(weather, &light),
+            view,
+            air,
+            tone,
+        };
+        let backdrop = Backdrop::new(&world, &ground, &site_lamps);
+        Self {
+            world,
+            light,
+            backdrop,
+            rain_ratio: weather.rain_ratio,
+            rain_grey,
+            rain_seed,
+            scratch: Mutex::default(),
+        }
+    }
+
+    /// Draws one frame. `time_s` moves clouds, rain and flashing lamps; `rgb` holds `width * height * 3` bytes, row by row.
+    ///
+    /// # Panics
+    ///
+    /// If `rgb` has another length.
+    pub fn render(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
+        self.draw_frame(pose, controls, time_s, true, rgb);
+    }
+
+    fn draw_frame(
+        &self,
+        pose: &Pose,
+        controls: &Controls,
+        time_s: f64,
+        with_lamps: bool,
+        rgb: &mut [u8],
+    ) {
+        let size = self.size();
+        assert_eq!(
+            rgb.len(),
+            size.0 * size.1 * 3,
+            "a picture of {} x {} pixels has another number of bytes",
+            size.0,
+            size.1
+        );
+        let sky = self.backdrop.paint(&self.world, time_s, rgb);
+        let placed = Placed::new(&self.world.view, pose, controls);
+        if placed.is_ahead() {
+            let clouds = CloudsBefore::new(&self.world, &placed, time_s);
+            let patch = self.draw_airframe(&placed);
+            let lamps = if with_lamps {
+                self.visible_lamps(&placed, &clouds, time_s)
+            } else {
+                vec![]
+            };
+            if let Some(canvas) = self.composite(patch.as_ref(), &lamps, &clouds, &sky) {
+                canvas.write(rgb, size.0);
+            }
+        }
+        if self.rain_ratio > 0.0 {
+            rain::draw(
+                rgb,
+                size,
+                self.rain_ratio,
+                self.rain_grey,
+                time_s,
+                self.rain_seed,
+            );
+        }
+    }
+
+    /// Width and height of the picture, pixels.
+    fn size(&self) -> (usize, usize) {
+        (
+            self.world.view.camera.width_px as usize,
+            self.world.view.camera.height_px as usize,
+        )
+    }
+
+    fn draw_airframe(&self, placed: &Placed) -> Option<Patch> {
+        let world = &self.world;
+        let triangles = placed.triangles(
+            &placed.mesh(),
+            &world.view,
+            &world.air,
+            &self.light,
+            &world.tone,
+        );
+        let mut scratch = self
+            .scratch
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .pop()
+            .unwrap_or_default();
+        let patch = raster::draw(&triangles, self.size(), &mut scratch);
+        self.scratch
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(scratch);
+        patch
+    }
+
+    fn visible_lamps(&self, placed: &Placed, clouds: &CloudsBefore, time_s: f64) -> Vec<Spot> {
+        let mut lamps = placed.lamps(&self.world.view, &self.world.air, &self.world.tone, time_s);
+        for spot in &mut lamps {
+            spot.energy *= clouds.at(spot.pixel).transmittance;
+        }
+        lamps
+    }
+
+    /// Puts airframe and lamps over the backdrop, in linear light. `None` if nothing falls into the picture.
+    fn composite(
+        &self,
+        patch: Option<&Patch>,
+        lamps: &[Spot],
+        clouds: &CloudsBefore,
+        sky: &SkyGrid,
+    ) -> Option<Canvas> {
+        let mut canvas = Canvas::around(patch, lamps, self.size())?;
+        for index in 0..canvas.light.len() {
+            let (x, y) = (
+                canvas.x + index % canvas.width,
+                canvas.y + index / canvas.width,
+            );
+            let behind = self.backdrop.light(sky, x, y);
+            let covered = patch
+                .and_then(|patch| patch.at(x, y))
+                .filter(|(coverage, _)| *coverage > 0.0);
+            let mut light = behind;
+            if let Some((coverage, sum)) = covered {
+                let pixel = DVec2::new(x as f64, y as f64);
+                let airlight = self
+                    .world
+                    .tone
+                    .expose(self.world.air.airlight(self.world.view.ray(pixel)));
+                let before = clouds.at(pixel);
+                let body = sum.truncate() + airlight * (coverage - sum.w);
+                light = behind * (1.0 - coverage)
+                    + before.luminance * coverage
+                    + body * before.transmittance;
+            }
+            let glow: Vec3 = lamps.iter().map(|spot| spot.on(x as i64, y as i64)).sum();
+            canvas.light[index] = light + glow;
+            canvas.touched[index] = covered.is_some() || glow.max_element() > 0.0;
+        }
+        Some(canvas)
+    }
+}
+
+impl Patch {
+    /// Coverage and light of a pixel of the picture, if the patch holds it.
+    fn at(&self, x: usize, y: usize) -> Option<(f32, glam::Vec4)> {
+        let (column, row) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
+        (column < self.width && row < self.height).then(|| {
+            (
+                self.coverage[row * self.width + column],
+                self.light[row * self.width + column],
+            )
+        })
+    }
+}
+
+impl Canvas {
+    /// An empty canvas that holds a patch and the reach of all lamps.
+    fn around(
+        patch: Option<&Patch>,
+        lamps: &[Spot],
+        (width, height): (usize, usize),
+    ) -> Option<Self> {
+        let mut min = DVec2::INFINITY;
+        let mut max = DVec2::NEG_INFINITY;
+        if let Some(patch) = patch {
+            let corner = DVec2::new(patch.x as f64, patch.y as f64);
+            min = min.min(corner);
+            max = max.max(corner + DVec2::new(patch.width as f64 - 1.0, patch.height as f64 - 1.0));
+        }
+        for spot in lamps {
+            let reach = spot.reach_px();
+            if reach > 0.0 {
+                min = min.min(spot.pixel - reach);
+                max = max.max(spot.pixel + reach);
+            }
+        }
+        let min = min.ceil().max(DVec2::ZERO);
+        let max = max
+            .floor()
+            .min(DVec2::new(width as f64 - 1.0, height as f64 - 1.0));
+        (min.x <= max.x && min.y <= max.y).then(|| {
+            let (columns, rows) = ((max.x - min.x) as usize + 1, (max.y - min.y) as usize + 1);
+            Self {
+                x: min.x as usize,
+                y: min.y as usize,
+                width: columns,
+                light: vec![Vec3::ZERO; columns * rows],
+                touched: vec![false; columns * rows],
+            }
+        })
+    }
+
+    /// Writes the pixels that differ from the backdrop.
+    fn write(&self, rgb: &mut [u8], picture_width: usize) {
+        for (index, &light) in self
+            .light
+            .iter()
+            .enumerate()
+            .filter(|(index, _)| self.touched[*index])
+        {
+            let (x, y) = (self.x + index % self.width, self.y + index / self.width);
+            rgb[(y * picture_width + x) * 3..][..3]
+                .copy_from_slice(&tone::to_bytes(tone::encode(light)));
+        }
+    }
+}
+
+/// The clouds between camera and aircraft, sampled around the aircraft and interpolated.
+struct CloudsBefore {
+    origin: DVec2,
+    spacing_px: f64,
+    /// Three by three samples, exposed.
+    samples: [CloudLight; 9],
+}
+
+impl CloudsBefore {
+    fn new(world: &Surroundings, placed: &Placed, time_s: f64) -> Self {
+        let camera = &world.view.camera;
+        let distance_m = placed.distance_m();
+        let center = camera
+            .project(placed.pose.position().to_ecef())
+            .unwrap_or(camera.principal_px);
+        // Half a span and a little, as it appears.
+        let spacing_px = (20.0 * camera.focal_px / distance_m).max(1.0);
+        let origin = center - spacing_px;
+        let samples = std::array::from_fn(|i| {
+            let pixel = origin + DVec2::new((i % 3) as f64, (i / 3) as f64) * spacing_px;
+            let found = world.clouds.along(
+                &world.view,
+                &world.air,
+                world.view.ray(pixel),
+                distance_m,
+                time_s,
+            );
+            CloudLight {
+                luminance: world.tone.expose(found.luminance),
+                ..found
+            }
+        });
+        Self {
+            origin,
+            spacing_px,
+            samples,
+        }
+    }
+
+    fn at(&self, pixel: DVec2) -> CloudLight {
+        let place = ((pixel - self.origin) / self.spacing_px).clamp(DVec2::ZERO, DVec2::splat(2.0));
+        let cell = place.floor().min(DVec2::ONE);
+        let part = (place - cell).as_vec2();
+        let first = cell.x as usize + 3 * cell.y as usize;
+        let mix = |a: CloudLight, b: CloudLight, part: f32| CloudLight {
+            luminance: a.luminance.lerp(b.luminance, part),
+            transmittance: a.transmittance + (b.transmittance - a.transmittance) * part,
+        };
+        let s = &self.samples;
+        mix(
+            mix(s[first], s[first + 1], part.x),
+            mix(s[first + 3], s[first + 4], part.x),
+            part.y,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,257 @@
+//! Cloud layers: where they are, how they hide what is behind them, how bright they look.
+//!
+//! A layer is a slab between base and top. A tile of noise that drifts with the wind says where in the plan the cloud is, and
+//! how high it heaps; rays march through the slab. The same march with a shorter range tells how much cloud lies before the
+//! aircraft, so a hidden aircraft and the cloud that hides it agree.
+
+use dataset::conditions::{CloudKind, CloudLayer, Weather};
+use glam::{DVec2, DVec3, Vec3};
+
+use crate::render::air::Air;
+use crate::render::curves::smoothstep;
+use crate::render::light::Light;
+use crate::render::noise::NoiseTile;
+use crate::render::view::View;
+
+/// Haze leaves less than half a percent of contrast beyond this optical depth: nothing there is worth marching to.
+const FARTHEST_DEPTH: f64 = 5.3;
+/// A ray that is this opaque stops.
+const OPAQUE: f32 = 0.01;
+/// Wind grows with height by this power law.
+const WIND_EXPONENT: f64 = 0.14;
+
+/// What a ray meets on its way.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct CloudLight {
+    /// Light that the clouds send to the camera through the haze, cd/m2, already weighted with their opacity.
+    pub(crate) luminance: Vec3,
+    /// Part of the light from behind that comes through, 0 to 1.
+    pub(crate) transmittance: f32,
+}
+
+impl CloudLight {
+    const NOTHING: Self = Self {
+        luminance: Vec3::ZERO,
+        transmittance: 1.0,
+    };
+
+    /// The clouds over what lies behind them.
+    pub(crate) fn over(&self, behind: Vec3) -> Vec3 {
+        self.luminance + behind * self.transmittance
+    }
+}
+
+/// All layers of a scene.
+pub(crate) struct Clouds {
+    layers: Vec<Layer>,
+    light: Light,
+    tile: &'static NoiseTile,
+}
+
+struct Layer {
+    kind: CloudKind,
+    cover: f32,
+    base_m: f64,
+    top_m: f64,
+    /// Drift, metres per second east and north.
+    drift_mps: DVec2,
+    /// Side of the repeating tile, metres.
+    tile_m: f64,
+    /// Extinction inside, 1/m.
+    extinction_per_m: f32,
+    /// Luminance of the darkest and of the brightest parts, cd/m2.
+    shaded: Vec3,
+    sunlit: Vec3,
+}
+
+impl Clouds {
+    pub(crate) fn new(weather: &Weather, light: &Light) -> Self {
+        let layers = weather
+            .clouds
+            .iter()
+            .filter(|layer| layer.cover_ratio > 0.0 && layer.top_msl_m > layer.base_msl_m)
+            .map(|layer| Layer::new(layer, weather, light))
+            .collect();
+        Self {
+            layers,
+            light: *light,
+            tile: NoiseTile::shared(),
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.layers.is_empty()
+    }
+
+    /// Fastest angular drift over a view that reaches up to the sine `steepest_up`, radians per second.
+    pub(crate) fn angular_speed_rad_per_s(&self, steepest_up: f64) -> f64 {
+        self.layers
+            .iter()
+            .map(|layer| layer.drift_mps.length() * steepest_up.max(0.01) / layer.base_m.max(50.0))
+            .fold(0.0, f64::max)
+    }
+
+    /// Follows a ray from the camera up to `range_m`.
+    pub(crate) fn along(
+        &self,
+        view: &View,
+        air: &Air,
+        ray: DVec3,
+        range_m: f64,
+        time_s: f64,
+    ) -> CloudLight {
+        let farthest_m = range_m.min(FARTHEST_DEPTH / air.beta_per_m);
+        let mut spans: Vec<(f64, f64, &Layer)> = self
+            .layers
+            .iter()
+            .filter_map(|layer| {
+                layer
+                    .span(view, ray)
+                    .map(|(from, to)| (from, to.min(farthest_m), layer))
+            })
+            .filter(|(from, to, _)| from < to)
+            .collect();
+        if spans.is_empty() {
+            return CloudLight::NOTHING;
+        }
+        spans.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let airlight = air.airlight(ray);
+        let mut found = CloudLight::NOTHING;
+        for (from, to, layer) in spans {
+            self.march(
+                view,
+                air,
+                ray,
+                airlight,
+                (from, to),
+                layer,
+                time_s,
+                &mut found,
+            );
+        }
+        // Clouds far away hang into the silhouette of the horizon, which is drawn once and does not move.
+        let fade = smoothstep(0.003, 0.012, ray.z as f32);
+        CloudLight {
+            luminance: found.luminance * fade,
+            transmittance: 1.0 - (1.0 - found.transmittance) * fade,
+        }
+    }
+
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the inner loop takes what its caller computed once per ray"
+    )]
+    fn march(
+        &self,
+        view: &View,
+        air: &Air,
+        ray: DVec3,
+        airlight: Vec3,
+        (from_m, to_m): (f64, f64),
+        layer: &Layer,
+        time_s: f64,
+        found: &mut CloudLight,
+    ) {
+        // Seen against the sun a heap shows its shaded side.
+        let facing = 0.65 - 0.35 * ray.dot(self.light.to_sun) as f32;
+        let mut distance_m = from_m;
+        while distance_m < to_m && found.transmittance > OPAQUE {
+            let step_m = (0.010 * distance_m)
+                .clamp(40.0, 400.0)
+                .min(to_m - distance_m)
+                .max(1.0);
+            let middle_m = distance_m + step_m / 2.0;
+            let point = view.position_m + ray * middle_m;
+            let level =
+                ((view.height_msl_m(point) - layer.base_m) / (layer.top_m - layer.base_m)) as f32;
+            let density = layer.density(
+                self.tile,
+                point.truncate() - layer.drift_mps * time_s,
+                level,
+            );
+            if density > 0.0 {
+                let through = (-layer.extinction_per_m * density * step_m as f32).exp();
+                let lit = smoothstep(-0.1, 0.8, level) * facing;
+                let own = layer.shaded.lerp(layer.sunlit, lit);
+                let t = air.transmittance(middle_m);
+                found.luminance +=
+                    (own * t + airlight * (1.0 - t)) * (found.transmittance * (1.0 - through));
+                found.transmittance *= through;
+            }
+            distance_m += step_m;
+        }
+    }
+}
+
+impl Layer {
+    fn new(layer: &CloudLayer, weather: &Weather, light: &Light) -> Self {
+        let aloft = (layer.base_msl_m.max(10.0) / 10.0).powf(WIND_EXPONENT);
+        let (sin, cos) = weather.wind_from_true_deg.to_radians().sin_cos();
+        let (tile_m, extinction_per_m, gloom) = match layer.kind {
+            CloudKind::Cirrus => (60_000.0, 1.5e-4, 1.0),
+            CloudKind::Stratus => (32_000.0, 0.012, 0.8),
+            CloudKind::Cumulus => (20_000.0, 0.030, 1.0),
+            CloudKind::Cumulonimbus => (48_000.0, 0.030, 0.55),
+        };
+        let rain = 1.0 - 0.4 * weather.rain_ratio as f32;
+        let lambert = 0.85 / std::f32::consts::PI;
+        // From below one sees what came through; gaps between heaps let the sky light their undersides.
+        let below = light.sky_lux * (0.75 * lambert * gloom * rain);
+        let above = (light.sun_above_lux * 0.8 + light.sky_above_lux) * lambert;
+        // Under a closed cover no sun reaches the sides that one can see.
+        let open = (1.0 - layer.cover_ratio.clamp(0.0, 1.0) as f32).powf(0.7);
+        Self {
+            kind: layer.kind,
+            cover: layer.cover_ratio.clamp(0.0, 1.0) as f32,
+            base_m: layer.base_msl_m,
+            top_m: layer.top_msl_m,
+            drift_mps: DVec2::new(-sin, -cos) * (weather.wind_speed_mps * aloft),
+            tile_m,
+            extinction_per_m,
+            shaded: below,
+            sunlit: below * 1.3 + above * (open * gloom * rain),
+        }
+    }
+
+    /// Distances between which a ray is inside the slab; a camera above the layer does not look down on it.
+    fn span(&self, view: &View, ray: DVec3) -> Option<(f64, f64)> {
+        let camera_m = view.height_msl_m(view.position_m);
+        if camera_m >= self.top_m {
+            return None;
+        }
+        let [_, to] = view.distances_to_height(ray, self.top_m)?;
+        let from = if camera_m >= self.base_m {
+            0.0
+        } else {
+            view.distances_to_height(ray, self.base_m)?[1]
+        };
+        Some((from, to))
+    }
+
+    /// Density between 0 and 1 at a place of the drifting plan and a level between base (0) and top (1).
+    fn density(&self, tile: &NoiseTile, plan_m: DVec2, level: f32) -> f32 {
+        if !(0.0..=1.0).contains(&level) {
+            return 0.0;
+        }
+        let coarse = plan_m / self.tile_m;
+        let excess = (tile.at(coarse.x, coarse.y) - (1.0 - self.cover)) / self.cover.max(0.05);
+        if excess < -0.3 {
+            return 0.0;
+        }
+        // Fine structure slides sideways with height, which breaks the columns of a two-dimensional tile.
+        let height_m = f64::from(level) * (self.top_m - self.base_m);
+        let fine = (plan_m + DVec2::new(0.6, -0.4) * height_m) / (self.tile_m * 0.19);
+        let detail = tile.at(fine.x, fine.y) - 0.5;
+        match self.kind {
+            CloudKind::Cirrus => smoothstep(0.0, 0.8, excess + 0.4 * detail),
+            CloudKind::Stratus => {
+                let edges = smoothstep(0.0, 0.15, level) * (1.0 - smoothstep(0.8, 1.0, level));
+                smoothstep(0.0, 0.25, excess + 0.3 * detail) * edges
+            }
+            CloudKind::Cumulus | CloudKind::Cumulonimbus => {
+                let heap = excess.max(0.0).sqrt() + 0.35 * detail;
+                smoothstep(0.0, 0.15, heap - level) * smoothstep(0.0, 0.04, level)
+            }
+        }
+    }
+}

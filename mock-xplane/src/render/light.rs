@@ -1,0 +1,176 @@
+//! Where the sun stands and how much light comes from it and from the sky.
+//!
+//! Photometric units: illuminances in lux, luminances in cd/m2, per colour channel (linear, BT.709 primaries). Illuminances by
+//! solar elevation follow the usual tables (Seidelmann, Explanatory Supplement, table of illumination); a city's glow sets the
+//! floor at night. What clouds take from the sun they partly give back as a grey sky.
+
+use chrono::{Days, NaiveDate, NaiveTime, TimeDelta};
+use dataset::conditions::{Clock, CloudKind, Weather};
+use dataset::geodesy::Geodetic;
+use glam::{DVec3, Vec3};
+use solar_positioning::{Location, RefractionCorrection, SolarPositions};
+
+use crate::render::curves::{geometric_lookup, luminance};
+
+/// X-Plane's clock has no year: any will do, as long as it stays the same.
+const YEAR: i32 = 2023;
+/// Difference of terrestrial and universal time around that year, seconds.
+const DELTA_T_S: f64 = 69.2;
+
+/// Solar elevation in degrees, and diffuse illuminance of a horizontal plane under a clear sky, lux per channel.
+const SKY_LUX: [(f32, Vec3); 11] = [
+    (-18.0, Vec3::new(0.110, 0.090, 0.075)),
+    (-14.0, Vec3::new(0.125, 0.115, 0.130)),
+    (-10.0, Vec3::new(0.35, 0.42, 0.70)),
+    (-6.0, Vec3::new(3.0, 3.6, 6.0)),
+    (-3.0, Vec3::new(50.0, 56.0, 80.0)),
+    (0.0, Vec3::new(540.0, 520.0, 600.0)),
+    (4.0, Vec3::new(2_700.0, 2_600.0, 2_650.0)),
+    (10.0, Vec3::new(5_900.0, 6_000.0, 6_400.0)),
+    (20.0, Vec3::new(10_200.0, 11_000.0, 12_300.0)),
+    (40.0, Vec3::new(13_800.0, 15_500.0, 18_000.0)),
+    (90.0, Vec3::new(17_000.0, 19_500.0, 23_000.0)),
+];
+
+/// Illuminance by the sun outside the atmosphere, lux.
+const SUN_LUX: f32 = 128_000.0;
+/// Vertical optical depth of clean air for red, green and blue.
+const AIR_DEPTH: Vec3 = Vec3::new(0.12, 0.19, 0.32);
+/// Part of the light on top of an overcast that comes out below.
+const OVERCAST_TRANSMISSION: f32 = 0.22;
+
+/// The light of a scene.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Light {
+    /// Unit vector to the sun: east, north, up.
+    pub(crate) to_sun: DVec3,
+    /// Sunlight on a plane across its rays above the clouds, lux.
+    pub(crate) sun_above_lux: Vec3,
+    /// Diffuse light on a horizontal plane above the clouds, lux.
+    pub(crate) sky_above_lux: Vec3,
+    /// Sunlight below the clouds, on average over gaps and shadows, lux.
+    pub(crate) sun_lux: Vec3,
+    /// Diffuse light on a horizontal plane below the clouds, lux.
+    pub(crate) sky_lux: Vec3,
+    /// Part of the sky's light that clouds have turned grey, 0 to 1.
+    pub(crate) overcast: f32,
+}
+
+impl Light {
+    pub(crate) fn new(place: Geodetic, clock: &Clock, weather: &Weather, beta_per_m: f64) -> Self {
+        let (azimuth_deg, elevation_deg) = sun_position(place, clock);
+        let (sin_az, cos_az) = azimuth_deg.to_radians().sin_cos();
+        let (sin_el, cos_el) = elevation_deg.to_radians().sin_cos();
+        let elevation = elevation_deg as f32;
+
+        let haze_depth = 0.5 * (beta_per_m * 1_500.0) as f32;
+        let depth = (AIR_DEPTH + Vec3::splat(haze_depth)) * air_mass(elevation.max(-0.5));
+        // The disc takes half a degree to rise.
+        let risen = ((elevation + 0.3) / 0.6).clamp(0.0, 1.0);
+        let sun_above_lux = (-depth).map(f32::exp) * (SUN_LUX * risen);
+        let sky_above_lux = geometric_lookup(&SKY_LUX, elevation);
+
+        let overcast = overcast(weather);
+        let horizontal_sun = sun_above_lux * (sin_el as f32).max(0.0);
+        let grey = luminance(horizontal_sun + sky_above_lux)
+            * OVERCAST_TRANSMISSION
+            * (1.0 - 0.45 * weather.rain_ratio as f32);
+        Self {
+            to_sun: DVec3::new(cos_el * sin_az, cos_el * cos_az, sin_el),
+            sun_above_lux,
+            sky_above_lux,
+            sun_lux: sun_above_lux * (1.0 - overcast),
+            sky_lux: sky_above_lux * (1.0 - overcast)
+                + Vec3::new(0.97, 1.0, 1.04) * (grey * overcast),
+            overcast,
+        }
+    }
+
+    /// Light on the ground, lux.
+    pub(crate) fn ground_lux(&self) -> Vec3 {
+        self.sky_lux + self.sun_lux * (self.to_sun.z as f32).max(0.0)
+    }
+}
+
+/// How much of the sun the layers take, 0 none to 1 all.
+fn overcast(weather: &Weather) -> f32 {
+    let through: f64 = weather
+        .clouds
+        .iter()
+        .map(|layer| {
+            let opacity = if layer.kind == CloudKind::Cirrus {
+                0.25
+            } else {
+                1.0
+            };
+            1.0 - opacity * layer.cover_ratio.clamp(0.0, 1.0)
+        })
+        .product();
+    1.0 - through as f32
+}
+
+/// Azimuth and elevation of the sun, degrees.
+fn sun_position(place: Geodetic, clock: &Clock) -> (f64, f64) {
+    let first =
+        NaiveDate::from_ymd_opt(YEAR, 1, 1).expect("the first of January exists in every year");
+    let day = first + Days::new(u64::from(clock.day_of_year.saturating_sub(1)));
+    let time = (day.and_time(NaiveTime::MIN)
+        + TimeDelta::milliseconds((clock.zulu_time_s * 1e3) as i64))
+    .and_utc();
+    let location = Location {
+        latitude: place.latitude_deg,
+        longitude: place.longitude_deg,
+    };
+    let position = SolarPositions::new()
+        .at(
+            &time,
+            location,
+            place.altitude_msl_m,
+            DELTA_T_S,
+            Some(RefractionCorrection::standard()),
+        )
+        .expect("coordinates that come from ECEF are valid latitudes and longitudes");
+    (position.azimuth(), position.elevation_angle())
+}
+
+/// Relative optical air mass (Kasten and Young 1989).
+fn air_mass(elevation_deg: f32) -> f32 {
+    1.0 / (elevation_deg.to_radians().sin() + 0.505_72 * (elevation_deg + 6.079_95).powf(-1.636_4))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::tests::{clear, clock_at_local};
+
+    const CHANGI: Geodetic = Geodetic {
+        latitude_deg: 1.35,
+        longitude_deg: 103.98,
+        altitude_msl_m: 7.0,
+    };
+
+    #[test]
+    fn the_sun_of_singapore_is_below_the_horizon_at_six_and_high_at_noon() {
+        let (_, at_six) = sun_position(CHANGI, &clock_at_local(6.0));
+        assert!((-20.0..-10.0).contains(&at_six), "{at_six}");
+        let (_, at_noon) = sun_position(CHANGI, &clock_at_local(12.0));
+        assert!(at_noon > 60.0, "{at_noon}");
+        let (azimuth, at_six_pm) = sun_position(CHANGI, &clock_at_local(18.0));
+        assert!(
+            (5.0..20.0).contains(&at_six_pm) && (240.0..300.0).contains(&azimuth),
+            "{azimuth} {at_six_pm}"
+        );
+    }
+
+    #[test]
+    fn noon_gives_about_a_hundred_thousand_lux_and_dusk_less_than_one_before_sunrise() {
+        let noon = Light::new(CHANGI, &clock_at_local(12.0), &clear(), 1e-4);
+        assert!(
+            (70_000.0..140_000.0).contains(&luminance(noon.ground_lux())),
+            "{}",
+            noon.ground_lux()
+        );
+        let dawn = Light::new(CHANGI, &clock_at_local(6.0), &clear(), 1e-4);
+        assert!(luminance(dawn.ground_lux()) < 1.0, "{}", dawn.ground_lux());
+    }
+}

@@ -1,0 +1,121 @@
+//! A tile of fractal noise that repeats without a seam, flattened so that its values are uniform between 0 and 1: "above
+//! 1 - cover" then holds on exactly `cover` of the area.
+
+use std::sync::OnceLock;
+
+/// Texels along a side; a power of two.
+const SIDE: usize = 1024;
+/// Cells of the coarsest octave along a side.
+const COARSEST_CELLS: usize = 16;
+const OCTAVES: u32 = 5;
+
+/// Uniform fractal noise over a repeating unit square.
+pub(crate) struct NoiseTile {
+    texels: Vec<f32>,
+}
+
+impl NoiseTile {
+    /// The one tile of this program; made at first use.
+    pub(crate) fn shared() -> &'static Self {
+        static TILE: OnceLock<NoiseTile> = OnceLock::new();
+        TILE.get_or_init(Self::new)
+    }
+
+    fn new() -> Self {
+        let raw: Vec<f32> = (0..SIDE * SIDE)
+            .map(|i| {
+                fractal(
+                    (i % SIDE) as f32 / SIDE as f32,
+                    (i / SIDE) as f32 / SIDE as f32,
+                )
+            })
+            .collect();
+        // Replace every value by its rank: the histogram becomes flat.
+        let mut order: Vec<u32> = (0..raw.len() as u32).collect();
+        order
+            .sort_unstable_by(|&a, &b| raw[a as usize].total_cmp(&raw[b as usize]).then(a.cmp(&b)));
+        let mut texels = vec![0.0; raw.len()];
+        for (rank, &index) in order.iter().enumerate() {
+            texels[index as usize] = (rank as f32 + 0.5) / raw.len() as f32;
+        }
+        Self { texels }
+    }
+
+    /// The value at a place, in units of the tile's side; repeats with period 1.
+    pub(crate) fn at(&self, x: f64, y: f64) -> f32 {
+        let (u, v) = (x * SIDE as f64, y * SIDE as f64);
+        let (u0, v0) = (u.floor(), v.floor());
+        let (fu, fv) = ((u - u0) as f32, (v - v0) as f32);
+        let wrap = |i: i64| i as usize & (SIDE - 1);
+        let (x0, x1) = (wrap(u0 as i64), wrap(u0 as i64 + 1));
+        let (y0, y1) = (wrap(v0 as i64) * SIDE, wrap(v0 as i64 + 1) * SIDE);
+        let top = self.texels[y0 + x0] + (self.texels[y0 + x1] - self.texels[y0 + x0]) * fu;
+        let bottom = self.texels[y1 + x0] + (self.texels[y1 + x1] - self.texels[y1 + x0]) * fu;
+        top + (bottom - top) * fv
+    }
+}
+
+/// A well-mixed 32-bit hash of three numbers (finaliser of MurmurHash3).
+pub(crate) fn hash(a: u32, b: u32, c: u32) -> u32 {
+    let mut h = a.wrapping_mul(0x9E37_79B1)
+        ^ b.wrapping_mul(0x85EB_CA77).rotate_left(13)
+        ^ c.wrapping_mul(0xC2B2_AE3D).rotate_left(7);
+    h = (h ^ (h >> 16)).wrapping_mul(0x85EB_CA6B);
+    h = (h ^ (h >> 13)).wrapping_mul(0xC2B2_AE35);
+    h ^ (h >> 16)
+}
+
+/// A hash as a number in [0, 1).
+pub(crate) fn unit_hash(a: u32, b: u32, c: u32) -> f32 {
+    (hash(a, b, c) >> 8) as f32 / (1 << 24) as f32
+}
+
+fn fractal(x: f32, y: f32) -> f32 {
+    (0..OCTAVES)
+        .map(|octave| {
+            let cells = COARSEST_CELLS << octave;
+            gradient_noise(x * cells as f32, y * cells as f32, cells as u32, octave)
+                * 0.5_f32.powi(octave as i32)
+        })
+        .sum()
+}
+
+/// Perlin's gradient noise with a period of `cells`.
+fn gradient_noise(x: f32, y: f32, cells: u32, seed: u32) -> f32 {
+    let (x0, y0) = (x.floor(), y.floor());
+    let (fx, fy) = (x - x0, y - y0);
+    let corner = |dx: u32, dy: u32| {
+        let angle = std::f32::consts::TAU
+            * unit_hash((x0 as u32 + dx) % cells, (y0 as u32 + dy) % cells, seed);
+        angle.cos() * (fx - dx as f32) + angle.sin() * (fy - dy as f32)
+    };
+    let fade = |t: f32| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+    let (u, v) = (fade(fx), fade(fy));
+    let top = corner(0, 0) + (corner(1, 0) - corner(0, 0)) * u;
+    let bottom = corner(0, 1) + (corner(1, 1) - corner(0, 1)) * u;
+    top + (bottom - top) * v
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_threshold_covers_exactly_its_share_of_the_tile() {
+        let tile = NoiseTile::shared();
+        let above = tile.texels.iter().filter(|&&value| value > 0.4).count() as f64
+            / tile.texels.len() as f64;
+        assert!((above - 0.6).abs() < 1e-4, "{above}");
+    }
+
+    #[test]
+    fn the_tile_repeats_without_a_seam() {
+        let tile = NoiseTile::shared();
+        for i in 0..100 {
+            let y = f64::from(i) * 0.0137;
+            assert!((tile.at(0.3, y) - tile.at(-0.7, y + 2.0)).abs() < 1e-5);
+            let step = (tile.at(1.0 - 1e-4, y) - tile.at(1.0 + 1e-4, y)).abs();
+            assert!(step < 0.05, "a step of {step} over the seam");
+        }
+    }
+}

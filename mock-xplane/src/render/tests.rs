@@ -1,0 +1,386 @@
+//! What every picture must keep: places, contrasts, sub-pixel centres and bytes.
+
+use dataset::camera::CameraPose;
+use dataset::conditions::{CloudKind, CloudLayer};
+
+use super::*;
+
+/// Focal length of 1920 pixels over ten degrees.
+const FOCAL_PX: f64 = 10_972.8;
+const SINGAPORE_S: f64 = 8.0 * 3600.0;
+const NM_M: f64 = 1_852.0;
+
+pub(crate) fn changi_02l() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: None,
+        course_magnetic_deg: None,
+    }
+}
+
+pub(crate) fn clear() -> Weather {
+    Weather {
+        visibility_m: 40_000.0,
+        clouds: vec![],
+        rain_ratio: 0.0,
+        wind_speed_mps: 0.0,
+        wind_from_true_deg: 0.0,
+        turbulence_ratio: 0.0,
+    }
+}
+
+pub(crate) fn clock_at_local(hours: f64) -> Clock {
+    Clock {
+        day_of_year: 80,
+        zulu_time_s: (hours * 3600.0 - SINGAPORE_S).rem_euclid(86_400.0),
+    }
+}
+
+/// A camera 1.5 km beyond touchdown and 300 m left of the axis, as wide as `width_px` at the scale of the wide baseline rig,
+/// that looks at a point on the glide path.
+fn camera_towards(distance_m: f64, width_px: u32, height_px: u32) -> Camera {
+    let runway = changi_02l();
+    let place = runway
+        .point_on_approach(-1_500.0, -300.0)
+        .at_altitude_m(16.71);
+    let aim = on_glide_path(distance_m, 0.0).position();
+    let ned = place.ecef_from_ned().transpose() * (aim.to_ecef() - place.to_ecef());
+    let pose = Pose {
+        latitude_deg: place.latitude_deg,
+        longitude_deg: place.longitude_deg,
+        altitude_msl_m: place.altitude_msl_m,
+        heading_true_deg: ned.y.atan2(ned.x).to_degrees(),
+        pitch_deg: (-ned.z).atan2(ned.x.hypot(ned.y)).to_degrees(),
+        roll_deg: 0.0,
+    };
+    let hfov_deg = 2.0 * (f64::from(width_px) / 2.0 / FOCAL_PX).atan().to_degrees();
+    Camera::from_pose(&CameraPose { pose, hfov_deg }, width_px, height_px)
+}
+
+pub(crate) fn small_camera(distance_m: f64) -> Camera {
+    camera_towards(distance_m.max(NM_M), 320, 192)
+}
+
+/// On the 3 degree glide path, `right_m` right of it.
+fn on_glide_path(distance_m: f64, right_m: f64) -> Pose {
+    let runway = changi_02l();
+    let at = runway.point_on_approach(distance_m, right_m);
+    Pose {
+        latitude_deg: at.latitude_deg,
+        longitude_deg: at.longitude_deg,
+        altitude_msl_m: 6.71 + 3.2 + distance_m * 3.0_f64.to_radians().tan(),
+        heading_true_deg: runway.course_true_deg,
+        pitch_deg: 2.0,
+        roll_deg: 0.0,
+    }
+}
+
+const LANDING: Controls = Controls {
+    flap_ratio: 0.75,
+    gear_ratio: 1.0,
+};
+
+fn scene(distance_m: f64, weather: &Weather) -> Scene {
+    Scene::new(
+        &small_camera(distance_m),
+        &changi_02l(),
+        weather,
+        &clock_at_local(12.0),
+    )
+}
+
+/// Difference between the canvas with the airframe alone and the backdrop, per pixel, relative to the backdrop (contrast).
+fn contrast(scene: &Scene, pose: &Pose) -> Vec<(DVec2, f64)> {
+    let placed = Placed::new(&scene.world.view, pose, &LANDING);
+    let clouds = CloudsBefore::new(&scene.world, &placed, 0.0);
+    let patch = scene.draw_airframe(&placed);
+    let sky = &scene.backdrop.still_sky();
+    let canvas = scene
+        .composite(patch.as_ref(), &[], &clouds, sky)
+        .expect("the aircraft is in the picture");
+    canvas
+        .light
+        .iter()
+        .enumerate()
+        .map(|(i, light)| {
+            let (x, y) = (canvas.x + i % canvas.width, canvas.y + i / canvas.width);
+            let behind = scene.backdrop.light(sky, x, y);
+            (
+                DVec2::new(x as f64, y as f64),
+                f64::from((light.y - behind.y) / behind.y),
+            )
+        })
+        .collect()
+}
+
+/// First and last columns and rows whose bytes change when the aircraft is there.
+fn changed_box(scene: &Scene, pose: &Pose, controls: &Controls) -> [f64; 4] {
+    let (width, height) = scene.size();
+    let far_away = Pose {
+        latitude_deg: 40.0,
+        ..*pose
+    };
+    let draw = |pose: &Pose| {
+        let mut rgb = vec![0; width * height * 3];
+        // Lamps bloom over the tips.
+        scene.draw_frame(pose, controls, 0.3, false, &mut rgb);
+        rgb
+    };
+    let (with, without) = (draw(pose), draw(&far_away));
+    let mut found = [
+        f64::INFINITY,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f64::NEG_INFINITY,
+    ];
+    for (i, (a, b)) in with.chunks(3).zip(without.chunks(3)).enumerate() {
+        if a != b {
+            let (x, y) = ((i % width) as f64, (i / width) as f64);
+            found = [
+                found[0].min(x),
+                found[1].min(y),
+                found[2].max(x),
+                found[3].max(y),
+            ];
+        }
+    }
+    found
+}
+
+/// Projected bounds of the mesh by the camera model that the labels use.
+fn projected_box(camera: &Camera, pose: &Pose, controls: &Controls) -> [f64; 4] {
+    let mesh = airframe::boeing_737_800(airframe::Configuration {
+        flap_ratio: controls.flap_ratio,
+        gear_ratio: controls.gear_ratio,
+    });
+    mesh.vertices
+        .iter()
+        .map(|&vertex| camera.project(pose.body_point_to_ecef(vertex)).unwrap())
+        .fold(
+            [
+                f64::INFINITY,
+                f64::INFINITY,
+                f64::NEG_INFINITY,
+                f64::NEG_INFINITY,
+            ],
+            |[a, b, c, d], p| [a.min(p.x), b.min(p.y), c.max(p.x), d.max(p.y)],
+        )
+}
+
+/// A pixel changes when the outline crosses any part of it, so a first changed column lies between half a pixel left and half a
+/// pixel right of the outline's true end. Over many sub-pixel positions that averages out.
+fn mean_offsets(distance_nm: f64, turn_deg: f64) -> [f64; 4] {
+    let scene = scene(distance_nm * NM_M, &clear());
+    const STEPS: u32 = 16;
+    let mut mean = [0.0; 4];
+    for step in 0..STEPS {
+        let pixel_m = (distance_nm * NM_M + 1_500.0) / FOCAL_PX;
+        let part = (f64::from(step) + 0.5) / f64::from(STEPS);
+        let mut pose = on_glide_path(distance_nm * NM_M, part * pixel_m);
+        pose.altitude_msl_m += part * pixel_m;
+        pose.heading_true_deg += turn_deg;
+        let found = changed_box(&scene, &pose, &LANDING);
+        let expected = projected_box(&scene.world.view.camera, &pose, &LANDING);
+        for (mean, (found, expected)) in mean.iter_mut().zip(found.into_iter().zip(expected)) {
+            *mean += (found - expected) / f64::from(STEPS);
+        }
+    }
+    mean
+}
+
+#[test]
+fn wing_tips_fin_and_belly_are_drawn_where_the_camera_model_projects_them() {
+    for distance_nm in [1.0, 3.0, 6.0, 9.0] {
+        let offsets = mean_offsets(distance_nm, 0.0);
+        assert!(
+            offsets.iter().all(|offset| offset.abs() < 0.3),
+            "{offsets:?} at {distance_nm} NM"
+        );
+    }
+}
+
+#[test]
+fn nose_and_tail_are_drawn_where_the_camera_model_projects_them() {
+    for distance_nm in [1.0, 3.0, 6.0, 9.0] {
+        let offsets = mean_offsets(distance_nm, 90.0);
+        assert!(
+            offsets[0].abs() < 0.3 && offsets[2].abs() < 0.3,
+            "{offsets:?} at {distance_nm} NM"
+        );
+    }
+}
+
+#[test]
+fn contrast_falls_with_distance_as_koschmieder_says() {
+    for visibility_m in [5_000.0, 10_000.0, 20_000.0, 40_000.0] {
+        let weather = Weather {
+            visibility_m,
+            ..clear()
+        };
+        // The same aspect at every distance: contrast times area times distance squared falls only by the air.
+        let intrinsic = |distance_nm: f64| {
+            let scene = scene(distance_nm * NM_M, &weather);
+            let pose = on_glide_path(distance_nm * NM_M, 0.0);
+            let placed = Placed::new(&scene.world.view, &pose, &LANDING);
+            let range_m = placed.distance_m();
+            let sum: f64 = contrast(&scene, &pose).iter().map(|(_, c)| c.abs()).sum();
+            (sum * range_m * range_m, range_m)
+        };
+        let (near, near_m) = intrinsic(1.0);
+        for distance_nm in [2.0, 4.0, 7.0, 10.0] {
+            let (far, far_m) = intrinsic(distance_nm);
+            let expected = (-3.912 / visibility_m * (far_m - near_m)).exp();
+            if expected > 2e-3 {
+                let ratio = far / near / expected;
+                assert!(
+                    (ratio - 1.0).abs() < 0.05,
+                    "{ratio} of the formula at {distance_nm} NM, visibility {visibility_m} m"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn an_aircraft_moved_by_a_quarter_of_a_pixel_moves_its_centre_by_a_quarter_of_a_pixel() {
+    for distance_nm in [3.0, 6.0, 10.0] {
+        let scene = scene(distance_nm * NM_M, &clear());
+        let centre = |right_m: f64| {
+            let pose = on_glide_path(distance_nm * NM_M, right_m);
+            let (sum, moment) = contrast(&scene, &pose)
+                .iter()
+                .fold((0.0, DVec2::ZERO), |(sum, moment), &(pixel, c)| {
+                    (sum + c.abs(), moment + pixel * c.abs())
+                });
+            (
+                moment / sum,
+                scene
+                    .world
+                    .view
+                    .camera
+                    .project(pose.position().to_ecef())
+                    .unwrap(),
+            )
+        };
+        let pixel_m = (distance_nm * NM_M + 1_500.0) / FOCAL_PX;
+        let (start, start_true) = centre(0.0);
+        for quarter in 1..=4 {
+            let (found, found_true) = centre(0.25 * f64::from(quarter) * pixel_m);
+            let error = (found - start) - (found_true - start_true);
+            assert!(
+                error.abs().max_element() < 0.05,
+                "{error} after {quarter} quarters at {distance_nm} NM"
+            );
+        }
+    }
+}
+
+fn overcast() -> Weather {
+    Weather {
+        clouds: vec![CloudLayer {
+            kind: CloudKind::Cumulus,
+            cover_ratio: 0.6,
+            base_msl_m: 900.0,
+            top_msl_m: 2_000.0,
+        }],
+        visibility_m: 25_000.0,
+        rain_ratio: 0.4,
+        wind_speed_mps: 6.0,
+        wind_from_true_deg: 340.0,
+        turbulence_ratio: 0.0,
+    }
+}
+
+#[test]
+fn the_same_inputs_give_the_same_bytes_whatever_the_number_of_threads() {
+    let draw = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            let scene = scene(4.0 * NM_M, &overcast());
+            let mut rgb = vec![0; 320 * 192 * 3];
+            scene.render(&on_glide_path(4.0 * NM_M, 0.0), &LANDING, 12.34, &mut rgb);
+            rgb
+        })
+    };
+    let one = draw(1);
+    assert!(
+        one == draw(2) && one == draw(5),
+        "pictures differ between thread counts"
+    );
+}
+
+#[test]
+fn the_order_in_which_frames_are_asked_for_does_not_matter() {
+    let scene = scene(4.0 * NM_M, &overcast());
+    let draw = |time_s: f64| {
+        let mut rgb = vec![0; 320 * 192 * 3];
+        scene.render(&on_glide_path(4.0 * NM_M, 0.0), &LANDING, time_s, &mut rgb);
+        rgb
+    };
+    let first = draw(3.0);
+    for time_s in [400.0, 0.0, 77.7, 1_000.0, 5.0, 50.0, 60.0] {
+        draw(time_s);
+    }
+    assert!(
+        first == draw(3.0),
+        "a frame changed after others were drawn"
+    );
+    assert!(first != draw(40.0), "clouds stand still");
+}
+
+#[test]
+fn a_closed_layer_hides_an_aircraft_above_it_and_not_one_below() {
+    let weather = Weather {
+        clouds: vec![CloudLayer {
+            kind: CloudKind::Stratus,
+            cover_ratio: 1.0,
+            base_msl_m: 400.0,
+            top_msl_m: 900.0,
+        }],
+        ..clear()
+    };
+    let seen = |distance_m: f64| {
+        let scene = scene(distance_m, &weather);
+        let sum: f64 = contrast(&scene, &on_glide_path(distance_m, 0.0))
+            .iter()
+            .map(|(_, c)| c.abs())
+            .sum();
+        sum
+    };
+    assert!(seen(6_000.0) > 5.0, "below the base: {}", seen(6_000.0));
+    assert!(
+        seen(14_000.0) < 0.05,
+        "inside the layer: {}",
+        seen(14_000.0)
+    );
+}
+
+#[test]
+fn landing_lights_are_brighter_than_the_twilight_around_them() {
+    let scene = Scene::new(
+        &small_camera(6.0 * NM_M),
+        &changi_02l(),
+        &clear(),
+        &clock_at_local(6.0),
+    );
+    let mut rgb = vec![0; 320 * 192 * 3];
+    scene.render(&on_glide_path(6.0 * NM_M, 0.0), &LANDING, 0.3, &mut rgb);
+    let brightest = rgb.iter().max().unwrap();
+    let corner = rgb[0];
+    assert!(
+        *brightest > 240 && corner < 130,
+        "brightest {brightest}, sky {corner}"
+    );
+}

@@ -1,0 +1,93 @@
+//! From luminance to bytes: automatic exposure, a film-like shoulder, sRGB.
+//!
+//! `byte = 255 sRGB(1 - exp(-exposure luminance))`. The shoulder never clips hard and can be inverted, which lets the aircraft be
+//! composited in linear light over a cached, already encoded background.
+
+use glam::Vec3;
+
+/// Luminance at which a scene counts as full daylight, cd/m2.
+const DAYLIGHT_CD_M2: f32 = 6_000.0;
+/// Exposed value of the reference luminance by day.
+const DAY_KEY: f32 = 0.62;
+/// How far exposure follows the light: 0 fully (night looks like day), 1 not at all.
+const DARKENING: f32 = 0.17;
+
+/// Exposure of a scene.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tone {
+    exposure: f32,
+}
+
+impl Tone {
+    /// Exposes for a scene whose horizon has this luminance. Twilight comes out dark, but not as dark as it is.
+    pub(crate) fn for_horizon(luminance_cd_m2: f32) -> Self {
+        let key = DAY_KEY * (luminance_cd_m2 / DAYLIGHT_CD_M2).powf(DARKENING).min(1.1);
+        Self {
+            exposure: key / luminance_cd_m2,
+        }
+    }
+
+    /// Exposed linear light of a luminance: what [`encode`] takes.
+    pub(crate) fn expose(&self, luminance_cd_m2: Vec3) -> Vec3 {
+        luminance_cd_m2 * self.exposure
+    }
+}
+
+/// Exposed light to display values, 0 to 255, not yet rounded.
+pub(crate) fn encode(exposed: Vec3) -> Vec3 {
+    exposed.map(|x| 255.0 * srgb_from_linear(1.0 - (-x).exp()))
+}
+
+/// The inverse of [`encode`]. 255 would be infinitely bright; it is taken as 254.9.
+pub(crate) fn decode(display: Vec3) -> Vec3 {
+    display.map(|v| -(1.0 - linear_from_srgb(v.clamp(0.0, 254.9) / 255.0)).ln())
+}
+
+/// Rounds a display value to a byte.
+pub(crate) fn to_bytes(display: Vec3) -> [u8; 3] {
+    display.to_array().map(|v| (v + 0.5) as u8)
+}
+
+fn srgb_from_linear(x: f32) -> f32 {
+    if x <= 0.003_130_8 {
+        12.92 * x
+    } else {
+        1.055 * x.powf(1.0 / 2.4) - 0.055
+    }
+}
+
+fn linear_from_srgb(x: f32) -> f32 {
+    if x <= 0.040_45 {
+        x / 12.92
+    } else {
+        ((x + 0.055) / 1.055).powf(2.4)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn decoding_undoes_encoding() {
+        for x in [0.0, 0.001, 0.05, 0.6, 2.0, 5.0] {
+            let back = decode(encode(Vec3::splat(x))).x;
+            assert!(
+                (back - x).abs() <= 2e-4 * (1.0 + x.exp()),
+                "{x} came back as {back}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_bright_horizon_is_light_grey_and_a_dark_one_dark_grey() {
+        let shown =
+            |luminance| encode(Tone::for_horizon(luminance).expose(Vec3::splat(luminance))).x;
+        assert!(
+            (165.0..215.0).contains(&shown(8_000.0)),
+            "{}",
+            shown(8_000.0)
+        );
+        assert!((50.0..110.0).contains(&shown(0.05)), "{}", shown(0.05));
+    }
+}
