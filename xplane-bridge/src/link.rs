@@ -1,0 +1,22 @@
+//! The capture link: a TCP connection to our plugin inside the simulator (or to the stand-in), for what UDP cannot carry.
+//!
+//! UDP values have 32 bits, a metre of longitude; poses and pictures need 64 bits and megabytes. Form: after an 8-byte
+//! greeting in both directions, messages of two lengths, a JSON header and bytes. Answers come in the order of the
+//! requests, which may be pipelined. `docs/capture-link.md` describes it for whoever writes the other side.
+
+mod capture;
+mod flight;
+mod message;
+mod wire;
+
+pub use capture::{CaptureRequest, CapturedFrame, FrameHeader, MAX_PICTURE_SIDE_PX};
+pub use flight::{FLIGHT_COLUMNS, decode_flight, encode_flight};
+pub use message::{Answer, Request};
+pub use wire::{
+    LINK_VERSION, LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings, read_header,
+    read_payload, write_message,
+};
+
+/// Captures that a client may have outstanding. Their requests (some 700 bytes each) then always fit the socket's
+/// buffers, so that sending never waits for an answer that is itself waiting to be received.
+pub const MAX_OUTSTANDING_CAPTURES: usize = 64;

@@ -1,0 +1,181 @@
+//! One view of one instant: what to draw, and what was drawn.
+
+use dataset::camera::CameraPose;
+use dataset::pose::{Controls, Pose};
+use serde::{Deserialize, Serialize};
+
+/// Longest side of a picture, pixels. Bounds what a request can make the other side allocate.
+pub const MAX_PICTURE_SIDE_PX: u32 = 8_192;
+
+/// What to draw.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CaptureRequest {
+    /// Tick of the scenario.
+    pub tick: u32,
+    /// Simulator time of the tick since the first one, nanoseconds.
+    pub time_ns: i64,
+    /// Which camera of the rig, counted from 0.
+    pub view: u32,
+    /// Where the aircraft is.
+    pub pose: Pose,
+    /// Its flaps and gear.
+    pub controls: Controls,
+    /// Where the camera is.
+    pub camera: CameraPose,
+    /// Width of the picture, pixels.
+    pub width_px: u32,
+    /// Height of the picture, pixels.
+    pub height_px: u32,
+}
+
+impl CaptureRequest {
+    /// Size of the answer's picture, bytes.
+    pub fn rgb_bytes(&self) -> usize {
+        rgb_bytes(self.width_px, self.height_px)
+    }
+
+    /// Refuses what cannot be drawn: a size or a field of view that is none, a place not on earth. The text says why.
+    pub fn check(&self) -> Result<(), String> {
+        for (name, side) in [("width_px", self.width_px), ("height_px", self.height_px)] {
+            if !(1..=MAX_PICTURE_SIDE_PX).contains(&side) {
+                return Err(format!(
+                    "{name} is {side}, expected 1 to {MAX_PICTURE_SIDE_PX}"
+                ));
+            }
+        }
+        let hfov_deg = self.camera.hfov_deg;
+        if !(hfov_deg > 0.0 && hfov_deg < 180.0) {
+            return Err(format!(
+                "hfov_deg is {hfov_deg}, expected more than 0 and less than 180"
+            ));
+        }
+        for (name, pose) in [("pose", &self.pose), ("camera", &self.camera.pose)] {
+            let angles = [pose.heading_true_deg, pose.pitch_deg, pose.roll_deg];
+            let on_earth = pose.latitude_deg.abs() <= 90.0
+                && pose.longitude_deg.abs() <= 360.0
+                && pose.altitude_msl_m.abs() <= 1e6;
+            if !on_earth || angles.iter().any(|angle| !angle.is_finite()) {
+                return Err(format!(
+                    "{name} is no place and attitude on earth: {pose:?}"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What was drawn. Pose and camera are those of the picture, not a copy of the request's.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FrameHeader {
+    /// Tick of the request.
+    pub tick: u32,
+    /// View of the request.
+    pub view: u32,
+    /// The simulator's count of drawn frames; grows from each picture to the next.
+    pub sim_frame: u64,
+    /// Where the aircraft was drawn.
+    pub pose: Pose,
+    /// Where the camera stood.
+    pub camera: CameraPose,
+    /// Width of the picture, pixels.
+    pub width_px: u32,
+    /// Height of the picture, pixels.
+    pub height_px: u32,
+}
+
+/// A picture and what it shows.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CapturedFrame {
+    /// Tick of the request.
+    pub tick: u32,
+    /// View of the request.
+    pub view: u32,
+    /// The simulator's count of drawn frames; grows from each picture to the next.
+    pub sim_frame: u64,
+    /// Where the aircraft was drawn.
+    pub pose: Pose,
+    /// Where the camera stood.
+    pub camera: CameraPose,
+    /// Width of the picture, pixels.
+    pub width_px: u32,
+    /// Height of the picture, pixels.
+    pub height_px: u32,
+    /// Red, green, blue, one byte each, row by row from the top left.
+    pub rgb: Vec<u8>,
+}
+
+impl CapturedFrame {
+    /// Joins what the two parts of the answer say.
+    pub fn new(header: FrameHeader, rgb: Vec<u8>) -> Self {
+        Self {
+            tick: header.tick,
+            view: header.view,
+            sim_frame: header.sim_frame,
+            pose: header.pose,
+            camera: header.camera,
+            width_px: header.width_px,
+            height_px: header.height_px,
+            rgb,
+        }
+    }
+}
+
+/// Bytes of a picture.
+pub(crate) fn rgb_bytes(width_px: u32, height_px: u32) -> usize {
+    width_px as usize * height_px as usize * 3
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_without_size_or_place_is_refused_with_its_reason() {
+        let pose = Pose {
+            latitude_deg: 1.3,
+            longitude_deg: 104.0,
+            altitude_msl_m: 700.0,
+            heading_true_deg: 23.0,
+            pitch_deg: 0.0,
+            roll_deg: 0.0,
+        };
+        let good = CaptureRequest {
+            tick: 0,
+            time_ns: 0,
+            view: 0,
+            pose,
+            controls: Controls::default(),
+            camera: CameraPose {
+                pose,
+                hfov_deg: 10.0,
+            },
+            width_px: 1_920,
+            height_px: 1_280,
+        };
+        assert_eq!(good.check(), Ok(()));
+        assert_eq!(good.rgb_bytes(), 7_372_800);
+        let huge = CaptureRequest {
+            width_px: u32::MAX,
+            ..good
+        };
+        assert!(huge.check().unwrap_err().contains("4294967295"));
+        let blind = CaptureRequest {
+            camera: CameraPose {
+                hfov_deg: f64::NAN,
+                ..good.camera
+            },
+            ..good
+        };
+        assert!(blind.check().unwrap_err().contains("hfov_deg"));
+        let lost = CaptureRequest {
+            pose: Pose {
+                latitude_deg: 91.0,
+                ..pose
+            },
+            ..good
+        };
+        assert!(lost.check().unwrap_err().contains("pose"));
+    }
+}

@@ -1,0 +1,182 @@
+//! The payload of `flown`: the states of a flight as rows of little-endian 64-bit floats.
+//!
+//! Binary rather than JSON because a flight at the simulator's rate has some 10^4 states, and because a plugin
+//! packs it in one line (`struct` or `array`). The columns are named in the header and checked.
+
+use dataset::pose::{Controls, FlightState, Pose};
+
+/// Names of the columns, in order.
+pub const FLIGHT_COLUMNS: [&str; 14] = [
+    "time_s",
+    "latitude_deg",
+    "longitude_deg",
+    "altitude_msl_m",
+    "heading_true_deg",
+    "pitch_deg",
+    "roll_deg",
+    "velocity_north_mps",
+    "velocity_east_mps",
+    "velocity_down_mps",
+    "true_airspeed_mps",
+    "flap_ratio",
+    "gear_ratio",
+    "on_ground",
+];
+
+const ROW_BYTES: usize = 8 * FLIGHT_COLUMNS.len();
+
+/// The payload of these states.
+pub fn encode_flight(states: &[FlightState]) -> Vec<u8> {
+    let mut payload = Vec::with_capacity(states.len() * ROW_BYTES);
+    for state in states {
+        let FlightState { pose, controls, .. } = state;
+        let row: [f64; 14] = [
+            state.time_s,
+            pose.latitude_deg,
+            pose.longitude_deg,
+            pose.altitude_msl_m,
+            pose.heading_true_deg,
+            pose.pitch_deg,
+            pose.roll_deg,
+            state.velocity_north_mps,
+            state.velocity_east_mps,
+            state.velocity_down_mps,
+            state.true_airspeed_mps,
+            controls.flap_ratio,
+            controls.gear_ratio,
+            f64::from(u8::from(state.on_ground)),
+        ];
+        payload.extend(row.iter().flat_map(|value| value.to_le_bytes()));
+    }
+    payload
+}
+
+/// The states of a payload. The text of an error says what does not fit.
+pub fn decode_flight(
+    columns: &[String],
+    rows: usize,
+    payload: &[u8],
+) -> Result<Vec<FlightState>, String> {
+    if columns != FLIGHT_COLUMNS {
+        return Err(format!(
+            "columns are {columns:?}, expected {FLIGHT_COLUMNS:?}"
+        ));
+    }
+    if rows.checked_mul(ROW_BYTES) != Some(payload.len()) {
+        return Err(format!(
+            "{rows} states of {ROW_BYTES} bytes announced, {} bytes found",
+            payload.len()
+        ));
+    }
+    let states = payload
+        .chunks_exact(ROW_BYTES)
+        .map(decode_row)
+        .collect::<Vec<_>>();
+    let whole = |state: &FlightState| {
+        state.time_s.is_finite()
+            && state.pose.latitude_deg.is_finite()
+            && state.pose.longitude_deg.is_finite()
+    };
+    match states.iter().position(|state| !whole(state)) {
+        Some(row) => Err(format!("state {row} has a time or place that is no number")),
+        None => Ok(states),
+    }
+}
+
+fn decode_row(row: &[u8]) -> FlightState {
+    let mut values = [0.0; FLIGHT_COLUMNS.len()];
+    for (value, bytes) in values.iter_mut().zip(row.as_chunks::<8>().0) {
+        *value = f64::from_le_bytes(*bytes);
+    }
+    let [
+        time_s,
+        latitude_deg,
+        longitude_deg,
+        altitude_msl_m,
+        heading_true_deg,
+        pitch_deg,
+        roll_deg,
+        velocity_north_mps,
+        velocity_east_mps,
+        velocity_down_mps,
+        true_airspeed_mps,
+        flap_ratio,
+        gear_ratio,
+        on_ground,
+    ] = values;
+    FlightState {
+        time_s,
+        pose: Pose {
+            latitude_deg,
+            longitude_deg,
+            altitude_msl_m,
+            heading_true_deg,
+            pitch_deg,
+            roll_deg,
+        },
+        velocity_north_mps,
+        velocity_east_mps,
+        velocity_down_mps,
+        true_airspeed_mps,
+        controls: Controls {
+            flap_ratio,
+            gear_ratio,
+        },
+        on_ground: on_ground != 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn states() -> Vec<FlightState> {
+        (0..3)
+            .map(|i| {
+                let x = f64::from(i) / 3.0;
+                FlightState {
+                    time_s: x,
+                    pose: Pose {
+                        latitude_deg: 1.0 + x,
+                        longitude_deg: 103.0 + x,
+                        altitude_msl_m: 700.0 - x,
+                        heading_true_deg: 23.0 + x,
+                        pitch_deg: x,
+                        roll_deg: -x,
+                    },
+                    velocity_north_mps: 70.0 + x,
+                    velocity_east_mps: 30.0 + x,
+                    velocity_down_mps: 4.0 + x,
+                    true_airspeed_mps: 77.0 + x,
+                    controls: Controls {
+                        flap_ratio: x,
+                        gear_ratio: 1.0 - x,
+                    },
+                    on_ground: i == 2,
+                }
+            })
+            .collect()
+    }
+
+    fn columns() -> Vec<String> {
+        FLIGHT_COLUMNS.iter().map(ToString::to_string).collect()
+    }
+
+    #[test]
+    fn a_flight_comes_back_to_the_last_bit() {
+        let payload = encode_flight(&states());
+        assert_eq!(decode_flight(&columns(), 3, &payload), Ok(states()));
+    }
+
+    #[test]
+    fn other_columns_lengths_and_places_are_refused() {
+        let payload = encode_flight(&states());
+        assert!(decode_flight(&columns()[1..], 3, &payload).is_err());
+        assert!(decode_flight(&columns(), 4, &payload).is_err());
+        assert!(decode_flight(&columns(), usize::MAX, &payload).is_err());
+        let mut lost = states();
+        lost[1].pose.latitude_deg = f64::NAN;
+        let error = decode_flight(&columns(), 3, &encode_flight(&lost)).unwrap_err();
+        assert!(error.contains("state 1"), "{error}");
+    }
+}

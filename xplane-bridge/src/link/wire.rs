@@ -1,0 +1,259 @@
+//! Greeting and framing of the capture link, for both sides.
+//!
+//! A length is believed only up to a limit, and no input panics: the other side is another program, maybe of another
+//! version. Socket buffers keep the system's automatic size, which grows past what may be asked for by hand.
+
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
+
+/// First bytes in each direction, before the version.
+const MAGIC: [u8; 4] = *b"DTDL";
+/// Version of the capture link that this code speaks. Any change that an older side would misread raises it.
+pub const LINK_VERSION: u32 = 1;
+/// Longest header, bytes.
+pub const MAX_HEADER_BYTES: usize = 64 << 10;
+/// Longest payload, bytes: a picture of the largest size.
+pub const MAX_PAYLOAD_BYTES: usize = 192 << 20;
+
+/// Why the link cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum LinkError {
+    /// The socket failed.
+    #[error("{0}")]
+    Io(#[from] std::io::Error),
+    /// The other side went away.
+    #[error("the other side closed the connection inside {inside}")]
+    Ended {
+        /// Where.
+        inside: &'static str,
+    },
+    /// Another program listens there.
+    #[error("the other side greets with \"{}\", expected \"DTDL\": that is no capture link", .found.escape_ascii())]
+    NotTheLink {
+        /// Its first four bytes.
+        found: [u8; 4],
+    },
+    /// The other side is of another version.
+    #[error(
+        "the other side speaks version {found} of the capture link, expected {LINK_VERSION}: install the plugin and the program of the same release"
+    )]
+    OtherVersion {
+        /// Its version.
+        found: u32,
+    },
+    /// A length beyond its limit.
+    #[error("a {part} of {announced} bytes is announced, expected at most {limit}")]
+    TooLong {
+        /// `header` or `payload`.
+        part: &'static str,
+        /// The length.
+        announced: usize,
+        /// Its limit.
+        limit: usize,
+    },
+    /// A header that is no message.
+    #[error("the header is no message that this side knows: {reason}; it begins {begin:?}")]
+    BadHeader {
+        /// What the parser said.
+        reason: String,
+        /// Its first characters.
+        begin: String,
+    },
+}
+
+/// Sends our greeting and checks the other side's. Ours goes first, so that both sides of different versions learn why.
+pub async fn exchange_greetings(
+    stream: &mut (impl AsyncRead + AsyncWrite + Unpin),
+) -> Result<(), LinkError> {
+    let mut ours = [0; 8];
+    ours[..4].copy_from_slice(&MAGIC);
+    ours[4..].copy_from_slice(&LINK_VERSION.to_le_bytes());
+    stream.write_all(&ours).await?;
+    let mut magic = [0; 4];
+    read_exact(stream, &mut magic, "the greeting").await?;
+    if magic != MAGIC {
+        return Err(LinkError::NotTheLink { found: magic });
+    }
+    let mut version = [0; 4];
+    read_exact(stream, &mut version, "the greeting").await?;
+    match u32::from_le_bytes(version) {
+        LINK_VERSION => Ok(()),
+        found => Err(LinkError::OtherVersion { found }),
+    }
+}
+
+/// Writes one message.
+pub async fn write_message(
+    stream: &mut (impl AsyncWrite + Unpin),
+    header: &impl Serialize,
+    payload: &[u8],
+) -> Result<(), LinkError> {
+    let mut head = vec![0; 8];
+    serde_json::to_writer(&mut head, header).map_err(std::io::Error::from)?;
+    let header_bytes = within("header", head.len() - 8, MAX_HEADER_BYTES)?;
+    let payload_bytes = within("payload", payload.len(), MAX_PAYLOAD_BYTES)?;
+    head[..4].copy_from_slice(&header_bytes.to_le_bytes());
+    head[4..8].copy_from_slice(&payload_bytes.to_le_bytes());
+    stream.write_all(&head).await?;
+    stream.write_all(payload).await?;
+    Ok(())
+}
+
+/// Reads the header of the next message and the length of the payload that follows it; `None` if the other side has closed
+/// the connection between two messages.
+pub async fn read_header<H: DeserializeOwned>(
+    stream: &mut (impl AsyncRead + Unpin),
+) -> Result<Option<(H, usize)>, LinkError> {
+    let mut lengths = [0; 8];
+    if stream.read(&mut lengths[..1]).await? == 0 {
+        return Ok(None);
+    }
+    read_exact(stream, &mut lengths[1..], "the lengths of a message").await?;
+    let [h0, h1, h2, h3, p0, p1, p2, p3] = lengths;
+    let header_bytes = u32::from_le_bytes([h0, h1, h2, h3]) as usize;
+    let payload_bytes = u32::from_le_bytes([p0, p1, p2, p3]) as usize;
+    within("header", header_bytes, MAX_HEADER_BYTES)?;
+    within("payload", payload_bytes, MAX_PAYLOAD_BYTES)?;
+    let mut text = vec![0; header_bytes];
+    read_exact(stream, &mut text, "a header").await?;
+    match serde_json::from_slice(&text) {
+        Ok(header) => Ok(Some((header, payload_bytes))),
+        Err(error) => Err(LinkError::BadHeader {
+            reason: error.to_string(),
+            begin: String::from_utf8_lossy(&text).chars().take(80).collect(),
+        }),
+    }
+}
+
+/// Reads a payload into `buffer`, whose memory is used again and not zeroed first: at 7 MB a frame both cost.
+pub async fn read_payload(
+    stream: &mut (impl AsyncRead + Unpin),
+    payload_bytes: usize,
+    buffer: &mut Vec<u8>,
+) -> Result<(), LinkError> {
+    buffer.clear();
+    buffer.reserve_exact(payload_bytes);
+    let mut payload = stream.take(payload_bytes as u64);
+    while buffer.len() < payload_bytes {
+        if payload.read_buf(buffer).await? == 0 {
+            return Err(LinkError::Ended {
+                inside: "a payload",
+            });
+        }
+    }
+    Ok(())
+}
+
+fn within(part: &'static str, announced: usize, limit: usize) -> Result<u32, LinkError> {
+    match u32::try_from(announced) {
+        Ok(length) if announced <= limit => Ok(length),
+        _ => Err(LinkError::TooLong {
+            part,
+            announced,
+            limit,
+        }),
+    }
+}
+
+async fn read_exact(
+    stream: &mut (impl AsyncRead + Unpin),
+    buffer: &mut [u8],
+    inside: &'static str,
+) -> Result<(), LinkError> {
+    match stream.read_exact(buffer).await {
+        Ok(_) => Ok(()),
+        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
+            Err(LinkError::Ended { inside })
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::link::{Answer, Request};
+
+    #[tokio::test]
+    async fn a_message_comes_back_with_its_payload() {
+        let (mut here, mut there) = tokio::io::duplex(64);
+        let answer = Answer::Error {
+            text: "because".into(),
+        };
+        let payload: Vec<u8> = (0..1_000).map(|i| i as u8).collect();
+        let sent = (answer.clone(), payload.clone());
+        let writer = tokio::spawn(async move { write_message(&mut here, &sent.0, &sent.1).await });
+        let (header, bytes) = read_header::<Answer>(&mut there).await.unwrap().unwrap();
+        assert_eq!((header, bytes), (answer, 1_000));
+        let mut buffer = Vec::new();
+        read_payload(&mut there, bytes, &mut buffer).await.unwrap();
+        assert_eq!(buffer, payload);
+        writer.await.unwrap().unwrap();
+        assert!(read_header::<Answer>(&mut there).await.unwrap().is_none());
+    }
+
+    #[tokio::test]
+    async fn a_side_of_another_version_or_kind_is_told_apart() {
+        for (greeting, expected) in [
+            (
+                *b"DTDL\x07\0\0\0",
+                "speaks version 7 of the capture link, expected 1",
+            ),
+            (*b"HTTP/1.1", "greets with \"HTTP\""),
+        ] {
+            let (mut here, mut there) = tokio::io::duplex(64);
+            there.write_all(&greeting).await.unwrap();
+            let error = exchange_greetings(&mut here).await.unwrap_err();
+            assert!(error.to_string().contains(expected), "{error}");
+            let mut ours = [0; 8];
+            there.read_exact(&mut ours).await.unwrap();
+            assert_eq!(&ours, b"DTDL\x01\0\0\0");
+        }
+    }
+
+    async fn error_of(bytes: &[u8]) -> LinkError {
+        read_header::<Request>(&mut &bytes[..]).await.unwrap_err()
+    }
+
+    #[tokio::test]
+    async fn lengths_beyond_their_limits_are_not_believed() {
+        let error = error_of(&[0xff; 8]).await;
+        assert!(
+            error.to_string().contains("header of 4294967295 bytes"),
+            "{error}"
+        );
+        let error = error_of(&[2, 0, 0, 0, 0xff, 0xff, 0xff, 0xff, b'{', b'}']).await;
+        assert!(
+            error.to_string().contains("payload of 4294967295 bytes"),
+            "{error}"
+        );
+    }
+
+    #[tokio::test]
+    async fn broken_headers_are_errors_that_show_them() {
+        assert!(matches!(
+            error_of(&[1, 0, 0]).await,
+            LinkError::Ended { .. }
+        ));
+        assert!(matches!(
+            error_of(&[9, 0, 0, 0, 0, 0, 0, 0, b'{']).await,
+            LinkError::Ended { .. }
+        ));
+        let error = error_of(b"\x12\0\0\0\0\0\0\0{\"message\":\"nope\"}").await;
+        assert!(error.to_string().contains("nope"), "{error}");
+        let error = error_of(&[2, 0, 0, 0, 0, 0, 0, 0, 0xff, 0xfe]).await;
+        assert!(matches!(error, LinkError::BadHeader { .. }), "{error}");
+    }
+
+    #[tokio::test]
+    async fn a_payload_that_stops_early_is_an_error() {
+        let error = read_payload(&mut &[1_u8, 2, 3][..], 4, &mut Vec::new())
+            .await
+            .unwrap_err();
+        assert_eq!(
+            error.to_string(),
+            "the other side closed the connection inside a payload"
+        );
+    }
+}

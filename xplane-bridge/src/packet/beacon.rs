@@ -1,0 +1,131 @@
+//! `BECN`: the simulator announces itself once a second by multicast.
+//!
+//! The name is variable in length and X-Plane 12 may send none: never assume a fixed size.
+
+use std::net::Ipv4Addr;
+
+use serde::{Deserialize, Serialize};
+
+use super::PacketError;
+use super::body::{Fields, start, text};
+
+/// Multicast group of the beacon.
+pub const BEACON_GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 1, 1);
+/// UDP port of the beacon.
+pub const BEACON_PORT: u16 = 49_707;
+
+const TAG: &str = "BECN";
+
+/// `BECN` from the simulator.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Beacon {
+    /// Major version of the beacon.
+    pub major: u8,
+    /// Minor version of the beacon.
+    pub minor: u8,
+    /// Program: 1 is X-Plane.
+    pub host: i32,
+    /// Version of the program, 120400 for 12.4.0.
+    pub version: i32,
+    /// Role: 1 is the master of a network of simulators.
+    pub role: u32,
+    /// The port that takes our packets.
+    pub port: u16,
+    /// Name of the computer.
+    pub name: Option<String>,
+    /// Port of the newer protocol, if the packet is long enough to tell.
+    pub raknet_port: Option<u16>,
+}
+
+impl Default for Beacon {
+    /// X-Plane 12.4.0, master, on its usual port.
+    fn default() -> Self {
+        Self {
+            major: 1,
+            minor: 2,
+            host: 1,
+            version: 120_400,
+            role: 1,
+            port: 49_000,
+            name: None,
+            raknet_port: None,
+        }
+    }
+}
+
+impl Beacon {
+    pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
+        let mut fields = Fields::new(TAG, datagram);
+        let (major, minor) = (fields.u8("major version")?, fields.u8("minor version")?);
+        let (host, version) = (fields.i32("host")?, fields.i32("version")?);
+        let (role, port) = (fields.u32("role")?, fields.u16("port")?);
+        let (name, raknet) = match fields.rest() {
+            // Two bytes are no name but the port behind a name that was left out.
+            rest @ [_, _] => (&rest[..0], rest),
+            rest => {
+                let end = rest
+                    .iter()
+                    .position(|&byte| byte == 0)
+                    .unwrap_or(rest.len());
+                (&rest[..end], rest.get(end + 1..).unwrap_or_default())
+            }
+        };
+        let name = text(TAG, "name", name)?;
+        Ok(Self {
+            major,
+            minor,
+            host,
+            version,
+            role,
+            port,
+            name: (!name.is_empty()).then_some(name),
+            raknet_port: raknet.first_chunk().copied().map(u16::from_le_bytes),
+        })
+    }
+
+    pub(super) fn encode(&self) -> Result<Vec<u8>, PacketError> {
+        let name = self.name.as_deref().unwrap_or_default();
+        let mut datagram = start(b"BECN", 19 + name.len());
+        datagram.extend([self.major, self.minor]);
+        datagram.extend(self.host.to_le_bytes());
+        datagram.extend(self.version.to_le_bytes());
+        datagram.extend(self.role.to_le_bytes());
+        datagram.extend(self.port.to_le_bytes());
+        super::body::push_text(&mut datagram, TAG, "name", name, name.len() + 1)?;
+        if let Some(port) = self.raknet_port {
+            datagram.extend(port.to_le_bytes());
+        }
+        Ok(datagram)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_beacon_without_name_or_second_port_is_read() {
+        let beacon = Beacon {
+            name: Some("tower".into()),
+            raknet_port: Some(0xbf72),
+            ..Beacon::default()
+        };
+        let bytes = beacon.encode().unwrap();
+        let nameless = Beacon {
+            name: None,
+            ..beacon.clone()
+        };
+        let bare = Beacon::default();
+        assert_eq!(Beacon::decode(&bytes).unwrap(), beacon);
+        assert_eq!(
+            Beacon::decode(&nameless.encode().unwrap()).unwrap(),
+            nameless
+        );
+        // Ends right after the port, and ends with a port but without even the NUL of a name.
+        assert_eq!(Beacon::decode(&bytes[..21]).unwrap(), bare);
+        let without_nul = [&bytes[..21], &[0x72, 0xbf]].concat();
+        assert_eq!(Beacon::decode(&without_nul).unwrap(), nameless);
+        assert!(Beacon::decode(&bytes[..20]).is_err());
+    }
+}

@@ -1,0 +1,59 @@
+//! `CMND`: a command, as if its key had been pressed once. There is no answer.
+
+use serde::{Deserialize, Serialize};
+
+use super::PacketError;
+use super::body::{Fields, push_text, start, text};
+
+const TAG: &str = "CMND";
+
+/// `CMND` to the simulator.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Command {
+    /// Name, e.g. `sim/operation/pause_on`.
+    pub path: String,
+}
+
+impl Command {
+    pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
+        let path = text(TAG, "path", Fields::new(TAG, datagram).rest())?;
+        if path.is_empty() {
+            return Err(PacketError::BadField {
+                tag: TAG,
+                field: "path",
+                expected: "the name of a command",
+                found: "empty".into(),
+            });
+        }
+        Ok(Self { path })
+    }
+
+    pub(super) fn encode(&self) -> Result<Vec<u8>, PacketError> {
+        let width = self.path.len() + 1;
+        let mut datagram = start(b"CMND", width);
+        push_text(&mut datagram, TAG, "path", &self.path, width)?;
+        Ok(datagram)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_command_may_lack_its_nul_or_be_padded_to_505_bytes() {
+        let expected = Command {
+            path: "sim/operation/pause_on".into(),
+        };
+        let mut bytes = b"CMND0sim/operation/pause_on".to_vec();
+        assert_eq!(Command::decode(&bytes).unwrap(), expected);
+        bytes.resize(505, 0);
+        assert_eq!(Command::decode(&bytes).unwrap(), expected);
+    }
+
+    #[test]
+    fn a_command_without_a_name_is_refused() {
+        assert!(Command::decode(b"CMND\0\0\0").is_err());
+    }
+}

@@ -1,0 +1,72 @@
+//! `DREF`: writing a dataref. There is no answer; whoever must know reads it back.
+
+use serde::{Deserialize, Serialize};
+
+use super::PacketError;
+use super::body::{Fields, push_text, start, text};
+
+const TAG: &str = "DREF";
+const PATH_BYTES: usize = 500;
+
+/// `DREF` to the simulator.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WriteDataref {
+    /// Dataref, one element of an array as `name[3]`.
+    pub path: String,
+    /// The value in X-Plane's unit.
+    pub value: f32,
+}
+
+impl WriteDataref {
+    pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
+        let mut fields = Fields::new(TAG, datagram);
+        let value = fields.f32("value")?;
+        Ok(Self {
+            path: text(TAG, "path", fields.rest())?,
+            value,
+        })
+    }
+
+    pub(super) fn encode(&self) -> Result<Vec<u8>, PacketError> {
+        let mut datagram = start(b"DREF", 4 + PATH_BYTES);
+        datagram.extend(self.value.to_le_bytes());
+        push_text(&mut datagram, TAG, "path", &self.path, PATH_BYTES)?;
+        Ok(datagram)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_write_is_509_bytes_and_may_be_padded_with_spaces() {
+        let write = WriteDataref {
+            path: "sim/a".into(),
+            value: 2.0,
+        };
+        let mut bytes = write.encode().unwrap();
+        assert_eq!(bytes.len(), 509);
+        // Real clients: the path, a NUL, then spaces; or spaces alone.
+        bytes[15..].fill(b' ');
+        assert_eq!(WriteDataref::decode(&bytes).unwrap(), write);
+        bytes[14] = b' ';
+        assert_eq!(WriteDataref::decode(&bytes).unwrap(), write);
+    }
+
+    #[test]
+    fn a_path_that_fills_its_field_is_refused() {
+        let write = WriteDataref {
+            path: "a".repeat(500),
+            value: 0.0,
+        };
+        assert!(
+            write
+                .encode()
+                .unwrap_err()
+                .to_string()
+                .contains("500 bytes")
+        );
+    }
+}

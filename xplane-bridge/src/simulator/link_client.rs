@@ -1,0 +1,129 @@
+//! The client's end of the capture link. A failure in the middle of a message closes it, since nobody knows then where the
+//! next message begins.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tokio::io::BufReader;
+use tokio::net::TcpStream;
+use tokio::time::{Instant, timeout_at};
+
+use super::before;
+use crate::error::BridgeError;
+use crate::link::{
+    Answer, LinkError, Request, exchange_greetings, read_header, read_payload, write_message,
+};
+
+/// An open link, or what is left of one.
+#[derive(Debug)]
+pub(super) struct LinkClient {
+    /// Buffered for the small reads of headers; a payload goes past the buffer into its own memory.
+    stream: Option<BufReader<TcpStream>>,
+    payload_bytes: usize,
+}
+
+impl LinkClient {
+    /// Connects and exchanges greetings.
+    pub(super) async fn open(address: SocketAddr, deadline: Instant) -> Result<Self, BridgeError> {
+        let connected = match timeout_at(deadline, TcpStream::connect(address)).await {
+            Ok(connected) => connected,
+            Err(_) => Err(std::io::ErrorKind::TimedOut.into()),
+        };
+        let stream = connected
+            .and_then(|stream| stream.set_nodelay(true).map(|()| stream))
+            .map_err(|source| BridgeError::CannotOpenLink { address, source })?;
+        let mut stream = BufReader::new(stream);
+        let limit = deadline.saturating_duration_since(Instant::now());
+        before("the greeting", limit, exchange_greetings(&mut stream)).await?;
+        Ok(Self {
+            stream: Some(stream),
+            payload_bytes: 0,
+        })
+    }
+
+    /// Sends a request and waits for its answer.
+    pub(super) async fn ask(
+        &mut self,
+        doing: &'static str,
+        request: &Request,
+        limit: Duration,
+    ) -> Result<Answer, BridgeError> {
+        self.send(doing, request, limit).await?;
+        self.receive(doing, limit).await
+    }
+
+    /// Sends a request.
+    pub(super) async fn send(
+        &mut self,
+        doing: &'static str,
+        request: &Request,
+        limit: Duration,
+    ) -> Result<(), BridgeError> {
+        let stream = self.stream.as_mut().ok_or(BridgeError::LinkClosed)?;
+        let sent = before(doing, limit, write_message(stream, request, &[])).await;
+        self.close_on_error(sent)
+    }
+
+    /// The next answer. Its payload, if it has one, is still to be taken.
+    pub(super) async fn receive(
+        &mut self,
+        doing: &'static str,
+        limit: Duration,
+    ) -> Result<Answer, BridgeError> {
+        let stream = self.stream.as_mut().ok_or(BridgeError::LinkClosed)?;
+        let read = before(doing, limit, async {
+            read_header::<Answer>(stream)
+                .await?
+                .ok_or(LinkError::Ended {
+                    inside: "a conversation",
+                })
+        });
+        let read = read.await;
+        let (answer, payload_bytes) = self.close_on_error(read)?;
+        self.payload_bytes = payload_bytes;
+        let expects_payload = matches!(answer, Answer::Frame(_) | Answer::Flown { .. });
+        match answer {
+            Answer::Error { text } if payload_bytes == 0 => {
+                Err(BridgeError::Refused { doing, text })
+            }
+            answer if expects_payload || payload_bytes == 0 => Ok(answer),
+            answer => {
+                self.close();
+                Err(BridgeError::WrongAnswer {
+                    expected: format!("no payload behind {}", answer.name()),
+                    found: format!("{payload_bytes} bytes"),
+                })
+            }
+        }
+    }
+
+    /// Length of the payload of the answer just received, bytes.
+    pub(super) fn payload_bytes(&self) -> usize {
+        self.payload_bytes
+    }
+
+    /// Reads that payload.
+    pub(super) async fn take_payload(
+        &mut self,
+        doing: &'static str,
+        buffer: &mut Vec<u8>,
+        limit: Duration,
+    ) -> Result<(), BridgeError> {
+        let stream = self.stream.as_mut().ok_or(BridgeError::LinkClosed)?;
+        let bytes = std::mem::take(&mut self.payload_bytes);
+        let read = before(doing, limit, read_payload(stream, bytes, buffer)).await;
+        self.close_on_error(read)
+    }
+
+    /// Closes the link for good.
+    pub(super) fn close(&mut self) {
+        self.stream = None;
+    }
+
+    fn close_on_error<T>(&mut self, result: Result<T, BridgeError>) -> Result<T, BridgeError> {
+        if result.is_err() {
+            self.close();
+        }
+        result
+    }
+}

@@ -1,0 +1,227 @@
+//! The client's UDP side: reading datarefs by short-lived subscriptions, writing them, sending commands.
+//!
+//! Datagrams may be lost both ways, so requests are repeated until values arrive, and values that arrive for a
+//! subscription that should have ended end it again. Every reading uses fresh indices: a late value of an earlier
+//! reading cannot be taken for a new one.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::time::Duration;
+
+use tokio::net::UdpSocket;
+use tokio::time::{Instant, sleep, timeout_at};
+
+use crate::error::BridgeError;
+use crate::packet::{
+    Command, DatarefValue, FromSimulator, SubscribeDataref, ToSimulator, WriteDataref,
+};
+
+/// X-Plane takes about 140 requests in one of its frames and loses the others silently.
+const BATCH: usize = 100;
+/// Time between batches: X-Plane draws several frames in it.
+const BATCH_PAUSE: Duration = Duration::from_millis(100);
+/// Until a request that brought no value is sent again.
+const REPEAT_AFTER: Duration = Duration::from_millis(250);
+/// A subscription lives for one value; a high rate brings it soon.
+const FREQUENCY_HZ: i32 = 50;
+/// How long to listen on leaving for values of subscriptions whose end was lost.
+const LEAVE_PAUSE: Duration = Duration::from_millis(60);
+/// Writes sent at one go: they must fit the receiver's buffer together.
+const WRITES_AT_ONCE: usize = 32;
+
+/// A UDP socket connected to the simulator, and what is subscribed on it.
+#[derive(Debug)]
+pub(super) struct UdpClient {
+    socket: UdpSocket,
+    address: SocketAddr,
+    next_index: i32,
+    active: BTreeSet<i32>,
+}
+
+impl UdpClient {
+    /// Opens a socket towards the simulator. Sends nothing yet.
+    pub(super) async fn bind(address: SocketAddr) -> Result<Self, BridgeError> {
+        let any: SocketAddr = match address {
+            SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+        };
+        let open = async {
+            let socket = UdpSocket::bind(any).await?;
+            socket.connect(address).await?;
+            Ok(socket)
+        };
+        let socket = open
+            .await
+            .map_err(|source| BridgeError::Udp { address, source })?;
+        Ok(Self {
+            socket,
+            address,
+            next_index: 1,
+            active: BTreeSet::new(),
+        })
+    }
+
+    /// Reads datarefs until all have come and `enough` says so, or `deadline` passes; `None` for those that never came.
+    pub(super) async fn read_until(
+        &mut self,
+        names: &[&str],
+        deadline: Instant,
+        enough: impl Fn(&[Option<f32>]) -> bool,
+    ) -> Result<Vec<Option<f32>>, BridgeError> {
+        let first = self.next_index;
+        // Far from the end of i32 within any run, and never 0, which clients use for "all".
+        self.next_index = first.checked_add(names.len() as i32).unwrap_or(1);
+        let mut values = vec![None; names.len()];
+        let indices: BTreeMap<i32, usize> =
+            (0..names.len()).map(|at| (first + at as i32, at)).collect();
+        self.active.extend(indices.keys());
+        while !enough(&values) && Instant::now() < deadline {
+            let missing: Vec<usize> = (0..names.len())
+                .filter(|&at| values[at].is_none())
+                .collect();
+            for batch in missing.chunks(BATCH) {
+                for &at in batch {
+                    self.subscribe(FREQUENCY_HZ, first + at as i32, names[at])
+                        .await?;
+                }
+                if missing.len() > BATCH {
+                    let until = deadline.min(Instant::now() + BATCH_PAUSE);
+                    self.listen(until, &indices, &mut values, |_| false).await?;
+                }
+            }
+            let until = deadline.min(Instant::now() + REPEAT_AFTER);
+            self.listen(until, &indices, &mut values, &enough).await?;
+        }
+        for (&index, &at) in &indices {
+            self.subscribe(0, index, names[at]).await?;
+            self.active.remove(&index);
+        }
+        Ok(values)
+    }
+
+    /// Sets datarefs. Whether they took the values must be read back.
+    pub(super) async fn write<'a>(
+        &self,
+        writes: impl IntoIterator<Item = (&'a str, f32)>,
+    ) -> Result<(), BridgeError> {
+        for (at, (path, value)) in writes.into_iter().enumerate() {
+            if at % WRITES_AT_ONCE == WRITES_AT_ONCE - 1 {
+                sleep(Duration::from_millis(5)).await;
+            }
+            let path = path.to_owned();
+            self.send(&ToSimulator::WriteDataref(WriteDataref { path, value }))
+                .await?;
+        }
+        Ok(())
+    }
+
+    /// Does a command once.
+    pub(super) async fn command(&self, path: &str) -> Result<(), BridgeError> {
+        self.send(&ToSimulator::Command(Command {
+            path: path.to_owned(),
+        }))
+        .await
+    }
+
+    /// Ends whatever is subscribed, and listens for a moment whether something still comes.
+    pub(super) async fn unsubscribe_all(&mut self) {
+        for index in std::mem::take(&mut self.active) {
+            let _ = self.socket.send(&end_of(index)).await;
+        }
+        let until = Instant::now() + LEAVE_PAUSE;
+        let _ = self
+            .listen(until, &BTreeMap::new(), &mut [], |_| false)
+            .await;
+    }
+
+    async fn subscribe(
+        &self,
+        frequency_hz: i32,
+        index: i32,
+        path: &str,
+    ) -> Result<(), BridgeError> {
+        let path = path.to_owned();
+        self.send(&ToSimulator::SubscribeDataref(SubscribeDataref {
+            frequency_hz,
+            index,
+            path,
+        }))
+        .await
+    }
+
+    async fn send(&self, packet: &ToSimulator) -> Result<(), BridgeError> {
+        match self.socket.send(&packet.encode()?).await {
+            Ok(_) => Ok(()),
+            // "Connection refused" is the answer to an earlier datagram: nobody listens, maybe not yet.
+            Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => Ok(()),
+            Err(source) => Err(BridgeError::Udp {
+                address: self.address,
+                source,
+            }),
+        }
+    }
+
+    /// Takes in values until `until`, or until `enough`.
+    async fn listen(
+        &mut self,
+        until: Instant,
+        indices: &BTreeMap<i32, usize>,
+        values: &mut [Option<f32>],
+        enough: impl Fn(&[Option<f32>]) -> bool,
+    ) -> Result<(), BridgeError> {
+        let mut buffer = [0; 2048];
+        while !enough(values) {
+            let length = match timeout_at(until, self.socket.recv(&mut buffer)).await {
+                Err(_) => return Ok(()),
+                Ok(Ok(length)) => length,
+                Ok(Err(error)) if error.kind() == std::io::ErrorKind::ConnectionRefused => {
+                    sleep(Duration::from_millis(50)).await;
+                    continue;
+                }
+                Ok(Err(source)) => {
+                    return Err(BridgeError::Udp {
+                        address: self.address,
+                        source,
+                    });
+                }
+            };
+            match FromSimulator::decode(&buffer[..length]) {
+                Ok(FromSimulator::DatarefValues(reply)) => {
+                    for DatarefValue { index, value } in reply.values {
+                        match indices.get(&index) {
+                            Some(&at) => values[at] = Some(value),
+                            None if !self.active.contains(&index) => {
+                                let _ = self.socket.try_send(&end_of(index));
+                            }
+                            None => {}
+                        }
+                    }
+                }
+                Ok(_) => {}
+                Err(error) => tracing::debug!(address = %self.address, %error, "datagram ignored"),
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for UdpClient {
+    /// A client that fails half-way must not leave the simulator sending for ever.
+    fn drop(&mut self) {
+        for &index in &self.active {
+            let _ = self.socket.try_send(&end_of(index));
+        }
+    }
+}
+
+/// The datagram that ends a subscription by its number alone.
+fn end_of(index: i32) -> Vec<u8> {
+    let end = SubscribeDataref {
+        frequency_hz: 0,
+        index,
+        path: String::new(),
+    };
+    ToSimulator::SubscribeDataref(end)
+        .encode()
+        .unwrap_or_default()
+}

@@ -1,0 +1,125 @@
+//! Connecting to what is not there, not whole or not ours ends in time and says what to do.
+
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use tokio::io::AsyncWriteExt;
+use tokio::net::{TcpListener, UdpSocket};
+use xplane_bridge::datarefs::{CAPTURE_PORT, VERSION};
+use xplane_bridge::packet::{DatarefValue, DatarefValues, FromSimulator, ToSimulator};
+use xplane_bridge::{BridgeError, Simulator};
+
+/// A simulator that knows its version and the given port of a capture link, and loses the first datagrams.
+async fn simulator_with_port(port: Option<u16>, lost: usize) -> SocketAddr {
+    let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let address = socket.local_addr().unwrap();
+    tokio::spawn(async move {
+        let mut buffer = [0; 2048];
+        let mut received = 0;
+        loop {
+            let (length, from) = socket.recv_from(&mut buffer).await.unwrap();
+            received += 1;
+            let Ok(ToSimulator::SubscribeDataref(request)) = ToSimulator::decode(&buffer[..length])
+            else {
+                continue;
+            };
+            let value = match request.path.as_str() {
+                VERSION => Some(120_400.0),
+                CAPTURE_PORT => port.map(f32::from),
+                _ => Some(0.0),
+            };
+            if let Some(value) = value
+                && received > lost
+                && !request.is_end()
+            {
+                let values = vec![DatarefValue {
+                    index: request.index,
+                    value,
+                }];
+                let reply = FromSimulator::DatarefValues(DatarefValues { values });
+                socket
+                    .send_to(&reply.encode().unwrap(), from)
+                    .await
+                    .unwrap();
+            }
+        }
+    });
+    address
+}
+
+async fn error_of(address: SocketAddr, timeout: Duration) -> BridgeError {
+    let begin = Instant::now();
+    let error = Simulator::connect(address, timeout).await.unwrap_err();
+    assert!(begin.elapsed() <= timeout, "took {:?}", begin.elapsed());
+    error
+}
+
+#[tokio::test]
+async fn nobody_there_is_said_within_the_time_limit_with_what_to_do() {
+    // A port that was free a moment ago (refused), and one where somebody listens in silence.
+    let free = UdpSocket::bind("127.0.0.1:0")
+        .await
+        .unwrap()
+        .local_addr()
+        .unwrap();
+    let silent = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    for address in [free, silent.local_addr().unwrap()] {
+        let error = error_of(address, Duration::from_secs(1)).await;
+        assert!(
+            matches!(error, BridgeError::NobodyAnswers { .. }),
+            "{error}"
+        );
+        let text = error.to_string();
+        assert!(
+            text.contains("--sim mock") && text.contains("Accept incoming connections"),
+            "{text}"
+        );
+    }
+}
+
+#[tokio::test]
+async fn x_plane_without_our_plugin_is_told_apart_from_nobody() {
+    for port in [None, Some(0)] {
+        let address = simulator_with_port(port, 0).await;
+        let error = error_of(address, Duration::from_secs(1)).await;
+        assert!(matches!(error, BridgeError::NoPlugin { .. }), "{error}");
+        assert!(error.to_string().contains("PythonPlugins"), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn a_capture_link_of_another_version_is_refused_although_datagrams_were_lost() {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let port = listener.local_addr().unwrap().port();
+    let address = simulator_with_port(Some(port), 4).await;
+    tokio::spawn(async move {
+        let (mut stream, _) = listener.accept().await.unwrap();
+        stream.write_all(b"DTDL\x02\0\0\0").await.unwrap();
+        // Stays open: the client must find out by itself.
+        std::future::pending::<()>().await;
+    });
+    let error = error_of(address, Duration::from_secs(3)).await;
+    assert!(
+        error
+            .to_string()
+            .contains("version 2 of the capture link, expected 1"),
+        "{error}"
+    );
+}
+
+#[tokio::test]
+async fn an_announced_link_that_nobody_serves_is_named() {
+    let port = TcpListener::bind("127.0.0.1:0")
+        .await
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let address = simulator_with_port(Some(port), 0).await;
+    let error = error_of(address, Duration::from_secs(2)).await;
+    assert!(
+        matches!(error, BridgeError::CannotOpenLink { .. }),
+        "{error}"
+    );
+    assert!(error.to_string().contains(&port.to_string()), "{error}");
+}
