@@ -1,3 +1,25 @@
-//! Geodesic labels, projected truth boxes and detections.
+//! Where the aircraft is: truly, and as a detector sees it.
+//!
+//! In go committed scenarios of a corpus. Out come labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected
+//! truth in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`). Labels come from poses and
+//! cameras alone, detections from decoded pixels alone; [`statistics`] compares the two.
 
 #![forbid(unsafe_code)]
+
+pub mod detect;
+pub mod detector;
+pub mod error;
+#[cfg(test)]
+mod fixture;
+pub mod label;
+pub mod outcome;
+mod silhouette;
+pub mod statistics;
+pub mod tiling;
+pub mod track;
+pub mod truth_box;
+
+pub use detect::{DetectOptions, DetectOutcome, detect_corpus};
+pub use error::{Error, Result};
+pub use label::{LabelOutcome, label_corpus};
+pub use outcome::{Failure, Progress};

@@ -1,0 +1,235 @@
+//! Runs a detector over the videos of a corpus.
+//!
+//! In go the videos and timestamps of committed scenarios and a model; out come `detections/<model>.parquet` and beside it
+//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the beginning of the model's hash. Several views are decoded and
+//! searched at a time; each worker holds one picture and one session, so memory does not grow with the corpus.
+
+mod job;
+mod record;
+
+use std::path::Path;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
+use std::thread;
+
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::seal::hash_file;
+use serde::Serialize;
+
+pub use record::DetectionRecord;
+
+use crate::detector::{Detector, OrtDetector, OrtOptions};
+use crate::error::{Error, Result};
+use crate::outcome::{Failure, Progress};
+use crate::statistics::DetectionCounts;
+use crate::tiling::TilingSettings;
+use job::{ScenarioJob, ViewJob};
+
+/// Digits of a model's hash that name its detections.
+const MODEL_HASH_DIGITS: usize = 16;
+
+/// How a corpus is searched.
+#[derive(Debug, Clone, PartialEq)]
+pub struct DetectOptions {
+    /// What counts as a hit. Detections made with other settings are made again.
+    pub settings: TilingSettings,
+    /// Views that are searched at a time.
+    pub workers: usize,
+    /// Threads that a worker's model uses.
+    pub threads_per_worker: usize,
+    /// Most windows in one run of the model.
+    pub batch: usize,
+    /// Search again what was searched with this model and these settings before.
+    pub again: bool,
+}
+
+impl Default for DetectOptions {
+    /// A worker of one thread per core: decoding and preprocessing then overlap with the model.
+    fn default() -> Self {
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            settings: TilingSettings::default(),
+            workers: cores,
+            threads_per_worker: 1,
+            batch: 1,
+            again: false,
+        }
+    }
+}
+
+/// What became of the scenarios of a corpus.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct DetectOutcome {
+    /// Name of the detections: the first 16 digits of the model's BLAKE3 hash.
+    pub model_hash: String,
+    /// Scenarios that were searched.
+    pub detected: Vec<String>,
+    /// Scenarios that had been searched with this model and these settings before.
+    pub unchanged: Vec<String>,
+    /// Scenarios that could not be searched.
+    pub failed: Vec<Failure>,
+    /// Counts over all that have detections now.
+    pub counts: DetectionCounts,
+    /// Time of the workers, added up, seconds.
+    pub worker_seconds: f64,
+}
+
+/// The model that detections are made with.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Model {
+    file_name: String,
+    blake3: String,
+}
+
+impl Model {
+    fn of(path: &Path) -> Result<Self> {
+        let file_name = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        Ok(Self {
+            file_name,
+            blake3: hash_file(path)?,
+        })
+    }
+
+    fn short_hash(&self) -> &str {
+        &self.blake3[..MODEL_HASH_DIGITS.min(self.blake3.len())]
+    }
+}
+
+/// Makes a detector; every worker has its own.
+type MakeDetector<'a> = &'a (dyn Fn() -> Result<Box<dyn Detector>> + Sync);
+
+/// Searches all committed scenarios with the model of an ONNX file. A scenario that cannot be searched is reported and does
+/// not stop the others; an error is returned if the model, the options or the corpus cannot be used at all.
+pub fn detect_corpus(
+    corpus: &Corpus,
+    model_path: &Path,
+    options: &DetectOptions,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<DetectOutcome> {
+    let ort = OrtOptions {
+        threads: options.threads_per_worker,
+        batch: options.batch,
+    };
+    // Before anything else: a model that does not load is the caller's to know, even if there is nothing to do.
+    drop(OrtDetector::load(model_path, ort)?);
+    let make = || {
+        OrtDetector::load(model_path, ort).map(|detector| Box::new(detector) as Box<dyn Detector>)
+    };
+    detect_with(corpus, &Model::of(model_path)?, &make, options, progress)
+}
+
+fn detect_with(
+    corpus: &Corpus,
+    model: &Model,
+    make: MakeDetector<'_>,
+    options: &DetectOptions,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<DetectOutcome> {
+    options.settings.check()?;
+    if options.workers == 0 {
+        return Err(Error::Option {
+            name: "workers",
+            found: "0".into(),
+            expected: "at least 1",
+        });
+    }
+    let mut outcome = DetectOutcome {
+        model_hash: model.short_hash().to_owned(),
+        ..Default::default()
+    };
+    let mut jobs = Vec::new();
+    for folder in corpus.scenarios()? {
+        let id = folder.id();
+        match ScenarioJob::plan(folder, model, options) {
+            Ok(Some(job)) => jobs.push(job),
+            Ok(None) => outcome.unchanged.push(id),
+            Err(error) => outcome.failed.push(Failure {
+                id,
+                reason: error.to_string(),
+            }),
+        }
+    }
+    work_through(&jobs, make, options, progress)?;
+    for job in jobs {
+        let id = job.id();
+        match job.finish() {
+            Ok(seconds) => {
+                outcome.worker_seconds += seconds;
+                outcome.detected.push(id);
+            }
+            Err(error) => outcome.failed.push(Failure {
+                id,
+                reason: error.to_string(),
+            }),
+        }
+    }
+    for id in outcome.detected.iter().chain(&outcome.unchanged) {
+        outcome
+            .counts
+            .add(&count(&corpus.scenario(id), model.short_hash())?);
+    }
+    Ok(outcome)
+}
+
+/// Lets the workers take view after view until none is left.
+fn work_through(
+    jobs: &[ScenarioJob],
+    make: MakeDetector<'_>,
+    options: &DetectOptions,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<()> {
+    let views: Vec<ViewJob<'_>> = jobs.iter().flat_map(ScenarioJob::views).collect();
+    let total = views.iter().map(ViewJob::pictures).sum();
+    let next = AtomicUsize::new(0);
+    let done = Mutex::new(0);
+    let picture_done = || {
+        let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
+        *done += 1;
+        progress(Progress { done: *done, total });
+    };
+    let work = || -> Result<()> {
+        let mut detector = None;
+        while let Some(view) = views.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let detector = match &mut detector {
+                Some(detector) => detector,
+                none => none.insert(make()?),
+            };
+            view.search(detector.as_mut(), &options.settings, &picture_done);
+        }
+        Ok(())
+    };
+    thread::scope(|scope| {
+        let workers: Vec<_> = (1..options.workers.min(views.len()))
+            .map(|_| scope.spawn(work))
+            .collect();
+        let mine = work();
+        workers
+            .into_iter()
+            .fold(mine, |result, worker| match worker.join() {
+                Ok(theirs) => result.and(theirs),
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+    })
+}
+
+fn count(folder: &ScenarioFolder, model_hash: &str) -> Result<DetectionCounts> {
+    let record = folder.record()?;
+    let truth = if folder.truth_boxes_path().exists() {
+        Some(folder.truth_boxes()?)
+    } else {
+        None
+    };
+    let pictures = u64::from(record.ticks) * record.views.len() as u64;
+    Ok(DetectionCounts::of(
+        pictures,
+        &folder.detections(model_hash)?,
+        truth.as_deref(),
+    ))
+}
+
+#[cfg(test)]
+mod tests;

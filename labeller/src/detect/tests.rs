@@ -1,0 +1,180 @@
+use std::sync::Mutex;
+
+use dataset::json_file::read_json;
+use dataset::pixel_box::PixelBox;
+
+use super::*;
+use crate::fixture::{self, BlobFinder, paint_blob};
+use crate::label::label_corpus;
+
+const WIDTH: u32 = 1280;
+const HEIGHT: u32 = 768;
+
+fn model() -> Model {
+    Model {
+        file_name: "blobs.onnx".into(),
+        blake3: "0123456789abcdef0123".into(),
+    }
+}
+
+/// A blob that moves right with the ticks, elsewhere in each view.
+fn blob(view: &str, tick: u32) -> PixelBox {
+    let left = if view == "left" { 100.0 } else { 630.0 } + 8.0 * f64::from(tick);
+    PixelBox::from_edges(left - 0.5, 199.5, left + 15.5, 207.5)
+}
+
+fn corpus(root: &Path, ids: &[&str]) -> Corpus {
+    let paint = |view: &str, tick: u32, rgb: &mut [u8]| {
+        rgb.fill(20);
+        paint_blob(rgb, WIDTH, &blob(view, tick));
+    };
+    fixture::corpus_with_videos(root, ids, WIDTH, HEIGHT, Some(&paint))
+}
+
+fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {
+    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
+    detect_with(corpus, &model(), &make, options, &|_| {}).unwrap()
+}
+
+fn two_workers() -> DetectOptions {
+    DetectOptions {
+        workers: 2,
+        ..Default::default()
+    }
+}
+
+#[test]
+fn decoded_videos_give_detections_at_their_ticks_and_views() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let steps = Mutex::new(Vec::new());
+    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
+    let watch = |progress: Progress| steps.lock().unwrap().push((progress.done, progress.total));
+    let outcome = detect_with(&corpus, &model(), &make, &two_workers(), &watch).unwrap();
+    assert_eq!(outcome.detected, ["0001-a", "0002-b"]);
+    assert_eq!(outcome.model_hash, "0123456789abcdef");
+    assert_eq!(
+        *steps.lock().unwrap(),
+        (1..=12).map(|done| (done, 12)).collect::<Vec<_>>()
+    );
+    for id in ["0001-a", "0002-b"] {
+        let found = corpus.scenario(id).detections("0123456789abcdef").unwrap();
+        let keys: Vec<_> = found
+            .iter()
+            .map(|detection| (detection.tick, detection.view.as_str()))
+            .collect();
+        let expected = [
+            (0, "left"),
+            (0, "right"),
+            (1, "left"),
+            (1, "right"),
+            (2, "left"),
+            (2, "right"),
+        ];
+        assert_eq!(keys, expected);
+        for detection in found {
+            let offset_px = detection.pixel_box.cx_px - blob(&detection.view, detection.tick).cx_px;
+            assert!(
+                offset_px.abs() < 0.6,
+                "{detection:?} is off by {offset_px} px"
+            );
+        }
+    }
+    assert_eq!(
+        (outcome.counts.pictures, outcome.counts.detections),
+        (12, 12)
+    );
+    assert_eq!(outcome.counts.against_truth, None);
+}
+
+#[test]
+fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    detect(&corpus, &two_workers());
+    let again = detect(&corpus, &two_workers());
+    assert_eq!((again.detected.len(), again.unchanged.len()), (0, 1));
+    assert_eq!(again.counts.detections, 6);
+    let other = TilingSettings {
+        score: 0.9,
+        ..Default::default()
+    };
+    assert_eq!(
+        detect(
+            &corpus,
+            &DetectOptions {
+                settings: other,
+                ..two_workers()
+            }
+        )
+        .detected
+        .len(),
+        1
+    );
+    let record: DetectionRecord = read_json(
+        &DetectionRecord::path(&corpus.scenario("0001-a"), "0123456789abcdef"),
+        "record",
+    )
+    .unwrap();
+    assert_eq!(
+        (record.model.as_str(), record.settings, record.pictures),
+        ("blobs.onnx", other, 6)
+    );
+    assert_eq!(
+        detect(
+            &corpus,
+            &DetectOptions {
+                settings: other,
+                again: true,
+                ..two_workers()
+            }
+        )
+        .detected
+        .len(),
+        1
+    );
+}
+
+#[test]
+fn detections_are_compared_with_labels_where_there_are_any() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    label_corpus(&corpus, &|_| {}).unwrap();
+    // The painted blobs are nowhere near the aircraft: all are false, and none is found.
+    let truth = detect(&corpus, &two_workers())
+        .counts
+        .against_truth
+        .unwrap();
+    assert_eq!((truth.found, truth.false_detections), (0, 6));
+    assert_eq!(
+        dataset::seal::faults(corpus.scenario("0001-a").root()).unwrap(),
+        Vec::<String>::new()
+    );
+}
+
+#[test]
+fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let folder = corpus.scenario("0001-a");
+    let mut frames = folder.frames().unwrap();
+    frames.rows[2].views[1].pts += 1;
+    frames.write(&folder.frames_path()).unwrap();
+    let outcome = detect(&corpus, &two_workers());
+    assert_eq!(outcome.detected, ["0002-b"]);
+    let reason = &outcome.failed[0].reason;
+    assert!(
+        reason.contains("view right: at tick 2 expected a picture with timestamp 3, found"),
+        "{reason}"
+    );
+    assert!(!folder.detections_path("0123456789abcdef").exists());
+}
+
+#[test]
+fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let make = || Err(Error::runtime("is not there"));
+    let result = detect_with(&corpus, &model(), &make, &two_workers(), &|_| {});
+    assert!(result.unwrap_err().to_string().contains("is not there"));
+}

@@ -1,0 +1,49 @@
+//! Something that finds aircraft in square windows of a picture.
+//!
+//! The real one runs an ONNX model ([`OrtDetector`]); tests put a finder of bright blobs behind the same trait. A window is as
+//! large as the model's input, so no pixel is ever resampled: the six tiles of 640 of the paper follow from a 640 model and a
+//! 1920x1280 picture, and a 416 model gets its twenty.
+
+mod layout;
+mod onnx_runtime;
+mod ort_detector;
+mod profile;
+mod suppression;
+mod window;
+
+use dataset::pixel_box::PixelBox;
+
+pub use layout::Layout;
+pub use ort_detector::{OrtDetector, OrtOptions};
+pub use profile::{BoxOrigin, ChannelOrder, ModelProfile};
+pub use suppression::keep_best;
+pub use window::{Picture, Window};
+
+use crate::error::Result;
+
+/// A box with the detector's confidence.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScoredBox {
+    /// The box. Relative to its window where a [`Detector`] returns it: (0, 0) is the centre of the window's top-left pixel.
+    pub pixel_box: PixelBox,
+    /// Confidence, 0 to 1.
+    pub score: f64,
+}
+
+/// Finds aircraft in windows of a picture.
+pub trait Detector {
+    /// Edge length of the square windows, pixels.
+    fn window_px(&self) -> u32;
+
+    /// For every window, all boxes of aircraft with at least `score_floor`, in no order and with duplicates
+    /// ([`keep_best`] drops them).
+    fn detect(
+        &mut self,
+        picture: &Picture<'_>,
+        windows: &[Window],
+        score_floor: f64,
+    ) -> Result<Vec<Vec<ScoredBox>>>;
+
+    /// What it is, for the record beside the detections.
+    fn description(&self) -> String;
+}

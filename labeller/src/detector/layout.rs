@@ -1,0 +1,231 @@
+//! The forms in which detectors answer, told apart by their shapes, and how each becomes boxes.
+//!
+//! | layout | shape | a candidate |
+//! |---|---|---|
+//! | [`Layout::Rows`] | `[B, N, 6]`, any other N | cx, cy, w, h in px, objectness, class score: this project's own detector |
+//! | [`Layout::AnchorRows`] | `[B, 3 * cells, 5 + classes]` | the same with any classes: YOLOv5 and v7 exported with their grid |
+//! | [`Layout::Yolox`] | `[B, cells, 5 + classes]` | centre and size relative to the cell, undecoded: YOLOX |
+//! | [`Layout::Columns`] | `[B, 4 + classes, N]` | a column cx, cy, w, h in px, class scores: YOLOv8, v11 |
+//! | [`Layout::Corners`] | `[B, 300, 6]` | x0, y0, x1, y1 in px, score, class: YOLOv10, v26 |
+//! | [`Layout::BatchCorners`] | `[K, 7]` | window, x0, y0, x1, y1 in px, class, score: YOLOv7 end to end |
+//!
+//! `cells` is the number of cells of the grids of strides 8, 16 and 32. A model whose shape misleads says its layout in its
+//! [`ModelProfile`](super::ModelProfile).
+
+use serde::{Deserialize, Serialize};
+
+use super::ScoredBox;
+use super::profile::{BoxOrigin, ModelProfile};
+use dataset::pixel_box::PixelBox;
+
+const STRIDES: [usize; 3] = [8, 16, 32];
+/// Boxes that end-to-end YOLO models return per picture.
+const END_TO_END_BOXES: usize = 300;
+
+/// Form of a detector's answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Layout {
+    /// Decoded rows: this project's own detector.
+    Rows,
+    /// Decoded rows, three anchors a cell: YOLOv5, v7.
+    AnchorRows,
+    /// Undecoded rows, one a cell: YOLOX.
+    Yolox,
+    /// Decoded columns: YOLOv8, v11.
+    Columns,
+    /// Final boxes by corners: YOLOv10, v26.
+    Corners,
+    /// Final boxes of a whole batch: YOLOv7 end to end.
+    BatchCorners,
+}
+
+/// What decoding needs to know besides the numbers.
+pub(super) struct Decoding<'a> {
+    pub(super) layout: Layout,
+    pub(super) profile: &'a ModelProfile,
+    pub(super) window_px: u32,
+    pub(super) score_floor: f64,
+}
+
+fn cells(window_px: u32) -> usize {
+    STRIDES
+        .iter()
+        .map(|stride| (window_px as usize / stride).pow(2))
+        .sum()
+}
+
+impl Layout {
+    /// The layout that a shape belongs to, if any.
+    pub fn of_shape(shape: &[usize], window_px: u32) -> Option<Self> {
+        match *shape {
+            [_, 7] => Some(Self::BatchCorners),
+            [_, rows, columns] if columns > rows && rows >= 5 => Some(Self::Columns),
+            [_, END_TO_END_BOXES, 6] => Some(Self::Corners),
+            [_, rows, columns] if rows == 3 * cells(window_px) && columns >= 6 => {
+                Some(Self::AnchorRows)
+            }
+            [_, rows, columns] if rows == cells(window_px) && columns >= 6 => Some(Self::Yolox),
+            [_, _, 6] => Some(Self::Rows),
+            _ => None,
+        }
+    }
+
+    /// Which point of a pixel models of this layout count from.
+    pub fn usual_origin(self) -> BoxOrigin {
+        match self {
+            Self::Rows => BoxOrigin::PixelCenter,
+            _ => BoxOrigin::PixelCorner,
+        }
+    }
+}
+
+impl Decoding<'_> {
+    /// Boxes of each of `windows` windows. The message says what does not fit.
+    pub(super) fn decode(
+        &self,
+        shape: &[usize],
+        data: &[f32],
+        windows: usize,
+    ) -> Result<Vec<Vec<ScoredBox>>, String> {
+        let misfit = || {
+            format!(
+                "its output has the shape {shape:?}, which does not fit the layout {:?}",
+                self.layout
+            )
+        };
+        match (self.layout, shape) {
+            (Layout::BatchCorners, [_, 7]) => Ok(self.batch_corners(data, windows)),
+            (Layout::BatchCorners, _) => Err(misfit()),
+            (layout, &[batch, rows, columns]) if batch >= windows => {
+                let per_window = data.chunks_exact(rows * columns).take(windows);
+                match layout {
+                    Layout::Columns if rows >= 5 => {
+                        let class = self.aircraft_class(rows - 4)?;
+                        Ok(per_window
+                            .map(|answer| self.columns(answer, columns, class))
+                            .collect())
+                    }
+                    Layout::Corners if columns == 6 => {
+                        Ok(per_window.map(|answer| self.corners(answer)).collect())
+                    }
+                    Layout::Yolox if columns >= 6 && rows == cells(self.window_px) => {
+                        let class = self.aircraft_class(columns - 5)?;
+                        Ok(per_window
+                            .map(|answer| self.yolox(answer, columns, class))
+                            .collect())
+                    }
+                    Layout::Rows | Layout::AnchorRows if columns >= 6 => {
+                        let class = self.aircraft_class(columns - 5)?;
+                        Ok(per_window
+                            .map(|answer| self.rows(answer, columns, class))
+                            .collect())
+                    }
+                    _ => Err(misfit()),
+                }
+            }
+            _ => Err(misfit()),
+        }
+    }
+
+    fn aircraft_class(&self, classes: usize) -> Result<usize, String> {
+        self.profile.aircraft_class(classes).ok_or_else(|| {
+            format!("it knows {classes} classes; say in its profile which one is the aircraft: {{\"aircraft_class\": 4}}")
+        })
+    }
+
+    fn rows(&self, answer: &[f32], columns: usize, class: usize) -> Vec<ScoredBox> {
+        let scored =
+            |row: &[f32]| self.centred([row[0], row[1], row[2], row[3]], row[4] * row[5 + class]);
+        answer.chunks_exact(columns).filter_map(scored).collect()
+    }
+
+    fn columns(&self, answer: &[f32], candidates: usize, class: usize) -> Vec<ScoredBox> {
+        let value = |field: usize, candidate: usize| answer[field * candidates + candidate];
+        let scored = |k: usize| {
+            self.centred(
+                [0, 1, 2, 3].map(|field| value(field, k)),
+                value(4 + class, k),
+            )
+        };
+        (0..candidates).filter_map(scored).collect()
+    }
+
+    fn yolox(&self, answer: &[f32], columns: usize, class: usize) -> Vec<ScoredBox> {
+        let places = STRIDES.into_iter().flat_map(|stride| {
+            let side = self.window_px as usize / stride;
+            (0..side * side)
+                .map(move |cell| (stride as f32, (cell % side) as f32, (cell / side) as f32))
+        });
+        let scored = |(row, (stride, column, line)): (&[f32], (f32, f32, f32))| {
+            let centre = [(row[0] + column) * stride, (row[1] + line) * stride];
+            let size = [row[2].exp() * stride, row[3].exp() * stride];
+            self.centred(
+                [centre[0], centre[1], size[0], size[1]],
+                row[4] * row[5 + class],
+            )
+        };
+        answer
+            .chunks_exact(columns)
+            .zip(places)
+            .filter_map(scored)
+            .collect()
+    }
+
+    fn corners(&self, answer: &[f32]) -> Vec<ScoredBox> {
+        let aircraft = self.profile.aircraft_class_or_coco() as f32;
+        let scored = |row: &[f32]| {
+            (row[5] == aircraft)
+                .then(|| self.cornered(&row[..4], row[4]))
+                .flatten()
+        };
+        answer.chunks_exact(6).filter_map(scored).collect()
+    }
+
+    fn batch_corners(&self, data: &[f32], windows: usize) -> Vec<Vec<ScoredBox>> {
+        let aircraft = self.profile.aircraft_class_or_coco() as f32;
+        let mut found = vec![Vec::new(); windows];
+        for row in data.chunks_exact(7).filter(|row| row[5] == aircraft) {
+            if let Some(boxes) = found.get_mut(row[0] as usize) {
+                boxes.extend(self.cornered(&row[1..5], row[6]));
+            }
+        }
+        found
+    }
+
+    fn cornered(&self, corners: &[f32], score: f32) -> Option<ScoredBox> {
+        let [x0, y0, x1, y1] = [corners[0], corners[1], corners[2], corners[3]];
+        self.centred([(x0 + x1) / 2.0, (y0 + y1) / 2.0, x1 - x0, y1 - y0], score)
+    }
+
+    /// A box from centre and size in the model's coordinates, unless its score is below the floor or it is no box.
+    fn centred(&self, numbers: [f32; 4], score: f32) -> Option<ScoredBox> {
+        // Written so that a score that is not a number fails as well.
+        if !(f64::from(score) >= self.score_floor)
+            || numbers.iter().any(|number| !number.is_finite())
+        {
+            return None;
+        }
+        let [cx, cy, width_px, height_px] = numbers.map(f64::from);
+        let to_pixel_centre = match self
+            .profile
+            .box_origin
+            .unwrap_or(self.layout.usual_origin())
+        {
+            BoxOrigin::PixelCenter => 0.0,
+            BoxOrigin::PixelCorner => -0.5,
+        };
+        (width_px > 0.0 && height_px > 0.0).then(|| ScoredBox {
+            pixel_box: PixelBox {
+                cx_px: cx + to_pixel_centre,
+                cy_px: cy + to_pixel_centre,
+                width_px,
+                height_px,
+            },
+            score: f64::from(score).min(1.0),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,172 @@
+//! What a model wants to be fed and how its answer is meant, where its shapes do not tell.
+//!
+//! Taken from the first of: a file `<model file name>.json` beside the model (`aircraft.onnx.json`), the model's own metadata
+//! property `dtd_profile` (the same JSON as text), the defaults for its layout. For example:
+//!
+//! ```json
+//! {"input": {"order": "bgr", "scale": 1.0, "size_px": 416}, "layout": "yolox", "aircraft_class": 4}
+//! ```
+
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use super::layout::Layout;
+use crate::error::{Error, Result};
+
+/// Name of the metadata property of a model that holds its profile.
+pub(super) const METADATA_KEY: &str = "dtd_profile";
+/// Index of `airplane` among the 80 classes of COCO.
+const COCO_AIRPLANE: usize = 4;
+
+/// Order of the channels of a model's input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum ChannelOrder {
+    /// Red first.
+    Rgb,
+    /// Blue first, as OpenCV reads pictures.
+    Bgr,
+}
+
+/// Which point of the top-left pixel has the coordinates (0, 0) in a model's answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BoxOrigin {
+    /// Its centre, as everywhere in this project.
+    PixelCenter,
+    /// Its top-left corner, as all YOLO models have it: half a pixel is taken off.
+    PixelCorner,
+}
+
+/// Everything that may be said about a model. What is not said is decided by its shapes and its layout.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct ModelProfile {
+    /// The input.
+    pub input: InputProfile,
+    /// The output; otherwise [`Layout::of_shape`].
+    pub layout: Option<Layout>,
+    /// Index of the aircraft among the model's classes; otherwise 0 of 1 class or 4 of the 80 of COCO.
+    pub aircraft_class: Option<usize>,
+    /// Origin of the boxes; otherwise [`Layout::usual_origin`].
+    pub box_origin: Option<BoxOrigin>,
+}
+
+/// The input of a model.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct InputProfile {
+    /// Order of the channels; otherwise RGB, for YOLOX BGR.
+    pub order: Option<ChannelOrder>,
+    /// Factor on the 8-bit values; otherwise 1/255, for YOLOX 1.
+    pub scale: Option<f32>,
+    /// Edge length, pixels, if the model leaves it open; otherwise 640.
+    pub size_px: Option<u32>,
+}
+
+impl ModelProfile {
+    /// The profile of a model: from the file beside it, else from its metadata, else empty.
+    pub(super) fn find(model: &Path, metadata: Option<String>) -> Result<Self> {
+        let mut beside = model.as_os_str().to_owned();
+        beside.push(".json");
+        let beside = Path::new(&beside);
+        if beside.exists() {
+            return Ok(dataset::json_file::read_json(beside, "model profile")?);
+        }
+        metadata.map_or(Ok(Self::default()), |text| {
+            serde_json::from_str(&text).map_err(|e| {
+                Error::model(
+                    model,
+                    format!("its metadata property {METADATA_KEY} is not a profile: {e}"),
+                )
+            })
+        })
+    }
+
+    /// Order of the channels for a layout.
+    pub(super) fn order(&self, layout: Layout) -> ChannelOrder {
+        self.input.order.unwrap_or(if layout == Layout::Yolox {
+            ChannelOrder::Bgr
+        } else {
+            ChannelOrder::Rgb
+        })
+    }
+
+    /// Factor on the 8-bit values for a layout.
+    pub(super) fn scale(&self, layout: Layout) -> f32 {
+        self.input.scale.unwrap_or(if layout == Layout::Yolox {
+            1.0
+        } else {
+            1.0 / 255.0
+        })
+    }
+
+    /// Index of the aircraft among `classes`; `None` if nobody can know.
+    pub(super) fn aircraft_class(&self, classes: usize) -> Option<usize> {
+        let usual = match classes {
+            1 => Some(0),
+            80 => Some(COCO_AIRPLANE),
+            _ => None,
+        };
+        self.aircraft_class
+            .or(usual)
+            .filter(|class| *class < classes)
+    }
+
+    /// Class number of the aircraft in an answer that names classes without saying how many there are.
+    pub(super) fn aircraft_class_or_coco(&self) -> usize {
+        self.aircraft_class.unwrap_or(COCO_AIRPLANE)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_beside_the_model_goes_before_its_metadata_and_unknown_keys_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let model = folder.path().join("net.onnx");
+        let metadata = Some(r#"{"input": {"scale": 1.0}}"#.to_owned());
+        assert_eq!(
+            ModelProfile::find(&model, metadata.clone())
+                .unwrap()
+                .scale(Layout::Rows),
+            1.0
+        );
+        std::fs::write(
+            folder.path().join("net.onnx.json"),
+            r#"{"input": {"scale": 0.5, "order": "bgr"}}"#,
+        )
+        .unwrap();
+        let profile = ModelProfile::find(&model, metadata).unwrap();
+        assert_eq!(
+            (profile.scale(Layout::Rows), profile.order(Layout::Rows)),
+            (0.5, ChannelOrder::Bgr)
+        );
+        std::fs::write(folder.path().join("net.onnx.json"), r#"{"colour": "bgr"}"#).unwrap();
+        let message = format!("{}", ModelProfile::find(&model, None).unwrap_err());
+        assert!(
+            message.contains("net.onnx.json") && message.contains("colour"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn the_aircraft_is_the_only_class_or_cocos_airplane_or_has_to_be_named() {
+        let nothing_said = ModelProfile::default();
+        assert_eq!(
+            [1, 80, 7].map(|classes| nothing_said.aircraft_class(classes)),
+            [Some(0), Some(4), None]
+        );
+        let said = ModelProfile {
+            aircraft_class: Some(6),
+            ..Default::default()
+        };
+        assert_eq!(
+            [7, 3].map(|classes| said.aircraft_class(classes)),
+            [Some(6), None]
+        );
+    }
+}

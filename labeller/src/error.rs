@@ -1,0 +1,68 @@
+//! What can go wrong while labelling or detecting.
+
+use std::path::{Path, PathBuf};
+
+/// Labels or detections that cannot be made. Every message says of what.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file of the corpus cannot be read or written.
+    #[error(transparent)]
+    Dataset(#[from] dataset::Error),
+    /// A scenario's files contradict each other or ask for something that is not supported.
+    #[error("scenario {id}: {message}")]
+    Scenario {
+        /// Identifier of the scenario.
+        id: String,
+        /// What was expected, what was found, what to do.
+        message: String,
+    },
+    /// ONNX Runtime cannot be found or started.
+    #[error("ONNX Runtime: {message}")]
+    Runtime {
+        /// What was tried and what to do.
+        message: String,
+    },
+    /// A detector's model cannot be used.
+    #[error("model {}: {message}", path.display())]
+    Model {
+        /// The model file.
+        path: PathBuf,
+        /// What was expected, what was found, what to do.
+        message: String,
+    },
+    /// An option is out of its range.
+    #[error("option {name} is {found}, expected {expected}")]
+    Option {
+        /// Name of the option.
+        name: &'static str,
+        /// Its value.
+        found: String,
+        /// What it may be.
+        expected: &'static str,
+    },
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    pub(crate) fn scenario(id: &str, message: impl ToString) -> Self {
+        Self::Scenario {
+            id: id.to_owned(),
+            message: message.to_string(),
+        }
+    }
+
+    pub(crate) fn runtime(message: impl ToString) -> Self {
+        Self::Runtime {
+            message: message.to_string(),
+        }
+    }
+
+    pub(crate) fn model(path: &Path, message: impl ToString) -> Self {
+        Self::Model {
+            path: path.to_owned(),
+            message: message.to_string(),
+        }
+    }
+}

@@ -1,0 +1,301 @@
+//! Labels a corpus: distances in `frames.parquet`, projected boxes in `boxes_truth.parquet`.
+//!
+//! Everything follows from the poses of the ticks, the touchdown target and the calibrated cameras. Both tables of a scenario
+//! change together or not at all, and a scenario whose labels are right already is not touched.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use airframe::{Configuration, Mesh, boeing_737_800};
+use dataset::camera::Camera;
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::frames::Frames;
+use dataset::pixel_box::{TruthBox, read_truth_boxes, write_truth_boxes};
+use dataset::pose::Controls;
+use dataset::scenario::ScenarioRecord;
+use dataset::seal::replace_files;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+use crate::outcome::{Failure, Progress};
+use crate::track::labels_of;
+use crate::truth_box::{project, transmission};
+
+/// Class of every true box.
+pub const AIRCRAFT_CLASS: &str = "aircraft";
+/// The only aircraft whose shape is known.
+const KNOWN_AIRCRAFT: &str = "B737-800";
+
+/// What became of the scenarios of a corpus.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct LabelOutcome {
+    /// Scenarios that got new labels.
+    pub labelled: Vec<String>,
+    /// Scenarios whose labels were right already.
+    pub unchanged: Vec<String>,
+    /// Scenarios that could not be labelled.
+    pub failed: Vec<Failure>,
+}
+
+/// Labels all committed scenarios, several at a time. A scenario that cannot be labelled is reported and does not stop the
+/// others; an error is returned only if the corpus cannot be listed.
+pub fn label_corpus(corpus: &Corpus, progress: &(dyn Fn(Progress) + Sync)) -> Result<LabelOutcome> {
+    let scenarios = corpus.scenarios()?;
+    let total = scenarios.len() as u64;
+    let done = AtomicU64::new(0);
+    let results: Vec<_> = scenarios
+        .par_iter()
+        .map(|folder| {
+            let result = label_scenario(folder);
+            progress(Progress {
+                done: done.fetch_add(1, Ordering::Relaxed) + 1,
+                total,
+            });
+            (folder.id(), result)
+        })
+        .collect();
+    let mut outcome = LabelOutcome::default();
+    for (id, result) in results {
+        match result {
+            Ok(true) => outcome.labelled.push(id),
+            Ok(false) => outcome.unchanged.push(id),
+            Err(error) => outcome.failed.push(Failure {
+                id,
+                reason: error.to_string(),
+            }),
+        }
+    }
+    Ok(outcome)
+}
+
+/// Labels one scenario. Returns whether anything had to change.
+pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
+    let record = folder.record()?;
+    let mut frames = folder.frames()?;
+    check(&record, &frames)?;
+    let boxes = truth_boxes(&record, &frames, &cameras(folder, &record)?);
+    let mut labelled_already = true;
+    let labels = labels_of(
+        &frames.rows,
+        record.touchdown,
+        record.runway.course_true_deg,
+    );
+    for (row, labels) in frames.rows.iter_mut().zip(labels) {
+        labelled_already &= row.labels == Some(labels);
+        row.labels = Some(labels);
+    }
+    let boxes_path = folder.truth_boxes_path();
+    if labelled_already && boxes_path.exists() && read_truth_boxes(&boxes_path)? == boxes {
+        return Ok(false);
+    }
+    replace_files(
+        folder.root(),
+        &[ScenarioFolder::FRAMES, ScenarioFolder::TRUTH_BOXES],
+        |name, path| match name {
+            ScenarioFolder::FRAMES => frames.write(path),
+            _ => write_truth_boxes(path, &boxes),
+        },
+    )?;
+    Ok(true)
+}
+
+fn check(record: &ScenarioRecord, frames: &Frames) -> Result<()> {
+    let fault = |message: String| Err(Error::scenario(&record.id, message));
+    if record.aircraft != KNOWN_AIRCRAFT {
+        return fault(format!(
+            "its aircraft is {}, but the only known shape is {KNOWN_AIRCRAFT}",
+            record.aircraft
+        ));
+    }
+    if let Some(geoid) = &record.geoid {
+        return fault(format!(
+            "its heights refer to the geoid {geoid}; expected none (heights above the ellipsoid)"
+        ));
+    }
+    if frames.rows.len() != record.ticks as usize {
+        return fault(format!(
+            "frames.parquet has {} rows, but scenario.json says {} ticks; generate the scenario again",
+            frames.rows.len(),
+            record.ticks
+        ));
+    }
+    Ok(())
+}
+
+/// The cameras of the scenario's views, in their order.
+fn cameras(folder: &ScenarioFolder, record: &ScenarioRecord) -> Result<Vec<Camera>> {
+    let calibration = folder.calibration()?;
+    let camera_of = |view: &String| {
+        let entry = calibration.cameras.get(view).ok_or_else(|| {
+            let known = calibration
+                .cameras
+                .keys()
+                .cloned()
+                .collect::<Vec<_>>()
+                .join(", ");
+            Error::scenario(
+                &record.id,
+                format!("calibration.json has no camera {view}; it has {known}"),
+            )
+        })?;
+        if !entry.distortion.is_empty() || entry.k[0][0] != entry.k[1][1] || entry.k[0][1] != 0.0 {
+            let message = format!(
+                "camera {view} has distortion, skew or non-square pixels; expected a pure pinhole"
+            );
+            return Err(Error::scenario(&record.id, message));
+        }
+        Ok(entry.camera())
+    };
+    record.views.iter().map(camera_of).collect()
+}
+
+fn truth_boxes(record: &ScenarioRecord, frames: &Frames, cameras: &[Camera]) -> Vec<TruthBox> {
+    let mut shape = Shape::default();
+    let mut boxes = Vec::new();
+    for row in &frames.rows {
+        let mesh = shape.at(row.controls);
+        for (view, camera) in record.views.iter().zip(cameras) {
+            let Some(seen) = project(mesh, &row.pose, camera, record.touchdown.altitude_msl_m)
+            else {
+                continue;
+            };
+            boxes.push(TruthBox {
+                tick: row.tick,
+                view: view.clone(),
+                class: AIRCRAFT_CLASS.into(),
+                pixel_box: seen.pixel_box,
+                visible_fraction: seen.visible_fraction,
+                truncation: seen.truncation,
+                transmission: transmission(seen.range_m, record.conditions.weather.visibility_m),
+            });
+        }
+    }
+    boxes
+}
+
+/// The mesh of the last asked controls: flaps and gear move during a few ticks of a flight only.
+#[derive(Default)]
+struct Shape {
+    latest: Option<(Controls, Mesh)>,
+}
+
+impl Shape {
+    fn at(&mut self, controls: Controls) -> &Mesh {
+        let kept = self.latest.take().filter(|(known, _)| *known == controls);
+        let (_, mesh) = self.latest.insert(kept.unwrap_or_else(|| {
+            let Controls {
+                flap_ratio,
+                gear_ratio,
+            } = controls;
+            (
+                controls,
+                boeing_737_800(Configuration {
+                    flap_ratio,
+                    gear_ratio,
+                }),
+            )
+        }));
+        mesh
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use super::*;
+    use crate::fixture;
+
+    fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
+        let mut files: Vec<_> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.is_file())
+            .map(|path| {
+                (
+                    path.file_name().unwrap().to_string_lossy().into_owned(),
+                    fs::read(path).unwrap(),
+                )
+            })
+            .collect();
+        files.sort();
+        files
+    }
+
+    #[test]
+    fn labelling_writes_both_tables_and_keeps_the_seal_valid() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = fixture::corpus(temporary.path(), &["0001-a", "0002-b"]);
+        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        assert_eq!(outcome.labelled, ["0001-a", "0002-b"]);
+        assert_eq!(outcome.failed, []);
+        let folder = corpus.scenario("0001-a");
+        let frames = folder.frames().unwrap();
+        let first = frames.rows[0].labels.unwrap();
+        assert!((first.dtd_m - fixture::START_M).abs() < 1e-6);
+        assert_eq!(folder.truth_boxes().unwrap().len(), 2 * frames.rows.len());
+        assert_eq!(
+            dataset::seal::faults(folder.root()).unwrap(),
+            Vec::<String>::new()
+        );
+    }
+
+    #[test]
+    fn labelling_again_changes_no_byte() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = fixture::corpus(temporary.path(), &["0001-a"]);
+        label_corpus(&corpus, &|_| {}).unwrap();
+        let folder = corpus.scenario("0001-a");
+        let before = files(folder.root());
+        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        assert_eq!(
+            (outcome.labelled, outcome.unchanged),
+            (vec![], vec!["0001-a".to_owned()])
+        );
+        assert_eq!(files(folder.root()), before);
+    }
+
+    #[test]
+    fn a_wrong_label_is_made_right() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = fixture::corpus(temporary.path(), &["0001-a"]);
+        label_corpus(&corpus, &|_| {}).unwrap();
+        let folder = corpus.scenario("0001-a");
+        let right = files(folder.root());
+        let mut frames = folder.frames().unwrap();
+        frames.rows[1].labels.as_mut().unwrap().dtd_m += 1.0;
+        replace_files(folder.root(), &[ScenarioFolder::FRAMES], |_, path| {
+            frames.write(path)
+        })
+        .unwrap();
+        assert_eq!(label_corpus(&corpus, &|_| {}).unwrap().labelled, ["0001-a"]);
+        assert_eq!(files(folder.root()), right);
+    }
+
+    #[test]
+    fn a_scenario_that_cannot_be_labelled_is_named_and_does_not_stop_the_others() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = fixture::corpus(temporary.path(), &["0001-a", "0002-b"]);
+        let folder = corpus.scenario("0001-a");
+        let mut record = folder.record().unwrap();
+        record.views.push("tower".into());
+        record.write(&folder.record_path()).unwrap();
+        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        assert_eq!(outcome.labelled, ["0002-b"]);
+        assert_eq!(outcome.failed[0].id, "0001-a");
+        assert!(
+            outcome.failed[0]
+                .reason
+                .contains("no camera tower; it has left, right"),
+            "{:?}",
+            outcome.failed
+        );
+    }
+
+    #[test]
+    fn fog_takes_the_contrast_that_koschmieder_says() {
+        assert!((transmission(9_260.0, 9_260.0) - 0.02).abs() < 1e-4);
+        assert_eq!(transmission(0.0, 9_260.0), 1.0);
+    }
+}

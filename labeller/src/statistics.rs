@@ -1,0 +1,198 @@
+//! How detections compare with the truth: counts that can be added over scenarios, and the figures that follow from them.
+
+use dataset::pixel_box::{Detection, TruthBox};
+use serde::Serialize;
+
+/// From this part of the aircraft in the picture a detector is expected to find it.
+pub const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
+
+/// Counts over pictures. One picture is one view at one tick.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct DetectionCounts {
+    /// Pictures that were looked at.
+    pub pictures: u64,
+    /// Detections in all of them.
+    pub detections: u64,
+    /// What the truth says of them, where there are labels.
+    pub against_truth: Option<TruthCounts>,
+}
+
+/// Counts over pictures with labels.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct TruthCounts {
+    /// Pictures in which more than half of the aircraft can be seen.
+    pub expected: u64,
+    /// Those of them whose best detection overlaps the true box.
+    pub found: u64,
+    /// Detections that overlap no true box, in all pictures.
+    pub false_detections: u64,
+    /// Sum over the found: distance of the centres, pixels.
+    pub sum_center_error_px: f64,
+    /// Sums over the found: detected minus true centre, right and down, pixels.
+    pub sum_center_offset_px: [f64; 2],
+}
+
+impl DetectionCounts {
+    /// Counts one scenario. `truth` is `None` if it has no labels.
+    pub fn of(pictures: u64, detections: &[Detection], truth: Option<&[TruthBox]>) -> Self {
+        Self {
+            pictures,
+            detections: detections.len() as u64,
+            against_truth: truth.map(|truth| TruthCounts::of(detections, truth)),
+        }
+    }
+
+    /// Adds the counts of another scenario.
+    pub fn add(&mut self, other: &Self) {
+        self.pictures += other.pictures;
+        self.detections += other.detections;
+        if let Some(theirs) = &other.against_truth {
+            self.against_truth.get_or_insert_default().add(theirs);
+        }
+    }
+}
+
+impl TruthCounts {
+    fn of(detections: &[Detection], truth: &[TruthBox]) -> Self {
+        let mut counts = Self::default();
+        let pictured = |detection: &&Detection, real: &TruthBox| {
+            detection.tick == real.tick && detection.view == real.view
+        };
+        // Both tables are in the order of the ticks: only rows of the same tick are compared.
+        let of_tick = |tick: u32| {
+            let first = detections.partition_point(|detection| detection.tick < tick);
+            let end = detections.partition_point(|detection| detection.tick <= tick);
+            &detections[first..end]
+        };
+        let mut confirmed = 0;
+        for real in truth {
+            let here = || {
+                of_tick(real.tick)
+                    .iter()
+                    .filter(|detection| pictured(detection, real))
+            };
+            let overlaps = |detection: &&Detection| detection.pixel_box.iou(&real.pixel_box) > 0.0;
+            confirmed += here().filter(overlaps).count() as u64;
+            if real.visible_fraction <= EXPECTED_VISIBLE_FRACTION {
+                continue;
+            }
+            counts.expected += 1;
+            let best = here().max_by(|a, b| a.score.total_cmp(&b.score));
+            if let Some(best) = best.filter(overlaps) {
+                let offset = [
+                    best.pixel_box.cx_px - real.pixel_box.cx_px,
+                    best.pixel_box.cy_px - real.pixel_box.cy_px,
+                ];
+                counts.found += 1;
+                counts.sum_center_error_px += offset[0].hypot(offset[1]);
+                counts.sum_center_offset_px[0] += offset[0];
+                counts.sum_center_offset_px[1] += offset[1];
+            }
+        }
+        counts.false_detections = detections.len() as u64 - confirmed;
+        counts
+    }
+
+    fn add(&mut self, other: &Self) {
+        self.expected += other.expected;
+        self.found += other.found;
+        self.false_detections += other.false_detections;
+        self.sum_center_error_px += other.sum_center_error_px;
+        for (sum, addend) in self
+            .sum_center_offset_px
+            .iter_mut()
+            .zip(other.sum_center_offset_px)
+        {
+            *sum += addend;
+        }
+    }
+
+    /// Share of the expected pictures in which the aircraft was found, 0 to 1; `None` if none was expected.
+    pub fn detection_rate(&self) -> Option<f64> {
+        (self.expected > 0).then(|| self.found as f64 / self.expected as f64)
+    }
+
+    /// Mean distance of the centres over the found, pixels.
+    pub fn mean_center_error_px(&self) -> Option<f64> {
+        (self.found > 0).then(|| self.sum_center_error_px / self.found as f64)
+    }
+
+    /// Mean of detected minus true centre over the found, right and down, pixels: a bias that no averaging removes.
+    pub fn mean_center_offset_px(&self) -> Option<[f64; 2]> {
+        (self.found > 0).then(|| self.sum_center_offset_px.map(|sum| sum / self.found as f64))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::pixel_box::PixelBox;
+
+    fn at(cx_px: f64) -> PixelBox {
+        PixelBox {
+            cx_px,
+            cy_px: 100.0,
+            width_px: 20.0,
+            height_px: 8.0,
+        }
+    }
+
+    fn real(tick: u32, view: &str, visible_fraction: f64) -> TruthBox {
+        TruthBox {
+            tick,
+            view: view.into(),
+            class: "aircraft".into(),
+            pixel_box: at(100.0),
+            visible_fraction,
+            truncation: 0.0,
+            transmission: 1.0,
+        }
+    }
+
+    fn seen(tick: u32, view: &str, cx_px: f64, score: f64) -> Detection {
+        Detection {
+            tick,
+            view: view.into(),
+            pixel_box: at(cx_px),
+            score,
+            tile: 0,
+        }
+    }
+
+    #[test]
+    fn found_missed_and_false_are_counted_by_view_and_tick() {
+        let truth = [
+            real(0, "left", 1.0),
+            real(0, "right", 1.0),
+            real(1, "left", 1.0),
+            real(2, "left", 0.2),
+        ];
+        let detections = [
+            seen(0, "left", 103.0, 0.9),
+            seen(0, "left", 500.0, 0.4), // false, but not the best
+            seen(1, "left", 500.0, 0.9), // false, and the best: not found
+            seen(1, "left", 100.0, 0.5),
+            seen(1, "right", 100.0, 0.5), // no truth there: false
+            seen(2, "left", 100.0, 0.5),  // hardly visible: neither expected nor false
+        ];
+        let counts = DetectionCounts::of(6, &detections, Some(&truth));
+        let truth = counts.against_truth.unwrap();
+        assert_eq!(
+            (truth.expected, truth.found, truth.false_detections),
+            (3, 1, 3)
+        );
+        assert_eq!(truth.mean_center_offset_px(), Some([3.0, 0.0]));
+        assert_eq!(truth.detection_rate(), Some(1.0 / 3.0));
+    }
+
+    #[test]
+    fn scenarios_without_labels_leave_the_truth_missing() {
+        let mut sum = DetectionCounts::of(2, &[seen(0, "left", 1.0, 0.9)], None);
+        sum.add(&DetectionCounts::of(2, &[], None));
+        assert_eq!(
+            (sum.pictures, sum.detections, sum.against_truth),
+            (4, 1, None)
+        );
+        assert_eq!(TruthCounts::default().detection_rate(), None);
+    }
+}

@@ -1,0 +1,135 @@
+//! Geodesic labels of a flight: how far and how long to touchdown at every tick.
+//!
+//! In go the ticks of `frames.parquet`, the touchdown target and the landing course; out come one [`FrameLabels`] per tick.
+
+use dataset::frames::{Frame, FrameLabels};
+use dataset::geodesy::Geodetic;
+use dataset::runway::RunwayCoordinates;
+use dataset::units::SimTime;
+
+/// Labels of all ticks, in their order.
+pub fn labels_of(ticks: &[Frame], target: Geodetic, course_true_deg: f64) -> Vec<FrameLabels> {
+    let coordinates: Vec<_> = ticks
+        .iter()
+        .map(|tick| RunwayCoordinates::of(tick.pose.position(), target, course_true_deg))
+        .collect();
+    let passing_s = passing_time_s(ticks, &coordinates);
+    ticks
+        .iter()
+        .zip(coordinates)
+        .map(|(tick, at)| FrameLabels {
+            dtd_m: at.dtd_m,
+            along_track_m: at.along_track_m,
+            cross_track_m: at.cross_track_m,
+            height_over_target_m: at.height_over_target_m,
+            time_to_touchdown_s: passing_s
+                .map(|passing_s| passing_s - SimTime(tick.time_ns).seconds()),
+        })
+        .collect()
+}
+
+/// When the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. Missing if
+/// the record starts past the target or ends before it; nothing is extrapolated.
+fn passing_time_s(ticks: &[Frame], coordinates: &[RunwayCoordinates]) -> Option<f64> {
+    let after = coordinates.iter().position(|at| at.along_track_m <= 0.0)?;
+    let to_go_after_m = coordinates[after].along_track_m;
+    let time_after_s = SimTime(ticks[after].time_ns).seconds();
+    if to_go_after_m == 0.0 {
+        return Some(time_after_s);
+    }
+    let before = after.checked_sub(1)?;
+    let to_go_before_m = coordinates[before].along_track_m;
+    let time_before_s = SimTime(ticks[before].time_ns).seconds();
+    let share = to_go_before_m / (to_go_before_m - to_go_after_m);
+    Some(time_before_s + share * (time_after_s - time_before_s))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture;
+
+    fn flight(along_track_m: &[f64]) -> Vec<FrameLabels> {
+        let runway = fixture::runway();
+        let ticks: Vec<_> = along_track_m
+            .iter()
+            .enumerate()
+            .map(|(k, along)| fixture::frame(k as u32, fixture::on_glide_path(*along, 0.0)))
+            .collect();
+        labels_of(&ticks, runway.touchdown_target(), runway.course_true_deg)
+    }
+
+    fn times(along_track_m: &[f64]) -> Vec<Option<f64>> {
+        flight(along_track_m)
+            .iter()
+            .map(|labels| labels.time_to_touchdown_s)
+            .collect()
+    }
+
+    #[test]
+    fn time_to_touchdown_is_interpolated_between_the_ticks_around_the_target() {
+        // One tick a second: 30 of 40 m to go are flown in the last second, so the target is passed at 1.75 s.
+        let times = times(&[100.0, 30.0, -10.0, -80.0]);
+        for (found, expected) in times.iter().zip([1.75, 0.75, -0.25, -1.25]) {
+            assert!((found.unwrap() - expected).abs() < 1e-6, "{times:?}");
+        }
+    }
+
+    #[test]
+    fn a_record_that_ends_before_the_target_has_no_time_to_touchdown() {
+        assert_eq!(times(&[200.0, 100.0, 1.0]), [None, None, None]);
+    }
+
+    #[test]
+    fn a_record_whose_last_tick_is_past_the_target_has_one() {
+        assert!((times(&[60.0, -20.0])[0].unwrap() - 0.75).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_record_that_starts_past_the_target_has_none() {
+        assert_eq!(times(&[-10.0, -80.0]), [None, None]);
+    }
+
+    #[test]
+    fn labels_give_back_the_place_from_which_the_pose_was_made() {
+        let labels = flight(&[9_260.0]);
+        assert!((labels[0].dtd_m - 9_260.0).abs() < 1e-6);
+        assert!((labels[0].along_track_m - 9_260.0).abs() < 1e-6);
+        assert!(labels[0].cross_track_m.abs() < 1e-6);
+        let glide_m = 9_260.0 * 3.0_f64.to_radians().tan();
+        assert!((labels[0].height_over_target_m - glide_m).abs() < 1e-9);
+    }
+
+    #[test]
+    fn distances_agree_with_published_geodesics() {
+        // Karney (2013), "Algorithms for geodesics", table 2 (direct problem): from 40 N along 30 degrees, 10 000 km.
+        let start = dataset::geodesy::LatLon {
+            latitude_deg: 40.0,
+            longitude_deg: 0.0,
+        };
+        let end = dataset::geodesy::LatLon {
+            latitude_deg: 41.793_310_205_06,
+            longitude_deg: 137.844_900_043_77,
+        };
+        assert!(
+            (start.distance_m(end) - 10_000_000.0).abs() < 1e-3,
+            "{}",
+            start.distance_m(end)
+        );
+        assert!((start.azimuth_to_deg(end) - 30.0).abs() < 1e-9);
+        // Vincenty (1975), line (a), on WGS-84 by GeographicLib: Flinders Peak to Buninyong, 54 972.271 m on GRS80.
+        let flinders = dataset::geodesy::LatLon {
+            latitude_deg: -(37.0 + 57.0 / 60.0 + 3.720_30 / 3_600.0),
+            longitude_deg: 144.0 + 25.0 / 60.0 + 29.524_40 / 3_600.0,
+        };
+        let buninyong = dataset::geodesy::LatLon {
+            latitude_deg: -(37.0 + 39.0 / 60.0 + 10.156_10 / 3_600.0),
+            longitude_deg: 143.0 + 55.0 / 60.0 + 35.383_90 / 3_600.0,
+        };
+        assert!((flinders.distance_m(buninyong) - 54_972.271).abs() < 1e-3);
+        assert!(
+            (flinders.azimuth_to_deg(buninyong) - (306.0 + 52.0 / 60.0 + 5.37 / 3_600.0)).abs()
+                < 1e-5
+        );
+    }
+}

@@ -1,0 +1,176 @@
+//! The true box of the aircraft in a picture: its mesh at its pose, seen by a calibrated camera.
+//!
+//! The box spans the projected vertices in continuous pixel coordinates (pixel centres at whole numbers): its centre is the
+//! middle of their extremes, its edges touch the outermost ones.
+
+use airframe::Mesh;
+use dataset::camera::Camera;
+use dataset::pixel_box::PixelBox;
+use dataset::pose::Pose;
+use glam::{DVec2, DVec3};
+
+use crate::silhouette::{HalfSpace, SampleGrid};
+
+/// Nothing nearer to the camera than this is projected, metres.
+const NEAR_M: f64 = 0.1;
+/// Samples along the longer side of the box when the visible part of a silhouette is counted: at 21 pixels a grid of 1/24 pixel.
+const SAMPLES: usize = 512;
+/// Koschmieder: contrast falls to 2 % over the visibility, and `-ln 0.02` is 3.912.
+const EXTINCTION_OVER_VISIBILITY: f64 = 3.912;
+
+/// What a camera sees of the aircraft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Projection {
+    /// Box of the projected mesh, clipped to the picture.
+    pub pixel_box: PixelBox,
+    /// Part of the silhouette that lies inside the picture and above the ground, 0 to 1.
+    pub visible_fraction: f64,
+    /// Part of the unclipped box that lies outside the picture, 0 to 1.
+    pub truncation: f64,
+    /// Distance of the centre of gravity from the camera, metres.
+    pub range_m: f64,
+}
+
+/// Projects the aircraft; `None` if nothing of it can be seen in the picture. The ground is level at `ground_msl_m`: what a
+/// mesh has below it is hidden, as the camera stands above.
+pub fn project(mesh: &Mesh, pose: &Pose, camera: &Camera, ground_msl_m: f64) -> Option<Projection> {
+    let body = BodyInCamera::new(mesh, pose, camera, ground_msl_m);
+    let outline = body.outline(camera)?;
+    let inside = outline.clipped_to(camera.width_px, camera.height_px)?;
+    let truncation = 1.0 - inside.area() / outline.area();
+    let whole = is_inside(&outline, camera) && body.is_above_ground();
+    let visible_fraction = if whole {
+        1.0
+    } else {
+        body.visible_fraction(&outline, camera)
+    };
+    (visible_fraction > 0.0).then_some(Projection {
+        pixel_box: inside,
+        visible_fraction,
+        truncation: truncation.max(0.0),
+        range_m: body.range_m,
+    })
+}
+
+/// Share of contrast that the air leaves over a distance, 0 to 1.
+pub fn transmission(range_m: f64, visibility_m: f64) -> f64 {
+    (-EXTINCTION_OVER_VISIBILITY * range_m / visibility_m).exp()
+}
+
+/// The mesh in camera axes, metres.
+struct BodyInCamera<'a> {
+    mesh: &'a Mesh,
+    vertices: Vec<DVec3>,
+    above_ground: HalfSpace,
+    range_m: f64,
+}
+
+const IN_FRONT: HalfSpace = HalfSpace {
+    normal: DVec3::Z,
+    offset_m: NEAR_M,
+};
+
+impl<'a> BodyInCamera<'a> {
+    fn new(mesh: &'a Mesh, pose: &Pose, camera: &Camera, ground_msl_m: f64) -> Self {
+        let camera_from_ecef = camera.ecef_from_camera.transpose();
+        let camera_from_body = camera_from_ecef * pose.ecef_from_body();
+        let origin = camera.to_camera(pose.position().to_ecef());
+        // The tangent plane below the aircraft: within its length the ellipsoid leaves it by 0.03 mm.
+        let foot = dataset::geodesy::Geodetic {
+            altitude_msl_m: ground_msl_m,
+            ..pose.position()
+        };
+        let up = camera_from_ecef * -foot.ecef_from_ned().z_axis;
+        Self {
+            mesh,
+            vertices: mesh
+                .vertices
+                .iter()
+                .map(|vertex| origin + camera_from_body * *vertex)
+                .collect(),
+            above_ground: HalfSpace {
+                normal: up,
+                offset_m: up.dot(camera.to_camera(foot.to_ecef())),
+            },
+            range_m: origin.length(),
+        }
+    }
+
+    fn triangles(&self) -> impl Iterator<Item = [DVec3; 3]> {
+        self.mesh
+            .triangles
+            .iter()
+            .map(|triangle| triangle.indices.map(|index| self.vertices[index as usize]))
+    }
+
+    /// The box around everything in front of the camera, unclipped.
+    fn outline(&self, camera: &Camera) -> Option<PixelBox> {
+        let mut extremes: Option<(DVec2, DVec2)> = None;
+        let mut include = |point: DVec3| {
+            let pixel = pixel_of(point, camera);
+            let (low, high) = extremes.unwrap_or((pixel, pixel));
+            extremes = Some((low.min(pixel), high.max(pixel)));
+        };
+        for triangle in self.triangles() {
+            if triangle.iter().all(|point| point.z >= NEAR_M) {
+                triangle.into_iter().for_each(&mut include);
+            } else {
+                IN_FRONT.clip(&triangle).into_iter().for_each(&mut include);
+            }
+        }
+        extremes.map(|(low, high)| PixelBox::from_edges(low.x, low.y, high.x, high.y))
+    }
+
+    fn is_above_ground(&self) -> bool {
+        self.triangles()
+            .flatten()
+            .all(|point| self.above_ground.height_m(point) >= 0.0)
+    }
+
+    fn visible_fraction(&self, outline: &PixelBox, camera: &Camera) -> f64 {
+        const WHOLE: u8 = 1;
+        const ABOVE_GROUND: u8 = 2;
+        let [left, top, right, bottom] = outline.edges();
+        let mut grid = SampleGrid::over(DVec2::new(left, top), DVec2::new(right, bottom), SAMPLES);
+        for triangle in self.triangles() {
+            let front = IN_FRONT.clip(&triangle);
+            let pixels = |polygon: &[DVec3]| {
+                polygon
+                    .iter()
+                    .map(|point| pixel_of(*point, camera))
+                    .collect::<Vec<_>>()
+            };
+            grid.fill(&pixels(&front), WHOLE);
+            grid.fill(&pixels(&self.above_ground.clip(&front)), ABOVE_GROUND);
+        }
+        let (right, bottom) = (
+            f64::from(camera.width_px) - 0.5,
+            f64::from(camera.height_px) - 0.5,
+        );
+        let in_picture =
+            |at: DVec2| at.x >= -0.5 && at.x <= right && at.y >= -0.5 && at.y <= bottom;
+        let whole = grid.count(|_, mark| mark & WHOLE != 0);
+        let seen = grid.count(|at, mark| mark & ABOVE_GROUND != 0 && in_picture(at));
+        if whole == 0 {
+            0.0
+        } else {
+            (seen as f64 / whole as f64).min(1.0)
+        }
+    }
+}
+
+/// Where a point in camera axes falls; it has to be in front of the camera.
+fn pixel_of(point: DVec3, camera: &Camera) -> DVec2 {
+    DVec2::new(point.x, point.y) * (camera.focal_px / point.z) + camera.principal_px
+}
+
+fn is_inside(outline: &PixelBox, camera: &Camera) -> bool {
+    let [left, top, right, bottom] = outline.edges();
+    left >= -0.5
+        && top >= -0.5
+        && right <= f64::from(camera.width_px) - 0.5
+        && bottom <= f64::from(camera.height_px) - 0.5
+}
+
+#[cfg(test)]
+mod tests;
