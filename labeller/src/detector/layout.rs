@@ -200,10 +200,9 @@ impl Decoding<'_> {
 
     /// A box from centre and size in the model's coordinates, unless its score is below the floor or it is no box.
     fn centred(&self, numbers: [f32; 4], score: f32) -> Option<ScoredBox> {
-        // Written so that a score that is not a number fails as well.
-        if !(f64::from(score) >= self.score_floor)
-            || numbers.iter().any(|number| !number.is_finite())
-        {
+        // Of a score that is not a number this is false as well.
+        let confident = f64::from(score) >= self.score_floor;
+        if !confident || numbers.iter().any(|number| !number.is_finite()) {
             return None;
         }
         let [cx, cy, width_px, height_px] = numbers.map(f64::from);
