@@ -80,7 +80,7 @@ impl Scene {
         let tone = Tone::for_horizon(curves::luminance(air.airlight(approach)));
         let ground = Ground::new(&view, &air, &light, weather.rain_ratio);
         let site_lamps = site_lamps::spots(&view, &air, &tone, &ground);
-        let rain_grey = tone::encode(tone.expose(air.airlight(approach) * 1.15)).to_array();
+        let rain_grey = tone::encode(tone.expose(air.airlight(approach) * 1.3)).to_array();
         let rain_seed = view.position_m.to_array().iter().fold(0, |seed, c| {
             noise::hash(seed, c.to_bits() as u32, (c.to_bits() >> 32) as u32)
         });

@@ -35,13 +35,15 @@ pub(crate) fn beta_per_m(visibility_m: f64) -> f64 {
 impl Air {
     pub(crate) fn new(beta_per_m: f64, light: Light) -> Self {
         let mean = light.sky_lux / std::f32::consts::PI;
-        // Sunlit haze whitens the horizon.
-        let whitened = Vec3::splat(luminance(mean)).lerp(mean, 0.55);
-        let zenith_tint = Vec3::new(0.35, 0.62, 1.05).lerp(Vec3::splat(0.9), light.overcast);
+        // Haze and fog scatter all colours alike: the worse the visibility, the whiter the horizon.
+        let colour = 1.0 / (1.0 + 4_000.0 * beta_per_m) as f32;
+        let horizon =
+            Vec3::splat(luminance(mean)).lerp(mean * Vec3::new(0.90, 0.99, 1.12), colour) * 1.30;
+        let zenith_tint = Vec3::new(0.35, 0.62, 1.05).lerp(Vec3::splat(0.8), light.overcast);
         Self {
             beta_per_m,
             light,
-            horizon: whitened * 1.30,
+            horizon,
             zenith: mean * zenith_tint,
         }
     }
@@ -65,10 +67,9 @@ impl Air {
             .horizon
             .lerp(self.zenith, (1.0 - (-up / 0.22).exp()) as f32);
         let towards_sun = ray.dot(self.light.to_sun).max(0.0) as f32;
-        // Forward scattering: a broad and a narrow lobe.
-        let lobes = 0.010 * towards_sun.powi(6) + 0.035 * towards_sun.powi(60);
-        let low_sun = Vec3::splat(luminance(self.light.sun_lux)).lerp(self.light.sun_lux, 0.8);
-        clear.lerp(self.horizon, haze) + low_sun * (lobes * (0.4 + 0.6 * haze))
+        // Sunlight scattered into the ray: a little to all sides, more forward, in a broad and a narrow lobe.
+        let lobes = 0.012 + 0.010 * towards_sun.powi(6) + 0.035 * towards_sun.powi(60);
+        clear.lerp(self.horizon, haze) + self.light.sun_lux * (lobes * (0.4 + 0.6 * haze))
     }
 
     /// Luminance of the cloudless sky.

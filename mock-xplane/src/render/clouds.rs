@@ -153,7 +153,7 @@ impl Clouds {
         found: &mut CloudLight,
     ) {
         // Seen against the sun a heap shows its shaded side.
-        let facing = 0.65 - 0.35 * ray.dot(self.light.to_sun) as f32;
+        let facing = 0.75 - 0.25 * ray.dot(self.light.to_sun) as f32;
         let mut distance_m = from_m;
         while distance_m < to_m && found.transmittance > OPAQUE {
             let step_m = (0.010 * distance_m)
@@ -171,7 +171,7 @@ impl Clouds {
             );
             if density > 0.0 {
                 let through = (-layer.extinction_per_m * density * step_m as f32).exp();
-                let lit = smoothstep(-0.1, 0.8, level) * facing;
+                let lit = smoothstep(-0.1, 0.6, level) * facing;
                 let own = layer.shaded.lerp(layer.sunlit, lit);
                 let t = air.transmittance(middle_m);
                 found.luminance +=
@@ -197,9 +197,9 @@ impl Layer {
         let lambert = 0.85 / std::f32::consts::PI;
         // From below one sees what came through; gaps between heaps let the sky light their undersides.
         let below = light.sky_lux * (0.75 * lambert * gloom * rain);
-        let above = (light.sun_above_lux * 0.8 + light.sky_above_lux) * lambert;
-        // Under a closed cover no sun reaches the sides that one can see.
-        let open = (1.0 - layer.cover_ratio.clamp(0.0, 1.0) as f32).powf(0.7);
+        let above = (light.sun_above_lux * 0.9 + light.sky_above_lux) * lambert;
+        // Through a closed cover no sun reaches the sides that one can see.
+        let open = 1.0 - smoothstep(0.6, 0.95, layer.cover_ratio as f32);
         Self {
             kind: layer.kind,
             cover: layer.cover_ratio.clamp(0.0, 1.0) as f32,

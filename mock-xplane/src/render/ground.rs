@@ -111,8 +111,8 @@ impl Ground {
         } else {
             let mown = f64::from(self.tile.at(point.x / 300.0, point.y / 300.0));
             let wide = self.tile.at(point.x / 7_000.0, point.y / 7_000.0);
-            let texture = 0.75
-                + 0.5 * (mown as f32) * (1.0 - smoothstep(1_000.0, 4_000.0, distance_m as f32));
+            let texture = 0.85
+                + 0.3 * (mown as f32) * (1.0 - smoothstep(1_000.0, 4_000.0, distance_m as f32));
             Vec3::new(0.060, 0.095, 0.035).lerp(Vec3::new(0.105, 0.105, 0.050), wide) * texture
         };
         let matte = reflectance * self.ground_lux / std::f32::consts::PI;

@@ -19,8 +19,8 @@ const DELTA_T_S: f64 = 69.2;
 
 /// Solar elevation in degrees, and diffuse illuminance of a horizontal plane under a clear sky, lux per channel.
 const SKY_LUX: [(f32, Vec3); 11] = [
-    (-18.0, Vec3::new(0.110, 0.090, 0.075)),
-    (-14.0, Vec3::new(0.125, 0.115, 0.130)),
+    (-18.0, Vec3::new(0.070, 0.068, 0.082)),
+    (-14.0, Vec3::new(0.080, 0.092, 0.140)),
     (-10.0, Vec3::new(0.35, 0.42, 0.70)),
     (-6.0, Vec3::new(3.0, 3.6, 6.0)),
     (-3.0, Vec3::new(50.0, 56.0, 80.0)),
@@ -36,9 +36,6 @@ const SKY_LUX: [(f32, Vec3); 11] = [
 const SUN_LUX: f32 = 128_000.0;
 /// Vertical optical depth of clean air for red, green and blue.
 const AIR_DEPTH: Vec3 = Vec3::new(0.12, 0.19, 0.32);
-/// Part of the light on top of an overcast that comes out below.
-const OVERCAST_TRANSMISSION: f32 = 0.22;
-
 /// The light of a scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Light {
@@ -70,11 +67,9 @@ impl Light {
         let sun_above_lux = (-depth).map(f32::exp) * (SUN_LUX * risen);
         let sky_above_lux = geometric_lookup(&SKY_LUX, elevation);
 
-        let overcast = overcast(weather);
+        let (overcast, transmission) = overcast(weather);
         let horizontal_sun = sun_above_lux * (sin_el as f32).max(0.0);
-        let grey = luminance(horizontal_sun + sky_above_lux)
-            * OVERCAST_TRANSMISSION
-            * (1.0 - 0.45 * weather.rain_ratio as f32);
+        let grey = luminance(horizontal_sun + sky_above_lux) * transmission;
         Self {
             to_sun: DVec3::new(cos_el * sin_az, cos_el * cos_az, sin_el),
             sun_above_lux,
@@ -92,21 +87,22 @@ impl Light {
     }
 }
 
-/// How much of the sun the layers take, 0 none to 1 all.
-fn overcast(weather: &Weather) -> f32 {
-    let through: f64 = weather
-        .clouds
-        .iter()
-        .map(|layer| {
-            let opacity = if layer.kind == CloudKind::Cirrus {
-                0.25
-            } else {
-                1.0
-            };
-            1.0 - opacity * layer.cover_ratio.clamp(0.0, 1.0)
-        })
-        .product();
-    1.0 - through as f32
+/// How much of the sun the layers take (0 none to 1 all), and which part of the light on top of them comes out below.
+fn overcast(weather: &Weather) -> (f32, f32) {
+    let mut open = 1.0;
+    let mut transmission = 1.0_f64;
+    for layer in &weather.clouds {
+        // Part of the sun that cloud of this kind takes, and part of all light that it lets through as grey.
+        let (taken, let_through) = match layer.kind {
+            CloudKind::Cirrus => (0.25, 0.80),
+            CloudKind::Stratus => (1.0, 0.22),
+            CloudKind::Cumulus => (1.0, 0.28),
+            CloudKind::Cumulonimbus => (1.0, 0.09),
+        };
+        open *= 1.0 - taken * layer.cover_ratio.clamp(0.0, 1.0);
+        transmission = transmission.min(let_through);
+    }
+    (1.0 - open as f32, transmission as f32)
 }
 
 /// Azimuth and elevation of the sun, degrees.

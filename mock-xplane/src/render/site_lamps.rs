@@ -44,7 +44,7 @@ pub(crate) fn spots(view: &View, air: &Air, tone: &Tone, ground: &Ground) -> Vec
         ground
             .ships
             .iter()
-            .map(|ship| (ship.position_m + DVec3::Z * 28.0, WARM * 120.0)),
+            .map(|ship| (ship.position_m + DVec3::Z * 12.0, WARM * 120.0)),
     );
     lamps.extend((0..CITY_LAMPS).filter_map(|i| city_lamp(view, ground, i)));
 

@@ -10,7 +10,7 @@ const DAYLIGHT_CD_M2: f32 = 6_000.0;
 /// Exposed value of the reference luminance by day.
 const DAY_KEY: f32 = 0.62;
 /// How far exposure follows the light: 0 fully (night looks like day), 1 not at all.
-const DARKENING: f32 = 0.17;
+const DARKENING: f32 = 0.18;
 
 /// Exposure of a scene.
 #[derive(Debug, Clone, Copy)]
