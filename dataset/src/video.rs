@@ -74,19 +74,30 @@ impl Default for VideoSettings {
 }
 
 impl VideoSettings {
-    /// What is wrong with the settings, in words.
-    pub fn fault(&self) -> Option<String> {
+    /// The first setting that cannot be used: its name, and what is wrong with it in words.
+    pub fn fault(&self) -> Option<(&'static str, String)> {
         if !PRESETS.contains(&self.preset.as_str()) {
-            return Some(format!(
-                "preset is {:?}, expected one of {}",
-                self.preset,
-                PRESETS.join(", ")
+            let known = PRESETS.join(", ");
+            return Some((
+                "preset",
+                format!(
+                    "{:?} is no preset of x264; expected one of {known}",
+                    self.preset
+                ),
             ));
         }
         if self.crf > 51 {
-            return Some(format!("crf is {}, expected 0 (best) to 51", self.crf));
+            return Some((
+                "crf",
+                format!("{} is too large; expected 0 (best) to 51", self.crf),
+            ));
         }
-        (self.threads == 0).then(|| "threads is 0, expected at least 1".into())
+        (self.threads == 0).then(|| {
+            (
+                "threads",
+                "0 threads encode nothing; expected at least 1".into(),
+            )
+        })
     }
 }
 

@@ -237,6 +237,6 @@ fn unknown_presets_are_refused_with_the_known_ones() {
         preset: "warp".into(),
         ..Default::default()
     };
-    assert!(settings.fault().unwrap().contains("superfast"));
+    assert!(settings.fault().unwrap().1.contains("superfast"));
     assert_eq!(VideoSettings::default().fault(), None);
 }

@@ -44,8 +44,12 @@ impl VideoWriter {
         frame_rate: FrameRate,
     ) -> Result<Self> {
         start_ffmpeg();
-        if let Some(message) = settings.fault() {
-            return Err(fault(path, "start it", message));
+        if let Some((setting, message)) = settings.fault() {
+            return Err(fault(
+                path,
+                "start it",
+                format!("setting {setting}: {message}"),
+            ));
         }
         let (encoder_name, pixel) = match settings.codec {
             VideoCodec::H264 => ("libx264", Pixel::YUV420P),

@@ -1,0 +1,156 @@
+//! One thread per view that turns pictures into a video.
+//!
+//! Channels are short: when an encoder is slower than the simulator, the simulator waits, and memory stays flat. Memory of written
+//! pictures comes back to be filled again.
+
+use dataset::corpus::ScenarioFolder;
+use dataset::video::{VideoSettings, VideoWriter};
+use tokio::sync::mpsc;
+use tokio::task::{JoinHandle, spawn_blocking};
+
+use super::error::ScenarioError;
+use crate::sweep::Picture;
+
+/// Pictures that may wait for an encoder.
+const WAITING_PICTURES: usize = 2;
+
+/// The encoders of a scenario. Dropped without [`Encoders::finish`], they stop and leave unfinished files.
+pub(super) struct Encoders {
+    views: Vec<Encoder>,
+    written: mpsc::UnboundedReceiver<Vec<u8>>,
+}
+
+struct Encoder {
+    view: String,
+    pictures: mpsc::Sender<Message>,
+    thread: JoinHandle<dataset::Result<Vec<i64>>>,
+}
+
+enum Message {
+    Picture(Vec<u8>),
+    Finish,
+}
+
+impl Encoders {
+    pub(super) fn start<'a>(
+        folder: &ScenarioFolder,
+        views: impl IntoIterator<Item = &'a str>,
+        picture: Picture,
+        settings: &VideoSettings,
+    ) -> Self {
+        let (give_back, written) = mpsc::unbounded_channel();
+        let start = |view: &str| {
+            let (pictures, inbox) = mpsc::channel(WAITING_PICTURES);
+            let path = folder.video_path(view);
+            let settings = settings.clone();
+            let give_back = give_back.clone();
+            let thread = spawn_blocking(move || {
+                let Picture {
+                    width_px,
+                    height_px,
+                    frame_rate,
+                } = picture;
+                let writer =
+                    VideoWriter::create(&path, &settings, width_px, height_px, frame_rate)?;
+                encode(writer, inbox, &give_back)
+            });
+            Encoder {
+                view: view.to_owned(),
+                pictures,
+                thread,
+            }
+        };
+        Self {
+            views: views.into_iter().map(start).collect(),
+            written,
+        }
+    }
+
+    /// Hands over the next picture of a view; waits while the encoder is behind.
+    pub(super) async fn write(&mut self, view: usize, rgb: Vec<u8>) -> Result<(), ScenarioError> {
+        let encoder = &mut self.views[view];
+        match encoder.pictures.send(Message::Picture(rgb)).await {
+            Ok(()) => Ok(()),
+            // The thread ended: its result says why.
+            Err(_) => Err(encoder.failure().await),
+        }
+    }
+
+    /// Memory of a picture that has been written.
+    pub(super) fn take_written(&mut self) -> Option<Vec<u8>> {
+        self.written.try_recv().ok()
+    }
+
+    /// Completes all videos and returns the timestamps of each view.
+    pub(super) async fn finish(self) -> Result<Vec<Vec<i64>>, ScenarioError> {
+        let mut all = Vec::new();
+        for encoder in &self.views {
+            // If the thread has ended, joining it says why.
+            let _ = encoder.pictures.send(Message::Finish).await;
+        }
+        for encoder in self.views {
+            all.push(joined(&encoder.view, encoder.thread.await)?);
+        }
+        Ok(all)
+    }
+
+    /// Stops all threads and waits for them, so that nobody writes into the folder any more.
+    pub(super) async fn abandon(self) {
+        for Encoder {
+            pictures, thread, ..
+        } in self.views
+        {
+            drop(pictures);
+            // Whatever it says, the files are thrown away.
+            let _ = thread.await;
+        }
+    }
+}
+
+impl Encoder {
+    async fn failure(&mut self) -> ScenarioError {
+        match joined(&self.view, (&mut self.thread).await) {
+            Err(error) => error,
+            Ok(_) => ScenarioError::Encoder {
+                view: self.view.clone(),
+                message: "it ended early".into(),
+            },
+        }
+    }
+}
+
+fn joined(
+    view: &str,
+    result: Result<dataset::Result<Vec<i64>>, tokio::task::JoinError>,
+) -> Result<Vec<i64>, ScenarioError> {
+    match result {
+        Ok(written) => Ok(written?),
+        Err(panic) => Err(ScenarioError::Encoder {
+            view: view.to_owned(),
+            message: panic.to_string(),
+        }),
+    }
+}
+
+/// The work of one thread. Without a [`Message::Finish`] the scenario was given up, and the file is not completed.
+fn encode(
+    mut writer: VideoWriter,
+    mut inbox: mpsc::Receiver<Message>,
+    give_back: &mpsc::UnboundedSender<Vec<u8>>,
+) -> dataset::Result<Vec<i64>> {
+    let mut pts = Vec::new();
+    while let Some(message) = inbox.blocking_recv() {
+        match message {
+            Message::Picture(rgb) => {
+                pts.push(writer.write(&rgb)?);
+                // Nobody takes it back any more when the scenario is ending.
+                let _ = give_back.send(rgb);
+            }
+            Message::Finish => {
+                writer.finish()?;
+                return Ok(pts);
+            }
+        }
+    }
+    Ok(pts)
+}

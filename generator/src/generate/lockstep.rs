@@ -1,0 +1,247 @@
+//! Replays a flight tick by tick and takes every view of every tick.
+//!
+//! The simulator stands still between requests. A request says what to draw, the answer says what was drawn; any difference ends the
+//! attempt. A few requests are under way at once, so that the simulator draws while pictures travel and are encoded.
+
+use std::fmt::Debug;
+
+use dataset::camera::CameraPose;
+use dataset::frame_rate::FrameRate;
+use dataset::pose::{FlightState, Pose};
+use xplane_bridge::{CaptureRequest, CapturedFrame, Simulator};
+
+use super::cancel::Cancel;
+use super::encoders::Encoders;
+use super::error::ScenarioError;
+use super::{Event, OnEvent};
+use crate::sweep::Picture;
+
+/// Requests under way at once: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
+const UNDER_WAY: usize = 4;
+
+/// A camera of the rig.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct View {
+    /// Its identifier.
+    pub(super) id: String,
+    /// Where it stands.
+    pub(super) camera: CameraPose,
+}
+
+/// What the simulator says about one picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Drawn {
+    pub(super) sim_frame: u64,
+    pub(super) pose: Pose,
+    pub(super) camera: CameraPose,
+}
+
+/// Takes all pictures into `encoders`; returns what was drawn for each tick and view.
+pub(super) async fn capture(
+    simulator: &mut Simulator,
+    (states, views, picture): (&[FlightState], &[View], Picture),
+    encoders: &mut Encoders,
+    cancel: &Cancel,
+    on_event: &mut OnEvent<'_>,
+) -> Result<Vec<Vec<Drawn>>, ScenarioError> {
+    let total = states.len() * views.len();
+    let request = |number: usize| {
+        let (tick, view) = (number / views.len(), number % views.len());
+        request(
+            picture,
+            tick as u32,
+            &states[tick],
+            view as u32,
+            &views[view],
+        )
+    };
+    let mut drawn: Vec<Vec<Drawn>> = Vec::with_capacity(states.len());
+    let mut last_sim_frame = None;
+    let mut sent = 0;
+    for due in 0..total {
+        while sent < total.min(due + UNDER_WAY) {
+            cancel.or(simulator.send_capture(&request(sent))).await?;
+            sent += 1;
+        }
+        let frame = cancel.or(simulator.receive_frame()).await?;
+        let view = due % views.len();
+        let seen = check(&request(due), &frame, &views[view].id, last_sim_frame)?;
+        last_sim_frame = Some(seen.sim_frame);
+        cancel.or(encoders.write(view, frame.rgb)).await?;
+        while let Some(memory) = encoders.take_written() {
+            simulator.recycle(memory);
+        }
+        match drawn.last_mut() {
+            Some(tick) if view > 0 => tick.push(seen),
+            _ => drawn.push(vec![seen]),
+        }
+        if view + 1 == views.len() {
+            on_event(Event::Captured {
+                done: drawn.len() as u32,
+            });
+        }
+    }
+    Ok(drawn)
+}
+
+fn request(
+    picture: Picture,
+    tick: u32,
+    state: &FlightState,
+    index: u32,
+    view: &View,
+) -> CaptureRequest {
+    let rate: FrameRate = picture.frame_rate;
+    CaptureRequest {
+        tick,
+        time_ns: rate.time_of_tick(tick).0,
+        view: index,
+        pose: state.pose,
+        controls: state.controls,
+        camera: view.camera,
+        width_px: picture.width_px,
+        height_px: picture.height_px,
+    }
+}
+
+/// Refuses a picture that does not show exactly what was asked for, or that is not newer than the one before it.
+fn check(
+    asked: &CaptureRequest,
+    frame: &CapturedFrame,
+    view: &str,
+    last_sim_frame: Option<u64>,
+) -> Result<Drawn, ScenarioError> {
+    let not_in_step = |what: &'static str, found: &dyn Debug, expected: &dyn Debug| {
+        Err(ScenarioError::NotInStep {
+            tick: asked.tick,
+            view: view.to_owned(),
+            what,
+            found: format!("{found:?}"),
+            expected: format!("{expected:?}"),
+        })
+    };
+    if frame.tick != asked.tick {
+        return not_in_step("tick", &frame.tick, &asked.tick);
+    }
+    if frame.view != asked.view {
+        return not_in_step("number of the view", &frame.view, &asked.view);
+    }
+    if frame.pose != asked.pose {
+        return not_in_step("pose of the aircraft", &frame.pose, &asked.pose);
+    }
+    if frame.camera != asked.camera {
+        return not_in_step("camera", &frame.camera, &asked.camera);
+    }
+    let (found, expected) = (
+        (frame.width_px, frame.height_px),
+        (asked.width_px, asked.height_px),
+    );
+    if found != expected || frame.rgb.len() != asked.rgb_bytes() {
+        return not_in_step(
+            "size of the picture",
+            &(found, frame.rgb.len()),
+            &(expected, asked.rgb_bytes()),
+        );
+    }
+    if let Some(last) = last_sim_frame
+        && frame.sim_frame <= last
+    {
+        return not_in_step(
+            "simulator's frame number",
+            &frame.sim_frame,
+            &format!("more than {last}"),
+        );
+    }
+    Ok(Drawn {
+        sim_frame: frame.sim_frame,
+        pose: frame.pose,
+        camera: frame.camera,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use dataset::pose::Controls;
+
+    fn asked() -> CaptureRequest {
+        let pose = Pose {
+            latitude_deg: 1.3,
+            longitude_deg: 103.9,
+            altitude_msl_m: 300.0,
+            heading_true_deg: 23.0,
+            pitch_deg: 2.0,
+            roll_deg: 0.0,
+        };
+        CaptureRequest {
+            tick: 5,
+            time_ns: 5_000_000_000,
+            view: 1,
+            pose,
+            controls: Controls::default(),
+            camera: CameraPose {
+                pose,
+                hfov_deg: 10.0,
+            },
+            width_px: 4,
+            height_px: 2,
+        }
+    }
+
+    fn answer() -> CapturedFrame {
+        let CaptureRequest {
+            tick,
+            view,
+            pose,
+            camera,
+            width_px,
+            height_px,
+            ..
+        } = asked();
+        CapturedFrame {
+            tick,
+            view,
+            sim_frame: 100,
+            pose,
+            camera,
+            width_px,
+            height_px,
+            rgb: vec![0; 24],
+        }
+    }
+
+    #[test]
+    fn what_was_asked_for_passes() {
+        assert_eq!(
+            check(&asked(), &answer(), "right", Some(99))
+                .unwrap()
+                .sim_frame,
+            100
+        );
+    }
+
+    #[test]
+    fn every_difference_is_refused_with_tick_and_view() {
+        let wrong: [(&str, fn(&mut CapturedFrame)); 6] = [
+            ("tick is 4", |f| f.tick = 4),
+            ("number of the view", |f| f.view = 0),
+            ("pose of the aircraft", |f| f.pose.latitude_deg += 1e-12),
+            ("camera", |f| f.camera.hfov_deg = 10.1),
+            ("size of the picture", |f| f.rgb.truncate(23)),
+            ("frame number is 99, expected \"more than 99\"", |f| {
+                f.sim_frame = 99
+            }),
+        ];
+        for (words, change) in wrong {
+            let mut frame = answer();
+            change(&mut frame);
+            let message = check(&asked(), &frame, "right", Some(99))
+                .unwrap_err()
+                .to_string();
+            assert!(
+                message.contains("tick 5, view right") && message.contains(words),
+                "{message}"
+            );
+        }
+    }
+}

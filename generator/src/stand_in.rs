@@ -1,0 +1,128 @@
+//! The stand-in simulator as a child process.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+use serde::Deserialize;
+use tokio::io::{AsyncBufReadExt, BufReader};
+use tokio::process::{Child, ChildStdout, Command};
+use tokio::time::timeout;
+
+/// It is ready within a fraction of a second on an idle machine.
+const READY_WITHIN: Duration = Duration::from_secs(20);
+
+/// A stand-in simulator that runs as long as this value lives.
+#[derive(Debug)]
+pub struct StandIn {
+    child: Child,
+    address: SocketAddr,
+    /// Kept open: a process that writes into a closed pipe dies.
+    _stdout: BufReader<ChildStdout>,
+}
+
+/// Why the stand-in does not run.
+#[derive(Debug, thiserror::Error)]
+pub enum StandInError {
+    /// The program cannot be started.
+    #[error("cannot start the stand-in simulator, {} mock-xplane: {source}", program.display())]
+    Start {
+        /// The program.
+        program: PathBuf,
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// It did not say that it is ready.
+    #[error("the stand-in simulator, {} mock-xplane, did not print its addresses: {found}", program.display())]
+    NotReady {
+        /// The program.
+        program: PathBuf,
+        /// What came instead.
+        found: String,
+    },
+}
+
+/// The part of the line with which the stand-in says that it is ready that matters here.
+#[derive(Deserialize)]
+struct ReadyLine {
+    udp: SocketAddr,
+}
+
+impl StandIn {
+    /// Starts `program mock-xplane` on free ports and waits until it is ready.
+    pub async fn start(program: &Path) -> Result<Self, StandInError> {
+        let failed = |source| StandInError::Start {
+            program: program.to_owned(),
+            source,
+        };
+        let mut child = Command::new(program)
+            .args(["mock-xplane", "--port", "0"])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .kill_on_drop(true)
+            // Ctrl-C in a terminal goes to the whole group: the stand-in shall live until we have stopped in good order.
+            .process_group(0)
+            .spawn()
+            .map_err(failed)?;
+        let stdout = child
+            .stdout
+            .take()
+            .ok_or_else(|| failed(std::io::ErrorKind::BrokenPipe.into()))?;
+        let mut stdout = BufReader::new(stdout);
+        let mut line = String::new();
+        let read = timeout(READY_WITHIN, stdout.read_line(&mut line)).await;
+        let not_ready = |found: String| StandInError::NotReady {
+            program: program.to_owned(),
+            found,
+        };
+        match read {
+            Err(_) => return Err(not_ready(format!("nothing within {READY_WITHIN:?}"))),
+            Ok(Err(error)) => return Err(not_ready(error.to_string())),
+            Ok(Ok(0)) => return Err(not_ready("it ended at once".into())),
+            Ok(Ok(_)) => {}
+        }
+        let ready: ReadyLine = serde_json::from_str(&line)
+            .map_err(|error| not_ready(format!("{error} in {}", line.trim())))?;
+        Ok(Self {
+            child,
+            address: ready.udp,
+            _stdout: stdout,
+        })
+    }
+
+    /// Where it takes UDP packets.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+
+    /// Whether it is still there.
+    pub fn is_running(&mut self) -> bool {
+        matches!(self.child.try_wait(), Ok(None))
+    }
+
+    /// Ends it and waits until it is gone.
+    pub async fn stop(mut self) {
+        if let Err(error) = self.child.kill().await {
+            tracing::debug!(%error, "the stand-in had ended already");
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_program_that_is_not_there_or_no_stand_in_is_named() {
+        let error = StandIn::start(Path::new("/no/such/dtd")).await.unwrap_err();
+        assert!(error.to_string().contains("/no/such/dtd"), "{error}");
+        let error = StandIn::start(Path::new("true")).await.unwrap_err();
+        assert!(error.to_string().contains("ended at once"), "{error}");
+        let error = StandIn::start(Path::new("echo")).await.unwrap_err();
+        assert!(
+            error.to_string().contains("mock-xplane --port 0"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,401 @@
+//! A flight as states in time, and its states at the ticks of a scenario.
+//!
+//! Positions between two states follow a cubic Hermite curve through both positions with both velocities, in earth-centred metres, so
+//! that path and speed are continuous and a 5 Hz recording is met within millimetres. Angles are interpolated along the shorter way.
+
+use dataset::frame_rate::FrameRate;
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::{Runway, RunwayCoordinates};
+use dataset::units::Degrees;
+use glam::DVec3;
+
+/// States may be this far apart, seconds: further apart, an aircraft turns too much for a cubic.
+const LARGEST_GAP_S: f64 = 2.0;
+/// Positions may differ from what the velocities on both sides say by this much, metres, plus a tenth of the way.
+const VELOCITY_TOLERANCE_M: f64 = 1.0;
+
+/// A flight that can be flown again.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Trajectory {
+    states: Vec<FlightState>,
+}
+
+/// The part of a trajectory that a scenario shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Window {
+    /// Time of tick 0 in the trajectory, seconds.
+    pub start_s: f64,
+    /// No tick is later, seconds.
+    pub end_s: f64,
+}
+
+impl Window {
+    /// Number of ticks from the start to the last one that is not after the end.
+    pub fn ticks(&self, rate: FrameRate) -> u32 {
+        let periods =
+            (self.end_s - self.start_s) * f64::from(rate.numerator) / f64::from(rate.denominator);
+        periods.max(0.0).floor() as u32 + 1
+    }
+}
+
+impl Trajectory {
+    /// A trajectory from states in order of time; says in words why states make none.
+    pub fn new(states: Vec<FlightState>) -> Result<Self, String> {
+        if states.len() < 2 {
+            return Err(format!("has {} states, expected at least 2", states.len()));
+        }
+        for (row, state) in states.iter().enumerate() {
+            if !is_finite(state) {
+                return Err(format!(
+                    "state {row} holds a value that is not a finite number: {state:?}"
+                ));
+            }
+        }
+        for (row, pair) in states.windows(2).enumerate() {
+            let [before, after] = pair else { continue };
+            let step_s = after.time_s - before.time_s;
+            if !(step_s > 0.0 && step_s <= LARGEST_GAP_S) {
+                return Err(format!(
+                    "state {} is {step_s} s after the one before it, expected more than 0 and at most {LARGEST_GAP_S}",
+                    row + 1
+                ));
+            }
+            let way = position_ecef(after) - position_ecef(before);
+            let expected = (velocity_ecef(before) + velocity_ecef(after)) * (step_s / 2.0);
+            let off_m = way.distance(expected);
+            if off_m > VELOCITY_TOLERANCE_M + 0.1 * expected.length() {
+                return Err(format!(
+                    "state {} is {off_m:.1} m from where the velocities put it: is it in m/s over ground?",
+                    row + 1
+                ));
+            }
+        }
+        Ok(Self { states })
+    }
+
+    /// The state at a time, seconds; before the first and after the last state it is that state.
+    pub fn at(&self, time_s: f64) -> FlightState {
+        let after = self.states.partition_point(|state| state.time_s <= time_s);
+        match (
+            after.checked_sub(1).and_then(|i| self.states.get(i)),
+            self.states.get(after),
+        ) {
+            (Some(before), Some(after)) => between(before, after, time_s),
+            (Some(only), None) | (None, Some(only)) => *only,
+            (None, None) => unreachable!("a trajectory has at least two states"),
+        }
+    }
+
+    /// From the moment at which `start_dtd_m` metres are still to go along the course (or the first state, if that is
+    /// later) until the touchdown target is passed (or the last state, if that is earlier).
+    pub fn approach(&self, runway: &Runway, start_dtd_m: f64) -> Result<Window, String> {
+        let along = |time_s: f64| {
+            let position = self.at(time_s).pose.position();
+            RunwayCoordinates::of(position, runway.touchdown_target(), runway.course_true_deg)
+                .along_track_m
+        };
+        let times = || self.states.iter().map(|state| state.time_s);
+        let (first, last) = (
+            self.states[0].time_s,
+            self.states[self.states.len() - 1].time_s,
+        );
+        let start_s = if along(first) <= start_dtd_m {
+            first
+        } else {
+            crossing(times(), &along, start_dtd_m).unwrap_or(last)
+        };
+        let end_s = crossing(times().filter(|time| *time >= start_s), &along, 0.0).unwrap_or(last);
+        if along(start_s) <= 0.0 || end_s <= start_s {
+            return Err(format!(
+                "is never between {start_dtd_m:.0} m and 0 m before the touchdown target of {} {}: its first state is {:.0} m before it, its last {:.0} m",
+                runway.airport,
+                runway.name,
+                along(first),
+                along(last)
+            ));
+        }
+        Ok(Window { start_s, end_s })
+    }
+
+    /// The states at all ticks of a window; their times count from tick 0.
+    pub fn resample(&self, window: Window, rate: FrameRate) -> Vec<FlightState> {
+        (0..window.ticks(rate))
+            .map(|tick| {
+                let since_start_s = rate.time_of_tick(tick).seconds();
+                FlightState {
+                    time_s: since_start_s,
+                    ..self.at(window.start_s + since_start_s)
+                }
+            })
+            .collect()
+    }
+
+    /// Where the wheels touched first, if they did after having been in the air.
+    pub fn touchdown(&self) -> Option<Geodetic> {
+        let landed = self
+            .states
+            .windows(2)
+            .find(|pair| !pair[0].on_ground && pair[1].on_ground)?;
+        Some(landed[1].pose.position())
+    }
+}
+
+/// The first time at which a falling quantity reaches `level`.
+fn crossing(
+    times: impl Iterator<Item = f64>,
+    quantity: &impl Fn(f64) -> f64,
+    level: f64,
+) -> Option<f64> {
+    let mut before: Option<f64> = None;
+    for time in times {
+        if quantity(time) <= level {
+            let Some(mut low) = before else {
+                return Some(time);
+            };
+            let mut high = time;
+            while high - low > 1e-9 {
+                let middle = (low + high) / 2.0;
+                if middle <= low || middle >= high {
+                    break;
+                }
+                if quantity(middle) <= level {
+                    high = middle
+                } else {
+                    low = middle
+                }
+            }
+            return Some(high);
+        }
+        before = Some(time);
+    }
+    None
+}
+
+fn between(before: &FlightState, after: &FlightState, time_s: f64) -> FlightState {
+    let step_s = after.time_s - before.time_s;
+    let u = (time_s - before.time_s) / step_s;
+    let (p0, p1) = (position_ecef(before), position_ecef(after));
+    let (m0, m1) = (
+        velocity_ecef(before) * step_s,
+        velocity_ecef(after) * step_s,
+    );
+    let way = p1 - p0;
+    // Relative to the first point: a cubic of coordinates of millions of metres would lose digits.
+    let ecef = p0 + u * (m0 + u * (3.0 * way - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * way)));
+    let velocity =
+        (m0 + u * (2.0 * (3.0 * way - 2.0 * m0 - m1) + 3.0 * u * (m0 + m1 - 2.0 * way))) / step_s;
+    let position = Geodetic::from_ecef(ecef);
+    let ned = position.ecef_from_ned().transpose() * velocity;
+    let mix = |a: f64, b: f64| a + (b - a) * u;
+    let turn = |a: f64, b: f64| a + Degrees(b - a).wrapped_180().0 * u;
+    let (a, b) = (&before.pose, &after.pose);
+    FlightState {
+        time_s,
+        pose: Pose {
+            latitude_deg: position.latitude_deg,
+            longitude_deg: position.longitude_deg,
+            altitude_msl_m: position.altitude_msl_m,
+            heading_true_deg: Degrees(turn(a.heading_true_deg, b.heading_true_deg))
+                .wrapped_360()
+                .0,
+            pitch_deg: mix(a.pitch_deg, b.pitch_deg),
+            roll_deg: Degrees(turn(a.roll_deg, b.roll_deg)).wrapped_180().0,
+        },
+        velocity_north_mps: ned.x,
+        velocity_east_mps: ned.y,
+        velocity_down_mps: ned.z,
+        true_airspeed_mps: mix(before.true_airspeed_mps, after.true_airspeed_mps),
+        controls: Controls {
+            flap_ratio: mix(before.controls.flap_ratio, after.controls.flap_ratio),
+            gear_ratio: mix(before.controls.gear_ratio, after.controls.gear_ratio),
+        },
+        on_ground: before.on_ground,
+    }
+}
+
+fn position_ecef(state: &FlightState) -> DVec3 {
+    state.pose.position().to_ecef()
+}
+
+fn velocity_ecef(state: &FlightState) -> DVec3 {
+    let ned = DVec3::new(
+        state.velocity_north_mps,
+        state.velocity_east_mps,
+        state.velocity_down_mps,
+    );
+    state.pose.position().ecef_from_ned() * ned
+}
+
+fn is_finite(state: &FlightState) -> bool {
+    let pose = &state.pose;
+    [
+        state.time_s,
+        pose.latitude_deg,
+        pose.longitude_deg,
+        pose.altitude_msl_m,
+        pose.heading_true_deg,
+        pose.pitch_deg,
+        pose.roll_deg,
+        state.velocity_north_mps,
+        state.velocity_east_mps,
+        state.velocity_down_mps,
+        state.true_airspeed_mps,
+        state.controls.flap_ratio,
+        state.controls.gear_ratio,
+    ]
+    .iter()
+    .all(|value| value.is_finite())
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use crate::airports;
+
+    const SPEED_MPS: f64 = 75.0;
+
+    fn runway() -> Runway {
+        airports::bundled("WSSS", "02L").unwrap()
+    }
+
+    /// A flight along the course with a gentle weave, known exactly at every moment: `from_m` before the target, landing at 0.
+    fn exact(time_s: f64, from_m: f64) -> FlightState {
+        let runway = runway();
+        let place = |t: f64| {
+            let along = from_m - SPEED_MPS * t;
+            let height = 6.71 + along.max(0.0) * 3.0_f64.to_radians().tan();
+            runway
+                .point_on_approach(along, 30.0 * (t / 9.0).sin())
+                .at_altitude_m(height)
+        };
+        let here = place(time_s);
+        let step = 1e-3;
+        let velocity_ecef =
+            (place(time_s + step).to_ecef() - place(time_s - step).to_ecef()) / (2.0 * step);
+        let ned = here.ecef_from_ned().transpose() * velocity_ecef;
+        FlightState {
+            time_s,
+            pose: Pose {
+                latitude_deg: here.latitude_deg,
+                longitude_deg: here.longitude_deg,
+                altitude_msl_m: here.altitude_msl_m,
+                heading_true_deg: Degrees(357.0 + time_s).wrapped_360().0,
+                pitch_deg: 2.0 + 0.1 * time_s,
+                roll_deg: (time_s / 9.0).sin(),
+            },
+            velocity_north_mps: ned.x,
+            velocity_east_mps: ned.y,
+            velocity_down_mps: ned.z,
+            true_airspeed_mps: SPEED_MPS,
+            controls: Controls {
+                flap_ratio: 0.5,
+                gear_ratio: 1.0,
+            },
+            on_ground: time_s > from_m / SPEED_MPS,
+        }
+    }
+
+    /// The flight of [`exact`], sampled at `rate_hz` until five seconds after the target.
+    pub(crate) fn flight(from_m: f64, rate_hz: f64) -> Trajectory {
+        let count = ((from_m / SPEED_MPS + 5.0) * rate_hz) as u32;
+        Trajectory::new(
+            (0..count)
+                .map(|i| exact(f64::from(i) / rate_hz, from_m))
+                .collect(),
+        )
+        .unwrap()
+    }
+
+    #[test]
+    fn between_states_of_a_slow_recording_positions_are_right_to_a_millimetre_and_speeds_too() {
+        let slow = flight(2_000.0, 5.0);
+        for i in 1..100 {
+            let time_s = 0.137 * f64::from(i);
+            let (found, truth) = (slow.at(time_s), exact(time_s, 2_000.0));
+            let off_m = position_ecef(&found).distance(position_ecef(&truth));
+            assert!(off_m < 1e-3, "{off_m} m at {time_s} s");
+            assert!(
+                velocity_ecef(&found).distance(velocity_ecef(&truth)) < 0.02,
+                "at {time_s} s"
+            );
+        }
+    }
+
+    #[test]
+    fn headings_are_interpolated_through_north() {
+        let found = flight(2_000.0, 1.0).at(2.5);
+        let off_deg = Degrees(found.pose.heading_true_deg - 359.5).wrapped_180().0;
+        assert!(off_deg.abs() < 1e-9, "{}", found.pose.heading_true_deg);
+    }
+
+    #[test]
+    fn the_window_reaches_from_the_asked_distance_to_the_target() {
+        let flown = flight(3_000.0, 10.0);
+        let window = flown.approach(&runway(), 2_250.0).unwrap();
+        // The weave leaves the course by up to 30 m, which changes distances along it by far less than a millimetre a metre.
+        assert!((window.start_s - 10.0).abs() < 0.01, "{window:?}");
+        assert!((window.end_s - 40.0).abs() < 0.01, "{window:?}");
+        let rate = FrameRate::new(1, 1).unwrap();
+        let states = flown.resample(window, rate);
+        assert_eq!(states.len(), 31);
+        assert_eq!(states[30].time_s, 30.0);
+        let target = runway().touchdown_target();
+        let along =
+            |s: &FlightState| RunwayCoordinates::of(s.pose.position(), target, 23.02).along_track_m;
+        assert!((along(&states[0]) - 2_250.0).abs() < 0.01);
+        assert!(along(&states[30]) >= 0.0 && along(&states[30]) < SPEED_MPS);
+    }
+
+    #[test]
+    fn a_recording_that_starts_late_or_ends_early_is_used_as_far_as_it_goes() {
+        let whole = flight(3_000.0, 10.0);
+        let short = Trajectory::new(whole.states[..200].to_vec()).unwrap();
+        let window = short.approach(&runway(), 18_520.0).unwrap();
+        assert_eq!((window.start_s, window.end_s), (0.0, 19.9));
+        assert_eq!(short.touchdown(), None);
+        assert!(whole.touchdown().is_some());
+    }
+
+    #[test]
+    fn a_flight_that_never_comes_near_is_refused() {
+        let mut gone: Vec<FlightState> = flight(1_000.0, 10.0).states;
+        gone.retain(|state| state.time_s > 14.0);
+        let message = Trajectory::new(gone)
+            .unwrap()
+            .approach(&runway(), 18_520.0)
+            .unwrap_err();
+        assert!(message.contains("WSSS 02L"), "{message}");
+    }
+
+    #[test]
+    fn broken_states_are_refused_with_their_number() {
+        let good = flight(1_000.0, 10.0).states;
+        let broken = |change: &dyn Fn(&mut Vec<FlightState>)| {
+            let mut states = good.clone();
+            change(&mut states);
+            Trajectory::new(states).unwrap_err()
+        };
+        assert!(broken(&|s| s[5].pose.pitch_deg = f64::NAN).contains("state 5"));
+        assert!(broken(&|s| s.swap(3, 4)).contains("state 4"));
+        assert!(broken(&|s| s[7].pose.latitude_deg += 0.001).contains("state 7"));
+        assert!(broken(&|s| s.truncate(1)).contains("at least 2"));
+        assert!(
+            broken(&|s| {
+                s.drain(10..40);
+            })
+            .contains("state 10")
+        );
+    }
+
+    #[test]
+    fn ticks_are_counted_with_both_ends() {
+        let window = Window {
+            start_s: 4.0,
+            end_s: 14.0,
+        };
+        assert_eq!(window.ticks(FrameRate::new(1, 1).unwrap()), 11);
+        assert_eq!(window.ticks(FrameRate::new(30, 1).unwrap()), 301);
+        assert_eq!(window.ticks(FrameRate::new(1, 3).unwrap()), 4);
+    }
+}
