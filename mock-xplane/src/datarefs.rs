@@ -1,0 +1,243 @@
+//! The stand-in's datarefs: names, types and values, with X-Plane's rules for reading and writing them over UDP.
+//!
+//! In: a path such as `sim/time/zulu_time_sec` or `name[3]`, maybe a 32-bit value. Out: a 32-bit value, or why a write is
+//! ignored. X-Plane ignores such writes silently; we say it in the log.
+
+mod known;
+
+use std::collections::HashMap;
+
+/// What a dataref holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    /// 32-bit integer: fractions are cut off.
+    Int,
+    /// 32-bit float.
+    Float,
+    /// 64-bit float; UDP still carries 32 bits of it.
+    Double,
+}
+
+/// Name, type and first value of a dataref.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Dataref {
+    /// Path without index.
+    pub name: &'static str,
+    /// Type of its values.
+    pub kind: Kind,
+    /// Number of elements of an array, `None` for a single value.
+    pub length: Option<usize>,
+    /// Whether clients may set it.
+    pub writable: bool,
+    /// Value (of every element) at the start.
+    pub initial: f64,
+}
+
+/// Why a write has no effect.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Ignored {
+    /// No such dataref.
+    #[error("unknown dataref")]
+    Unknown,
+    /// It belongs to the simulator.
+    #[error("read-only dataref")]
+    ReadOnly,
+    /// An array is written element by element.
+    #[error("array without index: write name[i]")]
+    NeedsIndex,
+    /// Beyond the array's end, or an index that is no number.
+    #[error("index out of range")]
+    BadIndex,
+    /// Not a number.
+    #[error("value is no finite number")]
+    NotFinite,
+}
+
+/// All datarefs with their values.
+#[derive(Debug)]
+pub struct Datarefs {
+    cells: HashMap<&'static str, (Dataref, Vec<f64>)>,
+}
+
+impl Default for Datarefs {
+    /// The datarefs of X-Plane 12 that this stand-in has, at their first values.
+    fn default() -> Self {
+        let cells = known::DATAREFS.iter().map(|dataref| {
+            let values = vec![dataref.initial; dataref.length.unwrap_or(1)];
+            (dataref.name, (*dataref, values))
+        });
+        Self {
+            cells: cells.collect(),
+        }
+    }
+}
+
+impl Datarefs {
+    /// The value as RREF carries it. What does not exist, and an array without index, reads as 0, as in X-Plane 12.
+    pub fn read(&self, path: &str) -> f32 {
+        self.locate(path)
+            .map_or(0.0, |(name, at)| self.cells[name].1[at] as f32)
+    }
+
+    /// The value with all its bits; 0 for what does not exist.
+    pub fn get(&self, path: &str) -> f64 {
+        self.locate(path)
+            .map_or(0.0, |(name, at)| self.cells[name].1[at])
+    }
+
+    /// A client's write.
+    ///
+    /// # Errors
+    /// If it has no effect, and why.
+    pub fn write(&mut self, path: &str, value: f32) -> Result<(), Ignored> {
+        let (name, at) = self.locate(path)?;
+        if !value.is_finite() {
+            return Err(Ignored::NotFinite);
+        }
+        match self.cells.get_mut(name) {
+            Some((dataref, values)) if dataref.writable => {
+                values[at] = dataref.kind.rounded(f64::from(value));
+                Ok(())
+            }
+            _ => Err(Ignored::ReadOnly),
+        }
+    }
+
+    /// The simulator's own write: read-only datarefs are its to set. A path that does not exist is a mistake in this
+    /// crate, said in the log.
+    pub fn set(&mut self, path: &str, value: f64) {
+        match self
+            .locate(path)
+            .map(|(name, at)| (self.cells.get_mut(name), at))
+        {
+            Ok((Some((dataref, values)), at)) => values[at] = dataref.kind.rounded(value),
+            _ => tracing::error!(
+                path,
+                "the stand-in publishes a dataref that it does not have"
+            ),
+        }
+    }
+
+    /// Name and element of a path. A single value also goes by `name[0]`: clients were seen to ask so.
+    fn locate(&self, path: &str) -> Result<(&'static str, usize), Ignored> {
+        let (name, index) = match path.strip_suffix(']').and_then(|path| path.split_once('[')) {
+            Some((name, index)) => (
+                name,
+                Some(index.parse::<usize>().map_err(|_| Ignored::BadIndex)?),
+            ),
+            None => (path, None),
+        };
+        let (dataref, values) = self.cells.get(name).ok_or(Ignored::Unknown)?;
+        match (dataref.length, index) {
+            (Some(_), None) => Err(Ignored::NeedsIndex),
+            (_, Some(index)) if index >= values.len() => Err(Ignored::BadIndex),
+            (_, index) => Ok((dataref.name, index.unwrap_or(0))),
+        }
+    }
+}
+
+impl Kind {
+    fn rounded(self, value: f64) -> f64 {
+        match self {
+            Self::Int => f64::from(value as i32),
+            Self::Float => f64::from(value as f32),
+            Self::Double => value,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CLOUDS: &str = "sim/weather/region/cloud_base_msl_m";
+    const ZULU: &str = "sim/time/zulu_time_sec";
+    const LATITUDE: &str = "sim/flightmodel/position/latitude";
+
+    #[test]
+    fn elements_of_an_array_are_written_and_read_one_by_one() {
+        let mut datarefs = Datarefs::default();
+        assert_eq!(datarefs.write(&format!("{CLOUDS}[1]"), 1_500.0), Ok(()));
+        assert_eq!(datarefs.read(&format!("{CLOUDS}[1]")), 1_500.0);
+        assert_eq!(datarefs.read(&format!("{CLOUDS}[2]")), 0.0);
+        assert_eq!(datarefs.write(CLOUDS, 7.0), Err(Ignored::NeedsIndex));
+        assert_eq!(datarefs.read(CLOUDS), 0.0);
+        assert_eq!(
+            datarefs.write(&format!("{CLOUDS}[3]"), 7.0),
+            Err(Ignored::BadIndex)
+        );
+        assert_eq!(
+            datarefs.write(&format!("{CLOUDS}[x]"), 7.0),
+            Err(Ignored::BadIndex)
+        );
+    }
+
+    #[test]
+    fn a_single_value_also_goes_by_element_zero() {
+        let mut datarefs = Datarefs::default();
+        assert_eq!(datarefs.write(&format!("{ZULU}[0]"), 60.5), Ok(()));
+        assert_eq!(datarefs.read(ZULU), 60.5);
+        assert_eq!(
+            datarefs.write(&format!("{ZULU}[1]"), 60.5),
+            Err(Ignored::BadIndex)
+        );
+    }
+
+    #[test]
+    fn what_belongs_to_the_simulator_is_not_written_by_clients() {
+        let mut datarefs = Datarefs::default();
+        datarefs.set(LATITUDE, 1.348_971_96);
+        assert_eq!(datarefs.write(LATITUDE, 50.0), Err(Ignored::ReadOnly));
+        assert_eq!(datarefs.get(LATITUDE), 1.348_971_96);
+        assert_eq!(datarefs.read(LATITUDE), 1.348_971_96_f32);
+        assert_eq!(
+            datarefs.write("sim/no/such/thing", 1.0),
+            Err(Ignored::Unknown)
+        );
+        assert_eq!(datarefs.read("sim/no/such/thing"), 0.0);
+    }
+
+    #[test]
+    fn integers_lose_their_fraction_and_nothing_takes_nan() {
+        let mut datarefs = Datarefs::default();
+        datarefs.write("sim/time/local_date_days", 79.9).unwrap();
+        assert_eq!(datarefs.read("sim/time/local_date_days"), 79.0);
+        assert_eq!(datarefs.write(ZULU, f32::NAN), Err(Ignored::NotFinite));
+    }
+
+    #[test]
+    fn everything_that_the_bridge_writes_is_known_here_and_taken() {
+        use dataset::conditions::{Clock, Conditions, Weather};
+        let conditions = Conditions {
+            time_of_day: "12:00".into(),
+            clock: Clock {
+                day_of_year: 200,
+                zulu_time_s: 14_400.0,
+            },
+            weather_name: "clear".into(),
+            weather: Weather {
+                visibility_m: 30_000.0,
+                clouds: vec![],
+                rain_ratio: 0.0,
+                wind_speed_mps: 3.0,
+                wind_from_true_deg: 30.0,
+                turbulence_ratio: 0.1,
+            },
+        };
+        let generation = xplane_bridge::datarefs::Generation::XPlane12;
+        let mut datarefs = Datarefs::default();
+        for write in xplane_bridge::datarefs::condition_writes(&conditions, generation).unwrap() {
+            assert_eq!(
+                datarefs.write(&write.name, write.value),
+                Ok(()),
+                "{}",
+                write.name
+            );
+            assert!(
+                write.is_met_by(datarefs.read(&write.name)),
+                "{}",
+                write.name
+            );
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! Which datarefs the stand-in has: those of X-Plane 12 that an approach, its weather and its replay touch.
+
+use xplane_bridge::datarefs as names;
+
+use super::Dataref;
+use super::Kind;
+use super::Kind::{Double, Float, Int};
+
+const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
+    Dataref {
+        name,
+        kind,
+        length: None,
+        writable: true,
+        initial,
+    }
+}
+
+const fn read_only(name: &'static str, kind: Kind, initial: f64) -> Dataref {
+    Dataref {
+        writable: false,
+        ..writable(name, kind, initial)
+    }
+}
+
+const fn array(name: &'static str, kind: Kind, length: usize, initial: f64) -> Dataref {
+    Dataref {
+        length: Some(length),
+        ..writable(name, kind, initial)
+    }
+}
+
+const CLOUDS: usize = names::CLOUD_LAYERS;
+const WINDS: usize = names::WIND_LAYERS;
+
+/// X-Plane's own datarefs, then ours.
+pub(super) const DATAREFS: &[Dataref] = &[
+    read_only(names::VERSION, Int, crate::server::VERSION as f64),
+    read_only("sim/version/xplm_internal_version", Int, 411.0),
+    // Time. A fresh simulator follows the computer's clock, which is why clients must switch that off first.
+    writable(names::USE_SYSTEM_TIME, Int, 1.0),
+    writable(names::ZULU_TIME_S, Float, 0.0),
+    writable(names::DATE_DAYS, Int, 0.0),
+    read_only("sim/time/local_time_sec", Float, 0.0),
+    read_only("sim/time/total_running_time_sec", Float, 0.0),
+    read_only("sim/time/paused", Int, 0.0),
+    read_only("sim/time/sim_speed_actual", Float, 1.0),
+    writable("sim/operation/misc/frame_rate_period", Float, 1.0 / 60.0),
+    writable("sim/operation/override/override_timestep", Int, 0.0),
+    array("sim/operation/override/override_planepath", Int, 20, 0.0),
+    // Where the aircraft is. Positions are the simulator's; attitude may be set.
+    read_only("sim/flightmodel/position/latitude", Double, 0.0),
+    read_only("sim/flightmodel/position/longitude", Double, 0.0),
+    read_only("sim/flightmodel/position/elevation", Double, 0.0),
+    read_only("sim/flightmodel/position/y_agl", Float, 0.0),
+    writable("sim/flightmodel/position/psi", Float, 0.0),
+    writable("sim/flightmodel/position/theta", Float, 0.0),
+    writable("sim/flightmodel/position/phi", Float, 0.0),
+    writable("sim/flightmodel/position/local_vx", Float, 0.0),
+    writable("sim/flightmodel/position/local_vy", Float, 0.0),
+    writable("sim/flightmodel/position/local_vz", Float, 0.0),
+    read_only("sim/flightmodel/position/groundspeed", Float, 0.0),
+    read_only("sim/flightmodel/position/true_airspeed", Float, 0.0),
+    read_only("sim/flightmodel/failures/onground_any", Int, 0.0),
+    // Flaps and gear.
+    writable(
+        "sim/cockpit2/controls/flap_handle_request_ratio",
+        Float,
+        0.0,
+    ),
+    read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Float, 0.0),
+    writable("sim/cockpit2/controls/gear_handle_down", Int, 0.0),
+    read_only("sim/flightmodel2/gear/deploy_ratio", Float, 0.0),
+    // Radios and autopilot.
+    writable(names::NAV1_FREQUENCY, Int, 11_030.0),
+    writable(names::NAV1_COURSE_MAGNETIC, Float, 0.0),
+    writable(names::AUTOPILOT_MODE, Int, 0.0),
+    writable("sim/cockpit/autopilot/autothrottle_enabled", Int, 0.0),
+    writable("sim/cockpit2/autopilot/airspeed_dial_kts", Float, 140.0),
+    read_only("sim/cockpit2/autopilot/nav_status", Int, 0.0),
+    read_only("sim/cockpit2/autopilot/glideslope_status", Int, 0.0),
+    read_only("sim/cockpit2/autopilot/approach_status", Int, 0.0),
+    // Weather: fair, as a fresh simulator has it.
+    writable(names::CHANGE_MODE, Int, 7.0),
+    writable(names::VARIABILITY, Float, 0.25),
+    writable(names::UPDATE_IMMEDIATELY, Int, 0.0),
+    writable(names::VISIBILITY_SM, Float, 20.0),
+    writable(names::RAIN, Float, 0.0),
+    writable(names::TEMPERATURE_C, Float, 28.0),
+    writable(names::PRESSURE_PA, Float, 101_325.0),
+    writable(names::THERMALS, Float, 0.0),
+    array(names::CLOUD_TYPE, Float, CLOUDS, 2.0),
+    array(names::CLOUD_COVER, Float, CLOUDS, 0.0),
+    array(names::CLOUD_BASE, Float, CLOUDS, 0.0),
+    array(names::CLOUD_TOP, Float, CLOUDS, 0.0),
+    array(names::WIND_ALTITUDE, Float, WINDS, 0.0),
+    array(names::WIND_SPEED, Float, WINDS, 0.0),
+    array(names::WIND_DIRECTION, Float, WINDS, 0.0),
+    array(names::TURBULENCE, Float, WINDS, 0.0),
+    array(names::SHEAR_SPEED, Float, WINDS, 0.0),
+    array(names::SHEAR_DIRECTION, Float, WINDS, 0.0),
+    // What the plugin publishes.
+    read_only(names::CAPTURE_PORT, Int, 0.0),
+    read_only(names::WEATHER_SETTLE_S, Float, 0.0),
+];

@@ -1,0 +1,280 @@
+//! The capture link, simulator's side: takes requests, flies, draws, and answers in order.
+//!
+//! Pictures are drawn on threads of their own, as many at a time as there are processors, while further requests are read.
+//! A queue of answers to come keeps their order and, being short, keeps the memory small: when it is full, requests wait in
+//! the socket. One client at a time: there is one aircraft.
+
+use std::sync::{Arc, Mutex as StdMutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+use dataset::units::SimTime;
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::sync::{Mutex, Semaphore, mpsc};
+use tokio::task::{JoinError, JoinHandle, JoinSet, spawn_blocking};
+use tokio::time::timeout;
+use xplane_bridge::fly::FlyRequest;
+use xplane_bridge::link::{
+    Answer, CaptureRequest, FLIGHT_COLUMNS, FrameHeader, LinkError, Request, encode_flight,
+    exchange_greetings, read_header, write_message,
+};
+
+use super::engine::Engine;
+use super::scenes::{SceneKey, Scenes};
+use super::{MockError, Shared, VERSION};
+
+/// How long a second client waits for the first one's connection to end.
+const SEAT_TIMEOUT: Duration = Duration::from_secs(2);
+/// How long a connection may take to greet.
+const GREETING_TIMEOUT: Duration = Duration::from_secs(5);
+/// Answers that may wait for their turn, drawn or being drawn.
+const ANSWERS_AHEAD: usize = 4;
+
+/// Accepts clients for ever.
+pub(super) async fn run(
+    listener: TcpListener,
+    world: Shared,
+    engine: Arc<dyn Engine>,
+) -> Result<(), MockError> {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let studio = Arc::new(Studio {
+        world,
+        engine,
+        scenes: Scenes::default(),
+        painters: Arc::new(Semaphore::new(cores)),
+        buffers: StdMutex::default(),
+        seat: Mutex::new(()),
+    });
+    // Like the server's own tasks, those of clients end with it.
+    let mut clients = JoinSet::new();
+    loop {
+        tokio::select! {
+            accepted = listener.accept() => {
+                let (stream, from) = accepted
+                    .map_err(|source| MockError::Socket { what: "the capture link", source })?;
+                let studio = studio.clone();
+                clients.spawn(async move {
+                    match studio.serve(stream).await {
+                        Ok(()) => tracing::debug!(%from, "capture link closed"),
+                        Err(error) => tracing::warn!(%from, %error, "capture link closed"),
+                    }
+                });
+            }
+            Some(_) = clients.join_next() => {}
+        }
+    }
+}
+
+/// What all connections share.
+struct Studio {
+    world: Shared,
+    engine: Arc<dyn Engine>,
+    scenes: Scenes,
+    painters: Arc<Semaphore>,
+    /// Memory of sent pictures, for the next ones.
+    buffers: StdMutex<Vec<Vec<u8>>>,
+    seat: Mutex<()>,
+}
+
+/// An answer and its payload.
+type Reply = (Answer, Vec<u8>);
+
+/// An answer in its place of the order.
+enum Pending {
+    Ready(Reply),
+    Drawing(JoinHandle<Reply>),
+}
+
+impl Studio {
+    async fn serve(self: Arc<Self>, mut stream: TcpStream) -> Result<(), LinkError> {
+        stream.set_nodelay(true)?;
+        timeout(GREETING_TIMEOUT, exchange_greetings(&mut stream))
+            .await
+            .unwrap_or(Err(LinkError::Ended {
+                inside: "the time for a greeting",
+            }))?;
+        let Ok(_seat) = timeout(SEAT_TIMEOUT, self.seat.lock()).await else {
+            let text = "another client holds the capture link".to_owned();
+            return write_message(&mut stream, &Answer::Error { text }, &[]).await;
+        };
+        let (from_client, to_client) = stream.into_split();
+        let (order, answers) = mpsc::channel(ANSWERS_AHEAD);
+        // When no more requests come, the writer still has answers to write, and then ends because the queue has. When
+        // the client takes no more answers, reading its requests is pointless.
+        let read_then_wait = async {
+            if let Err(error) = self.read_requests(from_client, order).await {
+                tracing::warn!(%error, "no more requests are taken");
+            }
+            std::future::pending().await
+        };
+        let ended = tokio::select! {
+            ended = self.write_answers(to_client, answers) => ended,
+            never = read_then_wait => never,
+        };
+        self.world.lock().release();
+        ended
+    }
+
+    async fn read_requests(
+        self: &Arc<Self>,
+        mut stream: impl AsyncRead + Unpin,
+        order: mpsc::Sender<Pending>,
+    ) -> Result<(), LinkError> {
+        loop {
+            let request = match read_header::<Request>(&mut stream).await {
+                Ok(None) => return Ok(()),
+                Ok(Some((request, 0))) => request,
+                Ok(Some((_, payload))) => {
+                    let text =
+                        format!("a request has no payload, but {payload} bytes are announced");
+                    let _ = order.send(refusal(text)).await;
+                    return Ok(());
+                }
+                // Said to the client as well; what follows it in the stream cannot be understood any more.
+                Err(error) => {
+                    let _ = order.send(refusal(error.to_string())).await;
+                    return Err(error);
+                }
+            };
+            let pending = self.answer(request).await;
+            if order.send(pending).await.is_err() {
+                return Ok(());
+            }
+        }
+    }
+
+    async fn write_answers(
+        &self,
+        mut stream: impl AsyncWrite + Unpin,
+        mut answers: mpsc::Receiver<Pending>,
+    ) -> Result<(), LinkError> {
+        while let Some(pending) = answers.recv().await {
+            let (answer, payload) = match pending {
+                Pending::Ready(reply) => reply,
+                Pending::Drawing(drawn) => drawn.await.unwrap_or_else(failed),
+            };
+            write_message(&mut stream, &answer, &payload).await?;
+            if matches!(answer, Answer::Frame(_)) {
+                self.lock_buffers().push(payload);
+            }
+        }
+        Ok(())
+    }
+
+    async fn answer(self: &Arc<Self>, request: Request) -> Pending {
+        match request {
+            Request::Hello { client } => {
+                tracing::info!(client, "client of the capture link");
+                let [major, minor, patch] = [VERSION / 10_000, VERSION / 100 % 100, VERSION % 100];
+                ready(Answer::Hello {
+                    name: "mock-xplane".into(),
+                    version: format!("{major}.{minor}.{patch}"),
+                })
+            }
+            Request::Freeze { runway } => {
+                self.world.lock().freeze(runway);
+                ready(Answer::Frozen)
+            }
+            Request::Release => {
+                self.world.lock().release();
+                ready(Answer::Released)
+            }
+            Request::Fly(request) => self.fly(request).await,
+            Request::Capture(request) => self.capture(request).await,
+        }
+    }
+
+    /// Flies before any further request is read: those are about the world after the flight.
+    async fn fly(self: &Arc<Self>, request: FlyRequest) -> Pending {
+        let weather = {
+            let mut world = self.world.lock();
+            if let Err(text) = world.check_autopilot(&request) {
+                return refusal(text);
+            }
+            // A flight needs a flight model.
+            world.release();
+            world.weather()
+        };
+        let studio = self.clone();
+        let flown = spawn_blocking(move || studio.engine.fly(&request, &weather)).await;
+        let states = match flown {
+            Ok(Ok(states)) => states,
+            Ok(Err(text)) => return refusal(text),
+            Err(error) => return Pending::Ready(failed(error)),
+        };
+        if let Some(&last) = states.last() {
+            self.world.lock().show(last);
+        }
+        let columns = FLIGHT_COLUMNS.map(str::to_owned).to_vec();
+        let answer = Answer::Flown {
+            columns,
+            rows: states.len(),
+        };
+        Pending::Ready((answer, encode_flight(&states)))
+    }
+
+    /// Starts drawing. What is to be seen is fixed here, in the order of the requests; drawing takes its time.
+    async fn capture(self: &Arc<Self>, request: CaptureRequest) -> Pending {
+        if let Err(text) = request.check() {
+            return refusal(text);
+        }
+        let (key, sim_frame) = {
+            let mut world = self.world.lock();
+            let Some(runway) = world.frozen_runway().cloned() else {
+                return refusal("a capture needs a frozen simulator: send freeze first".into());
+            };
+            let key = SceneKey {
+                camera: request.camera,
+                width_px: request.width_px,
+                height_px: request.height_px,
+                runway,
+                weather: world.weather(),
+                clock: world.clock(),
+            };
+            (key, world.pose_for_frame(request.pose, request.controls))
+        };
+        let permit = self.painters.clone().acquire_owned().await;
+        let studio = self.clone();
+        Pending::Drawing(spawn_blocking(move || {
+            let _permit = permit;
+            studio.draw(&request, &key, sim_frame)
+        }))
+    }
+
+    fn draw(&self, request: &CaptureRequest, key: &SceneKey, sim_frame: u64) -> Reply {
+        let mut rgb = self.lock_buffers().pop().unwrap_or_default();
+        rgb.resize(request.rgb_bytes(), 0);
+        let time_s = SimTime(request.time_ns).seconds();
+        self.scenes.with(self.engine.as_ref(), key, |picture| {
+            picture.draw(&request.pose, &request.controls, time_s, &mut rgb);
+        });
+        let header = FrameHeader {
+            tick: request.tick,
+            view: request.view,
+            sim_frame,
+            pose: request.pose,
+            camera: key.camera,
+            width_px: key.width_px,
+            height_px: key.height_px,
+        };
+        (Answer::Frame(header), rgb)
+    }
+
+    fn lock_buffers(&self) -> MutexGuard<'_, Vec<Vec<u8>>> {
+        self.buffers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+fn ready(answer: Answer) -> Pending {
+    Pending::Ready((answer, Vec::new()))
+}
+
+fn refusal(text: String) -> Pending {
+    ready(Answer::Error { text })
+}
+
+/// A panic while flying or drawing is a mistake in this crate; the client is told and the server lives on.
+fn failed(error: JoinError) -> Reply {
+    let text = format!("the stand-in failed: {error}");
+    (Answer::Error { text }, Vec::new())
+}

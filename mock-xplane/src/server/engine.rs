@@ -1,0 +1,65 @@
+//! What the server needs of a simulator: flying an approach and drawing pictures. The built-in one is this crate's own;
+//! tests put a cheaper one in its place.
+
+use dataset::camera::Camera;
+use dataset::conditions::{Clock, Weather};
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use xplane_bridge::fly::FlyRequest;
+
+use crate::flight;
+use crate::render::Scene;
+
+/// A flight model and a renderer.
+pub trait Engine: Send + Sync + 'static {
+    /// Flies an approach in this weather; the states at the model's own rate. The text of an error says why it cannot.
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String>;
+
+    /// Prepares the pictures of one camera in one weather at one time.
+    fn picture(
+        &self,
+        camera: &Camera,
+        runway: &Runway,
+        weather: &Weather,
+        clock: &Clock,
+    ) -> Box<dyn Picture>;
+}
+
+/// Pictures of one camera in one weather at one time, with the aircraft anywhere.
+pub trait Picture: Send + Sync {
+    /// Draws a frame into `rgb`, which holds exactly its bytes, all of which are overwritten.
+    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]);
+}
+
+/// The flight model and the renderer of this crate.
+#[derive(Debug, Clone, Copy)]
+pub struct BuiltIn;
+
+impl Engine for BuiltIn {
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
+        let states = flight::fly(request, weather);
+        match states.last() {
+            Some(last) if last.on_ground => Ok(states),
+            last => Err(format!(
+                "the flight has not landed within {} s; it ended at {last:?}",
+                request.time_limit_s
+            )),
+        }
+    }
+
+    fn picture(
+        &self,
+        camera: &Camera,
+        runway: &Runway,
+        weather: &Weather,
+        clock: &Clock,
+    ) -> Box<dyn Picture> {
+        Box::new(Scene::new(camera, runway, weather, clock))
+    }
+}
+
+impl Picture for Scene {
+    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
+        self.render(pose, controls, time_s, rgb);
+    }
+}

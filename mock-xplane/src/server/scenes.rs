@@ -1,0 +1,61 @@
+//! Prepared pictures, kept while their camera, weather and clock last: preparing one costs many frames.
+
+use std::collections::VecDeque;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use dataset::camera::{Camera, CameraPose};
+use dataset::conditions::{Clock, Weather};
+use dataset::runway::Runway;
+
+use super::engine::{Engine, Picture};
+
+/// Prepared pictures kept at most: two rigs of a few cameras.
+const KEPT: usize = 8;
+
+/// What a prepared picture depends on.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct SceneKey {
+    pub(super) camera: CameraPose,
+    pub(super) width_px: u32,
+    pub(super) height_px: u32,
+    pub(super) runway: Runway,
+    pub(super) weather: Weather,
+    pub(super) clock: Clock,
+}
+
+type Slot = Arc<OnceLock<Box<dyn Picture>>>;
+
+/// The prepared pictures, the latest used first.
+#[derive(Default)]
+pub(super) struct Scenes {
+    slots: Mutex<VecDeque<(SceneKey, Slot)>>,
+}
+
+impl Scenes {
+    /// Calls `draw` with the picture of `key`, preparing it first if need be. Different ones are prepared side by side.
+    pub(super) fn with<T>(
+        &self,
+        engine: &dyn Engine,
+        key: &SceneKey,
+        draw: impl FnOnce(&dyn Picture) -> T,
+    ) -> T {
+        let slot = self.slot(key);
+        let picture = slot.get_or_init(|| {
+            let camera = Camera::from_pose(&key.camera, key.width_px, key.height_px);
+            engine.picture(&camera, &key.runway, &key.weather, &key.clock)
+        });
+        draw(picture.as_ref())
+    }
+
+    fn slot(&self, key: &SceneKey) -> Slot {
+        let mut slots = self.slots.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = slots.iter().position(|(known, _)| known == key);
+        let entry = found
+            .and_then(|at| slots.remove(at))
+            .unwrap_or_else(|| (key.clone(), Slot::default()));
+        let slot = entry.1.clone();
+        slots.push_front(entry);
+        slots.truncate(KEPT);
+        slot
+    }
+}

@@ -1,0 +1,444 @@
+//! The stand-in and the bridge's client over real sockets: conditions, flights, pictures in lockstep, and leaving.
+
+use std::net::Ipv4Addr;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use dataset::camera::{Camera, CameraPose};
+use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve, serve_with};
+use tokio::net::UdpSocket;
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator};
+use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, CaptureRequest, Simulator};
+
+/// Writes the picture's time into every byte, slower for even ticks so that pictures finish out of order, and remembers
+/// what it was asked.
+#[derive(Default)]
+struct Scribe {
+    prepared: Mutex<Vec<(Weather, Clock)>>,
+    flown: Mutex<Vec<Weather>>,
+}
+
+struct Page;
+
+impl Engine for Scribe {
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
+        self.flown.lock().unwrap().push(weather.clone());
+        if request.seed == 13 {
+            return Err("thirteen is unlucky".into());
+        }
+        let state = |i: u32| FlightState {
+            time_s: f64::from(i) / 3.0,
+            pose: pose(i),
+            velocity_north_mps: 70.0,
+            velocity_east_mps: 30.0,
+            velocity_down_mps: 4.0,
+            true_airspeed_mps: 76.3,
+            controls: Controls::default(),
+            on_ground: i == 999,
+        };
+        Ok((0..1_000).map(state).collect())
+    }
+
+    fn picture(
+        &self,
+        _: &Camera,
+        _: &Runway,
+        weather: &Weather,
+        clock: &Clock,
+    ) -> Box<dyn Picture> {
+        self.prepared
+            .lock()
+            .unwrap()
+            .push((weather.clone(), *clock));
+        Box::new(Page)
+    }
+}
+
+impl Picture for Page {
+    fn draw(&self, _: &Pose, _: &Controls, time_s: f64, rgb: &mut [u8]) {
+        if time_s as u32 % 2 == 0 {
+            std::thread::sleep(Duration::from_millis(20));
+        }
+        rgb.fill(time_s as u8);
+    }
+}
+
+struct Running {
+    addresses: Addresses,
+    server: JoinHandle<()>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.server.abort();
+    }
+}
+
+fn options() -> ServerOptions {
+    ServerOptions {
+        bind: Ipv4Addr::LOCALHOST.into(),
+        port: 0,
+        beacon: false,
+    }
+}
+
+async fn start(engine: Arc<dyn Engine>) -> Running {
+    let (tell, told) = oneshot::channel();
+    let server = tokio::spawn(async move {
+        serve_with(options(), engine, |addresses| tell.send(addresses).unwrap())
+            .await
+            .unwrap();
+    });
+    Running {
+        addresses: told.await.unwrap(),
+        server,
+    }
+}
+
+async fn connected(running: &Running) -> Simulator {
+    Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
+        .await
+        .unwrap()
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: Some(22.7),
+    }
+}
+
+fn conditions() -> Conditions {
+    Conditions {
+        time_of_day: "06:00".into(),
+        clock: Clock {
+            day_of_year: 80,
+            zulu_time_s: 79_200.5,
+        },
+        weather_name: "stormy".into(),
+        weather: Weather {
+            visibility_m: 8_000.0,
+            clouds: vec![CloudLayer {
+                kind: CloudKind::Stratus,
+                cover_ratio: 0.875,
+                base_msl_m: 600.0,
+                top_msl_m: 2_500.0,
+            }],
+            rain_ratio: 0.5,
+            wind_speed_mps: 10.0,
+            wind_from_true_deg: 340.0,
+            turbulence_ratio: 0.25,
+        },
+    }
+}
+
+fn pose(tick: u32) -> Pose {
+    Pose {
+        latitude_deg: 1.2 + f64::from(tick) / 3_000.0,
+        longitude_deg: 103.9 + f64::from(tick) / 7_000.0,
+        altitude_msl_m: 762.0 - f64::from(tick) / 7.0,
+        heading_true_deg: 23.021_4,
+        pitch_deg: 2.5,
+        roll_deg: -0.1,
+    }
+}
+
+fn fly_request(seed: u64) -> FlyRequest {
+    let runway = runway();
+    let position = runway.point_on_approach(18_520.0, 0.0).at_altitude_m(762.0);
+    FlyRequest {
+        start: FlightStart {
+            position,
+            heading_true_deg: 23.02,
+            speed_mps: 90.0,
+        },
+        runway,
+        profile: ApproachProfile::GlidePath {
+            level_altitude_msl_m: 762.0,
+        },
+        seed,
+        time_limit_s: 900.0,
+    }
+}
+
+fn capture(tick: u32, view: u32) -> CaptureRequest {
+    let camera_pose = Pose {
+        latitude_deg: 1.36 + f64::from(view) / 1_000.0,
+        longitude_deg: 103.98,
+        altitude_msl_m: 16.7,
+        heading_true_deg: 203.0,
+        pitch_deg: 1.6,
+        roll_deg: 0.0,
+    };
+    CaptureRequest {
+        tick,
+        time_ns: i64::from(tick) * 1_000_000_000,
+        view,
+        pose: pose(tick),
+        controls: Controls {
+            flap_ratio: 0.5,
+            gear_ratio: 1.0,
+        },
+        camera: CameraPose {
+            pose: camera_pose,
+            hfov_deg: 10.0,
+        },
+        width_px: 40,
+        height_px: 30,
+    }
+}
+
+fn nearly(found: &Weather, wanted: &Weather) -> bool {
+    let same = (found.visibility_m - wanted.visibility_m).abs() < 0.01;
+    same && Weather {
+        visibility_m: wanted.visibility_m,
+        ..found.clone()
+    } == *wanted
+}
+
+#[tokio::test]
+async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
+    let scribe = Arc::new(Scribe::default());
+    let running = start(scribe.clone()).await;
+    let mut simulator = connected(&running).await;
+    assert_eq!(simulator.description().name, "mock-xplane");
+    assert_eq!(simulator.description().version, "12.4.0");
+    assert_eq!(simulator.description().capture_link, 1);
+
+    simulator.set_conditions(&conditions()).await.unwrap();
+    let states = simulator.fly(&fly_request(1)).await.unwrap();
+    assert_eq!(states.len(), 1_000);
+    // To the last bit: a flight does not go through 32-bit datarefs.
+    assert_eq!(states[500].pose, pose(500));
+    assert!(nearly(
+        &scribe.flown.lock().unwrap()[0],
+        &conditions().weather
+    ));
+
+    // The clock runs until it is frozen, and is exact then.
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    simulator.freeze(&runway()).await.unwrap();
+    simulator.send_capture(&capture(0, 0)).await.unwrap();
+    simulator.receive_frame().await.unwrap();
+    let (weather, clock) = scribe.prepared.lock().unwrap()[0].clone();
+    assert!(nearly(&weather, &conditions().weather), "{weather:?}");
+    assert_eq!(clock, conditions().clock);
+    simulator.release().await.unwrap();
+}
+
+#[tokio::test]
+async fn pipelined_captures_are_answered_in_order_with_their_own_picture_and_pose() {
+    let scribe = Arc::new(Scribe::default());
+    let running = start(scribe.clone()).await;
+    let mut simulator = connected(&running).await;
+    simulator.freeze(&runway()).await.unwrap();
+    let requests: Vec<_> = (0..40)
+        .flat_map(|tick| [capture(tick, 0), capture(tick, 1)])
+        .collect();
+    let mut frames = Vec::new();
+    let mut sent = 0;
+    for received in 0..requests.len() {
+        while sent < requests.len().min(received + 12) {
+            simulator.send_capture(&requests[sent]).await.unwrap();
+            sent += 1;
+        }
+        let frame = simulator.receive_frame().await.unwrap();
+        frames.push((
+            frame.tick,
+            frame.view,
+            frame.sim_frame,
+            frame.pose,
+            frame.camera,
+            frame.rgb[0],
+        ));
+        assert!(frame.rgb.iter().all(|&byte| byte == frame.tick as u8));
+        assert_eq!(frame.rgb.len(), 40 * 30 * 3);
+        simulator.recycle(frame.rgb);
+    }
+    for (request, frame) in requests.iter().zip(&frames) {
+        assert_eq!((frame.0, frame.1), (request.tick, request.view));
+        assert_eq!(frame.3, request.pose);
+        assert_eq!(frame.4, request.camera);
+    }
+    assert!(
+        frames.windows(2).all(|pair| pair[0].2 < pair[1].2),
+        "frame numbers do not grow"
+    );
+    // Two cameras, one weather: prepared once each.
+    assert_eq!(scribe.prepared.lock().unwrap().len(), 2);
+    assert!(matches!(
+        simulator.receive_frame().await,
+        Err(BridgeError::NothingOutstanding)
+    ));
+    simulator.release().await.unwrap();
+}
+
+#[tokio::test]
+async fn refusals_come_with_their_reason_and_leave_the_link_usable() {
+    let running = start(Arc::new(Scribe::default())).await;
+    let mut simulator = connected(&running).await;
+    simulator.send_capture(&capture(0, 0)).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err();
+    assert!(error.to_string().contains("send freeze first"), "{error}");
+    let error = simulator.fly(&fly_request(13)).await.unwrap_err();
+    assert!(error.to_string().contains("thirteen is unlucky"), "{error}");
+    let blind = CaptureRequest {
+        width_px: 0,
+        ..capture(0, 0)
+    };
+    let error = simulator.send_capture(&blind).await.unwrap_err();
+    assert!(error.to_string().contains("width_px is 0"), "{error}");
+    simulator.freeze(&runway()).await.unwrap();
+    simulator.send_capture(&capture(3, 0)).await.unwrap();
+    assert_eq!(simulator.receive_frame().await.unwrap().tick, 3);
+}
+
+#[tokio::test]
+async fn a_second_client_waits_for_the_seat_and_is_refused_while_the_first_stays() {
+    let running = start(Arc::new(Scribe::default())).await;
+    let first = connected(&running).await;
+    let error = Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
+        .await
+        .unwrap_err();
+    assert!(
+        error.to_string().contains("another client holds"),
+        "{error}"
+    );
+    let leaving = tokio::spawn(async move {
+        tokio::time::sleep(Duration::from_millis(200)).await;
+        first.release().await.unwrap();
+    });
+    connected(&running).await.release().await.unwrap();
+    leaving.await.unwrap();
+}
+
+#[tokio::test]
+async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
+    let running = start(Arc::new(Scribe::default())).await;
+    let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    socket.connect(running.addresses.udp).await.unwrap();
+    // As XPlaneConnectX asks: `0` as fifth byte, `[0]` behind a scalar.
+    let path = "sim/version/xplane_internal_version[0]".to_owned();
+    let request = SubscribeDataref {
+        frequency_hz: 100,
+        index: 42,
+        path,
+    };
+    let mut datagram = ToSimulator::SubscribeDataref(request).encode().unwrap();
+    datagram[4] = b'0';
+    socket.send(&datagram).await.unwrap();
+    let mut buffer = [0; 2048];
+    for _ in 0..3 {
+        let length = socket.recv(&mut buffer).await.unwrap();
+        assert_eq!(&buffer[..5], b"RREF,");
+        let Ok(FromSimulator::DatarefValues(reply)) = FromSimulator::decode(&buffer[..length])
+        else {
+            panic!("not a reply");
+        };
+        assert_eq!(
+            (reply.values[0].index, reply.values[0].value),
+            (42, 120_400.0)
+        );
+    }
+    let end = SubscribeDataref {
+        frequency_hz: 0,
+        index: 42,
+        path: String::new(),
+    };
+    socket
+        .send(&ToSimulator::SubscribeDataref(end).encode().unwrap())
+        .await
+        .unwrap();
+    tokio::time::sleep(Duration::from_millis(100)).await;
+    while socket.try_recv(&mut buffer).is_ok() {}
+    let silence = tokio::time::timeout(Duration::from_millis(200), socket.recv(&mut buffer)).await;
+    assert!(silence.is_err(), "values after the end of the subscription");
+}
+
+#[tokio::test]
+async fn the_built_in_engine_flies_to_the_runway_and_draws_the_aircraft() {
+    let (tell, told) = oneshot::channel();
+    let server = tokio::spawn(serve(options(), |addresses| tell.send(addresses).unwrap()));
+    let running = Running {
+        addresses: told.await.unwrap(),
+        server: tokio::spawn(async move { server.await.unwrap().unwrap() }),
+    };
+    let mut simulator = connected(&running).await;
+    let mut calm = conditions();
+    calm.weather.clouds.clear();
+    calm.weather.rain_ratio = 0.0;
+    calm.clock.zulu_time_s = 4.0 * 3_600.0;
+    simulator.set_conditions(&calm).await.unwrap();
+    let states = simulator.fly(&fly_request(7)).await.unwrap();
+    let last = states.last().unwrap();
+    let target = runway().touchdown_target().lat_lon();
+    assert!(last.on_ground);
+    assert!(
+        target.distance_m(last.pose.position().lat_lon()) < 2_500.0,
+        "{last:?}"
+    );
+
+    simulator.freeze(&runway()).await.unwrap();
+    // A camera 300 m ahead of an aircraft on the approach looks back at it.
+    let aircraft = Pose {
+        latitude_deg: 1.3,
+        longitude_deg: 103.956,
+        altitude_msl_m: 300.0,
+        heading_true_deg: 23.0,
+        pitch_deg: 2.0,
+        roll_deg: 0.0,
+    };
+    let ahead = aircraft.position().lat_lon().destination(23.0, 300.0);
+    let camera = Pose {
+        latitude_deg: ahead.latitude_deg,
+        longitude_deg: ahead.longitude_deg,
+        heading_true_deg: 203.0,
+        pitch_deg: 0.0,
+        ..aircraft
+    };
+    let away = Pose {
+        altitude_msl_m: 5_000.0,
+        ..aircraft
+    };
+    let mut pictures = Vec::new();
+    for pose in [aircraft, away] {
+        let request = CaptureRequest {
+            pose,
+            camera: CameraPose {
+                pose: camera,
+                hfov_deg: 10.0,
+            },
+            width_px: 192,
+            height_px: 128,
+            ..capture(1, 0)
+        };
+        simulator.send_capture(&request).await.unwrap();
+        pictures.push(simulator.receive_frame().await.unwrap().rgb);
+    }
+    let center = (64 * 192 + 96) * 3;
+    let contrast = |at: usize| pictures[0][at].abs_diff(pictures[1][at]);
+    assert!(
+        contrast(center) > 10,
+        "no aircraft in the middle: {}",
+        contrast(center)
+    );
+    assert_eq!(contrast(0), 0, "the aircraft reaches the corner");
+    simulator.release().await.unwrap();
+}
