@@ -59,7 +59,16 @@ impl SampleGrid {
 
     /// Adds `mark` (a set of bits) to all samples inside a convex polygon.
     pub(crate) fn fill(&mut self, polygon: &[DVec2], mark: u8) {
-        for (row, line) in self.marks.chunks_exact_mut(self.columns).enumerate() {
+        let row_of = |y: f64| {
+            ((y - self.origin_px.y) / self.step_px - 0.5)
+                .ceil()
+                .max(0.0) as usize
+        };
+        let heights = || polygon.iter().map(|corner| corner.y);
+        let first_row = row_of(heights().fold(f64::INFINITY, f64::min));
+        let end_row = row_of(heights().fold(f64::NEG_INFINITY, f64::max)).saturating_add(1);
+        let lines = self.marks.chunks_exact_mut(self.columns).enumerate();
+        for (row, line) in lines.take(end_row).skip(first_row) {
             let y = self.origin_px.y + (row as f64 + 0.5) * self.step_px;
             let Some((left, right)) = span_at(polygon, y) else {
                 continue;

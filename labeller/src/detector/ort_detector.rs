@@ -214,7 +214,7 @@ impl Detector for OrtDetector {
             for (window, planes) in some.iter().zip(self.planes.chunks_exact_mut(plane_numbers)) {
                 window.write_planes(picture, self.window_px, order, scale, planes);
             }
-            let profile = self.profile.clone();
+            let profile = self.profile;
             let decoding = Decoding {
                 layout: self.layout,
                 profile: &profile,

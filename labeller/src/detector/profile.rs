@@ -40,7 +40,7 @@ pub enum BoxOrigin {
 }
 
 /// Everything that may be said about a model. What is not said is decided by its shapes and its layout.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelProfile {
     /// The input.
@@ -54,7 +54,7 @@ pub struct ModelProfile {
 }
 
 /// The input of a model.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct InputProfile {
     /// Order of the channels; otherwise RGB, for YOLOX BGR.
