@@ -1,0 +1,69 @@
+//! Writes a detector with random weights as ONNX, a random picture, and what this project's own code makes of it, so that
+//! `compare_onnx.py` can hold ONNX Runtime's answer against it:
+//!
+//!     cargo run --release -p trainer --example compare_onnx -- FOLDER && python trainer/examples/compare_onnx.py FOLDER
+//!
+//! All files are raw little-endian 32-bit floats: `picture.f32` `[640, 640, 3]`, `cells.f32` `[6400, 5]` (the network's raw output).
+//! `peaks.json` holds the decoded peaks.
+
+use std::error::Error;
+use std::fs;
+use std::path::PathBuf;
+
+use burn::tensor::Device;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use trainer::detector::convolution::{GatherTables, normal_weights};
+use trainer::detector::export::{INPUT_SIDE_PX, onnx_bytes};
+use trainer::detector::grid::{CELL_VALUES, peaks};
+use trainer::detector::network::Network;
+use trainer::detector::patches::PatchBatch;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let folder = PathBuf::from(
+        std::env::args()
+            .nth(1)
+            .ok_or("expected the folder to write to")?,
+    );
+    fs::create_dir_all(&folder)?;
+    let device = Device::flex();
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut network = Network::new(&device, 9);
+    // A head as strong as a trained one: sizes and scores then differ from cell to cell.
+    network.head.weight = normal_weights(network.head.weight.dims(), 0.2, &device, &mut rng);
+
+    let picture: Vec<f32> = (0..INPUT_SIDE_PX * INPUT_SIDE_PX * 3)
+        .map(|_| rng.random())
+        .collect();
+    let mut batch = PatchBatch::new(1, INPUT_SIDE_PX, INPUT_SIDE_PX);
+    batch.fill(0, &picture);
+    let map = network.forward(&batch, &mut GatherTables::new(&device));
+    let cells: Vec<f32> = map.rows.into_data().try_into_vec()?;
+    assert_eq!(cells.len(), map.width * map.height * CELL_VALUES);
+    let found: Vec<[f64; 5]> = peaks(&cells, map.width, map.height, 0.01)
+        .into_iter()
+        .map(|peak| {
+            let b = peak.pixel_box;
+            [b.cx_px, b.cy_px, b.width_px, b.height_px, peak.score]
+        })
+        .collect();
+
+    fs::write(folder.join("model.onnx"), onnx_bytes(&network))?;
+    fs::write(
+        folder.join("picture.f32"),
+        picture
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect::<Vec<u8>>(),
+    )?;
+    fs::write(
+        folder.join("cells.f32"),
+        cells
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect::<Vec<u8>>(),
+    )?;
+    fs::write(folder.join("peaks.json"), serde_json::to_vec(&found)?)?;
+    println!("{} peaks, wrote {}", found.len(), folder.display());
+    Ok(())
+}

@@ -1,0 +1,137 @@
+//! The project's own aircraft detector: one class, far below 4 MB, made by this code from a corpus.
+//!
+//! In: a labelled corpus (decoded video pixels and true boxes). Out: an ONNX model, and beside it a report on trajectories that it was
+//! not trained on. The network is CenterNet in small (Zhou et al., 2019) with what this task needs: boxes exact to a fraction of a
+//! pixel, because the distance rests on them, at any contrast that haze leaves.
+//!
+//! `network` and `convolution` compute, `grid` says what the numbers mean, `targets` and `loss` what they should be;
+//! `picture`, `crop`, `samples` and `corpus_samples` feed `training`; `evaluation` judges; `export` and `onnx` write the model.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::Corpus;
+use dataset::json_file::{write_atomically, write_json};
+use dataset::splits::Side;
+use serde::{Deserialize, Serialize};
+
+pub mod checkpoint;
+pub mod convolution;
+pub mod corpus_samples;
+pub mod crop;
+pub mod evaluation;
+pub mod export;
+pub mod grid;
+pub mod loss;
+pub mod network;
+pub mod onnx;
+pub mod patches;
+pub mod picture;
+pub mod samples;
+pub mod targets;
+pub mod training;
+
+use self::evaluation::{Evaluation, evaluate};
+use self::training::{TrainingConfig, train};
+use crate::error::{Error, Result};
+use crate::progress::Progress;
+
+/// Settings of making a detector.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct DetectorConfig {
+    /// How to train.
+    pub training: TrainingConfig,
+    /// Frames of the test trajectories that the detector is judged on, about.
+    pub judged_frames: usize,
+    /// Score from which a detection counts when judging.
+    pub threshold: f64,
+}
+
+impl Default for DetectorConfig {
+    fn default() -> Self {
+        Self {
+            training: TrainingConfig::default(),
+            judged_frames: 400,
+            threshold: 0.3,
+        }
+    }
+}
+
+/// What was made and how good it is; also written beside the model.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct DetectorReport {
+    /// BLAKE3 hash of the model file.
+    pub model_blake3: String,
+    /// Size of the model file, bytes.
+    pub model_bytes: usize,
+    /// Trained numbers.
+    pub parameters: usize,
+    /// Steps of the training.
+    pub steps: u64,
+    /// Crops that it saw.
+    pub crops: u64,
+    /// Time that it took, seconds.
+    pub seconds: f64,
+    /// Pieces of frames with a visible aircraft that crops were cut from.
+    pub pieces_with_aircraft: usize,
+    /// Whole frames that background was cut from.
+    pub background_frames: usize,
+    /// Settings.
+    pub config: DetectorConfig,
+    /// Figures on held-out trajectories.
+    pub held_out: Evaluation,
+}
+
+/// Trains a detector on a corpus and writes the model to `out`, a report to `out` with the ending `.json`. Until it is done, the
+/// folder `out` with the ending `.checkpoint` keeps what a killed training needs to go on.
+///
+/// Learns from the scenarios on the training and validation sides (nothing is decided during training) and is judged
+/// on the test side.
+pub fn train_detector(
+    corpus: &Corpus,
+    out: &Path,
+    config: &DetectorConfig,
+    progress: &mut dyn Progress,
+) -> Result<DetectorReport> {
+    let test = corpus_samples::videos(corpus, &[Side::Test])?;
+    let learned = corpus_samples::videos(corpus, &[Side::Train, Side::Validation])?;
+    progress.begin("detector: reading videos", learned.len() as u64);
+    let samples = corpus_samples::read_samples(&learned)?;
+    progress.advance(learned.len() as u64, "");
+    if samples.aircraft_count() == 0 {
+        return Err(Error::Corpus {
+            path: corpus.root().to_owned(),
+            message: "shows no visible aircraft in its training scenarios; are the true boxes those of these videos?".into(),
+        });
+    }
+    let checkpoint = beside(out, "checkpoint");
+    let trained = train(&samples, &config.training, Some(&checkpoint), progress)?;
+
+    let frames = corpus_samples::read_frames(&test, config.judged_frames)?;
+    progress.begin("detector: judging", frames.len() as u64);
+    let held_out = evaluate(&trained.network, &frames, config.threshold);
+    progress.advance(frames.len() as u64, "");
+
+    let model = export::onnx_bytes(&trained.network);
+    write_atomically(out, &model)?;
+    let report = DetectorReport {
+        model_blake3: dataset::seal::hash_file(out)?,
+        model_bytes: model.len(),
+        parameters: burn::module::Module::num_params(&trained.network),
+        steps: trained.position.step,
+        crops: trained.position.crops,
+        seconds: trained.position.seconds,
+        pieces_with_aircraft: samples.aircraft_count(),
+        background_frames: samples.backgrounds.len(),
+        config: config.clone(),
+        held_out,
+    };
+    write_json(&beside(out, "json"), &report)?;
+    fs::remove_dir_all(&checkpoint).map_err(dataset::Error::io("remove", &checkpoint))?;
+    Ok(report)
+}
+
+fn beside(out: &Path, ending: &str) -> PathBuf {
+    out.with_extension(ending)
+}

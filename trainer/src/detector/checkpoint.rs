@@ -1,0 +1,129 @@
+//! A training on disk, so that a killed one goes on.
+//!
+//! `<step>.network` and `<step>.optimizer` hold the numbers, `checkpoint.json` says which of them count. It is replaced last and
+//! atomically, so a kill while saving leaves the previous checkpoint.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use burn::module::Module;
+use burn::store::{ModuleRecord, RecordError};
+use dataset::json_file::{read_json, write_json};
+use serde::{Deserialize, Serialize};
+
+use super::training::{Training, TrainingConfig};
+use crate::error::{Error, Result};
+
+/// How far a training has come.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct Position {
+    /// Steps of the optimiser.
+    pub step: u64,
+    /// Crops seen.
+    pub crops: u64,
+    /// Time spent, seconds.
+    pub seconds: f64,
+}
+
+/// Content of `checkpoint.json`.
+#[derive(Debug, Serialize, Deserialize)]
+struct State {
+    position: Position,
+    config: TrainingConfig,
+}
+
+/// A folder with the checkpoint of one training.
+pub(super) struct Checkpoint<'a> {
+    folder: PathBuf,
+    config: &'a TrainingConfig,
+}
+
+impl<'a> Checkpoint<'a> {
+    pub(super) fn new(folder: &Path, config: &'a TrainingConfig) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            config,
+        }
+    }
+
+    fn state_path(&self) -> PathBuf {
+        self.folder.join("checkpoint.json")
+    }
+
+    fn part_path(&self, step: u64, part: &str) -> PathBuf {
+        self.folder.join(format!("{step}.{part}"))
+    }
+
+    fn fault(&self, error: RecordError) -> Error {
+        Error::Run {
+            path: self.folder.clone(),
+            message: format!(
+                "cannot read or write the checkpoint: {error}; delete the folder to train from the start"
+            ),
+        }
+    }
+
+    /// Writes the training and removes what it replaces.
+    pub(super) fn save(&self, training: &Training) -> Result<()> {
+        fs::create_dir_all(&self.folder).map_err(dataset::Error::io("create", &self.folder))?;
+        let step = training.position.step;
+        let record = training.network.clone().into_record();
+        record
+            .save(self.part_path(step, "network"))
+            .map_err(|error| self.fault(error))?;
+        training
+            .optimizer
+            .save(self.part_path(step, "optimizer"))
+            .map_err(|error| self.fault(error))?;
+        write_json(
+            &self.state_path(),
+            &State {
+                position: training.position,
+                config: self.config.clone(),
+            },
+        )?;
+        for entry in fs::read_dir(&self.folder).map_err(dataset::Error::io("list", &self.folder))? {
+            let path = entry
+                .map_err(dataset::Error::io("list", &self.folder))?
+                .path();
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let old = [".network", ".optimizer"]
+                .iter()
+                .any(|part| name.ends_with(part));
+            if old && !name.starts_with(&format!("{step}.")) {
+                fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// The training of the folder, or the given one if there is none or if it had other settings.
+    pub(super) fn load(&self, mut fresh: Training) -> Result<Training> {
+        if !self.state_path().exists() {
+            return Ok(fresh);
+        }
+        let state: State = read_json(&self.state_path(), "detector checkpoint")?;
+        if state.config != *self.config {
+            return Err(Error::Run {
+                path: self.folder.clone(),
+                message: format!(
+                    "holds an unfinished training with other settings ({:?}); repeat those to go on with it, or delete the folder",
+                    state.config
+                ),
+            });
+        }
+        let step = state.position.step;
+        let record = ModuleRecord::load(self.part_path(step, "network"))
+            .map_err(|error| self.fault(error))?;
+        fresh.network = fresh
+            .network
+            .try_load_record(record)
+            .map_err(|error| self.fault(error))?;
+        fresh.optimizer = fresh
+            .optimizer
+            .load(self.part_path(step, "optimizer"))
+            .map_err(|error| self.fault(error))?;
+        fresh.position = state.position;
+        Ok(fresh)
+    }
+}

@@ -1,0 +1,174 @@
+//! Pictures of a corpus: decoded from its videos, with its true boxes.
+//!
+//! In: a corpus that has been labelled. Out: samples to train with, or whole frames to judge with. Every pixel went through the
+//! codec, as it will when the detector is used.
+
+use std::collections::HashMap;
+
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::pixel_box::TruthBox;
+use dataset::splits::{Side, Splits};
+use dataset::video::VideoReader;
+use rayon::prelude::*;
+
+use super::picture::{Picture, is_visible};
+use super::samples::{CROP_SIZES, Samples, size_for_width};
+use super::targets::CropTruth;
+use crate::error::{Error, Result};
+
+/// Whole frames that are kept of every video as background. Clouds and ground stand still in a scenario; lights and rain do not.
+const BACKGROUNDS_PER_VIDEO: usize = 3;
+
+/// One video of a corpus.
+#[derive(Debug, Clone)]
+pub struct Video {
+    folder: ScenarioFolder,
+    view: String,
+    /// Name of the weather.
+    pub weather: String,
+}
+
+/// A whole frame with what is known of it.
+#[derive(Debug, Clone)]
+pub struct JudgedFrame {
+    /// The frame; its aircraft if the true boxes have one.
+    pub picture: Picture,
+    /// Name of the weather.
+    pub weather: String,
+}
+
+/// The videos of the given sides of a corpus's split.
+pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
+    let splits = Splits::read(&corpus.splits_path())?;
+    let mut videos = Vec::new();
+    for folder in corpus.scenarios()? {
+        if splits
+            .scenarios
+            .get(&folder.id())
+            .is_some_and(|assignment| sides.contains(&assignment.side))
+        {
+            let record = folder.record()?;
+            let weather = record.conditions.weather_name;
+            videos.extend(record.views.into_iter().map(|view| Video {
+                folder: folder.clone(),
+                view,
+                weather: weather.clone(),
+            }));
+        }
+    }
+    if videos.is_empty() {
+        return Err(Error::Corpus {
+            path: corpus.root().to_owned(),
+            message: format!(
+                "has no recorded scenario on the sides {sides:?} of its split; generate and label it first"
+            ),
+        });
+    }
+    Ok(videos)
+}
+
+/// Everything that the videos give to learn from.
+pub fn read_samples(videos: &[Video]) -> Result<Samples> {
+    let parts = videos
+        .par_iter()
+        .map(samples_of)
+        .collect::<Result<Vec<_>>>()?;
+    let mut all = Samples::default();
+    for part in parts {
+        all.backgrounds.extend(part.backgrounds);
+        for (pile, more) in all.aircraft.iter_mut().zip(part.aircraft) {
+            pile.extend(more);
+        }
+    }
+    Ok(all)
+}
+
+fn samples_of(video: &Video) -> Result<Samples> {
+    let mut samples = Samples::default();
+    let background_step = video.frames()?.div_ceil(BACKGROUNDS_PER_VIDEO).max(1);
+    video.for_each_frame(|tick, frame| {
+        if let Some(CropTruth {
+            pixel_box,
+            visible: true,
+        }) = frame.aircraft
+        {
+            let size = size_for_width(pixel_box.width_px);
+            let side = CROP_SIZES[size].piece_side_px;
+            let place = |center: f64, length: usize| {
+                let most = length.saturating_sub(side);
+                ((center - side as f64 / 2.0).round().max(0.0) as usize).min(most)
+            };
+            let (left, top) = (
+                place(pixel_box.cx_px, frame.width_px),
+                place(pixel_box.cy_px, frame.height_px),
+            );
+            let (width, height) = (side.min(frame.width_px), side.min(frame.height_px));
+            samples.aircraft[size].push(frame.piece(left, top, width, height));
+        }
+        if tick % background_step == background_step / 2 {
+            samples.backgrounds.push(frame.clone());
+        }
+        true
+    })?;
+    Ok(samples)
+}
+
+/// About `count` frames, evenly spread over the videos, for judging.
+pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
+    let per_video = count.div_ceil(videos.len().max(1)).max(1);
+    let parts = videos
+        .par_iter()
+        .map(|video| {
+            let step = (video.frames()? / per_video).max(1);
+            let mut frames = Vec::new();
+            video.for_each_frame(|tick, frame| {
+                if tick % step == step / 2 {
+                    frames.push(JudgedFrame {
+                        picture: frame.clone(),
+                        weather: video.weather.clone(),
+                    });
+                }
+                frames.len() < per_video
+            })?;
+            Ok(frames)
+        })
+        .collect::<Result<Vec<_>>>()?;
+    Ok(parts.into_iter().flatten().collect())
+}
+
+impl Video {
+    fn frames(&self) -> Result<usize> {
+        Ok(self.folder.record()?.ticks as usize)
+    }
+
+    /// Decodes the video and hands over every frame with its tick and its aircraft, until the receiver says `false`.
+    fn for_each_frame(&self, mut receive: impl FnMut(usize, &Picture) -> bool) -> Result<()> {
+        let boxes: HashMap<u32, TruthBox> = self
+            .folder
+            .truth_boxes()?
+            .into_iter()
+            .filter(|truth| truth.view == self.view)
+            .map(|truth| (truth.tick, truth))
+            .collect();
+        let mut reader = VideoReader::open(&self.folder.video_path(&self.view))?;
+        let (width_px, height_px) = (reader.width() as usize, reader.height() as usize);
+        let mut frame = Picture {
+            rgb: Vec::new(),
+            width_px,
+            height_px,
+            aircraft: None,
+        };
+        let mut tick = 0;
+        while reader.next_frame(&mut frame.rgb)?.is_some() {
+            frame.aircraft = boxes.get(&(tick as u32)).map(|truth| CropTruth {
+                pixel_box: truth.pixel_box,
+                visible: is_visible(&frame, truth),
+            });
+            if !receive(tick, &frame) {
+                break;
+            }
+            tick += 1;
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,354 @@
+//! The trained network as an ONNX model that anything can run.
+//!
+//! In: a network. Out: bytes of a model with
+//! - input `images` `[batch, 3, 640, 640]`: RGB, 0 to 1;
+//! - output `output` `[batch, 6400, 6]`: one row per cell of 8x8 px: centre right, centre down, width, height (pixels of the input, pixel
+//!   (0, 0) is the centre of the top-left pixel), objectness 0 to 1, and 1 where the cell is a peak of its neighbourhood, else 0
+//!   (so that objectness times class, as readers of YOLO outputs compute it, is a score that needs hardly any suppression).
+//!
+//! The decoding of `grid` is part of the graph.
+
+use burn::tensor::Tensor;
+use prost::Message;
+
+use super::convolution::Convolution;
+use super::grid::{
+    ANCHOR_PX, LARGEST_LOG_SIZE, LARGEST_LOGIT, NEIGHBOURHOOD, STRIDE_PX, cell_center_px,
+};
+use super::network::{NORMALISATION_FLOOR, Network};
+use super::onnx::{
+    AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
+    StringStringEntryProto, TensorProto, ValueInfoProto,
+};
+use super::patches::PATCH_SIDE_PX;
+
+/// Side of the model's input, pixels.
+pub const INPUT_SIDE_PX: usize = 640;
+
+const IR_VERSION: i64 = 8;
+const OPSET_VERSION: i64 = 13;
+
+/// Bytes of the ONNX model.
+pub fn onnx_bytes(network: &Network) -> Vec<u8> {
+    model(network).encode_to_vec()
+}
+
+/// The ONNX model.
+pub fn model(network: &Network) -> ModelProto {
+    let mut graph = Graph::default();
+    let map = graph.stem(network);
+    let map = graph.normalised(&network.down_8, &map);
+    let fine = graph.rectified(&network.at_8, &map);
+    let map = graph.normalised(&network.down_16, &fine);
+    let middle = graph.rectified(&network.at_16, &map);
+    let mut coarse = graph.normalised(&network.down_32, &middle);
+    for layer in &network.at_32 {
+        coarse = graph.rectified(layer, &coarse);
+    }
+    let middle = graph.upsampled_onto(&network.lateral_16, &coarse, &middle);
+    let middle = graph.rectified(&network.neck_16, &middle);
+    let fine = graph.upsampled_onto(&network.lateral_8, &middle, &fine);
+    let fine = graph.rectified(&network.neck_8, &fine);
+    let raw = graph.convolution(&network.head, &fine);
+    graph.decode(&raw);
+    graph.into_model()
+}
+
+/// A graph that grows node by node; values are known by their names.
+#[derive(Default)]
+struct Graph {
+    nodes: Vec<NodeProto>,
+    constants: Vec<TensorProto>,
+}
+
+impl Graph {
+    fn node(&mut self, operator: &str, inputs: &[&str], attributes: Vec<AttributeProto>) -> String {
+        let output = format!("{}_{}", operator.to_lowercase(), self.nodes.len());
+        self.nodes.push(NodeProto {
+            input: inputs.iter().map(|&name| name.to_owned()).collect(),
+            output: vec![output.clone()],
+            name: output.clone(),
+            op_type: operator.into(),
+            attribute: attributes,
+        });
+        output
+    }
+
+    fn floats(&mut self, dims: &[i64], values: &[f32]) -> String {
+        let name = format!("constant_{}", self.constants.len());
+        self.constants
+            .push(TensorProto::floats(&name, dims, values));
+        name
+    }
+
+    fn number(&mut self, value: f64) -> String {
+        self.floats(&[], &[value as f32])
+    }
+
+    fn integers(&mut self, values: &[i64]) -> String {
+        let name = format!("constant_{}", self.constants.len());
+        self.constants.push(TensorProto::integers(&name, values));
+        name
+    }
+
+    fn stem(&mut self, network: &Network) -> String {
+        let side = PATCH_SIDE_PX as i64;
+        let weight = self.kernel(network.stem_weight(), PATCH_SIDE_PX);
+        let bias = self.vector(network.stem_bias.val());
+        let attributes = vec![
+            AttributeProto::ints("kernel_shape", &[side, side]),
+            AttributeProto::ints("strides", &[side, side]),
+        ];
+        let map = self.node("Conv", &["images", &weight, &bias], attributes);
+        self.node("Relu", &[&map], vec![])
+    }
+
+    fn convolution(&mut self, layer: &Convolution, map: &str) -> String {
+        let (side, stride) = (layer.kernel as i64, layer.stride as i64);
+        let weight = self.kernel(layer.weight.val(), layer.kernel);
+        let bias = self.vector(layer.bias.val());
+        let attributes = vec![
+            AttributeProto::ints("kernel_shape", &[side, side]),
+            AttributeProto::ints("strides", &[stride, stride]),
+            AttributeProto::ints("pads", &[side / 2; 4]),
+        ];
+        self.node("Conv", &[map, &weight, &bias], attributes)
+    }
+
+    fn rectified(&mut self, layer: &Convolution, map: &str) -> String {
+        let map = self.convolution(layer, map);
+        self.node("Relu", &[&map], vec![])
+    }
+
+    fn normalised(&mut self, layer: &Convolution, map: &str) -> String {
+        let map = self.rectified(layer, map);
+        let channels = layer.bias.dims()[0];
+        // The mean over channels as a 1x1 convolution, with the floor as its bias: ONNX Runtime keeps its blocked layout then.
+        let weight = self.floats(
+            &[1, channels as i64, 1, 1],
+            &vec![1.0 / channels as f32; channels],
+        );
+        let floor = self.floats(&[1], &[NORMALISATION_FLOOR]);
+        let mean = self.node(
+            "Conv",
+            &[&map, &weight, &floor],
+            vec![AttributeProto::ints("kernel_shape", &[1, 1])],
+        );
+        self.node("Div", &[&map, &mean], vec![])
+    }
+
+    fn upsampled_onto(&mut self, lateral: &Convolution, coarse: &str, finer: &str) -> String {
+        let map = self.rectified(lateral, coarse);
+        let scales = self.floats(&[4], &[1.0, 1.0, 2.0, 2.0]);
+        let attributes = vec![
+            AttributeProto::text("mode", "nearest"),
+            AttributeProto::text("nearest_mode", "floor"),
+            AttributeProto::text("coordinate_transformation_mode", "asymmetric"),
+        ];
+        let map = self.node("Resize", &[&map, "", &scales], attributes);
+        self.node("Add", &[&map, finer], vec![])
+    }
+
+    /// What `grid::peaks` does, for all cells at once.
+    fn decode(&mut self, raw: &str) {
+        let cells = INPUT_SIDE_PX / STRIDE_PX;
+        let side = cells as i64;
+        let logit = self.channels(raw, 0..1);
+        let (least, most) = (self.number(-LARGEST_LOGIT), self.number(LARGEST_LOGIT));
+        let logit = self.node("Clip", &[&logit, &least, &most], vec![]);
+        let score = self.node("Sigmoid", &[&logit], vec![]);
+
+        let offset = self.channels(raw, 1..3);
+        let stride = self.number(STRIDE_PX as f64);
+        let offset = self.node("Mul", &[&offset, &stride], vec![]);
+        let centers: Vec<f32> = (0..2 * cells * cells)
+            .map(|i| {
+                cell_center_px(if i < cells * cells {
+                    i % cells
+                } else {
+                    i / cells - cells
+                }) as f32
+            })
+            .collect();
+        let centers = self.floats(&[1, 2, side, side], &centers);
+        let center = self.node("Add", &[&offset, &centers], vec![]);
+
+        let size = self.channels(raw, 3..5);
+        let (least, most) = (
+            self.number(-LARGEST_LOG_SIZE),
+            self.number(LARGEST_LOG_SIZE),
+        );
+        let size = self.node("Clip", &[&size, &least, &most], vec![]);
+        let size = self.node("Exp", &[&size], vec![]);
+        let anchor = self.floats(&[1, 2, 1, 1], &ANCHOR_PX.map(|px| px as f32));
+        let size = self.node("Mul", &[&size, &anchor], vec![]);
+
+        let boxes = self.concat(&[&center, &size], 1);
+        let weighted = self.node("Mul", &[&boxes, &score], vec![]);
+        let sum = self.pool("AveragePool", &weighted);
+        let weight = self.pool("AveragePool", &score);
+        let mean = self.node("Div", &[&sum, &weight], vec![]);
+
+        let largest = self.pool("MaxPool", &score);
+        let below = self.node("Less", &[&score, &largest], vec![]);
+        let peak = self.node("Not", &[&below], vec![]);
+        let peak = self.node(
+            "Cast",
+            &[&peak],
+            vec![AttributeProto::int("to", super::onnx::FLOAT.into())],
+        );
+
+        let rows = self.concat(&[&mean, &score, &peak], 1);
+        let shape = self.integers(&[0, 6, side * side]);
+        let rows = self.node("Reshape", &[&rows, &shape], vec![]);
+        self.node(
+            "Transpose",
+            &[&rows],
+            vec![AttributeProto::ints("perm", &[0, 2, 1])],
+        );
+        if let Some(last) = self.nodes.last_mut() {
+            last.output = vec!["output".into()];
+        }
+    }
+
+    fn channels(&mut self, map: &str, range: std::ops::Range<i64>) -> String {
+        let (start, end, axis) = (
+            self.integers(&[range.start]),
+            self.integers(&[range.end]),
+            self.integers(&[1]),
+        );
+        self.node("Slice", &[map, &start, &end, &axis], vec![])
+    }
+
+    fn concat(&mut self, parts: &[&str], axis: i64) -> String {
+        self.node("Concat", parts, vec![AttributeProto::int("axis", axis)])
+    }
+
+    fn pool(&mut self, operator: &str, map: &str) -> String {
+        let (side, pad) = (2 * NEIGHBOURHOOD as i64 + 1, NEIGHBOURHOOD as i64);
+        let attributes = vec![
+            AttributeProto::ints("kernel_shape", &[side, side]),
+            AttributeProto::ints("pads", &[pad; 4]),
+        ];
+        self.node(operator, &[map], attributes)
+    }
+
+    /// A weight `[kernel * kernel * channels_in, channels_out]` as ONNX wants it: `[channels_out, channels_in, kernel, kernel]`.
+    fn kernel(&mut self, weight: Tensor<2>, side: usize) -> String {
+        let [rows, channels_out] = weight.dims();
+        let channels_in = rows / (side * side);
+        let weight = weight
+            .reshape([side, side, channels_in, channels_out])
+            .permute([3, 2, 0, 1]);
+        let dims = [channels_out, channels_in, side, side].map(|length| length as i64);
+        let values = values_of(weight);
+        self.floats(&dims, &values)
+    }
+
+    fn vector(&mut self, bias: Tensor<1>) -> String {
+        let values = values_of(bias);
+        self.floats(&[values.len() as i64], &values)
+    }
+
+    fn into_model(self) -> ModelProto {
+        let side = Dimension::Fixed(INPUT_SIDE_PX as i64);
+        let batch = Dimension::Named("batch".into());
+        let cells = (INPUT_SIDE_PX / STRIDE_PX).pow(2) as i64;
+        let input = [batch.clone(), Dimension::Fixed(3), side.clone(), side];
+        let output = [batch, Dimension::Fixed(cells), Dimension::Fixed(6)];
+        let words = [
+            ("classes", "aircraft"),
+            ("input", "RGB, 0 to 1"),
+            (
+                "output",
+                "cx, cy, width, height in input pixels, pixel (0, 0) is the centre of the top-left pixel; objectness; peak",
+            ),
+        ];
+        ModelProto {
+            ir_version: IR_VERSION,
+            producer_name: "dtd".into(),
+            producer_version: env!("CARGO_PKG_VERSION").into(),
+            graph: Some(GraphProto {
+                node: self.nodes,
+                name: "aircraft".into(),
+                initializer: self.constants,
+                input: vec![ValueInfoProto::floats("images", &input)],
+                output: vec![ValueInfoProto::floats("output", &output)],
+            }),
+            opset_import: vec![OperatorSetIdProto {
+                domain: String::new(),
+                version: OPSET_VERSION,
+            }],
+            metadata_props: words
+                .map(|(key, value)| StringStringEntryProto {
+                    key: key.into(),
+                    value: value.into(),
+                })
+                .to_vec(),
+        }
+    }
+}
+
+fn values_of<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
+    tensor
+        .into_data()
+        .try_into_vec()
+        .expect("a tensor of floats holds floats")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use burn::tensor::Device;
+    use std::collections::HashSet;
+
+    #[test]
+    fn the_bytes_parse_back_to_the_model() {
+        let model = model(&Network::new(&Device::flex(), 5));
+        assert_eq!(
+            ModelProto::decode(model.encode_to_vec().as_slice()).unwrap(),
+            model
+        );
+        assert!(
+            model.encoded_len() < 4_000_000,
+            "{} bytes",
+            model.encoded_len()
+        );
+    }
+
+    #[test]
+    fn every_value_is_made_once_and_before_it_is_used() {
+        let graph = model(&Network::new(&Device::flex(), 5)).graph.unwrap();
+        let mut known: HashSet<String> = graph.initializer.iter().map(|c| c.name.clone()).collect();
+        assert_eq!(known.len(), graph.initializer.len());
+        known.extend(graph.input.iter().map(|i| i.name.clone()));
+        known.insert(String::new()); // an input left out
+        for node in &graph.node {
+            for input in &node.input {
+                assert!(
+                    known.contains(input),
+                    "{} uses {input} before it is made",
+                    node.name
+                );
+            }
+            for output in &node.output {
+                assert!(known.insert(output.clone()), "{output} is made twice");
+            }
+        }
+        assert!(known.contains("output"));
+    }
+
+    #[test]
+    fn kernels_are_reordered_and_not_just_reshaped() {
+        let network = Network::new(&Device::flex(), 5);
+        let mut graph = Graph::default();
+        graph.kernel(network.down_8.weight.val(), 3);
+        let (dims, raw) = (&graph.constants[0].dims, &graph.constants[0].raw_data);
+        assert_eq!(dims, &[32, 32, 3, 3]);
+        let ours = values_of(network.down_8.weight.val());
+        let (ky, kx, ci, co) = (2, 1, 7, 11);
+        let place = ((co * 32 + ci) * 3 + ky) * 3 + kx;
+        let theirs = f32::from_le_bytes(raw[4 * place..][..4].try_into().unwrap());
+        assert_eq!(theirs, ours[((ky * 3 + kx) * 32 + ci) * 32 + co]);
+    }
+}

@@ -1,0 +1,280 @@
+//! The part of ONNX's file format that a network of this project needs, as Protocol Buffers messages.
+//!
+//! Field numbers are those of `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand needs no compiler for `.proto` files.
+
+use prost::{Message, Oneof};
+
+/// Element type `FLOAT`.
+pub const FLOAT: i32 = 1;
+/// Element type `INT64`.
+pub const INT64: i32 = 7;
+
+/// A model.
+#[derive(Clone, PartialEq, Message)]
+pub struct ModelProto {
+    /// Version of the file format.
+    #[prost(int64, tag = "1")]
+    pub ir_version: i64,
+    /// What wrote it.
+    #[prost(string, tag = "2")]
+    pub producer_name: String,
+    /// Version of what wrote it.
+    #[prost(string, tag = "3")]
+    pub producer_version: String,
+    /// The computation.
+    #[prost(message, optional, tag = "7")]
+    pub graph: Option<GraphProto>,
+    /// Versions of the operator sets.
+    #[prost(message, repeated, tag = "8")]
+    pub opset_import: Vec<OperatorSetIdProto>,
+    /// Free words for the reader.
+    #[prost(message, repeated, tag = "14")]
+    pub metadata_props: Vec<StringStringEntryProto>,
+}
+
+/// An operator set.
+#[derive(Clone, PartialEq, Message)]
+pub struct OperatorSetIdProto {
+    /// Empty for ONNX's own operators.
+    #[prost(string, tag = "1")]
+    pub domain: String,
+    /// Its version.
+    #[prost(int64, tag = "2")]
+    pub version: i64,
+}
+
+/// A key and a value.
+#[derive(Clone, PartialEq, Message)]
+pub struct StringStringEntryProto {
+    /// Key.
+    #[prost(string, tag = "1")]
+    pub key: String,
+    /// Value.
+    #[prost(string, tag = "2")]
+    pub value: String,
+}
+
+/// A computation: nodes in the order of their dependencies.
+#[derive(Clone, PartialEq, Message)]
+pub struct GraphProto {
+    /// Operations.
+    #[prost(message, repeated, tag = "1")]
+    pub node: Vec<NodeProto>,
+    /// Name.
+    #[prost(string, tag = "2")]
+    pub name: String,
+    /// Constants.
+    #[prost(message, repeated, tag = "5")]
+    pub initializer: Vec<TensorProto>,
+    /// Inputs.
+    #[prost(message, repeated, tag = "11")]
+    pub input: Vec<ValueInfoProto>,
+    /// Outputs.
+    #[prost(message, repeated, tag = "12")]
+    pub output: Vec<ValueInfoProto>,
+}
+
+/// An operation.
+#[derive(Clone, PartialEq, Message)]
+pub struct NodeProto {
+    /// Names of the values it takes.
+    #[prost(string, repeated, tag = "1")]
+    pub input: Vec<String>,
+    /// Names of the values it gives.
+    #[prost(string, repeated, tag = "2")]
+    pub output: Vec<String>,
+    /// Its own name.
+    #[prost(string, tag = "3")]
+    pub name: String,
+    /// Operator.
+    #[prost(string, tag = "4")]
+    pub op_type: String,
+    /// Settings.
+    #[prost(message, repeated, tag = "5")]
+    pub attribute: Vec<AttributeProto>,
+}
+
+/// A setting of an operation.
+#[derive(Clone, PartialEq, Message)]
+pub struct AttributeProto {
+    /// Name.
+    #[prost(string, tag = "1")]
+    pub name: String,
+    /// Value of type `INT`.
+    #[prost(int64, optional, tag = "3")]
+    pub i: Option<i64>,
+    /// Value of type `STRING`.
+    #[prost(bytes = "vec", optional, tag = "4")]
+    pub s: Option<Vec<u8>>,
+    /// Value of type `INTS`.
+    #[prost(int64, repeated, packed = "false", tag = "8")]
+    pub ints: Vec<i64>,
+    /// Which of the values holds: 2 `INT`, 3 `STRING`, 7 `INTS`.
+    #[prost(int32, tag = "20")]
+    pub r#type: i32,
+}
+
+impl AttributeProto {
+    /// A number.
+    pub fn int(name: &str, value: i64) -> Self {
+        Self {
+            name: name.into(),
+            i: Some(value),
+            r#type: 2,
+            ..Self::default()
+        }
+    }
+
+    /// A word.
+    pub fn text(name: &str, value: &str) -> Self {
+        Self {
+            name: name.into(),
+            s: Some(value.into()),
+            r#type: 3,
+            ..Self::default()
+        }
+    }
+
+    /// Numbers.
+    pub fn ints(name: &str, values: &[i64]) -> Self {
+        Self {
+            name: name.into(),
+            ints: values.to_vec(),
+            r#type: 7,
+            ..Self::default()
+        }
+    }
+}
+
+/// A constant.
+#[derive(Clone, PartialEq, Message)]
+pub struct TensorProto {
+    /// Shape.
+    #[prost(int64, repeated, packed = "false", tag = "1")]
+    pub dims: Vec<i64>,
+    /// Element type.
+    #[prost(int32, tag = "2")]
+    pub data_type: i32,
+    /// Name.
+    #[prost(string, tag = "8")]
+    pub name: String,
+    /// Elements, little-endian.
+    #[prost(bytes = "vec", tag = "9")]
+    pub raw_data: Vec<u8>,
+}
+
+impl TensorProto {
+    /// Floats of a shape.
+    pub fn floats(name: &str, dims: &[i64], values: &[f32]) -> Self {
+        debug_assert_eq!(
+            dims.iter().product::<i64>() as usize,
+            values.len(),
+            "{name}"
+        );
+        let raw_data = values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
+        Self {
+            dims: dims.to_vec(),
+            data_type: FLOAT,
+            name: name.into(),
+            raw_data,
+        }
+    }
+
+    /// A list of whole numbers.
+    pub fn integers(name: &str, values: &[i64]) -> Self {
+        let raw_data = values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
+        Self {
+            dims: vec![values.len() as i64],
+            data_type: INT64,
+            name: name.into(),
+            raw_data,
+        }
+    }
+}
+
+/// An input or output.
+#[derive(Clone, PartialEq, Message)]
+pub struct ValueInfoProto {
+    /// Name.
+    #[prost(string, tag = "1")]
+    pub name: String,
+    /// Type.
+    #[prost(message, optional, tag = "2")]
+    pub r#type: Option<TypeProto>,
+}
+
+impl ValueInfoProto {
+    /// A tensor of floats.
+    pub fn floats(name: &str, dims: &[Dimension]) -> Self {
+        let shape = TensorShapeProto {
+            dim: dims
+                .iter()
+                .map(|dim| DimensionProto {
+                    value: Some(dim.clone()),
+                })
+                .collect(),
+        };
+        let tensor_type = TensorTypeProto {
+            elem_type: FLOAT,
+            shape: Some(shape),
+        };
+        Self {
+            name: name.into(),
+            r#type: Some(TypeProto {
+                tensor_type: Some(tensor_type),
+            }),
+        }
+    }
+}
+
+/// Type of a value.
+#[derive(Clone, PartialEq, Message)]
+pub struct TypeProto {
+    /// A tensor.
+    #[prost(message, optional, tag = "1")]
+    pub tensor_type: Option<TensorTypeProto>,
+}
+
+/// Type of a tensor.
+#[derive(Clone, PartialEq, Message)]
+pub struct TensorTypeProto {
+    /// Element type.
+    #[prost(int32, tag = "1")]
+    pub elem_type: i32,
+    /// Shape.
+    #[prost(message, optional, tag = "2")]
+    pub shape: Option<TensorShapeProto>,
+}
+
+/// Shape of a tensor.
+#[derive(Clone, PartialEq, Message)]
+pub struct TensorShapeProto {
+    /// Dimensions.
+    #[prost(message, repeated, tag = "1")]
+    pub dim: Vec<DimensionProto>,
+}
+
+/// A dimension.
+#[derive(Clone, PartialEq, Message)]
+pub struct DimensionProto {
+    /// Fixed or named.
+    #[prost(oneof = "Dimension", tags = "1, 2")]
+    pub value: Option<Dimension>,
+}
+
+/// Length of a dimension.
+#[derive(Clone, PartialEq, Oneof)]
+pub enum Dimension {
+    /// Always this long.
+    #[prost(int64, tag = "1")]
+    Fixed(i64),
+    /// Chosen by the caller; the same name is the same length.
+    #[prost(string, tag = "2")]
+    Named(String),
+}

@@ -1,0 +1,213 @@
+//! Pictures to learn from, and whether the aircraft in one can be seen at all.
+//!
+//! In: decoded frames and true boxes. Out: pieces of frames with their aircraft. An aircraft that fog hides is neither a hit nor a
+//! miss, and no table knows what the codec has left of it, so the pixels decide.
+
+use dataset::pixel_box::{PixelBox, TruthBox};
+
+use super::targets::CropTruth;
+
+/// Least part of the silhouette inside the picture and above the ground.
+const LEAST_VISIBLE_FRACTION: f64 = 0.4;
+/// Least share of contrast that the air leaves: the 2 % that define meteorological visibility.
+const LEAST_TRANSMISSION: f64 = 0.02;
+/// Least contrast against a plane through the surroundings, grey levels of 255; less is lost in the codec's noise.
+const LEAST_CONTRAST: f64 = 2.0;
+
+/// A piece of a frame.
+#[derive(Debug, Clone)]
+pub struct Picture {
+    /// Interleaved RGB, row-major.
+    pub rgb: Vec<u8>,
+    /// Width, pixels.
+    pub width_px: usize,
+    /// Height, pixels.
+    pub height_px: usize,
+    /// The aircraft, pixels of this piece.
+    pub aircraft: Option<CropTruth>,
+}
+
+impl Picture {
+    /// The piece of a frame that starts at pixel (`left`, `top`).
+    pub fn piece(&self, left: usize, top: usize, width_px: usize, height_px: usize) -> Self {
+        let mut rgb = Vec::with_capacity(width_px * height_px * 3);
+        for y in top..top + height_px {
+            rgb.extend_from_slice(&self.rgb[(y * self.width_px + left) * 3..][..width_px * 3]);
+        }
+        let aircraft = self.aircraft.map(|truth| {
+            let pixel_box = PixelBox {
+                cx_px: truth.pixel_box.cx_px - left as f64,
+                cy_px: truth.pixel_box.cy_px - top as f64,
+                ..truth.pixel_box
+            };
+            CropTruth { pixel_box, ..truth }
+        });
+        Self {
+            rgb,
+            width_px,
+            height_px,
+            aircraft,
+        }
+    }
+
+    fn grey(&self, x: usize, y: usize) -> f64 {
+        let pixel = &self.rgb[(y * self.width_px + x) * 3..][..3];
+        pixel.iter().map(|&value| f64::from(value)).sum::<f64>() / 3.0
+    }
+}
+
+/// Whether the aircraft of a true box can be seen in a frame.
+pub fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
+    truth.visible_fraction >= LEAST_VISIBLE_FRACTION
+        && truth.transmission >= LEAST_TRANSMISSION
+        && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
+}
+
+/// How far the strongest tenth of a box's pixels lies from a plane through its surroundings, grey levels, less half of
+/// what the strongest tenth of the surroundings does themselves.
+pub fn contrast(frame: &Picture, pixel_box: &PixelBox) -> f64 {
+    let margin = 4.0_f64.max(0.25 * pixel_box.width_px);
+    let [left, top, right, bottom] = pixel_box.edges();
+    let span = |low: f64, high: f64, length: usize| {
+        let last = length as f64 - 1.0;
+        (low.clamp(0.0, last).round() as usize)..=(high.clamp(0.0, last).round() as usize)
+    };
+    let mut inner = Vec::new();
+    let mut outer = Vec::new();
+    for y in span(top - margin, bottom + margin, frame.height_px) {
+        for x in span(left - margin, right + margin, frame.width_px) {
+            let (px, py) = (x as f64, y as f64);
+            let inside = (left..=right).contains(&px) && (top..=bottom).contains(&py);
+            let near = (left - 1.5..=right + 1.5).contains(&px)
+                && (top - 1.5..=bottom + 1.5).contains(&py);
+            let sample = [px - pixel_box.cx_px, py - pixel_box.cy_px, frame.grey(x, y)];
+            if inside {
+                inner.push(sample);
+            } else if !near {
+                outer.push(sample);
+            }
+        }
+    }
+    let plane = fitted_plane(&outer);
+    let strongest_tenth = |samples: &[[f64; 3]]| {
+        let mut distance: Vec<f64> = samples
+            .iter()
+            .map(|[x, y, grey]| (grey - plane[0] - plane[1] * x - plane[2] * y).abs())
+            .collect();
+        distance.sort_by(|a, b| b.total_cmp(a));
+        let count = distance.len().div_ceil(10);
+        distance.iter().take(count).sum::<f64>() / count.max(1) as f64
+    };
+    strongest_tenth(&inner) - 0.5 * strongest_tenth(&outer)
+}
+
+/// Least squares `grey = a + b x + c y`, by Cramer's rule; a constant where the samples do not span a plane.
+fn fitted_plane(samples: &[[f64; 3]]) -> [f64; 3] {
+    let sum = |term: fn(&[f64; 3]) -> f64| samples.iter().map(term).sum::<f64>();
+    let count = samples.len() as f64;
+    let matrix = glam::DMat3::from_cols_array(&[
+        count,
+        sum(|s| s[0]),
+        sum(|s| s[1]),
+        sum(|s| s[0]),
+        sum(|s| s[0] * s[0]),
+        sum(|s| s[0] * s[1]),
+        sum(|s| s[1]),
+        sum(|s| s[0] * s[1]),
+        sum(|s| s[1] * s[1]),
+    ]);
+    let right = glam::DVec3::new(sum(|s| s[2]), sum(|s| s[0] * s[2]), sum(|s| s[1] * s[2]));
+    if matrix.determinant() > 1e-6 {
+        (matrix.inverse() * right).to_array()
+    } else {
+        [right.x / count.max(1.0), 0.0, 0.0]
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+
+    /// A sky that brightens downwards with a dark bar in it.
+    pub(crate) fn sky_with_bar(darker_by: f64) -> (Picture, TruthBox) {
+        let (width_px, height_px) = (96, 64);
+        let pixel_box = PixelBox {
+            cx_px: 50.0,
+            cy_px: 30.0,
+            width_px: 21.0,
+            height_px: 7.0,
+        };
+        let [left, top, right, bottom] = pixel_box.edges();
+        let mut rgb = Vec::new();
+        for y in 0..height_px {
+            for x in 0..width_px {
+                let (px, py) = (x as f64, y as f64);
+                let inside = (left..right).contains(&px) && (top..bottom).contains(&py);
+                let grey = 120.0 + 0.5 * py - if inside { darker_by } else { 0.0 };
+                rgb.extend([grey.round() as u8; 3]);
+            }
+        }
+        let truth = TruthBox {
+            tick: 0,
+            view: "left".into(),
+            class: "aircraft".into(),
+            pixel_box,
+            visible_fraction: 1.0,
+            truncation: 0.0,
+            transmission: 0.5,
+        };
+        let aircraft = Some(CropTruth {
+            pixel_box,
+            visible: true,
+        });
+        (
+            Picture {
+                rgb,
+                width_px,
+                height_px,
+                aircraft,
+            },
+            truth,
+        )
+    }
+
+    #[test]
+    fn a_slope_of_brightness_is_no_contrast_and_a_bar_has_its_own() {
+        let (sky, truth) = sky_with_bar(0.0);
+        assert!(contrast(&sky, &truth.pixel_box) < 1.0);
+        let (sky, truth) = sky_with_bar(20.0);
+        assert!((contrast(&sky, &truth.pixel_box) - 20.0).abs() < 1.0);
+    }
+
+    #[test]
+    fn what_fog_or_the_horizon_hides_is_not_visible() {
+        let (sky, truth) = sky_with_bar(20.0);
+        assert!(is_visible(&sky, &truth));
+        assert!(!is_visible(
+            &sky,
+            &TruthBox {
+                transmission: 0.01,
+                ..truth.clone()
+            }
+        ));
+        assert!(!is_visible(
+            &sky,
+            &TruthBox {
+                visible_fraction: 0.2,
+                ..truth.clone()
+            }
+        ));
+        assert!(!is_visible(&sky_with_bar(1.0).0, &truth));
+    }
+
+    #[test]
+    fn a_piece_keeps_pixels_and_boxes_together() {
+        let (sky, truth) = sky_with_bar(20.0);
+        let piece = sky.piece(30, 10, 40, 40);
+        assert_eq!(piece.grey(5, 6), sky.grey(35, 16));
+        assert_eq!(
+            piece.aircraft.unwrap().pixel_box.cx_px,
+            truth.pixel_box.cx_px - 30.0
+        );
+    }
+}

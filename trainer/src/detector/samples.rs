@@ -1,0 +1,227 @@
+//! What a training draws its batches from.
+//!
+//! In: pictures around aircraft, sorted by the crop that suits them, and whole frames as background. Out: batches of crops with
+//! their targets. Places where the network saw an aircraft that is not there come back more often (hard negatives).
+
+use rand::{Rng, RngExt};
+
+use super::crop::{Placement, random_crop};
+use super::patches::PatchBatch;
+use super::picture::Picture;
+use super::targets::Targets;
+
+/// A size of crop, what fits into it, and how often it is drawn.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CropSize {
+    /// Side of the crop, pixels.
+    pub side_px: usize,
+    /// Aircraft up to this width are at home in it.
+    pub widest_px: f64,
+    /// Side of the piece that is kept around an aircraft, so that the crop can be moved and scaled.
+    pub piece_side_px: usize,
+    /// Crops of one batch.
+    pub batch: usize,
+    /// Share of batches.
+    pub share: f64,
+}
+
+/// The sizes of crops. Batches hold about the same number of pixels.
+pub const CROP_SIZES: [CropSize; 3] = [
+    CropSize {
+        side_px: 128,
+        widest_px: 56.0,
+        piece_side_px: 288,
+        batch: 32,
+        share: 0.66,
+    },
+    CropSize {
+        side_px: 256,
+        widest_px: 120.0,
+        piece_side_px: 512,
+        batch: 8,
+        share: 0.22,
+    },
+    CropSize {
+        side_px: 384,
+        widest_px: f64::INFINITY,
+        piece_side_px: 640,
+        batch: 4,
+        share: 0.12,
+    },
+];
+
+/// Share of crops of a batch that are background.
+const BACKGROUND_SHARE: f64 = 0.35;
+/// Share of background crops that are drawn from the hard ones, once there are some.
+const HARD_SHARE: f64 = 0.4;
+/// Share of crops whose aircraft is at home in the next smaller size: small aircraft with much around them.
+const SMALLER_SHARE: f64 = 0.35;
+/// Hard places that are remembered.
+const HARD_PLACES: usize = 4_000;
+/// How far a hard place is moved before it is cut again, pixels.
+const HARD_SHIFT_PX: f64 = 24.0;
+
+/// The size that suits an aircraft of this width: an index into [`CROP_SIZES`].
+pub fn size_for_width(width_px: f64) -> usize {
+    CROP_SIZES
+        .iter()
+        .position(|size| width_px <= size.widest_px)
+        .unwrap_or(CROP_SIZES.len() - 1)
+}
+
+/// A place in a background picture at which the network was wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HardPlace {
+    picture: usize,
+    placement: Placement,
+}
+
+/// Everything a training draws from.
+#[derive(Debug, Default)]
+pub struct Samples {
+    /// Pieces around visible aircraft, by the index of their size in [`CROP_SIZES`].
+    pub aircraft: [Vec<Picture>; CROP_SIZES.len()],
+    /// Whole frames, mostly empty.
+    pub backgrounds: Vec<Picture>,
+}
+
+/// A batch.
+#[derive(Debug)]
+pub struct Batch {
+    /// Pixels.
+    pub pictures: PatchBatch,
+    /// What the network should say.
+    pub targets: Targets,
+    /// For crops of background: where they came from.
+    pub places: Vec<Option<HardPlace>>,
+}
+
+impl Samples {
+    /// Number of pieces with an aircraft.
+    pub fn aircraft_count(&self) -> usize {
+        self.aircraft.iter().map(Vec::len).sum()
+    }
+
+    /// A random size that has something to draw, an index into [`CROP_SIZES`].
+    pub fn random_size(&self, rng: &mut impl Rng) -> usize {
+        let mut point = rng.random::<f64>() * CROP_SIZES.iter().map(|size| size.share).sum::<f64>();
+        let drawn = CROP_SIZES.iter().position(|size| {
+            point -= size.share;
+            point <= 0.0
+        });
+        let fits = |size: &usize| self.source(*size).is_some();
+        drawn
+            .filter(fits)
+            .or_else(|| (0..CROP_SIZES.len()).find(fits))
+            .unwrap_or(0)
+    }
+
+    /// The piles whose pieces suit a size: its own and, if the pieces are large enough, the next smaller.
+    fn source(&self, size: usize) -> Option<(&[Picture], Option<&[Picture]>)> {
+        let own = Some(self.aircraft[size].as_slice()).filter(|pile| !pile.is_empty());
+        let smaller = size
+            .checked_sub(1)
+            .map(|smaller| self.aircraft[smaller].as_slice())
+            .filter(|pile| !pile.is_empty());
+        match (own, smaller) {
+            (Some(own), smaller) => Some((own, smaller)),
+            (None, Some(smaller)) => Some((smaller, None)),
+            (None, None) => None,
+        }
+    }
+
+    /// A batch of `count` crops of a size.
+    pub fn batch(&self, size: usize, count: usize, hard: &HardPlaces, rng: &mut impl Rng) -> Batch {
+        let side = CROP_SIZES[size].side_px;
+        let mut batch = Batch {
+            pictures: PatchBatch::new(count, side, side),
+            targets: Targets::new(count, side, side),
+            places: vec![None; count],
+        };
+        let source = self.source(size);
+        for index in 0..count {
+            let background = !self.backgrounds.is_empty()
+                && (source.is_none() || rng.random_bool(BACKGROUND_SHARE));
+            let (picture, placement) = match source {
+                Some((own, smaller)) if !background => {
+                    let pile = smaller
+                        .filter(|_| rng.random_bool(SMALLER_SHARE))
+                        .unwrap_or(own);
+                    let picture = &pile[rng.random_range(0..pile.len())];
+                    let near = picture
+                        .aircraft
+                        .as_ref()
+                        .map(|aircraft| &aircraft.pixel_box);
+                    (picture, Placement::random(picture, near, side, rng))
+                }
+                _ => {
+                    let place = self.background(side, hard, rng);
+                    batch.places[index] = Some(place);
+                    (&self.backgrounds[place.picture], place.placement)
+                }
+            };
+            let (pixels, truth) = random_crop(picture, &placement, side, rng);
+            batch.pictures.fill(index, &pixels);
+            if let Some(truth) = truth {
+                batch.targets.add(index, &truth);
+            }
+        }
+        batch
+    }
+
+    /// A place in the background: a hard one, moved a little, or any.
+    fn background(&self, side: usize, hard: &HardPlaces, rng: &mut impl Rng) -> HardPlace {
+        if hard.is_empty() || !rng.random_bool(HARD_SHARE) {
+            let picture = rng.random_range(0..self.backgrounds.len());
+            return HardPlace {
+                picture,
+                placement: Placement::random(&self.backgrounds[picture], None, side, rng),
+            };
+        }
+        let HardPlace {
+            picture,
+            mut placement,
+        } = hard.places[rng.random_range(0..hard.places.len())];
+        let Picture {
+            width_px,
+            height_px,
+            ..
+        } = self.backgrounds[picture];
+        let mut moved = |at: f64, length: usize| {
+            let most = length as f64 - 1.0 - placement.scale * (side as f64 - 1.0);
+            (at + rng.random_range(-HARD_SHIFT_PX..HARD_SHIFT_PX).round()).clamp(0.0, most.max(0.0))
+        };
+        placement.left_px = moved(placement.left_px, width_px);
+        placement.top_px = moved(placement.top_px, height_px);
+        placement.mirrored = rng.random_bool(0.5);
+        HardPlace { picture, placement }
+    }
+}
+
+/// The places at which the network was wrong, a bounded number of them.
+#[derive(Debug, Default)]
+pub struct HardPlaces {
+    places: Vec<HardPlace>,
+}
+
+impl HardPlaces {
+    /// Remembers a place; forgets a random one if there are too many.
+    pub fn remember(&mut self, place: HardPlace, rng: &mut impl Rng) {
+        if self.places.len() < HARD_PLACES {
+            self.places.push(place);
+        } else {
+            let index = rng.random_range(0..HARD_PLACES);
+            self.places[index] = place;
+        }
+    }
+
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.places.is_empty()
+    }
+}
