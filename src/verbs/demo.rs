@@ -1,0 +1,79 @@
+//! `dtd demo`: the whole chain at small scale.
+
+use std::fs;
+use std::path::PathBuf;
+
+use dataset::corpus::Corpus;
+use generator::generate::SimulatorTarget;
+use generator::sweep::Sweep;
+use labeller::DetectOutcome;
+use trainer::{Metrics, RunFolder, TrainConfig};
+
+use super::Outcome;
+use super::detect::detect;
+use super::evaluate::{evaluate, print_metrics};
+use super::generate::{ending_of, generate};
+use super::label::label;
+use super::train::train;
+use crate::args::DemoArgs;
+use crate::failure::{Ending, Failure};
+
+/// Videos whose paths are printed for a first look.
+const VIDEOS_TO_SHOW: usize = 2;
+
+/// Runs the verb.
+pub(crate) fn run(args: &DemoArgs) -> Outcome {
+    let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
+    if args.fresh && args.out.exists() {
+        fs::remove_dir_all(&args.out)?;
+    }
+    let corpus_root = args.out.join("corpus");
+    let generated = generate(&sweep, &corpus_root, SimulatorTarget::StandIn, &[])?;
+    if ending_of(&generated) != Ending::Done {
+        return Ok(ending_of(&generated));
+    }
+    let corpus = Corpus::open(&corpus_root)?;
+    let labelled = label(&corpus)?;
+    let detected = detect(&corpus, &args.model, false)?;
+    if !(labelled.failed.is_empty() && detected.failed.is_empty()) {
+        return Ok(Ending::Losses);
+    }
+    // An earlier demo may have left the detections of another model.
+    let config = TrainConfig { model_hash: Some(detected.model_hash.clone()), ..TrainConfig::default() };
+    let trained = train(&corpus, &args.out.join("run"), &config)?;
+    let metrics = evaluate(trained.run.root(), &corpus)?;
+    print_result(&corpus, &detected, &metrics, &trained.run)?;
+    Ok(Ending::Done)
+}
+
+fn print_result(
+    corpus: &Corpus,
+    detected: &DetectOutcome,
+    metrics: &Metrics,
+    run: &RunFolder,
+) -> Result<(), Failure> {
+    let scenarios = corpus.scenarios()?;
+    println!("scenarios       {}", scenarios.len());
+    println!("frames          {} in all views", detected.counts.pictures);
+    if let Some(truth) = &detected.counts.against_truth {
+        if let Some(rate) = truth.detection_rate() {
+            println!("detection rate  {:.2} % of the frames that show the aircraft", 100.0 * rate);
+        }
+        if let Some(error_px) = truth.mean_center_error_px() {
+            println!("centre error    {error_px:.2} px on average, {} false detections", truth.false_detections);
+        }
+    }
+    println!();
+    print_metrics(metrics);
+    println!();
+    println!("report          {}", run.report_path().display());
+    println!("metrics         {}", run.metrics_path().display());
+    let mut videos: Vec<PathBuf> = Vec::new();
+    for scenario in &scenarios {
+        videos.extend(scenario.record()?.views.iter().map(|view| scenario.video_path(view)));
+    }
+    for video in videos.iter().take(VIDEOS_TO_SHOW) {
+        println!("video           {}", video.display());
+    }
+    Ok(())
+}

@@ -1,0 +1,64 @@
+//! `dtd detect`: the aircraft in the decoded videos.
+
+use std::path::Path;
+
+use dataset::corpus::Corpus;
+use labeller::{DetectOptions, DetectOutcome, detect_corpus};
+
+use super::Outcome;
+use super::open_corpus::open_corpus;
+use super::output::print_json;
+use crate::args::DetectArgs;
+use crate::failure::{Ending, Failure};
+use crate::progress::Bar;
+
+/// Runs the verb.
+pub(crate) fn run(args: &DetectArgs) -> Outcome {
+    let corpus = open_corpus(&args.corpus)?;
+    let outcome = detect(&corpus, &args.model, args.again)?;
+    if args.json {
+        print_json(&outcome)?;
+    } else {
+        print_summary(&outcome);
+    }
+    Ok(if outcome.failed.is_empty() { Ending::Done } else { Ending::Losses })
+}
+
+/// Detects in a corpus with a progress bar.
+pub(crate) fn detect(corpus: &Corpus, model: &Path, again: bool) -> Result<DetectOutcome, Failure> {
+    if !model.is_file() {
+        return Err(Failure::bad_input_message(format!(
+            "{} is not there: --model expects an ONNX file; the detector that ships is models/aircraft.onnx",
+            model.display()
+        )));
+    }
+    let bar = Bar::new("detect", "pictures", None);
+    let options = DetectOptions { again, ..DetectOptions::default() };
+    let outcome = detect_corpus(corpus, model, &options, &|progress| {
+        bar.set_total(progress.total);
+        bar.set_done(progress.done);
+    })?;
+    for failure in &outcome.failed {
+        bar.say(&format!("scenario {} was not searched: {}", failure.id, failure.reason));
+    }
+    Ok(outcome)
+}
+
+fn print_summary(outcome: &DetectOutcome) {
+    println!(
+        "{} scenarios searched, {} unchanged; detections/{}.parquet",
+        outcome.detected.len(),
+        outcome.unchanged.len(),
+        outcome.model_hash
+    );
+    println!("{} detections in {} pictures", outcome.counts.detections, outcome.counts.pictures);
+    if let Some(truth) = &outcome.counts.against_truth {
+        if let Some(rate) = truth.detection_rate() {
+            println!("found in {:.2} % of the pictures that show the aircraft", 100.0 * rate);
+        }
+        if let Some(error_px) = truth.mean_center_error_px() {
+            println!("mean distance of box centres from the truth {error_px:.2} px");
+        }
+        println!("{} false detections", truth.false_detections);
+    }
+}

@@ -1,0 +1,35 @@
+//! `dtd label`: distance-to-touchdown labels and true boxes.
+
+use dataset::corpus::Corpus;
+use labeller::{LabelOutcome, label_corpus};
+
+use super::Outcome;
+use super::open_corpus::open_corpus;
+use super::output::print_json;
+use crate::args::LabelArgs;
+use crate::failure::{Ending, Failure};
+use crate::progress::Bar;
+
+/// Runs the verb.
+pub(crate) fn run(args: &LabelArgs) -> Outcome {
+    let outcome = label(&open_corpus(&args.corpus)?)?;
+    if args.json {
+        print_json(&outcome)?;
+    } else {
+        println!("{} scenarios labelled, {} unchanged", outcome.labelled.len(), outcome.unchanged.len());
+    }
+    Ok(if outcome.failed.is_empty() { Ending::Done } else { Ending::Losses })
+}
+
+/// Labels a corpus with a progress bar.
+pub(crate) fn label(corpus: &Corpus) -> Result<LabelOutcome, Failure> {
+    let bar = Bar::new("label", "scenarios", None);
+    let outcome = label_corpus(corpus, &|progress| {
+        bar.set_total(progress.total);
+        bar.set_done(progress.done);
+    })?;
+    for failure in &outcome.failed {
+        bar.say(&format!("scenario {} was not labelled: {}", failure.id, failure.reason));
+    }
+    Ok(outcome)
+}

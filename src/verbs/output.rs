@@ -1,0 +1,34 @@
+//! Results on stdout.
+
+use serde::Serialize;
+
+use crate::failure::Failure;
+
+/// Prints a value as one JSON document.
+pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
+    println!("{}", serde_json::to_string_pretty(value)?);
+    Ok(())
+}
+
+/// Prints rows under a heading in aligned columns: the first left-aligned, the others right-aligned.
+pub(crate) fn print_table(heading: &[&str], rows: &[Vec<String>]) {
+    let width = |column: usize| {
+        let cells = rows.iter().filter_map(|row| row.get(column)).map(|cell| cell.chars().count());
+        cells.chain([heading[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..heading.len()).map(width).collect();
+    let print_row = |cells: &mut dyn Iterator<Item = &str>| {
+        let line: Vec<String> = cells
+            .zip(&widths)
+            .enumerate()
+            .map(|(column, (cell, &width))| {
+                if column == 0 { format!("{cell:<width$}") } else { format!("{cell:>width$}") }
+            })
+            .collect();
+        println!("{}", line.join("  ").trim_end());
+    };
+    print_row(&mut heading.iter().copied());
+    for row in rows {
+        print_row(&mut row.iter().map(String::as_str));
+    }
+}

@@ -1,0 +1,92 @@
+//! `dtd train`: the distance estimators of a corpus.
+
+use std::fs;
+use std::path::Path;
+
+use dataset::corpus::Corpus;
+use serde::Serialize;
+use trainer::{Progress, TrainConfig, TrainOutcome};
+
+use super::Outcome;
+use super::open_corpus::open_corpus;
+use super::output::print_json;
+use crate::args::TrainArgs;
+use crate::failure::{Ending, Failure};
+use crate::progress::Bar;
+
+/// What programs read of a training.
+#[derive(Serialize)]
+struct Trained<'a> {
+    run: &'a Path,
+    validation_mape_pct: f64,
+}
+
+/// Runs the verb.
+pub(crate) fn run(args: &TrainArgs) -> Outcome {
+    let corpus = open_corpus(&args.corpus)?;
+    let outcome = train(&corpus, &args.out, &config(args)?)?;
+    let run = outcome.run.root();
+    if args.json {
+        print_json(&Trained { run, validation_mape_pct: outcome.validation_mape_pct })?;
+    } else {
+        println!("trained {}: {:.3} % on the validation side", run.display(), outcome.validation_mape_pct);
+        println!("now: dtd evaluate {} --corpus {}", run.display(), args.corpus.display());
+    }
+    Ok(Ending::Done)
+}
+
+/// Trains with a progress bar per stage.
+pub(crate) fn train(corpus: &Corpus, out: &Path, config: &TrainConfig) -> Result<TrainOutcome, Failure> {
+    trainer::train(corpus, out, config, &mut Bars::default()).map_err(failure_of)
+}
+
+/// A fault of the trainer that the caller has to mend, or one of the machine.
+pub(crate) fn failure_of(error: trainer::Error) -> Failure {
+    match error {
+        trainer::Error::Setting { .. }
+        | trainer::Error::Corpus { .. }
+        | trainer::Error::Run { .. }
+        | trainer::Error::Leak { .. } => Failure::bad_input(error),
+        _ => error.into(),
+    }
+}
+
+/// One bar per stage of the trainer.
+#[derive(Default)]
+pub(crate) struct Bars(Option<Bar>);
+
+impl Progress for Bars {
+    fn begin(&mut self, stage: &str, total: u64) {
+        let bar = Bar::new("train", "steps", Some(total));
+        bar.working_on(stage);
+        self.0 = Some(bar);
+    }
+
+    fn advance(&mut self, done: u64, note: &str) {
+        if let Some(bar) = &self.0 {
+            bar.set_done(done);
+            if !note.is_empty() {
+                bar.working_on(note);
+            }
+        }
+    }
+}
+
+fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
+    let mut config = match &args.config {
+        None => TrainConfig::default(),
+        Some(path) => {
+            let text = fs::read_to_string(path)
+                .map_err(|error| Failure::bad_input_message(format!("cannot read {}: {error}", path.display())))?;
+            toml::from_str(&text)
+                .map_err(|error| Failure::bad_input_message(format!("{}: {error}", path.display())))?
+        }
+    };
+    if let Some(seed) = args.seed {
+        config.seed = seed;
+    }
+    if args.detections.is_some() {
+        config.model_hash.clone_from(&args.detections);
+    }
+    Ok(config)
+}

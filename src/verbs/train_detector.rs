@@ -1,0 +1,39 @@
+//! `dtd train-detector`: the detector that `dtd detect` uses, from a labelled corpus.
+
+use trainer::detector::training::Effort;
+use trainer::detector::{DetectorConfig, train_detector};
+
+use super::Outcome;
+use super::open_corpus::open_corpus;
+use super::output::print_json;
+use super::train::{Bars, failure_of};
+use crate::args::TrainDetectorArgs;
+use crate::failure::{Ending, Failure};
+
+/// Runs the verb.
+pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
+    let corpus = open_corpus(&args.corpus)?;
+    if !(args.minutes > 0.0 && args.minutes.is_finite()) {
+        return Err(Failure::bad_input_message(format!(
+            "--minutes is {}, expected a number larger than zero",
+            args.minutes
+        )));
+    }
+    let mut config = DetectorConfig::default();
+    config.training.effort = Effort::Minutes(args.minutes);
+    let report = train_detector(&corpus, &args.out, &config, &mut Bars::default()).map_err(failure_of)?;
+    if args.json {
+        print_json(&report)?;
+    } else {
+        println!(
+            "{}: {} bytes, {} parameters, {} steps, {} crops",
+            args.out.display(),
+            report.model_bytes,
+            report.parameters,
+            report.steps,
+            report.crops
+        );
+        println!("figures on held-out trajectories: {}", args.out.with_extension("json").display());
+    }
+    Ok(Ending::Done)
+}
