@@ -67,7 +67,7 @@ pub struct Frames {
     pub rows: Vec<Frame>,
 }
 
-const POSE_FIELDS: [(&str, fn(&Pose) -> f64); 6] = [
+pub(crate) const POSE_FIELDS: [(&str, fn(&Pose) -> f64); 6] = [
     ("latitude_deg", |p| p.latitude_deg),
     ("longitude_deg", |p| p.longitude_deg),
     ("altitude_msl_m", |p| p.altitude_msl_m),

@@ -22,6 +22,7 @@ pub mod scenario;
 pub mod seal;
 pub mod splits;
 pub mod units;
+pub mod verify;
 pub mod video;
 
 pub use error::{Error, Result};

@@ -1,0 +1,173 @@
+//! `frames.parquet`: exact times, and the proof that every view shows its tick.
+
+use super::Faults;
+use crate::calibration::Calibration;
+use crate::corpus::ScenarioFolder;
+use crate::frames::{Frame, Frames, POSE_FIELDS};
+use crate::pose::Pose;
+use crate::scenario::ScenarioRecord;
+use crate::units::SimTime;
+
+const TABLE: &str = ScenarioFolder::FRAMES;
+/// Between two ticks the way flown may differ from the mean of the velocities by this part of it, for an aircraft that turns or brakes
+/// within the tick ...
+const WAY_TOLERANCE: f64 = 0.1;
+/// ... and by this much, metres.
+const PLACE_TOLERANCE_M: f64 = 2.0;
+
+pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Faults) {
+    if frames.views != record.views {
+        faults.file(
+            TABLE,
+            format!(
+                "has views {:?}, but scenario.json has {:?}",
+                frames.views, record.views
+            ),
+        );
+    }
+    if frames.rows.len() != record.ticks as usize {
+        faults.file(
+            TABLE,
+            format!(
+                "has {} rows, but scenario.json says {} ticks",
+                frames.rows.len(),
+                record.ticks
+            ),
+        );
+    }
+    let mut last_sim_frame: Option<u64> = None;
+    for (row, frame) in frames.rows.iter().enumerate() {
+        check_time(record, row, frame, faults);
+        check_numbers(row, frame, faults);
+        for (view, stamp) in frames.views.iter().zip(&frame.views) {
+            if let Some((field, drawn, expected)) = different_field(&stamp.echoed_pose, &frame.pose)
+            {
+                let message =
+                    format!("view {view} shows {field} {drawn}, but the tick has {expected}");
+                faults.row(TABLE, row, "pose drawn is not the tick's", message);
+            }
+            let pts = record.frame_rate.pts_of_tick(row as u32);
+            if stamp.pts != pts {
+                faults.row(
+                    TABLE,
+                    row,
+                    "timestamp",
+                    format!("pts_{view} is {}, expected {pts}", stamp.pts),
+                );
+            }
+            // In the order of the requests, so that no picture of another tick lies between the views of one.
+            if let Some(last) = last_sim_frame.filter(|last| stamp.sim_frame <= *last) {
+                let message = format!(
+                    "sim_frame_{view} is {}, expected more than {last}",
+                    stamp.sim_frame
+                );
+                faults.row(TABLE, row, "simulator frames out of order", message);
+            }
+            last_sim_frame = Some(stamp.sim_frame);
+        }
+    }
+    for (row, pair) in frames.rows.windows(2).enumerate() {
+        if let [before, after] = pair {
+            check_continuity(row + 1, before, after, faults);
+        }
+    }
+}
+
+/// The cameras that were drawn from are those of the calibration.
+pub(super) fn check_cameras(frames: &Frames, calibration: &Calibration, faults: &mut Faults) {
+    for (index, view) in frames.views.iter().enumerate() {
+        let Some(entry) = calibration.cameras.get(view) else {
+            continue;
+        };
+        for (row, frame) in frames.rows.iter().enumerate() {
+            let Some(stamp) = frame.views.get(index) else {
+                continue;
+            };
+            let drawn = &stamp.echoed_camera;
+            let differs = match different_field(&drawn.pose, &entry.placed.pose) {
+                None if drawn.hfov_deg != entry.placed.hfov_deg => {
+                    Some(("hfov_deg", drawn.hfov_deg, entry.placed.hfov_deg))
+                }
+                other => other,
+            };
+            if let Some((field, drawn, expected)) = differs {
+                let message = format!(
+                    "view {view} was drawn with {field} {drawn}, calibration.json has {expected}"
+                );
+                faults.row(
+                    TABLE,
+                    row,
+                    "camera drawn is not the calibrated one",
+                    message,
+                );
+            }
+        }
+    }
+}
+
+fn check_time(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut Faults) {
+    if frame.tick as usize != row {
+        faults.row(
+            TABLE,
+            row,
+            "tick",
+            format!("is {}, expected {row}", frame.tick),
+        );
+    }
+    let SimTime(expected) = record.frame_rate.time_of_tick(row as u32);
+    if frame.time_ns != expected {
+        faults.row(
+            TABLE,
+            row,
+            "time",
+            format!("time_ns is {}, expected {expected}", frame.time_ns),
+        );
+    }
+}
+
+fn check_numbers(row: usize, frame: &Frame, faults: &mut Faults) {
+    let pose = POSE_FIELDS
+        .iter()
+        .map(|(name, get)| (*name, get(&frame.pose)));
+    let others = [
+        ("velocity_north_mps", frame.velocity_ned_mps[0]),
+        ("velocity_east_mps", frame.velocity_ned_mps[1]),
+        ("velocity_down_mps", frame.velocity_ned_mps[2]),
+        ("true_airspeed_mps", frame.true_airspeed_mps),
+        ("flap_ratio", frame.controls.flap_ratio),
+        ("gear_ratio", frame.controls.gear_ratio),
+    ];
+    for (name, value) in pose.chain(others) {
+        if !value.is_finite() {
+            faults.row(TABLE, row, "not a number", format!("{name} is {value}"));
+        }
+    }
+}
+
+/// The aircraft flies: no jump between two ticks, none skipped, none doubled.
+fn check_continuity(row: usize, before: &Frame, after: &Frame, faults: &mut Faults) {
+    let step_s = SimTime(after.time_ns - before.time_ns).seconds();
+    let way = after.pose.position().to_ecef() - before.pose.position().to_ecef();
+    let velocity = |frame: &Frame| {
+        frame.pose.position().ecef_from_ned() * glam::DVec3::from(frame.velocity_ned_mps)
+    };
+    let expected = (velocity(before) + velocity(after)) * (step_s / 2.0);
+    let off_m = way.distance(expected);
+    let tolerance_m = PLACE_TOLERANCE_M + WAY_TOLERANCE * expected.length();
+    if off_m > tolerance_m {
+        let message = format!(
+            "it moved {:.1} m since the tick before, its velocities say {:.1} m: {off_m:.1} m apart, expected at most {tolerance_m:.1}",
+            way.length(),
+            expected.length()
+        );
+        faults.row(TABLE, row, "flight is not continuous", message);
+    }
+}
+
+/// The first value in which two poses differ at all.
+fn different_field(found: &Pose, expected: &Pose) -> Option<(&'static str, f64, f64)> {
+    POSE_FIELDS
+        .iter()
+        .map(|(name, get)| (*name, get(found), get(expected)))
+        .find(|(_, a, b)| a.to_bits() != b.to_bits())
+}

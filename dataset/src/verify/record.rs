@@ -1,0 +1,151 @@
+//! `scenario.json` and `calibration.json`: do they make sense, and do they agree with each other?
+
+use glam::DMat3;
+
+use super::Faults;
+use crate::calibration::{Calibration, CameraEntry};
+use crate::conditions::Conditions;
+use crate::scenario::ScenarioRecord;
+
+const RECORD: &str = "scenario.json";
+const CALIBRATION: &str = "calibration.json";
+/// Trigonometry differs in its last digits from machine to machine: nanometres on the earth's surface.
+const LENGTH_TOLERANCE_M: f64 = 1e-5;
+/// The same for elements of rotations and relative to focal lengths.
+const RELATIVE_TOLERANCE: f64 = 1e-10;
+
+pub(super) fn check(folder_id: &str, record: &ScenarioRecord, faults: &mut Faults) {
+    if record.id != folder_id {
+        faults.file(
+            RECORD,
+            format!(
+                "id is {}, expected {folder_id}, the name of the folder",
+                record.id
+            ),
+        );
+    }
+    if record.ticks == 0 || record.views.is_empty() {
+        faults.file(
+            RECORD,
+            format!(
+                "has {} ticks and {} views, expected at least one of each",
+                record.ticks,
+                record.views.len()
+            ),
+        );
+    }
+    if record.frame_rate.numerator == 0 || record.frame_rate.denominator == 0 {
+        faults.file(
+            RECORD,
+            format!(
+                "frame rate is {}, expected a fraction above zero",
+                record.frame_rate
+            ),
+        );
+    }
+    let target = record.runway.touchdown_target();
+    let off_m = target.to_ecef().distance(record.touchdown.to_ecef());
+    // Written so that NaN is a fault too.
+    if !(off_m <= LENGTH_TOLERANCE_M) {
+        faults.file(
+            RECORD,
+            format!("touchdown is {off_m:.3} m from {target:?}, where threshold, course and distance of the runway put it"),
+        );
+    }
+    check_conditions(&record.conditions, faults);
+}
+
+fn check_conditions(conditions: &Conditions, faults: &mut Faults) {
+    let weather = &conditions.weather;
+    let ratio = 0.0..=1.0;
+    let mut within = |what: &str, value: f64, range: std::ops::RangeInclusive<f64>| {
+        if !range.contains(&value) {
+            let (least, most) = (range.start(), range.end());
+            faults.file(
+                RECORD,
+                format!("{what} is {value}, expected {least} to {most}"),
+            );
+        }
+    };
+    within("visibility_m", weather.visibility_m, 1.0..=1e6);
+    within("rain_ratio", weather.rain_ratio, ratio.clone());
+    within("turbulence_ratio", weather.turbulence_ratio, ratio.clone());
+    within("wind_speed_mps", weather.wind_speed_mps, 0.0..=100.0);
+    within(
+        "wind_from_true_deg",
+        weather.wind_from_true_deg,
+        0.0..=360.0,
+    );
+    within(
+        "clock.day_of_year",
+        f64::from(conditions.clock.day_of_year),
+        1.0..=366.0,
+    );
+    within(
+        "clock.zulu_time_s",
+        conditions.clock.zulu_time_s,
+        0.0..=86_400.0,
+    );
+    for (index, layer) in weather.clouds.iter().enumerate() {
+        within(
+            &format!("clouds[{index}].cover_ratio"),
+            layer.cover_ratio,
+            ratio.clone(),
+        );
+        within(
+            &format!("clouds[{index}].top_msl_m"),
+            layer.top_msl_m,
+            layer.base_msl_m..=f64::MAX,
+        );
+    }
+}
+
+pub(super) fn check_calibration(
+    record: &ScenarioRecord,
+    calibration: &Calibration,
+    faults: &mut Faults,
+) {
+    let mut expected = record.views.clone();
+    expected.sort();
+    let found: Vec<&String> = calibration.cameras.keys().collect();
+    if found != expected.iter().collect::<Vec<_>>() {
+        faults.file(
+            CALIBRATION,
+            format!("has cameras {found:?}, but scenario.json has views {expected:?}"),
+        );
+    }
+    for (id, entry) in &calibration.cameras {
+        if let Some(what) = difference(entry) {
+            faults.file(
+                CALIBRATION,
+                format!("camera {id}: {what} does not follow from where it was placed"),
+            );
+        }
+    }
+}
+
+/// Which part of an entry does not follow from its placement.
+fn difference(entry: &CameraEntry) -> Option<&'static str> {
+    let again = CameraEntry::from_pose(entry.placed, entry.width_px, entry.height_px);
+    let [ours, theirs] = [&again, entry].map(|entry| entry.camera());
+    let rotations =
+        [ours.ecef_from_camera, theirs.ecef_from_camera].map(|r: DMat3| r.to_cols_array());
+    let turned = rotations[0]
+        .iter()
+        .zip(&rotations[1])
+        .any(|(a, b)| !((a - b).abs() <= RELATIVE_TOLERANCE));
+    let intrinsics = again.k.iter().flatten().zip(entry.k.iter().flatten());
+    let mut scaled =
+        intrinsics.map(|(a, b)| (a - b).abs() <= RELATIVE_TOLERANCE * a.abs().max(1.0));
+    if !(ours.center_ecef_m.distance(theirs.center_ecef_m) <= LENGTH_TOLERANCE_M) {
+        Some("translation_m")
+    } else if turned {
+        Some("rotation")
+    } else if !scaled.all(|same| same) {
+        Some("k")
+    } else if !entry.distortion.is_empty() {
+        Some("distortion")
+    } else {
+        None
+    }
+}

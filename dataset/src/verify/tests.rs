@@ -1,0 +1,539 @@
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use super::*;
+use crate::camera::CameraPose;
+use crate::conditions::{Clock, Conditions, Weather};
+use crate::frame_rate::FrameRate;
+use crate::frames::{Frame, FrameLabels, ViewStamp};
+use crate::geodesy::Geodetic;
+use crate::json_file::write_json;
+use crate::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
+use crate::pose::{Controls, Pose};
+use crate::runway::{Runway, RunwayCoordinates};
+use crate::scenario::{Flight, SCHEMA_VERSION, Versions};
+use crate::splits::{Assignment, Side, Splits};
+use crate::video::{VideoSettings, VideoWriter};
+
+const SIZE_PX: u32 = 64;
+const TICKS: u32 = 5;
+const RATE: FrameRate = FrameRate {
+    numerator: 1,
+    denominator: 2,
+};
+const SPEED_MPS: f64 = 70.0;
+const VIEWS: [&str; 2] = ["left", "right"];
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: None,
+        course_magnetic_deg: None,
+    }
+}
+
+fn camera(view: usize) -> CameraPose {
+    let at = runway().point_on_approach(-1_500.0, if view == 0 { -300.0 } else { 300.0 });
+    let pose = Pose {
+        latitude_deg: at.latitude_deg,
+        longitude_deg: at.longitude_deg,
+        altitude_msl_m: 16.71,
+        heading_true_deg: if view == 0 { 197.72 } else { 208.32 },
+        pitch_deg: 1.6,
+        roll_deg: 0.0,
+    };
+    CameraPose {
+        pose,
+        hfov_deg: 10.0,
+    }
+}
+
+/// A level flight along the course that passes the target between the last two ticks.
+fn frame(tick: u32) -> Frame {
+    let time_s = RATE.time_of_tick(tick).seconds();
+    let passing_s = 7.0;
+    let at = runway().point_on_approach(SPEED_MPS * (passing_s - time_s), 3.0);
+    let pose = Pose {
+        latitude_deg: at.latitude_deg,
+        longitude_deg: at.longitude_deg,
+        altitude_msl_m: 60.0,
+        heading_true_deg: 23.02,
+        pitch_deg: 2.0,
+        roll_deg: 0.0,
+    };
+    let course = runway().course_true_deg.to_radians();
+    let place = RunwayCoordinates::of(
+        pose.position(),
+        runway().touchdown_target(),
+        runway().course_true_deg,
+    );
+    let stamp = |view: usize| ViewStamp {
+        sim_frame: 100 + u64::from(tick) * 2 + view as u64,
+        pts: RATE.pts_of_tick(tick),
+        echoed_pose: pose,
+        echoed_camera: camera(view),
+    };
+    Frame {
+        tick,
+        time_ns: RATE.time_of_tick(tick).0,
+        pose,
+        velocity_ned_mps: [SPEED_MPS * course.cos(), SPEED_MPS * course.sin(), 0.0],
+        true_airspeed_mps: SPEED_MPS,
+        controls: Controls {
+            flap_ratio: 1.0,
+            gear_ratio: 1.0,
+        },
+        on_ground: false,
+        views: vec![stamp(0), stamp(1)],
+        labels: Some(FrameLabels {
+            dtd_m: place.dtd_m,
+            along_track_m: place.along_track_m,
+            cross_track_m: place.cross_track_m,
+            height_over_target_m: place.height_over_target_m,
+            time_to_touchdown_s: Some(passing_s - time_s),
+        }),
+    }
+}
+
+fn frames() -> Frames {
+    Frames {
+        views: VIEWS.map(str::to_owned).to_vec(),
+        rows: (0..TICKS).map(frame).collect(),
+    }
+}
+
+fn record(id: &str) -> ScenarioRecord {
+    ScenarioRecord {
+        schema_version: SCHEMA_VERSION,
+        id: id.into(),
+        trajectory: format!("live-{id}"),
+        seed: 1,
+        plan_hash: "plan".into(),
+        config_hash: "config".into(),
+        aircraft: "B737-800".into(),
+        frame_rate: RATE,
+        ticks: TICKS,
+        runway: runway(),
+        touchdown: runway().touchdown_target(),
+        flight_touchdown: None,
+        geoid: None,
+        conditions: Conditions {
+            time_of_day: "06:00".into(),
+            clock: Clock {
+                day_of_year: 171,
+                zulu_time_s: 79_200.0,
+            },
+            weather_name: "clear".into(),
+            weather: Weather {
+                visibility_m: 40_000.0,
+                clouds: Vec::new(),
+                rain_ratio: 0.0,
+                wind_speed_mps: 0.0,
+                wind_from_true_deg: 0.0,
+                turbulence_ratio: 0.0,
+            },
+        },
+        flight: Flight::Live,
+        rig: "pair".into(),
+        views: VIEWS.map(str::to_owned).to_vec(),
+        versions: Versions {
+            dtd: "0".into(),
+            simulator: "none".into(),
+            capture_link: 1,
+        },
+    }
+}
+
+fn write_video(path: &Path, ticks: u32) {
+    let mut writer =
+        VideoWriter::create(path, &VideoSettings::default(), SIZE_PX, SIZE_PX, RATE).unwrap();
+    for tick in 0..ticks {
+        writer
+            .write(&vec![40 * tick as u8; (SIZE_PX * SIZE_PX * 3) as usize])
+            .unwrap();
+    }
+    writer.finish().unwrap();
+}
+
+/// A corpus of two labelled scenarios.
+struct Example {
+    _folder: tempfile::TempDir,
+    corpus: Corpus,
+}
+
+const IDS: [&str; 2] = ["0001-0600-clear-r1", "0002-0600-clear-r2"];
+
+impl Example {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = Corpus::create(folder.path()).unwrap();
+        for id in IDS {
+            let scenario = corpus.scenario(id);
+            fs::create_dir_all(scenario.root().join("views")).unwrap();
+            record(id).write(&scenario.record_path()).unwrap();
+            let cameras = VIEWS
+                .iter()
+                .enumerate()
+                .map(|(index, view)| (*view, camera(index)));
+            Calibration::from_poses(cameras, SIZE_PX, SIZE_PX)
+                .write(&scenario.calibration_path())
+                .unwrap();
+            frames().write(&scenario.frames_path()).unwrap();
+            write_truth_boxes(&scenario.truth_boxes_path(), &[truth()]).unwrap();
+            VIEWS
+                .iter()
+                .for_each(|view| write_video(&scenario.video_path(view), TICKS));
+            seal::seal_folder(scenario.root(), "config").unwrap();
+        }
+        let planned = IDS.map(|id| {
+            let record = record(id);
+            serde_json::json!({ "id": id, "seed": 1, "config_hash": "config", "trajectory": record.trajectory,
+                "parameters": { "conditions": record.conditions } })
+        });
+        write_json(
+            &corpus.plan_path(),
+            &serde_json::json!({ "plan_hash": "plan", "scenarios": planned }),
+        )
+        .unwrap();
+        splits([Side::Train, Side::Test])
+            .write(&corpus.splits_path())
+            .unwrap();
+        Self {
+            _folder: folder,
+            corpus,
+        }
+    }
+
+    fn scenario(&self) -> ScenarioFolder {
+        self.corpus.scenario(IDS[0])
+    }
+
+    /// Changes the table of the first scenario, seals it again, and says what is found.
+    fn with_table(change: impl FnOnce(&mut Vec<Frame>)) -> String {
+        Self::with(|example| {
+            let mut table = frames();
+            change(&mut table.rows);
+            table.write(&example.scenario().frames_path()).unwrap();
+        })
+    }
+
+    /// Changes the first scenario, seals it again, and says what is found.
+    fn with(change: impl FnOnce(&Self)) -> String {
+        let example = Self::new();
+        change(&example);
+        seal::seal_folder(example.scenario().root(), "config").unwrap();
+        example.findings()
+    }
+
+    fn with_record(change: impl FnOnce(&mut ScenarioRecord)) -> String {
+        Self::with(|example| {
+            let mut record = record(IDS[0]);
+            change(&mut record);
+            record.write(&example.scenario().record_path()).unwrap();
+        })
+    }
+
+    fn findings(&self) -> String {
+        let report = verify(&self.corpus);
+        report
+            .findings
+            .iter()
+            .map(|finding| format!("{finding}\n"))
+            .collect()
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.scenario().root().join(name)
+    }
+}
+
+fn truth() -> TruthBox {
+    TruthBox {
+        tick: 0,
+        view: "left".into(),
+        class: "aircraft".into(),
+        pixel_box: PixelBox {
+            cx_px: 20.0,
+            cy_px: 20.0,
+            width_px: 6.0,
+            height_px: 3.0,
+        },
+        visible_fraction: 1.0,
+        truncation: 0.0,
+        transmission: 0.9,
+    }
+}
+
+fn splits(sides: [Side; 2]) -> Splits {
+    let of = |(id, side): (&str, Side)| {
+        (
+            id.to_owned(),
+            Assignment {
+                trajectory: format!("live-{id}"),
+                side,
+            },
+        )
+    };
+    Splits {
+        by: "trajectory".into(),
+        scenarios: IDS.into_iter().zip(sides).map(of).collect(),
+    }
+}
+
+/// That something is found, and every finding is about the first scenario and contains the words.
+fn assert_found(findings: &str, words: &str) {
+    assert!(
+        findings.contains(words),
+        "expected {words:?} in: {findings}"
+    );
+    assert!(
+        findings.lines().all(|line| line.contains(IDS[0])),
+        "{findings}"
+    );
+}
+
+#[test]
+fn a_sound_corpus_has_no_findings_and_everything_was_looked_at() {
+    let report = verify(&Example::new().corpus);
+    assert_eq!(report.findings, Vec::new());
+    assert!(report.is_sound());
+    assert_eq!(
+        (
+            report.scenarios,
+            report.ticks,
+            report.pictures,
+            report.labelled
+        ),
+        (2, 10, 20, 2)
+    );
+}
+
+#[test]
+fn a_flipped_byte_is_found_by_its_hash() {
+    let example = Example::new();
+    let path = example.path("calibration.json");
+    let mut bytes = fs::read(&path).unwrap();
+    let at = bytes.len() - 3;
+    bytes[at] ^= 1;
+    fs::write(&path, bytes).unwrap();
+    assert_found(
+        &example.findings(),
+        "calibration.json is not what was sealed",
+    );
+}
+
+#[test]
+fn a_pose_shifted_by_one_tick_is_found_in_its_row() {
+    let findings = Example::with_table(|rows| rows[2].pose = rows[3].pose);
+    assert_found(
+        &findings,
+        "frames.parquet row 2: pose drawn is not the tick's: view left",
+    );
+    assert!(findings.contains("row 2: label: dtd_m"), "{findings}");
+    assert!(findings.contains("flight is not continuous"), "{findings}");
+}
+
+#[test]
+fn a_shifted_pose_is_found_even_if_echoes_and_labels_were_shifted_too() {
+    let findings = Example::with_table(|rows| {
+        let (pose, labels) = (rows[3].pose, rows[3].labels);
+        rows[2].pose = pose;
+        rows[2].labels = labels;
+        rows[2]
+            .views
+            .iter_mut()
+            .for_each(|stamp| stamp.echoed_pose = pose);
+    });
+    assert_found(&findings, "row 2: flight is not continuous");
+}
+
+#[test]
+fn an_echo_that_differs_by_the_last_digit_is_found() {
+    let findings =
+        Example::with_table(|rows| rows[4].views[1].echoed_pose.altitude_msl_m += 1e-12 * 60.0);
+    assert_found(
+        &findings,
+        "frames.parquet row 4: pose drawn is not the tick's: view right shows altitude_msl_m",
+    );
+}
+
+#[test]
+fn a_changed_distance_is_found_in_its_row() {
+    let findings = Example::with_table(|rows| {
+        if let Some(labels) = &mut rows[1].labels {
+            labels.dtd_m += 0.001;
+        }
+    });
+    assert_found(&findings, "frames.parquet row 1: label: dtd_m");
+}
+
+#[test]
+fn a_changed_time_to_touchdown_is_found_in_its_row() {
+    let findings = Example::with_table(|rows| {
+        for row in rows.iter_mut() {
+            if let Some(FrameLabels {
+                time_to_touchdown_s: Some(left),
+                ..
+            }) = &mut row.labels
+            {
+                *left += 2.5;
+            }
+        }
+    });
+    assert_found(
+        &findings,
+        "row 4: time_to_touchdown_s: goes from 3.5 to 1.5",
+    );
+}
+
+#[test]
+fn a_dropped_row_and_a_doubled_row_are_found() {
+    assert_found(
+        &Example::with_table(|rows| drop(rows.remove(2))),
+        "has 4 rows, but scenario.json says 5 ticks",
+    );
+    let findings = Example::with_table(|rows| rows[3] = rows[2].clone());
+    assert_found(&findings, "row 3: tick: is 2, expected 3");
+    assert!(
+        findings.contains("row 3: simulator frames out of order"),
+        "{findings}"
+    );
+}
+
+#[test]
+fn swapped_views_are_found_by_their_cameras_and_frame_numbers() {
+    let findings = Example::with_table(|rows| rows[0].views.swap(0, 1));
+    assert_found(
+        &findings,
+        "row 0: camera drawn is not the calibrated one: view left",
+    );
+    assert!(
+        findings.contains("row 0: simulator frames out of order"),
+        "{findings}"
+    );
+}
+
+#[test]
+fn a_wrong_time_a_wrong_timestamp_and_a_missing_number_are_found() {
+    assert_found(
+        &Example::with_table(|rows| rows[1].time_ns += 1),
+        "row 1: time: time_ns is 2000000001",
+    );
+    assert_found(
+        &Example::with_table(|rows| rows[1].views[0].pts = 1),
+        "row 1: timestamp: pts_left is 1, expected 2",
+    );
+    assert_found(
+        &Example::with_table(|rows| rows[3].true_airspeed_mps = f64::NAN),
+        "row 3: not a number: true_airspeed_mps",
+    );
+}
+
+#[test]
+fn a_dropped_picture_and_a_truncated_video_are_found() {
+    let findings =
+        Example::with(|example| write_video(&example.path("views/right.mp4"), TICKS - 1));
+    assert_found(
+        &findings,
+        "views/right.mp4: has 4 pictures, but scenario.json says 5 ticks",
+    );
+    let findings = Example::with(|example| {
+        let path = example.path("views/left.mp4");
+        let bytes = fs::read(&path).unwrap();
+        fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    });
+    assert_found(&findings, "views/left.mp4");
+}
+
+#[test]
+fn a_wrong_touchdown_a_foreign_schema_and_odd_conditions_are_found() {
+    assert_found(
+        &Example::with_record(|r| r.touchdown.latitude_deg += 1e-5),
+        "touchdown is 1.1",
+    );
+    assert_found(
+        &Example::with_record(|r| r.schema_version = 99),
+        "schema version 99",
+    );
+    let findings = Example::with_record(|r| r.conditions.weather.rain_ratio = 2.0);
+    assert!(
+        findings.contains("rain_ratio is 2, expected 0 to 1"),
+        "{findings}"
+    );
+    assert!(
+        findings.contains("plan.json: scenario 0001-0600-clear-r1: conditions was planned"),
+        "{findings}"
+    );
+}
+
+#[test]
+fn a_moved_camera_is_found() {
+    let findings = Example::with(|example| {
+        let path = example.path("calibration.json");
+        let mut calibration = Calibration::read(&path).unwrap();
+        calibration
+            .cameras
+            .get_mut("left")
+            .unwrap()
+            .ecef_from_camera
+            .translation_m[0] += 0.01;
+        calibration.write(&path).unwrap();
+    });
+    assert_found(
+        &findings,
+        "calibration.json: camera left: translation_m does not follow",
+    );
+}
+
+#[test]
+fn a_missing_column_and_missing_boxes_are_found() {
+    let findings = Example::with(|example| {
+        crate::columns::TableWriter::new()
+            .u32("tick", [0])
+            .write(&example.scenario().frames_path())
+            .unwrap();
+    });
+    assert_found(&findings, "has no column latitude_deg");
+    let findings =
+        Example::with(|example| fs::remove_file(example.path("boxes_truth.parquet")).unwrap());
+    assert_found(&findings, "has distances, but no true boxes");
+}
+
+#[test]
+fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
+    let example = Example::new();
+    let mut shared = record(IDS[1]);
+    shared.trajectory = format!("live-{}", IDS[0]);
+    let scenario = example.corpus.scenario(IDS[1]);
+    shared.write(&scenario.record_path()).unwrap();
+    seal::seal_folder(scenario.root(), "config").unwrap();
+    assert!(
+        example
+            .findings()
+            .contains("splits.json: leak: trajectory live-0001-0600-clear-r1"),
+        "{}",
+        example.findings()
+    );
+}
+
+#[test]
+fn a_folder_without_a_seal_is_found() {
+    let example = Example::new();
+    fs::remove_file(example.path("DONE.json")).unwrap();
+    assert_found(&example.findings(), "is no whole scenario");
+}
+
+#[test]
+fn crowds_of_one_fault_are_counted() {
+    let findings = Example::with_table(|rows| rows.iter_mut().for_each(|row| row.time_ns += 5));
+    assert_found(&format!("{findings}"), "time: 2 more rows");
+}
