@@ -1,0 +1,205 @@
+//! The built-in flight model: flies an approach and a landing.
+//!
+//! In: where the flight starts, its runway, its vertical profile, its seed, and the weather. Out: the states of the aircraft
+//! at 30 Hz from the start to 6 s after touchdown (or to the time limit). A pure function: the same request in the same
+//! weather gives the same bytes.
+//!
+//! A point mass with attitude under an ILS autopilot goes through a moving atmosphere; each of these has its file. The model
+//! is judged against flights of an independent one (`tests/data/flights`) in `flight/recorded.rs`.
+
+mod aerodynamics;
+mod air;
+mod aircraft;
+mod autopilot;
+mod gust;
+mod landing_gear;
+mod random;
+mod technique;
+mod turbulence;
+mod vertical_guidance;
+
+#[cfg(test)]
+mod recorded;
+#[cfg(test)]
+mod tests;
+
+use airframe::WHEEL_HEIGHT_BELOW_CG_M;
+use dataset::conditions::Weather;
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState};
+use dataset::runway::{Runway, RunwayCoordinates};
+use glam::DVec3;
+use xplane_bridge::fly::FlyRequest;
+
+use air::{Air, SEA_LEVEL_DENSITY_KG_PER_M3, density_kg_per_m3};
+use aircraft::{Aircraft, Commands};
+use autopilot::Autopilot;
+use technique::Technique;
+use vertical_guidance::Situation;
+
+/// Rate of the states that a flight gives, hertz.
+pub const OUTPUT_RATE_HZ: u32 = 30;
+/// A flight ends this long after the wheels first touch, seconds.
+pub const ROLL_OUT_S: f64 = 6.0;
+
+/// Steps of integration for each state given, and for each answer of the autopilot.
+const STEPS_PER_STATE: u64 = 4;
+const STEP_S: f64 = 1.0 / (OUTPUT_RATE_HZ as f64 * STEPS_PER_STATE as f64);
+const AUTOPILOT_STEP_S: f64 = 1.0 / OUTPUT_RATE_HZ as f64;
+
+/// Flies `request` through `weather`. A flight that has not landed by `request.time_limit_s` ends there, in the air.
+pub fn fly(request: &FlyRequest, weather: &Weather) -> Vec<FlightState> {
+    let mut flight = Flight::begin(request, weather);
+    let mut states = vec![flight.state()];
+    let mut landed_at_s = None;
+    let mut commands = flight.commands(false);
+    for step in 1.. {
+        let time_s = step as f64 * STEP_S;
+        if time_s > request.time_limit_s {
+            break;
+        }
+        flight.step(time_s, &commands);
+        if flight.aircraft.on_ground && landed_at_s.is_none() {
+            landed_at_s = Some(time_s);
+        }
+        if step % STEPS_PER_STATE == 0 {
+            states.push(flight.state());
+            commands = flight.commands(landed_at_s.is_some());
+        }
+        if landed_at_s.is_some_and(|landed_s| time_s >= landed_s + ROLL_OUT_S) {
+            break;
+        }
+    }
+    states
+}
+
+/// A flight while it is flown.
+struct Flight<'a> {
+    runway: &'a Runway,
+    target: Geodetic,
+    air: Air,
+    aircraft: Aircraft,
+    autopilot: Autopilot,
+    time_s: f64,
+    airspeed_mps: f64,
+}
+
+impl<'a> Flight<'a> {
+    fn begin(request: &'a FlyRequest, weather: &Weather) -> Self {
+        let runway = &request.runway;
+        let start = &request.start;
+        let ground_msl_m = runway.threshold.altitude_msl_m;
+        let air = Air::new(weather, request.seed);
+        let heading_rad = start.heading_true_deg.to_radians();
+        let wind = air.mean_wind_ned_mps(start.position.altitude_msl_m - ground_msl_m);
+        let velocity_ned_mps =
+            DVec3::new(heading_rad.cos(), heading_rad.sin(), 0.0) * start.speed_mps + wind;
+
+        let density = density_kg_per_m3(start.position.altitude_msl_m);
+        let start_speed_mps = start.speed_mps * (density / SEA_LEVEL_DENSITY_KG_PER_M3).sqrt();
+        let wind_angle_rad = (weather.wind_from_true_deg - runway.course_true_deg).to_radians();
+        let technique = Technique::of(
+            request.seed,
+            start_speed_mps,
+            weather.wind_speed_mps * wind_angle_rad.cos(),
+        );
+        let mut flight = Self {
+            runway,
+            target: runway.touchdown_target(),
+            air,
+            aircraft: Aircraft {
+                position: start.position,
+                velocity_ned_mps,
+                heading_rad,
+                pitch_rad: 0.0,
+                bank_rad: 0.0,
+                heading_rate_rad_per_s: 0.0,
+                pitch_rate_rad_per_s: 0.0,
+                bank_rate_rad_per_s: 0.0,
+                thrust_n: 0.0,
+                controls: Controls::default(),
+                spoiler_ratio: 0.0,
+                on_ground: false,
+            },
+            autopilot: Autopilot::new(request, technique),
+            time_s: 0.0,
+            airspeed_mps: start.speed_mps,
+        };
+        flight.trim(&technique, start_speed_mps);
+        flight
+    }
+
+    /// Puts the aircraft into the steady flight that its plan begins with: no jolt in the first seconds.
+    fn trim(&mut self, technique: &Technique, start_speed_mps: f64) {
+        let situation = self.situation();
+        let before_threshold_m = situation.to_target_m - self.runway.touchdown_past_threshold_m;
+        let aircraft = &mut self.aircraft;
+        aircraft.controls =
+            technique.controls(before_threshold_m, start_speed_mps, aircraft.controls);
+        let climb_mps = self.autopilot.first_climb_mps(&situation);
+        let density = density_kg_per_m3(aircraft.position.altitude_msl_m);
+        let trim = aerodynamics::level_trim(self.airspeed_mps, density, aircraft.controls);
+        let climb_rad = climb_mps / self.airspeed_mps;
+        aircraft.velocity_ned_mps.z = -climb_mps;
+        aircraft.pitch_rad = trim.angle_of_attack_rad + climb_rad;
+        aircraft.thrust_n =
+            trim.drag_n + aerodynamics::MASS_KG * aircraft::GRAVITY_MPS2 * climb_rad;
+    }
+
+    fn commands(&mut self, landed: bool) -> Commands {
+        let situation = self.situation();
+        self.autopilot.commands(
+            &situation,
+            &self.aircraft,
+            self.airspeed_mps,
+            landed,
+            AUTOPILOT_STEP_S,
+        )
+    }
+
+    fn step(&mut self, time_s: f64, commands: &Commands) {
+        self.time_s = time_s;
+        let ground_msl_m = self.runway.threshold.altitude_msl_m;
+        let air = self.air.step(
+            time_s,
+            self.aircraft.position.altitude_msl_m - ground_msl_m,
+            self.aircraft.heading_rad,
+            self.airspeed_mps,
+            STEP_S,
+        );
+        self.airspeed_mps = self.aircraft.airspeed_mps(air.velocity_ned_mps);
+        self.aircraft.step(commands, &air, ground_msl_m, STEP_S);
+    }
+
+    fn situation(&self) -> Situation {
+        let position = self.aircraft.position;
+        let relative = RunwayCoordinates::of(position, self.target, self.runway.course_true_deg);
+        let course_rad = self.runway.course_true_deg.to_radians();
+        let velocity = self.aircraft.velocity_ned_mps;
+        Situation {
+            to_target_m: relative.along_track_m,
+            right_of_course_m: relative.cross_track_m,
+            right_rate_mps: velocity.y * course_rad.cos() - velocity.x * course_rad.sin(),
+            height_m: relative.height_over_target_m,
+            wheel_height_m: position.altitude_msl_m
+                - self.runway.threshold.altitude_msl_m
+                - WHEEL_HEIGHT_BELOW_CG_M,
+            ground_speed_mps: velocity.x.hypot(velocity.y),
+            climb_mps: -velocity.z,
+        }
+    }
+
+    fn state(&self) -> FlightState {
+        let velocity = self.aircraft.velocity_ned_mps;
+        FlightState {
+            time_s: self.time_s,
+            pose: self.aircraft.pose(),
+            velocity_north_mps: velocity.x,
+            velocity_east_mps: velocity.y,
+            velocity_down_mps: velocity.z,
+            true_airspeed_mps: self.airspeed_mps,
+            controls: self.aircraft.controls,
+            on_ground: self.aircraft.on_ground,
+        }
+    }
+}

@@ -1,0 +1,69 @@
+//! Random numbers of a flight: one stream for each thing that varies, all from the flight's seed.
+//!
+//! In: the seed of the request. Out: generators that never share a number, so that a change in one part of the model (one
+//! gust more, one pilot habit more) leaves the numbers of all other parts as they were. ChaCha has its streams built in and
+//! gives the same numbers for good; `rand`'s standard generator may change with its version.
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
+
+/// The parts of a flight that draw numbers. Discriminants are stream numbers: append, never renumber.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Stream {
+    /// Habits of the crew: speeds, distances, flare.
+    Technique = 1,
+    /// Turbulence along the flight path.
+    TurbulenceAlong = 2,
+    /// Turbulence to the right.
+    TurbulenceRight = 3,
+    /// Turbulence downwards.
+    TurbulenceDown = 4,
+    /// Turbulence that rolls.
+    TurbulenceRoll = 5,
+    /// Discrete gusts of the wind.
+    Gusts = 6,
+}
+
+/// The generator of one part of the flight with this seed.
+pub(crate) fn generator(seed: u64, stream: Stream) -> ChaCha12Rng {
+    let mut generator = ChaCha12Rng::seed_from_u64(seed);
+    generator.set_stream(stream as u64);
+    generator
+}
+
+/// A number from the normal distribution with mean 0 and variance 1 (Box and Muller 1958; always two draws, so that the
+/// position in the stream does not depend on the values).
+pub(crate) fn standard_normal(generator: &mut ChaCha12Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - generator.random::<f64>()).ln()).sqrt();
+    radius * (std::f64::consts::TAU * generator.random::<f64>()).cos()
+}
+
+/// A number from `low` to `high`, all equally likely.
+pub(crate) fn uniform(generator: &mut ChaCha12Rng, low: f64, high: f64) -> f64 {
+    low + (high - low) * generator.random::<f64>()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn normal_numbers_have_mean_zero_and_variance_one() {
+        let mut generator = generator(0, Stream::Gusts);
+        let draws: Vec<f64> = (0..20_000)
+            .map(|_| standard_normal(&mut generator))
+            .collect();
+        let mean = draws.iter().sum::<f64>() / draws.len() as f64;
+        let variance = draws.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / draws.len() as f64;
+        assert!(mean.abs() < 0.03, "mean {mean}");
+        assert!((variance - 1.0).abs() < 0.04, "variance {variance}");
+    }
+
+    #[test]
+    fn streams_and_seeds_give_different_numbers() {
+        let first = |seed, stream| generator(seed, stream).random::<u64>();
+        assert_eq!(first(7, Stream::Gusts), first(7, Stream::Gusts));
+        assert_ne!(first(7, Stream::Gusts), first(7, Stream::Technique));
+        assert_ne!(first(7, Stream::Gusts), first(8, Stream::Gusts));
+    }
+}
