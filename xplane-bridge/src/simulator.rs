@@ -32,6 +32,8 @@ pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
 const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
 /// How long a freeze or a release may take.
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
+/// How long X-Plane's weather takes to show, if the plugin does not say, seconds.
+const WEATHER_SETTLE_S: f32 = 15.0;
 /// What is left of the time to connect for opening the capture link, once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
 
@@ -110,7 +112,9 @@ impl Simulator {
             link,
             description,
             generation: Generation::of_version(version),
-            weather_settle: Duration::from_secs_f32(settle_s.unwrap_or(0.0).clamp(0.0, 60.0)),
+            weather_settle: Duration::from_secs_f32(
+                settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0),
+            ),
             clock: None,
             outstanding: VecDeque::new(),
             spare_buffers: Vec::new(),

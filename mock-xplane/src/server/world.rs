@@ -94,9 +94,12 @@ impl World {
     /// Lets `elapsed_s` of time pass.
     pub(super) fn advance(&mut self, elapsed_s: f64) {
         self.add("sim/time/total_running_time_sec", elapsed_s);
+        if self.frozen.is_some() {
+            return;
+        }
         if self.datarefs.get(names::USE_SYSTEM_TIME) != 0.0 {
             self.follow_system_clock();
-        } else if self.frozen.is_none() && self.datarefs.get(PAUSED) == 0.0 {
+        } else if self.datarefs.get(PAUSED) == 0.0 {
             let zulu_s = self.datarefs.get(names::ZULU_TIME_S) + elapsed_s;
             self.datarefs
                 .set(names::ZULU_TIME_S, zulu_s.rem_euclid(SECONDS_PER_DAY));
@@ -364,6 +367,11 @@ mod tests {
         world.advance(1.0);
         assert_eq!(world.clock().zulu_time_s, 0.5);
         world.release();
+        world.advance(1.0);
+        assert_eq!(world.clock().zulu_time_s, 1.5);
+        // Frozen is frozen, even for a clock that would follow the computer's.
+        world.freeze(runway());
+        world.write(names::USE_SYSTEM_TIME, 1.0).unwrap();
         world.advance(1.0);
         assert_eq!(world.clock().zulu_time_s, 1.5);
     }
