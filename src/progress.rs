@@ -42,11 +42,6 @@ impl Bar {
         self.bar.set_position(done);
     }
 
-    /// Adds done units.
-    pub(crate) fn add(&self, units: u64) {
-        self.bar.inc(units);
-    }
-
     /// Says what is being worked on.
     pub(crate) fn working_on(&self, what: &str) {
         self.bar.set_message(what.to_owned());

@@ -12,7 +12,7 @@ mod output;
 mod plan;
 mod train;
 mod train_detector;
-// mod verify;
+mod verify;
 
 use crate::args::Verb;
 use crate::failure::{Ending, Failure};
@@ -29,7 +29,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Detect(args) => detect::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
-        Verb::Verify(_) => unreachable!(),
+        Verb::Verify(args) => verify::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),
         Verb::Demo(args) => demo::run(&args),
