@@ -9,8 +9,6 @@ use super::targets::CropTruth;
 
 /// Least part of the silhouette inside the picture and above the ground.
 const LEAST_VISIBLE_FRACTION: f64 = 0.4;
-/// Least share of contrast that the air leaves: the 2 % that define meteorological visibility.
-const LEAST_TRANSMISSION: f64 = 0.02;
 /// Least contrast against a plane through the surroundings, grey levels of 255; less is lost in the codec's noise.
 const LEAST_CONTRAST: f64 = 2.0;
 
@@ -56,10 +54,10 @@ impl Picture {
     }
 }
 
-/// Whether the aircraft of a true box can be seen in a frame.
+/// Whether the aircraft of a true box can be seen in a frame. The transmission of the air does not decide: landing lights are seen
+/// through fog that hides the aircraft which carries them.
 pub fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
     truth.visible_fraction >= LEAST_VISIBLE_FRACTION
-        && truth.transmission >= LEAST_TRANSMISSION
         && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
 }
 
@@ -183,13 +181,6 @@ pub(crate) mod tests {
     fn what_fog_or_the_horizon_hides_is_not_visible() {
         let (sky, truth) = sky_with_bar(20.0);
         assert!(is_visible(&sky, &truth));
-        assert!(!is_visible(
-            &sky,
-            &TruthBox {
-                transmission: 0.01,
-                ..truth.clone()
-            }
-        ));
         assert!(!is_visible(
             &sky,
             &TruthBox {
