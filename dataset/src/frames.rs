@@ -10,7 +10,7 @@ use crate::pose::{Controls, Pose};
 /// What the simulator reported of the frame that one view holds for one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewStamp {
-    /// The simulator's frame counter when the picture was taken.
+    /// The simulator's frame counter when the picture was taken, counted from the scenario's first picture.
     pub sim_frame: u64,
     /// Presentation timestamp of the picture in the view's video, in units of the video's time base.
     pub pts: i64,

@@ -26,16 +26,25 @@ pub struct Trajectory {
 pub struct Window {
     /// Time of tick 0 in the trajectory, seconds.
     pub start_s: f64,
-    /// No tick is later, seconds.
-    pub end_s: f64,
+    /// When the touchdown target is passed, if it is, seconds.
+    pub passing_s: Option<f64>,
+    /// The last state, seconds: no tick is later.
+    pub last_s: f64,
 }
 
 impl Window {
-    /// Number of ticks from the start to the last one that is not after the end.
+    /// Number of ticks up to the first one at or past the target, or to the last state if the target is not reached before. That one
+    /// tick past the target is what tells the time of touchdown.
     pub fn ticks(&self, rate: FrameRate) -> u32 {
-        let periods =
-            (self.end_s - self.start_s) * f64::from(rate.numerator) / f64::from(rate.denominator);
-        periods.max(0.0).floor() as u32 + 1
+        let periods_until = |time_s: f64| {
+            ((time_s - self.start_s) * f64::from(rate.numerator) / f64::from(rate.denominator))
+                .max(0.0)
+        };
+        let in_record = periods_until(self.last_s).floor();
+        let wanted = self
+            .passing_s
+            .map_or(in_record, |passing_s| periods_until(passing_s).ceil());
+        wanted.min(in_record) as u32 + 1
     }
 }
 
@@ -105,8 +114,8 @@ impl Trajectory {
         } else {
             crossing(times(), &along, start_dtd_m).unwrap_or(last)
         };
-        let end_s = crossing(times().filter(|time| *time >= start_s), &along, 0.0).unwrap_or(last);
-        if along(start_s) <= 0.0 || end_s <= start_s {
+        let passing_s = crossing(times().filter(|time| *time >= start_s), &along, 0.0);
+        if along(start_s) <= 0.0 || start_s >= last {
             return Err(format!(
                 "is never between {start_dtd_m:.0} m and 0 m before the touchdown target of {} {}: its first state is {:.0} m before it, its last {:.0} m",
                 runway.airport,
@@ -115,7 +124,11 @@ impl Trajectory {
                 along(last)
             ));
         }
-        Ok(Window { start_s, end_s })
+        Ok(Window {
+            start_s,
+            passing_s,
+            last_s: last,
+        })
     }
 
     /// The states at all ticks of a window; their times count from tick 0.
@@ -330,21 +343,27 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn the_window_reaches_from_the_asked_distance_to_the_target() {
+    fn the_window_reaches_from_the_asked_distance_to_the_first_tick_past_the_target() {
         let flown = flight(3_000.0, 10.0);
-        let window = flown.approach(&runway(), 2_250.0).unwrap();
-        // The weave leaves the course by up to 30 m, which changes distances along it by far less than a millimetre a metre.
-        assert!((window.start_s - 10.0).abs() < 0.01, "{window:?}");
-        assert!((window.end_s - 40.0).abs() < 0.01, "{window:?}");
-        let rate = FrameRate::new(1, 1).unwrap();
-        let states = flown.resample(window, rate);
+        let window = flown.approach(&runway(), 2_230.0).unwrap();
+        // 770 m at 75 m/s. The weave shifts places along the course by far less than a metre.
+        assert!(
+            (window.start_s - 770.0 / SPEED_MPS).abs() < 0.01,
+            "{window:?}"
+        );
+        assert!(
+            (window.passing_s.unwrap() - 40.0).abs() < 0.01,
+            "{window:?}"
+        );
+        let states = flown.resample(window, FrameRate::new(1, 1).unwrap());
         assert_eq!(states.len(), 31);
         assert_eq!(states[30].time_s, 30.0);
         let target = runway().touchdown_target();
         let along =
             |s: &FlightState| RunwayCoordinates::of(s.pose.position(), target, 23.02).along_track_m;
-        assert!((along(&states[0]) - 2_250.0).abs() < 0.01);
-        assert!(along(&states[30]) >= 0.0 && along(&states[30]) < SPEED_MPS);
+        assert!((along(&states[0]) - 2_230.0).abs() < 0.01);
+        assert!(along(&states[29]) > 0.0);
+        assert!(along(&states[30]) <= 0.0 && along(&states[30]) > -SPEED_MPS);
     }
 
     #[test]
@@ -352,7 +371,15 @@ pub(crate) mod tests {
         let whole = flight(3_000.0, 10.0);
         let short = Trajectory::new(whole.states[..200].to_vec()).unwrap();
         let window = short.approach(&runway(), 18_520.0).unwrap();
-        assert_eq!((window.start_s, window.end_s), (0.0, 19.9));
+        assert_eq!(
+            window,
+            Window {
+                start_s: 0.0,
+                passing_s: None,
+                last_s: 19.9
+            }
+        );
+        assert_eq!(window.ticks(FrameRate::new(1, 1).unwrap()), 20);
         assert_eq!(short.touchdown(), None);
         assert!(whole.touchdown().is_some());
     }
@@ -390,12 +417,23 @@ pub(crate) mod tests {
 
     #[test]
     fn ticks_are_counted_with_both_ends() {
+        let rate = |numerator, denominator| FrameRate::new(numerator, denominator).unwrap();
         let window = Window {
             start_s: 4.0,
-            end_s: 14.0,
+            passing_s: Some(14.0),
+            last_s: 15.0,
         };
-        assert_eq!(window.ticks(FrameRate::new(1, 1).unwrap()), 11);
-        assert_eq!(window.ticks(FrameRate::new(30, 1).unwrap()), 301);
-        assert_eq!(window.ticks(FrameRate::new(1, 3).unwrap()), 4);
+        assert_eq!(window.ticks(rate(1, 1)), 11);
+        assert_eq!(window.ticks(rate(30, 1)), 301);
+        // Ticks at 0, 3, 6 and 9 s: the next one, past the target, would be past the record too.
+        assert_eq!(window.ticks(rate(1, 3)), 4);
+        assert_eq!(
+            Window {
+                last_s: 16.0,
+                ..window
+            }
+            .ticks(rate(1, 3)),
+            5
+        );
     }
 }

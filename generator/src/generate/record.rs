@@ -38,19 +38,18 @@ pub(super) async fn record(
     on_event: &mut OnEvent<'_>,
 ) -> Result<u32, ScenarioError> {
     let workplace = Workplace::take(corpus, &scenario.id)?;
-    let mut simulator = cancel.or(session.connect()).await?;
     match record_into(
         workplace.folder(),
         sweep,
         plan,
         scenario,
-        &mut simulator,
+        session,
         cancel,
         on_event,
     )
     .await
     {
-        Ok(ticks) => {
+        Ok((ticks, simulator)) => {
             commit_folder(
                 workplace.folder().root(),
                 corpus.scenario(&scenario.id).root(),
@@ -72,16 +71,17 @@ async fn record_into(
     sweep: &Sweep,
     plan: &Plan,
     scenario: &PlannedScenario,
-    simulator: &mut Simulator,
+    session: &mut Session,
     cancel: &Cancel,
     on_event: &mut OnEvent<'_>,
-) -> Result<u32, ScenarioError> {
+) -> Result<(u32, Simulator), ScenarioError> {
     let parameters = &scenario.parameters;
     let picture = parameters.picture;
+    let mut simulator = cancel.or(session.connect()).await?;
     cancel
         .or(simulator.set_conditions(&parameters.conditions))
         .await?;
-    let trajectory = trajectory(sweep, scenario, simulator, cancel).await?;
+    let trajectory = trajectory(sweep, scenario, &mut simulator, cancel).await?;
     let window = trajectory
         .approach(&parameters.runway, parameters.start_dtd_m)
         .map_err(|message| ScenarioError::Flight { message })?;
@@ -95,7 +95,7 @@ async fn record_into(
     let ids = views.iter().map(|view| view.id.as_str());
     let mut encoders = Encoders::start(folder, ids, picture, &parameters.video);
     let drawn = match capture(
-        simulator,
+        &mut simulator,
         (&states, &views, picture),
         &mut encoders,
         cancel,
@@ -125,7 +125,7 @@ async fn record_into(
     )
     .write(&folder.record_path())?;
     seal_folder(folder.root(), &scenario.config_hash)?;
-    Ok(states.len() as u32)
+    Ok((states.len() as u32, simulator))
 }
 
 fn views(parameters: &Parameters) -> Vec<View> {
@@ -209,6 +209,11 @@ fn frames(
     parameters: &Parameters,
 ) -> Frames {
     let rate = parameters.picture.frame_rate;
+    // Counted from the scenario's first picture, so that a scenario gives the same table whenever it is made.
+    let first_sim_frame = drawn
+        .first()
+        .and_then(|tick| tick.first())
+        .map_or(0, |first| first.sim_frame);
     let row = |(tick, (state, drawn)): (usize, (&FlightState, &Vec<Drawn>))| Frame {
         tick: tick as u32,
         time_ns: rate.time_of_tick(tick as u32).0,
@@ -225,7 +230,7 @@ fn frames(
             .iter()
             .zip(pts)
             .map(|(drawn, pts)| ViewStamp {
-                sim_frame: drawn.sim_frame,
+                sim_frame: drawn.sim_frame - first_sim_frame,
                 pts: pts[tick],
                 echoed_pose: drawn.pose,
                 echoed_camera: drawn.camera,

@@ -83,7 +83,7 @@ fn with_recordings(folder: &Path) -> Sweep {
     for name in ["a.csv", "b.csv"] {
         recording::tests::write_example(
             &folder.join(name),
-            if name == "a.csv" { 3_000.0 } else { 2_500.0 },
+            if name == "a.csv" { 3_030.0 } else { 2_500.0 },
         );
     }
     let rule = "\n[[recorded]]\nfiles = \"*.csv\"\nweathers = [\"foggy\"]\n";
@@ -103,8 +103,8 @@ fn recordings_are_flown_in_turn_where_the_rule_fits() {
     );
     assert_eq!(plan.scenarios[1].trajectory, plan.scenarios[5].trajectory);
     assert!(plan.scenarios[1].parameters.live.is_none());
-    // 3,000 m at 75 m/s are 40 s: 20 ticks of two seconds, and tick 0.
-    assert_eq!(plan.scenarios[1].ticks, 21);
+    // 3,030 m at 75 m/s are 40.4 s: tick 0, 20 ticks of two seconds, and the first one past the target.
+    assert_eq!(plan.scenarios[1].ticks, 22);
 }
 
 #[test]
