@@ -189,7 +189,7 @@ mod tests {
         datarefs.set(LATITUDE, 1.348_971_96);
         assert_eq!(datarefs.write(LATITUDE, 50.0), Err(Ignored::ReadOnly));
         assert_eq!(datarefs.get(LATITUDE), 1.348_971_96);
-        assert_eq!(datarefs.read(LATITUDE), 1.348_971_96_f32);
+        assert_eq!(datarefs.read(LATITUDE), 1.348_971_96_f64 as f32);
         assert_eq!(
             datarefs.write("sim/no/such/thing", 1.0),
             Err(Ignored::Unknown)

@@ -63,7 +63,7 @@ impl Engine for Scribe {
 
 impl Picture for Page {
     fn draw(&self, _: &Pose, _: &Controls, time_s: f64, rgb: &mut [u8]) {
-        if time_s as u32 % 2 == 0 {
+        if (time_s as u32).is_multiple_of(2) {
             std::thread::sleep(Duration::from_millis(20));
         }
         rgb.fill(time_s as u8);

@@ -3,8 +3,7 @@
 use xplane_bridge::datarefs as names;
 
 use super::Dataref;
-use super::Kind;
-use super::Kind::{Double, Float, Int};
+use super::Kind::{self, Double, Float, Int};
 
 const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
     Dataref {

@@ -85,7 +85,7 @@ impl Server {
                     .subscribe_position(from, request.frequency_hz, now_s);
             }
             ToSimulator::PlaceAircraft(place) if place.plane == 0 => {
-                self.world.lock().place(&place)
+                self.world.lock().place(&place);
             }
             ToSimulator::PlaceAtStart(start) if start.plane == 0 => {
                 if !self.world.lock().start(&start) {
