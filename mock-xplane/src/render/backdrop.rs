@@ -1,8 +1,8 @@
 //! Everything behind the aircraft, ready to be copied.
 //!
 //! Below the first row with a silhouette the picture stands still and is kept whole. Above it the sky is smooth: it is kept as
-//! a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds grids are
-//! computed for instants a few pixels of drift apart and blended in between.
+//! a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is
+//! computed for each of a series of instants so close together that the clouds drift by no more than a pixel from one to the next.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -19,8 +19,9 @@ use crate::render::view::View;
 
 /// Pixels between grid nodes.
 const CELL_PX: usize = 8;
-/// Drift between two computed instants, pixels.
-const DRIFT_PER_INSTANT_PX: f64 = 5.0;
+/// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would cost
+/// twice as much at the low frame rates at which every picture needs new ones.
+const DRIFT_PER_INSTANT_PX: f64 = 1.0;
 /// Instants kept: frames are asked for in order, sometimes by several threads.
 const KEPT_INSTANTS: usize = 6;
 /// Samples per pixel of the ground, across and down. Grazing views change faster downwards.
@@ -90,7 +91,7 @@ impl Backdrop {
             still,
             ground: still_ground,
             still_sky,
-            instant_s: moves.then(|| (DRIFT_PER_INSTANT_PX / speed_px_per_s).clamp(0.1, 10.0)),
+            instant_s: moves.then(|| (DRIFT_PER_INSTANT_PX / speed_px_per_s).clamp(0.05, 10.0)),
             instants: Mutex::default(),
         }
     }
@@ -101,14 +102,11 @@ impl Backdrop {
             rgb.copy_from_slice(&self.still);
             return Arc::clone(&self.still_sky);
         };
-        let before = (time_s / instant_s).floor();
-        let grids = [before as i64, before as i64 + 1]
-            .map(|instant| self.instant(world, instant, instant_s));
-        let sky = SkyGrid::blend(&grids[0], &grids[1], (time_s / instant_s - before) as f32);
+        let sky = self.instant(world, (time_s / instant_s).round() as i64, instant_s);
         let (above, below) = rgb.split_at_mut(self.sky_rows * self.width * 3);
         sky.paint(self.width, above);
         below.copy_from_slice(&self.still[self.sky_rows * self.width * 3..]);
-        Arc::new(sky)
+        sky
     }
 
     /// The sky at time 0.
@@ -176,19 +174,6 @@ impl SkyGrid {
         Self { columns, values }
     }
 
-    fn blend(before: &Self, after: &Self, part: f32) -> Self {
-        let values = before
-            .values
-            .iter()
-            .zip(&after.values)
-            .map(|(a, b)| a.lerp(*b, part))
-            .collect();
-        Self {
-            columns: before.columns,
-            values,
-        }
-    }
-
     /// The display value at a pixel.
     fn at(&self, x: usize, y: usize) -> Vec3 {
         let (column, row) = (x / CELL_PX, y / CELL_PX);
@@ -237,7 +222,13 @@ fn sky_luminance(world: &Surroundings, ray: DVec3, time_s: f64) -> Vec3 {
     }
     world
         .clouds
-        .along(&world.view, &world.air, ray, f64::INFINITY, time_s)
+        .along(
+            &world.view,
+            &world.air,
+            ray,
+            Clouds::farthest_seen_m(&world.air),
+            time_s,
+        )
         .over(sky)
 }
 

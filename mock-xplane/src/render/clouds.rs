@@ -91,6 +91,12 @@ impl Clouds {
             .fold(0.0, f64::max)
     }
 
+    /// How far to look for clouds that make the sky: haze hides what is farther. An aircraft's lamps outshine haze, so what
+    /// hides them is sought over their whole distance.
+    pub(crate) fn farthest_seen_m(air: &Air) -> f64 {
+        FARTHEST_DEPTH / air.beta_per_m
+    }
+
     /// Follows a ray from the camera up to `range_m`.
     pub(crate) fn along(
         &self,
@@ -100,14 +106,13 @@ impl Clouds {
         range_m: f64,
         time_s: f64,
     ) -> CloudLight {
-        let farthest_m = range_m.min(FARTHEST_DEPTH / air.beta_per_m);
         let mut spans: Vec<(f64, f64, &Layer)> = self
             .layers
             .iter()
             .filter_map(|layer| {
                 layer
                     .span(view, ray)
-                    .map(|(from, to)| (from, to.min(farthest_m), layer))
+                    .map(|(from, to)| (from, to.min(range_m), layer))
             })
             .filter(|(from, to, _)| from < to)
             .collect();
@@ -129,11 +134,18 @@ impl Clouds {
                 &mut found,
             );
         }
+        // What is left where the march gave up is nothing: a landing light would shine through one percent.
+        let opacity = 1.0 - found.transmittance;
+        let stretch = if opacity > 0.0 {
+            (opacity / (1.0 - OPAQUE)).min(1.0) / opacity
+        } else {
+            1.0
+        };
         // Clouds far away hang into the silhouette of the horizon, which is drawn once and does not move.
-        let fade = smoothstep(0.003, 0.012, ray.z as f32);
+        let share = stretch * smoothstep(0.003, 0.012, ray.z as f32);
         CloudLight {
-            luminance: found.luminance * fade,
-            transmittance: 1.0 - (1.0 - found.transmittance) * fade,
+            luminance: found.luminance * share,
+            transmittance: 1.0 - opacity * share,
         }
     }
 
@@ -156,23 +168,23 @@ impl Clouds {
         let facing = 0.75 - 0.25 * ray.dot(self.light.to_sun) as f32;
         let mut distance_m = from_m;
         while distance_m < to_m && found.transmittance > OPAQUE {
-            let step_m = (0.010 * distance_m)
-                .clamp(40.0, 400.0)
+            let step_m = (0.02 * distance_m)
+                .clamp(40.0, 1_500.0)
                 .min(to_m - distance_m)
                 .max(1.0);
             let middle_m = distance_m + step_m / 2.0;
             let point = view.position_m + ray * middle_m;
             let level =
                 ((view.height_msl_m(point) - layer.base_m) / (layer.top_m - layer.base_m)) as f32;
-            let density = layer.density(
+            let puff = layer.puff(
                 self.tile,
                 point.truncate() - layer.drift_mps * time_s,
                 level,
             );
-            if density > 0.0 {
-                let through = (-layer.extinction_per_m * density * step_m as f32).exp();
+            if puff.density > 0.0 {
+                let through = (-layer.extinction_per_m * puff.density * step_m as f32).exp();
                 let lit = smoothstep(-0.1, 0.6, level) * facing;
-                let own = layer.shaded.lerp(layer.sunlit, lit);
+                let own = layer.shaded.lerp(layer.sunlit, lit) * puff.brightness;
                 let t = air.transmittance(middle_m);
                 found.luminance +=
                     (own * t + airlight * (1.0 - t)) * (found.transmittance * (1.0 - through));
@@ -190,7 +202,7 @@ impl Layer {
         let (tile_m, extinction_per_m, gloom) = match layer.kind {
             CloudKind::Cirrus => (60_000.0, 1.5e-4, 1.0),
             CloudKind::Stratus => (32_000.0, 0.012, 0.8),
-            CloudKind::Cumulus => (20_000.0, 0.030, 1.0),
+            CloudKind::Cumulus => (20_000.0, 0.020, 1.0),
             CloudKind::Cumulonimbus => (48_000.0, 0.030, 0.55),
         };
         let rain = 1.0 - 0.4 * weather.rain_ratio as f32;
@@ -228,21 +240,21 @@ impl Layer {
         Some((from, to))
     }
 
-    /// Density between 0 and 1 at a place of the drifting plan and a level between base (0) and top (1).
-    fn density(&self, tile: &NoiseTile, plan_m: DVec2, level: f32) -> f32 {
-        if !(0.0..=1.0).contains(&level) {
-            return 0.0;
-        }
+    /// The cloud at a place of the drifting plan and a level between base (0) and top (1).
+    fn puff(&self, tile: &NoiseTile, plan_m: DVec2, level: f32) -> Puff {
         let coarse = plan_m / self.tile_m;
         let excess = (tile.at(coarse.x, coarse.y) - (1.0 - self.cover)) / self.cover.max(0.05);
-        if excess < -0.3 {
-            return 0.0;
+        if excess < -0.3 || !(0.0..=1.0).contains(&level) {
+            return Puff {
+                density: 0.0,
+                brightness: 1.0,
+            };
         }
         // Fine structure slides sideways with height, which breaks the columns of a two-dimensional tile.
         let height_m = f64::from(level) * (self.top_m - self.base_m);
         let fine = (plan_m + DVec2::new(0.6, -0.4) * height_m) / (self.tile_m * 0.19);
         let detail = tile.at(fine.x, fine.y) - 0.5;
-        match self.kind {
+        let density = match self.kind {
             CloudKind::Cirrus => smoothstep(0.0, 0.8, excess + 0.4 * detail),
             CloudKind::Stratus => {
                 let edges = smoothstep(0.0, 0.15, level) * (1.0 - smoothstep(0.8, 1.0, level));
@@ -250,8 +262,22 @@ impl Layer {
             }
             CloudKind::Cumulus | CloudKind::Cumulonimbus => {
                 let heap = excess.max(0.0).sqrt() + 0.35 * detail;
-                smoothstep(0.0, 0.15, heap - level) * smoothstep(0.0, 0.04, level)
+                smoothstep(0.0, 0.25, heap - level) * smoothstep(0.0, 0.04, level)
             }
+        };
+        // The thicker the cloud above, the darker what one sees of it from below.
+        let brightness = (1.0 + 0.7 * detail) * (1.1 - 0.5 * excess.max(0.0) * (1.0 - level));
+        Puff {
+            density,
+            brightness,
         }
     }
+}
+
+/// A small piece of cloud.
+struct Puff {
+    /// 0 none to 1 the densest.
+    density: f32,
+    /// Relative to the layer's own luminance.
+    brightness: f32,
 }

@@ -396,6 +396,39 @@ fn a_closed_layer_hides_an_aircraft_above_it_and_not_one_below() {
 }
 
 #[test]
+fn lamps_do_not_shine_through_a_closed_layer_in_poor_visibility() {
+    let weather = Weather {
+        clouds: vec![CloudLayer {
+            kind: CloudKind::Stratus,
+            cover_ratio: 1.0,
+            base_msl_m: 500.0,
+            top_msl_m: 1_200.0,
+        }],
+        visibility_m: 9_260.0,
+        ..clear()
+    };
+    let range_m = 9.0 * NM_M;
+    let scene = Scene::new(
+        &small_camera(range_m),
+        &changi_02l(),
+        &weather,
+        &clock_at_local(6.0),
+    );
+    let pose = on_glide_path(range_m, 0.0);
+    let placed = Placed::new(&scene.world.view, &pose, &LANDING);
+    let clouds = CloudsBefore::new(&scene.world, &placed, 0.0);
+    let brightest = scene
+        .visible_lamps(&placed, &clouds, 0.3)
+        .iter()
+        .map(|spot| spot.energy.max_element())
+        .fold(0.0, f32::max);
+    assert!(
+        brightest < 1e-3,
+        "{brightest} of exposed light comes through"
+    );
+}
+
+#[test]
 fn landing_lights_are_brighter_than_the_twilight_around_them() {
     let scene = Scene::new(
         &small_camera(6.0 * NM_M),
