@@ -340,7 +340,7 @@ mod tests {
         let mut rng = ChaCha8Rng::seed_from_u64(11);
         let samples = samples(&mut rng);
         let config = TrainingConfig {
-            effort: Effort::Steps(300),
+            effort: Effort::Steps(200),
             learning_rate: 4e-3,
             ..Default::default()
         };
