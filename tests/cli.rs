@@ -1,0 +1,173 @@
+//! The command as a shell sees it: plans, bad input, a simulator that is not there.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn dtd(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_dtd"))
+        .args(arguments)
+        .current_dir(repository())
+        .output()
+        .unwrap()
+}
+
+fn plan_json(sweep: &str) -> Value {
+    let output = dtd(&["plan", sweep, "--json"]);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn values<'a>(plan: &'a Value, key: &str) -> Vec<&'a str> {
+    let scenarios = plan["scenarios"].as_array().unwrap();
+    let mut found: Vec<&str> = scenarios
+        .iter()
+        .map(|s| s[key].as_str().unwrap())
+        .collect();
+    found.sort_unstable();
+    found.dedup();
+    found
+}
+
+#[test]
+fn the_papers_corpus_is_one_hundred_scenarios_of_five_times_and_four_weathers() {
+    let plan = plan_json("scenarios.toml");
+    assert_eq!(plan["scenarios"].as_array().unwrap().len(), 100);
+    assert_eq!(
+        values(&plan, "time_of_day"),
+        ["06:00", "08:00", "12:00", "17:00", "18:00"]
+    );
+    assert_eq!(
+        values(&plan, "weather"),
+        ["clear", "cloudy", "foggy", "stormy"]
+    );
+    assert_eq!(values(&plan, "id").len(), 100);
+    assert_eq!(plan, plan_json("scenarios.toml"), "two plans of one file");
+}
+
+#[test]
+fn the_demo_flies_recorded_flights_in_every_weather_at_three_times() {
+    let plan = plan_json("demo.toml");
+    let scenarios = plan["scenarios"].as_array().unwrap();
+    assert!(scenarios.len() >= 8);
+    assert_eq!(values(&plan, "weather").len(), 4);
+    assert!(values(&plan, "time_of_day").len() >= 3);
+    let recorded = scenarios.iter().filter(|s| s["flight"] != "live").count();
+    assert!(recorded >= 2, "{recorded} recorded flights");
+    for scenario in scenarios {
+        assert!(
+            scenario["seed"].is_u64() && scenario["ticks"].as_u64().unwrap() > 100,
+            "{scenario}"
+        );
+    }
+}
+
+/// The demo's sweep with one part replaced, in a folder of its own.
+fn broken_demo(folder: &Path, from: &str, to: &str) -> PathBuf {
+    let flights = repository().join("tests/data/flights");
+    let text = fs::read_to_string(repository().join("demo.toml")).unwrap();
+    let text = text.replace("tests/data/flights", flights.to_str().unwrap());
+    assert!(text.contains(from), "demo.toml has no {from:?}");
+    let path = folder.join("sweep.toml");
+    fs::write(&path, text.replacen(from, to, 1)).unwrap();
+    path
+}
+
+#[test]
+fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_written() {
+    // What is replaced, by what, and words that the message must hold.
+    let cases = [
+        ("repeats = 1", "repeat = 1", vec!["repeat", "repeats"]),
+        ("frame_rate = 1", "frame_rate = -1", vec!["-1", "frame"]),
+        ("frame_rate = 1", "frame_rate = \"0/1\"", vec!["0/1"]),
+        ("\"clear\", \"cloudy\"", "\"clear\", \"snowy\"", vec!["snowy", "foggy"]),
+        ("airport = \"WSSS\"", "airport = \"XXXX\"", vec!["XXXX", "WSSS"]),
+        ("runway = \"02L\"", "runway = \"99Z\"", vec!["99Z", "02L"]),
+        ("01_calm_ils.csv", "01_lost.csv", vec!["01_lost.csv"]),
+        ("\"06:00\"", "\"26:00\"", vec!["26:00"]),
+        ("rig = \"wide-baseline\"", "rig = \"narrow\"", vec!["narrow", "wide-baseline"]),
+        ("visibility_m = 80000", "visibility_m = -5", vec!["-5", "visibility"]),
+        ("cover_ratio = 0.6", "cover_ratio = 1.6", vec!["1.6", "cover"]),
+        ("preset = \"superfast\"", "preset = \"warp\"", vec!["warp", "superfast"]),
+        ("seed = 7", "seed = \"seven\"", vec!["seven", "expected"]),
+        ("aircraft = \"B737-800\"", "aircraft = \"A320\"", vec!["A320", "B737-800"]),
+    ];
+    for (from, to, words) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let sweep = broken_demo(folder.path(), from, to);
+        let corpus = folder.path().join("corpus");
+        let output = dtd(&[
+            "generate",
+            sweep.to_str().unwrap(),
+            "--out",
+            corpus.to_str().unwrap(),
+        ]);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{to}: {message}");
+        let place = message
+            .split_once("sweep.toml:")
+            .and_then(|(_, rest)| rest.split(':').next())
+            .and_then(|line| line.parse::<usize>().ok());
+        assert!(place.is_some(), "{to}: no line in {message}");
+        for word in words {
+            assert!(message.contains(word), "{to}: no {word:?} in {message}");
+        }
+        assert!(!corpus.exists(), "{to}: something was written");
+    }
+}
+
+#[test]
+fn what_is_not_there_is_bad_input_with_its_name() {
+    let cases: [(&[&str], &str); 6] = [
+        (&["plan", "lost.toml"], "lost.toml"),
+        (&["label", "lost-corpus"], "lost-corpus"),
+        (&["verify", "lost-corpus"], "dtd generate"),
+        (&["train", "lost-corpus", "--out", "run"], "lost-corpus"),
+        (&["generate", "demo.toml", "--out", "target/x", "--sim", "nowhere"], "HOST:PORT"),
+        (&["generate", "demo.toml", "--out", "target/x", "--only", "0099"], "0099"),
+    ];
+    for (arguments, word) in cases {
+        let output = dtd(arguments);
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
+        assert!(message.contains(word), "{arguments:?}: {message}");
+    }
+}
+
+#[test]
+fn a_simulator_that_is_not_there_is_a_failure_that_says_what_to_do() {
+    // A port that was free a moment ago.
+    let port = std::net::UdpSocket::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap()
+        .port();
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = folder.path().join("corpus");
+    let address = format!("127.0.0.1:{port}");
+    let output = dtd(&[
+        "generate",
+        "demo.toml",
+        "--out",
+        corpus.to_str().unwrap(),
+        "--sim",
+        &address,
+    ]);
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(1), "{message}");
+    assert!(
+        message.contains(&address) && message.contains("--sim mock"),
+        "{message}"
+    );
+    assert!(!corpus.exists(), "something was written");
+}
