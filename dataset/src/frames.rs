@@ -67,7 +67,10 @@ pub struct Frames {
     pub rows: Vec<Frame>,
 }
 
-pub(crate) const POSE_FIELDS: [(&str, fn(&Pose) -> f64); 6] = [
+/// Name of a value of a pose and how to get it.
+type PoseField = (&'static str, fn(&Pose) -> f64);
+
+pub(crate) const POSE_FIELDS: [PoseField; 6] = [
     ("latitude_deg", |p| p.latitude_deg),
     ("longitude_deg", |p| p.longitude_deg),
     ("altitude_msl_m", |p| p.altitude_msl_m),

@@ -142,6 +142,11 @@ fn verify_scenario(
     Some(record)
 }
 
+/// Whether two numbers are the same but for rounding; never, if one of them is not a number.
+fn close(a: f64, b: f64, tolerance: f64) -> bool {
+    (a - b).abs() <= tolerance
+}
+
 /// Collects the faults of one scenario or of the corpus's own files.
 struct Faults {
     scenario: Option<String>,

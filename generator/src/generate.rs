@@ -150,9 +150,9 @@ pub async fn generate(
     let mut to_make = Vec::new();
     for scenario in wanted {
         if is_whole(corpus_root, scenario)? {
-            outcome.skipped.push(scenario.id.clone())
+            outcome.skipped.push(scenario.id.clone());
         } else {
-            to_make.push(scenario)
+            to_make.push(scenario);
         }
     }
     on_event(Event::Planned {

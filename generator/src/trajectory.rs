@@ -173,9 +173,9 @@ fn crossing(
                     break;
                 }
                 if quantity(middle) <= level {
-                    high = middle
+                    high = middle;
                 } else {
-                    low = middle
+                    low = middle;
                 }
             }
             return Some(high);

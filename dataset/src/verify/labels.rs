@@ -1,6 +1,6 @@
 //! Labels, where there are some: distances computed again from the poses, boxes inside their pictures.
 
-use super::Faults;
+use super::{Faults, close};
 use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
 use crate::frames::{Frame, Frames};
@@ -65,7 +65,7 @@ fn check_row(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut Fa
         ),
     ];
     for (name, found, expected) in pairs {
-        if !((found - expected).abs() <= LENGTH_TOLERANCE_M) {
+        if !close(found, expected, LENGTH_TOLERANCE_M) {
             let message = format!("{name} is {found}, the pose gives {expected}");
             faults.row(ScenarioFolder::FRAMES, row, "label", message);
         }
@@ -82,7 +82,7 @@ fn check_countdown(frames: &Frames, faults: &mut Faults) {
             (None, None) => {}
             (Some(earlier), Some(later)) => {
                 let step_s = crate::units::SimTime(after.time_ns - before.time_ns).seconds();
-                if !((earlier - later - step_s).abs() <= TIME_TOLERANCE_S) {
+                if !close(earlier - later, step_s, TIME_TOLERANCE_S) {
                     let message = format!(
                         "is {later}, expected {} from the row before",
                         earlier - step_s
@@ -153,7 +153,7 @@ fn check_boxes(
             && top >= -0.5 - slack
             && right <= most_x + slack
             && bottom <= most_y + slack;
-        if !inside || !(truth.pixel_box.area() > 0.0) {
+        if !inside || truth.pixel_box.area() == 0.0 {
             faults.row(
                 FILE,
                 row,

@@ -2,7 +2,7 @@
 
 use glam::DMat3;
 
-use super::Faults;
+use super::{Faults, close};
 use crate::calibration::{Calibration, CameraEntry};
 use crate::conditions::Conditions;
 use crate::scenario::ScenarioRecord;
@@ -45,8 +45,7 @@ pub(super) fn check(folder_id: &str, record: &ScenarioRecord, faults: &mut Fault
     }
     let target = record.runway.touchdown_target();
     let off_m = target.to_ecef().distance(record.touchdown.to_ecef());
-    // Written so that NaN is a fault too.
-    if !(off_m <= LENGTH_TOLERANCE_M) {
+    if !close(off_m, 0.0, LENGTH_TOLERANCE_M) {
         faults.file(
             RECORD,
             format!("touchdown is {off_m:.3} m from {target:?}, where threshold, course and distance of the runway put it"),
@@ -133,11 +132,15 @@ fn difference(entry: &CameraEntry) -> Option<&'static str> {
     let turned = rotations[0]
         .iter()
         .zip(&rotations[1])
-        .any(|(a, b)| !((a - b).abs() <= RELATIVE_TOLERANCE));
+        .any(|(a, b)| !close(*a, *b, RELATIVE_TOLERANCE));
     let intrinsics = again.k.iter().flatten().zip(entry.k.iter().flatten());
     let mut scaled =
         intrinsics.map(|(a, b)| (a - b).abs() <= RELATIVE_TOLERANCE * a.abs().max(1.0));
-    if !(ours.center_ecef_m.distance(theirs.center_ecef_m) <= LENGTH_TOLERANCE_M) {
+    if !close(
+        ours.center_ecef_m.distance(theirs.center_ecef_m),
+        0.0,
+        LENGTH_TOLERANCE_M,
+    ) {
         Some("translation_m")
     } else if turned {
         Some("rotation")

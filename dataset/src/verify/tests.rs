@@ -535,5 +535,5 @@ fn a_folder_without_a_seal_is_found() {
 #[test]
 fn crowds_of_one_fault_are_counted() {
     let findings = Example::with_table(|rows| rows.iter_mut().for_each(|row| row.time_ns += 5));
-    assert_found(&format!("{findings}"), "time: 2 more rows");
+    assert_found(&findings, "time: 2 more rows");
 }

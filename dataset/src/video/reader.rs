@@ -146,7 +146,7 @@ impl VideoReader {
                 Err(ffmpeg_next::Error::Other { errno })
                     if errno == ffmpeg_next::util::error::EAGAIN =>
                 {
-                    self.send()?
+                    self.send()?;
                 }
                 Err(e) => return Err(self.fault(format!("decode picture {}", self.frames_read), e)),
             }

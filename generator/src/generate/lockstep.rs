@@ -222,14 +222,15 @@ mod tests {
 
     #[test]
     fn every_difference_is_refused_with_tick_and_view() {
-        let wrong: [(&str, fn(&mut CapturedFrame)); 6] = [
+        type Change = fn(&mut CapturedFrame);
+        let wrong: [(&str, Change); 6] = [
             ("tick is 4", |f| f.tick = 4),
             ("number of the view", |f| f.view = 0),
             ("pose of the aircraft", |f| f.pose.latitude_deg += 1e-12),
             ("camera", |f| f.camera.hfov_deg = 10.1),
             ("size of the picture", |f| f.rgb.truncate(23)),
             ("frame number is 99, expected \"more than 99\"", |f| {
-                f.sim_frame = 99
+                f.sim_frame = 99;
             }),
         ];
         for (words, change) in wrong {

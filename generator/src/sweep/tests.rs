@@ -76,8 +76,16 @@ fn a_sweep_is_read_with_its_defaults() {
     assert_eq!(sweep.cameras.len(), 2);
 }
 
-/// What is written instead of what, the line and column that the message must name, and words that must be in it.
-const FAULTS: [(&str, &str, Option<(usize, usize)>, &str); 34] = [
+/// What stands in the sound sweep, what is written instead, the line and column that the message must name, and words that must be
+/// in it.
+type Fault = (
+    &'static str,
+    &'static str,
+    Option<(usize, usize)>,
+    &'static str,
+);
+
+const FAULTS: [Fault; 34] = [
     (
         "seed = 0",
         "seed = 0\ncolour = 1",
