@@ -18,7 +18,7 @@ use crate::render::tone::{self, Tone};
 use crate::render::view::View;
 
 /// Pixels between grid nodes.
-const CELL_PX: usize = 8;
+pub(crate) const CELL_PX: usize = 8;
 /// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would cost
 /// twice as much at the low frame rates at which every picture needs new ones.
 const DRIFT_PER_INSTANT_PX: f64 = 1.0;

@@ -8,6 +8,7 @@ use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use glam::{DVec2, DVec3, Vec3};
 
 use crate::render::air::Air;
+use crate::render::backdrop::CELL_PX;
 use crate::render::curves::smoothstep;
 use crate::render::light::Light;
 use crate::render::noise::NoiseTile;
@@ -176,11 +177,11 @@ impl Clouds {
             let point = view.position_m + ray * middle_m;
             let level =
                 ((view.height_msl_m(point) - layer.base_m) / (layer.top_m - layer.base_m)) as f32;
-            let puff = layer.puff(
-                self.tile,
-                point.truncate() - layer.drift_mps * time_s,
-                level,
-            );
+            // Plan seen by one cell of the sky's grid: what is finer must not flicker from row to row.
+            let footprint_m =
+                step_m.max(CELL_PX as f64 / view.camera.focal_px * middle_m / ray.z.max(0.01));
+            let plan_m = point.truncate() - layer.drift_mps * time_s;
+            let puff = layer.puff(self.tile, plan_m, footprint_m, level);
             if puff.density > 0.0 {
                 let through = (-layer.extinction_per_m * puff.density * step_m as f32).exp();
                 let lit = smoothstep(-0.1, 0.6, level) * facing;
@@ -241,9 +242,11 @@ impl Layer {
     }
 
     /// The cloud at a place of the drifting plan and a level between base (0) and top (1).
-    fn puff(&self, tile: &NoiseTile, plan_m: DVec2, level: f32) -> Puff {
+    fn puff(&self, tile: &NoiseTile, plan_m: DVec2, footprint_m: f64, level: f32) -> Puff {
         let coarse = plan_m / self.tile_m;
-        let excess = (tile.at(coarse.x, coarse.y) - (1.0 - self.cover)) / self.cover.max(0.05);
+        let excess = (tile.blurred(coarse.x, coarse.y, footprint_m / self.tile_m)
+            - (1.0 - self.cover))
+            / self.cover.max(0.05);
         if excess < -0.3 || !(0.0..=1.0).contains(&level) {
             return Puff {
                 density: 0.0,
@@ -252,8 +255,9 @@ impl Layer {
         }
         // Fine structure slides sideways with height, which breaks the columns of a two-dimensional tile.
         let height_m = f64::from(level) * (self.top_m - self.base_m);
-        let fine = (plan_m + DVec2::new(0.6, -0.4) * height_m) / (self.tile_m * 0.19);
-        let detail = tile.at(fine.x, fine.y) - 0.5;
+        let fine_m = 0.19 * self.tile_m;
+        let fine = (plan_m + DVec2::new(0.6, -0.4) * height_m) / fine_m;
+        let detail = tile.blurred(fine.x, fine.y, footprint_m / fine_m) - 0.5;
         let density = match self.kind {
             CloudKind::Cirrus => smoothstep(0.0, 0.8, excess + 0.4 * detail),
             CloudKind::Stratus => {

@@ -9,9 +9,13 @@ const SIDE: usize = 1024;
 const COARSEST_CELLS: usize = 16;
 const OCTAVES: u32 = 5;
 
+/// Coarser copies of the tile, each half as wide as the one before.
+const LEVELS: usize = 6;
+
 /// Uniform fractal noise over a repeating unit square.
 pub(crate) struct NoiseTile {
-    texels: Vec<f32>,
+    /// The tile and its averages over 2 x 2, 4 x 4 ... texels.
+    levels: Vec<Vec<f32>>,
 }
 
 impl NoiseTile {
@@ -38,19 +42,47 @@ impl NoiseTile {
         for (rank, &index) in order.iter().enumerate() {
             texels[index as usize] = (rank as f32 + 0.5) / raw.len() as f32;
         }
-        Self { texels }
+        let mut levels = vec![texels];
+        for level in 1..LEVELS {
+            let (finer, side) = (&levels[level - 1], SIDE >> level);
+            let average = |i: usize| {
+                let corner = (i / side * 2) * (side * 2) + i % side * 2;
+                let sum = finer[corner]
+                    + finer[corner + 1]
+                    + finer[corner + side * 2]
+                    + finer[corner + side * 2 + 1];
+                sum / 4.0
+            };
+            levels.push((0..side * side).map(average).collect());
+        }
+        Self { levels }
+    }
+
+    /// The mean over about `footprint` (in units of the tile's side) around a place: what a coarse sample of a fine pattern
+    /// should see.
+    pub(crate) fn blurred(&self, x: f64, y: f64, footprint: f64) -> f32 {
+        let wanted = ((footprint * SIDE as f64).max(1.0).log2() as f32).min((LEVELS - 1) as f32);
+        let finer = (wanted as usize).min(LEVELS - 2);
+        let (a, b) = (self.in_level(finer, x, y), self.in_level(finer + 1, x, y));
+        a + (b - a) * (wanted - finer as f32)
     }
 
     /// The value at a place, in units of the tile's side; repeats with period 1.
     pub(crate) fn at(&self, x: f64, y: f64) -> f32 {
-        let (u, v) = (x * SIDE as f64, y * SIDE as f64);
+        self.in_level(0, x, y)
+    }
+
+    fn in_level(&self, level: usize, x: f64, y: f64) -> f32 {
+        let (texels, side) = (&self.levels[level], SIDE >> level);
+        // Texels of all levels have their centres half a texel inside.
+        let (u, v) = (x * side as f64 - 0.5, y * side as f64 - 0.5);
         let (u0, v0) = (u.floor(), v.floor());
         let (fu, fv) = ((u - u0) as f32, (v - v0) as f32);
-        let wrap = |i: i64| i as usize & (SIDE - 1);
+        let wrap = |i: i64| i as usize & (side - 1);
         let (x0, x1) = (wrap(u0 as i64), wrap(u0 as i64 + 1));
-        let (y0, y1) = (wrap(v0 as i64) * SIDE, wrap(v0 as i64 + 1) * SIDE);
-        let top = self.texels[y0 + x0] + (self.texels[y0 + x1] - self.texels[y0 + x0]) * fu;
-        let bottom = self.texels[y1 + x0] + (self.texels[y1 + x1] - self.texels[y1 + x0]) * fu;
+        let (y0, y1) = (wrap(v0 as i64) * side, wrap(v0 as i64 + 1) * side);
+        let top = texels[y0 + x0] + (texels[y0 + x1] - texels[y0 + x0]) * fu;
+        let bottom = texels[y1 + x0] + (texels[y1 + x1] - texels[y1 + x0]) * fu;
         top + (bottom - top) * fv
     }
 }
@@ -103,9 +135,32 @@ mod tests {
     #[test]
     fn a_threshold_covers_exactly_its_share_of_the_tile() {
         let tile = NoiseTile::shared();
-        let above = tile.texels.iter().filter(|&&value| value > 0.4).count() as f64
-            / tile.texels.len() as f64;
+        let texels = &tile.levels[0];
+        let above =
+            texels.iter().filter(|&&value| value > 0.4).count() as f64 / texels.len() as f64;
         assert!((above - 0.6).abs() < 1e-4, "{above}");
+    }
+
+    #[test]
+    fn a_wide_footprint_calms_the_tile_and_keeps_its_place() {
+        let tile = NoiseTile::shared();
+        let places = || (0..400).map(|i| (f64::from(i) * 0.0713, f64::from(i) * 0.0291));
+        let spread = |footprint: f64| {
+            places()
+                .map(|(x, y)| (tile.blurred(x, y, footprint) - 0.5).powi(2))
+                .sum::<f32>()
+        };
+        assert!(
+            spread(0.03) < 0.8 * spread(0.0),
+            "{} {}",
+            spread(0.03),
+            spread(0.0)
+        );
+        let moved = places()
+            .map(|(x, y)| (tile.blurred(x, y, 0.004) - tile.at(x, y)).abs())
+            .sum::<f32>()
+            / 400.0;
+        assert!(moved < 0.05, "{moved}");
     }
 
     #[test]

@@ -389,11 +389,7 @@ fn a_closed_layer_hides_an_aircraft_above_it_and_not_one_below() {
     };
     assert!(seen(6_000.0) > 5.0, "below the base: {}", seen(6_000.0));
     // What remains, far below a grey level, is the grid of the sky against the cloud before the aircraft.
-    assert!(
-        seen(14_000.0) < 0.2,
-        "inside the layer: {}",
-        seen(14_000.0)
-    );
+    assert!(seen(14_000.0) < 0.2, "inside the layer: {}", seen(14_000.0));
 }
 
 #[test]
