@@ -177,9 +177,10 @@ impl Clouds {
             let point = view.position_m + ray * middle_m;
             let level =
                 ((view.height_msl_m(point) - layer.base_m) / (layer.top_m - layer.base_m)) as f32;
-            // Plan seen by one cell of the sky's grid: what is finer must not flicker from row to row.
-            let footprint_m =
-                step_m.max(CELL_PX as f64 / view.camera.focal_px * middle_m / ray.z.max(0.01));
+            // Plan seen by one cell of the sky's grid and between two samples of the ray (which need two samples a wave):
+            // what is finer must not flicker from row to row.
+            let footprint_m = (2.0 * step_m)
+                .max(CELL_PX as f64 / view.camera.focal_px * middle_m / ray.z.max(0.01));
             let plan_m = point.truncate() - layer.drift_mps * time_s;
             let puff = layer.puff(self.tile, plan_m, footprint_m, level);
             if puff.density > 0.0 {
