@@ -1,3 +1,48 @@
-//! Calibration networks, distance estimators, baselines, evaluation and report.
+//! Learns the distance to touchdown from boxes in synchronised pictures, and says how good the answer is.
+//!
+//! In: a corpus with labels and detections. Out: a run folder ([`run_folder`]) with networks, formulas, figures and a report.
+//!
+//! ```text
+//! samples -> normalisation -> (trajectory_mixing) -> calibration_training -> paper_lstm --+
+//!       \-> mono_network, pinhole, triangulation (baselines) -----------------------------+-> evaluation -> metrics, report
+//! ```
+//!
+//! The method is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
+//! paper leaves a choice open, the module says which one was taken and why.
+//! [`detector`] is apart from all this: it trains the network that finds the aircraft in the pictures.
 
 #![forbid(unsafe_code)]
+
+pub mod calibration_training;
+pub mod config;
+pub mod dense;
+pub mod detector;
+pub mod encoded;
+pub mod error;
+pub mod evaluation;
+pub mod gap_balance;
+pub mod head_refit;
+pub mod lstm;
+pub mod metrics;
+pub mod mono_network;
+pub mod normalisation;
+pub mod paper_lstm;
+pub mod pinhole;
+pub mod progress;
+pub mod report;
+pub mod run_folder;
+pub mod samples;
+pub mod schedule;
+pub mod synthetic;
+pub mod training;
+pub mod trajectory_mixing;
+pub mod triangulation;
+pub mod view_dropout;
+
+pub use config::TrainConfig;
+pub use error::{Error, Result};
+pub use evaluation::{EvaluationConfig, evaluate};
+pub use metrics::Metrics;
+pub use progress::{Progress, Silent};
+pub use run_folder::RunFolder;
+pub use training::{TrainOutcome, train};

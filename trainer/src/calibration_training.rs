@@ -1,0 +1,259 @@
+//! Stage one: a calibration network per camera and one shared auxiliary head, trained by Algorithm 1.
+//!
+//! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same
+//! tick (equation (1)), without a gradient through the others: they are to come to view i no more than it comes to them. Which
+//! views train is [`GapBalance`]'s decision, taken on the validation side. The paper's full-batch epochs are mini-batches here.
+
+use burn::module::Module;
+use burn::optim::GradientsParams;
+use burn::tensor::activation::leaky_relu;
+use burn::tensor::{Device, Tensor};
+use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::config::{CalibrationConfig, Loss};
+use crate::dense::{Dense, LEAKY_SLOPE, widths};
+use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
+use crate::error::{Error, Result};
+use crate::gap_balance::GapBalance;
+use crate::normalisation::BOX_FEATURES;
+use crate::progress::Progress;
+use crate::schedule::{adam, learning_rate};
+
+/// The networks of stage one.
+#[derive(Module, Debug)]
+pub struct CalibrationNetworks {
+    /// One network per view, box features to feature vector.
+    views: Vec<Dense>,
+    /// The shared auxiliary head, feature vector to distance.
+    head: Dense,
+}
+
+impl CalibrationNetworks {
+    /// Untrained networks.
+    pub fn new(
+        views: usize,
+        config: &CalibrationConfig,
+        random: &mut ChaCha12Rng,
+        device: &Device,
+    ) -> Self {
+        let widths_of_view = widths(BOX_FEATURES, &config.hidden, config.features);
+        Self {
+            views: (0..views)
+                .map(|_| Dense::new(&widths_of_view, random, device))
+                .collect(),
+            head: Dense::new(
+                &widths(config.features, &config.head_hidden, 1),
+                random,
+                device,
+            ),
+        }
+    }
+
+    /// Feature vectors of one view's boxes, `[batch, 4]` to `[batch, features]`.
+    pub fn features(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
+        leaky_relu(self.views[view].forward(boxes), LEAKY_SLOPE)
+    }
+
+    /// The distance as one view alone predicts it, in the coordinate of the loss, `[batch, 1]`.
+    pub fn predict(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
+        self.head.forward(self.features(view, boxes))
+    }
+}
+
+/// One entry of the convergence log.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationLogEntry {
+    /// Steps done.
+    pub step: usize,
+    /// Error of each view's own prediction on the validation side, percent; `null` for a view that saw nothing there.
+    pub validation_mape_pct: Vec<Option<f64>>,
+    /// Which views trained up to the next entry.
+    pub optimised: Vec<bool>,
+}
+
+/// Trains the networks.
+pub fn train_calibration(
+    training: &Encoded,
+    validation: &Encoded,
+    config: &CalibrationConfig,
+    loss: Loss,
+    random: &mut ChaCha12Rng,
+    device: &Device,
+    progress: &mut dyn Progress,
+) -> Result<(CalibrationNetworks, Vec<CalibrationLogEntry>)> {
+    let views = training.views();
+    let all: Vec<usize> = (0..training.len()).collect();
+    let steps = config.optimisation.steps;
+    progress.begin("calibration networks", steps as u64);
+    let mut networks = CalibrationNetworks::new(views, config, random, device);
+    let mut optimiser = adam();
+    let mut balance = GapBalance::new(
+        views,
+        config.min_steps,
+        config.plateau_threshold_pct,
+        config.gap_threshold_pct,
+    );
+    let mut log = Vec::new();
+    for step in 0..steps {
+        let batch = draw(&all, config.optimisation.batch_size, random);
+        let mut gradients = batch_loss(
+            &networks,
+            training,
+            &batch,
+            balance.optimised(),
+            loss,
+            device,
+        )
+        .backward();
+        // The head trains only together with all views; a parameter without a gradient stays as it is.
+        let mut selected = GradientsParams::new();
+        for (view, network) in networks.views.iter().enumerate() {
+            if balance.optimised()[view] {
+                take_gradients(&mut gradients, network, &mut selected);
+            }
+        }
+        if balance.all_optimised() {
+            take_gradients(&mut gradients, &networks.head, &mut selected);
+        }
+        networks = optimiser.step(
+            learning_rate(&config.optimisation, step),
+            networks,
+            selected,
+        );
+        let done = step + 1;
+        if done % config.log_every == 0 || done == steps {
+            let errors =
+                validation_errors(&networks.valid(), validation, loss, &device.clone().inner());
+            if errors.iter().flatten().any(|error| !error.is_finite()) {
+                return Err(Error::Diverged {
+                    network: "calibration networks".into(),
+                    step: done,
+                });
+            }
+            balance.observe(config.log_every, &errors);
+            let note = errors
+                .iter()
+                .map(|e| e.map_or("-".into(), |e| format!("{e:.2}")))
+                .collect::<Vec<_>>();
+            progress.advance(
+                done as u64,
+                &format!("MAPE per view {} %", note.join(" / ")),
+            );
+            log.push(CalibrationLogEntry {
+                step: done,
+                validation_mape_pct: errors,
+                optimised: balance.optimised().to_vec(),
+            });
+        }
+    }
+    Ok((networks, log))
+}
+
+/// Sum of the losses of the optimised views.
+fn batch_loss(
+    networks: &CalibrationNetworks,
+    samples: &Encoded,
+    batch: &[usize],
+    optimised: &[bool],
+    loss: Loss,
+    device: &Device,
+) -> Tensor<1> {
+    let views = samples.views();
+    let targets = samples.target_column(batch, loss, device);
+    // Views that are not optimised are computed without autodiff: a graph that no backward pass consumes is never freed, and burn's
+    // search for such graphs slows every later step down.
+    let plain_device = device.clone().inner();
+    let plain = networks.valid();
+    let predictions: Vec<Tensor<2>> = (0..views)
+        .map(|view| match optimised[view] {
+            true => networks.predict(view, samples.inputs(batch, view, device)),
+            false => {
+                Tensor::from_inner(plain.predict(view, samples.inputs(batch, view, &plain_device)))
+            }
+        })
+        .collect();
+    let masks: Vec<Vec<f32>> = (0..views).map(|view| samples.mask(batch, view)).collect();
+    let mut total = Tensor::<1>::zeros([1], device);
+    for view in (0..views).filter(|&view| optimised[view]) {
+        let weights = |other_seen: &dyn Fn(usize) -> bool| {
+            let raw: Vec<f32> = (0..batch.len())
+                .map(|row| {
+                    if other_seen(row) {
+                        masks[view][row] * loss.weight(samples.distance(batch[row]))
+                    } else {
+                        0.0
+                    }
+                })
+                .collect();
+            let count = (0..batch.len())
+                .filter(|&row| masks[view][row] > 0.0 && other_seen(row))
+                .count()
+                .max(1);
+            column(raw.into_iter().map(|w| w / count as f32).collect(), device)
+        };
+        let truth = (predictions[view].clone() - targets.clone()).square() * weights(&|_| true);
+        total = total + truth.sum();
+        let others: Vec<usize> = (0..views).filter(|&other| other != view).collect();
+        let seen_by_others =
+            |row: usize| others.iter().map(|&other| masks[other][row]).sum::<f32>();
+        if (0..batch.len()).any(|row| masks[view][row] > 0.0 && seen_by_others(row) > 0.0) {
+            let mut mean = Tensor::<2>::zeros([batch.len(), 1], device);
+            for &other in &others {
+                let share = (0..batch.len())
+                    .map(|row| masks[other][row] / seen_by_others(row).max(1.0))
+                    .collect();
+                mean = mean
+                    + Tensor::from_inner(predictions[other].clone().inner())
+                        * column(share, device);
+            }
+            let apart = (predictions[view].clone() - mean).square()
+                * weights(&|row| seen_by_others(row) > 0.0);
+            total = total + apart.sum();
+        }
+    }
+    total
+}
+
+/// Moves the gradients of one part of a module.
+fn take_gradients<M: Module>(
+    gradients: &mut burn::tensor::Gradients,
+    module: &M,
+    into: &mut GradientsParams,
+) {
+    struct Mover<'a> {
+        from: GradientsParams,
+        into: &'a mut GradientsParams,
+    }
+    impl burn::module::ModuleVisitor for Mover<'_> {
+        fn visit_float<const D: usize>(&mut self, param: &burn::module::Param<Tensor<D>>) {
+            if let Some(gradient) = self.from.remove::<D>(param.id) {
+                self.into.register(param.id, gradient);
+            }
+        }
+    }
+    let from = GradientsParams::from_module(gradients, module);
+    module.visit(&mut Mover { from, into });
+}
+
+fn validation_errors(
+    networks: &CalibrationNetworks,
+    validation: &Encoded,
+    loss: Loss,
+    device: &Device,
+) -> Vec<Option<f64>> {
+    (0..validation.views())
+        .map(|view| {
+            let seen = validation.seen_by(view);
+            if seen.is_empty() {
+                return None;
+            }
+            let predicted = numbers(networks.predict(view, validation.inputs(&seen, view, device)));
+            mape_pct(
+                seen.iter()
+                    .zip(predicted)
+                    .map(|(&s, p)| (loss.distance(p), validation.distance(s))),
+            )
+        })
+        .collect()
+}

@@ -1,0 +1,372 @@
+//! All settings of a training, with the paper's sizes as defaults. Saved as `config.json` beside what they produced.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// Settings of [`crate::train`]. Keys that are not listed here are refused.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainConfig {
+    /// Seed of all random choices: initial weights, batches, augmentation. 0 is a seed like any other.
+    pub seed: u64,
+    /// Hash of the detection model whose boxes are used. May be left out if the corpus holds detections of one model only.
+    pub model_hash: Option<String>,
+    /// Ticks closer to the touchdown target than this are not learned from, nautical miles.
+    pub min_dtd_nm: f64,
+    /// Ticks farther from the touchdown target than this are not learned from, nautical miles.
+    pub max_dtd_nm: Option<f64>,
+    /// What the networks minimise.
+    pub loss: Loss,
+    /// Additional training samples from geometry.
+    pub augmentation: AugmentationConfig,
+    /// Stage one: calibration networks and their shared head.
+    pub calibration: CalibrationConfig,
+    /// Stage two: the distance estimator.
+    pub estimator: EstimatorConfig,
+    /// The monoscopic baseline networks.
+    pub mono: MonoConfig,
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            model_hash: None,
+            min_dtd_nm: 0.05,
+            max_dtd_nm: None,
+            loss: Loss::Logarithmic,
+            augmentation: AugmentationConfig::default(),
+            calibration: CalibrationConfig::default(),
+            estimator: EstimatorConfig::default(),
+            mono: MonoConfig::default(),
+        }
+    }
+}
+
+/// What a regression predicts and minimises. The figure of merit is a percentage, and the paper's squared error is content with 18 m
+/// everywhere, which is 0.1 % at 10 NM but 1 % at 1 NM.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Loss {
+    /// Networks predict distances in units of 10 NM; mean squared error, as equation (1) of the paper has it.
+    Squared,
+    /// The same with each sample divided by its squared distance.
+    Relative,
+    /// Networks predict the natural logarithm of the distance in units of 10 NM; mean squared error of that, which for small errors
+    /// is the relative error.
+    Logarithmic,
+}
+
+impl Loss {
+    /// Distances below this (in units of 10 NM; 0.5 NM) count as this one: percentages explode at touchdown.
+    const NEAREST: f32 = 0.05;
+
+    /// Weight of a sample at `distance` (units of 10 NM).
+    pub fn weight(self, distance: f32) -> f32 {
+        match self {
+            Self::Squared => 1.0,
+            Self::Relative => distance.max(Self::NEAREST).powi(-2),
+            // The logarithm makes every percent equal already; nearer than that its slope is let off.
+            Self::Logarithmic => (distance / Self::NEAREST).min(1.0).powi(2),
+        }
+    }
+
+    /// The number that a network should predict for `distance` (units of 10 NM).
+    pub fn target(self, distance: f32) -> f32 {
+        match self {
+            Self::Squared | Self::Relative => distance,
+            Self::Logarithmic => distance.ln(),
+        }
+    }
+
+    /// The distance (units of 10 NM) that a network's number means.
+    pub fn distance(self, predicted: f32) -> f32 {
+        match self {
+            Self::Squared | Self::Relative => predicted,
+            Self::Logarithmic => predicted.exp(),
+        }
+    }
+}
+
+/// Settings of trajectory mixing (see [`crate::trajectory_mixing`]).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AugmentationConfig {
+    /// Mixed samples are added until there are this many training samples; 0 turns mixing off. A corpus that has more by itself,
+    /// as the full sweep has, gets none.
+    pub fill_up_to_samples: usize,
+    /// How far a mixture may go beyond the two trajectories that it mixes, in parts of their separation. A view alone cannot tell
+    /// range from lateral deviation and has to guess by what aircraft usually do, so this should stay small.
+    pub extrapolation: f64,
+    /// The same for the samples that only train all views together, of which there are as many again. Together, views determine
+    /// the position whatever is usual, and a wide corridor teaches them to: in the narrow one, the lateral deviation that they have to
+    /// tell apart from range is so small that gradient descent takes ages to see it.
+    pub extrapolation_together: f64,
+}
+
+impl Default for AugmentationConfig {
+    fn default() -> Self {
+        Self {
+            fill_up_to_samples: 40_000,
+            extrapolation: 0.3,
+            extrapolation_together: 4.0,
+        }
+    }
+}
+
+/// Mini-batches and learning rate of one training. The rate rises linearly over the first 2 % of the steps and then falls along
+/// half a cosine to a thousandth (Adam, otherwise with its usual constants).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Optimisation {
+    /// Number of mini-batches.
+    pub steps: usize,
+    /// Samples in a mini-batch.
+    pub batch_size: usize,
+    /// Highest learning rate.
+    pub learning_rate: f64,
+}
+
+/// Settings of stage one. The paper trains full batches for at most 225 000 epochs; here a step is a mini-batch.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibrationConfig {
+    /// Hidden layers of a camera's calibration network.
+    pub hidden: Vec<usize>,
+    /// Length of the feature vector that it makes.
+    pub features: usize,
+    /// Hidden layers of the shared auxiliary head.
+    pub head_hidden: Vec<usize>,
+    /// Mini-batches and learning rate.
+    pub optimisation: Optimisation,
+    /// Steps between two entries of the convergence log; each is an evaluation on the validation side.
+    pub log_every: usize,
+    /// `Min` of Algorithm 1: steps before the set of optimised views may change (again).
+    pub min_steps: usize,
+    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, percentage points of MAPE.
+    pub plateau_threshold_pct: f64,
+    /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE.
+    pub gap_threshold_pct: f64,
+}
+
+impl Default for CalibrationConfig {
+    fn default() -> Self {
+        Self {
+            hidden: vec![128, 128],
+            features: 256,
+            head_hidden: vec![128],
+            optimisation: Optimisation {
+                steps: 3_000,
+                batch_size: 256,
+                learning_rate: 2e-3,
+            },
+            log_every: 50,
+            min_steps: 500,
+            plateau_threshold_pct: 0.1,
+            gap_threshold_pct: 0.25,
+        }
+    }
+}
+
+/// Settings of stage two.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EstimatorConfig {
+    /// Width of each LSTM layer; two layers in the paper.
+    pub lstm: Vec<usize>,
+    /// Hidden layers of the regression after it.
+    pub head_hidden: Vec<usize>,
+    /// Mini-batches and learning rate.
+    pub optimisation: Optimisation,
+    /// Steps between two entries of the convergence log.
+    pub log_every: usize,
+    /// Whether the last linear layer is solved in closed form after the last step (see [`crate::head_refit`]).
+    pub refit_head: bool,
+}
+
+impl Default for EstimatorConfig {
+    fn default() -> Self {
+        Self {
+            lstm: vec![256, 256],
+            head_hidden: vec![128],
+            optimisation: Optimisation {
+                steps: 20_000,
+                batch_size: 256,
+                learning_rate: 1e-3,
+            },
+            log_every: 250,
+            refit_head: true,
+        }
+    }
+}
+
+/// Settings of the monoscopic baseline networks.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct MonoConfig {
+    /// Hidden layers.
+    pub hidden: Vec<usize>,
+    /// Mini-batches and learning rate, of each view's network.
+    pub optimisation: Optimisation,
+}
+
+impl Default for MonoConfig {
+    fn default() -> Self {
+        Self {
+            hidden: vec![64, 64],
+            optimisation: Optimisation {
+                steps: 2_000,
+                batch_size: 256,
+                learning_rate: 3e-3,
+            },
+        }
+    }
+}
+
+impl TrainConfig {
+    /// Checks ranges; sizes and counts must be positive, thresholds not negative.
+    pub fn check(&self) -> Result<()> {
+        let positive = |setting, values: &[usize]| match values.iter().find(|&&value| value == 0) {
+            Some(_) => Err(Error::Setting {
+                setting,
+                found: format!("{values:?}"),
+                expected: "positive whole numbers",
+            }),
+            None => Ok(()),
+        };
+        let not_negative = |setting, value: f64| match value.is_finite() && value >= 0.0 {
+            true => Ok(()),
+            false => Err(Error::Setting {
+                setting,
+                found: value.to_string(),
+                expected: "a number that is not negative",
+            }),
+        };
+        let optimisation = |names: [&'static str; 2], o: &Optimisation| {
+            positive(names[0], &[o.steps, o.batch_size])?;
+            match o.learning_rate.is_finite() && o.learning_rate > 0.0 {
+                true => Ok(()),
+                false => Err(Error::Setting {
+                    setting: names[1],
+                    found: o.learning_rate.to_string(),
+                    expected: "a positive number",
+                }),
+            }
+        };
+        not_negative("min_dtd_nm", self.min_dtd_nm)?;
+        if let Some(max) = self.max_dtd_nm
+            && !(max > self.min_dtd_nm)
+        {
+            return Err(Error::Setting {
+                setting: "max_dtd_nm",
+                found: max.to_string(),
+                expected: "a number above min_dtd_nm",
+            });
+        }
+        not_negative(
+            "augmentation.extrapolation",
+            self.augmentation.extrapolation,
+        )?;
+        not_negative(
+            "augmentation.extrapolation_together",
+            self.augmentation.extrapolation_together,
+        )?;
+        let c = &self.calibration;
+        positive("calibration.hidden", &c.hidden)?;
+        positive("calibration.features", &[c.features])?;
+        positive("calibration.head_hidden", &c.head_hidden)?;
+        positive("calibration.log_every", &[c.log_every])?;
+        not_negative("calibration.plateau_threshold_pct", c.plateau_threshold_pct)?;
+        not_negative("calibration.gap_threshold_pct", c.gap_threshold_pct)?;
+        optimisation(
+            [
+                "calibration.optimisation",
+                "calibration.optimisation.learning_rate",
+            ],
+            &c.optimisation,
+        )?;
+        let e = &self.estimator;
+        positive("estimator.lstm", &e.lstm)?;
+        if e.lstm.is_empty() {
+            return Err(Error::Setting {
+                setting: "estimator.lstm",
+                found: "[]".into(),
+                expected: "at least one layer",
+            });
+        }
+        positive("estimator.head_hidden", &e.head_hidden)?;
+        positive("estimator.log_every", &[e.log_every])?;
+        optimisation(
+            [
+                "estimator.optimisation",
+                "estimator.optimisation.learning_rate",
+            ],
+            &e.optimisation,
+        )?;
+        positive("mono.hidden", &self.mono.hidden)?;
+        optimisation(
+            ["mono.optimisation", "mono.optimisation.learning_rate"],
+            &self.mono.optimisation,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_pass_their_own_check_and_survive_json() {
+        let config = TrainConfig::default();
+        config.check().unwrap();
+        let text = serde_json::to_string(&config).unwrap();
+        assert_eq!(serde_json::from_str::<TrainConfig>(&text).unwrap(), config);
+    }
+
+    #[test]
+    fn an_unknown_key_is_refused_by_name() {
+        let message = serde_json::from_str::<TrainConfig>(r#"{"estimator": {"dropout": 0.5}}"#)
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("dropout"), "{message}");
+    }
+
+    #[test]
+    fn a_learning_rate_of_zero_and_an_empty_layer_are_refused() {
+        let mut config = TrainConfig::default();
+        config.estimator.optimisation.learning_rate = 0.0;
+        assert!(
+            config
+                .check()
+                .unwrap_err()
+                .to_string()
+                .contains("estimator.optimisation.learning_rate is 0")
+        );
+        let mut config = TrainConfig::default();
+        config.calibration.hidden = vec![128, 0];
+        assert!(
+            config
+                .check()
+                .unwrap_err()
+                .to_string()
+                .contains("calibration.hidden")
+        );
+    }
+
+    #[test]
+    fn one_percent_costs_the_same_at_every_distance_but_under_the_squared_loss() {
+        let cost = |loss: Loss, distance: f32| {
+            loss.weight(distance) * (loss.target(1.01 * distance) - loss.target(distance)).powi(2)
+        };
+        for loss in [Loss::Relative, Loss::Logarithmic] {
+            assert!((cost(loss, 0.1) / cost(loss, 1.0) - 1.0).abs() < 1e-3);
+            assert!(
+                cost(loss, 0.01) < 0.1 * cost(loss, 0.1),
+                "the last 0.5 NM must not rule"
+            );
+            assert!((loss.distance(loss.target(0.3)) - 0.3).abs() < 1e-6);
+        }
+        assert!((cost(Loss::Squared, 0.1) / cost(Loss::Squared, 1.0) - 0.01).abs() < 1e-4);
+    }
+}

@@ -1,0 +1,91 @@
+//! Stacks of linear layers with LeakyReLU between: calibration networks, regression heads and the monoscopic baselines.
+//!
+//! Initial weights come from the caller's generator, not from burn's global one, so that a seed gives the same network whatever
+//! else runs in the process.
+
+use burn::module::{Module, Param};
+use burn::nn::Linear;
+use burn::tensor::activation::leaky_relu;
+use burn::tensor::{Device, Tensor, TensorData};
+use rand::RngExt;
+use rand_chacha::ChaCha12Rng;
+
+/// Slope of LeakyReLU below zero, as in PyTorch.
+pub const LEAKY_SLOPE: f64 = 0.01;
+
+/// A linear layer with weights and biases uniform within `+-gain / sqrt(inputs)` (PyTorch's choice is a gain of 1).
+pub fn linear(
+    inputs: usize,
+    outputs: usize,
+    gain: f64,
+    random: &mut ChaCha12Rng,
+    device: &Device,
+) -> Linear {
+    let bound = (gain / (inputs as f64).sqrt()) as f32;
+    let mut draw = |count: usize| {
+        (0..count)
+            .map(|_| random.random_range(-bound..=bound))
+            .collect::<Vec<f32>>()
+    };
+    let weight = TensorData::new(draw(inputs * outputs), [inputs, outputs]);
+    let bias = TensorData::new(draw(outputs), [outputs]);
+    Linear {
+        weight: Param::from_data(weight, device),
+        bias: Some(Param::from_data(bias, device)),
+    }
+}
+
+/// Linear layers with LeakyReLU between them and none after the last.
+#[derive(Module, Debug)]
+pub struct Dense {
+    layers: Vec<Linear>,
+}
+
+impl Dense {
+    /// A stack with these widths, the input's first; at least two.
+    pub fn new(widths: &[usize], random: &mut ChaCha12Rng, device: &Device) -> Self {
+        Self {
+            layers: widths
+                .windows(2)
+                .map(|pair| linear(pair[0], pair[1], 1.0, random, device))
+                .collect(),
+        }
+    }
+
+    /// `[batch, first width]` to `[batch, last width]`.
+    pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
+        let hidden = self.hidden(input);
+        self.last().forward(hidden)
+    }
+
+    /// What the last layer reads, `[batch, last width but one]`.
+    pub fn hidden(&self, input: Tensor<2>) -> Tensor<2> {
+        let before_last = &self.layers[..self.layers.len() - 1];
+        before_last.iter().fold(input, |value, layer| {
+            leaky_relu(layer.forward(value), LEAKY_SLOPE)
+        })
+    }
+
+    /// The same stack with another last layer.
+    pub fn with_last(mut self, layer: Linear) -> Self {
+        *self.layers.last_mut().expect("a stack has a layer") = layer;
+        self
+    }
+
+    /// Number of values that the last layer reads.
+    pub fn last_inputs(&self) -> usize {
+        self.last().weight.val().dims()[0]
+    }
+
+    fn last(&self) -> &Linear {
+        self.layers.last().expect("a stack has a layer")
+    }
+}
+
+/// Widths of a stack: input, hidden layers, output.
+pub fn widths(input: usize, hidden: &[usize], output: usize) -> Vec<usize> {
+    std::iter::once(input)
+        .chain(hidden.iter().copied())
+        .chain([output])
+        .collect()
+}

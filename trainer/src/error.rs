@@ -1,0 +1,75 @@
+//! What can go wrong while training, evaluating or reporting.
+
+use std::path::PathBuf;
+
+/// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A corpus cannot be read, or a result not written.
+    #[error(transparent)]
+    Dataset(#[from] dataset::Error),
+    /// The corpus cannot be learned from or evaluated on as it is.
+    #[error("corpus {}: {message}", path.display())]
+    Corpus {
+        /// Folder of the corpus, or of one of its scenarios.
+        path: PathBuf,
+        /// What was expected, what was found, what to do.
+        message: String,
+    },
+    /// A setting that makes no sense.
+    #[error("training configuration: {setting} is {found}, expected {expected}")]
+    Setting {
+        /// Name of the setting with its section.
+        setting: &'static str,
+        /// Its value.
+        found: String,
+        /// What is allowed.
+        expected: &'static str,
+    },
+    /// A run folder that cannot be used.
+    #[error("run {}: {message}", path.display())]
+    Run {
+        /// Folder or file of the run.
+        path: PathBuf,
+        /// What was expected, what was found, what to do.
+        message: String,
+    },
+    /// A test trajectory was trained on, so its errors would say nothing.
+    #[error(
+        "run {} was trained on trajectory {trajectory}, which corpus {} holds as a test trajectory (scenario {scenario}); \
+         evaluate on the corpus it was trained with, or train again with this corpus's split",
+        run.display(),
+        corpus.display()
+    )]
+    Leak {
+        /// Folder of the run.
+        run: PathBuf,
+        /// Folder of the corpus.
+        corpus: PathBuf,
+        /// The trajectory on both sides.
+        trajectory: String,
+        /// The test scenario that flies it.
+        scenario: String,
+    },
+    /// The network's numbers are no longer finite.
+    #[error(
+        "training of {network} diverged at step {step}: the loss is not finite; lower its learning_rate"
+    )]
+    Diverged {
+        /// Which network.
+        network: String,
+        /// Step at which this was noticed.
+        step: usize,
+    },
+    /// A plot or the page of the report cannot be made.
+    #[error("report: cannot draw {what}: {message}")]
+    Report {
+        /// Plot or page.
+        what: &'static str,
+        /// The library's own words.
+        message: String,
+    },
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;

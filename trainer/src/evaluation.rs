@@ -1,0 +1,330 @@
+//! How good a run is on trajectories that it has never seen: `metrics.json`, `predictions.parquet` and `report.html`.
+
+use std::collections::BTreeSet;
+
+use burn::tensor::Device;
+use dataset::columns::TableWriter;
+use dataset::corpus::Corpus;
+use dataset::json_file::write_json;
+use dataset::splits::Side;
+use serde::{Deserialize, Serialize};
+
+use crate::encoded::Encoded;
+use crate::error::{Error, Result};
+use crate::metrics::{EstimatorMetrics, Metrics, Outcome, SideCount, SplitSummary};
+use crate::mono_network::MonoInputs;
+use crate::normalisation::TARGET_UNIT_M;
+use crate::progress::Progress;
+use crate::run_folder::{RunFolder, TrainedRun};
+use crate::samples::{DistanceRange, Sample, Samples};
+use crate::{paper_lstm, pinhole, report, triangulation};
+
+/// Names of the estimators, in the order of tables.
+pub const ESTIMATORS: [&str; 5] = [
+    "paper_lstm",
+    "triangulation",
+    "mono_network_box",
+    "mono_network",
+    "mono_pinhole",
+];
+
+/// Settings of an evaluation; saved as `evaluation.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct EvaluationConfig {
+    /// Ticks closer to the touchdown target than this do not count, nautical miles. A percentage explodes near zero; the authors'
+    /// code leaves out the last nautical mile.
+    pub min_dtd_nm: f64,
+    /// Ticks farther from the touchdown target than this do not count, nautical miles.
+    pub max_dtd_nm: Option<f64>,
+    /// Width of the distance bins, nautical miles.
+    pub distance_bin_nm: f64,
+    /// Hash of the detection model; the one of the training if left out.
+    pub model_hash: Option<String>,
+}
+
+impl Default for EvaluationConfig {
+    fn default() -> Self {
+        Self {
+            min_dtd_nm: 1.0,
+            max_dtd_nm: None,
+            distance_bin_nm: 1.0,
+            model_hash: None,
+        }
+    }
+}
+
+impl EvaluationConfig {
+    fn check(&self) -> Result<()> {
+        let refuse = |setting, found: f64, expected| {
+            Err(Error::Setting {
+                setting,
+                found: found.to_string(),
+                expected,
+            })
+        };
+        if !(self.min_dtd_nm.is_finite() && self.min_dtd_nm >= 0.0) {
+            return refuse(
+                "evaluation min_dtd_nm",
+                self.min_dtd_nm,
+                "a number that is not negative",
+            );
+        }
+        if let Some(max) = self.max_dtd_nm
+            && !(max > self.min_dtd_nm)
+        {
+            return refuse("evaluation max_dtd_nm", max, "a number above min_dtd_nm");
+        }
+        if !(self.distance_bin_nm.is_finite() && self.distance_bin_nm > 0.0) {
+            return refuse(
+                "evaluation distance_bin_nm",
+                self.distance_bin_nm,
+                "a positive number",
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Predictions of one estimator, in the order of the evaluated samples.
+#[derive(Debug, Clone)]
+pub struct EstimatorPredictions {
+    /// Name of the estimator.
+    pub name: &'static str,
+    /// Distances to touchdown, metres.
+    pub dtd_m: Vec<Option<f64>>,
+}
+
+/// Evaluates a run on the test side of a corpus and writes the results into the run's folder.
+pub fn evaluate(
+    run: &RunFolder,
+    corpus: &Corpus,
+    config: &EvaluationConfig,
+    progress: &mut dyn Progress,
+) -> Result<Metrics> {
+    config.check()?;
+    let trained = TrainedRun::load(run)?;
+    let range = DistanceRange {
+        min_nm: config.min_dtd_nm,
+        max_nm: config.max_dtd_nm,
+    };
+    let model_hash = config
+        .model_hash
+        .as_ref()
+        .unwrap_or(&trained.summary.model_hash);
+    let samples = Samples::read(corpus, Some(model_hash), range)?;
+    check_fit(run, corpus, &trained, &samples)?;
+    let test = samples.of_side(Side::Test);
+    if test.is_empty() {
+        return Err(Error::Corpus {
+            path: corpus.root().to_owned(),
+            message: format!(
+                "has no samples on the test side from {} NM on",
+                config.min_dtd_nm
+            ),
+        });
+    }
+    progress.begin("evaluation", ESTIMATORS.len() as u64);
+    let predictions = predict_all(&trained, &samples, &test, progress);
+    let metrics = Metrics {
+        split: split_summary(&trained, &samples, config),
+        estimators: predictions
+            .iter()
+            .map(|p| {
+                (
+                    p.name.to_owned(),
+                    EstimatorMetrics::of(&outcomes(&samples, &test, p), config.distance_bin_nm),
+                )
+            })
+            .collect(),
+    };
+    write_json(&run.evaluation_path(), config)?;
+    write_predictions(run, &samples, &test, &predictions)?;
+    write_json(&run.metrics_path(), &metrics)?;
+    report::write(
+        run,
+        &trained,
+        &samples,
+        &test,
+        &predictions,
+        &metrics,
+        config,
+    )?;
+    Ok(metrics)
+}
+
+/// Refuses cameras that the run does not know, and trajectories that it knows too well.
+fn check_fit(
+    run: &RunFolder,
+    corpus: &Corpus,
+    trained: &TrainedRun,
+    samples: &Samples,
+) -> Result<()> {
+    if samples.calibration != trained.summary.cameras {
+        let names =
+            |ids: &mut dyn Iterator<Item = &String>| ids.cloned().collect::<Vec<_>>().join(", ");
+        return Err(Error::Corpus {
+            path: corpus.root().to_owned(),
+            message: format!(
+                "its cameras ({}) are not those that run {} was trained with ({}): identifiers, places and optics must be \
+                 the same",
+                names(&mut samples.calibration.keys()),
+                run.root().display(),
+                names(&mut trained.summary.cameras.keys())
+            ),
+        });
+    }
+    let known: BTreeSet<&String> = trained
+        .summary
+        .training_trajectories
+        .union(&trained.summary.validation_trajectories)
+        .collect();
+    match samples
+        .scenarios
+        .iter()
+        .find(|s| s.side == Side::Test && known.contains(&s.trajectory))
+    {
+        None => Ok(()),
+        Some(scenario) => Err(Error::Leak {
+            run: run.root().to_owned(),
+            corpus: corpus.root().to_owned(),
+            trajectory: scenario.trajectory.clone(),
+            scenario: scenario.id.clone(),
+        }),
+    }
+}
+
+fn predict_all(
+    run: &TrainedRun,
+    samples: &Samples,
+    test: &[&Sample],
+    progress: &mut dyn Progress,
+) -> Vec<EstimatorPredictions> {
+    let device = Device::flex();
+    let encoded = Encoded::new(test.iter().copied(), &run.normalisation);
+    let (networks, loss) = (&run.networks, run.config.loss);
+    let metres = |units: Vec<f32>| {
+        units
+            .into_iter()
+            .map(|unit| Some(f64::from(unit) * TARGET_UNIT_M))
+            .collect()
+    };
+    let touchdown = |sample: &Sample| samples.scenarios[sample.scenario].touchdown;
+    let mut predictions = Vec::new();
+    for (done, name) in ESTIMATORS.into_iter().enumerate() {
+        let dtd_m = match name {
+            "paper_lstm" => metres(paper_lstm::predict(
+                &networks.calibration,
+                &networks.estimator,
+                &encoded,
+                loss,
+                &device,
+            )),
+            "mono_network" => metres(networks.mono_size.predict(
+                MonoInputs::Size,
+                &encoded,
+                loss,
+                &device,
+            )),
+            "mono_network_box" => metres(networks.mono_box.predict(
+                MonoInputs::Box,
+                &encoded,
+                loss,
+                &device,
+            )),
+            "mono_pinhole" => test
+                .iter()
+                .map(|sample| pinhole::predict(&run.baselines.pinholes, sample))
+                .collect(),
+            "triangulation" => test
+                .iter()
+                .map(|s| {
+                    triangulation::predict(
+                        &run.baselines.centre_offsets,
+                        &samples.cameras,
+                        s,
+                        touchdown(s),
+                    )
+                })
+                .collect(),
+            _ => unreachable!("every name in ESTIMATORS has its arm"),
+        };
+        predictions.push(EstimatorPredictions { name, dtd_m });
+        progress.advance(done as u64 + 1, name);
+    }
+    predictions
+}
+
+/// The predictions of one estimator with what is needed to sort them.
+pub fn outcomes<'a>(
+    samples: &'a Samples,
+    test: &[&Sample],
+    predictions: &EstimatorPredictions,
+) -> Vec<Outcome<'a>> {
+    test.iter()
+        .zip(&predictions.dtd_m)
+        .map(|(sample, &predicted_m)| {
+            let scenario = &samples.scenarios[sample.scenario];
+            Outcome {
+                dtd_m: sample.dtd_m,
+                predicted_m,
+                detections: sample.detections(),
+                weather: &scenario.weather,
+                time_of_day: &scenario.time_of_day,
+            }
+        })
+        .collect()
+}
+
+fn split_summary(run: &TrainedRun, samples: &Samples, config: &EvaluationConfig) -> SplitSummary {
+    let count = |side| SideCount {
+        scenarios: samples
+            .scenarios
+            .iter()
+            .filter(|scenario| scenario.side == side)
+            .count(),
+        trajectories: samples.trajectories(side).len(),
+        samples: samples.of_side(side).len(),
+    };
+    SplitSummary {
+        by: "trajectory".into(),
+        train: SideCount {
+            samples: run.summary.training_samples,
+            ..count(Side::Train)
+        },
+        validation: SideCount {
+            samples: run.summary.validation_samples,
+            ..count(Side::Validation)
+        },
+        test: count(Side::Test),
+        min_dtd_nm: config.min_dtd_nm,
+        max_dtd_nm: config.max_dtd_nm,
+    }
+}
+
+fn write_predictions(
+    run: &RunFolder,
+    samples: &Samples,
+    test: &[&Sample],
+    predictions: &[EstimatorPredictions],
+) -> Result<()> {
+    let mut table = TableWriter::new()
+        .text(
+            "scenario",
+            test.iter()
+                .map(|sample| &samples.scenarios[sample.scenario].id),
+        )
+        .u32("tick", test.iter().map(|sample| sample.tick))
+        .u32(
+            "detections",
+            test.iter().map(|sample| sample.detections() as u32),
+        )
+        .f64("dtd_m", test.iter().map(|sample| sample.dtd_m));
+    for estimator in predictions {
+        table = table.optional_f64(
+            &format!("{}_dtd_m", estimator.name),
+            estimator.dtd_m.iter().copied(),
+        );
+    }
+    Ok(table.write(&run.predictions_path())?)
+}

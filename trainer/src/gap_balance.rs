@@ -1,0 +1,154 @@
+//! Algorithm 1 of the paper as a state machine: which views' calibration networks are trained next.
+//!
+//! All views train until every view's error stands still. Views that then lag behind the best one train on alone, with the shared
+//! head frozen, until the errors stand still again. In: a view's error on the validation side at each log entry.
+
+/// Number of log entries over which errors must stand still.
+const WINDOW: usize = 3;
+
+/// The state.
+#[derive(Debug, Clone)]
+pub struct GapBalance {
+    min_steps: usize,
+    plateau_threshold: f64,
+    gap_threshold: f64,
+    optimised: Vec<bool>,
+    steps_since_change: usize,
+    log: Vec<Vec<Option<f64>>>,
+}
+
+impl GapBalance {
+    /// All views optimised; thresholds in the unit of the errors.
+    pub fn new(views: usize, min_steps: usize, plateau_threshold: f64, gap_threshold: f64) -> Self {
+        Self {
+            min_steps,
+            plateau_threshold,
+            gap_threshold,
+            optimised: vec![true; views],
+            steps_since_change: 0,
+            log: Vec::new(),
+        }
+    }
+
+    /// Which views are to be optimised.
+    pub fn optimised(&self) -> &[bool] {
+        &self.optimised
+    }
+
+    /// Whether all views are optimised, and with them the shared head.
+    pub fn all_optimised(&self) -> bool {
+        self.optimised.iter().all(|&optimised| optimised)
+    }
+
+    /// Takes note of the errors after `steps` more steps, one per view; `None` for a view that cannot be measured, which is
+    /// then never called lagging.
+    pub fn observe(&mut self, steps: usize, errors: &[Option<f64>]) {
+        self.steps_since_change += steps;
+        self.log.push(errors.to_vec());
+        if self.steps_since_change <= self.min_steps || !self.on_plateau() {
+            return;
+        }
+        let best = errors
+            .iter()
+            .flatten()
+            .copied()
+            .fold(f64::INFINITY, f64::min);
+        let lagging: Vec<bool> = errors
+            .iter()
+            .map(|error| error.is_some_and(|error| error - best > self.gap_threshold))
+            .collect();
+        if lagging.contains(&true) {
+            self.optimised = lagging;
+            self.steps_since_change = 0;
+        } else {
+            self.optimised = vec![true; errors.len()];
+        }
+    }
+
+    fn on_plateau(&self) -> bool {
+        let Some(recent) = self
+            .log
+            .len()
+            .checked_sub(WINDOW)
+            .map(|from| &self.log[from..])
+        else {
+            return false;
+        };
+        (0..self.optimised.len()).all(|view| {
+            let errors: Vec<f64> = recent.iter().filter_map(|entry| entry[view]).collect();
+            standard_deviation(&errors) < self.plateau_threshold
+        })
+    }
+}
+
+fn standard_deviation(values: &[f64]) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    (values
+        .iter()
+        .map(|value| (value - mean).powi(2))
+        .sum::<f64>()
+        / values.len() as f64)
+        .sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn observe(balance: &mut GapBalance, times: usize, left: f64, right: f64) {
+        for _ in 0..times {
+            balance.observe(100, &[Some(left), Some(right)]);
+        }
+    }
+
+    #[test]
+    fn all_views_train_until_the_minimum_of_steps() {
+        let mut balance = GapBalance::new(2, 1_000, 0.1, 0.2);
+        observe(&mut balance, 10, 1.0, 3.0);
+        assert!(balance.all_optimised());
+        observe(&mut balance, 1, 1.0, 3.0);
+        assert_eq!(balance.optimised(), [false, true]);
+    }
+
+    #[test]
+    fn nothing_changes_while_any_view_still_moves() {
+        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
+        for step in 0..20 {
+            balance.observe(100, &[Some(1.0), Some(10.0 - 0.3 * f64::from(step))]);
+            assert!(balance.all_optimised());
+        }
+    }
+
+    #[test]
+    fn a_lagging_view_trains_alone_until_it_has_caught_up() {
+        let mut balance = GapBalance::new(2, 400, 0.1, 0.2);
+        observe(&mut balance, 5, 3.0, 1.0);
+        assert_eq!(balance.optimised(), [true, false]);
+        // The counter starts again: four more entries are too few, however flat.
+        observe(&mut balance, 4, 1.1, 1.0);
+        assert_eq!(balance.optimised(), [true, false]);
+        observe(&mut balance, 1, 1.1, 1.0);
+        assert!(balance.all_optimised());
+    }
+
+    #[test]
+    fn the_best_of_three_views_waits_for_both_others() {
+        let mut balance = GapBalance::new(3, 0, 0.1, 0.2);
+        for _ in 0..3 {
+            balance.observe(100, &[Some(2.0), Some(1.0), Some(1.5)]);
+        }
+        assert_eq!(balance.optimised(), [true, false, true]);
+    }
+
+    #[test]
+    fn a_view_without_validation_samples_is_never_lagging() {
+        let mut balance = GapBalance::new(2, 0, 0.1, 0.2);
+        for _ in 0..5 {
+            balance.observe(100, &[None, Some(9.0)]);
+        }
+        assert!(balance.all_optimised());
+    }
+}

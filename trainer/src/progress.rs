@@ -1,0 +1,18 @@
+//! How a long training tells its caller where it is, without knowing whether there is a terminal.
+
+/// Receives the progress of training and evaluation, for example to draw bars.
+pub trait Progress {
+    /// A new stage begins and will take `total` steps.
+    fn begin(&mut self, stage: &str, total: u64);
+    /// `done` of the current stage's steps are done; `note` is a short figure such as a validation error, or empty.
+    fn advance(&mut self, done: u64, note: &str);
+}
+
+/// Progress that nobody watches.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Silent;
+
+impl Progress for Silent {
+    fn begin(&mut self, _stage: &str, _total: u64) {}
+    fn advance(&mut self, _done: u64, _note: &str) {}
+}

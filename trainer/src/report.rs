@@ -1,0 +1,209 @@
+//! `report.html`: everything that a person wants to see of a run, in one file that opens without a network.
+//!
+//! The page is a template (`report/report.html`); its plots are SVG, drawn by [`plots`] and put into it. Figures of the paper stand
+//! beside ours where it has them (its table 3).
+
+mod plots;
+mod tables;
+
+use dataset::json_file::write_atomically;
+use dataset::splits::Side;
+use minijinja::value::Serde;
+use minijinja::{Environment, Value, context};
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+use crate::evaluation::{EstimatorPredictions, EvaluationConfig, outcomes};
+use crate::metrics::{Metrics, Outcome};
+use crate::run_folder::{RunFolder, TrainedRun};
+use crate::samples::{Sample, Samples};
+
+const TEMPLATE: &str = include_str!("report/report.html");
+
+/// What is known of an estimator by its name.
+struct Description {
+    name: &'static str,
+    title: &'static str,
+    how: &'static str,
+}
+
+const DESCRIPTIONS: [Description; 5] = [
+    Description {
+        name: "paper_lstm",
+        title: "Calibration networks + LSTM",
+        how: "the paper's method: both views, no knowledge of the cameras",
+    },
+    Description {
+        name: "triangulation",
+        title: "Triangulation",
+        how: "geometry with the known cameras; needs two views",
+    },
+    Description {
+        name: "mono_network_box",
+        title: "Monoscopic network, whole box",
+        how: "each view by itself from place and size, averaged",
+    },
+    Description {
+        name: "mono_network",
+        title: "Monoscopic network, size",
+        how: "each view by itself from width and height, averaged",
+    },
+    Description {
+        name: "mono_pinhole",
+        title: "Monoscopic pinhole",
+        how: "each view by itself from width and span, averaged",
+    },
+];
+
+/// One estimator's predictions with its titles.
+struct Shown<'a> {
+    description: &'static Description,
+    outcomes: Vec<Outcome<'a>>,
+}
+
+/// A scenario in the data summary.
+#[derive(Serialize)]
+struct ScenarioRow<'a> {
+    id: &'a str,
+    trajectory: &'a str,
+    side: String,
+    weather: &'a str,
+    time_of_day: &'a str,
+    ticks: usize,
+    detected_pct: Vec<String>,
+}
+
+/// Writes the report of an evaluation.
+pub fn write(
+    run: &RunFolder,
+    trained: &TrainedRun,
+    samples: &Samples,
+    test: &[&Sample],
+    predictions: &[EstimatorPredictions],
+    metrics: &Metrics,
+    config: &EvaluationConfig,
+) -> Result<()> {
+    let shown: Vec<Shown> = predictions
+        .iter()
+        .filter_map(|p| {
+            let description = DESCRIPTIONS
+                .iter()
+                .find(|description| description.name == p.name)?;
+            Some(Shown {
+                description,
+                outcomes: outcomes(samples, test, p),
+            })
+        })
+        .collect();
+    let flown = tables::best_covered_scenario(samples, test);
+    let page = render(context! {
+        headline => Value::from(Serde(tables::headline(metrics))),
+        legend => Value::from(Serde(legend(&shown))),
+        conditions => Value::from(Serde(tables::conditions(metrics))),
+        scenarios => Value::from(Serde(scenario_rows(samples))),
+        views => Value::from(Serde(&samples.views)),
+        detected_total => Value::from(Serde(detected_total(samples))),
+        split => Value::from(Serde(&metrics.split)),
+        model_hash => samples.model_hash.as_str(),
+        absent => samples.absent_scenarios.len(),
+        summary => Value::from(Serde(&trained.summary)),
+        loss => Value::from(Serde(&trained.config.loss)),
+        version => env!("CARGO_PKG_VERSION"),
+        max_dtd => Value::from(Serde(&config.max_dtd_nm)),
+        flown => Value::from(Serde(flown.map(|index| &samples.scenarios[index].id))),
+        boxes_plot => Value::from_safe_string(plots::errors_by_distance(&shown, config.distance_bin_nm)?),
+        convergence_plot => Value::from_safe_string(plots::convergence(&trained.convergence)?),
+        flight_plot => match flown {
+            Some(index) => Value::from_safe_string(plots::flight(&shown, test, index)?),
+            None => Value::UNDEFINED,
+        },
+    })?;
+    Ok(write_atomically(&run.report_path(), page.as_bytes())?)
+}
+
+/// An estimator's colour in the plots.
+#[derive(Serialize)]
+struct LegendEntry {
+    colour: String,
+    title: &'static str,
+}
+
+fn legend(shown: &[Shown]) -> Vec<LegendEntry> {
+    let entry = |(which, shown): (usize, &Shown)| LegendEntry {
+        colour: plots::css_colour(which),
+        title: shown.description.title,
+    };
+    shown.iter().enumerate().map(entry).collect()
+}
+
+fn render(values: Value) -> Result<String> {
+    let fault = |error: minijinja::Error| Error::Report {
+        what: "the page",
+        message: format!("{error:#}"),
+    };
+    let mut environment = Environment::new();
+    environment.set_undefined_behavior(minijinja::UndefinedBehavior::SemiStrict);
+    environment
+        .add_template("report.html", TEMPLATE)
+        .map_err(fault)?;
+    environment
+        .get_template("report.html")
+        .and_then(|template| template.render(values))
+        .map_err(fault)
+}
+
+fn scenario_rows(samples: &Samples) -> Vec<ScenarioRow<'_>> {
+    let row = |scenario: &crate::samples::ScenarioSummary| -> Vec<String> {
+        scenario
+            .detected_ticks
+            .iter()
+            .map(|&seen| percent(seen, scenario.ticks))
+            .collect()
+    };
+    samples
+        .scenarios
+        .iter()
+        .map(|scenario| ScenarioRow {
+            id: &scenario.id,
+            trajectory: &scenario.trajectory,
+            side: match scenario.side {
+                Side::Train => "train",
+                Side::Validation => "validation",
+                Side::Test => "test",
+            }
+            .into(),
+            weather: &scenario.weather,
+            time_of_day: &scenario.time_of_day,
+            ticks: scenario.ticks,
+            detected_pct: row(scenario),
+        })
+        .collect()
+}
+
+fn detected_total(samples: &Samples) -> Vec<String> {
+    let ticks = samples
+        .scenarios
+        .iter()
+        .map(|scenario| scenario.ticks)
+        .sum();
+    (0..samples.views.len())
+        .map(|view| {
+            percent(
+                samples
+                    .scenarios
+                    .iter()
+                    .map(|scenario| scenario.detected_ticks[view])
+                    .sum(),
+                ticks,
+            )
+        })
+        .collect()
+}
+
+fn percent(part: usize, whole: usize) -> String {
+    if whole == 0 {
+        "–".into()
+    } else {
+        format!("{:.1}", part as f64 / whole as f64 * 100.0)
+    }
+}

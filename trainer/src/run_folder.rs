@@ -1,0 +1,249 @@
+//! The folder that a training leaves behind, from which its estimators can be used again.
+//!
+//! ```text
+//! run/
+//!   config.json         settings of the training
+//!   run.json            what it was trained on, with which cameras, by which version
+//!   normalisation.json  offset and scale of the features
+//!   baselines.json      the fitted formulas: pinholes and centre offsets
+//!   weights.safetensors all networks
+//!   convergence.json    errors on the validation side over both stages
+//!   metrics.json  predictions.parquet  evaluation.json  report.html     (from `evaluate`)
+//! ```
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use burn::module::Module;
+use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::tensor::Device;
+use dataset::calibration::CameraEntry;
+use dataset::json_file::{read_json, write_json};
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
+use crate::config::TrainConfig;
+use crate::error::{Error, Result};
+use crate::mono_network::{MonoInputs, MonoNetworks};
+use crate::normalisation::Normalisation;
+use crate::paper_lstm::{EstimatorLogEntry, PaperLstm};
+use crate::pinhole::Pinhole;
+use crate::triangulation::CentreOffset;
+
+/// Paths within a run.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RunFolder {
+    root: PathBuf,
+}
+
+impl RunFolder {
+    /// The run at `root`, whether it exists or not.
+    pub fn at(root: &Path) -> Self {
+        Self {
+            root: root.to_owned(),
+        }
+    }
+
+    /// The folder itself.
+    pub fn root(&self) -> &Path {
+        &self.root
+    }
+
+    /// Path of `config.json`.
+    pub fn config_path(&self) -> PathBuf {
+        self.root.join("config.json")
+    }
+
+    /// Path of `run.json`.
+    pub fn summary_path(&self) -> PathBuf {
+        self.root.join("run.json")
+    }
+
+    /// Path of `normalisation.json`.
+    pub fn normalisation_path(&self) -> PathBuf {
+        self.root.join("normalisation.json")
+    }
+
+    /// Path of `baselines.json`.
+    pub fn baselines_path(&self) -> PathBuf {
+        self.root.join("baselines.json")
+    }
+
+    /// Path of `weights.safetensors`.
+    pub fn weights_path(&self) -> PathBuf {
+        self.root.join("weights.safetensors")
+    }
+
+    /// Path of `convergence.json`.
+    pub fn convergence_path(&self) -> PathBuf {
+        self.root.join("convergence.json")
+    }
+
+    /// Path of `evaluation.json`.
+    pub fn evaluation_path(&self) -> PathBuf {
+        self.root.join("evaluation.json")
+    }
+
+    /// Path of `metrics.json`.
+    pub fn metrics_path(&self) -> PathBuf {
+        self.root.join("metrics.json")
+    }
+
+    /// Path of `predictions.parquet`.
+    pub fn predictions_path(&self) -> PathBuf {
+        self.root.join("predictions.parquet")
+    }
+
+    /// Path of `report.html`.
+    pub fn report_path(&self) -> PathBuf {
+        self.root.join("report.html")
+    }
+}
+
+/// What a training was made from (`run.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct RunSummary {
+    /// Version of this software.
+    pub dtd: String,
+    /// Hash of the detection model whose boxes were learned from.
+    pub model_hash: String,
+    /// The cameras by view. The networks know these and no others.
+    pub cameras: BTreeMap<String, CameraEntry>,
+    /// Trajectories on the training side.
+    pub training_trajectories: BTreeSet<String>,
+    /// Trajectories on the validation side.
+    pub validation_trajectories: BTreeSet<String>,
+    /// Samples on the training side, as recorded.
+    pub training_samples: usize,
+    /// Samples that were mixed from them.
+    pub mixed_samples: usize,
+    /// Samples on the validation side.
+    pub validation_samples: usize,
+    /// Wall-clock time of the training, seconds.
+    pub training_s: f64,
+}
+
+/// Both convergence logs (`convergence.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Convergence {
+    /// Identifiers of the views.
+    pub views: Vec<String>,
+    /// Stage one.
+    pub calibration: Vec<CalibrationLogEntry>,
+    /// Stage two.
+    pub estimator: Vec<EstimatorLogEntry>,
+}
+
+/// The fitted formulas (`baselines.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Baselines {
+    /// Identifiers of the views.
+    pub views: Vec<String>,
+    /// `mono_pinhole`, per view; `null` for a view that saw too little.
+    pub pinholes: Vec<Option<Pinhole>>,
+    /// `triangulation`, per view.
+    pub centre_offsets: Vec<CentreOffset>,
+}
+
+/// All networks of a run.
+#[derive(Module, Debug)]
+pub struct Networks {
+    /// Stage one.
+    pub calibration: CalibrationNetworks,
+    /// Stage two.
+    pub estimator: PaperLstm,
+    /// `mono_network`.
+    pub mono_size: MonoNetworks,
+    /// `mono_network_box`.
+    pub mono_box: MonoNetworks,
+}
+
+impl Networks {
+    fn untrained(views: usize, config: &TrainConfig, device: &Device) -> Self {
+        let random = &mut ChaCha12Rng::seed_from_u64(config.seed);
+        let mono =
+            |inputs, random: &mut _| MonoNetworks::new(views, inputs, &config.mono, random, device);
+        Self {
+            calibration: CalibrationNetworks::new(views, &config.calibration, random, device),
+            estimator: PaperLstm::new(
+                config.calibration.features,
+                &config.estimator,
+                random,
+                device,
+            ),
+            mono_size: mono(MonoInputs::Size, random),
+            mono_box: mono(MonoInputs::Box, random),
+        }
+    }
+}
+
+/// A trained run in memory. Its networks are on a device without autodiff.
+#[derive(Debug, Clone)]
+pub struct TrainedRun {
+    /// Settings.
+    pub config: TrainConfig,
+    /// What it was made from.
+    pub summary: RunSummary,
+    /// Features.
+    pub normalisation: Normalisation,
+    /// Formulas.
+    pub baselines: Baselines,
+    /// Networks.
+    pub networks: Networks,
+    /// Logs.
+    pub convergence: Convergence,
+}
+
+impl TrainedRun {
+    /// Writes all files, creating the folder. `run.json` goes last: a folder without it is no run.
+    pub fn save(&self, folder: &RunFolder) -> Result<()> {
+        fs::create_dir_all(folder.root()).map_err(dataset::Error::io("create", folder.root()))?;
+        write_json(&folder.config_path(), &self.config)?;
+        write_json(&folder.normalisation_path(), &self.normalisation)?;
+        write_json(&folder.baselines_path(), &self.baselines)?;
+        write_json(&folder.convergence_path(), &self.convergence)?;
+        let path = folder.weights_path();
+        let mut store = SafetensorsStore::from_file(&path).overwrite(true);
+        self.networks
+            .save_into(&mut store)
+            .map_err(|error| Error::Run {
+                path,
+                message: format!("weights cannot be written: {error}"),
+            })?;
+        Ok(write_json(&folder.summary_path(), &self.summary)?)
+    }
+
+    /// Reads a run.
+    pub fn load(folder: &RunFolder) -> Result<Self> {
+        if !folder.summary_path().is_file() {
+            return Err(Error::Run {
+                path: folder.root().to_owned(),
+                message: "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`".into(),
+            });
+        }
+        let config: TrainConfig = read_json(&folder.config_path(), "training configuration")?;
+        let normalisation: Normalisation =
+            read_json(&folder.normalisation_path(), "normalisation")?;
+        let mut networks = Networks::untrained(normalisation.views.len(), &config, &Device::flex());
+        let path = folder.weights_path();
+        networks
+            .load_from(&mut SafetensorsStore::from_file(&path))
+            .map_err(|error| Error::Run {
+                path,
+                message: format!(
+                    "weights do not fit the networks of config.json: {error}; train again"
+                ),
+            })?;
+        Ok(Self {
+            summary: read_json(&folder.summary_path(), "run summary")?,
+            baselines: read_json(&folder.baselines_path(), "set of baselines")?,
+            convergence: read_json(&folder.convergence_path(), "convergence log")?,
+            config,
+            normalisation,
+            networks,
+        })
+    }
+}

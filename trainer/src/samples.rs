@@ -1,0 +1,413 @@
+//! From a corpus to samples: one per tick at which at least one view saw the aircraft.
+//!
+//! In: `splits.json`, and per scenario its record, calibration, labelled ticks and one model's detections. Of several detections
+//! of a view at a tick the one with the highest score counts. Ticks past the touchdown target are left out: the distance to
+//! touchdown grows again there. A committed scenario that the split does not know is refused.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+
+use dataset::calibration::CameraEntry;
+use dataset::camera::Camera;
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::geodesy::Geodetic;
+use dataset::pixel_box::{Detection, PixelBox};
+use dataset::runway::Runway;
+use dataset::splits::{Side, Splits};
+use dataset::units::METERS_PER_NAUTICAL_MILE;
+
+use crate::error::{Error, Result};
+
+/// Which ticks become samples, by distance to touchdown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DistanceRange {
+    /// Smallest distance, nautical miles.
+    pub min_nm: f64,
+    /// Largest distance, nautical miles.
+    pub max_nm: Option<f64>,
+}
+
+impl DistanceRange {
+    fn contains(&self, dtd_m: f64) -> bool {
+        let dtd_nm = dtd_m / METERS_PER_NAUTICAL_MILE;
+        dtd_nm >= self.min_nm && self.max_nm.is_none_or(|max_nm| dtd_nm <= max_nm)
+    }
+}
+
+/// One tick seen by at least one view.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// Index into [`Samples::scenarios`].
+    pub scenario: usize,
+    /// Tick within the scenario.
+    pub tick: u32,
+    /// Time since the scenario's first tick, nanoseconds.
+    pub time_ns: i64,
+    /// True distance to touchdown, metres.
+    pub dtd_m: f64,
+    /// True distance along the course, metres.
+    pub along_track_m: f64,
+    /// True offset right of the course, metres.
+    pub cross_track_m: f64,
+    /// True position of the centre of gravity.
+    pub position: Geodetic,
+    /// What each view saw, in the order of [`Samples::views`].
+    pub boxes: Vec<Option<PixelBox>>,
+}
+
+impl Sample {
+    /// Number of views that saw the aircraft.
+    pub fn detections(&self) -> usize {
+        self.boxes.iter().flatten().count()
+    }
+}
+
+/// What is needed to know of a scenario besides its samples.
+#[derive(Debug, Clone)]
+pub struct ScenarioSummary {
+    /// Identifier.
+    pub id: String,
+    /// Trajectory that it flies.
+    pub trajectory: String,
+    /// Side of the split.
+    pub side: Side,
+    /// Name of the weather.
+    pub weather: String,
+    /// Local time as the sweep names it.
+    pub time_of_day: String,
+    /// The runway.
+    pub runway: Runway,
+    /// The touchdown target.
+    pub touchdown: Geodetic,
+    /// Ticks within the distance range, seen or not.
+    pub ticks: usize,
+    /// Ticks within the distance range at which each view saw the aircraft, in the order of the views.
+    pub detected_ticks: Vec<usize>,
+}
+
+/// All samples of a corpus.
+#[derive(Debug, Clone)]
+pub struct Samples {
+    /// Identifiers of the views, sorted.
+    pub views: Vec<String>,
+    /// The calibration of each view: the same in all scenarios.
+    pub calibration: BTreeMap<String, CameraEntry>,
+    /// The same as cameras, in the order of the views.
+    pub cameras: Vec<Camera>,
+    /// Hash of the detection model.
+    pub model_hash: String,
+    /// The scenarios, sorted by identifier.
+    pub scenarios: Vec<ScenarioSummary>,
+    /// Scenarios of the split that are not in the corpus (yet).
+    pub absent_scenarios: Vec<String>,
+    /// The samples, by scenario and tick.
+    pub samples: Vec<Sample>,
+}
+
+impl Samples {
+    /// Reads the samples of a corpus.
+    pub fn read(corpus: &Corpus, model_hash: Option<&str>, range: DistanceRange) -> Result<Self> {
+        let splits = Splits::read(&corpus.splits_path())?;
+        let folders = corpus.scenarios()?;
+        let model_hash = choose_model(corpus, &folders, model_hash)?;
+        let calibration = common_calibration(&folders)?;
+        let mut found = Self {
+            views: calibration.keys().cloned().collect(),
+            cameras: calibration.values().map(CameraEntry::camera).collect(),
+            calibration,
+            model_hash,
+            scenarios: Vec::new(),
+            absent_scenarios: absent(&splits, &folders),
+            samples: Vec::new(),
+        };
+        for folder in &folders {
+            found.add_scenario(folder, &splits, range)?;
+        }
+        Ok(found)
+    }
+
+    fn add_scenario(
+        &mut self,
+        folder: &ScenarioFolder,
+        splits: &Splits,
+        range: DistanceRange,
+    ) -> Result<()> {
+        let record = folder.record()?;
+        let fault = |message: String| Error::Corpus {
+            path: folder.root().to_owned(),
+            message,
+        };
+        let assignment = splits.scenarios.get(&folder.id()).ok_or_else(|| {
+            fault(
+                "is not in splits.json, so it is on no side; make the corpus again from one plan"
+                    .into(),
+            )
+        })?;
+        if assignment.trajectory != record.trajectory {
+            return Err(fault(format!(
+                "flies trajectory {} by its scenario.json but {} by splits.json; the split cannot be trusted",
+                record.trajectory, assignment.trajectory
+            )));
+        }
+        let mut detections = best_detections(folder.detections(&self.model_hash)?);
+        if let Some((_, view)) = detections
+            .keys()
+            .find(|(_, view)| !self.views.contains(view))
+        {
+            return Err(fault(format!(
+                "has detections of view {view}, which calibration.json does not list"
+            )));
+        }
+        let mut summary = ScenarioSummary {
+            id: folder.id(),
+            trajectory: record.trajectory,
+            side: assignment.side,
+            weather: record.conditions.weather_name,
+            time_of_day: record.conditions.time_of_day,
+            runway: record.runway,
+            touchdown: record.touchdown,
+            ticks: 0,
+            detected_ticks: vec![0; self.views.len()],
+        };
+        for row in folder.frames()?.rows {
+            let labels = row.labels.ok_or_else(|| {
+                fault("has no labels in frames.parquet; run `dtd label` on the corpus first".into())
+            })?;
+            if labels.along_track_m <= 0.0 || !range.contains(labels.dtd_m) {
+                continue;
+            }
+            summary.ticks += 1;
+            let boxes: Vec<_> = self
+                .views
+                .iter()
+                .map(|view| detections.remove(&(row.tick, view.clone())))
+                .collect();
+            for (count, seen) in summary.detected_ticks.iter_mut().zip(&boxes) {
+                *count += usize::from(seen.is_some());
+            }
+            if boxes.iter().any(Option::is_some) {
+                self.samples.push(Sample {
+                    scenario: self.scenarios.len(),
+                    tick: row.tick,
+                    time_ns: row.time_ns,
+                    dtd_m: labels.dtd_m,
+                    along_track_m: labels.along_track_m,
+                    cross_track_m: labels.cross_track_m,
+                    position: row.pose.position(),
+                    boxes,
+                });
+            }
+        }
+        self.scenarios.push(summary);
+        Ok(())
+    }
+
+    /// The samples of one side of the split.
+    pub fn of_side(&self, side: Side) -> Vec<&Sample> {
+        self.samples
+            .iter()
+            .filter(|sample| self.scenarios[sample.scenario].side == side)
+            .collect()
+    }
+
+    /// The trajectories of one side of the split.
+    pub fn trajectories(&self, side: Side) -> BTreeSet<String> {
+        self.scenarios
+            .iter()
+            .filter(|s| s.side == side)
+            .map(|s| s.trajectory.clone())
+            .collect()
+    }
+}
+
+fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
+    let present: BTreeSet<String> = folders.iter().map(ScenarioFolder::id).collect();
+    splits
+        .scenarios
+        .keys()
+        .filter(|id| !present.contains(*id))
+        .cloned()
+        .collect()
+}
+
+/// The detection with the highest score per tick and view.
+fn best_detections(detections: Vec<Detection>) -> BTreeMap<(u32, String), PixelBox> {
+    let mut best: BTreeMap<(u32, String), (f64, PixelBox)> = BTreeMap::new();
+    for Detection {
+        tick,
+        view,
+        pixel_box,
+        score,
+        ..
+    } in detections
+    {
+        let entry = best.entry((tick, view)).or_insert((score, pixel_box));
+        if score > entry.0 {
+            *entry = (score, pixel_box);
+        }
+    }
+    best.into_iter()
+        .map(|(key, (_, pixel_box))| (key, pixel_box))
+        .collect()
+}
+
+/// The asked model, or the only one that there is.
+fn choose_model(
+    corpus: &Corpus,
+    folders: &[ScenarioFolder],
+    asked: Option<&str>,
+) -> Result<String> {
+    let fault = |message: String| Error::Corpus {
+        path: corpus.root().to_owned(),
+        message,
+    };
+    let mut found = BTreeSet::new();
+    for folder in folders {
+        found.extend(models_of(&folder.detections_folder())?);
+    }
+    let listed = found.iter().cloned().collect::<Vec<_>>().join(", ");
+    match asked {
+        Some(hash) if found.contains(hash) => Ok(hash.to_owned()),
+        Some(hash) => Err(fault(match found.is_empty() {
+            true => format!("has no detections of model {hash}; run `dtd detect` first"),
+            false => format!("has no detections of model {hash}; there are detections of {listed}"),
+        })),
+        None if found.len() == 1 => Ok(listed),
+        None if found.is_empty() => Err(fault("has no detections; run `dtd detect` first".into())),
+        None => Err(fault(format!(
+            "has detections of several models, name one of them: {listed}"
+        ))),
+    }
+}
+
+fn models_of(detections_folder: &Path) -> Result<Vec<String>> {
+    if !detections_folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let mut hashes = Vec::new();
+    for entry in
+        fs::read_dir(detections_folder).map_err(dataset::Error::io("list", detections_folder))?
+    {
+        let path = entry
+            .map_err(dataset::Error::io("list", detections_folder))?
+            .path();
+        if path
+            .extension()
+            .is_some_and(|extension| extension == "parquet")
+        {
+            hashes.extend(
+                path.file_stem()
+                    .map(|stem| stem.to_string_lossy().into_owned()),
+            );
+        }
+    }
+    Ok(hashes)
+}
+
+/// The cameras by view. A network learns one camera, so a view must be the same camera in all scenarios.
+fn common_calibration(folders: &[ScenarioFolder]) -> Result<BTreeMap<String, CameraEntry>> {
+    let mut cameras: BTreeMap<String, (CameraEntry, String)> = BTreeMap::new();
+    for folder in folders {
+        for (view, entry) in folder.calibration()?.cameras {
+            let (first, first_id) = cameras
+                .entry(view.clone())
+                .or_insert_with(|| (entry.clone(), folder.id()));
+            if *first != entry {
+                return Err(Error::Corpus {
+                    path: folder.root().to_owned(),
+                    message: format!(
+                        "camera {view} differs from the one of scenario {first_id}; a view must be the same camera in all \
+                         scenarios of a training, train on one rig at a time"
+                    ),
+                });
+            }
+        }
+    }
+    Ok(cameras
+        .into_iter()
+        .map(|(view, (entry, _))| (view, entry))
+        .collect())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::synthetic::SyntheticCorpus;
+
+    const ALL: DistanceRange = DistanceRange {
+        min_nm: 0.0,
+        max_nm: None,
+    };
+
+    #[test]
+    fn a_tick_becomes_a_sample_if_any_view_saw_it_and_the_best_score_counts() {
+        let detection = |score, cx_px| Detection {
+            tick: 4,
+            view: "left".into(),
+            pixel_box: PixelBox {
+                cx_px,
+                cy_px: 0.0,
+                width_px: 1.0,
+                height_px: 1.0,
+            },
+            score,
+            tile: 0,
+        };
+        let best = best_detections(vec![
+            detection(0.5, 1.0),
+            detection(0.9, 2.0),
+            detection(0.7, 3.0),
+        ]);
+        assert_eq!(best[&(4, "left".to_owned())].cx_px, 2.0);
+
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus {
+            miss_ratio: 0.5,
+            ..SyntheticCorpus::tiny()
+        }
+        .write(folder.path())
+        .unwrap();
+        let samples = Samples::read(&corpus, None, ALL).unwrap();
+        let ticks: usize = samples.scenarios.iter().map(|s| s.ticks).sum();
+        let seen = samples.samples.len() as f64 / ticks as f64;
+        assert!(
+            (seen - 0.75).abs() < 0.08,
+            "half of each view missed at random leaves 3/4, found {seen}"
+        );
+        assert!(samples.samples.iter().all(|s| s.detections() >= 1));
+    }
+
+    #[test]
+    fn several_models_without_a_choice_are_listed() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+        let first = &corpus.scenarios().unwrap()[0];
+        fs::copy(
+            first.detections_path("synthetic"),
+            first.detections_path("other"),
+        )
+        .unwrap();
+        let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+        assert!(message.contains("other, synthetic"), "{message}");
+        assert!(Samples::read(&corpus, Some("synthetic"), ALL).is_ok());
+        let message = Samples::read(&corpus, Some("third"), ALL)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("third") && message.contains("other, synthetic"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_trajectory_that_the_split_names_differently_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+        let mut splits = Splits::read(&corpus.splits_path()).unwrap();
+        splits.scenarios.first_entry().unwrap().get_mut().trajectory = "renamed".into();
+        splits.write(&corpus.splits_path()).unwrap();
+        let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+        assert!(message.contains("renamed"), "{message}");
+    }
+}

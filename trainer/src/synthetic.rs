@@ -1,0 +1,386 @@
+//! A corpus without videos, made from geometry: what a perfect simulator and a noisy detector would leave on disk.
+//!
+//! For tests, and for working on the trainer before there are recordings (`cargo run --release -p trainer --example
+//! synthetic_corpus -- FOLDER`). The aircraft is a box of a B737-800's span and height around its centre of gravity, on approach
+//! to Changi 02L, seen by the rig `wide-baseline`. Nothing of this enters a real training.
+
+use std::collections::BTreeMap;
+use std::f64::consts::{PI, TAU};
+use std::fs;
+use std::path::Path;
+
+use dataset::calibration::Calibration;
+use dataset::camera::{Camera, CameraPose};
+use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::corpus::Corpus;
+use dataset::error::{Error, Result};
+use dataset::frame_rate::FrameRate;
+use dataset::frames::{Frame, FrameLabels, Frames, ViewStamp};
+use dataset::geodesy::Geodetic;
+use dataset::pixel_box::{Detection, PixelBox, write_detections};
+use dataset::pose::{Controls, Pose};
+use dataset::runway::{Runway, RunwayCoordinates};
+use dataset::scenario::{Flight, SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::seal::seal_folder;
+use dataset::splits::{Assignment, Side, Splits};
+use dataset::units::METERS_PER_NAUTICAL_MILE;
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha12Rng;
+
+use crate::trajectory_mixing::lies_inside;
+
+/// Name under which the detections are stored.
+pub const MODEL_HASH: &str = "synthetic";
+const SPAN_M: f64 = 35.8;
+const HEIGHT_M: f64 = 12.5;
+const SPEED_MPS: f64 = 72.0;
+
+/// What to make.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SyntheticCorpus {
+    /// Trajectories on the training side.
+    pub train: usize,
+    /// Trajectories on the validation side.
+    pub validation: usize,
+    /// Trajectories on the test side.
+    pub test: usize,
+    /// Frame rate.
+    pub frame_rate: FrameRate,
+    /// Standard deviation of a box centre, pixels.
+    pub centre_noise_px: f64,
+    /// Standard deviation of width and height, pixels.
+    pub size_noise_px: f64,
+    /// Chance that a view misses the aircraft at a tick.
+    pub miss_ratio: f64,
+    /// Seed.
+    pub seed: u64,
+}
+
+impl SyntheticCorpus {
+    /// As many scenarios and ticks as the demo has.
+    pub fn demo() -> Self {
+        Self {
+            train: 7,
+            validation: 2,
+            test: 3,
+            frame_rate: FrameRate {
+                numerator: 1,
+                denominator: 1,
+            },
+            centre_noise_px: 0.4,
+            size_noise_px: 0.8,
+            miss_ratio: 0.08,
+            seed: 0,
+        }
+    }
+
+    /// Small enough for a test of seconds.
+    pub fn tiny() -> Self {
+        Self {
+            train: 4,
+            validation: 1,
+            test: 2,
+            frame_rate: FrameRate {
+                numerator: 1,
+                denominator: 3,
+            },
+            centre_noise_px: 0.25,
+            size_noise_px: 0.5,
+            ..Self::demo()
+        }
+    }
+
+    /// Writes the corpus into an empty folder.
+    pub fn write(&self, root: &Path) -> Result<Corpus> {
+        let corpus = Corpus::create(root)?;
+        let mut assignments = BTreeMap::new();
+        let sides = [
+            (Side::Train, self.train),
+            (Side::Validation, self.validation),
+            (Side::Test, self.test),
+        ];
+        let sides = sides
+            .into_iter()
+            .flat_map(|(side, count)| std::iter::repeat_n(side, count));
+        for (number, side) in sides.enumerate() {
+            let id = format!("{number:04}");
+            let trajectory = format!("synthetic-{}-{number}", self.seed);
+            self.write_scenario(&corpus, number, &id, &trajectory)?;
+            assignments.insert(id, Assignment { trajectory, side });
+        }
+        let splits = Splits::new(assignments).map_err(|leak| Error::corpus(root, leak))?;
+        splits.write(&corpus.splits_path())?;
+        Ok(corpus)
+    }
+
+    fn write_scenario(
+        &self,
+        corpus: &Corpus,
+        number: usize,
+        id: &str,
+        trajectory: &str,
+    ) -> Result<()> {
+        let folder = corpus.scenario(id);
+        let detections_folder = folder.detections_folder();
+        fs::create_dir_all(&detections_folder).map_err(Error::io("create", &detections_folder))?;
+        let mut random = ChaCha12Rng::seed_from_u64(self.seed);
+        random.set_stream(number as u64);
+        let runway = changi_02l();
+        let calibration = Calibration::from_poses(wide_baseline(&runway), 1920, 1280);
+        calibration.write(&folder.calibration_path())?;
+        let frames = self.fly(&runway, &calibration, &mut random);
+        frames.write(&folder.frames_path())?;
+        write_detections(
+            &folder.detections_path(MODEL_HASH),
+            &self.detect(&frames, &calibration, &mut random),
+        )?;
+        self.record(number, id, trajectory, &runway, &frames)
+            .write(&folder.record_path())?;
+        seal_folder(folder.root(), "synthetic").map(|_| ())
+    }
+
+    /// An approach that captures the localizer from a random side and flies level before the glide path.
+    fn fly(&self, runway: &Runway, calibration: &Calibration, random: &mut ChaCha12Rng) -> Frames {
+        let target = runway.touchdown_target();
+        let start_m = METERS_PER_NAUTICAL_MILE * random.random_range(9.7..10.2);
+        let offset_m = random.random_range(-60.0..60.0);
+        let wander_m = random.random_range(1.0..6.0);
+        let phase = random.random_range(0.0..TAU);
+        let steepness = (runway.glide_path_deg + random.random_range(-0.03..0.03))
+            .to_radians()
+            .tan();
+        let level_m = random.random_range(600.0..900.0);
+        let ticks = (start_m / SPEED_MPS / self.frame_rate.period_s()).ceil() as u32 + 4;
+        let row = |tick: u32| {
+            let time = self.frame_rate.time_of_tick(tick);
+            let along_m = start_m - SPEED_MPS * time.seconds();
+            let part = (along_m / start_m).clamp(0.0, 1.0);
+            let cross_m =
+                offset_m * part.powi(3) + wander_m * part * (phase + 5.0 * PI * part).sin();
+            let height_m = (along_m * steepness).clamp(3.0, level_m);
+            let position = runway
+                .point_on_approach(along_m, cross_m)
+                .at_altitude_m(target.altitude_msl_m + height_m);
+            let pose = Pose {
+                latitude_deg: position.latitude_deg,
+                longitude_deg: position.longitude_deg,
+                altitude_msl_m: position.altitude_msl_m,
+                heading_true_deg: runway.course_true_deg,
+                pitch_deg: 2.5,
+                roll_deg: 0.0,
+            };
+            let found = RunwayCoordinates::of(position, target, runway.course_true_deg);
+            Frame {
+                tick,
+                time_ns: time.0,
+                pose,
+                velocity_ned_mps: [0.0, 0.0, 0.0],
+                true_airspeed_mps: SPEED_MPS,
+                controls: Controls {
+                    flap_ratio: 1.0,
+                    gear_ratio: 1.0,
+                },
+                on_ground: false,
+                views: calibration
+                    .cameras
+                    .values()
+                    .map(|entry| ViewStamp {
+                        sim_frame: u64::from(tick),
+                        pts: self.frame_rate.pts_of_tick(tick),
+                        echoed_pose: pose,
+                        echoed_camera: entry.placed,
+                    })
+                    .collect(),
+                labels: Some(FrameLabels {
+                    dtd_m: found.dtd_m,
+                    along_track_m: found.along_track_m,
+                    cross_track_m: found.cross_track_m,
+                    height_over_target_m: found.height_over_target_m,
+                    time_to_touchdown_s: (along_m > 0.0).then_some(along_m / SPEED_MPS),
+                }),
+            }
+        };
+        Frames {
+            views: calibration.cameras.keys().cloned().collect(),
+            rows: (0..ticks).map(row).collect(),
+        }
+    }
+
+    fn detect(
+        &self,
+        frames: &Frames,
+        calibration: &Calibration,
+        random: &mut ChaCha12Rng,
+    ) -> Vec<Detection> {
+        let mut found = Vec::new();
+        for row in &frames.rows {
+            for (view, entry) in &calibration.cameras {
+                let camera = entry.camera();
+                let exact = perfect_box(&camera, row.pose.position().to_ecef());
+                let noisy = PixelBox {
+                    cx_px: exact.cx_px + self.centre_noise_px * normal(random),
+                    cy_px: exact.cy_px + self.centre_noise_px * normal(random),
+                    width_px: (exact.width_px + self.size_noise_px * normal(random)).max(1.0),
+                    height_px: (exact.height_px + self.size_noise_px * normal(random)).max(1.0),
+                };
+                if lies_inside(&noisy, &camera) && !random.random_bool(self.miss_ratio) {
+                    found.push(Detection {
+                        tick: row.tick,
+                        view: view.clone(),
+                        pixel_box: noisy,
+                        score: 0.9,
+                        tile: 0,
+                    });
+                }
+            }
+        }
+        found
+    }
+
+    fn record(
+        &self,
+        number: usize,
+        id: &str,
+        trajectory: &str,
+        runway: &Runway,
+        frames: &Frames,
+    ) -> ScenarioRecord {
+        let weathers = ["clear", "cloudy", "foggy", "stormy"];
+        let times = ["06:00", "08:00", "12:00", "17:00", "18:00"];
+        ScenarioRecord {
+            schema_version: SCHEMA_VERSION,
+            id: id.into(),
+            trajectory: trajectory.into(),
+            seed: self.seed,
+            plan_hash: "synthetic".into(),
+            config_hash: "synthetic".into(),
+            aircraft: "B738".into(),
+            frame_rate: self.frame_rate,
+            ticks: frames.rows.len() as u32,
+            runway: runway.clone(),
+            touchdown: runway.touchdown_target(),
+            flight_touchdown: None,
+            geoid: None,
+            conditions: Conditions {
+                time_of_day: times[number % times.len()].into(),
+                clock: Clock {
+                    day_of_year: 80,
+                    zulu_time_s: 0.0,
+                },
+                weather_name: weathers[number % weathers.len()].into(),
+                weather: Weather {
+                    visibility_m: 20_000.0,
+                    clouds: Vec::new(),
+                    rain_ratio: 0.0,
+                    wind_speed_mps: 0.0,
+                    wind_from_true_deg: 0.0,
+                    turbulence_ratio: 0.0,
+                },
+            },
+            flight: Flight::Live,
+            rig: "wide-baseline".into(),
+            views: frames.views.clone(),
+            versions: Versions {
+                dtd: env!("CARGO_PKG_VERSION").into(),
+                simulator: "geometry".into(),
+                capture_link: 0,
+            },
+        }
+    }
+}
+
+/// The box of an aircraft that flies towards the camera: as wide as its span, as high as itself, its centre 1 m above the centre of
+/// gravity. A point behind the camera has a box far outside the picture.
+pub fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
+    let range_m = camera.to_camera(ecef_m).z;
+    let outside = glam::DVec2::splat(-1e6);
+    let centre = camera.project(ecef_m).unwrap_or(outside);
+    let px_per_m = camera.focal_px / range_m.abs().max(1.0);
+    PixelBox {
+        cx_px: centre.x,
+        cy_px: centre.y - px_per_m,
+        width_px: SPAN_M * px_per_m,
+        height_px: HEIGHT_M * px_per_m,
+    }
+}
+
+/// A draw from the normal distribution (Box and Muller).
+fn normal(random: &mut ChaCha12Rng) -> f64 {
+    let radius = (-2.0 * (1.0 - random.random::<f64>()).ln()).sqrt();
+    radius * (TAU * random.random::<f64>()).cos()
+}
+
+/// Changi 02L, as the reference sweep has it.
+fn changi_02l() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: None,
+    }
+}
+
+/// Two cameras 1500 m past the touchdown target, 300 m to either side, turned 5.3 degrees inwards.
+fn wide_baseline(runway: &Runway) -> [(&'static str, CameraPose); 2] {
+    let placed = |sideways_m: f64, turned_deg: f64| {
+        let at = runway.point_on_approach(-1_500.0, sideways_m);
+        CameraPose {
+            pose: Pose {
+                latitude_deg: at.latitude_deg,
+                longitude_deg: at.longitude_deg,
+                altitude_msl_m: runway.threshold.altitude_msl_m + 10.0,
+                heading_true_deg: (runway.course_true_deg + 180.0 + turned_deg).rem_euclid(360.0),
+                pitch_deg: 1.6,
+                roll_deg: 0.0,
+            },
+            hfov_deg: 10.0,
+        }
+    };
+    // Looking back down the approach, the left camera's way to the axis is to its left.
+    [
+        ("left", placed(-300.0, -5.3)),
+        ("right", placed(300.0, 5.3)),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_cameras_see_the_aircraft_from_ten_miles_to_the_runway() {
+        let runway = changi_02l();
+        for (view, placed) in wide_baseline(&runway) {
+            let camera = Camera::from_pose(&placed, 1920, 1280);
+            for along_m in [18_520.0, 9_000.0, 2_000.0, 100.0] {
+                let at = runway
+                    .point_on_approach(along_m, 0.0)
+                    .at_altitude_m(6.7 + along_m * 0.0524);
+                let pixel = camera.project(at.to_ecef()).unwrap();
+                assert!(
+                    (0.0..1920.0).contains(&pixel.x) && (0.0..1280.0).contains(&pixel.y),
+                    "{view} {along_m} {pixel}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_same_seed_makes_the_same_corpus() {
+        let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+        let manifests = folders.each_ref().map(|folder| {
+            let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+            fs::read(corpus.scenario("0001").root().join("MANIFEST.b3")).unwrap()
+        });
+        assert_eq!(manifests[0], manifests[1]);
+    }
+}

@@ -1,0 +1,225 @@
+//! A training from corpus to run folder.
+
+use std::path::Path;
+use std::time::Instant;
+
+use burn::module::Module;
+use burn::tensor::Device;
+use dataset::corpus::Corpus;
+use dataset::splits::Side;
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
+
+use crate::calibration_training::train_calibration;
+use crate::config::TrainConfig;
+use crate::encoded::Encoded;
+use crate::error::{Error, Result};
+use crate::mono_network::{MonoInputs, MonoNetworks};
+use crate::normalisation::Normalisation;
+use crate::paper_lstm::{TrainingSets, train_estimator};
+use crate::pinhole::Pinhole;
+use crate::progress::Progress;
+use crate::run_folder::{Baselines, Convergence, Networks, RunFolder, RunSummary, TrainedRun};
+use crate::samples::{DistanceRange, Sample, Samples};
+use crate::trajectory_mixing::mix;
+use crate::triangulation::CentreOffset;
+
+/// What a training came to.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TrainOutcome {
+    /// The run folder.
+    pub run: RunFolder,
+    /// What it was made from.
+    pub summary: RunSummary,
+    /// Error of `paper_lstm` on the validation side at the end, percent.
+    pub validation_mape_pct: f64,
+}
+
+/// Independent random streams, so that changing one part of a training leaves the others' draws alone.
+#[derive(Clone, Copy)]
+enum Stream {
+    Mixing,
+    Calibration,
+    Estimator,
+    MonoSize,
+    MonoBox,
+}
+
+impl Stream {
+    fn generator(self, seed: u64) -> ChaCha12Rng {
+        let mut generator = ChaCha12Rng::seed_from_u64(seed);
+        generator.set_stream(self as u64);
+        generator
+    }
+}
+
+/// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`.
+/// The same corpus, configuration and machine give the same weights.
+pub fn train(
+    corpus: &Corpus,
+    out: &Path,
+    config: &TrainConfig,
+    progress: &mut dyn Progress,
+) -> Result<TrainOutcome> {
+    let started = Instant::now();
+    config.check()?;
+    let range = DistanceRange {
+        min_nm: config.min_dtd_nm,
+        max_nm: config.max_dtd_nm,
+    };
+    let samples = Samples::read(corpus, config.model_hash.as_deref(), range)?;
+    let training = side_with_samples(corpus, &samples, Side::Train)?;
+    let validation = side_with_samples(corpus, &samples, Side::Validation)?;
+
+    let normalisation = Normalisation::fit(&samples.views, &training);
+    let [mixed, mixed_together] = mixed_samples(&samples, &training, config);
+    let encoded = Encoded::new(training.iter().copied().chain(&mixed), &normalisation);
+    let encoded_together = Encoded::new(
+        training.iter().copied().chain(&mixed_together),
+        &normalisation,
+    );
+    let encoded_validation = Encoded::new(validation.iter().copied(), &normalisation);
+
+    let device = Device::flex().autodiff();
+    let (calibration, calibration_log) = train_calibration(
+        &encoded,
+        &encoded_validation,
+        &config.calibration,
+        config.loss,
+        &mut Stream::Calibration.generator(config.seed),
+        &device,
+        progress,
+    )?;
+    let calibration = calibration.valid();
+    let (estimator, estimator_log) = train_estimator(
+        &calibration,
+        &TrainingSets {
+            alone: &encoded,
+            together: &encoded_together,
+        },
+        &encoded_validation,
+        &config.estimator,
+        config.calibration.features,
+        config.loss,
+        &mut Stream::Estimator.generator(config.seed),
+        &device,
+        progress,
+    )?;
+    let mut mono = |inputs, stream: Stream| {
+        let random = &mut stream.generator(config.seed);
+        MonoNetworks::train(
+            inputs,
+            &encoded,
+            &config.mono,
+            config.loss,
+            random,
+            &device,
+            progress,
+        )
+    };
+    let mono_size = mono(MonoInputs::Size, Stream::MonoSize)?;
+    let mono_box = mono(MonoInputs::Box, Stream::MonoBox)?;
+
+    let validation_mape_pct = estimator_log
+        .last()
+        .map_or(f64::NAN, |entry| entry.validation_mape_pct);
+    let run = TrainedRun {
+        config: config.clone(),
+        summary: RunSummary {
+            dtd: env!("CARGO_PKG_VERSION").into(),
+            model_hash: samples.model_hash.clone(),
+            cameras: samples.calibration.clone(),
+            training_trajectories: samples.trajectories(Side::Train),
+            validation_trajectories: samples.trajectories(Side::Validation),
+            training_samples: training.len(),
+            mixed_samples: mixed.len() + mixed_together.len(),
+            validation_samples: validation.len(),
+            training_s: started.elapsed().as_secs_f64(),
+        },
+        baselines: baselines(&samples, &training),
+        convergence: Convergence {
+            views: samples.views.clone(),
+            calibration: calibration_log,
+            estimator: estimator_log,
+        },
+        normalisation,
+        networks: Networks {
+            calibration,
+            estimator: estimator.valid(),
+            mono_size: mono_size.valid(),
+            mono_box: mono_box.valid(),
+        },
+    };
+    let folder = RunFolder::at(out);
+    run.save(&folder)?;
+    Ok(TrainOutcome {
+        run: folder,
+        summary: run.summary,
+        validation_mape_pct,
+    })
+}
+
+fn side_with_samples<'a>(
+    corpus: &Corpus,
+    samples: &'a Samples,
+    side: Side,
+) -> Result<Vec<&'a Sample>> {
+    let found = samples.of_side(side);
+    if found.is_empty() {
+        return Err(Error::Corpus {
+            path: corpus.root().to_owned(),
+            message: format!(
+                "has no samples on the {side:?} side: {} scenarios are there, none with a detection before touchdown within the \
+                 distance range; generate, label and detect more, or change the split",
+                samples
+                    .scenarios
+                    .iter()
+                    .filter(|scenario| scenario.side == side)
+                    .count()
+            ),
+        });
+    }
+    Ok(found)
+}
+
+/// Mixtures for views alone, and for all views together.
+fn mixed_samples(
+    samples: &Samples,
+    training: &[&Sample],
+    config: &TrainConfig,
+) -> [Vec<Sample>; 2] {
+    let augmentation = &config.augmentation;
+    let count = augmentation
+        .fill_up_to_samples
+        .saturating_sub(training.len());
+    let random = &mut Stream::Mixing.generator(config.seed);
+    [
+        augmentation.extrapolation,
+        augmentation.extrapolation_together,
+    ]
+    .map(|extrapolation| {
+        mix(
+            training,
+            &samples.scenarios,
+            &samples.cameras,
+            extrapolation,
+            count,
+            random,
+        )
+    })
+}
+
+fn baselines(samples: &Samples, training: &[&Sample]) -> Baselines {
+    Baselines {
+        views: samples.views.clone(),
+        pinholes: (0..samples.views.len())
+            .map(|view| Pinhole::fit(view, training))
+            .collect(),
+        centre_offsets: samples
+            .cameras
+            .iter()
+            .enumerate()
+            .map(|(view, camera)| CentreOffset::fit(view, camera, training))
+            .collect(),
+    }
+}

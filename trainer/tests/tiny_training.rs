@@ -1,0 +1,223 @@
+//! A real training, small enough for seconds: on boxes from geometry, judged on trajectories that were held out.
+
+use std::fs;
+use std::path::Path;
+
+use dataset::columns::Table;
+use dataset::corpus::Corpus;
+use dataset::json_file::read_json;
+use dataset::splits::{Side, Splits};
+use trainer::config::{
+    AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
+};
+use trainer::synthetic::SyntheticCorpus;
+use trainer::{EvaluationConfig, Metrics, RunFolder, Silent, TrainConfig, evaluate, train};
+
+/// The paper's networks, but narrow.
+fn small() -> TrainConfig {
+    let optimisation = |steps, learning_rate| Optimisation {
+        steps,
+        batch_size: 64,
+        learning_rate,
+    };
+    TrainConfig {
+        augmentation: AugmentationConfig {
+            fill_up_to_samples: 4_000,
+            ..AugmentationConfig::default()
+        },
+        calibration: CalibrationConfig {
+            hidden: vec![32, 32],
+            features: 32,
+            head_hidden: vec![32],
+            optimisation: optimisation(800, 4e-3),
+            ..CalibrationConfig::default()
+        },
+        estimator: EstimatorConfig {
+            lstm: vec![32, 32],
+            head_hidden: vec![32],
+            optimisation: optimisation(800, 4e-3),
+            ..EstimatorConfig::default()
+        },
+        mono: MonoConfig {
+            hidden: vec![32],
+            optimisation: optimisation(300, 5e-3),
+        },
+        ..TrainConfig::default()
+    }
+}
+
+fn trained(root: &Path) -> (Corpus, RunFolder) {
+    let corpus = SyntheticCorpus::tiny().write(&root.join("corpus")).unwrap();
+    let outcome = train(&corpus, &root.join("run"), &small(), &mut Silent).unwrap();
+    (corpus, outcome.run)
+}
+
+fn mape(metrics: &Metrics, name: &str) -> f64 {
+    metrics.estimators[name]
+        .overall
+        .combination
+        .mape_pct
+        .unwrap()
+}
+
+#[test]
+fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let (corpus, run) = trained(folder.path());
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+
+    // A constant predictor is off by tens of percent; so is one that has learned from the wrong view.
+    assert!(
+        mape(&metrics, "paper_lstm") < 4.0,
+        "{}",
+        mape(&metrics, "paper_lstm")
+    );
+    assert!(
+        mape(&metrics, "triangulation") < 0.2,
+        "{}",
+        mape(&metrics, "triangulation")
+    );
+    assert!(
+        mape(&metrics, "mono_pinhole") < 4.0,
+        "{}",
+        mape(&metrics, "mono_pinhole")
+    );
+    let table = Table::read(&run.predictions_path()).unwrap();
+    let truth = table.f64("dtd_m").unwrap();
+    let mean = truth.iter().sum::<f64>() / truth.len() as f64;
+    let constant =
+        truth.iter().map(|t| (mean - t).abs() / t).sum::<f64>() / truth.len() as f64 * 100.0;
+    assert!(
+        mape(&metrics, "paper_lstm") < constant / 10.0,
+        "constant: {constant}"
+    );
+
+    // The figures are those of the stored predictions.
+    let stored = table.optional_f64("paper_lstm_dtd_m").unwrap();
+    let errors = stored
+        .iter()
+        .zip(&truth)
+        .map(|(p, t)| (p.unwrap() - t).abs() / t * 100.0);
+    assert!((errors.sum::<f64>() / truth.len() as f64 - mape(&metrics, "paper_lstm")).abs() < 1e-9);
+    let detections = table.u32("detections").unwrap();
+    let triangulated = table.optional_f64("triangulation_dtd_m").unwrap();
+    assert!(
+        detections
+            .iter()
+            .zip(&triangulated)
+            .all(|(&seen, answer)| (seen >= 2) == answer.is_some())
+    );
+
+    let written: serde_json::Value = read_json(&run.metrics_path(), "metrics").unwrap();
+    let lstm = &written["estimators"]["paper_lstm"];
+    assert!(
+        lstm["dual"]["samples"].as_u64().unwrap()
+            < lstm["combination"]["samples"].as_u64().unwrap()
+    );
+    assert!(
+        lstm["by_weather"]
+            .as_object()
+            .unwrap()
+            .values()
+            .all(|w| w["dual"]["mape_pct"].is_number())
+    );
+    let report = fs::read_to_string(run.report_path()).unwrap();
+    for needed in ["paper_lstm", "<svg", "A held-out approach", "Convergence"] {
+        assert!(report.contains(needed), "{needed}");
+    }
+    let rest = report.replace("http://www.w3.org/2000/svg", "");
+    assert!(
+        !rest.contains("http") && !rest.contains("src="),
+        "the report must open offline"
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny()
+        .write(&folder.path().join("corpus"))
+        .unwrap();
+    let mut config = small();
+    config.calibration.optimisation.steps = 40;
+    config.estimator.optimisation.steps = 40;
+    config.mono.optimisation.steps = 20;
+    let weights = |name: &str, seed: u64| {
+        let config = TrainConfig {
+            seed,
+            ..config.clone()
+        };
+        let outcome = train(&corpus, &folder.path().join(name), &config, &mut Silent).unwrap();
+        let evaluated = evaluate(
+            &outcome.run,
+            &corpus,
+            &EvaluationConfig::default(),
+            &mut Silent,
+        )
+        .unwrap();
+        (mape(&evaluated, "paper_lstm"), outcome.validation_mape_pct)
+    };
+    let first = weights("a", 0);
+    assert_eq!(first, weights("b", 0));
+    assert_ne!(first, weights("c", 1));
+}
+
+#[test]
+fn a_loaded_run_predicts_exactly_what_it_predicted_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let (corpus, run) = trained(folder.path());
+    let predictions = |run: &RunFolder| {
+        evaluate(run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+        Table::read(&run.predictions_path())
+            .unwrap()
+            .optional_f64("paper_lstm_dtd_m")
+            .unwrap()
+    };
+    let before = predictions(&run);
+    let loaded = trainer::run_folder::TrainedRun::load(&run).unwrap();
+    let copy = RunFolder::at(&folder.path().join("copy"));
+    loaded.save(&copy).unwrap();
+    assert_eq!(predictions(&copy), before);
+}
+
+#[test]
+fn a_corpus_whose_test_trajectory_was_trained_on_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let (corpus, run) = trained(folder.path());
+    let mut splits = Splits::read(&corpus.splits_path()).unwrap();
+    let trained_on = splits.side(Side::Train).next().unwrap().to_owned();
+    splits.scenarios.get_mut(&trained_on).unwrap().side = Side::Test;
+    splits.write(&corpus.splits_path()).unwrap();
+    let message = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent)
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains(&splits.scenarios[&trained_on].trajectory)
+            && message.contains(&trained_on),
+        "{message}"
+    );
+    assert!(
+        !run.metrics_path().exists(),
+        "nothing is written after a refusal"
+    );
+}
+
+#[test]
+fn a_folder_without_a_run_and_a_corpus_without_a_validation_side_are_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus {
+        validation: 0,
+        ..SyntheticCorpus::tiny()
+    }
+    .write(folder.path())
+    .unwrap();
+    let message = train(&corpus, &folder.path().join("run"), &small(), &mut Silent)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("Validation"), "{message}");
+    let nowhere = RunFolder::at(&folder.path().join("nowhere"));
+    let message = evaluate(&nowhere, &corpus, &EvaluationConfig::default(), &mut Silent)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("dtd train"), "{message}");
+}
