@@ -168,6 +168,9 @@ pub(crate) struct MockXplaneArgs {
     /// UDP port; 0 takes any free one. The addresses are printed as one JSON line when it is ready
     #[arg(long, default_value_t = 49000)]
     pub(crate) port: u16,
+    /// Stop when standard input ends, so that whoever started the stand-in takes it along, even when killed
+    #[arg(long)]
+    pub(crate) until_stdin_ends: bool,
 }
 
 #[derive(Debug, ClapArgs)]

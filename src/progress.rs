@@ -23,7 +23,9 @@ impl Bar {
         } else {
             ProgressDrawTarget::hidden()
         });
-        let template = format!("{{prefix:>9}} {{bar:32}} {{pos}}/{{len}} {unit} {{per_sec}} eta {{eta}} {{msg}}");
+        let template = format!(
+            "{{prefix:>9}} {{bar:32}} {{pos}}/{{len}} {unit} {{per_sec}} eta {{eta}} {{msg}}"
+        );
         if let Ok(style) = ProgressStyle::with_template(&template) {
             bar.set_style(style.progress_chars("=> "));
         }

@@ -57,8 +57,9 @@ impl StandIn {
             source,
         };
         let mut child = Command::new(program)
-            .args(["mock-xplane", "--port", "0"])
-            .stdin(Stdio::null())
+            // Its standard input ends with this process, also when this process is killed: no stand-in is left behind.
+            .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
+            .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .kill_on_drop(true)
             // Ctrl-C in a terminal goes to the whole group: the stand-in shall live until we have stopped in good order.

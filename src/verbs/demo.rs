@@ -39,7 +39,10 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         return Ok(Ending::Losses);
     }
     // An earlier demo may have left the detections of another model.
-    let config = TrainConfig { model_hash: Some(detected.model_hash.clone()), ..TrainConfig::default() };
+    let config = TrainConfig {
+        model_hash: Some(detected.model_hash.clone()),
+        ..TrainConfig::default()
+    };
     let trained = train(&corpus, &args.out.join("run"), &config)?;
     let metrics = evaluate(trained.run.root(), &corpus)?;
     print_result(&corpus, &detected, &metrics, &trained.run)?;
@@ -57,10 +60,16 @@ fn print_result(
     println!("frames          {} in all views", detected.counts.pictures);
     if let Some(truth) = &detected.counts.against_truth {
         if let Some(rate) = truth.detection_rate() {
-            println!("detection rate  {:.2} % of the frames that show the aircraft", 100.0 * rate);
+            println!(
+                "detection rate  {:.2} % of the frames that show the aircraft",
+                100.0 * rate
+            );
         }
         if let Some(error_px) = truth.mean_center_error_px() {
-            println!("centre error    {error_px:.2} px on average, {} false detections", truth.false_detections);
+            println!(
+                "centre error    {error_px:.2} px on average, {} false detections",
+                truth.false_detections
+            );
         }
     }
     println!();
@@ -70,7 +79,13 @@ fn print_result(
     println!("metrics         {}", run.metrics_path().display());
     let mut videos: Vec<PathBuf> = Vec::new();
     for scenario in &scenarios {
-        videos.extend(scenario.record()?.views.iter().map(|view| scenario.video_path(view)));
+        videos.extend(
+            scenario
+                .record()?
+                .views
+                .iter()
+                .map(|view| scenario.video_path(view)),
+        );
     }
     for video in videos.iter().take(VIDEOS_TO_SHOW) {
         println!("video           {}", video.display());

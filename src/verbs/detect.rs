@@ -21,7 +21,11 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     } else {
         print_summary(&outcome);
     }
-    Ok(if outcome.failed.is_empty() { Ending::Done } else { Ending::Losses })
+    Ok(if outcome.failed.is_empty() {
+        Ending::Done
+    } else {
+        Ending::Losses
+    })
 }
 
 /// Detects in a corpus with a progress bar.
@@ -33,13 +37,19 @@ pub(crate) fn detect(corpus: &Corpus, model: &Path, again: bool) -> Result<Detec
         )));
     }
     let bar = Bar::new("detect", "pictures", None);
-    let options = DetectOptions { again, ..DetectOptions::default() };
+    let options = DetectOptions {
+        again,
+        ..DetectOptions::default()
+    };
     let outcome = detect_corpus(corpus, model, &options, &|progress| {
         bar.set_total(progress.total);
         bar.set_done(progress.done);
     })?;
     for failure in &outcome.failed {
-        bar.say(&format!("scenario {} was not searched: {}", failure.id, failure.reason));
+        bar.say(&format!(
+            "scenario {} was not searched: {}",
+            failure.id, failure.reason
+        ));
     }
     Ok(outcome)
 }
@@ -51,10 +61,16 @@ fn print_summary(outcome: &DetectOutcome) {
         outcome.unchanged.len(),
         outcome.model_hash
     );
-    println!("{} detections in {} pictures", outcome.counts.detections, outcome.counts.pictures);
+    println!(
+        "{} detections in {} pictures",
+        outcome.counts.detections, outcome.counts.pictures
+    );
     if let Some(truth) = &outcome.counts.against_truth {
         if let Some(rate) = truth.detection_rate() {
-            println!("found in {:.2} % of the pictures that show the aircraft", 100.0 * rate);
+            println!(
+                "found in {:.2} % of the pictures that show the aircraft",
+                100.0 * rate
+            );
         }
         if let Some(error_px) = truth.mean_center_error_px() {
             println!("mean distance of box centres from the truth {error_px:.2} px");

@@ -20,15 +20,23 @@ pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
         print_json(&metrics)?;
     } else {
         print_metrics(&metrics);
-        println!("report: {}", RunFolder::at(&args.run).report_path().display());
+        println!(
+            "report: {}",
+            RunFolder::at(&args.run).report_path().display()
+        );
     }
     Ok(Ending::Done)
 }
 
 /// Evaluates a run.
 pub(crate) fn evaluate(run: &Path, corpus: &Corpus) -> Result<Metrics, Failure> {
-    trainer::evaluate(&RunFolder::at(run), corpus, &EvaluationConfig::default(), &mut Bars::default())
-        .map_err(failure_of)
+    trainer::evaluate(
+        &RunFolder::at(run),
+        corpus,
+        &EvaluationConfig::default(),
+        &mut Bars::default(),
+    )
+    .map_err(failure_of)
 }
 
 /// Prints the errors of each estimator.
@@ -49,10 +57,21 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
             ]
         })
         .collect();
-    let heading = ["estimator", "MAPE %", "SD %", "samples", "both views: MAPE %", "SD %", "samples"];
+    let heading = [
+        "estimator",
+        "MAPE %",
+        "SD %",
+        "samples",
+        "both views: MAPE %",
+        "SD %",
+        "samples",
+    ];
     print_table(&heading, &rows);
     let test = &metrics.split.test;
-    println!("on {} held-out trajectories, {} samples seen by at least one view", test.trajectories, test.samples);
+    println!(
+        "on {} held-out trajectories, {} samples seen by at least one view",
+        test.trajectories, test.samples
+    );
 }
 
 fn percent(value: Option<f64>) -> String {

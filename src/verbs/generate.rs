@@ -3,7 +3,9 @@
 use std::env;
 use std::path::Path;
 
-use generator::generate::{Cancel, Event, GenerateOptions, Outcome as Generated, SimulatorTarget, generate as record};
+use generator::generate::{
+    Cancel, Event, GenerateOptions, Outcome as Generated, SimulatorTarget, generate as record,
+};
 use generator::sweep::Sweep;
 
 use super::Outcome;
@@ -50,7 +52,11 @@ pub(crate) fn generate(
     target: SimulatorTarget,
     only: &[String],
 ) -> Result<Generated, Failure> {
-    let options = GenerateOptions { target, stand_in_program: env::current_exe()?, only: only.to_vec() };
+    let options = GenerateOptions {
+        target,
+        stand_in_program: env::current_exe()?,
+        only: only.to_vec(),
+    };
     let mut show = ShowEvents::new();
     let result = async_runtime()?.block_on(async {
         let cancel = Cancel::default();
@@ -60,9 +66,18 @@ pub(crate) fn generate(
                 on_signal.cancel();
             }
         });
-        record(sweep, corpus, &options, &cancel, &mut |event| show.take(event)).await
+        record(sweep, corpus, &options, &cancel, &mut |event| {
+            show.take(event)
+        })
+        .await
     });
-    result.map_err(|error| if error.is_bad_input() { Failure::bad_input(error) } else { error.into() })
+    result.map_err(|error| {
+        if error.is_bad_input() {
+            Failure::bad_input(error)
+        } else {
+            error.into()
+        }
+    })
 }
 
 /// Turns the generator's events into a bar and lines.
@@ -78,16 +93,27 @@ struct ShowEvents {
 
 impl ShowEvents {
     fn new() -> Self {
-        Self { bar: Bar::new("generate", "ticks", None), before: 0, total: 0, planned: 0 }
+        Self {
+            bar: Bar::new("generate", "ticks", None),
+            before: 0,
+            total: 0,
+            planned: 0,
+        }
     }
 
     fn take(&mut self, event: Event<'_>) {
         match event {
-            Event::Planned { to_make, skipped, ticks } => {
+            Event::Planned {
+                to_make,
+                skipped,
+                ticks,
+            } => {
                 self.total = ticks;
                 self.bar.set_total(ticks);
                 if skipped > 0 {
-                    self.bar.say(&format!("{skipped} scenarios are whole already, {to_make} to make"));
+                    self.bar.say(&format!(
+                        "{skipped} scenarios are whole already, {to_make} to make"
+                    ));
                 }
             }
             Event::Started { id, ticks } => {
@@ -102,11 +128,13 @@ impl ShowEvents {
             Event::Captured { done } => self.bar.set_done(self.before + u64::from(done)),
             Event::Committed { id, ticks, seconds } => {
                 self.before += u64::from(ticks);
-                self.bar.say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
+                self.bar
+                    .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
             }
             Event::Retrying { id, reason } => {
                 self.bar.set_done(self.before);
-                self.bar.say(&format!("{id} failed and is tried again: {reason}"));
+                self.bar
+                    .say(&format!("{id} failed and is tried again: {reason}"));
             }
             Event::Failed { id, reason } => {
                 self.before += self.planned;

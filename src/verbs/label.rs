@@ -16,9 +16,17 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
     if args.json {
         print_json(&outcome)?;
     } else {
-        println!("{} scenarios labelled, {} unchanged", outcome.labelled.len(), outcome.unchanged.len());
+        println!(
+            "{} scenarios labelled, {} unchanged",
+            outcome.labelled.len(),
+            outcome.unchanged.len()
+        );
     }
-    Ok(if outcome.failed.is_empty() { Ending::Done } else { Ending::Losses })
+    Ok(if outcome.failed.is_empty() {
+        Ending::Done
+    } else {
+        Ending::Losses
+    })
 }
 
 /// Labels a corpus with a progress bar.
@@ -29,7 +37,10 @@ pub(crate) fn label(corpus: &Corpus) -> Result<LabelOutcome, Failure> {
         bar.set_done(progress.done);
     })?;
     for failure in &outcome.failed {
-        bar.say(&format!("scenario {} was not labelled: {}", failure.id, failure.reason));
+        bar.say(&format!(
+            "scenario {} was not labelled: {}",
+            failure.id, failure.reason
+        ));
     }
     Ok(outcome)
 }

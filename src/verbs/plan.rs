@@ -23,18 +23,42 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
         .scenarios
         .iter()
         .map(|s| {
-            vec![s.id.into(), s.time_of_day.into(), s.weather.into(), s.flight.into(), s.ticks.to_string(), s.seed.to_string()]
+            vec![
+                s.id.into(),
+                s.time_of_day.into(),
+                s.weather.into(),
+                s.flight.into(),
+                s.ticks.to_string(),
+                s.seed.to_string(),
+            ]
         })
         .collect();
-    print_table(&["scenario", "time", "weather", "flight", "ticks", "seed"], &rows);
+    print_table(
+        &["scenario", "time", "weather", "flight", "ticks", "seed"],
+        &rows,
+    );
     let ticks: u64 = summary.scenarios.iter().map(|s| u64::from(s.ticks)).sum();
     let mut flights: BTreeMap<&str, usize> = BTreeMap::new();
     for scenario in &summary.scenarios {
-        *flights.entry(if scenario.flight == "live" { "live" } else { "recorded" }).or_default() += 1;
+        *flights
+            .entry(if scenario.flight == "live" {
+                "live"
+            } else {
+                "recorded"
+            })
+            .or_default() += 1;
     }
-    let flights: Vec<String> = flights.iter().map(|(kind, count)| format!("{count} {kind}")).collect();
+    let flights: Vec<String> = flights
+        .iter()
+        .map(|(kind, count)| format!("{count} {kind}"))
+        .collect();
     println!();
-    println!("{} scenarios ({}), {ticks} ticks, plan {}", rows.len(), flights.join(", "), summary.plan_hash);
+    println!(
+        "{} scenarios ({}), {ticks} ticks, plan {}",
+        rows.len(),
+        flights.join(", "),
+        summary.plan_hash
+    );
     Ok(Ending::Done)
 }
 

@@ -27,16 +27,31 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let outcome = train(&corpus, &args.out, &config(args)?)?;
     let run = outcome.run.root();
     if args.json {
-        print_json(&Trained { run, validation_mape_pct: outcome.validation_mape_pct })?;
+        print_json(&Trained {
+            run,
+            validation_mape_pct: outcome.validation_mape_pct,
+        })?;
     } else {
-        println!("trained {}: {:.3} % on the validation side", run.display(), outcome.validation_mape_pct);
-        println!("now: dtd evaluate {} --corpus {}", run.display(), args.corpus.display());
+        println!(
+            "trained {}: {:.3} % on the validation side",
+            run.display(),
+            outcome.validation_mape_pct
+        );
+        println!(
+            "now: dtd evaluate {} --corpus {}",
+            run.display(),
+            args.corpus.display()
+        );
     }
     Ok(Ending::Done)
 }
 
 /// Trains with a progress bar per stage.
-pub(crate) fn train(corpus: &Corpus, out: &Path, config: &TrainConfig) -> Result<TrainOutcome, Failure> {
+pub(crate) fn train(
+    corpus: &Corpus,
+    out: &Path,
+    config: &TrainConfig,
+) -> Result<TrainOutcome, Failure> {
     trainer::train(corpus, out, config, &mut Bars::default()).map_err(failure_of)
 }
 
@@ -76,10 +91,12 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
     let mut config = match &args.config {
         None => TrainConfig::default(),
         Some(path) => {
-            let text = fs::read_to_string(path)
-                .map_err(|error| Failure::bad_input_message(format!("cannot read {}: {error}", path.display())))?;
-            toml::from_str(&text)
-                .map_err(|error| Failure::bad_input_message(format!("{}: {error}", path.display())))?
+            let text = fs::read_to_string(path).map_err(|error| {
+                Failure::bad_input_message(format!("cannot read {}: {error}", path.display()))
+            })?;
+            toml::from_str(&text).map_err(|error| {
+                Failure::bad_input_message(format!("{}: {error}", path.display()))
+            })?
         }
     };
     if let Some(seed) = args.seed {

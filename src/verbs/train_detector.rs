@@ -21,7 +21,8 @@ pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
     }
     let mut config = DetectorConfig::default();
     config.training.effort = Effort::Minutes(args.minutes);
-    let report = train_detector(&corpus, &args.out, &config, &mut Bars::default()).map_err(failure_of)?;
+    let report =
+        train_detector(&corpus, &args.out, &config, &mut Bars::default()).map_err(failure_of)?;
     if args.json {
         print_json(&report)?;
     } else {
@@ -33,7 +34,10 @@ pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
             report.steps,
             report.crops
         );
-        println!("figures on held-out trajectories: {}", args.out.with_extension("json").display());
+        println!(
+            "figures on held-out trajectories: {}",
+            args.out.with_extension("json").display()
+        );
     }
     Ok(Ending::Done)
 }

@@ -31,7 +31,11 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     if report.findings.is_empty() {
         Ok(Ending::Done)
     } else {
-        Err(Failure::Failed(anyhow::anyhow!("{} is not sound: {} faults", args.corpus.display(), report.findings.len())))
+        Err(Failure::Failed(anyhow::anyhow!(
+            "{} is not sound: {} faults",
+            args.corpus.display(),
+            report.findings.len()
+        )))
     }
 }
 
