@@ -1,14 +1,21 @@
-//! Progress bars on stderr. Without a terminal there are none: a log file gets one line per finished scenario instead.
+//! Progress on stderr: bars on a terminal; elsewhere, as in a log file, a line per tenth of the work.
 
 use std::io::IsTerminal;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+/// Lines that a step leaves in a log.
+const LOG_LINES: u64 = 10;
+
 /// A bar that counts `unit`s of one step of the work.
 pub(crate) struct Bar {
     step: &'static str,
+    unit: &'static str,
     bar: ProgressBar,
+    /// Parts of the work, of [`LOG_LINES`], that the log has seen.
+    logged: AtomicU64,
 }
 
 impl Bar {
@@ -31,7 +38,12 @@ impl Bar {
         }
         bar.set_prefix(step);
         bar.enable_steady_tick(Duration::from_millis(200));
-        Self { step, bar }
+        Self {
+            step,
+            unit,
+            bar,
+            logged: AtomicU64::new(0),
+        }
     }
 
     /// Sets how many units there are.
@@ -42,6 +54,19 @@ impl Bar {
     /// Sets how many units are done.
     pub(crate) fn set_done(&self, done: u64) {
         self.bar.set_position(done);
+        let total = self.bar.length().unwrap_or(0);
+        if !self.bar.is_hidden() || total == 0 {
+            return;
+        }
+        let part = (done * LOG_LINES / total).min(LOG_LINES);
+        if part > self.logged.fetch_max(part, Ordering::Relaxed) {
+            eprintln!(
+                "{}: {done}/{total} {} {}",
+                self.step,
+                self.unit,
+                self.bar.message()
+            );
+        }
     }
 
     /// Says what is being worked on.

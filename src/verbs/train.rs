@@ -68,21 +68,21 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
 
 /// One bar per stage of the trainer.
 #[derive(Default)]
-pub(crate) struct Bars(Option<Bar>);
+pub(crate) struct Bars(Option<(String, Bar)>);
 
 impl Progress for Bars {
     fn begin(&mut self, stage: &str, total: u64) {
         let bar = Bar::new("train", "steps", Some(total));
         bar.working_on(stage);
-        self.0 = Some(bar);
+        self.0 = Some((stage.to_owned(), bar));
     }
 
     fn advance(&mut self, done: u64, note: &str) {
-        if let Some(bar) = &self.0 {
-            bar.set_done(done);
+        if let Some((stage, bar)) = &self.0 {
             if !note.is_empty() {
-                bar.working_on(note);
+                bar.working_on(&format!("{stage}: {note}"));
             }
+            bar.set_done(done);
         }
     }
 }
