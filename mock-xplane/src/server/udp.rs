@@ -68,7 +68,7 @@ impl Server {
             ToSimulator::SubscribeDataref(request) => {
                 let full = !request.is_end() && self.subscriptions.count() >= MAX_SUBSCRIPTIONS;
                 if full || !self.subscriptions.subscribe(from, request, now_s) {
-                    tracing::warn!(%from, full, "request lost: too many");
+                    tracing::debug!(%from, full, "request lost: too many");
                 }
             }
             ToSimulator::WriteDataref(write) => {
