@@ -50,7 +50,11 @@ impl Shared {
             assert_eq!(made["committed"].as_array().unwrap().len(), 6, "{made}");
             assert_eq!(made["failed"], serde_json::json!([]));
             let labelled = dtd_json(&["label", text(&corpus), "--json"]);
-            assert_eq!(labelled["labelled"].as_array().unwrap().len(), 6, "{labelled}");
+            assert_eq!(
+                labelled["labelled"].as_array().unwrap().len(),
+                6,
+                "{labelled}"
+            );
             folder
         });
         folder.path().join("corpus")
@@ -104,14 +108,22 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
 /// Runs a Python judge on a corpus; returns its verdict.
 fn judge(script: &str, corpus: &Path) -> Value {
     let python = repository().join(".venv/bin/python");
-    assert!(python.exists(), "run `bash scripts/setup.sh` first: {} is missing", python.display());
+    assert!(
+        python.exists(),
+        "run `bash scripts/setup.sh` first: {} is missing",
+        python.display()
+    );
     let output = Command::new(python)
         .arg(repository().join("tests/judges").join(script))
         .arg(corpus)
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(output.status.success(), "{said}{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{said}{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     serde_json::from_str(&said).unwrap()
 }
 
@@ -147,7 +159,13 @@ fn generating_and_labelling_again_changes_no_byte() {
     let corpus = folder.path().join("corpus");
     copy_folder(&recorded(), &corpus);
     let before = contents(&corpus);
-    let again = dtd_json(&["generate", "tests/data/recorded.toml", "--out", text(&corpus), "--json"]);
+    let again = dtd_json(&[
+        "generate",
+        "tests/data/recorded.toml",
+        "--out",
+        text(&corpus),
+        "--json",
+    ]);
     assert_eq!(again["skipped"].as_array().unwrap().len(), 6, "{again}");
     assert_eq!(again["committed"], serde_json::json!([]));
     let again = dtd_json(&["label", text(&corpus), "--json"]);
@@ -164,11 +182,26 @@ fn a_scenario_that_is_made_again_has_the_same_bytes_in_its_tables() {
     let frames = fs::read(scenario.join("frames.parquet")).unwrap();
     let boxes = fs::read(scenario.join("boxes_truth.parquet")).unwrap();
     fs::remove_dir_all(&scenario).unwrap();
-    let again = dtd_json(&["generate", "tests/data/recorded.toml", "--out", text(&corpus), "--json"]);
-    assert_eq!(again["committed"], serde_json::json!(["0003-1200-clear-r3"]));
+    let again = dtd_json(&[
+        "generate",
+        "tests/data/recorded.toml",
+        "--out",
+        text(&corpus),
+        "--json",
+    ]);
+    assert_eq!(
+        again["committed"],
+        serde_json::json!(["0003-1200-clear-r3"])
+    );
     dtd_json(&["label", text(&corpus), "--json"]);
-    assert!(frames == fs::read(scenario.join("frames.parquet")).unwrap(), "frames.parquet differs");
-    assert!(boxes == fs::read(scenario.join("boxes_truth.parquet")).unwrap(), "boxes_truth.parquet differs");
+    assert!(
+        frames == fs::read(scenario.join("frames.parquet")).unwrap(),
+        "frames.parquet differs"
+    );
+    assert!(
+        boxes == fs::read(scenario.join("boxes_truth.parquet")).unwrap(),
+        "boxes_truth.parquet differs"
+    );
 }
 
 #[test]
@@ -184,7 +217,10 @@ fn verify_names_the_scenario_and_the_file_that_somebody_changed() {
     let output = dtd(&["verify", text(&corpus)]);
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("0002-1200-clear-r2") && said.contains("views/right.mp4"), "{said}");
+    assert!(
+        said.contains("0002-1200-clear-r2") && said.contains("views/right.mp4"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -201,15 +237,35 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
 
     let run = folder.path().join("run");
     let settings = repository().join("tests/data/quick_training.toml");
-    dtd_json(&["train", text(&corpus), "--out", text(&run), "--config", text(&settings), "--json"]);
+    dtd_json(&[
+        "train",
+        text(&corpus),
+        "--out",
+        text(&run),
+        "--config",
+        text(&settings),
+        "--json",
+    ]);
     let metrics = dtd_json(&["evaluate", text(&run), "--corpus", text(&corpus), "--json"]);
-    let written: Value = serde_json::from_slice(&fs::read(run.join("metrics.json")).unwrap()).unwrap();
+    let written: Value =
+        serde_json::from_slice(&fs::read(run.join("metrics.json")).unwrap()).unwrap();
     assert_eq!(metrics, written);
     let mape = |name: &str| metrics["estimators"][name]["mape_pct"].as_f64().unwrap();
-    assert!(mape("triangulation") < 1.0, "triangulation {}", mape("triangulation"));
-    assert!(mape("paper_lstm") < 5.0, "paper_lstm {}", mape("paper_lstm"));
+    assert!(
+        mape("triangulation") < 1.0,
+        "triangulation {}",
+        mape("triangulation")
+    );
+    assert!(
+        mape("paper_lstm") < 5.0,
+        "paper_lstm {}",
+        mape("paper_lstm")
+    );
     assert!(mape("mono_pinhole") > mape("triangulation"));
     assert!(mape("mono_network").is_finite());
     let report = fs::read_to_string(run.join("report.html")).unwrap();
-    assert!(report.contains("<svg") && !report.contains("http://") || !report.contains("src=\"http"), "not self-contained");
+    assert!(
+        report.contains("<svg") && !report.contains("http://") || !report.contains("src=\"http"),
+        "not self-contained"
+    );
 }

@@ -30,10 +30,7 @@ fn plan_json(sweep: &str) -> Value {
 
 fn values<'a>(plan: &'a Value, key: &str) -> Vec<&'a str> {
     let scenarios = plan["scenarios"].as_array().unwrap();
-    let mut found: Vec<&str> = scenarios
-        .iter()
-        .map(|s| s[key].as_str().unwrap())
-        .collect();
+    let mut found: Vec<&str> = scenarios.iter().map(|s| s[key].as_str().unwrap()).collect();
     found.sort_unstable();
     found.dedup();
     found
@@ -90,17 +87,45 @@ fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_wr
         ("repeats = 1", "repeat = 1", vec!["repeat", "repeats"]),
         ("frame_rate = 1", "frame_rate = -1", vec!["-1", "frame"]),
         ("frame_rate = 1", "frame_rate = \"0/1\"", vec!["0/1"]),
-        ("\"clear\", \"cloudy\"", "\"clear\", \"snowy\"", vec!["snowy", "foggy"]),
-        ("airport = \"WSSS\"", "airport = \"XXXX\"", vec!["XXXX", "WSSS"]),
+        (
+            "\"clear\", \"cloudy\"",
+            "\"clear\", \"snowy\"",
+            vec!["snowy", "foggy"],
+        ),
+        (
+            "airport = \"WSSS\"",
+            "airport = \"XXXX\"",
+            vec!["XXXX", "WSSS"],
+        ),
         ("runway = \"02L\"", "runway = \"99Z\"", vec!["99Z", "02L"]),
         ("01_calm_ils.csv", "01_lost.csv", vec!["01_lost.csv"]),
         ("\"06:00\"", "\"26:00\"", vec!["26:00"]),
-        ("rig = \"wide-baseline\"", "rig = \"narrow\"", vec!["narrow", "wide-baseline"]),
-        ("visibility_m = 80000", "visibility_m = -5", vec!["-5", "visibility"]),
-        ("cover_ratio = 0.6", "cover_ratio = 1.6", vec!["1.6", "cover"]),
-        ("preset = \"superfast\"", "preset = \"warp\"", vec!["warp", "superfast"]),
+        (
+            "rig = \"wide-baseline\"",
+            "rig = \"narrow\"",
+            vec!["narrow", "wide-baseline"],
+        ),
+        (
+            "visibility_m = 80000",
+            "visibility_m = -5",
+            vec!["-5", "visibility"],
+        ),
+        (
+            "cover_ratio = 0.6",
+            "cover_ratio = 1.6",
+            vec!["1.6", "cover"],
+        ),
+        (
+            "preset = \"superfast\"",
+            "preset = \"warp\"",
+            vec!["warp", "superfast"],
+        ),
         ("seed = 7", "seed = \"seven\"", vec!["seven", "expected"]),
-        ("aircraft = \"B737-800\"", "aircraft = \"A320\"", vec!["A320", "B737-800"]),
+        (
+            "aircraft = \"B737-800\"",
+            "aircraft = \"A320\"",
+            vec!["A320", "B737-800"],
+        ),
     ];
     for (from, to, words) in cases {
         let folder = tempfile::tempdir().unwrap();
@@ -133,8 +158,28 @@ fn what_is_not_there_is_bad_input_with_its_name() {
         (&["label", "lost-corpus"], "lost-corpus"),
         (&["verify", "lost-corpus"], "dtd generate"),
         (&["train", "lost-corpus", "--out", "run"], "lost-corpus"),
-        (&["generate", "demo.toml", "--out", "target/x", "--sim", "nowhere"], "HOST:PORT"),
-        (&["generate", "demo.toml", "--out", "target/x", "--only", "0099"], "0099"),
+        (
+            &[
+                "generate",
+                "demo.toml",
+                "--out",
+                "target/x",
+                "--sim",
+                "nowhere",
+            ],
+            "HOST:PORT",
+        ),
+        (
+            &[
+                "generate",
+                "demo.toml",
+                "--out",
+                "target/x",
+                "--only",
+                "0099",
+            ],
+            "0099",
+        ),
     ];
     for (arguments, word) in cases {
         let output = dtd(arguments);
