@@ -5,14 +5,14 @@
 //! views train is [`GapBalance`]'s decision, taken on the validation side. The paper's full-batch epochs are mini-batches here.
 
 use burn::module::Module;
+use burn::nn::Linear;
 use burn::optim::GradientsParams;
-use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor};
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{CalibrationConfig, Loss};
-use crate::dense::{Dense, LEAKY_SLOPE, widths};
+use crate::dense::{Dense, linear, widths};
 use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::error::{Error, Result};
 use crate::gap_balance::GapBalance;
@@ -20,11 +20,53 @@ use crate::normalisation::BOX_FEATURES;
 use crate::progress::Progress;
 use crate::schedule::{adam, learning_rate};
 
+/// The calibration network of one camera: the paper's layers, and beside them a linear path from box to feature vector.
+///
+/// Trained alone, a view's network learns to forget what does not help a view alone, down to a mixture of place and size; the estimator
+/// would then have to unmix it to compare the views' places to a fraction of a pixel. The linear path keeps the places legible: in a trial on
+/// boxes from geometry, a plain network on the frozen features of two views erred by 0.97 % without and by 0.2 to 0.3 % with it.
+#[derive(Module, Debug)]
+struct CalibrationNetwork {
+    layers: Dense,
+    direct: Linear,
+}
+
+impl CalibrationNetwork {
+    /// Initial gain of the linear path: enough that training does not drown it in the layers' output.
+    const DIRECT_GAIN: f64 = 3.0;
+
+    fn new(config: &CalibrationConfig, random: &mut ChaCha12Rng, device: &Device) -> Self {
+        let layers = Dense::new(
+            &widths(BOX_FEATURES, &config.hidden, config.features),
+            random,
+            device,
+        );
+        let direct = linear(
+            BOX_FEATURES,
+            config.features,
+            Self::DIRECT_GAIN,
+            random,
+            device,
+        );
+        Self {
+            layers,
+            direct: Linear {
+                bias: None,
+                ..direct
+            },
+        }
+    }
+
+    fn forward(&self, boxes: Tensor<2>) -> Tensor<2> {
+        self.layers.forward(boxes.clone()) + self.direct.forward(boxes)
+    }
+}
+
 /// The networks of stage one.
 #[derive(Module, Debug)]
 pub struct CalibrationNetworks {
     /// One network per view, box features to feature vector.
-    views: Vec<Dense>,
+    views: Vec<CalibrationNetwork>,
     /// The shared auxiliary head, feature vector to distance.
     head: Dense,
 }
@@ -37,10 +79,9 @@ impl CalibrationNetworks {
         random: &mut ChaCha12Rng,
         device: &Device,
     ) -> Self {
-        let widths_of_view = widths(BOX_FEATURES, &config.hidden, config.features);
         Self {
             views: (0..views)
-                .map(|_| Dense::new(&widths_of_view, random, device))
+                .map(|_| CalibrationNetwork::new(config, random, device))
                 .collect(),
             head: Dense::new(
                 &widths(config.features, &config.head_hidden, 1),
@@ -52,7 +93,7 @@ impl CalibrationNetworks {
 
     /// Feature vectors of one view's boxes, `[batch, 4]` to `[batch, features]`.
     pub fn features(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
-        leaky_relu(self.views[view].forward(boxes), LEAKY_SLOPE)
+        self.views[view].forward(boxes)
     }
 
     /// The distance as one view alone predicts it, in the coordinate of the loss, `[batch, 1]`.

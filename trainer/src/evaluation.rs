@@ -71,7 +71,7 @@ impl EvaluationConfig {
             );
         }
         if let Some(max) = self.max_dtd_nm
-            && !(max > self.min_dtd_nm)
+            && (max.is_nan() || max <= self.min_dtd_nm)
         {
             return refuse("evaluation max_dtd_nm", max, "a number above min_dtd_nm");
         }

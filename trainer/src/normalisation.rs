@@ -105,11 +105,11 @@ mod tests {
         let normalisation = Normalisation::fit(&views, &samples.iter().collect::<Vec<_>>());
         assert_eq!(
             normalisation.features(0, &samples[0].boxes[0].unwrap()),
-            [-1.0, -1.0, 0.0, 0.0]
+            [-1.0, 0.0, -1.0, 0.0]
         );
         assert_eq!(
             normalisation.features(0, &samples[1].boxes[0].unwrap()),
-            [1.0, 1.0, 0.0, 0.0]
+            [1.0, 0.0, 1.0, 0.0]
         );
         assert_eq!(normalisation.scale_px[1], [1.0; 4], "a blind view");
     }

@@ -89,11 +89,16 @@ pub fn train_estimator(
     let mut optimiser = adam();
     let mut log = Vec::new();
     for step in 0..steps {
+        let only_together = (step as f64) < config.together_first * steps as f64;
+        let kind = dropout
+            .together()
+            .filter(|_| only_together)
+            .unwrap_or_else(|| dropout.draw(random));
         let BatchKind {
             selection,
             samples,
             from,
-        } = dropout.draw(random);
+        } = kind;
         let batch = draw(from, config.optimisation.batch_size, random);
         let views: Vec<ViewFeatures> =
             features_of(calibration, samples, &batch, *selection, &plain_device)
@@ -103,7 +108,7 @@ pub fn train_estimator(
                     present: view.present.map(Tensor::from_inner),
                 })
                 .collect();
-        let size = batch.len() as f32;
+        let size = batch.len() as f32 / kind_weight(*selection, config);
         let weights = batch
             .iter()
             .map(|&sample| loss.weight(samples.distance(sample)) / size)
@@ -123,6 +128,7 @@ pub fn train_estimator(
                     calibration,
                     estimator.valid(),
                     &dropout,
+                    config,
                     loss,
                     &plain_device,
                 );
@@ -152,6 +158,14 @@ pub fn train_estimator(
         }
     }
     Ok((estimator, log))
+}
+
+/// Weight of a batch's loss.
+fn kind_weight(selection: ViewSelection, config: &EstimatorConfig) -> f32 {
+    match selection {
+        ViewSelection::Only(_) => config.alone_weight as f32,
+        ViewSelection::All => 1.0,
+    }
 }
 
 /// Samples that are predicted at once.
@@ -185,6 +199,7 @@ fn refit_head(
     calibration: &CalibrationNetworks,
     estimator: PaperLstm,
     dropout: &ViewDropout,
+    config: &EstimatorConfig,
     loss: Loss,
     device: &Device,
 ) -> PaperLstm {
@@ -195,6 +210,7 @@ fn refit_head(
         from,
     } in dropout.kinds()
     {
+        let weight = kind_weight(*selection, config) / from.len() as f32;
         for batch in from.chunks(CHUNK) {
             let last = estimator.lstm.forward(&features_of(
                 calibration,
@@ -218,7 +234,7 @@ fn refit_head(
             refit.add(
                 &hidden,
                 &of(&|d| loss.target(d)),
-                &of(&|d| loss.weight(d) / from.len() as f32),
+                &of(&|d| loss.weight(d) * weight),
             );
         }
     }

@@ -31,7 +31,7 @@ const DESCRIPTIONS: [Description; 5] = [
     Description {
         name: "paper_lstm",
         title: "Calibration networks + LSTM",
-        how: "the paper's method: both views, no knowledge of the cameras",
+        how: "the paper's method; its networks see boxes only, never the cameras",
     },
     Description {
         name: "triangulation",

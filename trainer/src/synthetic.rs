@@ -361,7 +361,7 @@ mod tests {
         let runway = changi_02l();
         for (view, placed) in wide_baseline(&runway) {
             let camera = Camera::from_pose(&placed, 1920, 1280);
-            for along_m in [18_520.0, 9_000.0, 2_000.0, 100.0] {
+            for along_m in [18_520.0, 9_000.0, 2_000.0, 200.0] {
                 let at = runway
                     .point_on_approach(along_m, 0.0)
                     .at_altitude_m(6.7 + along_m * 0.0524);

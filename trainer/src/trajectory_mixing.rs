@@ -200,11 +200,12 @@ mod tests {
         assert_eq!(mixed.len(), 200);
         let mut moved_sideways = 0;
         for sample in &mixed {
-            moved_sideways += usize::from(
-                training
-                    .iter()
-                    .all(|t| (t.cross_track_m - sample.cross_track_m).abs() > 0.1),
-            );
+            let origin = training
+                .iter()
+                .find(|t| t.scenario == sample.scenario && t.tick == sample.tick)
+                .unwrap();
+            moved_sideways +=
+                usize::from((origin.cross_track_m - sample.cross_track_m).abs() > 1.0);
             for (seen, camera) in sample.boxes.iter().zip(&samples.cameras) {
                 let Some(seen) = seen else { continue };
                 let expected = crate::synthetic::perfect_box(camera, sample.position.to_ecef());

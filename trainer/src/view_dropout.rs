@@ -61,6 +61,13 @@ impl<'a> ViewDropout<'a> {
         &self.kinds
     }
 
+    /// The kind that uses all views, if any sample was seen by two or more.
+    pub fn together(&self) -> Option<&BatchKind<'a>> {
+        self.kinds
+            .iter()
+            .find(|kind| kind.selection == ViewSelection::All)
+    }
+
     /// Draws the kind of the next batch. There must have been samples.
     pub fn draw(&self, random: &mut ChaCha12Rng) -> &BatchKind<'a> {
         &self.kinds[random.random_range(0..self.kinds.len())]
