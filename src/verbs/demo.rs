@@ -41,7 +41,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     // An earlier demo may have left the detections of another model.
     let config = TrainConfig {
         model_hash: Some(detected.model_hash.clone()),
-        ..TrainConfig::default()
+        ..TrainConfig::demo()
     };
     let trained = train(&corpus, &args.out.join("run"), &config)?;
     let metrics = evaluate(trained.run.root(), &corpus)?;
