@@ -85,7 +85,11 @@ fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_wr
     // What is replaced, by what, and words that the message must hold.
     let cases = [
         ("repeats = 1", "repeat = 1", vec!["repeat", "repeats"]),
-        ("frame_rate = \"1/2\"", "frame_rate = -1", vec!["-1", "frame"]),
+        (
+            "frame_rate = \"1/2\"",
+            "frame_rate = -1",
+            vec!["-1", "frame"],
+        ),
         ("frame_rate = \"1/2\"", "frame_rate = \"0/1\"", vec!["0/1"]),
         (
             "\"clear\", \"cloudy\"",
