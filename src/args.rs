@@ -110,6 +110,9 @@ pub(crate) struct TrainArgs {
     /// Folder for weights, settings and logs
     #[arg(long, value_name = "RUN")]
     pub(crate) out: PathBuf,
+    /// Narrower layers and fewer steps, as the demo uses: about a minute for a small corpus
+    #[arg(long, conflicts_with = "config")]
+    pub(crate) quick: bool,
     /// Settings that differ from the defaults, a TOML file; the used ones are saved in RUN/config.json
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,

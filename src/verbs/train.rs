@@ -89,6 +89,7 @@ impl Progress for Bars {
 
 fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
     let mut config = match &args.config {
+        None if args.quick => TrainConfig::demo(),
         None => TrainConfig::default(),
         Some(path) => {
             let text = fs::read_to_string(path).map_err(|error| {
