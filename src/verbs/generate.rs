@@ -67,7 +67,7 @@ pub(crate) fn generate(
             }
         });
         record(sweep, corpus, &options, &cancel, &mut |event| {
-            show.take(event)
+            show.take(event);
         })
         .await
     });
