@@ -117,7 +117,7 @@ fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_wr
         (
             "cover_ratio = 0.6",
             "cover_ratio = 1.6",
-            vec!["1.6", "cover"],
+            vec!["1.6", "0 to 1"],
         ),
         (
             "preset = \"superfast\"",
