@@ -41,7 +41,7 @@ pub fn hash_file(path: &Path) -> Result<String> {
 
 /// Seals a folder whose files are all written.
 pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
-    let manifest = manifest_of(folder, &[])?;
+    let manifest = manifest_of(folder)?;
     write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;
     let seal = Seal {
         config_hash: config_hash.into(),
@@ -125,7 +125,7 @@ pub fn replace_files(
     for name in names {
         write(name, &with_new_suffix(&folder.join(name)))?;
     }
-    let manifest = manifest_of(folder, names)?;
+    let manifest = manifest_with(folder, &seal, names)?;
     write_atomically(
         &with_new_suffix(&folder.join(MANIFEST)),
         manifest.as_bytes(),
@@ -184,23 +184,42 @@ fn new_files_of(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Manifest of a folder in which the `.new` form of `replaced` files takes the place of the old.
-fn manifest_of(folder: &Path, replaced: &[&str]) -> Result<String> {
-    let mut names = files_of(folder)?;
-    names.extend(replaced.iter().map(|name| (*name).to_owned()));
-    names.sort();
-    names.dedup();
+/// Manifest of all files of a folder.
+fn manifest_of(folder: &Path) -> Result<String> {
     let mut manifest = String::new();
-    for name in names {
-        let path = folder.join(&name);
-        let hash = hash_file(&if replaced.contains(&name.as_str()) {
-            with_new_suffix(&path)
-        } else {
-            path
-        })?;
+    for name in files_of(folder)? {
+        let hash = hash_file(&folder.join(&name))?;
         manifest.push_str(&format!("{hash}  {name}\n"));
     }
     Ok(manifest)
+}
+
+/// The sealed manifest with the `.new` form of `replaced` files in the place of the old. All other lines stay as they were
+/// sealed: hashing those files anew would bless whatever happened to them since.
+fn manifest_with(folder: &Path, seal: &Seal, replaced: &[&str]) -> Result<String> {
+    let path = folder.join(MANIFEST);
+    let sealed = fs::read_to_string(&path).map_err(Error::io("read", &path))?;
+    if blake3::hash(sealed.as_bytes()).to_string() != seal.manifest_blake3 {
+        return Err(Error::corpus(
+            &path,
+            format!("does not match the hash in {DONE}; `dtd verify` says more"),
+        ));
+    }
+    let mut lines: Vec<(String, String)> = sealed
+        .lines()
+        .filter_map(|line| line.split_once("  "))
+        .filter(|(_, name)| !replaced.contains(name))
+        .map(|(hash, name)| (name.to_owned(), hash.to_owned()))
+        .collect();
+    for name in replaced {
+        let hash = hash_file(&with_new_suffix(&folder.join(name)))?;
+        lines.push(((*name).to_owned(), hash));
+    }
+    lines.sort();
+    Ok(lines
+        .iter()
+        .map(|(name, hash)| format!("{hash}  {name}\n"))
+        .collect())
 }
 
 /// Files that the seal covers, relative, with forward slashes, sorted.
@@ -288,6 +307,21 @@ mod tests {
     }
 
     #[test]
+    fn replacing_one_file_does_not_bless_damage_to_another() {
+        let folder = sealed();
+        fs::write(folder.path().join("views/left.mp4"), "vandal").unwrap();
+        replace_files(folder.path(), &["frames.parquet"], |_, path| {
+            fs::write(path, "new").map_err(Error::io("write", path))
+        })
+        .unwrap();
+        let found = faults(folder.path()).unwrap().join("\n");
+        assert!(
+            found.contains("views/left.mp4 is not what was sealed"),
+            "{found}"
+        );
+    }
+
+    #[test]
     fn a_change_killed_before_it_was_decided_leaves_the_old_state() {
         let folder = sealed();
         fs::write(folder.path().join("frames.parquet.new"), "half").unwrap();
@@ -304,7 +338,8 @@ mod tests {
         let folder = sealed();
         let root = folder.path();
         fs::write(root.join("frames.parquet.new"), "new").unwrap();
-        let manifest = manifest_of(root, &["frames.parquet"]).unwrap();
+        let old: Seal = read_json(&root.join(DONE), "seal").unwrap();
+        let manifest = manifest_with(root, &old, &["frames.parquet"]).unwrap();
         fs::write(root.join("MANIFEST.b3.new"), &manifest).unwrap();
         let seal = Seal {
             config_hash: "config".into(),
