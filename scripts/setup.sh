@@ -2,7 +2,9 @@
 # Installs what the project needs and this machine lacks. Safe to run again; the second time it only looks.
 #
 # Needs: Debian 12 (or a relative with apt), a Rust toolchain, Python 3, and root or sudo if packages are missing.
-# Installs: the development packages of FFmpeg, and a virtual environment in .venv with ONNX Runtime (see requirements.txt).
+# Installs: the development packages of FFmpeg, Xvfb (an X server without a screen, for the tests of screen capture), the programs
+# b3sum and ffmpeg, a virtual environment in .venv with ONNX Runtime (see requirements.txt), and one in .venv-clients with other
+# authors' X-Plane clients.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -14,8 +16,10 @@ command -v cargo >/dev/null || {
 }
 
 packages=(
-    build-essential pkg-config libclang-dev python3-venv
+    build-essential pkg-config libclang-dev python3-venv xvfb
     libavutil-dev libavcodec-dev libavformat-dev libavfilter-dev libavdevice-dev libswscale-dev libswresample-dev
+    # Judges from outside: tests and benches hold our files against them.
+    b3sum ffmpeg
 )
 missing=()
 for package in "${packages[@]}"; do
@@ -42,4 +46,21 @@ if ! cmp -s scripts/requirements.txt "$stamp"; then
     python3 -m venv .venv
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt >&2
     cp scripts/requirements.txt "$stamp"
+fi
+
+# Other authors' X-Plane clients, which judge the stand-in in the tests. Some want Python 3.12: the newest one there is is
+# taken, and what it is too old for is left out by requirements-clients.txt and skipped by the tests.
+if ! cmp -s scripts/requirements-clients.txt .venv-clients/requirements.installed; then
+    newest=python3
+    for candidate in python3.12 python3.13 "$HOME"/.pyenv/versions/3.1[2-9]*/bin/python3; do
+        if "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 12))' 2>/dev/null; then
+            newest=$candidate
+            break
+        fi
+    done
+    say "installing X-Plane clients into .venv-clients ($("$newest" --version))"
+    rm -rf .venv-clients
+    "$newest" -m venv .venv-clients
+    .venv-clients/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements-clients.txt >&2
+    cp scripts/requirements-clients.txt .venv-clients/requirements.installed
 fi

@@ -1,9 +1,16 @@
 //! The words a person types.
 
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand};
+use generator::generate::Simulators;
+use generator::shard::Shard;
+use mock_xplane::server::Faults;
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::pixels::PixelChoice;
+use xplane_bridge::tape::FramesKept;
 
 /// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to
 /// touchdown (DTD), and trains and judges estimators of that distance.
@@ -28,8 +35,10 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    /// Show which scenarios a sweep expands to, without making them
+    /// Show which scenarios a sweep expands to, what they cost, and what is new in them; makes nothing
     Plan(PlanArgs),
+    /// Print the JSON Schema of sweep files, for editors and checkers
+    Schema,
     /// Record the scenarios of a sweep: videos, 4D trajectory, calibration
     Generate(GenerateArgs),
     /// Compute distance-to-touchdown labels and true boxes
@@ -44,8 +53,14 @@ pub(crate) enum Verb {
     Verify(VerifyArgs),
     /// Train the single-class aircraft detector on a labelled corpus
     TrainDetector(TrainDetectorArgs),
+    /// Put the plugin that serves poses and pictures into X-Plane
+    InstallPlugin(InstallPluginArgs),
     /// Run the stand-in X-Plane: UDP protocol, capture link, flight and renderer
     MockXplane(MockXplaneArgs),
+    /// Examine the connection to X-Plane point by point and say what to fix
+    Doctor(DoctorArgs),
+    /// Record a session with X-Plane on a tape (MCAP): a proxy for UDP and the capture link
+    Record(RecordArgs),
     /// Run the whole chain at small scale, from sweep to report
     Demo(DemoArgs),
 }
@@ -55,9 +70,25 @@ pub(crate) struct PlanArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
+    /// Compare with this corpus: what is whole, new, changed, removed. Without it, with ./corpus if it has the sweep's name
+    #[arg(long, value_name = "CORPUS")]
+    pub(crate) against: Option<PathBuf>,
+    /// How many pictures your simulator gives in a second, all views together, for the hours of making
+    #[arg(long, value_name = "N", value_parser = positive)]
+    pub(crate) pictures_per_second: Option<f64>,
+    /// A row per scenario, however many there are
+    #[arg(long)]
+    pub(crate) all: bool,
     /// Print the plan as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err("expected a number above zero".into()),
+    }
 }
 
 #[derive(Debug, ClapArgs)]
@@ -68,12 +99,25 @@ pub(crate) struct GenerateArgs {
     /// Folder of the corpus; made if it is not there. Scenarios that are already whole are skipped
     #[arg(long, value_name = "CORPUS")]
     pub(crate) out: PathBuf,
-    /// The simulator: `mock` starts the stand-in on this machine, HOST:PORT is X-Plane's UDP address
-    #[arg(long, value_name = "mock|HOST:PORT", default_value = "mock")]
-    pub(crate) sim: String,
-    /// Make only these scenarios (identifiers as `dtd plan` prints them)
-    #[arg(long, value_name = "ID", num_args = 1..)]
+    /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, HOST:PORT is X-Plane's UDP address,
+    /// tape:FILE a session recorded with `dtd record`. Several,
+    /// with commas between, share the work
+    #[arg(long, value_name = "mock[:N]|HOST:PORT,..", default_value = "mock")]
+    pub(crate) sim: Simulators,
+    /// Where the pictures come from: `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's
+    /// window on this machine; `auto` takes the first of them that the simulator offers
+    #[arg(long, value_name = "auto|link|gl|screen", default_value_t = PixelChoice::Auto)]
+    pub(crate) pixels: PixelChoice,
+    /// Make only these scenarios (identifiers as `dtd plan` prints them), with commas between
+    #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
+    /// Make only part I, from 0, of N; shards may write into one corpus at the same time. Default: what Slurm's job array
+    /// (SLURM_ARRAY_TASK_ID) or a Kubernetes Indexed Job (JOB_COMPLETION_INDEX and DTD_SHARDS) says, or all
+    #[arg(long, value_name = "I/N")]
+    pub(crate) shard: Option<Shard>,
+    /// How long to wait for a simulator that does not answer any more before going on without it
+    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) patience: u64,
     /// Print the outcome as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -143,6 +187,12 @@ pub(crate) struct EvaluateArgs {
 pub(crate) struct VerifyArgs {
     /// Folder of the corpus
     pub(crate) corpus: PathBuf,
+    /// Do not decode the videos: hashes, tables and plan only
+    #[arg(long)]
+    pub(crate) quick: bool,
+    /// Count planned scenarios that are missing as faults. Without it they are only reported: the corpus may still be in the making
+    #[arg(long)]
+    pub(crate) complete: bool,
     /// Print the findings as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -164,6 +214,16 @@ pub(crate) struct TrainDetectorArgs {
 }
 
 #[derive(Debug, ClapArgs)]
+pub(crate) struct InstallPluginArgs {
+    /// The folder that X-Plane 11 or 12 is installed in
+    #[arg(value_name = "XPLANE_DIR")]
+    pub(crate) folder: PathBuf,
+    /// Print what was done as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
 pub(crate) struct MockXplaneArgs {
     /// Address to listen on
     #[arg(long, default_value = "127.0.0.1")]
@@ -171,7 +231,99 @@ pub(crate) struct MockXplaneArgs {
     /// UDP port; 0 takes any free one. The addresses are printed as one JSON line when it is ready
     #[arg(long, default_value_t = 49000)]
     pub(crate) port: u16,
+    /// Which X-Plane to be like: versions, dataref names and how weather is taken over differ
+    #[arg(long, value_name = "11|12", default_value = "12", value_parser = generation)]
+    pub(crate) xplane: Generation,
+    /// TCP port of X-Plane 12's Web API, on this computer only; 0 takes any free one [default: 8086, or any if --port is 0]
+    #[arg(long)]
+    pub(crate) web_port: Option<u16>,
+    /// Start in the main menu: the Web API has no datarefs until a flight is loaded
+    #[arg(long)]
+    pub(crate) main_menu: bool,
+    /// As with "Accept incoming connections" switched off: UDP is ignored and the Web API refuses
+    #[arg(long)]
+    pub(crate) incoming_off: bool,
+    /// Send no beacon
+    #[arg(long)]
+    pub(crate) no_beacon: bool,
+    /// The computer's name in the beacon
+    #[arg(long, value_name = "NAME", default_value = "dtd-mock-xplane")]
+    pub(crate) beacon_name: String,
+    /// Send the beacon without a name, as X-Plane 12 may do
+    #[arg(long)]
+    pub(crate) beacon_nameless: bool,
+    /// Send the data output (DATA packets, rows 1, 3, 14, 16, 17, 20, 21) there, ten times a second
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) data_to: Option<SocketAddr>,
+    /// Give the answers of a session recorded with `dtd record`. All but address and beacon is then as recorded
+    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults"])]
+    pub(crate) tape: Option<PathBuf>,
+    /// What goes wrong, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3. WHEN of
+    /// freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N
+    #[arg(
+        long,
+        value_name = "FAULTS",
+        default_value = "",
+        hide_default_value = true
+    )]
+    pub(crate) faults: Faults,
+    /// Show what is drawn in a window on the X11 display that DISPLAY names, so that `dtd generate --pixels screen` can grab it
+    #[arg(
+        long,
+        value_name = "WIDTHxHEIGHT",
+        num_args = 0..=1,
+        default_missing_value = "1920x1280"
+    )]
+    pub(crate) window: Option<WindowSize>,
+    /// Serve the capture link by the plugin of this folder (xplane-bridge/plugin), run by Python against a fake of XPPython3. Pictures
+    /// come from --xplane 11, which can read them back
+    #[arg(long, value_name = "DIR", conflicts_with = "window")]
+    pub(crate) plugin: Option<PathBuf>,
+    /// Size of the window that the plugin sees: that of the pictures
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
+    pub(crate) plugin_window: WindowSize,
+    /// Take the camera from the plugin every so many frames, as a view key does
+    #[arg(long, value_name = "FRAMES", requires = "plugin")]
+    pub(crate) steal_camera_every: Option<u32>,
+    /// Move the origin of local coordinates every so many frames, as loading scenery does
+    #[arg(long, value_name = "FRAMES", requires = "plugin")]
+    pub(crate) move_origin_every: Option<u32>,
     /// Stop when standard input ends, so that whoever started the stand-in takes it along, even when killed
+    #[arg(long)]
+    pub(crate) until_stdin_ends: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct DoctorArgs {
+    /// X-Plane's UDP address; without it, where its beacon says, or 127.0.0.1:49000
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) sim: Option<String>,
+    /// Address of X-Plane 12's Web API; without it, port 8086 of the same computer
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) web_api: Option<SocketAddr>,
+    /// Print the checks as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct RecordArgs {
+    /// X-Plane's UDP address
+    #[arg(long, value_name = "HOST:PORT")]
+    pub(crate) sim: String,
+    /// The tape to write. A file that is there already is never overwritten
+    #[arg(long, value_name = "FILE.mcap")]
+    pub(crate) out: PathBuf,
+    /// Address to listen on
+    #[arg(long, default_value = "127.0.0.1")]
+    pub(crate) bind: IpAddr,
+    /// UDP port for the clients; 0 takes any free one. The addresses are printed as one JSON line when it is ready
+    #[arg(long, default_value_t = 49100)]
+    pub(crate) port: u16,
+    /// What becomes of the pictures: inline (lossless), reference (their BLAKE3 hashes) or none
+    #[arg(long, value_name = "inline|reference|none", default_value_t = FramesKept::Inline)]
+    pub(crate) frames: FramesKept,
+    /// Stop when standard input ends; otherwise Ctrl-C or SIGTERM ends the recording
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,
 }
@@ -190,4 +342,34 @@ pub(crate) struct DemoArgs {
     /// Throw away what an earlier demo left and start anew
     #[arg(long)]
     pub(crate) fresh: bool,
+}
+
+fn generation(text: &str) -> Result<Generation, String> {
+    match text {
+        "11" => Ok(Generation::XPlane11),
+        "12" => Ok(Generation::XPlane12),
+        _ => Err("expected 11 or 12".into()),
+    }
+}
+
+/// Size of a window, pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct WindowSize {
+    pub(crate) width_px: u32,
+    pub(crate) height_px: u32,
+}
+
+impl FromStr for WindowSize {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let side = |text: &str| text.parse::<u32>().ok().filter(|px| *px > 0);
+        text.split_once('x')
+            .and_then(|(width, height)| side(width).zip(side(height)))
+            .map(|(width_px, height_px)| Self {
+                width_px,
+                height_px,
+            })
+            .ok_or_else(|| format!("{text:?} is no size, expected e.g. 1920x1280"))
+    }
 }

@@ -6,13 +6,13 @@ use std::process::ExitCode;
 /// Everything was done.
 const DONE: u8 = 0;
 /// The work could not be done.
-const FAILED: u8 = 1;
+pub(crate) const FAILED: u8 = 1;
 /// The arguments or an input file are wrong: the same call will fail again.
 const BAD_INPUT: u8 = 2;
 /// The work is done but for some scenarios, which were reported.
 const LOSSES: u8 = 3;
 /// Interrupted or disturbed from outside: the same call goes on where this one stopped.
-const TRY_AGAIN: u8 = 75;
+pub(crate) const TRY_AGAIN: u8 = 75;
 
 /// How a verb ended, if it did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -32,6 +32,8 @@ pub(crate) enum Failure {
     BadInput(anyhow::Error),
     /// It did not work.
     Failed(anyhow::Error),
+    /// It did not work now; the same call may work later.
+    TryAgain(anyhow::Error),
 }
 
 impl Failure {
@@ -60,9 +62,39 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
         Ok(Ending::Interrupted) => (TRY_AGAIN, None),
         Err(Failure::BadInput(error)) => (BAD_INPUT, Some(error)),
         Err(Failure::Failed(error)) => (FAILED, Some(error)),
+        Err(Failure::TryAgain(error)) => (TRY_AGAIN, Some(error)),
     };
     if let Some(error) = error {
-        eprintln!("error: {error:#}");
+        eprintln!("error: {}", in_words(&error));
     }
     ExitCode::from(code)
+}
+
+/// An error and its causes. Most of our messages hold their cause's words already, which are not said twice.
+fn in_words(error: &anyhow::Error) -> String {
+    let mut said = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !said.contains(&cause) {
+            said += ": ";
+            said += &cause;
+        }
+    }
+    said
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_cause_is_said_once() {
+        let cause = std::io::Error::other("the disk is on fire");
+        let error = dataset::Error::io("read", std::path::Path::new("plan.json"))(cause);
+        assert_eq!(
+            in_words(&error.into()),
+            "cannot read plan.json: the disk is on fire"
+        );
+        let error = anyhow::anyhow!("the disk is on fire").context("no plan");
+        assert_eq!(in_words(&error), "no plan: the disk is on fire");
+    }
 }

@@ -16,6 +16,8 @@ pub(crate) fn start(verbose: u8) {
         .with_env_filter(filter)
         .with_writer(io::stderr)
         .with_ansi(io::stderr().is_terminal())
+        // A log that nobody takes any more is no reason to panic.
+        .log_internal_errors(false)
         .without_time()
         .with_target(false)
         .init();

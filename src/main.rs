@@ -2,10 +2,13 @@
 
 #![forbid(unsafe_code)]
 
+#[macro_use]
+mod print;
 mod args;
 mod failure;
 mod logging;
 mod progress;
+mod signals;
 mod verbs;
 
 use std::process::ExitCode;

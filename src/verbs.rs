@@ -1,29 +1,40 @@
 //! One file per verb: arguments in, work done by the crates, results printed.
 
+mod address;
 mod async_runtime;
 mod demo;
 mod detect;
+mod doctor;
 mod evaluate;
 mod generate;
+mod install_plugin;
 mod label;
 mod mock_xplane;
 mod open_corpus;
 mod output;
 mod plan;
+mod record;
+mod schema;
+mod stdin_ended;
 mod train;
 mod train_detector;
 mod verify;
 
 use crate::args::Verb;
 use crate::failure::{Ending, Failure};
+use crate::signals;
 
 /// What every verb returns.
 pub(crate) type Outcome = Result<Ending, Failure>;
 
-/// Runs a verb.
+/// Runs a verb. All but the stand-in, which is stopped by a signal as a matter of course, say "try again" when they are.
 pub(crate) fn run(verb: Verb) -> Outcome {
+    if !matches!(verb, Verb::MockXplane(_)) {
+        signals::watch()?;
+    }
     match verb {
         Verb::Plan(args) => plan::run(&args),
+        Verb::Schema => schema::run(),
         Verb::Generate(args) => generate::run(&args),
         Verb::Label(args) => label::run(&args),
         Verb::Detect(args) => detect::run(&args),
@@ -31,7 +42,10 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Verify(args) => verify::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
+        Verb::InstallPlugin(args) => install_plugin::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),
+        Verb::Doctor(args) => doctor::run(&args),
+        Verb::Record(args) => record::run(&args),
         Verb::Demo(args) => demo::run(&args),
     }
 }

@@ -220,3 +220,48 @@ fn a_simulator_that_is_not_there_is_a_failure_that_says_what_to_do() {
     );
     assert!(!corpus.exists(), "something was written");
 }
+
+/// A folder as X-Plane 12 leaves it, with XPPython3.
+fn x_plane_folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    for name in ["plugins/XPPython3", "default scenery"] {
+        fs::create_dir_all(path("Resources").join(name)).unwrap();
+    }
+    fs::write(
+        path("Log.txt"),
+        "Log.txt for X-Plane 12.4.0-r2-9b69b91a (build 124210)\n",
+    )
+    .unwrap();
+    folder
+}
+
+#[test]
+fn the_plugin_goes_into_an_x_plane_folder_and_other_folders_are_bad_input() {
+    let folder = x_plane_folder();
+    let path = folder.path().to_str().unwrap();
+    let output = dtd(&["install-plugin", path]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.starts_with("X-Plane 12.4.0"), "{said}");
+    assert!(said.contains("Accept incoming connections"), "{said}");
+    let installed = folder
+        .path()
+        .join("Resources/plugins/PythonPlugins/PI_dtd_bridge.py");
+    let source = repository().join("xplane-bridge/plugin/PI_dtd_bridge.py");
+    assert_eq!(fs::read(installed).unwrap(), fs::read(source).unwrap());
+
+    let output = dtd(&["install-plugin", path, "--json"]);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let files = report["files"].as_array().unwrap();
+    assert!(
+        files.iter().all(|file| file["change"] == "unchanged"),
+        "{report}"
+    );
+
+    let elsewhere = tempfile::tempdir().unwrap();
+    let output = dtd(&["install-plugin", elsewhere.path().to_str().unwrap()]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    assert!(said.contains("is not X-Plane's folder"), "{said}");
+}

@@ -2,10 +2,11 @@
 //!
 //! All SI. The bridge turns them into X-Plane's units in one place.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Kind of a cloud layer, in X-Plane 12's order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum CloudKind {
     /// High thin ice cloud.

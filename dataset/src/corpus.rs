@@ -3,9 +3,9 @@
 //! ```text
 //! corpus/
 //!   corpus.toml  plan.json  splits.json
-//!   scenarios/0042-1700-foggy-r3/
+//!   scenarios/1700-foggy-r3/
 //!     scenario.json  calibration.json  frames.parquet  boxes_truth.parquet
-//!     views/<camera>.mp4  detections/<model>.parquet  detections/<model>.json
+//!     views/<camera>.mp4  (.mov for FFV1)  detections/<model>.parquet  detections/<model>.json
 //!     MANIFEST.b3  DONE.json
 //! ```
 
@@ -18,6 +18,7 @@ use crate::frames::Frames;
 use crate::pixel_box::{Detection, TruthBox, read_detections, read_truth_boxes};
 use crate::scenario::ScenarioRecord;
 use crate::seal::{self, Seal};
+use crate::video::VideoCodec;
 
 /// Ending of a folder that is still being filled.
 pub const PARTIAL_SUFFIX: &str = ".partial";
@@ -145,9 +146,21 @@ impl ScenarioFolder {
         self.root.join(Self::TRUTH_BOXES)
     }
 
-    /// Path of a view's video.
+    /// Path of a view's video: MP4, or QuickTime if that is what is there.
     pub fn video_path(&self, view: &str) -> PathBuf {
-        self.root.join("views").join(format!("{view}.mp4"))
+        let quicktime = self.new_video_path(view, VideoCodec::Ffv1);
+        if quicktime.exists() {
+            quicktime
+        } else {
+            self.new_video_path(view, VideoCodec::default())
+        }
+    }
+
+    /// Path of a view's video that is still to be written.
+    pub fn new_video_path(&self, view: &str, codec: VideoCodec) -> PathBuf {
+        self.root
+            .join("views")
+            .join(format!("{view}.{}", codec.extension()))
     }
 
     /// Folder of the detections.

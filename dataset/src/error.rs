@@ -65,6 +65,11 @@ impl Error {
         }
     }
 
+    /// Whether a file was there but did not hold what it should: reading it again will say the same.
+    pub fn is_bad_content(&self) -> bool {
+        matches!(self, Self::Json { .. } | Self::Corpus { .. })
+    }
+
     pub(crate) fn table(path: &Path, message: impl ToString) -> Self {
         Self::Table {
             path: path.to_owned(),

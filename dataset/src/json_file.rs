@@ -39,5 +39,16 @@ pub fn write_atomically(path: &Path, content: &[u8]) -> Result<()> {
     file.write_all(content)
         .and_then(|()| file.sync_all())
         .map_err(Error::io("write", &beside))?;
-    fs::rename(&beside, path).map_err(Error::io("rename into place", path))
+    fs::rename(&beside, path).map_err(Error::io("rename into place", path))?;
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => sync(folder),
+        _ => sync(Path::new(".")),
+    }
+}
+
+/// Waits until a file or folder is on the disk: what follows may rely on it even if the power fails.
+pub fn sync(path: &Path) -> Result<()> {
+    File::open(path)
+        .and_then(|handle| handle.sync_all())
+        .map_err(Error::io("sync", path))
 }

@@ -10,6 +10,7 @@ pub mod camera;
 pub mod columns;
 pub mod conditions;
 pub mod corpus;
+pub mod echo;
 pub mod error;
 pub mod frame_rate;
 pub mod frames;

@@ -34,7 +34,7 @@ pub enum Flight {
 pub struct ScenarioRecord {
     /// [`SCHEMA_VERSION`] when this was written.
     pub schema_version: u32,
-    /// Identifier and folder name, e.g. `0042-1700-foggy-r3`.
+    /// Identifier and folder name, e.g. `1700-foggy-r3`.
     pub id: String,
     /// Identifier of the trajectory. Scenarios that fly the same trajectory share it, and no split may part them.
     pub trajectory: String,
@@ -79,6 +79,9 @@ pub struct Versions {
     pub simulator: String,
     /// Version of the capture link that it spoke.
     pub capture_link: u32,
+    /// Where the pixels came from: `link`, `gl` or `screen`; missing in records made before there was a choice.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pixels: Option<String>,
 }
 
 impl ScenarioRecord {

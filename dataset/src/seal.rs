@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::json_file::{read_json, write_atomically, write_json};
+use crate::json_file::{read_json, sync, write_atomically, write_json};
 
 /// Hashes of all files of a folder.
 pub const MANIFEST: &str = "MANIFEST.b3";
@@ -41,6 +41,14 @@ pub fn hash_file(path: &Path) -> Result<String> {
 
 /// Seals a folder whose files are all written.
 pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
+    // Nothing may be sealed that a failing power could still take back.
+    for name in files_of(folder)? {
+        let path = folder.join(name);
+        sync(&path)?;
+        if let Some(parent) = path.parent().filter(|parent| *parent != folder) {
+            sync(parent)?;
+        }
+    }
     let manifest = manifest_of(folder)?;
     write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;
     let seal = Seal {
@@ -48,14 +56,13 @@ pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
         manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
     };
     write_json(&folder.join(DONE), &seal)?;
-    sync_folder(folder)?;
     Ok(seal)
 }
 
 /// Renames a sealed folder to its final name and makes the renaming durable.
 pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
     fs::rename(partial, committed).map_err(Error::io("rename into place", committed))?;
-    sync_folder(committed.parent().unwrap_or(committed))
+    sync(committed.parent().unwrap_or(committed))
 }
 
 /// The seal of a folder, if it has one. Finishes a change that was decided but not completed.
@@ -71,17 +78,35 @@ pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
 
 /// Everything in a sealed folder that does not match its seal, in words; empty if all is well.
 pub fn faults(folder: &Path) -> Result<Vec<String>> {
+    let (mut faults, listed) = faults_of_listed(folder, |_| true)?;
+    if let Some(listed) = listed {
+        for name in files_of(folder)? {
+            if !listed.contains(&name) {
+                faults.push(format!("{name} is not listed in {MANIFEST}"));
+            }
+        }
+    }
+    Ok(faults)
+}
+
+/// What is missing or changed, without reading the videos, which only have to be there: quick enough to ask before every run.
+pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
+    Ok(faults_of_listed(folder, |name| !name.starts_with("views/"))?.0)
+}
+
+/// Faults of the files that the manifest lists, and their names, if there is a manifest to rely on.
+fn faults_of_listed(
+    folder: &Path,
+    is_hashed: impl Fn(&str) -> bool,
+) -> Result<(Vec<String>, Option<Vec<String>>)> {
+    let only = |fault: String| Ok((vec![fault], None));
     let Some(seal) = read_seal(folder)? else {
-        return Ok(vec![format!(
-            "{DONE} is missing: the folder was never finished"
-        )]);
+        return only(format!("{DONE} is missing: the folder was never finished"));
     };
     let path = folder.join(MANIFEST);
     let manifest = fs::read_to_string(&path).map_err(Error::io("read", &path))?;
     if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
-        return Ok(vec![format!(
-            "{MANIFEST} does not match the hash in {DONE}"
-        )]);
+        return only(format!("{MANIFEST} does not match the hash in {DONE}"));
     }
     let mut faults = Vec::new();
     let mut listed = Vec::new();
@@ -92,22 +117,17 @@ pub fn faults(folder: &Path) -> Result<Vec<String>> {
             ));
             continue;
         };
-        listed.push(name);
+        listed.push(name.to_owned());
         let file = folder.join(name);
         if !file.exists() {
             faults.push(format!("{name} is missing"));
-        } else if hash_file(&file)? != hash {
+        } else if is_hashed(name) && hash_file(&file)? != hash {
             faults.push(format!(
                 "{name} is not what was sealed: its hash differs from {MANIFEST}"
             ));
         }
     }
-    for name in files_of(folder)? {
-        if !listed.contains(&name.as_str()) {
-            faults.push(format!("{name} is not listed in {MANIFEST}"));
-        }
-    }
-    Ok(faults)
+    Ok((faults, Some(listed)))
 }
 
 /// Replaces or adds files of a sealed folder as one change: `write` is called with the path to write each to.
@@ -123,7 +143,9 @@ pub fn replace_files(
         )
     })?;
     for name in names {
-        write(name, &with_new_suffix(&folder.join(name)))?;
+        let path = with_new_suffix(&folder.join(name));
+        write(name, &path)?;
+        sync(&path)?;
     }
     let manifest = manifest_with(folder, &seal, names)?;
     write_atomically(
@@ -136,7 +158,6 @@ pub fn replace_files(
     };
     // With this file the change is decided.
     write_json(&with_new_suffix(&folder.join(DONE)), &seal)?;
-    sync_folder(folder)?;
     settle(folder)
 }
 
@@ -160,7 +181,7 @@ fn settle(folder: &Path) -> Result<()> {
             fs::remove_file(path).map_err(Error::io("remove", path))?;
         }
     }
-    sync_folder(folder)
+    sync(folder)
 }
 
 fn with_new_suffix(path: &Path) -> PathBuf {
@@ -247,12 +268,6 @@ fn files_of(folder: &Path) -> Result<Vec<String>> {
     Ok(names)
 }
 
-fn sync_folder(folder: &Path) -> Result<()> {
-    File::open(folder)
-        .and_then(|handle| handle.sync_all())
-        .map_err(Error::io("sync", folder))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -285,6 +300,19 @@ mod tests {
         ] {
             assert!(found.contains(name), "{found}");
         }
+    }
+
+    #[test]
+    fn the_quick_look_sees_tables_and_lost_videos_but_not_what_is_in_a_video() {
+        let folder = sealed();
+        let video = folder.path().join("views/left.mp4");
+        fs::write(&video, "vandal").unwrap();
+        fs::write(folder.path().join("notes.txt"), "").unwrap();
+        let quick = || faults_besides_videos(folder.path()).unwrap();
+        assert_eq!(quick(), Vec::<String>::new());
+        fs::remove_file(video).unwrap();
+        fs::write(folder.path().join("frames.parquet"), "vandal").unwrap();
+        assert_eq!(quick().len(), 2, "{:?}", quick());
     }
 
     #[test]

@@ -1,12 +1,18 @@
-//! Proves a corpus, or names every fault of it by scenario, file and row.
+//! Proves a corpus, or names every fault of it by scenario, file, row and view.
 //!
-//! Goes in: a corpus folder. Comes out: a [`VerifyReport`]. Nothing is trusted because it was checked when it was made: hashes are
-//! computed again, videos are decoded again, echoed poses and cameras are compared with the poses and the calibration, and
-//! labels are computed again from the poses.
+//! Goes in: a corpus folder. Comes out: a [`VerifyReport`]. Nothing is trusted because it was checked when it was made, and nothing
+//! because its hash is right: hashes are computed again, every picture is decoded again, echoed poses and cameras are compared
+//! with the poses and the calibration, labels are computed again from the poses, and the true boxes are held against the pixels
+//! ([`pixels`]): is the aircraft in them, at the time that the table says, and does it move when it should?
+//!
+//! What pixels cannot tell is left to the seal: whether a picture in which fog hides the aircraft is the right one, and whether
+//! one of two neighbouring pictures was doubled while the aircraft moved by less than a pixel.
 
 mod corpus_files;
+mod detections;
 mod frames;
 mod labels;
+pub mod pixels;
 mod record;
 mod videos;
 
@@ -19,11 +25,31 @@ use crate::calibration::Calibration;
 use crate::corpus::{Corpus, ScenarioFolder};
 use crate::error::Result;
 use crate::frames::Frames;
+use crate::pixel_box::TruthBox;
 use crate::scenario::ScenarioRecord;
 use crate::seal;
+use pixels::ViewProof;
 
 /// So many rows of one kind of fault are listed; the others are counted.
 const ROWS_LISTED: usize = 3;
+
+/// How thoroughly a corpus is verified.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct VerifyOptions {
+    /// Decode the videos. Without it everything else is checked, in a small part of the time.
+    pub decode: bool,
+    /// A planned scenario that is missing is a fault. Otherwise it is only counted: a corpus may be verified while it is made.
+    pub complete: bool,
+}
+
+impl Default for VerifyOptions {
+    fn default() -> Self {
+        Self {
+            decode: true,
+            complete: false,
+        }
+    }
+}
 
 /// One fault.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -34,6 +60,8 @@ pub struct Finding {
     pub file: String,
     /// Row of the table or picture of the video, from 0.
     pub row: Option<u64>,
+    /// Identifier of the view, if the fault is of one.
+    pub view: Option<String>,
     /// What was found and what was expected.
     pub message: String,
 }
@@ -47,21 +75,28 @@ impl fmt::Display for Finding {
         if let Some(row) = self.row {
             write!(f, " row {row}")?;
         }
+        if let Some(view) = &self.view {
+            write!(f, " view {view}")?;
+        }
         write!(f, ": {}", self.message)
     }
 }
 
 /// What was checked and what was found.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct VerifyReport {
     /// Scenarios looked at.
     pub scenarios: usize,
+    /// Planned scenarios that are not there (yet).
+    pub missing: Vec<String>,
     /// Ticks of all of them.
     pub ticks: u64,
     /// Pictures decoded.
     pub pictures: u64,
     /// Scenarios that have labels.
     pub labelled: usize,
+    /// What the pictures prove, per scenario and view.
+    pub views: Vec<ViewProof>,
     /// All faults; empty if the corpus is sound.
     pub findings: Vec<Finding>,
 }
@@ -75,43 +110,40 @@ impl VerifyReport {
 
 /// Verifies a corpus.
 pub fn verify(corpus: &Corpus) -> VerifyReport {
-    verify_with_progress(corpus, &mut |_, _| {})
+    verify_with(corpus, VerifyOptions::default(), &mut |_, _| {})
 }
 
 /// Verifies a corpus and says which scenario is next, and how many there are.
-pub fn verify_with_progress(corpus: &Corpus, next: &mut dyn FnMut(&str, usize)) -> VerifyReport {
+pub fn verify_with(
+    corpus: &Corpus,
+    options: VerifyOptions,
+    next: &mut dyn FnMut(&str, usize),
+) -> VerifyReport {
     let mut report = VerifyReport::default();
-    let scenarios = match corpus.scenarios() {
-        Ok(scenarios) => scenarios,
-        Err(error) => {
-            let file = "scenarios".into();
-            report.findings.push(Finding {
-                scenario: None,
-                file,
-                row: None,
-                message: error.to_string(),
-            });
-            return report;
-        }
+    let mut faults = Faults::default();
+    let Some(scenarios) = faults.keep("scenarios", corpus.scenarios()) else {
+        report.findings = faults.into_findings();
+        return report;
     };
     let mut records = BTreeMap::new();
     for folder in &scenarios {
-        next(&folder.id(), scenarios.len());
-        let mut faults = Faults::of_scenario(folder.id());
-        if let Some(record) = verify_scenario(folder, &mut faults, &mut report) {
-            records.insert(folder.id(), record);
+        let id = folder.id();
+        next(&id, scenarios.len());
+        let mut faults = Faults::of_scenario(&id);
+        if let Some(record) = verify_scenario(folder, options, &mut faults, &mut report) {
+            records.insert(id, record);
         }
         report.scenarios += 1;
         report.findings.extend(faults.into_findings());
     }
-    let mut faults = Faults::of_corpus();
-    corpus_files::check(corpus, &scenarios, &records, &mut faults);
+    report.missing = corpus_files::check(corpus, &scenarios, &records, options, &mut faults);
     report.findings.extend(faults.into_findings());
     report
 }
 
 fn verify_scenario(
     folder: &ScenarioFolder,
+    options: VerifyOptions,
     faults: &mut Faults,
     report: &mut VerifyReport,
 ) -> Option<ScenarioRecord> {
@@ -122,23 +154,38 @@ fn verify_scenario(
         Err(error) => faults.file(seal::MANIFEST, error),
     }
     let record: ScenarioRecord = faults.keep("scenario.json", folder.record())?;
-    record::check(&folder.id(), &record, faults);
+    record::check(folder, &record, faults);
     let calibration: Option<Calibration> = faults.keep("calibration.json", folder.calibration());
     if let Some(calibration) = &calibration {
         record::check_calibration(&record, calibration, faults);
     }
     let frames: Option<Frames> = faults.keep(ScenarioFolder::FRAMES, folder.frames());
+    let mut boxes: Option<Vec<TruthBox>> = None;
     if let Some(frames) = &frames {
         report.ticks += frames.rows.len() as u64;
         frames::check(&record, frames, faults);
         if let Some(calibration) = &calibration {
             frames::check_cameras(frames, calibration, faults);
         }
-        if labels::check(folder, &record, frames, calibration.as_ref(), faults) {
+        if labels::check(&record, frames, faults) {
             report.labelled += 1;
         }
+        boxes = labels::read_boxes(folder, frames, faults);
+        if let (Some(boxes), Some(calibration)) = (&boxes, &calibration) {
+            labels::check_boxes(&record, frames, boxes, calibration, faults);
+        }
     }
-    report.pictures += videos::check(folder, &record, calibration.as_ref(), faults);
+    detections::check(folder, &record, faults);
+    if options.decode {
+        let scenario = pixels::Scenario {
+            record: &record,
+            frames: frames.as_ref(),
+            boxes: boxes.as_deref().unwrap_or_default(),
+        };
+        let (pictures, proofs) = videos::check(folder, &scenario, calibration.as_ref(), faults);
+        report.pictures += pictures;
+        report.views.extend(proofs);
+    }
     Some(record)
 }
 
@@ -148,6 +195,7 @@ fn close(a: f64, b: f64, tolerance: f64) -> bool {
 }
 
 /// Collects the faults of one scenario or of the corpus's own files.
+#[derive(Default)]
 struct Faults {
     scenario: Option<String>,
     findings: Vec<Finding>,
@@ -156,33 +204,63 @@ struct Faults {
 }
 
 impl Faults {
-    fn of_scenario(id: String) -> Self {
+    fn of_scenario(id: &str) -> Self {
         Self {
-            scenario: Some(id),
-            findings: Vec::new(),
-            rows: BTreeMap::new(),
-        }
-    }
-
-    fn of_corpus() -> Self {
-        Self {
-            scenario: None,
-            findings: Vec::new(),
-            rows: BTreeMap::new(),
+            scenario: Some(id.to_owned()),
+            ..Self::default()
         }
     }
 
     /// A fault of a whole file.
     fn file(&mut self, file: &str, message: impl ToString) {
-        self.push(file, None, message.to_string());
+        self.push(file, None, None, message.to_string());
+    }
+
+    /// A fault of a file that is about one scenario, where many are checked together.
+    fn of(&mut self, scenario: &str, file: &str, message: impl ToString) {
+        self.findings.push(Finding {
+            scenario: Some(scenario.to_owned()),
+            file: file.to_owned(),
+            row: None,
+            view: None,
+            message: message.to_string(),
+        });
+    }
+
+    /// A fault of all of one view.
+    fn view(&mut self, file: &str, view: &str, message: impl ToString) {
+        self.push(file, None, Some(view), message.to_string());
     }
 
     /// A fault of a row. `kind` groups faults that are likely to come in crowds.
     fn row(&mut self, file: &str, row: usize, kind: &'static str, message: impl fmt::Display) {
+        self.row_of(None, file, row, kind, message);
+    }
+
+    /// A fault of a row that is about one view.
+    fn view_row(
+        &mut self,
+        view: &str,
+        file: &str,
+        row: usize,
+        kind: &'static str,
+        message: impl fmt::Display,
+    ) {
+        self.row_of(Some(view), file, row, kind, message);
+    }
+
+    fn row_of(
+        &mut self,
+        view: Option<&str>,
+        file: &str,
+        row: usize,
+        kind: &'static str,
+        message: impl fmt::Display,
+    ) {
         let count = self.rows.entry((file.to_owned(), kind)).or_default();
         *count += 1;
         if *count <= ROWS_LISTED {
-            self.push(file, Some(row as u64), format!("{kind}: {message}"));
+            self.push(file, Some(row as u64), view, format!("{kind}: {message}"));
         }
     }
 
@@ -191,11 +269,12 @@ impl Faults {
         read.map_err(|error| self.file(file, error)).ok()
     }
 
-    fn push(&mut self, file: &str, row: Option<u64>, message: String) {
+    fn push(&mut self, file: &str, row: Option<u64>, view: Option<&str>, message: String) {
         self.findings.push(Finding {
             scenario: self.scenario.clone(),
             file: file.to_owned(),
             row,
+            view: view.map(str::to_owned),
             message,
         });
     }
@@ -205,6 +284,7 @@ impl Faults {
             if count > ROWS_LISTED {
                 self.push(
                     &file,
+                    None,
                     None,
                     format!("{kind}: {} more rows", count - ROWS_LISTED),
                 );

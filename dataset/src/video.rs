@@ -1,10 +1,14 @@
 //! Videos: one picture per tick, with exact timestamps, that keep small targets.
 //!
 //! In go and out come pictures as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and a few grey levels
-//! off the sky, so the settings are chosen by what they leave of such targets: at the usual quality H.264 takes a fifth of
-//! their contrast and H.265 and AV1 erase them. B-frames are off, because with them some players and cutters shift every
-//! timestamp. Pictures are BT.709, limited range, and say so.
+//! off the sky, so the settings are chosen by what they leave of such targets (`docs/video.md`): at the usual qualities H.264
+//! takes a fifth of their contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them some
+//! players and cutters shift every timestamp, and a killed process loses what waits in the encoder. While a video is written,
+//! every picture is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file
+//! with an index. Pictures are BT.709, limited range, and say so.
 
+mod codec;
+mod index;
 mod reader;
 mod scaler;
 mod writer;
@@ -12,8 +16,10 @@ mod writer;
 use std::path::Path;
 use std::sync::Once;
 
+use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
+pub use codec::VideoCodec;
 pub use reader::VideoReader;
 pub use writer::VideoWriter;
 
@@ -22,74 +28,104 @@ use crate::error::Error;
 /// Bytes of a pixel in memory: red, green, blue.
 pub const BYTES_PER_PIXEL: usize = 3;
 
-/// How pictures are coded.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum VideoCodec {
-    /// H.264, 4:2:0: small, plays everywhere, halves the contrast of colours of small things.
-    #[serde(rename = "h264")]
-    H264,
-    /// H.264 in RGB without loss: about 20 times larger; browsers do not play it.
-    #[serde(rename = "h264-lossless")]
-    H264Lossless,
-}
-
-/// Settings of a recording.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+/// Settings of a recording. What is not given takes the default of the codec.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(from = "GivenSettings")]
 pub struct VideoSettings {
     /// How pictures are coded.
     pub codec: VideoCodec,
-    /// Preset of x264: trades time for size, `ultrafast` to `placebo`.
+    /// Preset of the encoder, one of [`VideoCodec::presets`]: trades time for size.
     pub preset: String,
-    /// Constant rate factor of x264, 0 to 51: smaller is better and larger. Without meaning for `h264-lossless`.
+    /// Constant rate factor, 0 to [`VideoCodec::largest_crf`]: smaller is better and larger. Every encoder has its own scale.
+    /// Without meaning where there is no loss.
     pub crf: u32,
     /// Threads of one encoder. Views are encoded side by side, so 1 is best when there are no more cores than views.
     pub threads: u32,
 }
 
-/// Presets that x264 knows.
-pub const PRESETS: [&str; 10] = [
-    "ultrafast",
-    "superfast",
-    "veryfast",
-    "faster",
-    "fast",
-    "medium",
-    "slow",
-    "slower",
-    "veryslow",
-    "placebo",
-];
+/// Settings as a person gives them.
+#[derive(Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct GivenSettings {
+    /// How pictures are coded.
+    #[serde(default)]
+    codec: VideoCodec,
+    /// Preset of the encoder: trades time for size. Every codec has its own.
+    #[schemars(transform = any_preset)]
+    preset: Option<String>,
+    /// Constant rate factor: smaller is better and larger. Every codec has its own scale.
+    #[schemars(transform = any_crf)]
+    crf: Option<u32>,
+    /// Threads of one encoder. Views are encoded side by side.
+    #[schemars(range(min = 1))]
+    threads: Option<u32>,
+}
 
-impl Default for VideoSettings {
-    /// `crf` 12 keeps 90 % of the contrast of a target 3 pixels wide and 20 grey levels off (18 keeps 75 %, 23 keeps 55 %).
-    fn default() -> Self {
+/// The schema knows the presets of all codecs, not which belongs to which.
+fn any_preset(schema: &mut Schema) {
+    let mut all: Vec<&str> = Vec::new();
+    for preset in VideoCodec::ALL.iter().flat_map(|codec| codec.presets()) {
+        if !all.contains(preset) {
+            all.push(preset);
+        }
+    }
+    schema.insert("enum".into(), all.into());
+}
+
+fn any_crf(schema: &mut Schema) {
+    let largest = VideoCodec::ALL.map(VideoCodec::largest_crf);
+    schema.insert("maximum".into(), largest.into_iter().max().into());
+}
+
+impl From<GivenSettings> for VideoSettings {
+    fn from(given: GivenSettings) -> Self {
+        let defaults = Self::of(given.codec);
         Self {
-            codec: VideoCodec::H264,
-            preset: "superfast".into(),
-            crf: 12,
-            threads: 1,
+            codec: given.codec,
+            preset: given.preset.unwrap_or(defaults.preset),
+            crf: given.crf.unwrap_or(defaults.crf),
+            threads: given.threads.unwrap_or(defaults.threads),
         }
     }
 }
 
+impl Default for VideoSettings {
+    fn default() -> Self {
+        Self::of(VideoCodec::default())
+    }
+}
+
 impl VideoSettings {
+    /// The settings of a codec that keep a 10 NM aircraft, as measured.
+    pub fn of(codec: VideoCodec) -> Self {
+        Self {
+            codec,
+            preset: codec.default_preset().into(),
+            crf: codec.default_crf(),
+            threads: 1,
+        }
+    }
+
     /// The first setting that cannot be used: its name, and what is wrong with it in words.
     pub fn fault(&self) -> Option<(&'static str, String)> {
-        if !PRESETS.contains(&self.preset.as_str()) {
-            let known = PRESETS.join(", ");
+        if !self.codec.presets().contains(&self.preset.as_str()) {
+            let known = self.codec.presets().join(", ");
             return Some((
                 "preset",
                 format!(
-                    "{:?} is no preset of x264; expected one of {known}",
+                    "{:?} is no preset of this codec; expected one of {known}",
                     self.preset
                 ),
             ));
         }
-        if self.crf > 51 {
+        if self.crf > self.codec.largest_crf() {
             return Some((
                 "crf",
-                format!("{} is too large; expected 0 (best) to 51", self.crf),
+                format!(
+                    "{} is too large; expected 0 (best) to {}",
+                    self.crf,
+                    self.codec.largest_crf()
+                ),
             ));
         }
         (self.threads == 0).then(|| {

@@ -1,46 +1,53 @@
-//! Runways that need no definition in a sweep.
+//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the form of a sweep.
 
-use dataset::geodesy::Geodetic;
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
 use dataset::runway::Runway;
+use serde::Deserialize;
 
-/// The runway that the program knows under these names. Sources: threshold and pavement from the X-Plane Scenery Gateway, course on
-/// WGS-84 between thresholds and between localizers (23.015 to 23.028; the often quoted 22.89 is spherical and puts the path
-/// 42 m aside at 10 NM), glide path antenna 340.1 m past the threshold, which is where the 3 degree path meets the runway.
+use crate::sweep::AirportTable;
+
+#[derive(Deserialize)]
+struct Bundled {
+    airport: BTreeMap<String, AirportTable>,
+}
+
+static BUNDLED: LazyLock<BTreeMap<String, AirportTable>> = LazyLock::new(|| {
+    let parsed: Bundled = toml::from_str(include_str!("airports.toml"))
+        .expect("the bundled airports are a part of the program, and a test reads them");
+    parsed.airport
+});
+
+/// The runway that the program knows under these names.
 pub fn bundled(airport: &str, runway: &str) -> Option<Runway> {
-    match (airport, runway) {
-        ("WSSS", "02L") => Some(Runway {
-            airport: airport.into(),
-            name: runway.into(),
-            threshold: Geodetic {
-                latitude_deg: 1.348_971_96,
-                longitude_deg: 103.977_501_24,
-                altitude_msl_m: 6.71,
-            },
-            course_true_deg: 23.02,
-            glide_path_deg: 3.0,
-            touchdown_past_threshold_m: 340.1,
-            ils_frequency_mhz: Some(110.9),
-            course_magnetic_deg: Some(23.0),
-        }),
-        _ => None,
-    }
+    let table = BUNDLED.get(airport)?.runway.get(runway)?;
+    table.complete(airport, runway, None).ok()
 }
 
 /// All of them: airport and runway.
-pub const BUNDLED: [(&str, &str); 1] = [("WSSS", "02L")];
+pub fn all() -> impl Iterator<Item = (&'static str, &'static str)> {
+    BUNDLED.iter().flat_map(|(airport, table)| {
+        let runways = table.runway.keys();
+        runways.map(move |runway| (airport.as_str(), runway.as_str()))
+    })
+}
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn every_listed_runway_is_there_under_its_own_name() {
-        for (airport, name) in BUNDLED {
+    fn every_listed_runway_is_whole_and_changi_is_among_them() {
+        for (airport, name) in all() {
             let runway = bundled(airport, name).unwrap();
             assert_eq!(
                 (runway.airport.as_str(), runway.name.as_str()),
                 (airport, name)
             );
         }
+        let changi = bundled("WSSS", "02L").unwrap();
+        assert_eq!(changi.course_true_deg, 23.02);
+        assert_eq!(bundled("WSSS", "99Z"), None);
     }
 }

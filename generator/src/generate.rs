@@ -1,132 +1,85 @@
-//! Makes the scenarios of a plan: flown, recorded, sealed, committed; one after the other.
+//! Makes the scenarios of a plan: flown, recorded, sealed, committed; by one simulator or several.
 //!
 //! A scenario is made in `<id>.partial/` and renamed when it is whole, so a run can be stopped or killed at any moment and the next one
-//! goes on: whole scenarios are skipped, unfinished ones are thrown away and made anew. A scenario that fails is tried once more with
-//! a fresh connection, then reported, and the run goes on with the next.
+//! goes on: whole scenarios are skipped, unfinished ones are thrown away and made anew. Runs may work on one corpus at the same time:
+//! each scenario is claimed by whoever makes it, and a run with nothing left to do waits for what others are making, takes it over if
+//! they die, and so ends only when all its scenarios are whole or set aside.
+//!
+//! ```text
+//! generate: plan, what is whole, simulators  ->  run: workers  ->  queue: claims  ->  record: one scenario
+//! ```
 
+mod all;
+mod attempt;
 mod cancel;
+mod claim;
 mod encoders;
 mod error;
+mod event;
+mod freeze;
 mod lockstep;
+mod outcome;
+mod patience;
+mod pictures;
+mod queue;
 mod record;
+mod run;
 mod session;
+mod set_aside;
+mod simulators;
+mod space;
 mod workplace;
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::sync::Arc;
 
 use dataset::corpus::Corpus;
-use dataset::json_file::write_atomically;
-use dataset::splits::Splits;
-use serde::Serialize;
+use xplane_bridge::pixels::{PixelChoice, Screen};
 
 pub use cancel::Cancel;
 pub use error::{GenerateError, ScenarioError};
+pub use event::{Event, OnEvent};
+pub use outcome::{FailedScenario, Outcome, Stopped};
+pub use patience::Patience;
 pub use session::SimulatorTarget;
+pub use simulators::Simulators;
+pub use space::needed_bytes;
 
-use crate::plan::{Plan, PlannedScenario, assign_sides, expand};
-use crate::sweep::Sweep;
+use crate::plan::{Common, Plan, PlannedScenario, expand};
+use crate::shard::Shard;
+use crate::sweep::{Picture, Sweep};
+use claim::Claim;
+use event::Reporter;
+use pictures::Pictures;
+use record::Work;
+use run::Run;
 use session::Session;
+use set_aside::SetAside;
 
-/// How often a scenario is tried.
-const ATTEMPTS: u32 = 2;
-
-/// What to make, and with which simulator.
+/// What to make, and with which simulators.
 #[derive(Debug, Clone)]
 pub struct GenerateOptions {
-    /// The simulator.
-    pub target: SimulatorTarget,
+    /// The simulators; each makes one scenario at a time.
+    pub simulators: Simulators,
     /// The program that becomes the stand-in when called with `mock-xplane`: the `dtd` command itself.
     pub stand_in_program: PathBuf,
+    /// Where the pictures come from.
+    pub pixels: PixelChoice,
+    /// The screen that is grabbed, if they come from one.
+    pub screen: Arc<dyn Screen>,
     /// Identifiers of the scenarios to make; empty for all.
     pub only: Vec<String>,
+    /// The part of the plan that is this run's.
+    pub shard: Shard,
+    /// What is put up with.
+    pub patience: Patience,
 }
-
-/// What happened to the scenarios of a run.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Outcome {
-    /// Made by this run.
-    pub committed: Vec<String>,
-    /// Whole already.
-    pub skipped: Vec<String>,
-    /// Given up, with the reason of the last attempt.
-    pub failed: Vec<FailedScenario>,
-    /// Whether the run was stopped before its end.
-    #[serde(skip)]
-    pub interrupted: bool,
-}
-
-/// A scenario that could not be made.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
-pub struct FailedScenario {
-    /// Its identifier.
-    pub id: String,
-    /// Why.
-    pub reason: String,
-}
-
-/// What a run is doing, for whoever shows it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Event<'a> {
-    /// The run begins.
-    Planned {
-        /// Scenarios to make.
-        to_make: usize,
-        /// Scenarios that are whole already.
-        skipped: usize,
-        /// Expected ticks of all that are to be made.
-        ticks: u64,
-    },
-    /// A scenario begins.
-    Started {
-        /// Its identifier.
-        id: &'a str,
-        /// Expected number of ticks.
-        ticks: u32,
-    },
-    /// Its flight is there: from now on the number of ticks is certain.
-    Flown {
-        /// Number of ticks.
-        ticks: u32,
-    },
-    /// All views of a tick are captured.
-    Captured {
-        /// Ticks so far.
-        done: u32,
-    },
-    /// A scenario is whole.
-    Committed {
-        /// Its identifier.
-        id: &'a str,
-        /// Number of ticks.
-        ticks: u32,
-        /// How long it took, seconds.
-        seconds: f64,
-    },
-    /// An attempt failed and is repeated.
-    Retrying {
-        /// Identifier of the scenario.
-        id: &'a str,
-        /// Why.
-        reason: &'a str,
-    },
-    /// A scenario is given up.
-    Failed {
-        /// Its identifier.
-        id: &'a str,
-        /// Why.
-        reason: &'a str,
-    },
-}
-
-/// Takes the events of a run.
-pub type OnEvent<'a> = dyn FnMut(Event<'_>) + Send + 'a;
 
 /// Makes the scenarios of a sweep in a corpus; see the module.
 ///
 /// # Errors
-/// Before anything is written: the corpus was begun with another plan, a scenario of `only` is not in the plan, or the simulator is not
-/// there. Later: the corpus cannot be written. Scenarios that fail are no errors but part of the outcome.
+/// Before anything is written: the corpus was begun with another plan, a scenario of `only` is not in the plan, or no simulator is
+/// there. Later: the corpus cannot be read. Scenarios that fail are no errors but part of the outcome, and so is a run that ends early.
 pub async fn generate(
     sweep: &Sweep,
     corpus_root: &Path,
@@ -135,64 +88,60 @@ pub async fn generate(
     on_event: &mut OnEvent<'_>,
 ) -> Result<Outcome, GenerateError> {
     let plan = expand(sweep);
-    let wanted = wanted(&plan, &options.only)?;
-    let frozen = frozen_plan(corpus_root)?;
-    if let Some(difference) = frozen
-        .as_ref()
-        .and_then(|frozen| plan.conflict_with(frozen))
-    {
-        return Err(GenerateError::OtherPlan {
-            corpus: corpus_root.to_owned(),
-            difference,
-        });
-    }
+    let wanted = wanted(&plan, options)?;
+    let frozen = freeze::frozen_plan(corpus_root, &plan)?;
     let mut outcome = Outcome::default();
     let mut to_make = Vec::new();
     for scenario in wanted {
-        if is_whole(corpus_root, scenario)? {
+        let whole = match Corpus::open(corpus_root) {
+            Ok(corpus) => freeze::is_whole(&corpus, scenario)?,
+            Err(_) => false,
+        };
+        if whole {
             outcome.skipped.push(scenario.id.clone());
         } else {
             to_make.push(scenario);
         }
     }
-    on_event(Event::Planned {
+    let reporter = Reporter::new(on_event);
+    reporter.tell(Event::Planned {
         to_make: to_make.len(),
         skipped: outcome.skipped.len(),
         ticks: to_make.iter().map(|s| u64::from(s.ticks)).sum(),
     });
+    if to_make.is_empty() && frozen.as_ref() == Some(&plan) {
+        Claim::tidy(&Corpus::open(corpus_root)?);
+        return Ok(outcome);
+    }
+    warn_of_little_space(corpus_root, &plan.common, &to_make, &reporter);
     // A simulator that is not there is found out before anything is written.
-    let mut session = match to_make.is_empty() {
-        true => None,
-        false => Some(Session::open(&options.target, &options.stand_in_program).await?),
-    };
+    let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
     let corpus = Corpus::create(corpus_root)?;
-    write_plan(&corpus, sweep, &plan, frozen.as_ref())?;
-    if let Some(session) = &mut session {
-        for scenario in to_make {
-            if cancel.is_cancelled() {
-                break;
-            }
-            make(
-                sweep,
-                &plan,
-                scenario,
-                &corpus,
-                session,
-                cancel,
-                on_event,
-                &mut outcome,
-            )
-            .await;
+    freeze::freeze(&corpus, sweep, &plan).await?;
+    for scenario in &to_make {
+        if let Some(before) = SetAside::read(&corpus, &scenario.id) {
+            let reason = before.reasons.last().map_or("", String::as_str);
+            reporter.tell(Event::SetAsideBefore {
+                id: &scenario.id,
+                reason,
+            });
         }
     }
-    if let Some(session) = session {
-        session.close().await;
-    }
-    outcome.interrupted = cancel.is_cancelled();
-    Ok(outcome)
+    let work = Work {
+        sweep,
+        plan: &plan,
+        corpus: &corpus,
+    };
+    Run::new(work, reporter, options.patience, &to_make, outcome)
+        .work_through(sessions, cancel)
+        .await
 }
 
-fn wanted<'a>(plan: &'a Plan, only: &[String]) -> Result<Vec<&'a PlannedScenario>, GenerateError> {
+fn wanted<'a>(
+    plan: &'a Plan,
+    options: &GenerateOptions,
+) -> Result<Vec<&'a PlannedScenario>, GenerateError> {
+    let only = &options.only;
     if let Some(id) = only
         .iter()
         .find(|id| !plan.scenarios.iter().any(|s| s.id == **id))
@@ -208,120 +157,54 @@ fn wanted<'a>(plan: &'a Plan, only: &[String]) -> Result<Vec<&'a PlannedScenario
             example,
         });
     }
-    Ok(plan
-        .scenarios
-        .iter()
+    let mine = options.shard.part_of(&plan.scenarios);
+    Ok(mine
         .filter(|s| only.is_empty() || only.contains(&s.id))
         .collect())
 }
 
-fn frozen_plan(corpus_root: &Path) -> Result<Option<Plan>, GenerateError> {
-    match Corpus::open(corpus_root) {
-        Ok(corpus) if corpus.plan_path().exists() => Ok(Some(Plan::read(&corpus.plan_path())?)),
-        _ => Ok(None),
-    }
-}
-
-/// Whether a scenario is there, sealed, and made from these very parameters.
-fn is_whole(corpus_root: &Path, scenario: &PlannedScenario) -> Result<bool, GenerateError> {
-    let Ok(corpus) = Corpus::open(corpus_root) else {
-        return Ok(false);
-    };
-    let folder = corpus.scenario(&scenario.id);
-    let seal = folder.seal()?;
-    if !folder.root().exists() {
-        return Ok(false);
-    }
-    match seal {
-        Some(seal) if seal.config_hash == scenario.config_hash => Ok(true),
-        Some(_) => Err(GenerateError::ForeignFolder {
-            folder: folder.root().to_owned(),
-            message: "it was made from other parameters",
-        }),
-        None => Err(GenerateError::ForeignFolder {
-            folder: folder.root().to_owned(),
-            message: "it has no seal (DONE.json)",
-        }),
-    }
-}
-
-/// Freezes the plan in the corpus, or adds to the one that is there.
-fn write_plan(
-    corpus: &Corpus,
-    sweep: &Sweep,
-    plan: &Plan,
-    frozen: Option<&Plan>,
-) -> Result<(), GenerateError> {
-    let path = corpus.splits_path();
-    let earlier = if path.exists() {
-        Some(Splits::read(&path)?)
-    } else {
-        None
-    };
-    let splits = assign_sides(plan, &sweep.split, sweep.corpus.seed, earlier.as_ref())
-        .map_err(|message| dataset::Error::corpus(&path, message))?;
-    if earlier.as_ref() != Some(&splits) {
-        splits.write(&path)?;
-    }
-    if frozen != Some(plan) {
-        write_atomically(&corpus.sweep_path(), sweep.text.as_bytes())?;
-        plan.write(&corpus.plan_path())?;
-    }
-    Ok(())
-}
-
-#[allow(
-    clippy::too_many_arguments,
-    reason = "the loop body of `generate`, apart for the sake of its retry"
-)]
-async fn make(
-    sweep: &Sweep,
-    plan: &Plan,
-    scenario: &PlannedScenario,
-    corpus: &Corpus,
-    session: &mut Session,
-    cancel: &Cancel,
-    on_event: &mut OnEvent<'_>,
-    outcome: &mut Outcome,
+fn warn_of_little_space(
+    corpus_root: &Path,
+    common: &Common,
+    to_make: &[&PlannedScenario],
+    reporter: &Reporter<'_>,
 ) {
-    let began = Instant::now();
-    let id = scenario.id.as_str();
-    for attempt in 1..=ATTEMPTS {
-        on_event(Event::Started {
-            id,
-            ticks: scenario.ticks,
-        });
-        let made = record::record(sweep, plan, scenario, corpus, session, cancel, on_event).await;
-        match made {
-            Ok(ticks) => {
-                on_event(Event::Committed {
-                    id,
-                    ticks,
-                    seconds: began.elapsed().as_secs_f64(),
-                });
-                outcome.committed.push(id.to_owned());
-                return;
-            }
-            Err(ScenarioError::Cancelled) => return,
-            Err(error) if attempt < ATTEMPTS => {
-                tracing::warn!(id, %error, "attempt failed");
-                on_event(Event::Retrying {
-                    id,
-                    reason: &error.to_string(),
-                });
-            }
-            Err(error) => {
-                tracing::error!(id, %error, "given up");
-                let reason = error.to_string();
-                on_event(Event::Failed {
-                    id,
-                    reason: &reason,
-                });
-                outcome.failed.push(FailedScenario {
-                    id: id.to_owned(),
-                    reason,
-                });
-            }
-        }
+    let needed = space::needed_bytes(common, to_make.iter().copied());
+    if let Some(free) = space::free_bytes(corpus_root).filter(|free| *free < needed) {
+        reporter.tell(Event::LittleSpace { free, needed });
     }
+}
+
+/// Finds or starts all simulators. Those that are not there are waited for later, as long as one is.
+async fn open_sessions(
+    options: &GenerateOptions,
+    picture: Picture,
+    needed: bool,
+    cancel: &Cancel,
+) -> Result<Vec<(Session, Option<ScenarioError>)>, GenerateError> {
+    if !needed {
+        return Ok(Vec::new());
+    }
+    let targets = options.simulators.targets();
+    let pictures = &Pictures::new(options.pixels, options.screen.clone(), picture);
+    let opening = targets
+        .iter()
+        .enumerate()
+        .map(|(number, target)| async move {
+            let mut session = Session::new(target, number, &options.stand_in_program, pictures);
+            let trouble = cancel.or(session.open()).await.err();
+            (session, trouble)
+        });
+    let mut sessions = all::all(opening).await;
+    if cancel.is_cancelled() {
+        return Err(GenerateError::Cancelled);
+    }
+    if sessions.iter().all(|(_, trouble)| trouble.is_some()) {
+        return Err(match sessions.swap_remove(0).1 {
+            Some(ScenarioError::Bridge(error)) => error.into(),
+            Some(ScenarioError::StandIn(error)) => error.into(),
+            _ => GenerateError::Cancelled,
+        });
+    }
+    Ok(sessions)
 }

@@ -5,8 +5,8 @@
 //! ```
 //!
 //! [`sweep`] reads and checks what a researcher wrote; [`plan`] expands it to scenarios in which everything is decided, the same on
-//! every machine; [`generate`] flies and records them one after the other, each whole or not at all, and goes on where an earlier run
-//! stopped.
+//! every machine; [`generate`] flies and records them, each whole or not at all, and goes on where an earlier run stopped; [`shard`] is one
+//! machine's part.
 
 #![forbid(unsafe_code)]
 
@@ -16,6 +16,7 @@ pub mod plan;
 pub mod recording;
 pub mod rig;
 pub mod seed;
+pub mod shard;
 pub mod spread;
 pub mod stand_in;
 pub mod sweep;

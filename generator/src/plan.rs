@@ -1,16 +1,22 @@
 //! The plan: what a sweep expands to, scenario by scenario, with everything decided.
 //!
-//! Expansion is a pure function of a checked sweep. The plan is written into the corpus as `plan.json` and frozen there: a
-//! corpus is finished with the plan with which it was begun, or with one that only adds scenarios.
+//! Expansion is a pure function of a checked sweep. A scenario follows from what it is (its time, weather, profile and repeat) and from the
+//! master seed, never from its place among the others: a sweep that grows adds scenarios and leaves the others as they are. The plan is
+//! written into the corpus as `plan.json` and frozen there: a corpus is finished with the plan with which it was begun, or with one
+//! that only adds scenarios.
 
+mod against;
 mod difference;
+mod estimate;
 mod expand;
 mod split;
+mod summary;
 
+use std::io::Write;
 use std::path::Path;
 
 use dataset::conditions::Conditions;
-use dataset::json_file::{read_json, write_json};
+use dataset::json_file::{read_json, write_atomically};
 use dataset::runway::Runway;
 use dataset::scenario::Flight;
 use dataset::video::VideoSettings;
@@ -19,24 +25,52 @@ use xplane_bridge::fly::ApproachProfile;
 
 use crate::sweep::{Camera, Picture};
 
+pub use against::{Against, Standing};
+pub use difference::{Change, Difference};
+pub use estimate::{Estimate, MeasuredSize, PicturesPerSecond};
 pub use expand::expand;
 pub use split::assign_sides;
+pub use summary::{PlanSummary, ScenarioSummary};
+
+/// Version of the form of `plan.json`. Version 1 numbered its scenarios.
+pub const PLAN_VERSION: u32 = 2;
 
 /// All scenarios of a corpus, decided.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
+    /// [`PLAN_VERSION`] when this was written.
+    pub plan_version: u32,
     /// BLAKE3 over the identifiers and hashes of all scenarios.
     pub plan_hash: String,
     /// Name of the corpus.
     pub corpus: String,
+    /// What all scenarios have in common.
+    pub common: Common,
     /// The scenarios, in the order in which they are made.
     pub scenarios: Vec<PlannedScenario>,
+}
+
+/// What all scenarios of a plan have in common.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Common {
+    /// Aircraft type.
+    pub aircraft: String,
+    /// Where it lands.
+    pub runway: Runway,
+    /// Name of the camera rig.
+    pub rig: String,
+    /// Its cameras.
+    pub cameras: Vec<Camera>,
+    /// Size and rate of the pictures.
+    pub picture: Picture,
+    /// How videos are coded.
+    pub video: VideoSettings,
 }
 
 /// One scenario, decided.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlannedScenario {
-    /// Identifier and folder name: number, local time, weather, repeat; e.g. `0042-1700-foggy-r3`.
+    /// Identifier and folder name: local time, weather, profile if the grid lists profiles, repeat; e.g. `1700-foggy-r3`.
     pub id: String,
     /// Local time, `HH:MM`.
     pub time_of_day: String,
@@ -50,27 +84,15 @@ pub struct PlannedScenario {
     pub trajectory: String,
     /// Expected number of ticks. Exact for recordings; a live flight decides in the end.
     pub ticks: u32,
-    /// BLAKE3 over seed and parameters: a recorded scenario with another hash has to be made again.
+    /// BLAKE3 over identifier, seed, parameters and what is common: a recorded scenario with another hash has to be made again.
     pub config_hash: String,
     /// Everything else that was decided.
     pub parameters: Parameters,
 }
 
-/// What a scenario is made from.
+/// What a scenario is made from, besides what is common.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
-    /// Aircraft type.
-    pub aircraft: String,
-    /// Where it lands.
-    pub runway: Runway,
-    /// Name of the camera rig.
-    pub rig: String,
-    /// Its cameras.
-    pub cameras: Vec<Camera>,
-    /// Size and rate of the pictures.
-    pub picture: Picture,
-    /// How videos are coded.
-    pub video: VideoSettings,
     /// Weather and time.
     pub conditions: Conditions,
     /// Tick 0 is where so much is still to go along the course, metres.
@@ -98,62 +120,72 @@ pub struct LiveStart {
     pub profile: ApproachProfile,
 }
 
-/// The plan as other programs read it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct PlanSummary<'a> {
-    /// Hash of the plan.
-    pub plan_hash: &'a str,
-    /// A line per scenario.
-    pub scenarios: Vec<ScenarioSummary<'a>>,
-}
-
-/// A scenario as other programs read it.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct ScenarioSummary<'a> {
-    /// Identifier.
-    pub id: &'a str,
-    /// Local time, `HH:MM`.
-    pub time_of_day: &'a str,
-    /// Name of the weather.
-    pub weather: &'a str,
-    /// Seed.
-    pub seed: u64,
-    /// `live` or a file name.
-    pub flight: &'a str,
-    /// Expected number of ticks.
-    pub ticks: u32,
-}
-
 impl Plan {
-    /// What `dtd plan --json` prints.
-    pub fn summary(&self) -> PlanSummary<'_> {
-        let scenarios = self.scenarios.iter().map(|s| ScenarioSummary {
-            id: &s.id,
-            time_of_day: &s.time_of_day,
-            weather: &s.weather,
-            seed: s.seed,
-            flight: &s.flight,
-            ticks: s.ticks,
-        });
-        PlanSummary {
-            plan_hash: &self.plan_hash,
-            scenarios: scenarios.collect(),
-        }
-    }
-
     /// Reads a `plan.json`.
     pub fn read(path: &Path) -> dataset::Result<Self> {
+        #[derive(Deserialize)]
+        struct Form {
+            #[serde(default = "first_version")]
+            plan_version: u32,
+        }
+        fn first_version() -> u32 {
+            1
+        }
+        let found = read_json::<Form>(path, "plan")?.plan_version;
+        if found != PLAN_VERSION {
+            return Err(dataset::Error::corpus(
+                path,
+                format!(
+                    "has plan version {found}, expected {PLAN_VERSION}: this corpus was made by another version of dtd, which alone can add to it; make a new corpus, or use that version"
+                ),
+            ));
+        }
         read_json(path, "plan")
     }
 
-    /// Writes a `plan.json`.
+    /// Writes a `plan.json`, a line per scenario.
     pub fn write(&self, path: &Path) -> dataset::Result<()> {
-        write_json(path, self)
+        let text = self.to_json().map_err(|source| dataset::Error::Json {
+            what: "plan",
+            path: path.to_owned(),
+            source,
+        })?;
+        write_atomically(path, &text)
+    }
+
+    fn to_json(&self) -> serde_json::Result<Vec<u8>> {
+        let Self {
+            plan_version,
+            plan_hash,
+            corpus,
+            common,
+            scenarios,
+        } = self;
+        let head = serde_json::json!({
+            "plan_version": plan_version,
+            "plan_hash": plan_hash,
+            "corpus": corpus,
+            "common": common,
+        });
+        let mut text = serde_json::to_vec_pretty(&head)?;
+        text.truncate(text.len() - "\n}".len());
+        text.extend_from_slice(b",\n  \"scenarios\": [");
+        for (index, scenario) in scenarios.iter().enumerate() {
+            text.extend_from_slice(if index == 0 { b"\n    " } else { b",\n    " });
+            serde_json::to_writer(&mut text, scenario)?;
+        }
+        writeln!(text, "\n  ]\n}}").map_err(serde_json::Error::io)?;
+        Ok(text)
+    }
+
+    /// How this plan differs from the one that a corpus was begun with.
+    pub fn difference_from(&self, frozen: &Self) -> Difference {
+        Difference::between(frozen, self)
     }
 
     /// Why this plan cannot take the place of `frozen`, in words; `None` if it is the same or only adds scenarios.
     pub fn conflict_with(&self, frozen: &Self) -> Option<String> {
-        difference::conflict(self, frozen)
+        self.difference_from(frozen).conflict()
     }
 }
 

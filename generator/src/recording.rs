@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use dataset::pose::{Controls, FlightState, Pose};
+use glob::Pattern;
 use serde::Deserialize;
 
 use crate::trajectory::Trajectory;
@@ -98,51 +99,34 @@ impl Recording {
     }
 }
 
-/// The files that a path matches, sorted; `*` in the file name stands for any characters.
-pub fn matching_files(pattern: &Path) -> Result<Vec<PathBuf>, String> {
-    let name = pattern
-        .file_name()
-        .unwrap_or_default()
-        .to_string_lossy()
-        .into_owned();
-    if !name.contains('*') {
-        return Ok(vec![pattern.to_owned()]);
-    }
-    let folder = match pattern.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
+/// The files that a glob matches, sorted; it is relative to `folder`. `*` and `?` stay within a name, `**` goes through folders, `[..]`
+/// stands for one of several characters.
+pub fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, String> {
+    // The folder is not the author's to choose: what looks like a glob in it is none.
+    let whole = match folder.to_str() {
+        Some("") => pattern.to_owned(),
+        _ if Path::new(pattern).is_absolute() => pattern.to_owned(),
+        Some(folder) => format!("{}/{pattern}", Pattern::escape(folder)),
+        None => return Err(format!("the folder {} is no UTF-8", folder.display())),
     };
-    let entries =
-        fs::read_dir(folder).map_err(|e| format!("cannot list {}: {e}", folder.display()))?;
+    let paths = glob::glob(&whole).map_err(|e| format!("{pattern:?} is no glob: {e}"))?;
     let mut found = Vec::new();
-    for entry in entries {
-        let path = entry
-            .map_err(|e| format!("cannot list {}: {e}", folder.display()))?
-            .path();
-        let matches = path
-            .file_name()
-            .is_some_and(|file| matches(&name, &file.to_string_lossy()));
-        if matches && path.is_file() {
+    for path in paths {
+        let path =
+            path.map_err(|e| format!("cannot list {}: {}", e.path().display(), e.error()))?;
+        if path.is_file() {
             found.push(path);
         }
     }
     found.sort();
     if found.is_empty() {
-        Err(format!("no file matches {}", pattern.display()))
+        let place = folder.join(pattern);
+        Err(format!(
+            "no file matches {}; expected one recording at least",
+            place.display()
+        ))
     } else {
         Ok(found)
-    }
-}
-
-fn matches(pattern: &str, name: &str) -> bool {
-    match pattern.split_once('*') {
-        None => pattern == name,
-        Some((head, rest)) => name.strip_prefix(head).is_some_and(|tail| {
-            tail.char_indices()
-                .map(|(i, _)| i)
-                .chain([tail.len()])
-                .any(|i| matches(rest, &tail[i..]))
-        }),
     }
 }
 
@@ -215,20 +199,26 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_star_stands_for_any_characters_of_a_file_name() {
-        assert!(matches("0*_ils*.csv", "01_calm_ils.csv"));
-        assert!(matches("*", ""));
-        assert!(!matches("0*.csv", "10.csv"));
-        assert!(!matches("*.csv", "a.csv.gz"));
-        let folder = tempfile::tempdir().unwrap();
-        for name in ["b.csv", "a.csv", "a.txt"] {
-            fs::write(folder.path().join(name), "").unwrap();
+    fn globs_find_files_in_order_and_through_folders() {
+        let outer = tempfile::tempdir().unwrap();
+        // A folder whose own name looks like a glob.
+        let folder = outer.path().join("flights [old]");
+        fs::create_dir_all(folder.join("more")).unwrap();
+        for name in ["b.csv", "a.csv", "a.txt", "more/c.csv"] {
+            fs::write(folder.join(name), "").unwrap();
         }
-        let found = matching_files(&folder.path().join("*.csv")).unwrap();
-        assert_eq!(
-            found,
-            [folder.path().join("a.csv"), folder.path().join("b.csv")]
-        );
-        assert!(matching_files(&folder.path().join("x*.csv")).is_err());
+        let names = |pattern: &str| {
+            matching_files(&folder, pattern).map(|files| {
+                let names = files.iter().map(|file| file.strip_prefix(&folder).unwrap());
+                names.map(|n| n.display().to_string()).collect::<Vec<_>>()
+            })
+        };
+        assert_eq!(names("*.csv").unwrap(), ["a.csv", "b.csv"]);
+        assert_eq!(names("[b-z].csv").unwrap(), ["b.csv"]);
+        assert_eq!(names("**/*.csv").unwrap(), ["a.csv", "b.csv", "more/c.csv"]);
+        assert_eq!(names("a.csv").unwrap(), ["a.csv"]);
+        assert!(names("x*.csv").unwrap_err().contains("no file matches"));
+        assert!(names("more").unwrap_err().contains("no file matches"));
+        assert!(names("a**.csv").unwrap_err().contains("is no glob"));
     }
 }

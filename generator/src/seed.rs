@@ -17,6 +17,14 @@ pub fn generator(seed: u64) -> ChaCha12Rng {
     ChaCha12Rng::from_seed(blake3::derive_key("dtd generator v1", &seed.to_le_bytes()))
 }
 
+/// The generator of one value of a scenario, by the value's name: values that are drawn later, or not at all, change no other.
+pub fn of_value(scenario_seed: u64, name: &str) -> ChaCha12Rng {
+    let mut hasher = blake3::Hasher::new_derive_key("dtd value v1");
+    hasher.update(&scenario_seed.to_le_bytes());
+    hasher.update(name.as_bytes());
+    ChaCha12Rng::from_seed(*hasher.finalize().as_bytes())
+}
+
 /// A number that orders things at random, but always in the same way.
 pub fn shuffle_key(master: u64, purpose: &str, item: &str) -> u64 {
     let mut hasher = blake3::Hasher::new_derive_key("dtd shuffle v1");

@@ -3,52 +3,109 @@
 use std::fmt;
 
 use rand::Rng;
+use schemars::{JsonSchema, Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, MapAccess, Visitor, value::MapAccessDeserializer};
-use serde::{Deserialize, Deserializer, Serialize};
+use serde::{Deserialize, Deserializer};
 
-/// How a value varies from scenario to scenario: `10.0`, `{ min = 9.9, max = 10.1 }` or `{ mean = 10.0, sd = 0.05 }`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-#[serde(untagged)]
+/// How a value varies from scenario to scenario.
+#[derive(Debug, Clone, PartialEq)]
 pub enum Spread {
-    /// It does not.
+    /// It does not: `10.0`.
     Fixed(f64),
-    /// Evenly within an interval.
+    /// Evenly within an interval: `{ min = 9.9, max = 10.1 }`.
     Uniform {
         /// Least value.
         min: f64,
         /// Greatest value.
         max: f64,
     },
-    /// Bell-shaped; never further than six standard deviations from the mean.
+    /// Bell-shaped: `{ mean = 10.0, sd = 0.05 }`; never further than six standard deviations from the mean.
     Normal {
         /// Middle.
         mean: f64,
         /// Standard deviation.
         sd: f64,
     },
+    /// Bell-shaped, and drawn again until it is within an interval: `{ mean = 0.9, sd = 0.1, min = 0.5, max = 1 }`.
+    Truncated {
+        /// Middle of the bell; within the interval.
+        mean: f64,
+        /// Standard deviation of the bell.
+        sd: f64,
+        /// Least value.
+        min: f64,
+        /// Greatest value.
+        max: f64,
+    },
+    /// One of several, all equally likely: `{ one_of = [5, 7.5, 10] }`.
+    OneOf(Vec<f64>),
 }
 
+impl Default for Spread {
+    fn default() -> Self {
+        Self::Fixed(0.0)
+    }
+}
+
+/// A truncated bell has to be at least so wide, standard deviations: a narrower interval is evenly filled anyway, and would be hit
+/// too seldom.
+const NARROWEST_TRUNCATION_SD: f64 = 0.1;
+
 impl Spread {
+    /// Key of the standard deviation: the one number of a spread that no limit of the value holds for.
+    pub(crate) const DEVIATION: &str = "sd";
+
     /// Draws a value. Only additions and multiplications are used: functions of the system's mathematics library differ in
     /// their last digit from machine to machine, and the same seed must give the same plan everywhere.
     pub fn draw(&self, rng: &mut impl Rng) -> f64 {
-        match *self {
-            Self::Fixed(value) => value,
+        match self {
+            Self::Fixed(value) => *value,
             Self::Uniform { min, max } => min + (max - min) * unit(rng),
-            Self::Normal { mean, sd } => {
-                // The sum of twelve even draws has variance 1 (Irwin-Hall).
-                let sum: f64 = (0..12).map(|_| unit(rng)).sum();
-                mean + sd * (sum - 6.0)
-            }
+            Self::Normal { mean, sd } => mean + sd * bell(rng),
+            Self::Truncated { mean, sd, min, max } => loop {
+                // The mean is within, and the interval is no narrower than a tenth of a deviation: one in 26 draws is taken at
+                // the worst.
+                let value = mean + sd * bell(rng);
+                if (*min..=*max).contains(&value) {
+                    return value;
+                }
+            },
+            // A plain remainder: its bias is below 1e-18.
+            Self::OneOf(values) => values[(rng.next_u64() % values.len() as u64) as usize],
         }
     }
 
     /// The least and the greatest value that can be drawn.
     pub fn range(&self) -> (f64, f64) {
-        match *self {
-            Self::Fixed(value) => (value, value),
-            Self::Uniform { min, max } => (min, max),
+        match self {
+            Self::Fixed(value) => (*value, *value),
+            Self::Uniform { min, max } => (*min, *max),
             Self::Normal { mean, sd } => (mean - 6.0 * sd, mean + 6.0 * sd),
+            Self::Truncated { mean, sd, min, max } => {
+                (min.max(mean - 6.0 * sd), max.min(mean + 6.0 * sd))
+            }
+            Self::OneOf(values) => values.iter().fold(
+                (f64::INFINITY, f64::NEG_INFINITY),
+                |(least, most), value| (least.min(*value), most.max(*value)),
+            ),
+        }
+    }
+}
+
+/// As it would be written in a sweep.
+impl fmt::Display for Spread {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Fixed(value) => write!(f, "{value}"),
+            Self::Uniform { min, max } => write!(f, "{{ min = {min}, max = {max} }}"),
+            Self::Normal { mean, sd } => write!(f, "{{ mean = {mean}, sd = {sd} }}"),
+            Self::Truncated { mean, sd, min, max } => {
+                write!(
+                    f,
+                    "{{ mean = {mean}, sd = {sd}, min = {min}, max = {max} }}"
+                )
+            }
+            Self::OneOf(values) => write!(f, "{{ one_of = {values:?} }}"),
         }
     }
 }
@@ -58,7 +115,13 @@ fn unit(rng: &mut impl Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-const EXPECTED: &str = "a number, { min = .., max = .. } or { mean = .., sd = .. }";
+/// A number about 0 with variance 1: the sum of twelve even draws (Irwin-Hall).
+fn bell(rng: &mut impl Rng) -> f64 {
+    let sum: f64 = (0..12).map(|_| unit(rng)).sum();
+    sum - 6.0
+}
+
+const EXPECTED: &str = "a number, { min = .., max = .. }, { mean = .., sd = .. }, { mean = .., sd = .., min = .., max = .. } or { one_of = [..] }";
 
 impl<'de> Deserialize<'de> for Spread {
     fn deserialize<D: Deserializer<'de>>(input: D) -> Result<Self, D::Error> {
@@ -75,6 +138,49 @@ struct Table {
     max: Option<f64>,
     mean: Option<f64>,
     sd: Option<f64>,
+    one_of: Option<Vec<f64>>,
+}
+
+impl Table {
+    fn spread(self) -> Result<Spread, String> {
+        let Self {
+            min,
+            max,
+            mean,
+            sd,
+            one_of,
+        } = self;
+        let numbers = [min, max, mean, sd];
+        let mut all = numbers.iter().flatten().chain(one_of.iter().flatten());
+        if let Some(wrong) = all.find(|value| !value.is_finite()) {
+            return Err(format!("{wrong} is no usable number"));
+        }
+        match (min, max, mean, sd, one_of) {
+            (Some(min), Some(max), None, None, None) if min <= max => {
+                Ok(Spread::Uniform { min, max })
+            }
+            (None, None, Some(mean), Some(sd), None) if sd >= 0.0 => {
+                Ok(Spread::Normal { mean, sd })
+            }
+            (Some(min), Some(max), Some(mean), Some(sd), None) => {
+                if !(sd >= 0.0 && min <= mean && mean <= max) {
+                    return Err("expected min <= mean <= max and sd >= 0".into());
+                }
+                if max - min < NARROWEST_TRUNCATION_SD * sd {
+                    return Err(format!(
+                        "min and max are less than {NARROWEST_TRUNCATION_SD} sd apart; expected a wider interval, or {{ min = {min}, max = {max} }} without mean and sd: over so little a bell is flat"
+                    ));
+                }
+                Ok(Spread::Truncated { mean, sd, min, max })
+            }
+            (None, None, None, None, Some(values)) if !values.is_empty() => {
+                Ok(Spread::OneOf(values))
+            }
+            _ => Err(format!(
+                "expected {EXPECTED}, with min <= max, sd >= 0 and at least one value"
+            )),
+        }
+    }
 }
 
 impl<'de> Visitor<'de> for SpreadVisitor {
@@ -96,28 +202,65 @@ impl<'de> Visitor<'de> for SpreadVisitor {
         if value.is_finite() {
             Ok(Spread::Fixed(value))
         } else {
-            Err(E::custom(format!("{value} is no usable number")))
+            Err(E::custom(format!(
+                "{value} is no usable number; expected {EXPECTED}"
+            )))
         }
     }
 
     fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Spread, A::Error> {
-        match Table::deserialize(MapAccessDeserializer::new(map))? {
-            Table {
-                min: Some(min),
-                max: Some(max),
-                mean: None,
-                sd: None,
-            } if min <= max => Ok(Spread::Uniform { min, max }),
-            Table {
-                mean: Some(mean),
-                sd: Some(sd),
-                min: None,
-                max: None,
-            } if sd >= 0.0 && mean.is_finite() => Ok(Spread::Normal { mean, sd }),
-            _ => Err(A::Error::custom(format!(
-                "expected {EXPECTED}, with min <= max and sd >= 0"
-            ))),
-        }
+        Table::deserialize(MapAccessDeserializer::new(map))?
+            .spread()
+            .map_err(A::Error::custom)
+    }
+}
+
+impl JsonSchema for Spread {
+    fn schema_name() -> std::borrow::Cow<'static, str> {
+        "Spread".into()
+    }
+
+    /// In place, because every use has limits of its own.
+    fn inline_schema() -> bool {
+        true
+    }
+
+    fn json_schema(_: &mut SchemaGenerator) -> Schema {
+        let number = || json_schema!({ "type": "number" });
+        let table = |keys: &[&str]| {
+            let properties: serde_json::Map<String, serde_json::Value> = keys
+                .iter()
+                .map(|key| {
+                    let mut value = number();
+                    if *key == Self::DEVIATION {
+                        value.insert("minimum".into(), 0.into());
+                    }
+                    ((*key).to_owned(), value.into())
+                })
+                .collect();
+            json_schema!({
+                "type": "object",
+                "properties": properties,
+                "required": keys,
+                "additionalProperties": false,
+            })
+        };
+        json_schema!({
+            "anyOf": [
+                number(),
+                table(&["min", "max"]),
+                table(&["mean", "sd"]),
+                table(&["mean", "sd", "min", "max"]),
+                {
+                    "type": "object",
+                    "properties": {
+                        "one_of": { "type": "array", "items": number(), "minItems": 1 },
+                    },
+                    "required": ["one_of"],
+                    "additionalProperties": false,
+                },
+            ],
+        })
     }
 }
 
@@ -138,7 +281,7 @@ mod tests {
     }
 
     #[test]
-    fn the_three_forms_are_read_and_others_are_explained() {
+    fn the_five_forms_are_read_and_others_are_explained() {
         assert_eq!(parse("10"), Ok(Spread::Fixed(10.0)));
         assert_eq!(
             parse("{ min = -1, max = 1.5 }"),
@@ -154,7 +297,26 @@ mod tests {
                 sd: 0.5
             })
         );
+        assert_eq!(
+            parse("{ mean = 0.9, sd = 0.1, min = 0.5, max = 1 }"),
+            Ok(Spread::Truncated {
+                mean: 0.9,
+                sd: 0.1,
+                min: 0.5,
+                max: 1.0
+            })
+        );
+        assert_eq!(
+            parse("{ one_of = [1, 2.5] }"),
+            Ok(Spread::OneOf(vec![1.0, 2.5]))
+        );
         for wrong in [
+            "{ one_of = [] }",
+            "{ one_of = [nan] }",
+            "{ one_of = [1], sd = 0 }",
+            "{ mean = 2, sd = 1, min = 0, max = 1 }",
+            "{ mean = 0, sd = 100, min = 0, max = 1 }",
+            "{ min = 0, max = inf }",
             "{ min = 2, max = 1 }",
             "{ mean = 1 }",
             "{ mean = 1, sd = -1 }",
@@ -193,5 +355,41 @@ mod tests {
         let draws: Vec<f64> = (0..20_000).map(|_| spread.draw(&mut rng)).collect();
         assert!(draws.iter().all(|x| (-3.0..=5.0).contains(x)));
         assert!(draws.iter().any(|x| *x < -2.9) && draws.iter().any(|x| *x > 4.9));
+    }
+
+    #[test]
+    fn a_truncated_bell_keeps_its_shape_within_its_interval() {
+        let mut rng = seed::generator(7);
+        let spread = parse("{ mean = 0.9, sd = 0.1, min = 0.6, max = 1 }").unwrap();
+        let draws: Vec<f64> = (0..20_000).map(|_| spread.draw(&mut rng)).collect();
+        assert!(draws.iter().all(|x| (0.6..=1.0).contains(x)));
+        // A standard bell cut to [-3, 1] has the mean (f(-3) - f(1)) / (F(1) - F(-3)) = -0.2828.
+        let mean = draws.iter().sum::<f64>() / draws.len() as f64;
+        assert!((mean - (0.9 - 0.028_28)).abs() < 0.002, "mean {mean}");
+        assert_eq!(spread.range(), (0.6, 1.0));
+    }
+
+    #[test]
+    fn one_of_several_is_drawn_and_each_about_equally_often() {
+        let mut rng = seed::generator(7);
+        let spread = parse("{ one_of = [3, 1, 2] }").unwrap();
+        let draws: Vec<f64> = (0..9_000).map(|_| spread.draw(&mut rng)).collect();
+        for value in [1.0, 2.0, 3.0] {
+            let share = draws.iter().filter(|x| **x == value).count();
+            assert!((2_800..3_200).contains(&share), "{value}: {share}");
+        }
+        assert_eq!(spread.range(), (1.0, 3.0));
+    }
+
+    #[test]
+    fn a_spread_prints_as_it_is_written() {
+        for text in [
+            "10",
+            "{ min = -1, max = 1.5 }",
+            "{ mean = 10, sd = 0.5 }",
+            "{ mean = 10, sd = 0.5, min = 9, max = 11 }",
+        ] {
+            assert_eq!(parse(text).unwrap().to_string(), text);
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! The stand-in simulator as a child process.
 
+use std::ffi::OsString;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
@@ -49,9 +50,31 @@ struct ReadyLine {
     udp: SocketAddr,
 }
 
+/// What a stand-in is started for.
+#[derive(Debug, Clone, Copy)]
+pub enum StandInTask<'a> {
+    /// To be a simulator.
+    Simulate,
+    /// The same, with a window of this width and height in pixels that shows what is drawn.
+    Show((u32, u32)),
+    /// To give the answers that are recorded on a tape.
+    Play(&'a Path),
+}
+
+impl StandInTask<'_> {
+    /// How `dtd mock-xplane` is told.
+    fn arguments(self) -> Vec<OsString> {
+        match self {
+            Self::Simulate => Vec::new(),
+            Self::Show((width, height)) => vec![format!("--window={width}x{height}").into()],
+            Self::Play(tape) => vec!["--tape".into(), tape.into()],
+        }
+    }
+}
+
 impl StandIn {
-    /// Starts `program mock-xplane` on free ports and waits until it is ready.
-    pub async fn start(program: &Path) -> Result<Self, StandInError> {
+    /// Starts `program mock-xplane` on free ports for a task and waits until it is ready.
+    pub async fn start(program: &Path, task: StandInTask<'_>) -> Result<Self, StandInError> {
         let failed = |source| StandInError::Start {
             program: program.to_owned(),
             source,
@@ -59,6 +82,7 @@ impl StandIn {
         let mut child = Command::new(program)
             // Its standard input ends with this process, also when this process is killed: no stand-in is left behind.
             .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
+            .args(task.arguments())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .kill_on_drop(true)
@@ -116,11 +140,17 @@ mod tests {
 
     #[tokio::test]
     async fn a_program_that_is_not_there_or_no_stand_in_is_named() {
-        let error = StandIn::start(Path::new("/no/such/dtd")).await.unwrap_err();
+        let error = StandIn::start(Path::new("/no/such/dtd"), StandInTask::Simulate)
+            .await
+            .unwrap_err();
         assert!(error.to_string().contains("/no/such/dtd"), "{error}");
-        let error = StandIn::start(Path::new("true")).await.unwrap_err();
+        let error = StandIn::start(Path::new("true"), StandInTask::Simulate)
+            .await
+            .unwrap_err();
         assert!(error.to_string().contains("ended at once"), "{error}");
-        let error = StandIn::start(Path::new("echo")).await.unwrap_err();
+        let error = StandIn::start(Path::new("echo"), StandInTask::Simulate)
+            .await
+            .unwrap_err();
         assert!(
             error.to_string().contains("mock-xplane --port 0"),
             "{error}"

@@ -6,23 +6,41 @@
 mod check;
 mod document;
 mod error;
+mod fault;
 mod frame_rate_text;
+mod grid;
+mod limits;
 mod locate;
+mod picture;
+mod profiles;
+mod recorded;
+mod rigs;
+mod runways;
+mod schema;
+mod split;
+mod start;
+mod times;
+mod weather;
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use dataset::conditions::Weather;
 use dataset::runway::Runway;
 use dataset::video::VideoSettings;
 use xplane_bridge::fly::ApproachProfile;
 
-pub use document::{Camera, Corpus, Grid, Picture, RecordedRule, SplitFractions, Start};
+pub use document::Corpus;
 pub use error::SweepError;
-
-use crate::recording::Recording;
-use crate::time_of_day::TimeOfDay;
+pub use grid::Combination;
+pub use picture::Picture;
+pub use recorded::{RecordedFlights, RecordedRule};
+pub use rigs::Camera;
+pub(crate) use runways::AirportTable;
+pub use schema::schema;
+pub use split::SplitFractions;
+pub use start::Start;
+pub use weather::{CloudTable, WeatherTable};
 
 /// A checked sweep, with the recordings that it names already read.
 #[derive(Debug, Clone)]
@@ -37,35 +55,32 @@ pub struct Sweep {
     pub rig_name: String,
     /// Its cameras.
     pub cameras: Vec<Camera>,
-    /// Which times, weathers and repeats are combined.
-    pub grid: Grid,
-    /// The times of [`Sweep::grid`], parsed.
-    pub times: Vec<TimeOfDay>,
+    /// What is combined, in the order in which it is made; never empty, all different.
+    pub combinations: Vec<Combination>,
+    /// Day of the year, 1 to 365.
+    pub day_of_year: u32,
+    /// Local time minus UTC, hours.
+    pub utc_offset_h: f64,
     /// Size and rate of the pictures.
     pub picture: Picture,
     /// How videos are coded.
     pub video: VideoSettings,
     /// How live flights begin.
     pub start: Start,
+    /// Profiles that scenarios draw from whose combination names none.
+    start_profiles: Vec<String>,
     /// Sizes of the sides of the split.
     pub split: SplitFractions,
     /// All weathers that the file defines.
-    pub weathers: BTreeMap<String, Weather>,
-    /// All flight profiles that the file defines.
+    pub weathers: BTreeMap<String, WeatherTable>,
+    /// All flight profiles, built-in ones too.
     pub profiles: BTreeMap<String, ApproachProfile>,
     /// Which scenarios fly recordings.
     pub recorded: Vec<RecordedFlights>,
+    /// For each combination the rule of [`Sweep::recorded`] that decides, if one fits.
+    rule_of: Vec<Option<usize>>,
     /// The file as it was read.
     pub text: String,
-}
-
-/// A rule of the sweep and the recordings that its pattern found, in the order of their names.
-#[derive(Debug, Clone)]
-pub struct RecordedFlights {
-    /// The rule.
-    pub rule: RecordedRule,
-    /// The recordings; never empty.
-    pub recordings: Vec<Recording>,
 }
 
 impl Sweep {
@@ -89,12 +104,49 @@ impl Sweep {
 
     /// Number of scenarios that the sweep expands to.
     pub fn len(&self) -> usize {
-        self.grid.repeats as usize * self.times.len() * self.grid.weathers.len()
+        self.combinations.len()
     }
 
     /// Whether it expands to none: never, for a checked sweep.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// The recording that each combination flies, if a rule fits it: indices into [`Sweep::recorded`] and into its recordings.
+    pub(crate) fn recording_of_each(&self) -> Vec<Option<(usize, usize)>> {
+        let mut orders: BTreeMap<(usize, String), Vec<usize>> = BTreeMap::new();
+        let pairs = self.combinations.iter().zip(&self.rule_of);
+        pairs
+            .map(|(combination, rule)| {
+                let rule = (*rule)?;
+                let order = orders
+                    .entry((rule, combination.condition()))
+                    .or_insert_with_key(|(rule, condition)| {
+                        self.recorded[*rule].order_for(condition, self.corpus.seed)
+                    });
+                let turn = (combination.repeat as usize - 1) % order.len();
+                Some((rule, order[turn]))
+            })
+            .collect()
+    }
+
+    /// The profile of a combination: its own, or drawn from those of `[start]`. A profile that is added to `[start]` is drawn by some
+    /// scenarios and changes no other.
+    pub(crate) fn profile_of<'a>(
+        &'a self,
+        combination: &'a Combination,
+        scenario_seed: u64,
+    ) -> &'a str {
+        let drawn = || {
+            self.start_profiles
+                .iter()
+                .max_by_key(|name| crate::seed::shuffle_key(scenario_seed, "profile", name))
+        };
+        combination
+            .profile
+            .as_ref()
+            .or_else(drawn)
+            .map_or("", String::as_str)
     }
 }
 

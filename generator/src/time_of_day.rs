@@ -1,5 +1,7 @@
 //! Local times of day as a sweep writes them, and the simulator's clock.
 
+use std::fmt;
+
 use dataset::conditions::Clock;
 
 /// A local time of day, to the minute.
@@ -30,6 +32,19 @@ impl TimeOfDay {
         })
     }
 
+    /// Minutes since midnight.
+    pub fn minutes(self) -> u32 {
+        self.hour * 60 + self.minute
+    }
+
+    /// The time so many minutes after midnight.
+    pub fn from_minutes(minutes: u32) -> Self {
+        Self {
+            hour: minutes / 60 % 24,
+            minute: minutes % 60,
+        }
+    }
+
     /// `0600`, for identifiers.
     pub fn digits(self) -> String {
         format!("{:02}{:02}", self.hour, self.minute)
@@ -45,6 +60,13 @@ impl TimeOfDay {
             day_of_year: day as u32,
             zulu_time_s: zulu_s - days * SECONDS_PER_DAY,
         }
+    }
+}
+
+/// `06:00`, as a sweep writes it.
+impl fmt::Display for TimeOfDay {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{:02}:{:02}", self.hour, self.minute)
     }
 }
 

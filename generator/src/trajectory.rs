@@ -99,36 +99,20 @@ impl Trajectory {
     /// From the moment at which `start_dtd_m` metres are still to go along the course (or the first state, if that is
     /// later) until the touchdown target is passed (or the last state, if that is earlier).
     pub fn approach(&self, runway: &Runway, start_dtd_m: f64) -> Result<Window, String> {
-        let along = |time_s: f64| {
-            let position = self.at(time_s).pose.position();
-            RunwayCoordinates::of(position, runway.touchdown_target(), runway.course_true_deg)
-                .along_track_m
+        self.along_course(runway).approach(start_dtd_m)
+    }
+
+    /// The trajectory as seen along the course of a runway.
+    pub fn along_course<'a>(&'a self, runway: &'a Runway) -> AlongCourse<'a> {
+        let mut seen = AlongCourse {
+            trajectory: self,
+            runway,
+            target: runway.touchdown_target(),
+            to_go_m: Vec::new(),
         };
-        let times = || self.states.iter().map(|state| state.time_s);
-        let (first, last) = (
-            self.states[0].time_s,
-            self.states[self.states.len() - 1].time_s,
-        );
-        let start_s = if along(first) <= start_dtd_m {
-            first
-        } else {
-            crossing(times(), &along, start_dtd_m).unwrap_or(last)
-        };
-        let passing_s = crossing(times().filter(|time| *time >= start_s), &along, 0.0);
-        if along(start_s) <= 0.0 || start_s >= last {
-            return Err(format!(
-                "is never between {start_dtd_m:.0} m and 0 m before the touchdown target of {} {}: its first state is {:.0} m before it, its last {:.0} m",
-                runway.airport,
-                runway.name,
-                along(first),
-                along(last)
-            ));
-        }
-        Ok(Window {
-            start_s,
-            passing_s,
-            last_s: last,
-        })
+        let times = self.states.iter().map(|state| state.time_s);
+        seen.to_go_m = times.map(|time_s| seen.to_go_m_at(time_s)).collect();
+        seen
     }
 
     /// The states at all ticks of a window; their times count from tick 0.
@@ -154,35 +138,76 @@ impl Trajectory {
     }
 }
 
-/// The first time at which a falling quantity reaches `level`.
-fn crossing(
-    times: impl Iterator<Item = f64>,
-    quantity: &impl Fn(f64) -> f64,
-    level: f64,
-) -> Option<f64> {
-    let mut before: Option<f64> = None;
-    for time in times {
-        if quantity(time) <= level {
-            let Some(mut low) = before else {
-                return Some(time);
-            };
-            let mut high = time;
-            while high - low > 1e-9 {
-                let middle = (low + high) / 2.0;
-                if middle <= low || middle >= high {
-                    break;
-                }
-                if quantity(middle) <= level {
-                    high = middle;
-                } else {
-                    low = middle;
-                }
-            }
+/// A trajectory with the distance still to go at each of its states: geodesics are dear, and thousands of scenarios may fly one
+/// recording from slightly different distances.
+#[derive(Debug, Clone)]
+pub struct AlongCourse<'a> {
+    trajectory: &'a Trajectory,
+    runway: &'a Runway,
+    target: Geodetic,
+    /// For each state, metres along the course to the touchdown target.
+    to_go_m: Vec<f64>,
+}
+
+impl AlongCourse<'_> {
+    /// See [`Trajectory::approach`].
+    pub fn approach(&self, start_dtd_m: f64) -> Result<Window, String> {
+        let last_index = self.to_go_m.len() - 1;
+        let (first, last) = (self.time_of(0), self.time_of(last_index));
+        let start_s = if self.to_go_m[0] <= start_dtd_m {
+            first
+        } else {
+            self.crossing(first, start_dtd_m).unwrap_or(last)
+        };
+        let passing_s = self.crossing(start_s, 0.0);
+        if self.to_go_m_at(start_s) <= 0.0 || start_s >= last {
+            let runway = self.runway;
+            return Err(format!(
+                "is never between {start_dtd_m:.0} m and 0 m before the touchdown target of {} {}: its first state is {:.0} m before it, its last {:.0} m",
+                runway.airport, runway.name, self.to_go_m[0], self.to_go_m[last_index]
+            ));
+        }
+        Ok(Window {
+            start_s,
+            passing_s,
+            last_s: last,
+        })
+    }
+
+    fn time_of(&self, index: usize) -> f64 {
+        self.trajectory.states[index].time_s
+    }
+
+    fn to_go_m_at(&self, time_s: f64) -> f64 {
+        let position = self.trajectory.at(time_s).pose.position();
+        RunwayCoordinates::of(position, self.target, self.runway.course_true_deg).along_track_m
+    }
+
+    /// The first time, from a given one, at which no more than `level_m` metres are to go.
+    fn crossing(&self, from_s: f64, level_m: f64) -> Option<f64> {
+        let from = self
+            .trajectory
+            .states
+            .partition_point(|state| state.time_s < from_s);
+        let index = from + self.to_go_m[from..].iter().position(|m| *m <= level_m)?;
+        let mut high = self.time_of(index);
+        if index == from {
             return Some(high);
         }
-        before = Some(time);
+        let mut low = self.time_of(index - 1);
+        while high - low > 1e-9 {
+            let middle = (low + high) / 2.0;
+            if middle <= low || middle >= high {
+                break;
+            }
+            if self.to_go_m_at(middle) <= level_m {
+                high = middle;
+            } else {
+                low = middle;
+            }
+        }
+        Some(high)
     }
-    None
 }
 
 fn between(before: &FlightState, after: &FlightState, time_s: f64) -> FlightState {

@@ -204,6 +204,7 @@ fn record(id: &str) -> ScenarioRecord {
             dtd: "0".into(),
             simulator: "fixture".into(),
             capture_link: 1,
+            pixels: None,
         },
     }
 }

@@ -14,7 +14,7 @@ use dataset::runway::Runway;
 use mock_xplane::server::{BuiltIn, Engine, Picture, ServerOptions, serve_with};
 use tokio::sync::oneshot;
 use xplane_bridge::fly::FlyRequest;
-use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Simulator};
+use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
 
 /// Frames per measurement.
 const FRAMES: u32 = 200;
@@ -128,5 +128,6 @@ fn capture(runway: &Runway, tick: u32) -> CaptureRequest {
         },
         width_px: 1_920,
         height_px: 1_280,
+        deliver: Deliver::Picture,
     }
 }

@@ -5,7 +5,9 @@
 
 mod known;
 
-use std::collections::HashMap;
+use std::collections::BTreeMap;
+
+use xplane_bridge::datarefs::Generation;
 
 /// What a dataref holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -16,6 +18,8 @@ pub enum Kind {
     Float,
     /// 64-bit float; UDP still carries 32 bits of it.
     Double,
+    /// Bytes of a text, always an array.
+    Byte,
 }
 
 /// Name, type and first value of a dataref.
@@ -54,15 +58,15 @@ pub enum Ignored {
 }
 
 /// All datarefs with their values.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Datarefs {
-    cells: HashMap<&'static str, (Dataref, Vec<f64>)>,
+    cells: BTreeMap<&'static str, (Dataref, Vec<f64>)>,
 }
 
-impl Default for Datarefs {
-    /// The datarefs of X-Plane 12 that this stand-in has, at their first values.
-    fn default() -> Self {
-        let cells = known::DATAREFS.iter().map(|dataref| {
+impl Datarefs {
+    /// The datarefs that a simulator of this generation has here, at their first values.
+    pub fn new(generation: Generation) -> Self {
+        let cells = known::datarefs(generation).map(|dataref| {
             let values = vec![dataref.initial; dataref.length.unwrap_or(1)];
             (dataref.name, (*dataref, values))
         });
@@ -70,9 +74,20 @@ impl Default for Datarefs {
             cells: cells.collect(),
         }
     }
-}
 
-impl Datarefs {
+    /// All of them, by name, with the values of their elements.
+    pub fn iter(&self) -> impl Iterator<Item = (&Dataref, &[f64])> {
+        self.cells
+            .values()
+            .map(|(dataref, values)| (dataref, values.as_slice()))
+    }
+
+    /// One of them, by its name without index.
+    pub fn find(&self, name: &str) -> Option<(&Dataref, &[f64])> {
+        let (dataref, values) = self.cells.get(name)?;
+        Some((dataref, values))
+    }
+
     /// The value as RREF carries it. What does not exist, and an array without index, reads as 0, as in X-Plane 12.
     pub fn read(&self, path: &str) -> f32 {
         self.locate(path)
@@ -90,13 +105,21 @@ impl Datarefs {
     /// # Errors
     /// If it has no effect, and why.
     pub fn write(&mut self, path: &str, value: f32) -> Result<(), Ignored> {
+        self.write_exact(path, f64::from(value))
+    }
+
+    /// A client's write with more bits than UDP has.
+    ///
+    /// # Errors
+    /// If it has no effect, and why.
+    pub fn write_exact(&mut self, path: &str, value: f64) -> Result<(), Ignored> {
         let (name, at) = self.locate(path)?;
         if !value.is_finite() {
             return Err(Ignored::NotFinite);
         }
         match self.cells.get_mut(name) {
             Some((dataref, values)) if dataref.writable => {
-                values[at] = dataref.kind.rounded(f64::from(value));
+                values[at] = dataref.kind.rounded(value);
                 Ok(())
             }
             _ => Err(Ignored::ReadOnly),
@@ -115,6 +138,27 @@ impl Datarefs {
                 path,
                 "the stand-in publishes a dataref that it does not have"
             ),
+        }
+    }
+
+    /// The simulator's own write of a text.
+    pub fn set_text(&mut self, name: &str, text: &str) {
+        let Some((_, values)) = self.cells.get_mut(name) else {
+            tracing::error!(name, "the stand-in publishes a text that it does not have");
+            return;
+        };
+        values.fill(0.0);
+        // The last byte stays NUL.
+        let room = values.len().saturating_sub(1);
+        for (value, byte) in values.iter_mut().zip(text.bytes().take(room)) {
+            *value = f64::from(byte);
+        }
+    }
+
+    /// Puts back the values that a dataref had elsewhere.
+    pub fn restore(&mut self, name: &str, from: &[f64]) {
+        if let Some((_, values)) = self.cells.get_mut(name) {
+            values.copy_from_slice(from);
         }
     }
 
@@ -137,9 +181,11 @@ impl Datarefs {
 }
 
 impl Kind {
-    fn rounded(self, value: f64) -> f64 {
+    /// What is left of a number in a dataref of this kind.
+    pub(crate) fn rounded(self, value: f64) -> f64 {
         match self {
             Self::Int => f64::from(value as i32),
+            Self::Byte => f64::from(value as u8),
             Self::Float => f64::from(value as f32),
             Self::Double => value,
         }
@@ -156,7 +202,7 @@ mod tests {
 
     #[test]
     fn elements_of_an_array_are_written_and_read_one_by_one() {
-        let mut datarefs = Datarefs::default();
+        let mut datarefs = Datarefs::new(Generation::XPlane12);
         assert_eq!(datarefs.write(&format!("{CLOUDS}[1]"), 1_500.0), Ok(()));
         assert_eq!(datarefs.read(&format!("{CLOUDS}[1]")), 1_500.0);
         assert_eq!(datarefs.read(&format!("{CLOUDS}[2]")), 0.0);
@@ -174,7 +220,7 @@ mod tests {
 
     #[test]
     fn a_single_value_also_goes_by_element_zero() {
-        let mut datarefs = Datarefs::default();
+        let mut datarefs = Datarefs::new(Generation::XPlane12);
         assert_eq!(datarefs.write(&format!("{ZULU}[0]"), 60.5), Ok(()));
         assert_eq!(datarefs.read(ZULU), 60.5);
         assert_eq!(
@@ -185,7 +231,7 @@ mod tests {
 
     #[test]
     fn what_belongs_to_the_simulator_is_not_written_by_clients() {
-        let mut datarefs = Datarefs::default();
+        let mut datarefs = Datarefs::new(Generation::XPlane12);
         datarefs.set(LATITUDE, 1.348_971_96);
         assert_eq!(datarefs.write(LATITUDE, 50.0), Err(Ignored::ReadOnly));
         assert_eq!(datarefs.get(LATITUDE), 1.348_971_96);
@@ -199,7 +245,7 @@ mod tests {
 
     #[test]
     fn integers_lose_their_fraction_and_nothing_takes_nan() {
-        let mut datarefs = Datarefs::default();
+        let mut datarefs = Datarefs::new(Generation::XPlane12);
         datarefs.write("sim/time/local_date_days", 79.9).unwrap();
         assert_eq!(datarefs.read("sim/time/local_date_days"), 79.0);
         assert_eq!(datarefs.write(ZULU, f32::NAN), Err(Ignored::NotFinite));
@@ -224,20 +270,45 @@ mod tests {
                 turbulence_ratio: 0.1,
             },
         };
-        let generation = xplane_bridge::datarefs::Generation::XPlane12;
-        let mut datarefs = Datarefs::default();
-        for write in xplane_bridge::datarefs::condition_writes(&conditions, generation).unwrap() {
-            assert_eq!(
-                datarefs.write(&write.name, write.value),
-                Ok(()),
-                "{}",
-                write.name
-            );
-            assert!(
-                write.is_met_by(datarefs.read(&write.name)),
-                "{}",
-                write.name
-            );
+        for generation in [Generation::XPlane11, Generation::XPlane12] {
+            let mut datarefs = Datarefs::new(generation);
+            for write in xplane_bridge::datarefs::condition_writes(&conditions, generation).unwrap()
+            {
+                let taken = datarefs.write(&write.name, write.value);
+                assert_eq!(taken, Ok(()), "{}", write.name);
+                let back = datarefs.read(&write.name);
+                assert!(write.is_met_by(back), "{} is {back}", write.name);
+            }
         }
+    }
+
+    #[test]
+    fn each_generation_has_its_own_weather_and_version() {
+        let [eleven, twelve] = [Generation::XPlane11, Generation::XPlane12].map(Datarefs::new);
+        let version = xplane_bridge::datarefs::VERSION;
+        assert_eq!(
+            (eleven.read(version), twelve.read(version)),
+            (115_501.0, 120_400.0)
+        );
+        assert!(eleven.find("sim/weather/visibility_reported_m").is_some());
+        assert!(
+            eleven
+                .find("sim/weather/region/visibility_reported_sm")
+                .is_none()
+        );
+        assert!(twelve.find("sim/weather/use_real_weather_bool").is_none());
+    }
+
+    #[test]
+    fn a_text_is_read_byte_by_byte_and_ends_with_nul() {
+        let mut datarefs = Datarefs::new(Generation::XPlane12);
+        let name = "sim/aircraft/view/acf_relative_path";
+        datarefs.set_text(name, "Aircraft/a.acf");
+        assert_eq!(datarefs.read(&format!("{name}[0]")), f32::from(b'A'));
+        assert_eq!(datarefs.read(&format!("{name}[14]")), 0.0);
+        datarefs.set_text(name, &"x".repeat(1_000));
+        let (dataref, values) = datarefs.find(name).unwrap();
+        assert_eq!(dataref.length, Some(values.len()));
+        assert_eq!(values.last(), Some(&0.0));
     }
 }

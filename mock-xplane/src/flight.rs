@@ -5,7 +5,7 @@
 //! weather gives the same bytes.
 //!
 //! A point mass with attitude under an ILS autopilot goes through a moving atmosphere; each of these has its file. The model
-//! is judged against flights of an independent one (`tests/data/flights`) in `flight/recorded.rs`.
+//! is judged against flights of an independent one ([`yardstick`]).
 
 mod aerodynamics;
 mod air;
@@ -17,6 +17,7 @@ mod random;
 mod technique;
 mod turbulence;
 mod vertical_guidance;
+pub mod yardstick;
 
 #[cfg(test)]
 mod recorded;

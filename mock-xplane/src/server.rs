@@ -1,36 +1,53 @@
-//! The stand-in as a process: X-Plane's UDP protocol, its beacon, and the capture link of our plugin.
+//! The stand-in as a process: X-Plane's UDP protocol, its beacon, its Web API, and the capture link of our plugin.
 //!
 //! In: an address to listen on. Out: nothing, until it is stopped. A client finds here what it would find at X-Plane 12 with
-//! our plugin, up to the quirks that have bitten clients: 32-bit values, lost requests, silent refusals.
+//! our plugin, up to the quirks that have bitten clients: 32-bit values, lost requests, silent refusals. What can go wrong
+//! besides is ordered with [`Faults`].
+//!
+//! The sockets live as long as the server; all else lives in a session, which a restart throws away for a new one.
 
 mod beacon;
 mod capture_link;
 mod engine;
+mod faults;
+mod plugin_host;
 mod scenes;
 mod subscriptions;
+mod tape;
 mod udp;
+mod web_api;
 mod world;
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
-use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT};
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
+use xplane_bridge::tape::TapeError;
 
 pub use engine::{BuiltIn, Engine, Picture};
+pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};
+pub use plugin_host::PluginOptions;
 
-/// The version that the stand-in says it is: 12.4.0.
-pub const VERSION: i32 = 120_400;
+use crate::window::Stage;
+pub use tape::serve_tape;
+
+use faults::outages::Outages;
+
 /// The port that X-Plane takes UDP packets on.
 pub const DEFAULT_PORT: u16 = 49_000;
+/// The port of X-Plane 12's Web API.
+pub const DEFAULT_WEB_PORT: u16 = 8086;
 /// The capture link listens so much above the UDP port.
 const CAPTURE_PORT_OFFSET: u16 = 10;
 
 /// Where to listen.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct ServerOptions {
     /// Address of the network interface. Only the loopback one is safe: whoever reaches the stand-in commands it.
     pub bind: IpAddr,
@@ -38,6 +55,26 @@ pub struct ServerOptions {
     pub port: u16,
     /// Whether to announce the stand-in by multicast, as X-Plane does.
     pub beacon: bool,
+    /// The computer's name in the beacon. X-Plane 12 may send none, and some clients cannot do without.
+    pub beacon_name: Option<String>,
+    /// Which X-Plane to be like: 11.55 or 12.4.0.
+    pub generation: Generation,
+    /// TCP port of X-Plane 12's Web API; 0 takes any free one. `None` is X-Plane's own port, or any free one if `port` is 0.
+    pub web_port: Option<u16>,
+    /// Whether a flight is loaded at the start, or the main menu shows.
+    pub flight_loaded: bool,
+    /// Whether "Accept incoming connections" is on in X-Plane's network settings. A fresh X-Plane 12 has it off.
+    pub incoming: bool,
+    /// Where to send the data output (`DATA`), if anywhere.
+    pub data_to: Option<SocketAddr>,
+    /// What goes wrong.
+    pub faults: Faults,
+    /// What a client of the capture link must say first. Demanded if the address is not the loopback one.
+    pub token: Option<String>,
+    /// The window that shows what is drawn, if there is one.
+    pub stage: Option<Arc<dyn Stage>>,
+    /// Serve the capture link by our plugin's own Python instead of the built-in one.
+    pub plugin: Option<PluginOptions>,
 }
 
 impl Default for ServerOptions {
@@ -47,6 +84,16 @@ impl Default for ServerOptions {
             bind: Ipv4Addr::LOCALHOST.into(),
             port: DEFAULT_PORT,
             beacon: true,
+            beacon_name: Some("dtd-mock-xplane".into()),
+            generation: Generation::XPlane12,
+            web_port: None,
+            flight_loaded: true,
+            incoming: true,
+            data_to: None,
+            faults: Faults::default(),
+            token: None,
+            stage: None,
+            plugin: None,
         }
     }
 }
@@ -58,6 +105,8 @@ pub struct Addresses {
     pub udp: SocketAddr,
     /// The capture link, TCP.
     pub capture_link: SocketAddr,
+    /// X-Plane 12's Web API, TCP on this computer only; X-Plane 11 has none.
+    pub web_api: Option<SocketAddr>,
     /// Multicast group and port of the beacon.
     pub beacon: SocketAddr,
 }
@@ -77,6 +126,23 @@ pub enum MockError {
         /// Why not.
         source: io::Error,
     },
+    /// Open to other machines without a secret.
+    #[error(
+        "the capture link would listen on {address} for everybody: set DTD_LINK_TOKEN to a secret of your choice, here and \
+         where the client runs, or listen on 127.0.0.1"
+    )]
+    NoToken {
+        /// The address.
+        address: IpAddr,
+    },
+    /// The plugin's Python does not run.
+    #[error("the plugin in {} does not run: {what}", folder.display())]
+    Plugin {
+        /// Its folder.
+        folder: PathBuf,
+        /// How that shows.
+        what: String,
+    },
     /// A socket failed while running.
     #[error("{what} failed: {source}")]
     Socket {
@@ -85,6 +151,9 @@ pub enum MockError {
         /// How.
         source: io::Error,
     },
+    /// The tape to be served cannot be read.
+    #[error(transparent)]
+    Tape(#[from] TapeError),
     /// A part of the server ended by itself, which is a mistake in it.
     #[error("a part of the stand-in stopped: {0}")]
     Stopped(String),
@@ -93,7 +162,8 @@ pub enum MockError {
 /// Runs the stand-in with its built-in flight model and renderer until the future is dropped; calls `ready` once it listens.
 ///
 /// # Errors
-/// [`MockError::Bind`] if a port is taken, [`MockError::Socket`] if one fails later.
+/// [`MockError::Bind`] if a port is taken, [`MockError::NoToken`] if it would be open to everybody, [`MockError::Socket`] if a
+/// socket fails later.
 pub async fn serve(options: ServerOptions, ready: impl FnOnce(Addresses)) -> Result<(), MockError> {
     serve_with(options, Arc::new(BuiltIn), ready).await
 }
@@ -107,53 +177,228 @@ pub async fn serve_with(
     engine: Arc<dyn Engine>,
     ready: impl FnOnce(Addresses),
 ) -> Result<(), MockError> {
-    let udp_address = SocketAddr::new(options.bind, options.port);
-    let udp = UdpSocket::bind(udp_address)
-        .await
-        .and_then(|socket| Ok((socket.local_addr()?, socket)));
-    let (udp_address, udp) = udp.map_err(|source| MockError::Bind {
-        address: udp_address,
-        what: "UDP",
-        source,
-    })?;
-    let link_port = match options.port {
-        0 => 0,
-        port => port.checked_add(CAPTURE_PORT_OFFSET).unwrap_or(0),
-    };
-    let link_address = SocketAddr::new(options.bind, link_port);
-    let listener = TcpListener::bind(link_address)
-        .await
-        .and_then(|listener| Ok((listener.local_addr()?, listener)));
-    let (link_address, listener) = listener.map_err(|source| MockError::Bind {
-        address: link_address,
-        what: "capture link",
-        source,
-    })?;
-
-    let world = Shared::default();
-    world.lock().publish_capture_port(link_address.port());
-    let addresses = Addresses {
-        udp: udp_address,
-        capture_link: link_address,
-        beacon: (BEACON_GROUP, BEACON_PORT).into(),
-    };
-    // Dropping the set, with this future, ends its tasks.
-    let mut tasks = JoinSet::new();
-    tasks.spawn(udp::run(udp, world.clone()));
-    tasks.spawn(capture_link::run(listener, world, engine));
-    if options.beacon {
-        tasks.spawn(beacon::run(options.bind, udp_address.port()));
+    if !options.bind.is_loopback() && options.token.is_none() {
+        return Err(MockError::NoToken {
+            address: options.bind,
+        });
     }
+    let mut ports = Ports::take(options.bind, options.port).await?;
+    if options.plugin.is_some() {
+        ports.leave_capture_link().await?;
+    }
+    let web_port = options.web_port.unwrap_or(match options.port {
+        0 => 0,
+        _ => DEFAULT_WEB_PORT,
+    });
+    // Like X-Plane's, it is for this computer only, whatever the others are bound to.
+    let web_address = SocketAddr::from((Ipv4Addr::LOCALHOST, web_port));
+    let web_api = match options.generation {
+        Generation::XPlane11 => None,
+        Generation::XPlane12 => Some(listen(web_address, "Web API").await?),
+    };
+    let addresses = ports.addresses(web_api.as_ref().map(|(address, _)| *address));
+    let server = Server {
+        outages: Arc::new(Outages::new(options.faults.outages.clone())),
+        options,
+        addresses,
+        udp: Arc::new(ports.udp),
+        capture_link: ports.capture_link,
+        web_api: web_api.map(|(_, listener)| listener),
+        engine,
+    };
     ready(addresses);
-    match tasks.join_next().await {
-        Some(Ok(ended)) => ended,
-        Some(Err(panicked)) => Err(MockError::Stopped(panicked.to_string())),
-        None => Ok(()),
+    server.run().await
+}
+
+/// The ports that clients look for: X-Plane's UDP, and the capture link above it.
+struct Ports {
+    udp: UdpSocket,
+    udp_address: SocketAddr,
+    capture_link: Arc<TcpListener>,
+    link_address: SocketAddr,
+}
+
+impl Ports {
+    async fn take(bind: IpAddr, port: u16) -> Result<Self, MockError> {
+        let udp_address = SocketAddr::new(bind, port);
+        let udp = UdpSocket::bind(udp_address)
+            .await
+            .and_then(|socket| Ok((socket.local_addr()?, socket)));
+        let (udp_address, udp) = udp.map_err(|source| MockError::Bind {
+            address: udp_address,
+            what: "UDP",
+            source,
+        })?;
+        let link_port = match port {
+            0 => 0,
+            port => port.checked_add(CAPTURE_PORT_OFFSET).unwrap_or(0),
+        };
+        let link_address = SocketAddr::new(bind, link_port);
+        let (link_address, capture_link) = listen(link_address, "capture link").await?;
+        Ok(Self {
+            udp,
+            udp_address,
+            capture_link,
+            link_address,
+        })
+    }
+
+    /// A plugin listens by itself, where the built-in link would have; ours stays aside and takes no clients.
+    async fn leave_capture_link(&mut self) -> Result<(), MockError> {
+        let aside = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
+        (_, self.capture_link) = listen(aside, "capture link").await?;
+        Ok(())
+    }
+
+    fn addresses(&self, web_api: Option<SocketAddr>) -> Addresses {
+        Addresses {
+            udp: self.udp_address,
+            capture_link: self.link_address,
+            web_api,
+            beacon: (BEACON_GROUP, BEACON_PORT).into(),
+        }
     }
 }
 
+/// Listens on an address; returns which one it became.
+async fn listen(
+    address: SocketAddr,
+    what: &'static str,
+) -> Result<(SocketAddr, Arc<TcpListener>), MockError> {
+    let bound = TcpListener::bind(address)
+        .await
+        .and_then(|listener| Ok((listener.local_addr()?, Arc::new(listener))));
+    bound.map_err(|source| MockError::Bind {
+        address,
+        what,
+        source,
+    })
+}
+
+/// What outlives restarts.
+struct Server {
+    options: ServerOptions,
+    addresses: Addresses,
+    udp: Arc<UdpSocket>,
+    capture_link: Arc<TcpListener>,
+    web_api: Option<Arc<TcpListener>>,
+    engine: Arc<dyn Engine>,
+    outages: Arc<Outages>,
+}
+
+impl Server {
+    async fn run(&self) -> Result<(), MockError> {
+        for number in 1.. {
+            let mut session = self.begin_session(number);
+            let restart = tokio::select! {
+                ended = session.join_next() => return match ended {
+                    Some(Ok(ended)) => ended,
+                    Some(Err(panicked)) => Err(MockError::Stopped(panicked.to_string())),
+                    None => Ok(()),
+                },
+                restart = self.outages.next_restart() => restart,
+            };
+            session.shutdown().await;
+            tokio::select! {
+                () = self.outages.pass(restart) => {}
+                failed = self.swallow() => return failed,
+            }
+        }
+        Ok(())
+    }
+
+    /// A simulator as after its start: its state, and the tasks that answer clients. Dropping the set ends them.
+    fn begin_session(&self, number: u64) -> JoinSet<Result<(), MockError>> {
+        let options = &self.options;
+        let mut world = world::World::new(options.generation, options.flight_loaded);
+        if options.plugin.is_none() {
+            world.publish_capture_port(self.addresses.capture_link.port());
+        }
+        let version = world.version();
+        let world = Shared(Arc::new(Mutex::new(world)));
+        let outages = || self.outages.clone();
+        let mut session = JoinSet::new();
+        session.spawn(udp::run(
+            self.udp.clone(),
+            world.clone(),
+            options.clone(),
+            outages(),
+        ));
+        match options.plugin.clone() {
+            Some(plugin) => {
+                let link = plugin_host::LinkAddress {
+                    bind: options.bind,
+                    port: self.addresses.capture_link.port(),
+                    token: options.token.clone(),
+                };
+                session.spawn(plugin_host::run(
+                    plugin,
+                    link,
+                    world.clone(),
+                    self.engine.clone(),
+                ))
+            }
+            None => session.spawn(capture_link::run(
+                self.capture_link.clone(),
+                world.clone(),
+                self.engine.clone(),
+                outages(),
+                options.token.clone(),
+                options.stage.clone(),
+            )),
+        };
+        if let Some(listener) = &self.web_api {
+            session.spawn(web_api::run(
+                listener.clone(),
+                world,
+                options.incoming,
+                number,
+                outages(),
+            ));
+        }
+        if options.beacon {
+            let beacon = Beacon {
+                version,
+                port: self.addresses.udp.port(),
+                name: options.beacon_name.clone(),
+                raknet_port: Some(beacon::RAKNET_PORT),
+                ..Beacon::default()
+            };
+            session.spawn(beacon::run(options.bind, beacon, outages()));
+        }
+        session
+    }
+
+    /// What comes while no simulator runs. The ports stay ours, so that nobody else takes them in the meantime.
+    async fn swallow(&self) -> Result<(), MockError> {
+        let failed = |what| move |source| MockError::Socket { what, source };
+        let mut buffer = [0; 2048];
+        loop {
+            tokio::select! {
+                accepted = self.capture_link.accept() => {
+                    accepted.map_err(failed("the capture link"))?;
+                }
+                Some(accepted) = accept(self.web_api.as_deref()) => {
+                    accepted.map_err(failed("the Web API"))?;
+                }
+                received = self.udp.recv_from(&mut buffer) => match received {
+                    Err(error) if error.kind() != io::ErrorKind::ConnectionReset => {
+                        return Err(failed("the UDP server")(error));
+                    }
+                    _ => {}
+                },
+            }
+        }
+    }
+}
+
+/// The next connection, if there is a listener.
+async fn accept(listener: Option<&TcpListener>) -> Option<io::Result<()>> {
+    Some(listener?.accept().await.map(drop))
+}
+
 /// The simulated world, shared by the UDP server and the capture link.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 struct Shared(Arc<Mutex<world::World>>);
 
 impl Shared {
@@ -172,11 +417,12 @@ mod tests {
         let addresses = Addresses {
             udp: ([127, 0, 0, 1], 49_000).into(),
             capture_link: ([127, 0, 0, 1], 49_010).into(),
+            web_api: Some(([127, 0, 0, 1], 8_086).into()),
             beacon: (BEACON_GROUP, BEACON_PORT).into(),
         };
         assert_eq!(
             serde_json::to_string(&addresses).unwrap(),
-            r#"{"udp":"127.0.0.1:49000","capture_link":"127.0.0.1:49010","beacon":"239.255.1.1:49707"}"#
+            r#"{"udp":"127.0.0.1:49000","capture_link":"127.0.0.1:49010","web_api":"127.0.0.1:8086","beacon":"239.255.1.1:49707"}"#
         );
     }
 

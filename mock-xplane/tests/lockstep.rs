@@ -10,12 +10,17 @@ use dataset::geodesy::Geodetic;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve, serve_with};
+use mock_xplane::window::{Stage, WindowError};
 use tokio::net::UdpSocket;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::link::{PixelKind, SimulatorWindow};
 use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator};
-use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, CaptureRequest, Simulator};
+use xplane_bridge::pixels::{RgbPicture, check_pattern};
+use xplane_bridge::{
+    BridgeError, CONNECT_TIMEOUT, CaptureRequest, ConnectOptions, Deliver, Simulator,
+};
 
 /// Writes the picture's time into every byte, slower for even ticks so that pictures finish out of order, and remembers
 /// what it was asked.
@@ -86,13 +91,18 @@ fn options() -> ServerOptions {
         bind: Ipv4Addr::LOCALHOST.into(),
         port: 0,
         beacon: false,
+        ..ServerOptions::default()
     }
 }
 
 async fn start(engine: Arc<dyn Engine>) -> Running {
+    start_with(options(), engine).await
+}
+
+async fn start_with(options: ServerOptions, engine: Arc<dyn Engine>) -> Running {
     let (tell, told) = oneshot::channel();
     let server = tokio::spawn(async move {
-        serve_with(options(), engine, |addresses| tell.send(addresses).unwrap())
+        serve_with(options, engine, |addresses| tell.send(addresses).unwrap())
             .await
             .unwrap();
     });
@@ -175,6 +185,7 @@ fn fly_request(seed: u64) -> FlyRequest {
         },
         seed,
         time_limit_s: 900.0,
+        already_started: false,
     }
 }
 
@@ -202,6 +213,7 @@ fn capture(tick: u32, view: u32) -> CaptureRequest {
         },
         width_px: 40,
         height_px: 30,
+        deliver: Deliver::Picture,
     }
 }
 
@@ -220,7 +232,7 @@ async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
     let mut simulator = connected(&running).await;
     assert_eq!(simulator.description().name, "mock-xplane");
     assert_eq!(simulator.description().version, "12.4.0");
-    assert_eq!(simulator.description().capture_link, 1);
+    assert_eq!(simulator.description().capture_link, 2);
 
     simulator.set_conditions(&conditions()).await.unwrap();
     let states = simulator.fly(&fly_request(1)).await.unwrap();
@@ -308,6 +320,141 @@ async fn refusals_come_with_their_reason_and_leave_the_link_usable() {
     simulator.freeze(&runway()).await.unwrap();
     simulator.send_capture(&capture(3, 0)).await.unwrap();
     assert_eq!(simulator.receive_frame().await.unwrap().tick, 3);
+}
+
+#[tokio::test]
+async fn the_client_is_told_who_serves_the_link_and_how_high_the_ground_is() {
+    let running = start(Arc::new(Scribe::default())).await;
+    let mut simulator = connected(&running).await;
+    assert_eq!(simulator.description().plugin, None);
+    assert_eq!(simulator.description().pixels, [PixelKind::Link]);
+    assert_eq!(simulator.description().window, None);
+    let mut high = runway();
+    high.threshold.altitude_msl_m = 123.25;
+    simulator.freeze(&high).await.unwrap();
+    assert_eq!(simulator.probe_terrain(1.3, 104.0).await.unwrap(), 123.25);
+    let error = simulator.probe_terrain(91.0, 104.0).await.unwrap_err();
+    assert!(error.to_string().contains("latitude 91"), "{error}");
+}
+
+/// A window that nobody sees, and what it showed.
+#[derive(Debug, Default)]
+struct Wall(Mutex<Vec<RgbPicture>>);
+
+impl Stage for Wall {
+    fn describe(&self) -> Result<SimulatorWindow, WindowError> {
+        Ok(SimulatorWindow {
+            title: "wall".into(),
+            x_px: 0,
+            y_px: 0,
+            width_px: capture(0, 0).width_px,
+            height_px: capture(0, 0).height_px,
+            scale: 1.0,
+        })
+    }
+
+    fn show(&self, picture: &RgbPicture) -> Result<(), WindowError> {
+        self.0.lock().unwrap().push(picture.clone());
+        Ok(())
+    }
+}
+
+async fn start_on(wall: Arc<Wall>) -> Running {
+    let on_wall = ServerOptions {
+        stage: Some(wall),
+        ..options()
+    };
+    start_with(on_wall, Arc::new(Scribe::default())).await
+}
+
+#[tokio::test]
+async fn a_stand_in_without_a_window_shows_nothing_and_says_how_to_have_one() {
+    let running = start(Arc::new(Scribe::default())).await;
+    let mut simulator = connected(&running).await;
+    simulator.freeze(&runway()).await.unwrap();
+    let error = simulator.check_pattern(Some(1)).await.unwrap_err();
+    assert!(error.to_string().contains("--window"), "{error}");
+    let drawn = CaptureRequest {
+        deliver: Deliver::Drawn,
+        ..capture(0, 0)
+    };
+    simulator.send_capture(&drawn).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err();
+    assert!(error.to_string().contains("--window"), "{error}");
+}
+
+#[tokio::test]
+async fn nothing_is_captured_under_the_check_pattern() {
+    let wall = Arc::new(Wall::default());
+    let running = start_on(wall.clone()).await;
+    let mut simulator = connected(&running).await;
+    simulator.freeze(&runway()).await.unwrap();
+    let shown = simulator.check_pattern(Some(0xDEAD_BEEF)).await.unwrap();
+    let seen = check_pattern::read(wall.0.lock().unwrap().last().unwrap());
+    assert_eq!(seen.map(|seen| seen.code), Ok(0xDEAD_BEEF));
+    simulator.send_capture(&capture(0, 0)).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err();
+    assert!(error.to_string().contains("check pattern"), "{error}");
+    let gone = simulator.check_pattern(None).await.unwrap();
+    simulator.send_capture(&capture(0, 0)).await.unwrap();
+    let frame = simulator.receive_frame().await.unwrap();
+    assert!(shown < gone && gone < frame.sim_frame);
+}
+
+#[tokio::test]
+async fn a_frame_that_is_only_drawn_has_no_payload() {
+    let wall = Arc::new(Wall::default());
+    let running = start_on(wall.clone()).await;
+    let mut simulator = connected(&running).await;
+    simulator.freeze(&runway()).await.unwrap();
+    let drawn = CaptureRequest {
+        deliver: Deliver::Drawn,
+        ..capture(7, 0)
+    };
+    for request in [drawn, capture(8, 0)] {
+        simulator.send_capture(&request).await.unwrap();
+        let frame = simulator.receive_frame().await.unwrap();
+        assert_eq!(frame.rgb.len(), request.payload_bytes());
+        assert_eq!(frame.pose, request.pose);
+    }
+    let shown = wall.0.lock().unwrap();
+    assert_eq!(shown.len(), 1, "only what was to be drawn");
+    assert_eq!(shown[0].rgb, vec![7; drawn.rgb_bytes()]);
+}
+
+#[tokio::test]
+async fn a_link_with_a_token_admits_who_knows_it_and_refuses_all_others() {
+    let guarded = ServerOptions {
+        token: Some("sesame".into()),
+        ..options()
+    };
+    let running = start_with(guarded, Arc::new(Scribe::default())).await;
+    let connect = |token: Option<&str>| {
+        let token = token.map(str::to_owned);
+        Simulator::connect_with(
+            running.addresses.udp,
+            CONNECT_TIMEOUT,
+            ConnectOptions {
+                token,
+                web_api: None,
+            },
+        )
+    };
+    for wrong in [None, Some("Sesame"), Some("")] {
+        let error = connect(wrong).await.unwrap_err();
+        assert!(error.to_string().contains("DTD_LINK_TOKEN"), "{error}");
+    }
+    connect(Some("sesame")).await.unwrap();
+}
+
+#[tokio::test]
+async fn a_stand_in_without_a_token_does_not_listen_to_other_machines() {
+    let open = ServerOptions {
+        bind: Ipv4Addr::UNSPECIFIED.into(),
+        ..options()
+    };
+    let error = serve(open, |_| panic!("listens")).await.unwrap_err();
+    assert!(error.to_string().contains("DTD_LINK_TOKEN"), "{error}");
 }
 
 #[tokio::test]

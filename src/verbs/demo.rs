@@ -12,7 +12,7 @@ use trainer::{Metrics, RunFolder, TrainConfig};
 use super::Outcome;
 use super::detect::detect;
 use super::evaluate::{evaluate, print_metrics};
-use super::generate::{ending_of, generate};
+use super::generate::{ending_of, generate, options};
 use super::label::label;
 use super::train::train;
 use crate::args::DemoArgs;
@@ -28,9 +28,11 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         fs::remove_dir_all(&args.out)?;
     }
     let corpus_root = args.out.join("corpus");
-    let generated = generate(&sweep, &corpus_root, SimulatorTarget::StandIn, &[])?;
-    if ending_of(&generated) != Ending::Done {
-        return Ok(ending_of(&generated));
+    let options = options(SimulatorTarget::StandIn.into())?;
+    let generated = generate(&sweep, &corpus_root, &options)?;
+    match ending_of(&generated)? {
+        Ending::Done => {}
+        other => return Ok(other),
     }
     let corpus = Corpus::open(&corpus_root)?;
     let labelled = label(&corpus)?;

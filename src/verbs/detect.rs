@@ -6,15 +6,15 @@ use dataset::corpus::Corpus;
 use labeller::{DetectOptions, DetectOutcome, detect_corpus};
 
 use super::Outcome;
-use super::open_corpus::open_corpus;
-use super::output::print_json;
+use super::open_corpus::open_filled_corpus;
+use super::output::{count, print_json};
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
-    let corpus = open_corpus(&args.corpus)?;
+    let corpus = open_filled_corpus(&args.corpus)?;
     let outcome = detect(&corpus, &args.model, args.again)?;
     if args.json {
         print_json(&outcome)?;
@@ -44,6 +44,11 @@ pub(crate) fn detect(corpus: &Corpus, model: &Path, again: bool) -> Result<Detec
     let outcome = detect_corpus(corpus, model, &options, &|progress| {
         bar.set_total(progress.total);
         bar.set_done(progress.done);
+    })
+    .map_err(|error| match error {
+        // A file that is no detector will be none the next time.
+        labeller::Error::Model { .. } => Failure::bad_input(error),
+        error => error.into(),
     })?;
     for failure in &outcome.failed {
         bar.say(&format!(
@@ -56,8 +61,8 @@ pub(crate) fn detect(corpus: &Corpus, model: &Path, again: bool) -> Result<Detec
 
 fn print_summary(outcome: &DetectOutcome) {
     println!(
-        "{} scenarios searched, {} unchanged; detections/{}.parquet",
-        outcome.detected.len(),
+        "{} searched, {} unchanged; detections/{}.parquet",
+        count(outcome.detected.len(), "scenario"),
         outcome.unchanged.len(),
         outcome.model_hash
     );

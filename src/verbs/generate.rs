@@ -1,94 +1,156 @@
 //! `dtd generate`: the recorded scenarios of a sweep.
 
+use std::collections::BTreeMap;
 use std::env;
 use std::path::Path;
+use std::sync::Arc;
+use std::time::Duration;
 
 use generator::generate::{
-    Cancel, Event, GenerateOptions, Outcome as Generated, SimulatorTarget, generate as record,
+    Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Simulators,
+    Stopped, generate as record,
 };
+use generator::shard::Shard;
 use generator::sweep::Sweep;
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::output::print_json;
+use super::output::{count, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
+use crate::signals;
 
 /// Runs the verb.
 pub(crate) fn run(args: &GenerateArgs) -> Outcome {
-    let target = args.sim.parse().map_err(Failure::bad_input_message)?;
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
-    let generated = generate(&sweep, &args.out, target, &args.only)?;
+    let options = GenerateOptions {
+        simulators: args.sim.clone(),
+        pixels: args.pixels,
+        only: args.only.clone(),
+        shard: shard(args)?,
+        patience: Patience {
+            simulator: Duration::from_secs(args.patience),
+            ..Patience::default()
+        },
+        ..options(args.sim.clone())?
+    };
+    let generated = generate(&sweep, &args.out, &options)?;
     if args.json {
         print_json(&generated)?;
     } else {
         println!(
-            "{} scenarios made, {} whole already, {} failed: {}",
-            generated.committed.len(),
+            "{} made, {} whole already, {} failed{}: {}",
+            count(generated.committed.len(), "scenario"),
             generated.skipped.len(),
             generated.failed.len(),
+            match generated.not_made.len() {
+                0 => String::new(),
+                left => format!(", {left} not made"),
+            },
             args.out.display()
         );
+        for failed in &generated.failed {
+            println!("failed: {}: {}", failed.id, failed.reason);
+        }
     }
-    Ok(ending_of(&generated))
+    ending_of(&generated)
 }
 
-/// How a run that ended so ends for the shell.
-pub(crate) fn ending_of(generated: &Generated) -> Ending {
-    if generated.interrupted {
-        Ending::Interrupted
-    } else if generated.failed.is_empty() {
-        Ending::Done
-    } else {
-        Ending::Losses
+/// The part of the plan that is asked for, or that the scheduler's environment names.
+fn shard(args: &GenerateArgs) -> Result<Shard, Failure> {
+    if let Some(shard) = args.shard {
+        return Ok(shard);
+    }
+    let found = Shard::from_environment(|name| env::var(name).ok());
+    Ok(match found.map_err(Failure::bad_input_message)? {
+        Some((shard, variable)) => {
+            eprintln!("generate: shard {shard}, from {variable}");
+            shard
+        }
+        None => Shard::WHOLE,
+    })
+}
+
+/// Options to make all of a sweep.
+pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure> {
+    Ok(GenerateOptions {
+        simulators,
+        stand_in_program: env::current_exe()?,
+        pixels: PixelChoice::Auto,
+        screen: Arc::new(FfmpegScreen::here()),
+        only: Vec::new(),
+        shard: Shard::WHOLE,
+        patience: Patience::default(),
+    })
+}
+
+/// How a run that ended so ends for the shell; says on stderr what a person has to know.
+pub(crate) fn ending_of(generated: &Generated) -> Outcome {
+    match &generated.stopped {
+        Some(Stopped::Interrupted) => {
+            eprintln!(
+                "interrupted: {} made, {} to go; run the same command again to go on",
+                generated.committed.len(),
+                generated.not_made.len()
+            );
+            Ok(Ending::Interrupted)
+        }
+        Some(Stopped::NoSimulator { reason }) => {
+            eprintln!(
+                "no simulator is left ({reason}): {} made, {} to go; run the same command again to go on",
+                generated.committed.len(),
+                generated.not_made.len()
+            );
+            Ok(Ending::Interrupted)
+        }
+        Some(Stopped::Storage { reason }) => Err(Failure::Failed(anyhow::anyhow!("{reason}"))),
+        None if generated.failed.is_empty() => Ok(Ending::Done),
+        None => Ok(Ending::Losses),
     }
 }
 
-/// Makes the scenarios of a sweep with a progress bar. Ctrl-C ends it after the current pictures; nothing is lost.
+/// Makes the scenarios of a sweep with a progress bar. Ctrl-C or SIGTERM ends it after the current pictures; nothing is lost.
 pub(crate) fn generate(
     sweep: &Sweep,
     corpus: &Path,
-    target: SimulatorTarget,
-    only: &[String],
+    options: &GenerateOptions,
 ) -> Result<Generated, Failure> {
-    let options = GenerateOptions {
-        target,
-        stand_in_program: env::current_exe()?,
-        only: only.to_vec(),
-    };
     let mut show = ShowEvents::new();
-    let result = async_runtime()?.block_on(async {
-        let cancel = Cancel::default();
-        let on_signal = cancel.clone();
-        tokio::spawn(async move {
-            if tokio::signal::ctrl_c().await.is_ok() {
-                on_signal.cancel();
-            }
-        });
-        record(sweep, corpus, &options, &cancel, &mut |event| {
-            show.take(event);
-        })
-        .await
-    });
-    result.map_err(|error| {
-        if error.is_bad_input() {
-            Failure::bad_input(error)
-        } else {
-            error.into()
-        }
-    })
+    let cancel = Cancel::default();
+    let stoppable = signals::in_good_order(&cancel);
+    let result = async_runtime()?.block_on(record(sweep, corpus, options, &cancel, &mut |event| {
+        show.take(event);
+    }));
+    drop(stoppable);
+    match result {
+        // Stopped so early that nothing was begun.
+        Err(GenerateError::Cancelled) => Ok(Generated {
+            stopped: Some(Stopped::Interrupted),
+            ..Generated::default()
+        }),
+        Err(error) if error.is_bad_input() => Err(Failure::bad_input(error)),
+        Err(error) if error.is_passing() => Err(Failure::TryAgain(error.into())),
+        result => Ok(result?),
+    }
 }
 
 /// Turns the generator's events into a bar and lines.
 struct ShowEvents {
     bar: Bar,
-    /// Ticks of the scenarios before the current one.
+    /// Ticks of the scenarios that are made.
     before: u64,
     /// Ticks of all scenarios: planned ones for those to come, since a live flight takes as long as it takes.
     total: u64,
-    /// Ticks of the current scenario, as far as they are known.
+    /// The scenarios that are being made.
+    current: BTreeMap<String, Current>,
+}
+
+/// Ticks of a scenario, as far as they are known.
+struct Current {
     planned: u64,
+    done: u64,
 }
 
 impl ShowEvents {
@@ -97,8 +159,22 @@ impl ShowEvents {
             bar: Bar::new("generate", "ticks", None),
             before: 0,
             total: 0,
-            planned: 0,
+            current: BTreeMap::new(),
         }
+    }
+
+    fn show_done(&self) {
+        let current: u64 = self.current.values().map(|current| current.done).sum();
+        self.bar.set_done(self.before + current);
+    }
+
+    /// A scenario that is made no longer, with so many ticks that count as done.
+    fn ended(&mut self, id: &str, ticks: u64) {
+        self.current.remove(id);
+        self.before += ticks;
+        self.show_done();
+        let names: Vec<&str> = self.current.keys().map(String::as_str).collect();
+        self.bar.working_on(&names.join(" "));
     }
 
     fn take(&mut self, event: Event<'_>) {
@@ -112,33 +188,70 @@ impl ShowEvents {
                 self.bar.set_total(ticks);
                 if skipped > 0 {
                     self.bar.say(&format!(
-                        "{skipped} scenarios are whole already, {to_make} to make"
+                        "{} whole already, {to_make} to make",
+                        count(skipped, "scenario")
                     ));
                 }
             }
+            Event::SetAsideBefore { id, reason } => self.bar.say(&format!(
+                "{id} failed in an earlier run and is tried again: {reason}"
+            )),
+            Event::LittleSpace { free, needed } => self.bar.say(&format!(
+                "warning: {:.1} GB are free, and about {:.1} GB will be needed",
+                free as f64 / 1e9,
+                needed as f64 / 1e9
+            )),
+            Event::Waiting { scenarios, holder } => self.bar.say(&format!(
+                "waiting for {} that others make ({holder})",
+                count(scenarios, "scenario")
+            )),
             Event::Started { id, ticks } => {
-                self.planned = u64::from(ticks);
-                self.bar.working_on(id);
+                let planned = u64::from(ticks);
+                self.current
+                    .insert(id.to_owned(), Current { planned, done: 0 });
+                let names: Vec<&str> = self.current.keys().map(String::as_str).collect();
+                self.bar.working_on(&names.join(" "));
             }
-            Event::Flown { ticks } => {
-                self.total = self.total + u64::from(ticks) - self.planned.min(self.total);
-                self.planned = u64::from(ticks);
-                self.bar.set_total(self.total);
+            Event::Flown { id, ticks } => {
+                if let Some(current) = self.current.get_mut(id) {
+                    self.total = self.total + u64::from(ticks) - current.planned.min(self.total);
+                    current.planned = u64::from(ticks);
+                    self.bar.set_total(self.total);
+                }
             }
-            Event::Captured { done } => self.bar.set_done(self.before + u64::from(done)),
+            Event::Captured { id, done } => {
+                if let Some(current) = self.current.get_mut(id) {
+                    current.done = u64::from(done);
+                }
+                self.show_done();
+            }
             Event::Committed { id, ticks, seconds } => {
-                self.before += u64::from(ticks);
                 self.bar
                     .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
+                self.ended(id, u64::from(ticks));
+            }
+            Event::MadeElsewhere { id, ticks } => {
+                self.bar.say(&format!("{id}: made by another process"));
+                self.ended(id, u64::from(ticks));
             }
             Event::Retrying { id, reason } => {
-                self.bar.set_done(self.before);
                 self.bar
-                    .say(&format!("{id} failed and is tried again: {reason}"));
+                    .say(&format!("{id} failed and will be tried again: {reason}"));
+                self.ended(id, 0);
             }
             Event::Failed { id, reason } => {
-                self.before += self.planned;
-                self.bar.say(&format!("{id} failed: {reason}"));
+                self.bar.say(&format!("{id} is set aside: {reason}"));
+                let planned = self.current.get(id).map_or(0, |current| current.planned);
+                self.ended(id, planned);
+            }
+            Event::SimulatorLost { simulator, reason } => self.bar.say(&format!(
+                "simulator {simulator} does not answer and is waited for: {reason}"
+            )),
+            Event::SimulatorBack { simulator } => {
+                self.bar.say(&format!("simulator {simulator} is back"));
+            }
+            Event::SimulatorGone { simulator } => {
+                self.bar.say(&format!("simulator {simulator} is given up"));
             }
         }
     }

@@ -4,21 +4,21 @@ use dataset::corpus::Corpus;
 use labeller::{LabelOutcome, label_corpus};
 
 use super::Outcome;
-use super::open_corpus::open_corpus;
-use super::output::print_json;
+use super::open_corpus::open_filled_corpus;
+use super::output::{count, print_json};
 use crate::args::LabelArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
 /// Runs the verb.
 pub(crate) fn run(args: &LabelArgs) -> Outcome {
-    let outcome = label(&open_corpus(&args.corpus)?)?;
+    let outcome = label(&open_filled_corpus(&args.corpus)?)?;
     if args.json {
         print_json(&outcome)?;
     } else {
         println!(
-            "{} scenarios labelled, {} unchanged",
-            outcome.labelled.len(),
+            "{} labelled, {} unchanged",
+            count(outcome.labelled.len(), "scenario"),
             outcome.unchanged.len()
         );
     }

@@ -1,30 +1,49 @@
 //! `dtd mock-xplane`: the stand-in as a process.
 
-use std::io::{self, Read};
-use std::thread;
+use std::sync::Arc;
 
-use mock_xplane::server::{ServerOptions, serve};
-use tokio::sync::oneshot;
+use mock_xplane::server::{Addresses, PluginOptions, ServerOptions, serve, serve_tape};
+use mock_xplane::window::{Stage, X11Window};
+use xplane_bridge::LINK_TOKEN_VARIABLE;
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use crate::args::MockXplaneArgs;
-use crate::failure::Ending;
+use super::stdin_ended::stdin_ended;
+use crate::args::{MockXplaneArgs, WindowSize};
+use crate::failure::{Ending, Failure};
 
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
+    let stage = args.window.map(open_window).transpose()?;
     let options = ServerOptions {
         bind: args.bind,
         port: args.port,
-        ..ServerOptions::default()
+        beacon: !args.no_beacon,
+        beacon_name: (!args.beacon_nameless).then(|| args.beacon_name.clone()),
+        generation: args.xplane,
+        web_port: args.web_port,
+        flight_loaded: !args.main_menu,
+        incoming: !args.incoming_off,
+        data_to: args.data_to,
+        faults: args.faults.clone(),
+        token: std::env::var(LINK_TOKEN_VARIABLE).ok(),
+        stage,
+        plugin: plugin(args),
     };
     let runtime = async_runtime()?;
     let ending = runtime.block_on(async {
+        let ready = |addresses: Addresses| match serde_json::to_string(&addresses) {
+            Ok(line) => println!("{line}"),
+            Err(error) => tracing::error!("cannot print the addresses: {error}"),
+        };
+        let serving = async {
+            match &args.tape {
+                Some(tape) => serve_tape(tape, &options, ready).await,
+                None => serve(options, ready).await,
+            }
+        };
         tokio::select! {
-            result = serve(options, |addresses| match serde_json::to_string(&addresses) {
-                Ok(line) => println!("{line}"),
-                Err(error) => tracing::error!("cannot print the addresses: {error}"),
-            }) => result?,
+            result = serving => result?,
             signal = tokio::signal::ctrl_c() => signal?,
             () = stdin_ended(), if args.until_stdin_ends => {}
         }
@@ -35,14 +54,20 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     ending
 }
 
-/// Waits until standard input ends. A thread of its own: reading it cannot be cancelled, and must not keep the runtime alive.
-async fn stdin_ended() {
-    let (ended, wait) = oneshot::channel();
-    thread::spawn(move || {
-        let mut ignored = [0; 64];
-        while matches!(io::stdin().read(&mut ignored), Ok(1..)) {}
-        // Nobody listens any more if the stand-in was stopped otherwise.
-        let _ = ended.send(());
-    });
-    let _ = wait.await;
+fn plugin(args: &MockXplaneArgs) -> Option<PluginOptions> {
+    let WindowSize {
+        width_px,
+        height_px,
+    } = args.plugin_window;
+    args.plugin.as_ref().map(|folder| PluginOptions {
+        window_px: (width_px, height_px),
+        steal_camera_every_frames: args.steal_camera_every,
+        move_origin_every_frames: args.move_origin_every,
+        ..PluginOptions::new(folder)
+    })
+}
+
+fn open_window(size: WindowSize) -> Result<Arc<dyn Stage>, Failure> {
+    let window = X11Window::open(None, (size.width_px, size.height_px))?;
+    Ok(Arc::new(window))
 }

@@ -10,3 +10,15 @@ use crate::failure::Failure;
 pub(crate) fn open_corpus(root: &Path) -> Result<Corpus, Failure> {
     Corpus::open(root).map_err(Failure::bad_input)
 }
+
+/// The same, for verbs that need scenarios in it.
+pub(crate) fn open_filled_corpus(root: &Path) -> Result<Corpus, Failure> {
+    let corpus = open_corpus(root)?;
+    if corpus.scenarios()?.is_empty() {
+        return Err(Failure::bad_input_message(format!(
+            "{} holds no whole scenario yet; make some with `dtd generate SWEEP.toml --out {0}`",
+            root.display()
+        )));
+    }
+    Ok(corpus)
+}

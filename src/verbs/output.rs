@@ -42,3 +42,9 @@ pub(crate) fn print_table(heading: &[&str], rows: &[Vec<String>]) {
         print_row(&mut row.iter().map(String::as_str));
     }
 }
+
+/// A number of things: `1 scenario`, `2 scenarios`.
+pub(crate) fn count(number: usize, thing: &str) -> String {
+    let plural = if number == 1 { "" } else { "s" };
+    format!("{number} {thing}{plural}")
+}

@@ -1,64 +1,40 @@
-//! `dtd plan`: what a sweep expands to.
+//! `dtd plan`: what a sweep expands to, what it costs, and how it differs from a corpus.
 
-use std::collections::BTreeMap;
-use std::path::Path;
+mod show;
 
-use generator::plan::{Plan, expand};
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::Corpus;
+use generator::plan::{
+    Against, Estimate, PicturesPerSecond, Plan, PlannedScenario, ScenarioSummary, Standing, expand,
+};
 use generator::sweep::Sweep;
+use serde::Serialize;
 
 use super::Outcome;
-use super::output::{print_json, print_table};
+use super::output::print_json;
 use crate::args::PlanArgs;
 use crate::failure::{Ending, Failure};
+
+/// Where the README puts a corpus: looked at without being asked.
+const USUAL_CORPUS: &str = "corpus";
 
 /// Runs the verb.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let (_, plan) = read_plan(&args.sweep)?;
-    let summary = plan.summary();
+    let compared = match corpus_to_compare(args, &plan)? {
+        Some(corpus) => {
+            let against = Against::compare(&plan, &corpus).map_err(Failure::bad_input)?;
+            Some(Compared { corpus, against })
+        }
+        None => None,
+    };
+    let report = Report::new(args, &plan, compared.as_ref());
     if args.json {
-        print_json(&summary)?;
-        return Ok(Ending::Done);
+        print_json(&report.document())?;
+    } else {
+        report.show(args.all);
     }
-    let rows: Vec<Vec<String>> = summary
-        .scenarios
-        .iter()
-        .map(|s| {
-            vec![
-                s.id.into(),
-                s.time_of_day.into(),
-                s.weather.into(),
-                s.flight.into(),
-                s.ticks.to_string(),
-                s.seed.to_string(),
-            ]
-        })
-        .collect();
-    print_table(
-        &["scenario", "time", "weather", "flight", "ticks", "seed"],
-        &rows,
-    );
-    let ticks: u64 = summary.scenarios.iter().map(|s| u64::from(s.ticks)).sum();
-    let mut flights: BTreeMap<&str, usize> = BTreeMap::new();
-    for scenario in &summary.scenarios {
-        *flights
-            .entry(if scenario.flight == "live" {
-                "live"
-            } else {
-                "recorded"
-            })
-            .or_default() += 1;
-    }
-    let flights: Vec<String> = flights
-        .iter()
-        .map(|(kind, count)| format!("{count} {kind}"))
-        .collect();
-    println!();
-    println!(
-        "{} scenarios ({}), {ticks} ticks, plan {}",
-        rows.len(),
-        flights.join(", "),
-        summary.plan_hash
-    );
     Ok(Ending::Done)
 }
 
@@ -67,4 +43,118 @@ pub(crate) fn read_plan(path: &Path) -> Result<(Sweep, Plan), Failure> {
     let sweep = Sweep::read(path).map_err(Failure::bad_input)?;
     let plan = expand(&sweep);
     Ok((sweep, plan))
+}
+
+/// The corpus that the arguments name, or the one at the usual place if it was made from a sweep of this name.
+fn corpus_to_compare(args: &PlanArgs, plan: &Plan) -> Result<Option<Corpus>, Failure> {
+    if let Some(root) = &args.against {
+        return Corpus::open(root).map(Some).map_err(Failure::bad_input);
+    }
+    let Ok(corpus) = Corpus::open(Path::new(USUAL_CORPUS)) else {
+        return Ok(None);
+    };
+    let its_plan = Plan::read(&corpus.plan_path());
+    let same_name = its_plan.is_ok_and(|its| its.corpus == plan.corpus);
+    Ok(same_name.then_some(corpus))
+}
+
+struct Compared {
+    corpus: Corpus,
+    against: Against,
+}
+
+/// All that is said about a plan.
+struct Report<'a> {
+    plan: &'a Plan,
+    compared: Option<&'a Compared>,
+    /// What the whole plan costs.
+    estimate: Estimate,
+    /// What is left of that.
+    left: Option<Estimate>,
+}
+
+impl<'a> Report<'a> {
+    fn new(args: &PlanArgs, plan: &'a Plan, compared: Option<&'a Compared>) -> Self {
+        let rate = args.pictures_per_second.map(PicturesPerSecond);
+        let size = compared.and_then(|compared| compared.against.size);
+        let estimate = Estimate::new(&plan.common, &plan.scenarios, rate, size);
+        let left = compared.map(|compared| {
+            let pairs = plan.scenarios.iter().zip(&compared.against.standings);
+            let unmade = pairs.filter(|(_, standing)| **standing != Standing::Whole);
+            Estimate::new(
+                &plan.common,
+                unmade.map(|(scenario, _)| scenario),
+                rate,
+                size,
+            )
+        });
+        Self {
+            plan,
+            compared,
+            estimate,
+            left,
+        }
+    }
+
+    fn document(&self) -> Document<'_> {
+        let summary = self.plan.summary();
+        let standing = |index: usize| Some(self.compared?.against.standings[index]);
+        let rows = summary.scenarios.into_iter().enumerate();
+        Document {
+            plan_hash: summary.plan_hash,
+            corpus: summary.corpus,
+            scenarios: rows
+                .map(|(index, scenario)| Row {
+                    standing: standing(index),
+                    scenario,
+                })
+                .collect(),
+            estimate: &self.estimate,
+            against: self.compared.map(|compared| AgainstDocument {
+                corpus: compared.corpus.root().to_owned(),
+                whole: self.ids(compared, Standing::Whole),
+                to_make: self.ids(compared, Standing::ToMake),
+                new: self.ids(compared, Standing::New),
+                changed: &compared.against.difference.changed,
+                removed: &compared.against.difference.removed,
+                left: self.left.as_ref(),
+            }),
+        }
+    }
+
+    fn ids(&self, compared: &'a Compared, standing: Standing) -> Vec<&'a str> {
+        let id = |scenario: &'a PlannedScenario| scenario.id.as_str();
+        let standing = compared.against.standing(self.plan, standing);
+        standing.map(id).collect()
+    }
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Document<'a> {
+    plan_hash: &'a str,
+    corpus: &'a str,
+    estimate: &'a Estimate,
+    against: Option<AgainstDocument<'a>>,
+    scenarios: Vec<Row<'a>>,
+}
+
+#[derive(Serialize)]
+struct Row<'a> {
+    #[serde(flatten)]
+    scenario: ScenarioSummary<'a>,
+    /// Only where there is a corpus to compare with.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    standing: Option<Standing>,
+}
+
+#[derive(Serialize)]
+struct AgainstDocument<'a> {
+    corpus: PathBuf,
+    whole: Vec<&'a str>,
+    to_make: Vec<&'a str>,
+    new: Vec<&'a str>,
+    changed: &'a [generator::plan::Change],
+    removed: &'a [String],
+    left: Option<&'a Estimate>,
 }

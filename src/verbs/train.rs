@@ -62,6 +62,7 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
         | trainer::Error::Corpus { .. }
         | trainer::Error::Run { .. }
         | trainer::Error::Leak { .. } => Failure::bad_input(error),
+        trainer::Error::Dataset(ref cause) if cause.is_bad_content() => Failure::bad_input(error),
         _ => error.into(),
     }
 }

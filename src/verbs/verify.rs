@@ -1,7 +1,7 @@
 //! `dtd verify`: proof that a corpus is whole and synchronised.
 
 use dataset::corpus::Corpus;
-use dataset::verify::{VerifyReport, verify_with_progress};
+use dataset::verify::{VerifyOptions, VerifyReport, verify_with};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
@@ -12,13 +12,18 @@ use crate::progress::Bar;
 
 /// Runs the verb. A corpus with faults is a failure, with every fault named on stdout.
 pub(crate) fn run(args: &VerifyArgs) -> Outcome {
-    let report = verify(&open_corpus(&args.corpus)?);
+    let options = VerifyOptions {
+        decode: !args.quick,
+        complete: args.complete,
+    };
+    let report = verify(&open_corpus(&args.corpus)?, options);
     if args.json {
         print_json(&report)?;
     } else {
         for finding in &report.findings {
             println!("{finding}");
         }
+        print_proof(&report);
         println!(
             "{} scenarios ({} labelled), {} ticks, {} pictures: {} faults",
             report.scenarios,
@@ -39,11 +44,30 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     }
 }
 
+/// What the pictures prove, and what is not there to prove anything.
+fn print_proof(report: &VerifyReport) {
+    let clear: usize = report.views.iter().map(|view| view.clear_boxes).sum();
+    let filled: usize = report.views.iter().map(|view| view.filled_boxes).sum();
+    if clear > 0 {
+        println!(
+            "the aircraft is in {filled} of {clear} true boxes that are clear enough to show it"
+        );
+    }
+    match report.missing.as_slice() {
+        [] => {}
+        [id] => println!("1 planned scenario is missing: {id}"),
+        [id, ..] => println!(
+            "{} planned scenarios are missing: {id} ...",
+            report.missing.len()
+        ),
+    }
+}
+
 /// Verifies with a progress bar.
-fn verify(corpus: &Corpus) -> VerifyReport {
+fn verify(corpus: &Corpus, options: VerifyOptions) -> VerifyReport {
     let bar = Bar::new("verify", "scenarios", None);
     let mut started = 0;
-    verify_with_progress(corpus, &mut |id, total| {
+    verify_with(corpus, options, &mut |id, total| {
         bar.set_total(total as u64);
         bar.set_done(started);
         bar.working_on(id);

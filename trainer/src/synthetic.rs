@@ -285,6 +285,7 @@ impl SyntheticCorpus {
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 simulator: "geometry".into(),
                 capture_link: 0,
+                pixels: None,
             },
         }
     }

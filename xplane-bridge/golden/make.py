@@ -52,6 +52,12 @@ from_simulator(
     {"dataref_values": {"values": [
         {"index": 7, "value": 64800.5}, {"index": 8, "value": -0.25}, {"index": -1, "value": 3.0}]}},
 )
+FULL = [(index, index / 4) for index in range(183)]
+from_simulator(
+    "rref_reply_full", "the most values that a datagram has",
+    b"RREF," + b"".join(struct.pack("<if", index, value) for index, value in FULL),
+    {"dataref_values": {"values": [{"index": index, "value": value} for index, value in FULL]}},
+)
 CLOUD_BASE = b"sim/weather/region/cloud_base_msl_m[1]"
 to_simulator(
     "dref", "one element of an array, padded with NULs",
@@ -107,6 +113,33 @@ to_simulator(
         "start_type": 6, "plane": 0, "airport": "WSSS", "runway": 0, "runway_end": 0, "latitude_deg": 1.194827667,
         "longitude_deg": 103.912427524, "elevation_msl_m": 762.0085, "heading_true_deg": 23.0, "speed_mps": 80.5}},
 )
+ACF = b"Aircraft/Laminar Research/Boeing 737-800/b738.acf"
+to_simulator(
+    "acfn", "an aircraft and its second livery",
+    struct.pack("<5si150s2xi", b"ACFN", 0, ACF, 1),
+    {"load_aircraft": {"plane": 0, "path": ACF.decode(), "livery": 1}},
+)
+SIT = b"Output/situations/final.sit"
+for number, action in enumerate(["save", "load"]):
+    to_simulator(
+        f"simo_{action}", f"{action} a situation",
+        struct.pack("<5si150s2x", b"SIMO", number, SIT),
+        {"situation": {"action": action, "path": SIT.decode()}},
+    )
+to_simulator(
+    "alrt", "two lines of a message, two empty ones",
+    struct.pack("<5s240s240s240s240s", b"ALRT", b"Recording.", b"Please do not touch.", b"", b""),
+    {"alert": {"lines": ["Recording.", "Please do not touch.", "", ""]}},
+)
+ROWS = [(20, [1.25, 103.5, 762.0, 755.25, 0.0, 2500.0, 1.0, 103.0]), (17, [5.25, -0.5, 23.0] + [-999.0] * 5)]
+DATA = b"".join(struct.pack("<i8f", index, *values) for index, values in ROWS)
+DATA_MEANING = {"data": {"rows": [{"index": index, "values": values} for index, values in ROWS]}}
+to_simulator("data_to_simulator", "two rows, five values left alone", b"DATA\0" + DATA, DATA_MEANING)
+from_simulator("data_from_simulator", "the same rows under the tag of X-Plane 11 and 12", b"DATA*" + DATA, DATA_MEANING)
+from_simulator(
+    "data_from_simulator_old_tag", "the same rows under the tag of older versions", b"DATA@" + DATA, DATA_MEANING,
+    encodes_back=False,
+)
 BEACON = {"major": 1, "minor": 2, "host": 1, "version": 120400, "role": 1, "port": 49000}
 BEACON_FIXED = struct.pack("<5sBBiiIH", b"BECN", 1, 2, 1, 120400, 1, 49000)
 from_simulator(
@@ -136,13 +169,63 @@ POSE = {
     "latitude_deg": 1.194827667, "longitude_deg": 103.912427524, "altitude_msl_m": 762.0085,
     "heading_true_deg": 23.0214, "pitch_deg": 5.2327, "roll_deg": -0.002,
 }
+RUNWAY = {
+    "airport": "WSSS", "name": "02L",
+    "threshold": {"latitude_deg": 1.34897196, "longitude_deg": 103.97750124, "altitude_msl_m": 6.71},
+    "course_true_deg": 23.02, "glide_path_deg": 3.0, "touchdown_past_threshold_m": 340.1,
+    "ils_frequency_mhz": 110.9, "course_magnetic_deg": None,
+}
 link("link_hello", "the first message of the client", {"message": "hello", "client": "dtd 0.1.0"})
+link(
+    "link_hello_token", "the same, to a link that is open to other machines",
+    {"message": "hello", "client": "dtd 0.1.0", "token": "sesame"},
+)
+link(
+    "link_hello_answer", "who serves the link, and where pictures can come from",
+    {
+        "message": "hello", "name": "X-Plane", "version": "11.55", "plugin": "dtd_bridge 0.1.0", "pixels": ["gl", "screen"],
+        "window": {"title": "X-System", "x_px": -1920, "y_px": 24, "width_px": 1920, "height_px": 1280, "scale": 1.5},
+    },
+)
+link("link_freeze", "stand still around a runway", {"message": "freeze", "runway": RUNWAY, "settle_frames": 3})
+link(
+    "link_probe_terrain", "how high is the ground there?",
+    {"message": "probe_terrain", "latitude_deg": 1.35, "longitude_deg": 103.98},
+)
+link("link_terrain", "its answer", {"message": "terrain", "elevation_msl_m": 6.71})
+link("link_check_pattern", "draw the check pattern with a code", {"message": "check_pattern", "code": 3735928559})
+link("link_check_pattern_none", "take it away", {"message": "check_pattern", "code": None})
+link("link_check_pattern_shown", "the answer to both", {"message": "check_pattern_shown", "sim_frame": 4712})
+link(
+    "link_fly", "fly an approach from where the simulator has started it already",
+    {
+        "message": "fly",
+        "start": {
+            "position": {"latitude_deg": 1.194827667, "longitude_deg": 103.912427524, "altitude_msl_m": 762.0085},
+            "heading_true_deg": 23.0214, "speed_mps": 82.3},
+        "runway": RUNWAY, "profile": {"kind": "glide_path", "level_altitude_msl_m": 762.0}, "seed": 18446744073709551615,
+        "time_limit_s": 900.5, "already_started": True,
+    },
+)
+FLIGHT_ROW = [0.0, 1.25, 103.5, 700.25, 23.0, 2.5, -0.5, 70.0, 30.0, 4.0, 76.25, 0.5, 1.0, 0.0]
+link(
+    "link_flown", "a flight of two states of 14 64-bit floats",
+    {
+        "message": "flown", "columns": [
+            "time_s", "latitude_deg", "longitude_deg", "altitude_msl_m", "heading_true_deg", "pitch_deg", "roll_deg",
+            "velocity_north_mps", "velocity_east_mps", "velocity_down_mps", "true_airspeed_mps", "flap_ratio",
+            "gear_ratio", "on_ground"],
+        "rows": 2,
+    },
+    struct.pack("<14d", *FLIGHT_ROW) + struct.pack("<14d", 0.125, *FLIGHT_ROW[1:-1], 1.0),
+)
+link("link_release", "let everything run", {"message": "release"})
 link(
     "link_capture", "one view of one tick",
     {
         "message": "capture", "tick": 12, "time_ns": 400000000, "view": 1, "pose": POSE,
         "controls": {"flap_ratio": 0.25, "gear_ratio": 1.0}, "camera": {**POSE, "hfov_deg": 10.0},
-        "width_px": 4, "height_px": 2,
+        "width_px": 4, "height_px": 2, "deliver": "picture",
     },
 )
 link(

@@ -31,6 +31,15 @@ pub const DATE_DAYS: &str = "sim/time/local_date_days";
 /// 1 makes the simulator's clock follow the computer's, and every write to it void.
 pub const USE_SYSTEM_TIME: &str = "sim/time/use_system_time";
 
+/// Seconds since the simulator was started: smaller than before means another run of it.
+pub const RUNNING_TIME_S: &str = "sim/time/total_running_time_sec";
+/// 1 while the simulator's time stands still. Read-only: [`COMMAND_PAUSE_ON`] and [`COMMAND_PAUSE_OFF`] change it.
+pub const PAUSED: &str = "sim/time/paused";
+/// Type designator of the user's aircraft, one character per element.
+pub const AIRCRAFT_ICAO: &str = "sim/aircraft/view/acf_ICAO";
+/// Indicated airspeed, knots. Reads zero for a while after a start in the air.
+pub const INDICATED_AIRSPEED_KT: &str = "sim/flightmodel/position/indicated_airspeed";
+
 /// Element 0 set to 1 stops the flight model of the user's aircraft.
 pub const OVERRIDE_FLIGHT_MODEL: &str = "sim/operation/override/override_planepath[0]";
 
@@ -86,24 +95,54 @@ pub const COMMAND_PAUSE_OFF: &str = "sim/operation/pause_off";
 pub const COMMAND_PAUSE_ON: &str = "sim/operation/pause_on";
 /// Engages the autopilot's servos.
 pub const COMMAND_SERVOS_ON: &str = "sim/autopilot/servos_on";
-/// What engages an approach on the autopilot, in order.
-pub const COMMANDS_APPROACH: [&str; 5] = [
-    COMMAND_SERVOS_ON,
-    "sim/autopilot/autothrottle_on",
-    "sim/autopilot/NAV",
-    "sim/autopilot/glide_slope",
-    "sim/autopilot/approach",
+/// What engages an approach on the autopilot, in order: the command, and the dataref that is not zero once it took effect.
+pub const COMMANDS_APPROACH: [(&str, &str); 5] = [
+    (COMMAND_SERVOS_ON, AUTOPILOT_MODE),
+    (
+        "sim/autopilot/autothrottle_on",
+        "sim/cockpit/autopilot/autothrottle_enabled",
+    ),
+    ("sim/autopilot/NAV", "sim/cockpit2/autopilot/nav_status"),
+    (
+        "sim/autopilot/glide_slope",
+        "sim/cockpit2/autopilot/glideslope_status",
+    ),
+    (
+        "sim/autopilot/approach",
+        "sim/cockpit2/autopilot/approach_status",
+    ),
+];
+
+/// What we write without a source that we could call certain: taken from X-Plane's own list of datarefs, seen nowhere else.
+/// All others are in Laminar's articles or in clients that work. Nothing here was tried on a running X-Plane.
+pub const UNCONFIRMED: [&str; 12] = [
+    TEMPERATURE_C,
+    PRESSURE_PA,
+    THERMALS,
+    TURBULENCE,
+    SHEAR_SPEED,
+    SHEAR_DIRECTION,
+    "sim/weather/cloud_coverage",
+    "sim/weather/temperature_sealevel_c",
+    "sim/weather/barometer_sealevel_inhg",
+    "sim/weather/turbulence",
+    "sim/weather/shear_speed_kt",
+    "sim/weather/shear_direction_degt",
 ];
 
 /// Heights of the wind layers that we write, metres above mean sea level: dense where approaches are flown.
-const WIND_ALTITUDES_MSL_M: [f64; WIND_LAYERS] = [
+pub(crate) const WIND_ALTITUDES_MSL_M: [f64; WIND_LAYERS] = [
     0.0, 300.0, 600.0, 1_000.0, 1_500.0, 2_000.0, 3_000.0, 4_200.0, 5_600.0, 7_200.0, 9_200.0,
     10_400.0, 11_800.0,
 ];
 /// International standard atmosphere at sea level. No figure of a scenario depends on it.
-const STANDARD_TEMPERATURE_C: f64 = 15.0;
+pub(crate) const STANDARD_TEMPERATURE_C: f64 = 15.0;
 /// International standard atmosphere at sea level.
-const STANDARD_PRESSURE_PA: f64 = 101_325.0;
+pub(crate) const STANDARD_PRESSURE_PA: f64 = 101_325.0;
+/// X-Plane 11 measures pressure in inches of mercury.
+const PASCAL_PER_INCH_OF_MERCURY: f64 = 3_386.389;
+/// X-Plane 11's scale of cloud cover ends at 4.
+const CLOUD_COVER_SCALE_11: f64 = 4.0;
 /// X-Plane's scale of turbulence ends at 10, ours at 1.
 const TURBULENCE_SCALE: f64 = 10.0;
 /// A value that went through X-Plane's 32-bit floats, and for some datarefs through its own units, comes back within this.
@@ -264,11 +303,20 @@ fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
         DatarefWrite::new("sim/weather/rain_percent", weather.rain_ratio),
         DatarefWrite::new("sim/weather/thunderstorm_percent", thunderstorm),
         DatarefWrite::new("sim/weather/temperature_sealevel_c", STANDARD_TEMPERATURE_C),
+        DatarefWrite::new(
+            "sim/weather/barometer_sealevel_inhg",
+            STANDARD_PRESSURE_PA / PASCAL_PER_INCH_OF_MERCURY,
+        ),
     ];
     for layer in 0..CLOUD_LAYERS {
         let cloud = weather.clouds.get(layer).copied().unwrap_or(NO_CLOUD);
         writes.extend([
             element("sim/weather/cloud_type", layer, cloud_type_11(&cloud)),
+            element(
+                "sim/weather/cloud_coverage",
+                layer,
+                cloud.cover_ratio * CLOUD_COVER_SCALE_11,
+            ),
             element("sim/weather/cloud_base_msl_m", layer, cloud.base_msl_m),
             element("sim/weather/cloud_tops_msl_m", layer, cloud.top_msl_m),
         ]);
@@ -329,9 +377,50 @@ fn cloud_type_11(cloud: &CloudLayer) -> f64 {
     }
 }
 
-/// The weather that a simulator with these X-Plane 12 datarefs has: the inverse of [`condition_writes`], for the stand-in.
-/// The wind is that of the lowest layer.
-pub fn weather_from_datarefs(read: impl Fn(&str) -> f32) -> Weather {
+/// The weather that a simulator with these datarefs has: the inverse of [`condition_writes`], for the stand-in. The wind is
+/// that of the lowest layer. X-Plane 11 has no number for the cover of a cloud, and gives the middle of its kind's range.
+pub fn weather_from_datarefs(generation: Generation, read: impl Fn(&str) -> f32) -> Weather {
+    match generation {
+        Generation::XPlane11 => weather_11(read),
+        Generation::XPlane12 => weather_12(read),
+    }
+}
+
+fn weather_11(read: impl Fn(&str) -> f32) -> Weather {
+    let layer = |name: &str, layer: usize| f64::from(read(&format!("sim/weather/{name}[{layer}]")));
+    let stormy = read("sim/weather/thunderstorm_percent") > 0.0;
+    let heaps = if stormy {
+        CloudKind::Cumulonimbus
+    } else {
+        CloudKind::Cumulus
+    };
+    let clouds = (0..CLOUD_LAYERS).filter_map(|i| {
+        let (kind, cover_ratio) = match layer("cloud_type", i).round() as i64 {
+            i64::MIN..=0 => return None,
+            1 => (CloudKind::Cirrus, 0.25),
+            2 => (heaps, 0.375),
+            3 => (heaps, 0.75),
+            4 => (heaps, 1.0),
+            _ => (CloudKind::Stratus, 1.0),
+        };
+        Some(CloudLayer {
+            kind,
+            cover_ratio,
+            base_msl_m: layer("cloud_base_msl_m", i),
+            top_msl_m: layer("cloud_tops_msl_m", i),
+        })
+    });
+    Weather {
+        visibility_m: f64::from(read("sim/weather/visibility_reported_m")),
+        clouds: clouds.collect(),
+        rain_ratio: f64::from(read("sim/weather/rain_percent")),
+        wind_speed_mps: layer("wind_speed_kt", 0) * MPS_PER_KNOT,
+        wind_from_true_deg: layer("wind_direction_degt", 0),
+        turbulence_ratio: layer("turbulence", 0) / TURBULENCE_SCALE,
+    }
+}
+
+fn weather_12(read: impl Fn(&str) -> f32) -> Weather {
     let number = |name: &str| f64::from(read(name));
     let layer = |name: &str, layer: usize| f64::from(read(&format!("{name}[{layer}]")));
     let clouds = (0..CLOUD_LAYERS).map(|i| CloudLayer {
@@ -375,6 +464,25 @@ pub fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
         .course_magnetic_deg
         .map(|course| DatarefWrite::new(NAV1_COURSE_MAGNETIC, course));
     frequency.into_iter().chain(course).collect()
+}
+
+/// An aircraft that X-Plane brings along.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AircraftFile {
+    /// What [`AIRCRAFT_ICAO`] reads while it is loaded.
+    pub icao: &'static str,
+    /// Its `.acf` file below X-Plane's folder.
+    pub path: &'static str,
+}
+
+/// The file of an aircraft as sweeps name it; `None` for one that we do not know, which a person has to load.
+pub fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile> {
+    let path = match (name, generation) {
+        ("B737-800", Generation::XPlane11) => "Aircraft/Laminar Research/Boeing B737-800/b738.acf",
+        ("B737-800", Generation::XPlane12) => "Aircraft/Laminar Research/Boeing 737-800/b738.acf",
+        _ => return None,
+    };
+    Some(AircraftFile { icao: "B738", path })
 }
 
 /// A frequency as [`NAV1_FREQUENCY`] counts it: whole tens of kilohertz.
@@ -459,7 +567,7 @@ mod tests {
     #[test]
     fn weather_and_clock_come_back_from_their_datarefs() {
         let values = table(Generation::XPlane12);
-        let found = weather_from_datarefs(|name| values[name]);
+        let found = weather_from_datarefs(Generation::XPlane12, |name| values[name]);
         let wanted = stormy().weather;
         assert!((found.visibility_m - wanted.visibility_m).abs() < 1e-3);
         assert_eq!(
@@ -482,6 +590,18 @@ mod tests {
         conditions.weather.visibility_m = f64::NAN;
         let error = condition_writes(&conditions, Generation::XPlane12).unwrap_err();
         assert!(error.to_string().contains(VISIBILITY_SM), "{error}");
+    }
+
+    #[test]
+    fn everything_that_is_called_unconfirmed_is_written() {
+        let written: HashSet<String> = [Generation::XPlane11, Generation::XPlane12]
+            .into_iter()
+            .flat_map(|generation| condition_writes(&stormy(), generation).unwrap())
+            .map(|write| write.name.split('[').next().unwrap_or_default().to_owned())
+            .collect();
+        for name in UNCONFIRMED {
+            assert!(written.contains(name), "{name}");
+        }
     }
 
     #[test]

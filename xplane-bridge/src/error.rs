@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use crate::link::LinkError;
 use crate::packet::PacketError;
+use crate::pixels::PixelError;
 
 /// Why the simulator could not be made to do something.
 #[derive(Debug, thiserror::Error)]
@@ -20,11 +21,83 @@ pub enum BridgeError {
         /// For how long.
         waited: Duration,
     },
+    /// No beacon was heard.
+    #[error(
+        "no simulator announced itself within {waited:?}. The beacon is multicast, which firewalls and other networks drop: \
+         give the address, --sim HOST:PORT, e.g. --sim 127.0.0.1:49000. Without X-Plane, use the stand-in: --sim mock"
+    )]
+    NobodyAnnounced {
+        /// For how long we listened.
+        waited: Duration,
+    },
+    /// More than one simulator was heard.
+    #[error(
+        "several simulators announced themselves: {}. Say which: --sim HOST:PORT",
+        .addresses.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ")
+    )]
+    SeveralAnnounced {
+        /// Where they take packets.
+        addresses: Vec<SocketAddr>,
+    },
+    /// This computer cannot listen to beacons.
+    #[error(
+        "cannot listen to the beacon (multicast {}:{}): {source}. Give the address: --sim HOST:PORT",
+        crate::packet::BEACON_GROUP,
+        crate::packet::BEACON_PORT
+    )]
+    NoMulticast {
+        /// Why not.
+        source: std::io::Error,
+    },
+    /// The simulator is not the one that was set up.
+    #[error(
+        "the simulator at {address} was restarted: it runs for {found_s:.1} s, and ran for {before_s:.1} s before. What was set \
+         is lost; connect again and set it anew"
+    )]
+    Restarted {
+        /// Which simulator.
+        address: SocketAddr,
+        /// How long it had run.
+        before_s: f32,
+        /// How long it says it runs now.
+        found_s: f32,
+    },
+    /// A setting that was confirmed does not hold any more.
+    #[error(
+        "dataref {name} was set to {wanted} and confirmed, but {} now. Was the simulator restarted, or does another program \
+         change it?", .found.map_or("does not answer".to_owned(), |value| format!("reads {value}"))
+    )]
+    SettingLost {
+        /// Which dataref.
+        name: String,
+        /// What was confirmed.
+        wanted: f32,
+        /// What it is now, if it answers.
+        found: Option<f32>,
+    },
+    /// The aircraft is not where a flight was to begin.
+    #[error(
+        "the aircraft was put to {wanted_latitude_deg:.4}, {wanted_longitude_deg:.4} {attempts} times (PREL), but {}",
+        .found.map_or("its position never came (RPOS)".to_owned(), |(latitude, longitude)| format!("is at {latitude:.4}, {longitude:.4}"))
+    )]
+    NotPlaced {
+        /// How often it was put there.
+        attempts: u32,
+        /// Where to.
+        wanted_latitude_deg: f64,
+        /// Where to.
+        wanted_longitude_deg: f64,
+        /// Latitude and longitude of where it is, if known.
+        found: Option<(f64, f64)>,
+    },
+    /// The Web API failed.
+    #[error(transparent)]
+    WebApi(#[from] crate::web_api::WebApiError),
     /// X-Plane is there but cannot capture.
     #[error(
-        "X-Plane answers at {address} but offers no capture link: dataref {} is missing or 0 after {waited:.1?}. Install \
-         this project's XPPython3 plugin into Resources/plugins/PythonPlugins and restart X-Plane, or use the stand-in: \
-         --sim mock",
+        "X-Plane answers at {address} but offers no capture link: dataref {} is missing or 0 after {waited:.1?}. Put \
+         our plugin into Resources/plugins/PythonPlugins (dtd install-plugin XPLANE_DIR) and restart X-Plane, or use the \
+         stand-in: --sim mock",
         crate::datarefs::CAPTURE_PORT
     )]
     NoPlugin {
@@ -102,6 +175,9 @@ pub enum BridgeError {
     /// A frame awaited that nobody asked for.
     #[error("no capture is outstanding: send one before receiving a frame")]
     NothingOutstanding,
+    /// Pictures cannot be had, or cannot be trusted.
+    #[error(transparent)]
+    Pixels(#[from] PixelError),
     /// Conditions that X-Plane cannot have.
     #[error("conditions that X-Plane cannot have: {what}")]
     BadConditions {

@@ -7,6 +7,7 @@
 use dataset::geodesy::Geodetic;
 use dataset::runway::Runway;
 use dataset::units::{METERS_PER_FOOT, METERS_PER_NAUTICAL_MILE};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Where and how a flight begins.
@@ -22,7 +23,7 @@ pub struct FlightStart {
 }
 
 /// The vertical plan of an approach. Laterally all of them follow the localizer.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum ApproachProfile {
     /// Level until the glide path comes down to the aircraft, then down the glide path.
@@ -103,6 +104,10 @@ pub struct FlyRequest {
     pub seed: u64,
     /// Give up when the flight has not landed after so much simulated time, seconds.
     pub time_limit_s: f64,
+    /// Whether the flight is in the air at its start already (X-Plane 12 started it over its Web API), so that the aircraft need
+    /// not be put there.
+    #[serde(default)]
+    pub already_started: bool,
 }
 
 #[cfg(test)]

@@ -5,11 +5,14 @@
 //! requests, which may be pipelined. `docs/capture-link.md` describes it for whoever writes the other side.
 
 mod capture;
+mod description;
 mod flight;
 mod message;
 mod wire;
 
-pub use capture::{CaptureRequest, CapturedFrame, FrameHeader, MAX_PICTURE_SIDE_PX};
+pub(crate) use capture::rgb_bytes;
+pub use capture::{CaptureRequest, CapturedFrame, Deliver, FrameHeader, MAX_PICTURE_SIDE_PX};
+pub use description::{PixelKind, SimulatorWindow};
 pub use flight::{FLIGHT_COLUMNS, decode_flight, encode_flight};
 pub use message::{Answer, Request};
 pub use wire::{

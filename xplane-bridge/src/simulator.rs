@@ -3,28 +3,37 @@
 //! Goes in: conditions, flights to fly, poses and cameras to draw. Comes out: flight states and pictures. Everything has a
 //! time limit; whatever may be lost (UDP) is asked again; whatever was set is read back.
 
+mod commands;
 mod conditions;
+pub mod doctor;
+mod flight_start;
 mod link_client;
+mod pictures;
+mod setup;
 mod udp;
+mod vigil;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use dataset::conditions::Clock;
+use dataset::conditions::Conditions;
 use dataset::pose::FlightState;
 use dataset::runway::Runway;
 use tokio::time::{Instant, timeout_at};
 
-use crate::datarefs::{self, DatarefWrite, Generation};
+use crate::datarefs::{self, Generation};
 use crate::error::BridgeError;
 use crate::fly::FlyRequest;
 use crate::link::{
-    Answer, CaptureRequest, CapturedFrame, LINK_VERSION, MAX_OUTSTANDING_CAPTURES, Request,
-    decode_flight,
+    Answer, CaptureRequest, CapturedFrame, LINK_VERSION, MAX_OUTSTANDING_CAPTURES, PixelKind,
+    Request, SimulatorWindow, decode_flight,
 };
+use crate::pixels::{Payload, PixelSource};
+use crate::web_api::{self, WebApi};
 use link_client::LinkClient;
 use udp::UdpClient;
+use vigil::Vigil;
 
 /// How long [`Simulator::connect`] may reasonably wait.
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -37,8 +46,44 @@ const WEATHER_SETTLE_S: f32 = 15.0;
 /// What is left of the time to connect for opening the capture link, once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
 
+/// Environment variable with the token of a capture link that is open to other machines.
+pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
+/// Frames that X-Plane draws with a new pose and camera before the one that counts, unless told otherwise: what is written
+/// in one frame is drawn in the next, and shadows and effects follow one later.
+pub const SETTLE_FRAMES: u32 = 3;
+
+/// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to do without it.
+pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
+
+/// What to know of a simulator besides its address.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ConnectOptions {
+    /// The token that a capture link open to other machines demands.
+    pub token: Option<String>,
+    /// Where X-Plane 12's Web API is, if it may be used. It is used if the same simulator answers there.
+    pub web_api: Option<SocketAddr>,
+}
+
+impl ConnectOptions {
+    /// What the environment says ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`]), or else what X-Plane does: it serves its Web
+    /// API on its own computer only, so that it is looked for if `address` is this one.
+    pub fn from_environment(address: SocketAddr) -> Self {
+        let web_api = match std::env::var(WEB_API_VARIABLE) {
+            Ok(place) => place.parse().ok(),
+            Err(_) => address
+                .ip()
+                .is_loopback()
+                .then_some(web_api::DEFAULT_ADDRESS),
+        };
+        Self {
+            token: std::env::var(LINK_TOKEN_VARIABLE).ok(),
+            web_api,
+        }
+    }
+}
+
 /// Who is at the other end.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct SimulatorDescription {
     /// Name of the simulator.
     pub name: String,
@@ -46,6 +91,12 @@ pub struct SimulatorDescription {
     pub version: String,
     /// Version of the capture link that both sides speak.
     pub capture_link: u32,
+    /// Name and version of the plugin that serves the link; `None` if it is the simulator itself.
+    pub plugin: Option<String>,
+    /// Where pictures can come from, the best first.
+    pub pixels: Vec<PixelKind>,
+    /// The window that shows what is drawn, if there is one.
+    pub window: Option<SimulatorWindow>,
 }
 
 /// A connected simulator.
@@ -53,22 +104,46 @@ pub struct SimulatorDescription {
 pub struct Simulator {
     udp: UdpClient,
     link: LinkClient,
+    web_api: Option<WebApi>,
+    address: SocketAddr,
     description: SimulatorDescription,
     generation: Generation,
     weather_settle: Duration,
-    /// The clock of the conditions, to be set again exactly once it stands still.
-    clock: Option<Clock>,
+    settle_frames: u32,
+    /// Where the pixels of a drawn frame come from.
+    pixels: Box<dyn PixelSource>,
+    /// What was set last. Its clock is set again exactly once it stands still.
+    conditions: Option<Conditions>,
+    /// Sees to it that they stay set.
+    vigil: Option<Vigil>,
+    /// The aircraft that flies, as sweeps name it.
+    aircraft: Option<String>,
     outstanding: VecDeque<CaptureRequest>,
     spare_buffers: Vec<Vec<u8>>,
 }
 
 impl Simulator {
-    /// Connects to the simulator that takes UDP packets at `address`, and to its capture link.
+    /// Connects to the simulator that takes UDP packets at `address`, and to its capture link, with
+    /// [`ConnectOptions::from_environment`].
+    ///
+    /// # Errors
+    /// As [`Simulator::connect_with`].
+    pub async fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, BridgeError> {
+        Self::connect_with(address, timeout, ConnectOptions::from_environment(address)).await
+    }
+
+    /// [`Simulator::connect`] with other options.
     ///
     /// # Errors
     /// Within `timeout`: [`BridgeError::NobodyAnswers`], [`BridgeError::NoPlugin`] or [`BridgeError::CannotOpenLink`],
-    /// which say what to do; [`BridgeError::Link`] if the other side is of another version.
-    pub async fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, BridgeError> {
+    /// which say what to do; [`BridgeError::Link`] if the other side is of another version; [`BridgeError::Refused`] if it
+    /// demands another token.
+    pub async fn connect_with(
+        address: SocketAddr,
+        timeout: Duration,
+        options: ConnectOptions,
+    ) -> Result<Self, BridgeError> {
+        let ConnectOptions { token, web_api } = options;
         let deadline = Instant::now() + timeout;
         let mut udp = UdpClient::bind(address).await?;
         let waited = timeout.mul_f64(1.0 - LINK_SHARE);
@@ -93,10 +168,14 @@ impl Simulator {
         let mut link = LinkClient::open(SocketAddr::new(address.ip(), port), deadline).await?;
         let client = concat!("dtd ", env!("CARGO_PKG_VERSION")).to_owned();
         let limit = deadline.saturating_duration_since(Instant::now());
-        let answer = link.ask("hello", &Request::Hello { client }, limit).await?;
+        let hello = Request::Hello { client, token };
+        let answer = link.ask("hello", &hello, limit).await?;
         let Answer::Hello {
             name,
             version: simulator_version,
+            plugin,
+            pixels,
+            window,
         } = answer
         else {
             return Err(wrong("hello", &answer));
@@ -105,17 +184,33 @@ impl Simulator {
             name,
             version: simulator_version,
             capture_link: LINK_VERSION,
+            plugin,
+            pixels,
+            window,
         };
-        tracing::info!(%address, name = description.name, version = description.version, "connected");
+        let generation = Generation::of_version(version);
+        let web_api = match (generation, web_api) {
+            (Generation::XPlane12, Some(place)) => flight_start::find_web_api(place, port).await,
+            _ => None,
+        };
+        tracing::info!(
+            %address, name = description.name, version = description.version, web_api = web_api.is_some(), "connected"
+        );
         Ok(Self {
             udp,
             link,
+            web_api,
+            address,
             description,
-            generation: Generation::of_version(version),
+            generation,
             weather_settle: Duration::from_secs_f32(
                 settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0),
             ),
-            clock: None,
+            settle_frames: SETTLE_FRAMES,
+            pixels: Box::new(Payload(PixelKind::Link)),
+            conditions: None,
+            vigil: None,
+            aircraft: None,
             outstanding: VecDeque::new(),
             spare_buffers: Vec::new(),
         })
@@ -126,17 +221,33 @@ impl Simulator {
         &self.description
     }
 
+    /// Sets how many frames X-Plane draws with a new pose and camera before the one that counts, from the next freeze on.
+    pub fn set_settle_frames(&mut self, frames: u32) {
+        self.settle_frames = frames;
+    }
+
+    /// Says which aircraft flies, as sweeps name it. One that X-Plane brings along is loaded when a flight begins; any other
+    /// is for a person to load.
+    pub fn set_aircraft(&mut self, name: &str) {
+        self.aircraft = Some(name.to_owned());
+    }
+
     /// Flies an approach with the simulator's own flight model and the weather it has; the states at its own rate.
     ///
-    /// Tunes the instrument landing system and engages the autopilot first.
+    /// Begins the flight, tunes the instrument landing system and engages the autopilot first.
     ///
     /// # Errors
-    /// If the radios or the autopilot do not take their settings, or the simulator gives up.
+    /// If the aircraft, the radios or the autopilot do not take their settings, the simulator gives up, or it does not have
+    /// the conditions any more that were set.
     pub async fn fly(&mut self, request: &FlyRequest) -> Result<Vec<FlightState>, BridgeError> {
-        self.udp.command(datarefs::COMMAND_PAUSE_OFF).await?;
+        self.resume().await?;
+        let request = FlyRequest {
+            already_started: self.start_flight(&request.start).await?,
+            ..request.clone()
+        };
         let radios = datarefs::approach_writes(&request.runway);
         self.write_until_read_back(&radios).await?;
-        self.engage_autopilot().await?;
+        self.engage_approach().await?;
         // X-Plane flies in real time; the margin is for loading scenery around the start.
         let limit = Duration::try_from_secs_f64(request.time_limit_s.clamp(0.0, 86_400.0))
             .unwrap_or_default()
@@ -144,7 +255,7 @@ impl Simulator {
             + FRAME_TIMEOUT;
         let answer = self
             .link
-            .ask("a flight", &Request::Fly(request.clone()), limit)
+            .ask("a flight", &Request::Fly(request), limit)
             .await?;
         let Answer::Flown { columns, rows } = answer else {
             return Err(wrong("flown", &answer));
@@ -153,6 +264,7 @@ impl Simulator {
         self.link
             .take_payload("a flight", &mut payload, FRAME_TIMEOUT)
             .await?;
+        self.check_vigil()?;
         decode_flight(&columns, rows, &payload).map_err(|found| BridgeError::WrongAnswer {
             expected: "a flight".into(),
             found,
@@ -167,18 +279,13 @@ impl Simulator {
     pub async fn freeze(&mut self, runway: &Runway) -> Result<(), BridgeError> {
         let request = Request::Freeze {
             runway: runway.clone(),
+            settle_frames: self.settle_frames,
         };
         match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
             Answer::Frozen => {}
             other => return Err(wrong("frozen", &other)),
         }
-        match self.clock {
-            Some(clock) => {
-                self.write_until_read_back(&datarefs::clock_writes(&clock))
-                    .await
-            }
-            None => Ok(()),
-        }
+        self.set_clock_exactly().await
     }
 
     /// Asks for one view of one tick. Several may be outstanding; [`Simulator::receive_frame`] returns them in this order.
@@ -207,8 +314,8 @@ impl Simulator {
     /// The picture of the oldest outstanding capture.
     ///
     /// # Errors
-    /// If nothing is outstanding, nothing comes for a minute, the simulator refuses, or what comes is no answer to that
-    /// capture. Whether the drawn pose is the asked one is left to the caller, who records it.
+    /// If nothing is outstanding, nothing comes for a minute, the simulator refuses, it does not have the conditions any more
+    /// that were set, or what comes is no answer to that capture. Whether the drawn pose is the asked one is left to the caller, who records it.
     pub async fn receive_frame(&mut self) -> Result<CapturedFrame, BridgeError> {
         let request = self
             .outstanding
@@ -226,13 +333,13 @@ impl Simulator {
         );
         let found = (header.tick, header.view, header.width_px, header.height_px);
         let bytes = self.link.payload_bytes();
-        if asked != found || bytes != request.rgb_bytes() {
+        if asked != found || bytes != request.payload_bytes() {
             let (tick, view, width, height) = asked;
             self.link.close();
             return Err(BridgeError::WrongAnswer {
                 expected: format!(
                     "a frame of tick {tick}, view {view}, {width}x{height}, {} bytes",
-                    request.rgb_bytes()
+                    request.payload_bytes()
                 ),
                 found: format!(
                     "tick {}, view {}, {}x{}, {bytes} bytes",
@@ -244,6 +351,10 @@ impl Simulator {
         self.link
             .take_payload("a frame", &mut rgb, FRAME_TIMEOUT)
             .await?;
+        if request.deliver == self.deliver() {
+            rgb = self.pixels.picture(rgb).await?;
+        }
+        self.check_vigil()?;
         Ok(CapturedFrame::new(header, rgb))
     }
 
@@ -269,6 +380,9 @@ impl Simulator {
             Err(error) => Err(error),
         };
         self.udp.unsubscribe_all().await;
+        if let Some(vigil) = self.vigil.take() {
+            vigil.end().await;
+        }
         match released? {
             Answer::Released => Ok(()),
             other => Err(wrong("released", &other)),
@@ -281,35 +395,6 @@ impl Simulator {
             self.recycle(frame.rgb);
         }
         Ok(())
-    }
-
-    /// Commands have no answer and may be lost, so the autopilot's state is read back and the commands are repeated.
-    async fn engage_autopilot(&mut self) -> Result<(), BridgeError> {
-        const ATTEMPTS: u32 = 4;
-        let engaged = DatarefWrite::new(datarefs::AUTOPILOT_MODE, 2.0);
-        let mut found = None;
-        for _ in 0..ATTEMPTS {
-            for command in datarefs::COMMANDS_APPROACH {
-                self.udp.command(command).await?;
-            }
-            let deadline = Instant::now() + Duration::from_secs(1);
-            let values = self
-                .udp
-                .read_until(&[&engaged.name], deadline, |values| {
-                    values[0].is_some_and(|mode| engaged.is_met_by(mode))
-                })
-                .await?;
-            found = values[0];
-            if found.is_some_and(|mode| engaged.is_met_by(mode)) {
-                return Ok(());
-            }
-        }
-        Err(BridgeError::NotTaken {
-            name: engaged.name,
-            attempts: ATTEMPTS,
-            wanted: engaged.value,
-            found,
-        })
     }
 }
 

@@ -94,7 +94,7 @@ async fn a_capture_link_of_another_version_is_refused_although_datagrams_were_lo
     let address = simulator_with_port(Some(port), 4).await;
     tokio::spawn(async move {
         let (mut stream, _) = listener.accept().await.unwrap();
-        stream.write_all(b"DTDL\x02\0\0\0").await.unwrap();
+        stream.write_all(b"DTDL\x01\0\0\0").await.unwrap();
         // Stays open: the client must find out by itself.
         std::future::pending::<()>().await;
     });
@@ -102,7 +102,7 @@ async fn a_capture_link_of_another_version_is_refused_although_datagrams_were_lo
     assert!(
         error
             .to_string()
-            .contains("version 2 of the capture link, expected 1"),
+            .contains("version 1 of the capture link, expected 2"),
         "{error}"
     );
 }

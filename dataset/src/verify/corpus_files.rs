@@ -1,75 +1,133 @@
 //! The files that belong to the whole corpus: the plan, the split, and what lies among the scenarios.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
 use serde_json::Value;
 
-use super::Faults;
+use super::{Faults, VerifyOptions};
 use crate::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
 use crate::json_file::read_json;
 use crate::scenario::ScenarioRecord;
+use crate::seal;
 use crate::splits::Splits;
 
 const PLAN: &str = "plan.json";
 const SPLITS: &str = "splits.json";
+const RECORD: &str = "scenario.json";
 
+/// Checks the corpus's own files; returns the planned scenarios that are missing.
 pub(super) fn check(
     corpus: &Corpus,
     scenarios: &[ScenarioFolder],
     records: &BTreeMap<String, ScenarioRecord>,
+    options: VerifyOptions,
     faults: &mut Faults,
-) {
-    check_plan(corpus, records, faults);
+) -> Vec<String> {
+    let plan = faults.keep(PLAN, read_json::<Value>(&corpus.plan_path(), "plan"));
+    let missing = plan.map_or_else(Vec::new, |plan| {
+        let planned = Planned::of(&plan, faults);
+        planned.check(records, faults);
+        planned.missing(scenarios)
+    });
+    if options.complete {
+        for id in &missing {
+            faults.of(id, PLAN, "is planned, but not in the corpus");
+        }
+    }
     check_splits(corpus, records, faults);
     check_strangers(corpus, scenarios, faults);
+    missing
 }
 
-/// Every scenario is as it was planned.
-fn check_plan(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, faults: &mut Faults) {
-    let Some(plan) = faults.keep(PLAN, read_json::<Value>(&corpus.plan_path(), "plan")) else {
-        return;
-    };
-    let planned: BTreeMap<&str, &Value> = plan["scenarios"]
-        .as_array()
-        .into_iter()
-        .flatten()
-        .filter_map(|scenario| Some((scenario["id"].as_str()?, scenario)))
-        .collect();
-    for (id, record) in records {
-        let Some(scenario) = planned.get(id.as_str()) else {
+/// The plan: what every scenario should be.
+struct Planned<'a> {
+    /// What all scenarios have in common; null in plans of version 1, where every scenario has it in its own parameters.
+    common: &'a Value,
+    scenarios: BTreeMap<&'a str, &'a Value>,
+}
+
+impl<'a> Planned<'a> {
+    fn of(plan: &'a Value, faults: &mut Faults) -> Self {
+        let scenarios = || plan["scenarios"].as_array().into_iter().flatten();
+        let text = |scenario: &'a Value, key: &str| scenario[key].as_str();
+        let mut hasher = blake3::Hasher::new();
+        for scenario in scenarios() {
+            let id = text(scenario, "id").unwrap_or_default();
+            let config_hash = text(scenario, "config_hash").unwrap_or_default();
+            hasher.update(format!("{id} {config_hash}\n").as_bytes());
+        }
+        let again = hasher.finalize().to_string();
+        if plan["plan_hash"] != again.as_str() {
             faults.file(
                 PLAN,
-                format!("scenario {id} is in the corpus, but not in the plan"),
+                format!(
+                    "plan_hash is {}, its scenarios give {again}",
+                    plan["plan_hash"]
+                ),
             );
-            continue;
-        };
-        let decided = [
-            (
-                "config_hash",
-                &scenario["config_hash"],
-                Value::from(record.config_hash.as_str()),
-            ),
-            ("seed", &scenario["seed"], Value::from(record.seed)),
-            (
-                "trajectory",
-                &scenario["trajectory"],
-                Value::from(record.trajectory.as_str()),
-            ),
-            (
-                "conditions",
-                &scenario["parameters"]["conditions"],
-                serde_json::to_value(&record.conditions).unwrap_or_default(),
-            ),
-        ];
-        for (what, planned, recorded) in decided {
-            if *planned != recorded {
-                faults.file(
-                    PLAN,
-                    format!(
-                        "scenario {id}: {what} was planned as {planned}, but recorded as {recorded}"
-                    ),
-                );
+        }
+        Self {
+            common: &plan["common"],
+            scenarios: scenarios()
+                .filter_map(|scenario| Some((text(scenario, "id")?, scenario)))
+                .collect(),
+        }
+    }
+
+    fn missing(&self, scenarios: &[ScenarioFolder]) -> Vec<String> {
+        let there: BTreeSet<String> = scenarios.iter().map(ScenarioFolder::id).collect();
+        self.scenarios
+            .keys()
+            .filter(|id| !there.contains(**id))
+            .map(|id| (*id).to_owned())
+            .collect()
+    }
+
+    /// Every scenario is as it was planned.
+    fn check(&self, records: &BTreeMap<String, ScenarioRecord>, faults: &mut Faults) {
+        for (id, record) in records {
+            let Some(scenario) = self.scenarios.get(id.as_str()) else {
+                faults.of(id, PLAN, "is in the corpus, but not in the plan");
+                continue;
+            };
+            let Ok(mut recorded) = serde_json::to_value(record) else {
+                continue;
+            };
+            // The plan has it as a person writes it.
+            recorded["frame_rate"] = record.frame_rate.to_string().into();
+            let parameters = &scenario["parameters"];
+            let shared = |key: &str| self.common.get(key).unwrap_or(&parameters[key]);
+            let views: Vec<&Value> = shared("cameras")
+                .as_array()
+                .into_iter()
+                .flatten()
+                .map(|camera| &camera["id"])
+                .collect();
+            let views = serde_json::json!(views);
+            let decided = [
+                ("config_hash", &scenario["config_hash"]),
+                ("seed", &scenario["seed"]),
+                ("trajectory", &scenario["trajectory"]),
+                ("conditions", &parameters["conditions"]),
+                ("aircraft", shared("aircraft")),
+                ("runway", shared("runway")),
+                ("flight", &parameters["flight"]),
+                ("rig", shared("rig")),
+                ("frame_rate", &shared("picture")["frame_rate"]),
+                ("views", &views),
+            ];
+            for (what, planned) in decided {
+                let found = &recorded[what];
+                if planned != found {
+                    faults.of(
+                        id,
+                        RECORD,
+                        format!(
+                            "{what} was planned as {planned} (plan.json), but recorded as {found}"
+                        ),
+                    );
+                }
             }
         }
     }
@@ -83,14 +141,15 @@ fn check_splits(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, fau
     let mut sides = BTreeMap::new();
     for (id, record) in records {
         let Some(assignment) = splits.scenarios.get(id) else {
-            faults.file(SPLITS, format!("scenario {id} is on no side"));
+            faults.of(id, SPLITS, "the scenario is on no side");
             continue;
         };
         if assignment.trajectory != record.trajectory {
             let (found, expected) = (&assignment.trajectory, &record.trajectory);
-            faults.file(
+            faults.of(
+                id,
                 SPLITS,
-                format!("scenario {id} is listed with trajectory {found}, but flew {expected}"),
+                format!("the scenario is listed with trajectory {found}, but flew {expected}"),
             );
         }
         let (first, side) = *sides
@@ -98,7 +157,8 @@ fn check_splits(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, fau
             .or_insert((id, assignment.side));
         if side != assignment.side {
             let trajectory = &record.trajectory;
-            faults.file(
+            faults.of(
+                id,
                 SPLITS,
                 format!(
                     "leak: trajectory {trajectory} is flown by {first} ({side:?}) and by {id} ({:?})",
@@ -119,10 +179,7 @@ fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut F
         let name = entry.file_name().to_string_lossy().into_owned();
         let known = scenarios.iter().any(|folder| folder.root() == path);
         if !known && !name.ends_with(PARTIAL_SUFFIX) {
-            faults.file(
-                &format!("scenarios/{name}"),
-                "is no whole scenario: it has no seal (DONE.json)",
-            );
+            faults.of(&name, seal::DONE, "is missing: the scenario is not whole");
         }
     }
 }

@@ -3,8 +3,8 @@
 use super::Faults;
 use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
+use crate::echo::{aircraft_mismatch, camera_mismatch};
 use crate::frames::{Frame, Frames, POSE_FIELDS};
-use crate::pose::Pose;
 use crate::scenario::ScenarioRecord;
 use crate::units::SimTime;
 
@@ -14,6 +14,13 @@ const TABLE: &str = ScenarioFolder::FRAMES;
 const WAY_TOLERANCE: f64 = 0.1;
 /// ... and by this much, metres.
 const PLACE_TOLERANCE_M: f64 = 2.0;
+
+/// From one tick to the next the way may change by this much, metres ...
+const STEP_TOLERANCE_M: f64 = 0.05;
+/// ... by this part of it, where a recording has a knot ...
+const STEP_TOLERANCE: f64 = 0.25;
+/// ... and by what three times the earth's gravity does: a hard landing.
+const HARDEST_MPS2: f64 = 30.0;
 
 pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Faults) {
     if frames.views != record.views {
@@ -40,15 +47,13 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
         check_time(record, row, frame, faults);
         check_numbers(row, frame, faults);
         for (view, stamp) in frames.views.iter().zip(&frame.views) {
-            if let Some((field, drawn, expected)) = different_field(&stamp.echoed_pose, &frame.pose)
-            {
-                let message =
-                    format!("view {view} shows {field} {drawn}, but the tick has {expected}");
-                faults.row(TABLE, row, "pose drawn is not the tick's", message);
+            if let Some(mismatch) = aircraft_mismatch(&stamp.echoed_pose, &frame.pose) {
+                faults.view_row(view, TABLE, row, "pose drawn is not the tick's", mismatch);
             }
             let pts = record.frame_rate.pts_of_tick(row as u32);
             if stamp.pts != pts {
-                faults.row(
+                faults.view_row(
+                    view,
                     TABLE,
                     row,
                     "timestamp",
@@ -61,7 +66,7 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
                     "sim_frame_{view} is {}, expected more than {last}",
                     stamp.sim_frame
                 );
-                faults.row(TABLE, row, "simulator frames out of order", message);
+                faults.view_row(view, TABLE, row, "simulator frames out of order", message);
             }
             last_sim_frame = Some(stamp.sim_frame);
         }
@@ -69,6 +74,11 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
     for (row, pair) in frames.rows.windows(2).enumerate() {
         if let [before, after] = pair {
             check_continuity(row + 1, before, after, faults);
+        }
+    }
+    for (row, three) in frames.rows.windows(3).enumerate() {
+        if let [first, second, third] = three {
+            check_steadiness(row + 2, [first, second, third], faults);
         }
     }
 }
@@ -83,18 +93,10 @@ pub(super) fn check_cameras(frames: &Frames, calibration: &Calibration, faults: 
             let Some(stamp) = frame.views.get(index) else {
                 continue;
             };
-            let drawn = &stamp.echoed_camera;
-            let differs = match different_field(&drawn.pose, &entry.placed.pose) {
-                None if drawn.hfov_deg != entry.placed.hfov_deg => {
-                    Some(("hfov_deg", drawn.hfov_deg, entry.placed.hfov_deg))
-                }
-                other => other,
-            };
-            if let Some((field, drawn, expected)) = differs {
-                let message = format!(
-                    "view {view} was drawn with {field} {drawn}, calibration.json has {expected}"
-                );
-                faults.row(
+            if let Some(mismatch) = camera_mismatch(&stamp.echoed_camera, &entry.placed) {
+                let message = format!("{mismatch} by calibration.json");
+                faults.view_row(
+                    view,
                     TABLE,
                     row,
                     "camera drawn is not the calibrated one",
@@ -164,10 +166,22 @@ fn check_continuity(row: usize, before: &Frame, after: &Frame, faults: &mut Faul
     }
 }
 
-/// The first value in which two poses differ at all.
-fn different_field(found: &Pose, expected: &Pose) -> Option<(&'static str, f64, f64)> {
-    POSE_FIELDS
-        .iter()
-        .map(|(name, get)| (*name, get(found), get(expected)))
-        .find(|(_, a, b)| a.to_bits() != b.to_bits())
+/// A step follows from the step before it. At high rates this finds what the velocities, which need not fit to the millimetre, hide: one
+/// pose that is that of the next tick.
+fn check_steadiness(row: usize, frames: [&Frame; 3], faults: &mut Faults) {
+    let [first, second, third] = frames.map(|frame| frame.pose.position().to_ecef());
+    let (before, after) = (second - first, third - second);
+    let step_s = SimTime(frames[2].time_ns - frames[1].time_ns).seconds();
+    let change_m = (after - before).length();
+    let tolerance_m = STEP_TOLERANCE_M
+        + STEP_TOLERANCE * before.length().max(after.length())
+        + HARDEST_MPS2 * step_s * step_s;
+    if change_m > tolerance_m {
+        let message = format!(
+            "it moved {:.2} m since the tick before, and {:.2} m in the step before that: they differ by {change_m:.2} m, expected at most {tolerance_m:.2}",
+            after.length(),
+            before.length()
+        );
+        faults.row(TABLE, row, "flight is not steady", message);
+    }
 }

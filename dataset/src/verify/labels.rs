@@ -1,4 +1,9 @@
-//! Labels, where there are some: distances computed again from the poses, boxes inside their pictures.
+//! Labels, where there are some: distances computed again from the poses, boxes where the camera sees the aircraft. How large the
+//! aircraft is nobody says here: that is for the pixels to tell.
+
+use std::collections::BTreeSet;
+
+use glam::DVec2;
 
 use super::{Faults, close};
 use crate::calibration::Calibration;
@@ -13,19 +18,33 @@ const LENGTH_TOLERANCE_M: f64 = 1e-4;
 /// Time to touchdown runs down with the clock to below this, seconds.
 const TIME_TOLERANCE_S: f64 = 1e-6;
 
-/// Checks the labels of a scenario; returns whether it has some.
-pub(super) fn check(
-    folder: &ScenarioFolder,
-    record: &ScenarioRecord,
-    frames: &Frames,
-    calibration: Option<&Calibration>,
-    faults: &mut Faults,
-) -> bool {
-    let labelled = frames.rows.iter().any(|frame| frame.labels.is_some());
+/// A distance to touchdown may grow by this much between ticks before the target is passed, metres: hardly more than rounding.
+const GROWTH_TOLERANCE_M: f64 = 0.01;
+/// Koschmieder: contrast falls to 2 % over the visibility, and `-ln 0.02` is 3.912.
+const EXTINCTION_OVER_VISIBILITY: f64 = 3.912;
+const SHARE_TOLERANCE: f64 = 1e-6;
+
+/// Checks the distances of a scenario; returns whether it has some.
+pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Faults) -> bool {
     for (row, frame) in frames.rows.iter().enumerate() {
         check_row(record, row, frame, faults);
     }
     check_countdown(frames, faults);
+    check_approach(frames, faults);
+    is_labelled(frames)
+}
+
+fn is_labelled(frames: &Frames) -> bool {
+    frames.rows.iter().any(|frame| frame.labels.is_some())
+}
+
+/// The true boxes, if there are some: they come and go with the distances.
+pub(super) fn read_boxes(
+    folder: &ScenarioFolder,
+    frames: &Frames,
+    faults: &mut Faults,
+) -> Option<Vec<TruthBox>> {
+    let labelled = is_labelled(frames);
     let boxes_exist = folder.truth_boxes_path().exists();
     if labelled != boxes_exist {
         let (there, missing) = if labelled {
@@ -38,13 +57,8 @@ pub(super) fn check(
             format!("the scenario has {there}, but {missing}; run `dtd label` again"),
         );
     }
-    if boxes_exist
-        && let Some(boxes) = faults.keep(ScenarioFolder::TRUTH_BOXES, folder.truth_boxes())
-        && let Some(calibration) = calibration
-    {
-        check_boxes(record, &boxes, calibration, faults);
-    }
-    labelled
+    let boxes = boxes_exist.then(|| folder.truth_boxes())?;
+    faults.keep(ScenarioFolder::TRUTH_BOXES, boxes)
 }
 
 fn check_row(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut Faults) {
@@ -114,61 +128,131 @@ fn check_countdown(frames: &Frames, faults: &mut Faults) {
     }
 }
 
-fn check_boxes(
+/// The distance falls until the target is passed.
+fn check_approach(frames: &Frames, faults: &mut Faults) {
+    for (row, pair) in frames.rows.windows(2).enumerate() {
+        let [Some(before), Some(after)] = [pair[0].labels, pair[1].labels] else {
+            continue;
+        };
+        let approaching = before.along_track_m > 0.0 && after.along_track_m > 0.0;
+        if approaching && after.dtd_m > before.dtd_m + GROWTH_TOLERANCE_M {
+            let message = format!(
+                "grows from {} to {} before the target is passed",
+                before.dtd_m, after.dtd_m
+            );
+            faults.row(ScenarioFolder::FRAMES, row + 1, "dtd_m", message);
+        }
+    }
+}
+
+/// Every box is inside its picture and holds the aircraft's centre of gravity, and every centre of gravity in a picture has one.
+pub(super) fn check_boxes(
     record: &ScenarioRecord,
+    frames: &Frames,
     boxes: &[TruthBox],
     calibration: &Calibration,
     faults: &mut Faults,
 ) {
     const FILE: &str = ScenarioFolder::TRUTH_BOXES;
+    let mut boxed = BTreeSet::new();
     for (row, truth) in boxes.iter().enumerate() {
-        let Some(camera) = calibration.cameras.get(&truth.view) else {
-            faults.row(
-                FILE,
-                row,
-                "view",
-                format!("{} is no camera of the scenario", truth.view),
-            );
+        let view = truth.view.as_str();
+        let Some(camera) = calibration.cameras.get(view) else {
+            let message = format!("{view} is no camera of the scenario");
+            faults.row(FILE, row, "view", message);
             continue;
         };
-        if truth.tick >= record.ticks {
-            faults.row(
-                FILE,
-                row,
-                "tick",
-                format!(
-                    "is {}, but the last one is {}",
-                    truth.tick,
-                    record.ticks.saturating_sub(1)
-                ),
-            );
+        let Some(frame) = frames.rows.get(truth.tick as usize) else {
+            let last = frames.rows.len().saturating_sub(1);
+            let message = format!("is {}, but the last one is {last}", truth.tick);
+            faults.view_row(view, FILE, row, "tick", message);
+            continue;
+        };
+        if !boxed.insert((truth.tick, view)) {
+            let message = format!("is {}, which has a box already", truth.tick);
+            faults.view_row(view, FILE, row, "tick", message);
         }
-        let [left, top, right, bottom] = truth.pixel_box.edges();
-        let (most_x, most_y) = (
-            f64::from(camera.width_px) - 0.5,
-            f64::from(camera.height_px) - 0.5,
-        );
-        let slack = 1e-6;
-        let inside = left >= -0.5 - slack
-            && top >= -0.5 - slack
-            && right <= most_x + slack
-            && bottom <= most_y + slack;
-        if !inside || truth.pixel_box.area() == 0.0 {
-            faults.row(
-                FILE,
-                row,
-                "box",
-                format!("{:?} is not a box inside the picture", truth.pixel_box),
+        check_box(row, truth, (camera.width_px, camera.height_px), faults);
+        let camera = camera.camera();
+        let centre_ecef_m = frame.pose.position().to_ecef();
+        let range_m = centre_ecef_m.distance(camera.center_ecef_m);
+        let visibility_m = record.conditions.weather.visibility_m;
+        let transmission = (-EXTINCTION_OVER_VISIBILITY * range_m / visibility_m).exp();
+        if !close(truth.transmission, transmission, SHARE_TOLERANCE) {
+            let message = format!(
+                "is {}, distance and visibility give {transmission}",
+                truth.transmission
             );
+            faults.view_row(view, FILE, row, "transmission", message);
         }
-        for (name, value) in [
-            ("visible_fraction", truth.visible_fraction),
-            ("truncation", truth.truncation),
-            ("transmission", truth.transmission),
-        ] {
-            if !(0.0..=1.0).contains(&value) {
-                faults.row(FILE, row, name, format!("is {value}, expected 0 to 1"));
+        let centre = camera.project(centre_ecef_m);
+        let holds = |at: DVec2| {
+            let [left, top, right, bottom] = truth.pixel_box.edges();
+            at.x >= left && at.x <= right && at.y >= top && at.y <= bottom
+        };
+        if truth.truncation == 0.0 && !centre.is_some_and(holds) {
+            let message = format!(
+                "{} is not around the aircraft's centre of gravity, which falls on {}",
+                in_words(truth),
+                centre.map_or("no pixel".into(), |at| format!(
+                    "({:.1}, {:.1})",
+                    at.x, at.y
+                ))
+            );
+            faults.view_row(view, FILE, row, "box", message);
+        }
+    }
+    for (tick, frame) in frames.rows.iter().enumerate() {
+        for (view, camera) in &calibration.cameras {
+            let camera = camera.camera();
+            let seen = camera
+                .project(frame.pose.position().to_ecef())
+                .is_some_and(|at| {
+                    at.x >= 0.0
+                        && at.y >= 0.0
+                        && at.x <= f64::from(camera.width_px - 1)
+                        && at.y <= f64::from(camera.height_px - 1)
+                });
+            if seen && !boxed.contains(&(tick as u32, view.as_str())) {
+                let message = format!("tick {tick} has the aircraft in the picture, but no box");
+                faults.view(FILE, view, message);
             }
+        }
+    }
+}
+
+fn in_words(truth: &TruthBox) -> String {
+    let [left, top, right, bottom] = truth.pixel_box.edges();
+    format!("the box from ({left:.1}, {top:.1}) to ({right:.1}, {bottom:.1})")
+}
+
+fn check_box(row: usize, truth: &TruthBox, size_px: (u32, u32), faults: &mut Faults) {
+    const FILE: &str = ScenarioFolder::TRUTH_BOXES;
+    let view = truth.view.as_str();
+    let [left, top, right, bottom] = truth.pixel_box.edges();
+    let (most_x, most_y) = (f64::from(size_px.0) - 0.5, f64::from(size_px.1) - 0.5);
+    let slack = 1e-6;
+    let inside = left >= -0.5 - slack
+        && top >= -0.5 - slack
+        && right <= most_x + slack
+        && bottom <= most_y + slack;
+    if !inside || truth.pixel_box.area() == 0.0 {
+        let message = format!("{} is not inside the picture", in_words(truth));
+        faults.view_row(view, FILE, row, "box", message);
+    }
+    for (name, value) in [
+        ("visible_fraction", truth.visible_fraction),
+        ("truncation", truth.truncation),
+        ("transmission", truth.transmission),
+    ] {
+        if !(0.0..=1.0).contains(&value) {
+            faults.view_row(
+                view,
+                FILE,
+                row,
+                name,
+                format!("is {value}, expected 0 to 1"),
+            );
         }
     }
 }

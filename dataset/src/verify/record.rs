@@ -5,7 +5,10 @@ use glam::DMat3;
 use super::{Faults, close};
 use crate::calibration::{Calibration, CameraEntry};
 use crate::conditions::Conditions;
-use crate::scenario::ScenarioRecord;
+use crate::corpus::ScenarioFolder;
+use crate::runway::RunwayCoordinates;
+use crate::scenario::{SCHEMA_VERSION, ScenarioRecord};
+use crate::seal;
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
@@ -14,13 +17,39 @@ const LENGTH_TOLERANCE_M: f64 = 1e-5;
 /// The same for elements of rotations and relative to focal lengths.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
-pub(super) fn check(folder_id: &str, record: &ScenarioRecord, faults: &mut Faults) {
+/// Wheels touch no farther than a long runway from the target, metres ...
+const FARTHEST_TOUCHDOWN_M: f64 = 5_000.0;
+/// ... and no farther beside its centreline than a wide one, metres.
+const WIDEST_RUNWAY_M: f64 = 100.0;
+
+pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &mut Faults) {
+    let folder_id = folder.id();
     if record.id != folder_id {
         faults.file(
             RECORD,
             format!(
                 "id is {}, expected {folder_id}, the name of the folder",
                 record.id
+            ),
+        );
+    }
+    if record.schema_version != SCHEMA_VERSION {
+        faults.file(
+            RECORD,
+            format!(
+                "schema version is {}, expected {SCHEMA_VERSION}",
+                record.schema_version
+            ),
+        );
+    }
+    if let Some(Some(seal)) = faults.keep(seal::DONE, folder.seal())
+        && seal.config_hash != record.config_hash
+    {
+        faults.file(
+            seal::DONE,
+            format!(
+                "config_hash is {}, but scenario.json has {}",
+                seal.config_hash, record.config_hash
             ),
         );
     }
@@ -50,6 +79,18 @@ pub(super) fn check(folder_id: &str, record: &ScenarioRecord, faults: &mut Fault
             RECORD,
             format!("touchdown is {off_m:.3} m from {target:?}, where threshold, course and distance of the runway put it"),
         );
+    }
+    if let Some(touched) = record.flight_touchdown {
+        let place = RunwayCoordinates::of(touched, record.touchdown, record.runway.course_true_deg);
+        if !(place.dtd_m <= FARTHEST_TOUCHDOWN_M && place.cross_track_m.abs() <= WIDEST_RUNWAY_M) {
+            faults.file(
+                RECORD,
+                format!(
+                    "flight_touchdown is {:.0} m from the target and {:.0} m beside the centreline: not on the runway",
+                    place.dtd_m, place.cross_track_m
+                ),
+            );
+        }
     }
     check_conditions(&record.conditions, faults);
 }

@@ -2,7 +2,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::*;
-use crate::camera::CameraPose;
+use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
 use crate::frame_rate::FrameRate;
 use crate::frames::{Frame, FrameLabels, ViewStamp};
@@ -149,6 +149,7 @@ fn record(id: &str) -> ScenarioRecord {
             dtd: "0".into(),
             simulator: "none".into(),
             capture_link: 1,
+            pixels: None,
         },
     }
 }
@@ -188,7 +189,7 @@ impl Example {
                 .write(&scenario.calibration_path())
                 .unwrap();
             frames().write(&scenario.frames_path()).unwrap();
-            write_truth_boxes(&scenario.truth_boxes_path(), &[truth()]).unwrap();
+            write_truth_boxes(&scenario.truth_boxes_path(), &truth_boxes()).unwrap();
             VIEWS
                 .iter()
                 .for_each(|view| write_video(&scenario.video_path(view), TICKS));
@@ -197,13 +198,11 @@ impl Example {
         let planned = IDS.map(|id| {
             let record = record(id);
             serde_json::json!({ "id": id, "seed": 1, "config_hash": "config", "trajectory": record.trajectory,
-                "parameters": { "conditions": record.conditions } })
+                "parameters": { "conditions": record.conditions, "aircraft": record.aircraft, "runway": record.runway,
+                    "flight": record.flight, "rig": record.rig, "picture": { "frame_rate": record.frame_rate.to_string() },
+                    "cameras": VIEWS.map(|view| serde_json::json!({ "id": view })) } })
         });
-        write_json(
-            &corpus.plan_path(),
-            &serde_json::json!({ "plan_hash": "plan", "scenarios": planned }),
-        )
-        .unwrap();
+        write_plan(&corpus, &planned);
         splits([Side::Train, Side::Test])
             .write(&corpus.splits_path())
             .unwrap();
@@ -256,21 +255,50 @@ impl Example {
     }
 }
 
-fn truth() -> TruthBox {
-    TruthBox {
-        tick: 0,
-        view: "left".into(),
-        class: "aircraft".into(),
-        pixel_box: PixelBox {
-            cx_px: 20.0,
-            cy_px: 20.0,
-            width_px: 6.0,
-            height_px: 3.0,
-        },
-        visible_fraction: 1.0,
-        truncation: 0.0,
-        transmission: 0.9,
+fn write_plan(corpus: &Corpus, scenarios: &[serde_json::Value]) {
+    let mut hasher = blake3::Hasher::new();
+    for scenario in scenarios {
+        let [id, config_hash] = ["id", "config_hash"].map(|key| scenario[key].as_str().unwrap());
+        hasher.update(format!("{id} {config_hash}\n").as_bytes());
     }
+    let plan_hash = hasher.finalize().to_string();
+    let plan = serde_json::json!({ "plan_hash": plan_hash, "scenarios": scenarios });
+    write_json(&corpus.plan_path(), &plan).unwrap();
+}
+
+/// Boxes around every centre of gravity that falls into a picture.
+fn truth_boxes() -> Vec<TruthBox> {
+    let mut boxes = Vec::new();
+    for frame in frames().rows {
+        for (index, view) in VIEWS.iter().enumerate() {
+            let camera = Camera::from_pose(&camera(index), SIZE_PX, SIZE_PX);
+            let centre = frame.pose.position().to_ecef();
+            let range_m = centre.distance(camera.center_ecef_m);
+            let seen = camera.project(centre).and_then(|at| {
+                let unclipped = PixelBox {
+                    cx_px: at.x,
+                    cy_px: at.y,
+                    width_px: 6.0,
+                    height_px: 3.0,
+                };
+                let inside = unclipped.clipped_to(SIZE_PX, SIZE_PX)?;
+                Some((inside, 1.0 - inside.area() / unclipped.area()))
+            });
+            let Some((pixel_box, truncation)) = seen else {
+                continue;
+            };
+            boxes.push(TruthBox {
+                tick: frame.tick,
+                view: (*view).into(),
+                class: "aircraft".into(),
+                pixel_box,
+                visible_fraction: 1.0,
+                truncation,
+                transmission: (-3.912 * range_m / 40_000.0).exp(),
+            });
+        }
+    }
+    boxes
 }
 
 fn splits(sides: [Side; 2]) -> Splits {
@@ -336,7 +364,7 @@ fn a_pose_shifted_by_one_tick_is_found_in_its_row() {
     let findings = Example::with_table(|rows| rows[2].pose = rows[3].pose);
     assert_found(
         &findings,
-        "frames.parquet row 2: pose drawn is not the tick's: view left",
+        "frames.parquet row 2 view left: pose drawn is not the tick's",
     );
     assert!(findings.contains("row 2: label: dtd_m"), "{findings}");
     assert!(findings.contains("flight is not continuous"), "{findings}");
@@ -357,13 +385,15 @@ fn a_shifted_pose_is_found_even_if_echoes_and_labels_were_shifted_too() {
 }
 
 #[test]
-fn an_echo_that_differs_by_the_last_digit_is_found() {
-    let findings =
-        Example::with_table(|rows| rows[4].views[1].echoed_pose.altitude_msl_m += 1e-12 * 60.0);
+fn an_echo_beyond_the_tolerance_is_found_and_one_within_is_not() {
+    let raised_by = |meters: f64| {
+        Example::with_table(move |rows| rows[4].views[1].echoed_pose.altitude_msl_m += meters)
+    };
     assert_found(
-        &findings,
-        "frames.parquet row 4: pose drawn is not the tick's: view right shows altitude_msl_m",
+        &raised_by(0.011),
+        "frames.parquet row 4 view right: pose drawn is not the tick's: position",
     );
+    assert_eq!(raised_by(0.009), "");
 }
 
 #[test]
@@ -404,7 +434,7 @@ fn a_dropped_row_and_a_doubled_row_are_found() {
     let findings = Example::with_table(|rows| rows[3] = rows[2].clone());
     assert_found(&findings, "row 3: tick: is 2, expected 3");
     assert!(
-        findings.contains("row 3: simulator frames out of order"),
+        findings.contains("row 3 view left: simulator frames out of order"),
         "{findings}"
     );
 }
@@ -414,10 +444,10 @@ fn swapped_views_are_found_by_their_cameras_and_frame_numbers() {
     let findings = Example::with_table(|rows| rows[0].views.swap(0, 1));
     assert_found(
         &findings,
-        "row 0: camera drawn is not the calibrated one: view left",
+        "row 0 view left: camera drawn is not the calibrated one",
     );
     assert!(
-        findings.contains("row 0: simulator frames out of order"),
+        findings.contains("row 0 view right: simulator frames out of order"),
         "{findings}"
     );
 }
@@ -430,7 +460,7 @@ fn a_wrong_time_a_wrong_timestamp_and_a_missing_number_are_found() {
     );
     assert_found(
         &Example::with_table(|rows| rows[1].views[0].pts = 1),
-        "row 1: timestamp: pts_left is 1, expected 2",
+        "row 1 view left: timestamp: pts_left is 1, expected 2",
     );
     assert_found(
         &Example::with_table(|rows| rows[3].true_airspeed_mps = f64::NAN),
@@ -444,7 +474,7 @@ fn a_dropped_picture_and_a_truncated_video_are_found() {
         Example::with(|example| write_video(&example.path("views/right.mp4"), TICKS - 1));
     assert_found(
         &findings,
-        "views/right.mp4: has 4 pictures, but scenario.json says 5 ticks",
+        "views/right.mp4 view right: has 4 pictures, but scenario.json says 5 ticks",
     );
     let findings = Example::with(|example| {
         let path = example.path("views/left.mp4");
@@ -470,7 +500,7 @@ fn a_wrong_touchdown_a_foreign_schema_and_odd_conditions_are_found() {
         "{findings}"
     );
     assert!(
-        findings.contains("plan.json: scenario 0001-0600-clear-r1: conditions was planned"),
+        findings.contains("0001-0600-clear-r1/scenario.json: conditions was planned"),
         "{findings}"
     );
 }
@@ -529,11 +559,95 @@ fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
 fn a_folder_without_a_seal_is_found() {
     let example = Example::new();
     fs::remove_file(example.path("DONE.json")).unwrap();
-    assert_found(&example.findings(), "is no whole scenario");
+    assert_found(&example.findings(), "is not whole");
 }
 
 #[test]
 fn crowds_of_one_fault_are_counted() {
     let findings = Example::with_table(|rows| rows.iter_mut().for_each(|row| row.time_ns += 5));
     assert_found(&findings, "time: 2 more rows");
+}
+
+#[test]
+fn boxes_that_are_missing_moved_doubled_or_not_numbers_are_found() {
+    type Change = fn(&mut Vec<TruthBox>);
+    let changes: [(&str, Change); 5] = [
+        ("but no box", |boxes| drop(boxes.remove(1))),
+        ("is not around the aircraft's centre of gravity", |boxes| {
+            boxes[0].pixel_box.cx_px += 4.0;
+        }),
+        ("which has a box already", |boxes| {
+            boxes.push(boxes[0].clone());
+        }),
+        ("is not inside the picture", |boxes| {
+            boxes[0].pixel_box.width_px = f64::NAN;
+        }),
+        ("distance and visibility give", |boxes| {
+            boxes[0].transmission *= 0.9;
+        }),
+    ];
+    for (words, change) in changes {
+        let findings = Example::with(|example| {
+            let mut boxes = truth_boxes();
+            change(&mut boxes);
+            write_truth_boxes(&example.scenario().truth_boxes_path(), &boxes).unwrap();
+        });
+        assert_found(&findings, words);
+        assert!(findings.contains("boxes_truth.parquet"), "{findings}");
+    }
+}
+
+#[test]
+fn a_distance_that_grows_before_the_target_is_found() {
+    let findings = Example::with_table(|rows| {
+        let first = rows[0].clone();
+        rows[0].pose = rows[1].pose;
+        rows[0].labels = rows[1].labels;
+        rows[1].pose = first.pose;
+        rows[1].labels = first.labels;
+    });
+    assert!(findings.contains("row 1: dtd_m: grows"), "{findings}");
+}
+
+#[test]
+fn a_planned_scenario_that_is_missing_is_a_fault_only_if_the_corpus_should_be_complete() {
+    let example = Example::new();
+    fs::remove_dir_all(example.scenario().root()).unwrap();
+    let quick = VerifyOptions {
+        decode: false,
+        complete: false,
+    };
+    let report = verify_with(&example.corpus, quick, &mut |_, _| {});
+    assert_eq!(report.findings, Vec::new());
+    assert_eq!(
+        (report.missing, report.pictures),
+        (vec![IDS[0].to_owned()], 0)
+    );
+    let complete = VerifyOptions {
+        complete: true,
+        ..quick
+    };
+    let report = verify_with(&example.corpus, complete, &mut |_, _| {});
+    assert_eq!(report.findings.len(), 1);
+    assert_eq!(
+        report.findings[0].to_string(),
+        format!("{}/plan.json: is planned, but not in the corpus", IDS[0])
+    );
+}
+
+#[test]
+fn a_changed_plan_does_not_have_its_hash_any_more() {
+    let example = Example::new();
+    let plan = fs::read_to_string(example.corpus.plan_path()).unwrap();
+    fs::write(
+        example.corpus.plan_path(),
+        plan.replace("\"config_hash\": \"config\"", "\"config_hash\": \"other\""),
+    )
+    .unwrap();
+    let findings = example.findings();
+    assert!(findings.contains("plan.json: plan_hash is"), "{findings}");
+    assert!(
+        findings.contains("config_hash was planned as \"other\""),
+        "{findings}"
+    );
 }

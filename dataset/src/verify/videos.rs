@@ -1,83 +1,114 @@
 //! The videos: every picture can be decoded, and there is exactly one per tick at exactly its time.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::thread;
 
 use super::Faults;
+use super::pixels::{Scenario, ViewProof, Watcher};
 use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
 use crate::scenario::ScenarioRecord;
 use crate::video::VideoReader;
 
-/// Checks all videos of a scenario, side by side; returns how many pictures were decoded.
+/// Checks all videos of a scenario, side by side; returns how many pictures were decoded, and what they prove.
 pub(super) fn check(
     folder: &ScenarioFolder,
-    record: &ScenarioRecord,
+    scenario: &Scenario,
     calibration: Option<&Calibration>,
     faults: &mut Faults,
-) -> u64 {
-    let read: Vec<(&String, Decoded)> = thread::scope(|scope| {
-        let threads: Vec<_> = record
+) -> (u64, Vec<ViewProof>) {
+    let read: Vec<(&String, PathBuf, Decoded)> = thread::scope(|scope| {
+        let threads: Vec<_> = scenario
+            .record
             .views
             .iter()
             .map(|view| {
                 let path = folder.video_path(view);
-                (view, scope.spawn(move || decode(&path)))
+                let watcher = Watcher::new(view, scenario);
+                let decoded = scope.spawn({
+                    let path = path.clone();
+                    move || decode(&path, watcher)
+                });
+                (view, path, decoded)
             })
             .collect();
-        let join = |(view, thread): (_, thread::ScopedJoinHandle<'_, Decoded>)| {
-            let broke_down = || Decoded {
-                fault: Some("the decoder broke down".into()),
-                ..Decoded::default()
-            };
-            (view, thread.join().unwrap_or_else(|_| broke_down()))
-        };
-        threads.into_iter().map(join).collect()
+        threads
+            .into_iter()
+            .map(|(view, path, thread)| {
+                let decoded = thread.join().unwrap_or_else(|_| Decoded {
+                    fault: Some("the decoder broke down".into()),
+                    ..Decoded::default()
+                });
+                (view, path, decoded)
+            })
+            .collect()
     });
     let mut pictures = 0;
-    for (view, decoded) in read {
+    let mut proofs = Vec::new();
+    for (view, path, mut decoded) in read {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let file = format!("views/{name}");
         pictures += decoded.pts.len() as u64;
-        judge(view, &decoded, record, calibration, faults);
+        let watcher = decoded.watcher.take();
+        judge(view, &file, &decoded, scenario.record, calibration, faults);
+        if let Some(watcher) = watcher.filter(Watcher::is_needed) {
+            proofs.push(ViewProof {
+                scenario: folder.id(),
+                ..watcher.judge(&file, faults)
+            });
+        }
     }
-    pictures
+    (pictures, proofs)
 }
 
 /// What is in a video file.
 #[derive(Default)]
-struct Decoded {
+struct Decoded<'a> {
     size_px: Option<(u32, u32)>,
     time_base: Option<(u32, u32)>,
     pts: Vec<i64>,
     /// Why decoding stopped before the end.
     fault: Option<String>,
+    watcher: Option<Watcher<'a>>,
 }
 
-fn decode(path: &Path) -> Decoded {
+fn decode<'a>(path: &Path, mut watcher: Watcher<'a>) -> Decoded<'a> {
     let mut decoded = Decoded::default();
+    let mut rgb = Vec::new();
     let mut read = || -> crate::Result<()> {
         let mut reader = VideoReader::open(path)?;
-        decoded.size_px = Some((reader.width(), reader.height()));
+        let (width_px, height_px) = (reader.width(), reader.height());
+        decoded.size_px = Some((width_px, height_px));
         decoded.time_base = Some(reader.time_base());
-        while let Some(pts) = reader.skip_frame()? {
+        loop {
+            let next = if watcher.is_needed() {
+                reader.next_frame(&mut rgb)
+            } else {
+                reader.skip_frame()
+            };
+            let Some(pts) = next? else { return Ok(()) };
             decoded.pts.push(pts);
+            if watcher.is_needed() {
+                watcher.see(&rgb, width_px, height_px);
+            }
         }
-        Ok(())
     };
     let result = read();
     decoded.fault = result.err().map(|error| error.to_string());
+    decoded.watcher = Some(watcher);
     decoded
 }
 
 fn judge(
     view: &str,
+    file: &str,
     decoded: &Decoded,
     record: &ScenarioRecord,
     calibration: Option<&Calibration>,
     faults: &mut Faults,
 ) {
-    let file = format!("views/{view}.mp4");
     if let Some(fault) = &decoded.fault {
-        faults.file(&file, fault);
+        faults.view(file, view, fault);
     }
     let camera = calibration.and_then(|calibration| calibration.cameras.get(view));
     if let (Some(found), Some(camera)) = (decoded.size_px, camera)
@@ -85,15 +116,17 @@ fn judge(
     {
         let (width, height) = found;
         let expected = format!("{}x{}", camera.width_px, camera.height_px);
-        faults.file(
-            &file,
+        faults.view(
+            file,
+            view,
             format!("pictures have {width}x{height} pixels, calibration.json says {expected}"),
         );
     }
     let expected = (1, record.frame_rate.time_scale());
     if let Some(found) = decoded.time_base.filter(|found| *found != expected) {
-        faults.file(
-            &file,
+        faults.view(
+            file,
+            view,
             format!(
                 "time base is {}/{}, expected {}/{}",
                 found.0, found.1, expected.0, expected.1
@@ -101,8 +134,9 @@ fn judge(
         );
     }
     if decoded.fault.is_none() && decoded.pts.len() != record.ticks as usize {
-        faults.file(
-            &file,
+        faults.view(
+            file,
+            view,
             format!(
                 "has {} pictures, but scenario.json says {} ticks",
                 decoded.pts.len(),
@@ -113,8 +147,9 @@ fn judge(
     for (tick, pts) in decoded.pts.iter().enumerate() {
         let expected = record.frame_rate.pts_of_tick(tick as u32);
         if *pts != expected {
-            faults.row(
-                &file,
+            faults.view_row(
+                view,
+                file,
                 tick,
                 "timestamp",
                 format!("is {pts}, expected {expected}"),

@@ -172,27 +172,74 @@ fn colours_come_back_within_three_levels() {
 }
 
 #[test]
-fn a_lossless_video_gives_back_every_byte() {
-    let (_folder, path) = temporary();
-    let settings = VideoSettings {
-        codec: VideoCodec::H264Lossless,
-        preset: "ultrafast".into(),
-        ..Default::default()
-    };
-    record(&path, &settings, FrameRate::new(2, 1).unwrap(), 5);
-    let mut reader = VideoReader::open(&path).unwrap();
-    let mut rgb = Vec::new();
-    for tick in 0..5 {
-        reader.next_frame(&mut rgb).unwrap().unwrap();
-        assert!(
-            rgb == picture(place(tick).0, place(tick).1),
-            "tick {tick} differs"
+fn lossless_videos_give_back_every_byte() {
+    for codec in VideoCodec::ALL
+        .into_iter()
+        .filter(|codec| codec.is_lossless())
+    {
+        let (_folder, path) = temporary();
+        record(
+            &path,
+            &VideoSettings::of(codec),
+            FrameRate::new(2, 1).unwrap(),
+            5,
         );
+        let mut reader = VideoReader::open(&path).unwrap();
+        let mut rgb = Vec::new();
+        for tick in 0..5 {
+            reader.next_frame(&mut rgb).unwrap().unwrap();
+            assert!(
+                rgb == picture(place(tick).0, place(tick).1),
+                "{codec:?}: tick {tick} differs"
+            );
+        }
     }
 }
 
 #[test]
-fn a_truncated_and_an_unfinished_video_are_refused_by_name() {
+fn every_codec_keeps_timestamps_and_the_number_of_pictures_exactly() {
+    for codec in VideoCodec::ALL {
+        for (numerator, denominator, ticks) in [(30, 1, 12), (30_000, 1_001, 12), (1, 2, 3)] {
+            let (_folder, path) = temporary();
+            let rate = FrameRate::new(numerator, denominator).unwrap();
+            record(&path, &VideoSettings::of(codec), rate, ticks);
+            let mut reader = VideoReader::open(&path).unwrap();
+            assert_eq!(reader.time_base(), (1, numerator), "{codec:?} at {rate}");
+            assert_eq!(
+                reader.frames_announced(),
+                Some(u64::from(ticks)),
+                "{codec:?} at {rate}"
+            );
+            let mut read = Vec::new();
+            while let Some(pts) = reader.skip_frame().unwrap() {
+                read.push(pts);
+            }
+            let expected: Vec<i64> = (0..ticks).map(|tick| rate.pts_of_tick(tick)).collect();
+            assert_eq!(read, expected, "{codec:?} at {rate}");
+        }
+    }
+}
+
+#[test]
+fn settings_that_are_not_given_are_those_of_the_codec() {
+    fn given(json: &str) -> serde_json::Result<VideoSettings> {
+        serde_json::from_str(json)
+    }
+    assert_eq!(given("{}").unwrap(), VideoSettings::default());
+    for codec in VideoCodec::ALL {
+        let name = serde_json::to_string(&codec).unwrap();
+        let settings = given(&format!("{{\"codec\": {name}}}")).unwrap();
+        assert_eq!(settings, VideoSettings::of(codec));
+        assert_eq!(settings.fault(), None);
+        let back = given(&serde_json::to_string(&settings).unwrap()).unwrap();
+        assert_eq!(back, settings);
+    }
+    assert_eq!(given("{\"codec\": \"h265\", \"crf\": 9}").unwrap().crf, 9);
+    assert!(given("{\"quality\": 9}").is_err());
+}
+
+#[test]
+fn a_truncated_video_is_refused_by_name() {
     let (_folder, path) = temporary();
     record(
         &path,
@@ -202,19 +249,35 @@ fn a_truncated_and_an_unfinished_video_are_refused_by_name() {
     );
     let whole = std::fs::read(&path).unwrap();
     std::fs::write(&path, &whole[..whole.len() / 2]).unwrap();
-    let read_all = || -> crate::Result<()> {
-        let mut reader = VideoReader::open(&path)?;
-        while reader.skip_frame()?.is_some() {}
-        Ok(())
-    };
-    assert!(read_all().unwrap_err().to_string().contains("view.mp4"));
+    let error = VideoReader::open(&path)
+        .and_then(|mut reader| {
+            while reader.skip_frame()?.is_some() {}
+            Ok(())
+        })
+        .unwrap_err();
+    assert!(error.to_string().contains("view.mp4"), "{error}");
+}
 
-    let rate = FrameRate::new(30, 1).unwrap();
-    let mut writer =
-        VideoWriter::create(&path, &VideoSettings::default(), WIDTH, HEIGHT, rate).unwrap();
-    writer.write(&picture(50.0, 50.0)).unwrap();
-    drop(writer);
-    assert!(read_all().is_err());
+#[test]
+fn an_unfinished_video_holds_its_pictures_but_announces_none() {
+    for codec in VideoCodec::ALL {
+        let (_folder, path) = temporary();
+        let rate = FrameRate::new(30, 1).unwrap();
+        let settings = VideoSettings::of(codec);
+        let mut writer = VideoWriter::create(&path, &settings, WIDTH, HEIGHT, rate).unwrap();
+        for tick in 0..10 {
+            let (x, y) = place(tick);
+            writer.write(&picture(x, y)).unwrap();
+        }
+        drop(writer);
+        let mut reader = VideoReader::open(&path).unwrap();
+        assert_eq!(reader.frames_announced(), None);
+        let mut rgb = Vec::new();
+        for tick in 0..9 {
+            let pts = reader.next_frame(&mut rgb).unwrap();
+            assert_eq!(pts, Some(i64::from(tick)), "{codec:?}");
+        }
+    }
 }
 
 #[test]
@@ -238,5 +301,9 @@ fn unknown_presets_are_refused_with_the_known_ones() {
         ..Default::default()
     };
     assert!(settings.fault().unwrap().1.contains("superfast"));
-    assert_eq!(VideoSettings::default().fault(), None);
+    let coarse = VideoSettings {
+        crf: 64,
+        ..VideoSettings::of(VideoCodec::Av1)
+    };
+    assert!(coarse.fault().unwrap().1.contains("0 (best) to 63"));
 }

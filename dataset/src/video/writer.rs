@@ -1,24 +1,29 @@
 //! Writes a video, one picture per tick.
+//!
+//! Until it is finished the file consists of fragments, one per picture, each handed to the system at once: whatever kills the
+//! process, all pictures but the last one or two can be read.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use ffmpeg_next::codec::{self, threading};
+use ffmpeg_next::codec::threading;
 use ffmpeg_next::format::{self, Pixel};
 use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
 
 use super::scaler::{Matrix, Scaler};
-use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, start_ffmpeg};
+use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, index, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::frame_rate::FrameRate;
 
 /// Pictures between two that can be decoded alone, in frames: a jump in a player decodes at most this many.
 const GROUP_OF_PICTURES: u32 = 60;
 
-/// A video that is being written. Dropped before [`VideoWriter::finish`] it leaves a file that no player opens.
+/// A video that is being written. Dropped before [`VideoWriter::finish`] it leaves a readable file without an index, from which the
+/// last pictures may be missing.
 pub struct VideoWriter {
     path: PathBuf,
+    /// FFmpeg's name of the format.
+    container: &'static str,
     output: format::context::Output,
     encoder: encoder::Video,
     /// Absent if the encoder takes RGB.
@@ -31,11 +36,11 @@ pub struct VideoWriter {
 
 struct Conversion {
     scaler: Scaler,
-    yuv: frame::Video,
+    coded: frame::Video,
 }
 
 impl VideoWriter {
-    /// Starts an MP4 file. Its time base is 1 / [`FrameRate::time_scale`], so that every timestamp is exact.
+    /// Starts a file in the format of the codec, MP4 but for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every timestamp is exact.
     pub fn create(
         path: &Path,
         settings: &VideoSettings,
@@ -51,10 +56,8 @@ impl VideoWriter {
                 format!("setting {setting}: {message}"),
             ));
         }
-        let (encoder_name, pixel) = match settings.codec {
-            VideoCodec::H264 => ("libx264", Pixel::YUV420P),
-            VideoCodec::H264Lossless => ("libx264rgb", Pixel::RGB24),
-        };
+        let codec = settings.codec;
+        let (encoder_name, pixel) = (codec.encoder(), codec.pixel());
         if width_px == 0
             || height_px == 0
             || (pixel == Pixel::YUV420P && (width_px % 2 == 1 || height_px % 2 == 1))
@@ -69,15 +72,16 @@ impl VideoWriter {
             fault(
                 path,
                 "start it",
-                format!("this FFmpeg has no encoder {encoder_name}; install one built with x264"),
+                format!("this FFmpeg has no encoder {encoder_name}; install one that has it"),
             )
         })?;
         let time_scale = i32::try_from(frame_rate.time_scale())
             .map_err(|e| fault(path, "use its frame rate", e))?;
         let time_base = Rational(1, time_scale);
 
-        let mut output = format::output_as(path, "mp4").map_err(|e| fault(path, "create it", e))?;
-        let mut context = codec::context::Context::new_with_codec(named);
+        let mut output =
+            format::output_as(path, codec.extension()).map_err(|e| fault(path, "create it", e))?;
+        let mut context = ffmpeg_next::codec::context::Context::new_with_codec(named);
         context.set_threading(threading::Config {
             kind: threading::Type::Slice,
             count: settings.threads as usize,
@@ -88,7 +92,7 @@ impl VideoWriter {
             .flags()
             .contains(format::Flags::GLOBAL_HEADER)
         {
-            context.set_flags(codec::Flags::GLOBAL_HEADER);
+            context.set_flags(ffmpeg_next::codec::Flags::GLOBAL_HEADER);
         }
         let mut video = context
             .encoder()
@@ -100,7 +104,13 @@ impl VideoWriter {
         video.set_time_base(time_base);
         video.set_frame_rate(Some(Rational(time_scale, frame_rate.denominator as i32)));
         video.set_max_b_frames(0);
-        video.set_gop(GROUP_OF_PICTURES);
+        // Quality comes from the rate factor alone; libaom would take a bit rate as a limit.
+        video.set_bit_rate(0);
+        video.set_gop(if codec == VideoCodec::Ffv1 {
+            1
+        } else {
+            GROUP_OF_PICTURES
+        });
         tag_colours(&mut video, pixel);
         let encoder = video
             .open_with(encoder_options(settings))
@@ -112,46 +122,38 @@ impl VideoWriter {
         stream.set_parameters(&encoder);
         stream.set_time_base(time_base);
         stream.set_avg_frame_rate(Rational(time_scale, frame_rate.denominator as i32));
-        let mut options = Dictionary::new();
-        // Otherwise the muxer multiplies small time scales, and its edit list rounds to milliseconds.
-        options.set("video_track_timescale", &time_scale.to_string());
-        options.set("use_editlist", "0");
+        let mut options = exact_timestamps(time_scale);
+        options.set("movflags", "frag_every_frame+empty_moov+default_base_moof");
+        options.set("flush_packets", "1");
         output
             .write_header_with(options)
             .map_err(|e| fault(path, "write the header", e))?;
-        let chosen = output.stream(0).map(|stream| stream.time_base());
-        if chosen != Some(time_base) {
-            return Err(fault(
-                path,
-                "keep exact timestamps",
-                format!("time base is {chosen:?}, expected {time_base}"),
-            ));
-        }
+        check_time_base(path, &output, time_base)?;
 
-        let conversion = match settings.codec {
-            VideoCodec::H264Lossless => None,
-            VideoCodec::H264 => {
-                let flags = Flags::BILINEAR
-                    | Flags::ACCURATE_RND
-                    | Flags::FULL_CHR_H_INT
-                    | Flags::FULL_CHR_H_INP;
-                let scaler = Scaler::new(
-                    (Pixel::RGB24, pixel),
-                    width_px,
-                    height_px,
-                    flags,
-                    Matrix::Bt709,
-                    false,
-                )
-                .map_err(|e| fault(path, "prepare the colour conversion", e))?;
-                Some(Conversion {
-                    scaler,
-                    yuv: frame::Video::new(pixel, width_px, height_px),
-                })
-            }
+        let conversion = if pixel == Pixel::RGB24 {
+            None
+        } else {
+            let flags = Flags::BILINEAR
+                | Flags::ACCURATE_RND
+                | Flags::FULL_CHR_H_INT
+                | Flags::FULL_CHR_H_INP;
+            let scaler = Scaler::new(
+                (Pixel::RGB24, pixel),
+                width_px,
+                height_px,
+                flags,
+                Matrix::Bt709,
+                false,
+            )
+            .map_err(|e| fault(path, "prepare the colour conversion", e))?;
+            Some(Conversion {
+                scaler,
+                coded: frame::Video::new(pixel, width_px, height_px),
+            })
         };
         Ok(Self {
             path: path.to_owned(),
+            container: codec.extension(),
             output,
             encoder,
             conversion,
@@ -192,13 +194,13 @@ impl VideoWriter {
                 self.rgb.set_pts(Some(pts));
                 self.encoder.send_frame(&self.rgb)
             }
-            Some(Conversion { scaler, yuv }) => {
-                Scaler::make_writable(yuv).map_err(|e| fault(path, "hold a picture", e))?;
+            Some(Conversion { scaler, coded }) => {
+                Scaler::make_writable(coded).map_err(|e| fault(path, "hold a picture", e))?;
                 scaler
-                    .run(&self.rgb, yuv)
+                    .run(&self.rgb, coded)
                     .map_err(|e| fault(path, "convert a picture", e))?;
-                yuv.set_pts(Some(pts));
-                self.encoder.send_frame(yuv)
+                coded.set_pts(Some(pts));
+                self.encoder.send_frame(coded)
             }
         };
         sent.map_err(|e| self.fault(&format!("encode the picture of tick {}", self.ticks), e))?;
@@ -207,7 +209,7 @@ impl VideoWriter {
         Ok(pts)
     }
 
-    /// Completes the file and makes it durable.
+    /// Completes the file, gives it an index, and makes it durable. If that fails, what was written stays readable.
     pub fn finish(mut self) -> Result<()> {
         self.encoder
             .send_eof()
@@ -216,11 +218,9 @@ impl VideoWriter {
         self.output
             .write_trailer()
             .map_err(|e| self.fault("write the index", e))?;
-        let path = self.path.clone();
+        let (path, container, pictures) = (self.path.clone(), self.container, self.ticks);
         drop(self);
-        File::open(&path)
-            .and_then(|file| file.sync_all())
-            .map_err(Error::io("sync", &path))
+        index::add(&path, container, pictures)
     }
 
     fn write_ready_packets(&mut self) -> Result<()> {
@@ -250,9 +250,34 @@ impl VideoWriter {
     }
 }
 
+/// Options of the muxer without which it multiplies small time scales, and rounds starts to milliseconds in an edit list.
+pub(super) fn exact_timestamps(time_scale: i32) -> Dictionary<'static> {
+    let mut options = Dictionary::new();
+    options.set("video_track_timescale", &time_scale.to_string());
+    options.set("use_editlist", "0");
+    options
+}
+
+/// Refuses a file in which timestamps would be rounded. To be asked when its header is written.
+pub(super) fn check_time_base(
+    path: &Path,
+    output: &format::context::Output,
+    expected: Rational,
+) -> Result<()> {
+    let found = output.stream(0).map(|stream| stream.time_base());
+    if found == Some(expected) {
+        return Ok(());
+    }
+    Err(fault(
+        path,
+        "keep exact timestamps",
+        format!("time base is {found:?}, expected {expected}"),
+    ))
+}
+
 fn tag_colours(video: &mut encoder::video::Video, pixel: Pixel) {
     let (space, range) = match pixel {
-        Pixel::RGB24 => (color::Space::RGB, color::Range::JPEG),
+        Pixel::RGB24 | Pixel::BGRZ => (color::Space::RGB, color::Range::JPEG),
         _ => (color::Space::BT709, color::Range::MPEG),
     };
     video.set_colorspace(space);
@@ -263,10 +288,42 @@ fn tag_colours(video: &mut encoder::video::Video, pixel: Pixel) {
 
 fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
     let mut options = Dictionary::new();
-    options.set("preset", &settings.preset);
+    let crf = settings.crf.to_string();
     match settings.codec {
-        VideoCodec::H264 => options.set("crf", &settings.crf.to_string()),
-        VideoCodec::H264Lossless => options.set("qp", "0"),
+        VideoCodec::H264 => {
+            options.set("preset", &settings.preset);
+            options.set("crf", &crf);
+            options.set("tune", "zerolatency");
+        }
+        VideoCodec::H264Lossless => {
+            options.set("preset", &settings.preset);
+            options.set("qp", "0");
+            options.set("tune", "zerolatency");
+        }
+        VideoCodec::H265 => {
+            options.set("preset", &settings.preset);
+            options.set("crf", &crf);
+            options.set("tune", "zerolatency");
+            let threads = settings.threads;
+            // Else it takes all cores, and talks on stderr. Its filters smooth small targets away.
+            options.set(
+                "x265-params",
+                &format!("log-level=none:frame-threads=1:pools={threads}:no-sao=1:deblock=-6,-6"),
+            );
+        }
+        VideoCodec::Av1 => {
+            options.set("cpu-used", &settings.preset);
+            options.set("crf", &crf);
+            options.set("lag-in-frames", "0");
+            options.set("usage", "realtime");
+            // Its filters smooth small targets away.
+            options.set("enable-cdef", "0");
+            options.set("enable-restoration", "0");
+        }
+        VideoCodec::Ffv1 => {
+            options.set("level", "3");
+            options.set("slicecrc", "1");
+        }
     }
     options
 }

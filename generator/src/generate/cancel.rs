@@ -30,6 +30,12 @@ impl Cancel {
         *self.0.borrow()
     }
 
+    /// Waits until it is turned.
+    pub async fn turned(&self) {
+        // Fails only if the sender is gone, which is `self`.
+        let _ = self.0.subscribe().wait_for(|turned| *turned).await;
+    }
+
     /// Waits for `work`, but no longer than until the switch is turned.
     pub(super) async fn or<T, E: Into<ScenarioError>>(
         &self,

@@ -41,7 +41,7 @@ impl Encoders {
         let (give_back, written) = mpsc::unbounded_channel();
         let start = |view: &str| {
             let (pictures, inbox) = mpsc::channel(WAITING_PICTURES);
-            let path = folder.video_path(view);
+            let path = folder.new_video_path(view, settings.codec);
             let settings = settings.clone();
             let give_back = give_back.clone();
             let thread = spawn_blocking(move || {
@@ -88,10 +88,11 @@ impl Encoders {
             // If the thread has ended, joining it says why.
             let _ = encoder.pictures.send(Message::Finish).await;
         }
+        // All are waited for before the first failure is returned: nobody may write into the folder after this.
         for encoder in self.views {
-            all.push(joined(&encoder.view, encoder.thread.await)?);
+            all.push(joined(&encoder.view, encoder.thread.await));
         }
-        Ok(all)
+        all.into_iter().collect()
     }
 
     /// Stops all threads and waits for them, so that nobody writes into the folder any more.

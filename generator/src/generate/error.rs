@@ -1,9 +1,12 @@
 //! What can go wrong while a corpus is made.
 
-use std::path::PathBuf;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use xplane_bridge::BridgeError;
 
+use super::space;
 use crate::stand_in::StandInError;
 
 /// Why a run could not begin or go on.
@@ -33,13 +36,35 @@ pub enum GenerateError {
         example: String,
     },
     /// A folder is where a scenario has to go.
-    #[error("{}: a folder with this name is there, but {message}; move it away first", folder.display())]
+    #[error("{}: a folder with this name is there, but {message}; move it away first, then the scenario is made anew", folder.display())]
     ForeignFolder {
         /// The folder.
         folder: PathBuf,
         /// What is wrong with it.
-        message: &'static str,
+        message: String,
     },
+    /// The corpus would have to lie where something else is.
+    #[error("{}: is a file, expected a folder, or a name under which one can be made", path.display())]
+    NotAFolder {
+        /// The path.
+        path: PathBuf,
+    },
+    /// Another run keeps the files of the whole corpus for itself.
+    #[error(
+        "{}: {holder} has been writing plan.json and splits.json for {waited:?}; if it hangs, end it and run the same command again",
+        corpus.display()
+    )]
+    Held {
+        /// The corpus.
+        corpus: PathBuf,
+        /// Who.
+        holder: String,
+        /// For how long.
+        waited: Duration,
+    },
+    /// Somebody stopped the run before anything was written.
+    #[error("stopped before anything was made")]
+    Cancelled,
     /// The simulator does not answer.
     #[error(transparent)]
     Bridge(#[from] BridgeError),
@@ -54,10 +79,28 @@ pub enum GenerateError {
 impl GenerateError {
     /// Whether the caller has to change the input first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
-        matches!(
-            self,
-            Self::OtherPlan { .. } | Self::UnknownScenario { .. } | Self::ForeignFolder { .. }
-        )
+        match self {
+            Self::OtherPlan { .. }
+            | Self::UnknownScenario { .. }
+            | Self::ForeignFolder { .. }
+            | Self::NotAFolder { .. } => true,
+            // A place where no corpus can be begun.
+            Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
+                source.kind(),
+                ErrorKind::NotFound
+                    | ErrorKind::NotADirectory
+                    | ErrorKind::PermissionDenied
+                    | ErrorKind::ReadOnlyFilesystem
+            ),
+            Self::Corpus(error) => error.is_bad_content(),
+            Self::Bridge(BridgeError::Pixels(error)) => error.is_bad_input(),
+            _ => false,
+        }
+    }
+
+    /// Whether the same call may well succeed later.
+    pub fn is_passing(&self) -> bool {
+        matches!(self, Self::Held { .. } | Self::Cancelled)
     }
 }
 
@@ -67,11 +110,13 @@ pub enum ScenarioError {
     /// The run was stopped.
     #[error("stopped")]
     Cancelled,
-    /// Another process is making the same scenario.
-    #[error("another process is making it in {}", folder.display())]
-    Busy {
-        /// Where.
-        folder: PathBuf,
+    /// The simulator is there, but no picture comes.
+    #[error(
+        "the simulator did not answer within {waited:?} while pictures were taken: it is frozen or cut off"
+    )]
+    Frozen {
+        /// How long we waited.
+        waited: Duration,
     },
     /// The simulator did not do what it should.
     #[error(transparent)]
@@ -86,18 +131,14 @@ pub enum ScenarioError {
         message: String,
     },
     /// A picture does not show what was asked for.
-    #[error("tick {tick}, view {view}: {what} is {found}, expected {expected}")]
+    #[error("tick {tick}, view {view}: the simulator did not draw what was asked for: {what}")]
     NotInStep {
         /// Tick that was due.
         tick: u32,
         /// View that was due.
         view: String,
-        /// What differs.
-        what: &'static str,
-        /// What the simulator says it drew.
-        found: String,
-        /// What it was asked to draw.
-        expected: String,
+        /// What differs, drawn and expected.
+        what: String,
     },
     /// A thread that wrote a video broke down.
     #[error("the encoder of view {view} stopped: {message}")]
@@ -107,7 +148,45 @@ pub enum ScenarioError {
         /// What it said.
         message: String,
     },
+    /// The thread that hashes and renames broke down.
+    #[error("sealing the scenario broke down: {message}")]
+    Sealing {
+        /// What it said.
+        message: String,
+    },
     /// Files cannot be written.
     #[error(transparent)]
     Corpus(#[from] dataset::Error),
+}
+
+/// Whose fault a failed attempt is, which decides what the run does next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Blame {
+    /// Nobody's: the run was stopped.
+    Nobody,
+    /// The disk's: every scenario would fail.
+    Storage,
+    /// The simulator's: it may be gone.
+    Simulator,
+    /// The scenario's own, for all we know.
+    Scenario,
+}
+
+impl ScenarioError {
+    /// Whose fault it is.
+    pub(super) fn blame(&self, corpus: &Path) -> Blame {
+        match self {
+            Self::Cancelled => Blame::Nobody,
+            Self::Corpus(error) if space::is_storage_failure(error, corpus) => Blame::Storage,
+            Self::Frozen { .. } | Self::StandIn(_) => Blame::Simulator,
+            Self::Bridge(error) => match error {
+                BridgeError::Refused { .. }
+                | BridgeError::BadConditions { .. }
+                | BridgeError::NotTaken { .. }
+                | BridgeError::Packet(_) => Blame::Scenario,
+                _ => Blame::Simulator,
+            },
+            _ => Blame::Scenario,
+        }
+    }
 }

@@ -6,14 +6,15 @@
 use std::fmt::Debug;
 
 use dataset::camera::CameraPose;
+use dataset::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::frame_rate::FrameRate;
 use dataset::pose::{FlightState, Pose};
-use xplane_bridge::{CaptureRequest, CapturedFrame, Simulator};
+use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
-use super::cancel::Cancel;
+use super::attempt::Attempt;
 use super::encoders::Encoders;
 use super::error::ScenarioError;
-use super::{Event, OnEvent};
+use super::event::Event;
 use crate::sweep::Picture;
 
 /// Requests under way at once: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
@@ -41,14 +42,14 @@ pub(super) async fn capture(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[View], Picture),
     encoders: &mut Encoders,
-    cancel: &Cancel,
-    on_event: &mut OnEvent<'_>,
+    attempt: &Attempt<'_, '_>,
 ) -> Result<Vec<Vec<Drawn>>, ScenarioError> {
     let total = states.len() * views.len();
+    let deliver = simulator.deliver();
     let request = |number: usize| {
         let (tick, view) = (number / views.len(), number % views.len());
         request(
-            picture,
+            (picture, deliver),
             tick as u32,
             &states[tick],
             view as u32,
@@ -58,16 +59,18 @@ pub(super) async fn capture(
     let mut drawn: Vec<Vec<Drawn>> = Vec::with_capacity(states.len());
     let mut last_sim_frame = None;
     let mut sent = 0;
+    let under_way = UNDER_WAY.min(simulator.most_outstanding());
     for due in 0..total {
-        while sent < total.min(due + UNDER_WAY) {
-            cancel.or(simulator.send_capture(&request(sent))).await?;
+        while sent < total.min(due + under_way) {
+            let next = request(sent);
+            attempt.answered(simulator.send_capture(&next)).await?;
             sent += 1;
         }
-        let frame = cancel.or(simulator.receive_frame()).await?;
+        let frame = attempt.answered(simulator.receive_frame()).await?;
         let view = due % views.len();
         let seen = check(&request(due), &frame, &views[view].id, last_sim_frame)?;
         last_sim_frame = Some(seen.sim_frame);
-        cancel.or(encoders.write(view, frame.rgb)).await?;
+        attempt.cancel.or(encoders.write(view, frame.rgb)).await?;
         while let Some(memory) = encoders.take_written() {
             simulator.recycle(memory);
         }
@@ -76,16 +79,19 @@ pub(super) async fn capture(
             _ => drawn.push(vec![seen]),
         }
         if view + 1 == views.len() {
-            on_event(Event::Captured {
+            attempt.reporter.tell(Event::Captured {
+                id: attempt.id,
                 done: drawn.len() as u32,
             });
         }
     }
+    // What was true of the screen before the first picture has to be true after the last.
+    attempt.cancel.or(simulator.confirm_pixels()).await?;
     Ok(drawn)
 }
 
 fn request(
-    picture: Picture,
+    (picture, deliver): (Picture, Deliver),
     tick: u32,
     state: &FlightState,
     index: u32,
@@ -101,24 +107,27 @@ fn request(
         camera: view.camera,
         width_px: picture.width_px,
         height_px: picture.height_px,
+        deliver,
     }
 }
 
-/// Refuses a picture that does not show exactly what was asked for, or that is not newer than the one before it.
+/// Refuses a picture that does not show what was asked for, to within what X-Plane's 32-bit floats lose, or that is not newer than the
+/// one before it.
 fn check(
     asked: &CaptureRequest,
     frame: &CapturedFrame,
     view: &str,
     last_sim_frame: Option<u64>,
 ) -> Result<Drawn, ScenarioError> {
-    let not_in_step = |what: &'static str, found: &dyn Debug, expected: &dyn Debug| {
+    let refuse = |what: String| {
         Err(ScenarioError::NotInStep {
             tick: asked.tick,
             view: view.to_owned(),
             what,
-            found: format!("{found:?}"),
-            expected: format!("{expected:?}"),
         })
+    };
+    let not_in_step = |what: &str, found: &dyn Debug, expected: &dyn Debug| {
+        refuse(format!("{what} is {found:?}, expected {expected:?}"))
     };
     if frame.tick != asked.tick {
         return not_in_step("tick", &frame.tick, &asked.tick);
@@ -126,11 +135,11 @@ fn check(
     if frame.view != asked.view {
         return not_in_step("number of the view", &frame.view, &asked.view);
     }
-    if frame.pose != asked.pose {
-        return not_in_step("pose of the aircraft", &frame.pose, &asked.pose);
+    if let Some(mismatch) = aircraft_mismatch(&frame.pose, &asked.pose) {
+        return refuse(format!("the aircraft was drawn with {mismatch}"));
     }
-    if frame.camera != asked.camera {
-        return not_in_step("camera", &frame.camera, &asked.camera);
+    if let Some(mismatch) = camera_mismatch(&frame.camera, &asked.camera) {
+        return refuse(format!("the camera stood with {mismatch}"));
     }
     let (found, expected) = (
         (frame.width_px, frame.height_px),
@@ -185,6 +194,7 @@ mod tests {
             },
             width_px: 4,
             height_px: 2,
+            deliver: Deliver::Picture,
         }
     }
 
@@ -224,10 +234,14 @@ mod tests {
     fn every_difference_is_refused_with_tick_and_view() {
         type Change = fn(&mut CapturedFrame);
         let wrong: [(&str, Change); 6] = [
-            ("tick is 4", |f| f.tick = 4),
+            ("tick is 4, expected 5", |f| f.tick = 4),
             ("number of the view", |f| f.view = 0),
-            ("pose of the aircraft", |f| f.pose.latitude_deg += 1e-12),
-            ("camera", |f| f.camera.hfov_deg = 10.1),
+            ("the aircraft was drawn with position", |f| {
+                f.pose.latitude_deg += 1e-6;
+            }),
+            ("the camera stood with hfov_deg 10.1", |f| {
+                f.camera.hfov_deg = 10.1;
+            }),
             ("size of the picture", |f| f.rgb.truncate(23)),
             ("frame number is 99, expected \"more than 99\"", |f| {
                 f.sim_frame = 99;

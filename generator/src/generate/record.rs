@@ -9,51 +9,63 @@ use dataset::pose::FlightState;
 use dataset::scenario::{Flight, SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::{commit_folder, seal_folder};
 use dataset::units::Degrees;
+use tokio::task::spawn_blocking;
+use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
-use xplane_bridge::{Simulator, SimulatorDescription};
 
-use super::cancel::Cancel;
+use super::attempt::Attempt;
+use super::claim::Claim;
 use super::encoders::Encoders;
 use super::error::ScenarioError;
+use super::event::Event;
 use super::lockstep::{Drawn, View, capture};
 use super::session::Session;
 use super::workplace::Workplace;
-use super::{Event, OnEvent};
-use crate::plan::{LiveStart, Parameters, Plan, PlannedScenario};
+use crate::plan::{Common, LiveStart, Plan, PlannedScenario};
 use crate::rig;
-use crate::sweep::Sweep;
+use crate::sweep::{Picture, Sweep};
 use crate::trajectory::Trajectory;
 
 /// A live flight may take so many times as long as expected, and this many seconds more, before the simulator gives up.
 const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
 
+/// What a scenario is made from and where it goes.
+pub(super) struct Work<'a> {
+    pub(super) sweep: &'a Sweep,
+    pub(super) plan: &'a Plan,
+    pub(super) corpus: &'a Corpus,
+}
+
 /// Makes a scenario and commits it; returns its number of ticks. On failure nothing of it is left.
 pub(super) async fn record(
-    sweep: &Sweep,
-    plan: &Plan,
+    work: &Work<'_>,
     scenario: &PlannedScenario,
-    corpus: &Corpus,
+    claim: &Claim,
     session: &mut Session,
-    cancel: &Cancel,
-    on_event: &mut OnEvent<'_>,
+    attempt: &Attempt<'_, '_>,
 ) -> Result<u32, ScenarioError> {
-    let workplace = Workplace::take(corpus, &scenario.id)?;
-    match record_into(
-        workplace.folder(),
-        sweep,
-        plan,
-        scenario,
-        session,
-        cancel,
-        on_event,
-    )
-    .await
+    let committed = work.corpus.scenario(&scenario.id);
+    if let Some(left) = Workplace::finished(work.corpus, &scenario.id, &scenario.config_hash, claim)
     {
+        let ticks = left.folder().record()?.ticks;
+        commit_folder(left.folder().root(), committed.root())?;
+        return Ok(ticks);
+    }
+    let workplace = Workplace::clear(work.corpus, &scenario.id, claim)?;
+    let folder = workplace.folder();
+    let recorded = async {
+        let (ticks, simulator) = record_into(folder, work, scenario, session, attempt).await?;
+        let (partial, config_hash) = (folder.root().to_owned(), scenario.config_hash.clone());
+        // Hashing and syncing videos takes seconds, in which other simulators are not to wait.
+        on_a_thread(move || {
+            seal_folder(&partial, &config_hash)?;
+            commit_folder(&partial, committed.root())
+        })
+        .await?;
+        Ok((ticks, simulator))
+    };
+    match recorded.await {
         Ok((ticks, simulator)) => {
-            commit_folder(
-                workplace.folder().root(),
-                corpus.scenario(&scenario.id).root(),
-            )?;
             if let Err(error) = simulator.release().await {
                 tracing::warn!(%error, "the scenario is whole, but the simulator did not take leave");
             }
@@ -66,40 +78,52 @@ pub(super) async fn record(
     }
 }
 
+async fn on_a_thread(
+    work: impl FnOnce() -> dataset::Result<()> + Send + 'static,
+) -> Result<(), ScenarioError> {
+    match spawn_blocking(work).await {
+        Ok(done) => Ok(done?),
+        Err(panic) => Err(ScenarioError::Sealing {
+            message: panic.to_string(),
+        }),
+    }
+}
+
+/// Fills the folder with everything but the seal.
 async fn record_into(
     folder: &ScenarioFolder,
-    sweep: &Sweep,
-    plan: &Plan,
+    work: &Work<'_>,
     scenario: &PlannedScenario,
     session: &mut Session,
-    cancel: &Cancel,
-    on_event: &mut OnEvent<'_>,
+    attempt: &Attempt<'_, '_>,
 ) -> Result<(u32, Simulator), ScenarioError> {
-    let parameters = &scenario.parameters;
-    let picture = parameters.picture;
+    let (common, parameters) = (&work.plan.common, &scenario.parameters);
+    let picture = common.picture;
+    let cancel = attempt.cancel;
     let mut simulator = cancel.or(session.connect()).await?;
+    simulator.set_aircraft(&common.aircraft);
     cancel
         .or(simulator.set_conditions(&parameters.conditions))
         .await?;
-    let trajectory = trajectory(sweep, scenario, &mut simulator, cancel).await?;
+    let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
     let window = trajectory
-        .approach(&parameters.runway, parameters.start_dtd_m)
+        .approach(&common.runway, parameters.start_dtd_m)
         .map_err(|message| ScenarioError::Flight { message })?;
     let states = trajectory.resample(window, picture.frame_rate);
-    on_event(Event::Flown {
+    attempt.reporter.tell(Event::Flown {
+        id: attempt.id,
         ticks: states.len() as u32,
     });
 
-    cancel.or(simulator.freeze(&parameters.runway)).await?;
-    let views = views(parameters);
+    cancel.or(simulator.freeze(&common.runway)).await?;
+    let views = views(common);
     let ids = views.iter().map(|view| view.id.as_str());
-    let mut encoders = Encoders::start(folder, ids, picture, &parameters.video);
+    let mut encoders = Encoders::start(folder, ids, picture, &common.video);
     let drawn = match capture(
         &mut simulator,
         (&states, &views, picture),
         &mut encoders,
-        cancel,
-        on_event,
+        attempt,
     )
     .await
     {
@@ -110,43 +134,45 @@ async fn record_into(
         }
     };
     let pts = encoders.finish().await?;
+    // Nothing is sealed that a simulator with other settings may have drawn.
+    cancel.or(simulator.confirm_conditions()).await?;
 
-    frames(&views, &states, &drawn, &pts, parameters).write(&folder.frames_path())?;
+    frames(&views, &states, &drawn, &pts, picture).write(&folder.frames_path())?;
     let placed = views.iter().map(|view| (view.id.as_str(), view.camera));
     Calibration::from_poses(placed, picture.width_px, picture.height_px)
         .write(&folder.calibration_path())?;
     scenario_record(
-        plan,
+        work.plan,
         scenario,
         &trajectory,
         &views,
         states.len(),
-        simulator.description(),
+        &simulator,
     )
     .write(&folder.record_path())?;
-    seal_folder(folder.root(), &scenario.config_hash)?;
     Ok((states.len() as u32, simulator))
 }
 
-fn views(parameters: &Parameters) -> Vec<View> {
+fn views(common: &Common) -> Vec<View> {
     let place = |camera: &crate::sweep::Camera| View {
         id: camera.id.clone(),
-        camera: rig::place(camera, &parameters.runway),
+        camera: rig::place(camera, &common.runway),
     };
-    parameters.cameras.iter().map(place).collect()
+    common.cameras.iter().map(place).collect()
 }
 
 /// The flight of a scenario: read with the sweep, or flown now.
 async fn trajectory(
-    sweep: &Sweep,
+    work: &Work<'_>,
     scenario: &PlannedScenario,
     simulator: &mut Simulator,
-    cancel: &Cancel,
+    attempt: &Attempt<'_, '_>,
 ) -> Result<Arc<Trajectory>, ScenarioError> {
     let parameters = &scenario.parameters;
     match (&parameters.flight, &parameters.live) {
         (Flight::Recorded { file, blake3 }, _) => {
-            let recordings = sweep
+            let recordings = work
+                .sweep
                 .recorded
                 .iter()
                 .flat_map(|flights| &flights.recordings);
@@ -162,8 +188,9 @@ async fn trajectory(
                 })
         }
         (Flight::Live, Some(live)) => {
-            let states = cancel
-                .or(simulator.fly(&fly_request(scenario, live)))
+            let states = attempt
+                .cancel
+                .or(simulator.fly(&fly_request(&work.plan.common, scenario, live)))
                 .await?;
             Trajectory::new(states)
                 .map(Arc::new)
@@ -175,19 +202,16 @@ async fn trajectory(
     }
 }
 
-fn fly_request(scenario: &PlannedScenario, live: &LiveStart) -> FlyRequest {
-    let Parameters {
-        runway,
-        start_dtd_m,
-        picture,
-        ..
-    } = &scenario.parameters;
+fn fly_request(common: &Common, scenario: &PlannedScenario, live: &LiveStart) -> FlyRequest {
+    let Common {
+        runway, picture, ..
+    } = common;
     let altitude_msl_m = live.profile.start_altitude_msl_m() + live.above_profile_m;
     let (factor, more_s) = FLIGHT_TIME_MARGIN;
     FlyRequest {
         start: FlightStart {
             position: runway
-                .point_on_approach(*start_dtd_m, live.cross_track_m)
+                .point_on_approach(scenario.parameters.start_dtd_m, live.cross_track_m)
                 .at_altitude_m(altitude_msl_m),
             heading_true_deg: Degrees(runway.course_true_deg + live.heading_offset_deg)
                 .wrapped_360()
@@ -198,6 +222,7 @@ fn fly_request(scenario: &PlannedScenario, live: &LiveStart) -> FlyRequest {
         profile: live.profile,
         seed: scenario.seed,
         time_limit_s: f64::from(scenario.ticks) * picture.frame_rate.period_s() * factor + more_s,
+        already_started: false,
     }
 }
 
@@ -206,9 +231,9 @@ fn frames(
     states: &[FlightState],
     drawn: &[Vec<Drawn>],
     pts: &[Vec<i64>],
-    parameters: &Parameters,
+    picture: Picture,
 ) -> Frames {
-    let rate = parameters.picture.frame_rate;
+    let rate = picture.frame_rate;
     // Counted from the scenario's first picture, so that a scenario gives the same table whenever it is made.
     let first_sim_frame = drawn
         .first()
@@ -250,9 +275,9 @@ fn scenario_record(
     trajectory: &Trajectory,
     views: &[View],
     ticks: usize,
-    simulator: &SimulatorDescription,
+    simulator: &Simulator,
 ) -> ScenarioRecord {
-    let parameters = &scenario.parameters;
+    let (common, parameters) = (&plan.common, &scenario.parameters);
     ScenarioRecord {
         schema_version: SCHEMA_VERSION,
         id: scenario.id.clone(),
@@ -260,21 +285,26 @@ fn scenario_record(
         seed: scenario.seed,
         plan_hash: plan.plan_hash.clone(),
         config_hash: scenario.config_hash.clone(),
-        aircraft: parameters.aircraft.clone(),
-        frame_rate: parameters.picture.frame_rate,
+        aircraft: common.aircraft.clone(),
+        frame_rate: common.picture.frame_rate,
         ticks: ticks as u32,
-        runway: parameters.runway.clone(),
-        touchdown: parameters.runway.touchdown_target(),
+        runway: common.runway.clone(),
+        touchdown: common.runway.touchdown_target(),
         flight_touchdown: trajectory.touchdown(),
         geoid: None,
         conditions: parameters.conditions.clone(),
         flight: parameters.flight.clone(),
-        rig: parameters.rig.clone(),
+        rig: common.rig.clone(),
         views: views.iter().map(|view| view.id.clone()).collect(),
         versions: Versions {
             dtd: env!("CARGO_PKG_VERSION").into(),
-            simulator: format!("{} {}", simulator.name, simulator.version),
-            capture_link: simulator.capture_link,
+            simulator: format!(
+                "{} {}",
+                simulator.description().name,
+                simulator.description().version
+            ),
+            capture_link: simulator.description().capture_link,
+            pixels: Some(simulator.pixels().name().into()),
         },
     }
 }

@@ -1,21 +1,27 @@
-//! The simulator of a run: found or started, connected afresh for every scenario.
+//! One simulator of a run: found or started, connected afresh for every scenario, waited for when it is gone.
 
+use std::fmt;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
+use std::time::Duration;
 
+use tokio::time::{Instant, sleep};
 use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
 
 use super::error::ScenarioError;
-use crate::stand_in::{StandIn, StandInError};
+use super::pictures::Pictures;
+use crate::stand_in::{StandIn, StandInError, StandInTask};
 
 /// Which simulator to use.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum SimulatorTarget {
     /// Our own, started for this run.
     StandIn,
     /// One that runs already and takes UDP packets there.
     Address(SocketAddr),
+    /// A session recorded with `dtd record`, served for this run.
+    Tape(PathBuf),
 }
 
 impl FromStr for SimulatorTarget {
@@ -25,7 +31,13 @@ impl FromStr for SimulatorTarget {
         if text == "mock" {
             return Ok(Self::StandIn);
         }
-        let expected = "expected `mock` or HOST:PORT, e.g. 127.0.0.1:49000";
+        if let Some(tape) = text.strip_prefix("tape:") {
+            return match Path::new(tape).is_file() {
+                true => Ok(Self::Tape(tape.into())),
+                false => Err(format!("no tape: there is no file {tape:?}")),
+            };
+        }
+        let expected = "expected `mock`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
         let mut found = text
             .to_socket_addrs()
             .map_err(|e| format!("no simulator address: {text:?}: {e}; {expected}"))?;
@@ -40,36 +52,62 @@ impl FromStr for SimulatorTarget {
     }
 }
 
+impl fmt::Display for SimulatorTarget {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::StandIn => f.write_str("stand-in"),
+            Self::Address(address) => address.fmt(f),
+            Self::Tape(tape) => write!(f, "tape {}", tape.display()),
+        }
+    }
+}
+
+/// How often a simulator that is gone is looked for.
+const LOOK_AGAIN: Duration = Duration::from_secs(1);
+
 pub(super) struct Session {
+    target: SimulatorTarget,
+    /// As messages call it.
+    name: String,
     program: PathBuf,
-    address: SocketAddr,
+    pictures: Pictures,
     stand_in: Option<StandIn>,
-    /// The connection with which the session was opened; the first scenario uses it.
+    /// A connection that nobody has used yet; the next scenario uses it.
     ready: Option<Simulator>,
 }
 
 impl Session {
-    /// Finds or starts the simulator and connects to it.
-    pub(super) async fn open(
+    /// The session of the simulator with this number, counted from 0; nothing is started or connected yet.
+    pub(super) fn new(
         target: &SimulatorTarget,
+        number: usize,
         program: &Path,
-    ) -> Result<Self, super::GenerateError> {
-        let stand_in = match target {
-            SimulatorTarget::StandIn => Some(StandIn::start(program).await?),
-            SimulatorTarget::Address(_) => None,
+        pictures: &Pictures,
+    ) -> Self {
+        let name = match target {
+            SimulatorTarget::StandIn => format!("{target} {}", number + 1),
+            other => other.to_string(),
         };
-        let address = match (target, &stand_in) {
-            (SimulatorTarget::Address(address), _) => *address,
-            (SimulatorTarget::StandIn, Some(stand_in)) => stand_in.address(),
-            (SimulatorTarget::StandIn, None) => unreachable!("the stand-in was started above"),
-        };
-        let ready = Simulator::connect(address, CONNECT_TIMEOUT).await?;
-        Ok(Self {
+        Self {
+            target: target.clone(),
+            name,
             program: program.to_owned(),
-            address,
-            stand_in,
-            ready: Some(ready),
-        })
+            pictures: pictures.clone(),
+            stand_in: None,
+            ready: None,
+        }
+    }
+
+    /// What messages call the simulator.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Finds or starts the simulator and connects to it.
+    pub(super) async fn open(&mut self) -> Result<(), ScenarioError> {
+        let ready = self.connect().await?;
+        self.ready = Some(ready);
+        Ok(())
     }
 
     /// A connection that nobody used yet. A stand-in that died is started again.
@@ -77,20 +115,51 @@ impl Session {
         if let Some(ready) = self.ready.take() {
             return Ok(ready);
         }
-        self.revive().await?;
-        Ok(Simulator::connect(self.address, CONNECT_TIMEOUT).await?)
+        let address = match &self.target {
+            SimulatorTarget::Address(address) => *address,
+            SimulatorTarget::StandIn => self.own_address(None).await?,
+            SimulatorTarget::Tape(tape) => self.own_address(Some(tape.clone())).await?,
+        };
+        let simulator = Simulator::connect(address, CONNECT_TIMEOUT).await?;
+        Ok(self.pictures.set_up(simulator).await?)
     }
 
-    async fn revive(&mut self) -> Result<(), StandInError> {
+    /// Where the process of our own listens that plays the simulator, or plays it from a tape.
+    async fn own_address(&mut self, tape: Option<PathBuf>) -> Result<SocketAddr, StandInError> {
         if let Some(stand_in) = &mut self.stand_in
-            && !stand_in.is_running()
+            && stand_in.is_running()
         {
-            tracing::warn!("the stand-in simulator died and is started again");
-            let fresh = StandIn::start(&self.program).await?;
-            self.address = fresh.address();
-            *stand_in = fresh;
+            return Ok(stand_in.address());
         }
-        Ok(())
+        let task = match &tape {
+            Some(tape) => StandInTask::Play(tape),
+            None => match self.pictures.window_px() {
+                Some(picture_px) => StandInTask::Show(picture_px),
+                None => StandInTask::Simulate,
+            },
+        };
+        let fresh = StandIn::start(&self.program, task).await?;
+        Ok(self.stand_in.insert(fresh).address())
+    }
+
+    /// Waits until the simulator answers, `limit` at most, and says whether it does. One of our own is started afresh, since whatever it
+    /// did last was not right.
+    pub(super) async fn come_back(&mut self, limit: Duration) -> bool {
+        self.ready = None;
+        if let Some(stand_in) = self.stand_in.take() {
+            stand_in.stop().await;
+        }
+        let until = Instant::now() + limit;
+        loop {
+            match self.open().await {
+                Ok(()) => return true,
+                Err(error) => tracing::debug!(simulator = self.name, %error, "still away"),
+            }
+            if Instant::now() >= until {
+                return false;
+            }
+            sleep(LOOK_AGAIN.min(limit)).await;
+        }
     }
 
     /// Takes leave.
@@ -109,6 +178,15 @@ impl Session {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_tape_is_a_target_if_there_is_one() {
+        let lost = "tape:no/such.mcap".parse::<SimulatorTarget>().unwrap_err();
+        assert!(lost.contains("no/such.mcap"), "{lost}");
+        let tape = tempfile::NamedTempFile::new().unwrap();
+        let text = format!("tape:{}", tape.path().display());
+        assert_eq!(text.parse(), Ok(SimulatorTarget::Tape(tape.path().into())));
+    }
 
     #[test]
     fn targets_are_read_and_wrong_ones_explained() {

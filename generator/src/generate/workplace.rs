@@ -1,50 +1,43 @@
-//! The folder in which one scenario is being made, held by one process at a time.
+//! The folder in which one scenario is being made, by whoever holds the scenario's claim.
 
-use std::fs::{self, File, TryLockError};
+use std::fs;
 
 use dataset::Error;
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::seal;
 
-use super::error::ScenarioError;
+use super::claim::Claim;
 
-/// An empty `<id>.partial/`, locked until this value is dropped. The lock is the system's own and ends with the process, however it
-/// ends.
+/// A `<id>.partial/`, ours because the claim is.
 pub(super) struct Workplace {
     folder: ScenarioFolder,
-    _lock: File,
 }
 
 impl Workplace {
-    /// Takes the folder of a scenario and clears what an earlier, unfinished attempt left.
-    pub(super) fn take(corpus: &Corpus, id: &str) -> Result<Self, ScenarioError> {
+    /// The folder of a scenario, empty: what an earlier, unfinished attempt left is cleared.
+    pub(super) fn clear(corpus: &Corpus, id: &str, _claim: &Claim) -> dataset::Result<Self> {
         let folder = corpus.partial_scenario(id);
         let root = folder.root();
-        fs::create_dir_all(root).map_err(Error::io("create", root))?;
-        let lock = File::open(root).map_err(Error::io("open", root))?;
-        match lock.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                return Err(ScenarioError::Busy {
-                    folder: root.to_owned(),
-                });
-            }
-            Err(TryLockError::Error(source)) => return Err(Error::io("lock", root)(source).into()),
-        }
-        for entry in fs::read_dir(root).map_err(Error::io("list", root))? {
-            let path = entry.map_err(Error::io("list", root))?.path();
-            let removed = if path.is_dir() {
-                fs::remove_dir_all(&path)
-            } else {
-                fs::remove_file(&path)
-            };
-            removed.map_err(Error::io("remove", &path))?;
+        if root.exists() {
+            fs::remove_dir_all(root).map_err(Error::io("remove", root))?;
         }
         let views = root.join("views");
-        fs::create_dir(&views).map_err(Error::io("create", &views))?;
-        Ok(Self {
-            folder,
-            _lock: lock,
-        })
+        fs::create_dir_all(&views).map_err(Error::io("create", &views))?;
+        Ok(Self { folder })
+    }
+
+    /// The folder as an earlier run left it, if that run was killed after sealing and before renaming it: all its files are there and
+    /// have the hashes that were sealed.
+    pub(super) fn finished(
+        corpus: &Corpus,
+        id: &str,
+        config_hash: &str,
+        _claim: &Claim,
+    ) -> Option<Self> {
+        let folder = corpus.partial_scenario(id);
+        let seal = folder.seal().ok()??;
+        (seal.config_hash == config_hash && seal::faults(folder.root()).ok()?.is_empty())
+            .then_some(Self { folder })
     }
 
     pub(super) fn folder(&self) -> &ScenarioFolder {
@@ -61,29 +54,32 @@ impl Workplace {
 
 #[cfg(test)]
 mod tests {
+    use super::super::claim::Claimed;
     use super::*;
 
     #[test]
-    fn a_workplace_is_clean_and_has_one_owner() {
+    fn what_a_killed_run_left_is_cleared_unless_it_was_finished() {
         let folder = tempfile::tempdir().unwrap();
         let corpus = Corpus::create(folder.path()).unwrap();
-        let left = corpus.partial_scenario("0001").root().join("views");
-        fs::create_dir_all(&left).unwrap();
-        fs::write(left.join("left.mp4"), "half").unwrap();
+        let Claimed::Mine(claim) = Claim::take(&corpus, "0001").unwrap() else {
+            panic!("nobody else is there");
+        };
+        let finished = |hash| Workplace::finished(&corpus, "0001", hash, &claim).is_some();
+        assert!(!finished("config"));
 
-        let mine = Workplace::take(&corpus, "0001").unwrap();
-        assert_eq!(
-            fs::read_dir(mine.folder().root().join("views"))
-                .unwrap()
-                .count(),
-            0
-        );
-        assert!(matches!(
-            Workplace::take(&corpus, "0001"),
-            Err(ScenarioError::Busy { .. })
-        ));
-        drop(mine);
-        Workplace::take(&corpus, "0001").unwrap().abandon();
+        let place = Workplace::clear(&corpus, "0001", &claim).unwrap();
+        let video = place.folder().root().join("views/left.mp4");
+        fs::write(&video, "video").unwrap();
+        assert!(!finished("config"), "it is not sealed");
+        seal::seal_folder(place.folder().root(), "config").unwrap();
+        assert!(finished("config"));
+        assert!(!finished("other"), "it was made from other parameters");
+        fs::write(&video, "vide").unwrap();
+        assert!(!finished("config"), "a file is not what was sealed");
+
+        let place = Workplace::clear(&corpus, "0001", &claim).unwrap();
+        assert!(!video.exists());
+        place.abandon();
         assert!(!corpus.partial_scenario("0001").root().exists());
     }
 }

@@ -1,7 +1,8 @@
 //! How two plans for one corpus differ.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
+use serde::Serialize;
 use serde_json::Value;
 
 use super::{Plan, PlannedScenario};
@@ -9,44 +10,85 @@ use super::{Plan, PlannedScenario};
 /// So many differences say enough.
 const MOST_SHOWN: usize = 3;
 
-/// Why `new` cannot take the place of `frozen`; `None` if every scenario of `frozen` is in it unchanged.
-pub(super) fn conflict(new: &Plan, frozen: &Plan) -> Option<String> {
-    let by_id: BTreeMap<&str, &PlannedScenario> =
-        new.scenarios.iter().map(|s| (s.id.as_str(), s)).collect();
-    let differences: Vec<String> = frozen
-        .scenarios
-        .iter()
-        .filter_map(|old| match by_id.get(old.id.as_str()) {
-            None => Some(format!("scenario {} is no longer in the sweep", old.id)),
-            Some(now) if now.config_hash != old.config_hash => Some(changed(old, now)),
-            Some(_) => None,
-        })
-        .collect();
-    if differences.is_empty() {
-        return None;
-    }
-    let more = differences.len().saturating_sub(MOST_SHOWN);
-    let mut text = differences
-        .into_iter()
-        .take(MOST_SHOWN)
-        .collect::<Vec<_>>()
-        .join("; ");
-    if more > 0 {
-        text += &format!("; and {more} more");
-    }
-    Some(text)
+/// What a plan adds to, changes in and takes from an earlier one.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
+pub struct Difference {
+    /// Scenarios that only the new plan has.
+    pub added: Vec<String>,
+    /// Scenarios that both have, but not with the same parameters.
+    pub changed: Vec<Change>,
+    /// Scenarios that only the earlier plan has.
+    pub removed: Vec<String>,
 }
 
-fn changed(old: &PlannedScenario, now: &PlannedScenario) -> String {
-    let [before, after] = [old, now].map(|s| serde_json::to_value(s).unwrap_or_default());
-    let what = first_difference("", &before, &after).unwrap_or_else(|| "its hash differs".into());
-    format!("scenario {}: {what}", old.id)
+/// A scenario that is not what it was.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Change {
+    /// Its identifier.
+    pub id: String,
+    /// The first value that differs: what it was and what it is now.
+    pub what: String,
+}
+
+impl Difference {
+    pub(super) fn between(old: &Plan, new: &Plan) -> Self {
+        let before: BTreeMap<&str, &PlannedScenario> =
+            old.scenarios.iter().map(|s| (s.id.as_str(), s)).collect();
+        let after: BTreeSet<&str> = new.scenarios.iter().map(|s| s.id.as_str()).collect();
+        let common = first_difference_of(&old.common, &new.common);
+        let mut difference = Self::default();
+        for scenario in &new.scenarios {
+            match before.get(scenario.id.as_str()) {
+                None => difference.added.push(scenario.id.clone()),
+                Some(earlier) if earlier.config_hash != scenario.config_hash => {
+                    let what = common
+                        .clone()
+                        .or_else(|| first_difference_of(*earlier, scenario));
+                    difference.changed.push(Change {
+                        id: scenario.id.clone(),
+                        what: what.unwrap_or_else(|| "its hash differs".into()),
+                    });
+                }
+                Some(_) => {}
+            }
+        }
+        let removed = old.scenarios.iter().map(|s| &s.id);
+        difference.removed = removed
+            .filter(|id| !after.contains(id.as_str()))
+            .cloned()
+            .collect();
+        difference
+    }
+
+    /// Why a corpus of the earlier plan cannot be finished with the new one; `None` if scenarios are only added.
+    pub fn conflict(&self) -> Option<String> {
+        let removed = self.removed.iter();
+        let changed = self.changed.iter();
+        let all: Vec<String> = removed
+            .map(|id| format!("scenario {id} is no longer in the sweep"))
+            .chain(changed.map(|change| format!("scenario {}: {}", change.id, change.what)))
+            .collect();
+        if all.is_empty() {
+            return None;
+        }
+        let shown = all[..MOST_SHOWN.min(all.len())].join("; ");
+        match all.len().saturating_sub(MOST_SHOWN) {
+            0 => Some(shown),
+            more => Some(format!("{shown}; and {more} more")),
+        }
+    }
+}
+
+fn first_difference_of(before: &impl Serialize, after: &impl Serialize) -> Option<String> {
+    let before = serde_json::to_value(before).unwrap_or_default();
+    let after = serde_json::to_value(after).unwrap_or_default();
+    first_difference("", &before, &after)
 }
 
 /// The first value that differs between two JSON documents, hashes left aside.
 fn first_difference(path: &str, before: &Value, after: &Value) -> Option<String> {
     let below = |key: &str| {
-        if path.is_empty() {
+        if path.is_empty() || path == "parameters" {
             key.to_owned()
         } else {
             format!("{path}.{key}")

@@ -1,6 +1,7 @@
 //! The split of a corpus into train, validation and test, by trajectory.
 
-use std::collections::BTreeMap;
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BinaryHeap};
 
 use dataset::splits::{Assignment, Side, Splits};
 
@@ -12,6 +13,16 @@ use crate::sweep::SplitFractions;
 struct Group<'a> {
     trajectory: &'a str,
     scenarios: Vec<&'a PlannedScenario>,
+}
+
+impl<'a> Group<'a> {
+    /// Weather and time of each scenario.
+    fn conditions(&self) -> Vec<Condition<'a>> {
+        let scenarios = self.scenarios.iter();
+        scenarios
+            .map(|s| (s.weather.as_str(), s.time_of_day.as_str()))
+            .collect()
+    }
 }
 
 /// Assigns every scenario of a plan to a side. The test side gets its part first, chosen so that weathers and times are spread over it
@@ -97,7 +108,59 @@ fn groups(plan: &Plan) -> Vec<Group<'_>> {
         .collect()
 }
 
-/// Adds trajectories to a side until it has `target` scenarios, leaving at least `reserve` for the other sides.
+/// Weather and time of a scenario.
+type Condition<'a> = (&'a str, &'a str);
+/// Shuffle key and name of a trajectory.
+type Waiting<'a> = (u64, &'a str);
+
+/// Free trajectories that are flown in the same conditions, equally often: they crowd a side in the same way.
+struct Alike<'a> {
+    /// Those of each scenario of one of them, sorted.
+    conditions: Vec<Condition<'a>>,
+    /// Shuffled, the next one last.
+    waiting: Vec<Waiting<'a>>,
+}
+
+/// Crowding, shuffle key and name of the next trajectory, and where it waits. The heap gives the smallest.
+type Entry<'a> = Reverse<(usize, Waiting<'a>, usize)>;
+
+impl<'a> Alike<'a> {
+    fn entry(&self, index: usize, on_side: &OnSide<'_>) -> Option<Entry<'a>> {
+        let next = *self.waiting.last()?;
+        Some(Reverse((on_side.crowding(&self.conditions), next, index)))
+    }
+}
+
+/// How many scenarios of each weather and of each time a side has.
+#[derive(Default)]
+struct OnSide<'a> {
+    scenarios: usize,
+    weathers: BTreeMap<&'a str, usize>,
+    times: BTreeMap<&'a str, usize>,
+}
+
+impl<'a> OnSide<'a> {
+    fn add(&mut self, weather: &'a str, time: &'a str) {
+        self.scenarios += 1;
+        *self.weathers.entry(weather).or_default() += 1;
+        *self.times.entry(time).or_default() += 1;
+    }
+
+    /// How often the weathers and times of a trajectory are already on the side, per thousand scenarios of it.
+    fn crowding(&self, conditions: &[Condition<'_>]) -> usize {
+        let count = |counts: &BTreeMap<&str, usize>, key| counts.get(key).copied().unwrap_or(0);
+        let shared = conditions
+            .iter()
+            .map(|(weather, time)| count(&self.weathers, weather) + count(&self.times, time));
+        1_000 * shared.sum::<usize>() / conditions.len().max(1)
+    }
+}
+
+/// Adds trajectories to a side until it has `target` scenarios, leaving at least `reserve` for the other sides. Next is always the one
+/// whose weathers and times the side has least of.
+///
+/// The side only grows, so crowding only grows and room only shrinks: what lies in the heap with an old crowding lies too far up,
+/// never too far down, and what does not fit will not fit later.
 fn fill<'a>(
     side: Side,
     target: usize,
@@ -106,48 +169,67 @@ fn fill<'a>(
     master_seed: u64,
     assigned: &mut BTreeMap<&'a str, Side>,
 ) {
-    loop {
-        let on_side: Vec<&PlannedScenario> = groups
-            .iter()
-            .filter(|group| assigned.get(group.trajectory) == Some(&side))
-            .flat_map(|group| group.scenarios.iter().copied())
-            .collect();
-        let free: Vec<&Group<'a>> = groups
-            .iter()
-            .filter(|group| !assigned.contains_key(group.trajectory))
-            .collect();
-        if on_side.len() >= target || free.len() <= reserve {
-            return;
+    let mut on_side = OnSide::default();
+    let mut free = 0;
+    let mut alike: BTreeMap<Vec<Condition<'_>>, Vec<Waiting<'_>>> = BTreeMap::new();
+    for group in groups {
+        let mut conditions = group.conditions();
+        match assigned.get(group.trajectory) {
+            None => {
+                conditions.sort_unstable();
+                let key = seed::shuffle_key(master_seed, "split", group.trajectory);
+                let waiting = alike.entry(conditions).or_default();
+                waiting.push((key, group.trajectory));
+                free += 1;
+            }
+            Some(theirs) if *theirs == side => {
+                for (weather, time) in conditions {
+                    on_side.add(weather, time);
+                }
+            }
+            Some(_) => {}
         }
-        let room = target - on_side.len();
-        let fitting = free
-            .iter()
-            .filter(|group| group.scenarios.len() <= room)
-            .min_by_key(|group| {
-                (
-                    crowding(group, &on_side),
-                    seed::shuffle_key(master_seed, "split", group.trajectory),
-                )
-            });
-        // A side that is still empty takes the smallest trajectory even if that is more than its part.
-        let smallest = || {
-            free.iter()
-                .min_by_key(|group| group.scenarios.len())
-                .filter(|_| on_side.is_empty())
-        };
-        let Some(chosen) = fitting.or_else(smallest) else {
+    }
+    let mut alike: Vec<Alike<'a>> = alike
+        .into_iter()
+        .map(|(conditions, mut waiting)| {
+            waiting.sort_unstable_by(|a, b| b.cmp(a));
+            Alike {
+                conditions,
+                waiting,
+            }
+        })
+        .collect();
+    let mut heap: BinaryHeap<_> = alike
+        .iter()
+        .enumerate()
+        .filter_map(|(index, alike)| alike.entry(index, &on_side))
+        .collect();
+    while on_side.scenarios < target && free > reserve {
+        let Some(Reverse((crowding, (_, trajectory), index))) = heap.pop() else {
+            // A side that is still empty takes the smallest trajectory even if that is more than its part.
+            let free = groups
+                .iter()
+                .filter(|g| !assigned.contains_key(g.trajectory));
+            if on_side.scenarios == 0
+                && let Some(smallest) = free.min_by_key(|group| group.scenarios.len())
+            {
+                assigned.insert(smallest.trajectory, side);
+            }
             return;
         };
-        assigned.insert(chosen.trajectory, side);
+        let candidate = &mut alike[index];
+        if candidate.conditions.len() > target - on_side.scenarios {
+            continue;
+        }
+        if on_side.crowding(&candidate.conditions) == crowding {
+            candidate.waiting.pop();
+            assigned.insert(trajectory, side);
+            free -= 1;
+            for (weather, time) in &candidate.conditions {
+                on_side.add(weather, time);
+            }
+        }
+        heap.extend(candidate.entry(index, &on_side));
     }
-}
-
-/// How often the weathers and times of a trajectory are already on a side, per thousand scenarios of it.
-fn crowding(group: &Group<'_>, on_side: &[&PlannedScenario]) -> usize {
-    let shared = group.scenarios.iter().flat_map(|s| {
-        on_side.iter().map(|o| {
-            usize::from(o.weather == s.weather) + usize::from(o.time_of_day == s.time_of_day)
-        })
-    });
-    1_000 * shared.sum::<usize>() / group.scenarios.len().max(1)
 }

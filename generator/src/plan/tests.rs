@@ -24,29 +24,58 @@ fn the_same_sweep_gives_the_same_plan_and_another_seed_another() {
     );
 }
 
-#[test]
-fn a_plan_does_not_change_from_version_to_version() {
-    // Corpora in the field hold this hash. If it changes, they can no longer be finished.
-    let plan = expand(&sweep_of(SMALL));
-    assert_eq!(
-        plan.plan_hash,
-        "e22cfd15c20862d20c37fb846d883985b75274429dd8f466f09c6bf2281c00b7"
-    );
+/// Every kind of spread, a range of times, profiles to draw from, an exclusion and an inclusion.
+fn rich() -> String {
+    let rules = "\n[[exclude]]\ntimes = [\"06:00\"]\nweathers = [\"foggy\"]\n\n[[include]]\ntimes = [\"20:00\"]\n";
+    SMALL
+        .replace("[\"06:00\", \"12:00\"]", "[{ from = \"06:00\", to = \"12:00\", every_min = 120 }]")
+        .replace("repeats = 2", "repeats = 3")
+        .replace(
+            "[start]",
+            "[start]\nprofiles = [\"step-down\", \"continuous\"]\ncross_track_m = { mean = 0, sd = 40 }\nabove_profile_m = { mean = 0, sd = 15, min = -20, max = 30 }\nheading_offset_deg = { min = -1, max = 1 }\nspeed_mps = { one_of = [78, 80.5, 82] }",
+        )
+        .replace("visibility_m = 9260", "visibility_m = { min = 3000, max = 9260 }")
+        + rules
 }
 
 #[test]
-fn identifiers_name_number_time_weather_and_repeat() {
+fn a_plan_does_not_change_from_version_to_version_or_machine_to_machine() {
+    // Corpora in the field hold these hashes. If they change, those can no longer be added to.
+    for (text, plan_hash) in [
+        (
+            SMALL.to_owned(),
+            "0b46626f31ce4188da96d7f32603d2a958e8c6f6809d0a677510b740130f5024",
+        ),
+        (
+            rich(),
+            "76ae0bb1790a769f3b4a57674d2a2ff00679e702740e97b17f0fe374369ee2f8",
+        ),
+    ] {
+        assert_eq!(expand(&sweep_of(&text)).plan_hash, plan_hash);
+    }
+}
+
+#[test]
+fn zero_is_a_seed_like_any_other() {
+    let plans = ["seed = 0", "seed = 1", "seed = 18446744073709551615"].map(|seed| {
+        let text = rich().replace("seed = 0", seed);
+        let plan = expand(&sweep_of(&text));
+        assert_eq!(plan, expand(&sweep_of(&text)), "{seed}");
+        plan
+    });
+    let first: BTreeSet<u64> = plans.iter().map(|p| p.scenarios[0].seed).collect();
+    assert_eq!(first.len(), 3);
+}
+
+#[test]
+fn identifiers_name_time_weather_and_repeat() {
     let plan = expand(&sweep_of(SMALL));
     let ids: Vec<&str> = plan.scenarios.iter().map(|s| s.id.as_str()).collect();
     assert_eq!(
         ids[..3],
-        [
-            "0001-0600-clear-r1",
-            "0002-0600-foggy-r1",
-            "0003-1200-clear-r1"
-        ]
+        ["0600-clear-r1", "0600-foggy-r1", "1200-clear-r1"]
     );
-    assert_eq!(ids[7], "0008-1200-foggy-r2");
+    assert_eq!(ids[7], "1200-foggy-r2");
     let seeds: BTreeSet<u64> = plan.scenarios.iter().map(|s| s.seed).collect();
     assert_eq!(seeds.len(), 8);
 }
@@ -68,13 +97,140 @@ fn more_repeats_only_add_and_other_changes_are_named() {
     assert!(
         plan.conflict_with(&longer)
             .unwrap()
-            .contains("0009-0600-clear-r3 is no longer in the sweep")
+            .contains("0600-clear-r3 is no longer in the sweep")
     );
     let wider = expand(&sweep_of(&SMALL.replace("width_px = 96", "width_px = 128")));
     let message = wider.conflict_with(&plan).unwrap();
     assert!(
-        message.contains("parameters.picture.width_px was 96, now is 128")
-            && message.contains("5 more"),
+        message.contains("picture.width_px was 96, now is 128") && message.contains("5 more"),
+        "{message}"
+    );
+}
+
+/// Every scenario of `before` is in `after`, hash and all.
+fn assert_extends(before: &Plan, after: &Plan, what: &str) {
+    let difference = after.difference_from(before);
+    assert_eq!(
+        (difference.changed, difference.removed),
+        (vec![], vec![]),
+        "{what}"
+    );
+    assert_eq!(
+        difference.added.len(),
+        after.scenarios.len() - before.scenarios.len(),
+        "{what}"
+    );
+    assert!(!difference.added.is_empty(), "{what}");
+}
+
+#[test]
+fn a_time_a_weather_a_repeat_or_an_inclusion_changes_nothing_that_exists() {
+    let folder = tempfile::tempdir().unwrap();
+    let sweep = with_recordings(folder.path());
+    let before = expand(&sweep);
+    let more_weather = "\n[weather.grey]\nvisibility_m = 20000\n";
+    for (what, text) in [
+        (
+            "a time in the middle",
+            sweep.text.replace("\"06:00\", ", "\"06:00\", \"09:00\", "),
+        ),
+        (
+            "a weather in front",
+            sweep.text.replace("[\"clear\"", "[\"grey\", \"clear\"") + more_weather,
+        ),
+        ("a repeat", sweep.text.replace("repeats = 2", "repeats = 3")),
+        (
+            "an inclusion",
+            format!("{}\n[[include]]\ntimes = [\"20:00\"]\n", sweep.text),
+        ),
+    ] {
+        let grown = Sweep::parse(&folder.path().join("sweep.toml"), folder.path(), text).unwrap();
+        assert_extends(&before, &expand(&grown), what);
+    }
+}
+
+#[test]
+fn the_order_of_lists_says_only_what_is_made_first() {
+    let turned = SMALL.replace("\"06:00\", \"12:00\"", "\"12:00\", \"06:00\"");
+    let mut turned = expand(&sweep_of(&turned)).scenarios;
+    let mut straight = expand(&sweep_of(SMALL)).scenarios;
+    assert_ne!(turned, straight);
+    turned.sort_by(|a, b| a.id.cmp(&b.id));
+    straight.sort_by(|a, b| a.id.cmp(&b.id));
+    assert_eq!(turned, straight);
+}
+
+#[test]
+fn a_value_is_drawn_from_its_own_generator_and_no_other_moves_with_it() {
+    let spread = SMALL.replace(
+        "[start]",
+        "[start]\ncross_track_m = { mean = 0, sd = 40 }\nspeed_mps = { min = 75, max = 85 }",
+    );
+    let wider = spread.replace("sd = 40", "sd = 80");
+    let [a, b] = [spread, wider].map(|text| expand(&sweep_of(&text)));
+    for (a, b) in a.scenarios.iter().zip(&b.scenarios) {
+        let (x, y) = (&a.parameters, &b.parameters);
+        assert_eq!(x.start_dtd_m, y.start_dtd_m);
+        let [x, y] = [x, y].map(|parameters| parameters.live.as_ref().unwrap());
+        assert_eq!(x.speed_mps, y.speed_mps);
+        assert_eq!(2.0 * x.cross_track_m, y.cross_track_m);
+    }
+}
+
+#[test]
+fn the_numbers_of_a_weather_can_vary_from_scenario_to_scenario() {
+    let text = SMALL
+        .replace(
+            "visibility_m = 9260",
+            "visibility_m = { min = 3000, max = 9260 }",
+        )
+        .replace(
+            "cover_ratio = 0.9",
+            "cover_ratio = { mean = 0.9, sd = 0.1, min = 0.5, max = 1 }",
+        );
+    let plan = expand(&sweep_of(&text));
+    let fogs: Vec<_> = plan
+        .scenarios
+        .iter()
+        .filter(|s| s.weather == "foggy")
+        .map(|s| &s.parameters.conditions.weather)
+        .collect();
+    let different: BTreeSet<String> = fogs.iter().map(|w| w.visibility_m.to_string()).collect();
+    assert_eq!(different.len(), 4);
+    for weather in fogs {
+        assert!((3_000.0..=9_260.0).contains(&weather.visibility_m));
+        assert!((0.5..=1.0).contains(&weather.clouds[0].cover_ratio));
+        assert_eq!(weather.clouds[0].base_msl_m, 300.0);
+    }
+}
+
+#[test]
+fn a_profile_that_is_added_to_those_drawn_changes_only_scenarios_that_draw_it() {
+    let two = SMALL.replace("repeats = 2", "repeats = 40").replace(
+        "[start]",
+        "[start]\nprofiles = [\"level-then-glide-path\", \"continuous\"]",
+    );
+    let three = two.replace("\"continuous\"]", "\"continuous\", \"step-down\"]");
+    let [two, three] = [two, three].map(|text| expand(&sweep_of(&text)));
+    let mut moved = 0;
+    for (before, after) in two.scenarios.iter().zip(&three.scenarios) {
+        if before != after {
+            moved += 1;
+            let live = after.parameters.live.as_ref().unwrap();
+            assert_eq!(live.profile_name, "step-down");
+        }
+    }
+    assert!((35..75).contains(&moved), "{moved} of 160");
+}
+
+#[test]
+fn a_plan_of_the_numbered_kind_is_refused_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("plan.json");
+    std::fs::write(&path, r#"{"plan_hash":"0","corpus":"old","scenarios":[]}"#).unwrap();
+    let message = Plan::read(&path).unwrap_err().to_string();
+    assert!(
+        message.contains("has plan version 1, expected 2"),
         "{message}"
     );
 }
@@ -91,20 +247,21 @@ fn with_recordings(folder: &Path) -> Sweep {
 }
 
 #[test]
-fn recordings_are_flown_in_turn_where_the_rule_fits() {
+fn the_repeats_of_a_condition_fly_recordings_in_turn_where_the_rule_fits() {
     let folder = tempfile::tempdir().unwrap();
     let plan = expand(&with_recordings(folder.path()));
     let flights: Vec<&str> = plan.scenarios.iter().map(|s| s.flight.as_str()).collect();
+    // Of both conditions in fog, each repeat flies another file; which one is first is shuffled.
     assert_eq!(
         flights,
         [
-            "live", "a.csv", "live", "b.csv", "live", "a.csv", "live", "b.csv"
+            "live", "b.csv", "live", "b.csv", "live", "a.csv", "live", "a.csv"
         ]
     );
-    assert_eq!(plan.scenarios[1].trajectory, plan.scenarios[5].trajectory);
-    assert!(plan.scenarios[1].parameters.live.is_none());
+    assert_eq!(plan.scenarios[1].trajectory, plan.scenarios[3].trajectory);
+    assert!(plan.scenarios[5].parameters.live.is_none());
     // 3,030 m at 75 m/s are 40.4 s: tick 0, 20 ticks of two seconds, and the first one past the target.
-    assert_eq!(plan.scenarios[1].ticks, 22);
+    assert_eq!(plan.scenarios[5].ticks, 22);
 }
 
 #[test]

@@ -3,10 +3,24 @@
 use std::fmt;
 
 use dataset::frame_rate::FrameRate;
+use schemars::{Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserializer, Serialize, Serializer};
 
 const EXPECTED: &str = "frames per second above zero, as a whole number (30) or a fraction in quotes (\"30000/1001\", \"1/2\")";
+
+/// No simulator draws faster.
+pub(super) const HIGHEST_HZ: u32 = 240;
+
+pub(super) fn schema(_: &mut SchemaGenerator) -> Schema {
+    json_schema!({
+        "description": EXPECTED,
+        "anyOf": [
+            { "type": "integer", "minimum": 1, "maximum": HIGHEST_HZ },
+            { "type": "string", "pattern": "^ *[0-9]*[1-9][0-9]* *(/ *[0-9]*[1-9][0-9]* *)?$" },
+        ],
+    })
+}
 
 pub(super) fn deserialize<'de, D: Deserializer<'de>>(input: D) -> Result<FrameRate, D::Error> {
     struct Rate;

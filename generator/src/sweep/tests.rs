@@ -130,9 +130,9 @@ const FAULTS: [Fault; 34] = [
     ("repeats = 2", "repeats = 0", Some((11, 2)), "empty"),
     (
         "repeats = 2",
-        "repeats = 99999",
+        "repeats = 999999",
         Some((14, 11)),
-        "at most 9999",
+        "at most 1000000",
     ),
     (
         "day_of_year = 172",
@@ -194,7 +194,7 @@ const FAULTS: [Fault; 34] = [
         "visibility_m = 30000",
         "visibility_m = nan",
         Some((27, 16)),
-        "NaN is out of range",
+        "NaN is no usable number",
     ),
     (
         "visibility_m = 30000",
@@ -271,19 +271,25 @@ fn more_faults_of_whole_tables_are_reported() {
             "add up to 0.7",
         ),
         ("\n[split]\ntrain = 0.9\n", "missing field"),
-        ("\n[[recorded]]\nfiles = \"nowhere/*.csv\"\n", "cannot list"),
-        ("\n[[recorded]]\nfiles = \"nowhere.csv\"\n", "cannot read"),
+        (
+            "\n[[recorded]]\nfiles = \"nowhere/*.csv\"\n",
+            "no file matches",
+        ),
+        (
+            "\n[[recorded]]\nfiles = \"nowhere.csv\"\n",
+            "no file matches",
+        ),
         (
             "\n[[recorded]]\nfiles = \"nowhere.csv\"\ntimes = [\"07:00\"]\n",
-            "no time of the grid",
+            "there is no time 07:00",
         ),
         (
             "\n[[recorded]]\nfiles = \"nowhere.csv\"\nweathers = [\"hail\"]\n",
-            "no weather of the grid",
+            "there is no weather hail",
         ),
         (
             "\n[[recorded]]\nfiles = \"nowhere.csv\"\nrepeats = [3]\n",
-            "no repeat 3",
+            "there is no repeat 3",
         ),
         (
             "\n[airport.WSSS.runway.02L]\nglide_path_deg = 30\n",
@@ -298,6 +304,45 @@ fn more_faults_of_whole_tables_are_reported() {
             "unknown variant `loop`",
         ),
         ("\n[rig.empty]\ncameras = []\n", "without cameras"),
+        (
+            "\n[[exclude]]\ntimes = [\"07:00\"]\n",
+            "there is no time 07:00 in the sweep; there are 06:00, 12:00",
+        ),
+        (
+            "\n[[exclude]]\nweathers = [\"foggy\"]\n[[exclude]]\ntimes = [\"06:00\"]\nweathers = [\"foggy\"]\n",
+            "there is no weather foggy in the sweep",
+        ),
+        ("\n[[exclude]]\n", "every combination"),
+        (
+            "\n[[exclude]]\nprofiles = [\"step-down\"]\n",
+            "there is no profile step-down in the sweep; there are none",
+        ),
+        ("\n[[include]]\ntimes = [\"06:00\"]\n", "includes nothing"),
+        (
+            "\n[[include]]\ntimes = [\"20:00\"]\nweathers = [\"hail\"]\n",
+            "weather \"hail\" is not defined",
+        ),
+        ("\n[[include]]\nrepeats = [0]\n", "0 is no repeat"),
+        (
+            "\n[weather.\"a b\"]\nvisibility_m = 9000\n",
+            "letters, digits, - and _ only",
+        ),
+        (
+            "\n[airport.WSSS.runway.02L]\nthreshold = { latitude_deg = 91, longitude_deg = 0, altitude_msl_m = 0 }\n",
+            "from -85 to 85",
+        ),
+        (
+            "\n[weather.odd]\nvisibility_m = { mean = 9000, sd = 5000 }\n",
+            "can give -21000 to 39000, which is out of range",
+        ),
+        (
+            "\n[weather.odd]\nvisibility_m = 9000\nclouds = [{ kind = \"stratus\", cover_ratio = 1, base_msl_m = { min = 300, max = 900 }, top_msl_m = 800 }]\n",
+            "top at 800 m, but the base is at 900 m",
+        ),
+        (
+            "\n[weather.odd]\nvisibility_m = 9000\nclouds = [{ kind = \"stratus\", cover_ratio = 1, base_msl_m = 300, top_msl_m = { min = 500, max = 900 } }, { kind = \"cumulus\", cover_ratio = 1, base_msl_m = 800, top_msl_m = 1200 }]\n",
+            "base at 800 m, but the layer before reaches to 900 m",
+        ),
     ];
     for (added, words) in faults {
         let error = parse(&format!("{SMALL}{added}")).expect_err(added);
@@ -345,6 +390,124 @@ fn the_sweep_can_change_a_known_runway_and_define_a_new_one() {
     assert_eq!(parse(&whole).unwrap().runway.name, "26R");
 }
 
+fn ids(text: &str) -> Vec<String> {
+    let sweep = parse(text).unwrap();
+    sweep.combinations.iter().map(Combination::id).collect()
+}
+
+#[test]
+fn a_range_of_times_stands_for_its_times() {
+    let text = SMALL
+        .replace(
+            "[\"06:00\", \"12:00\"]",
+            "[{ from = \"06:00\", to = \"07:30\", every_min = 40 }, \"12:00\"]",
+        )
+        .replace("repeats = 2", "repeats = 1")
+        .replace(
+            "weathers = [\"clear\", \"foggy\"]\n",
+            "weathers = [\"foggy\"]\n",
+        );
+    assert_eq!(
+        ids(&text),
+        [
+            "0600-foggy-r1",
+            "0640-foggy-r1",
+            "0720-foggy-r1",
+            "1200-foggy-r1"
+        ]
+    );
+    let backwards = text.replace("to = \"07:30\"", "to = \"05:30\"");
+    let error = parse(&backwards).unwrap_err();
+    assert!(error.message.contains("05:30 is before 06:00"), "{error}");
+    assert_eq!(error.place.map(|(line, _)| line), Some(12));
+}
+
+#[test]
+fn weathers_that_are_not_listed_are_all() {
+    let text = SMALL.replace("weathers = [\"clear\", \"foggy\"]\n", "");
+    assert_eq!(ids(&text), ids(SMALL));
+}
+
+#[test]
+fn combinations_can_be_left_out_and_added() {
+    let rules = "\n[[exclude]]\ntimes = [\"06:00\"]\nweathers = [\"foggy\"]\n\n[[include]]\ntimes = [\"20:00\"]\nweathers = [\"foggy\"]\nrepeats = [1]\n";
+    assert_eq!(
+        ids(&format!("{SMALL}{rules}")),
+        [
+            "0600-clear-r1",
+            "1200-clear-r1",
+            "1200-foggy-r1",
+            "0600-clear-r2",
+            "1200-clear-r2",
+            "1200-foggy-r2",
+            "2000-foggy-r1"
+        ]
+    );
+}
+
+#[test]
+fn profiles_of_the_grid_are_combined_and_named_in_the_identifier() {
+    let text = SMALL
+        .replace(
+            "repeats = 2",
+            "repeats = 1\nprofiles = [\"step-down\", \"continuous\"]",
+        )
+        .replace("[\"06:00\", \"12:00\"]", "[\"06:00\"]");
+    assert_eq!(
+        ids(&text),
+        [
+            "0600-clear-step-down-r1",
+            "0600-clear-continuous-r1",
+            "0600-foggy-step-down-r1",
+            "0600-foggy-continuous-r1"
+        ]
+    );
+    let both = text.replace("[start]", "[start]\nprofiles = [\"continuous\"]");
+    let error = parse(&both).unwrap_err();
+    assert!(error.message.contains("either grid.profiles"), "{error}");
+    let alike = format!(
+        "{text}\n[weather.clear-step]\nvisibility_m = 9000\n[profile.down]\nkind = \"step_down\"\n"
+    )
+    .replace("[\"clear\", \"foggy\"]", "[\"clear\", \"clear-step\"]")
+    .replace(
+        "[\"step-down\", \"continuous\"]",
+        "[\"step-down\", \"down\"]",
+    );
+    let error = parse(&alike).unwrap_err();
+    assert!(
+        error.message.contains("both be called \"clear-step-down\""),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_rig_is_built_in_or_defined_and_the_file_decides_about_its_name() {
+    let built_in = SMALL.replace("rig = \"pair\"", "rig = \"seed\"");
+    assert_eq!(parse(&built_in).unwrap().cameras[0].hfov_deg, 6.7);
+    let own = built_in.replace("rig.pair", "rig.seed");
+    assert_eq!(parse(&own).unwrap().cameras[0].hfov_deg, 10.0);
+}
+
+#[test]
+fn the_step_down_needs_no_definition_and_is_the_chart() {
+    let text = SMALL.replace("[start]", "[start]\nprofiles = [\"step-down\"]");
+    assert_eq!(
+        parse(&text).unwrap().profiles["step-down"],
+        ApproachProfile::charted_step_down()
+    );
+    // A runway in the mountains: 2500 ft above the sea are below it.
+    let high = format!(
+        "{SMALL}\n[airport.WSSS.runway.02L]\nthreshold = {{ latitude_deg = 1.3, longitude_deg = 104, altitude_msl_m = 1500 }}\n"
+    );
+    let error = parse(&high).unwrap_err();
+    assert!(
+        error
+            .message
+            .contains("profile level-then-glide-path does not fit the runway"),
+        "{error}"
+    );
+}
+
 #[test]
 fn the_sweeps_that_ship_are_sound() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -356,5 +519,6 @@ fn the_sweeps_that_ship_are_sound() {
     );
     assert_eq!(full.picture.frame_rate.to_string(), "30");
     let demo = Sweep::read(&root.join("demo.toml")).unwrap();
-    assert!(demo.len() >= 8 && demo.grid.weathers.len() == 4 && demo.times.len() >= 3);
+    assert_eq!((demo.len(), demo.weathers.len()), (12, 4));
+    assert_eq!(Sweep::read(&root.join("detector.toml")).unwrap().len(), 40);
 }

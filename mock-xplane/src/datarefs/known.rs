@@ -1,9 +1,9 @@
-//! Which datarefs the stand-in has: those of X-Plane 12 that an approach, its weather and its replay touch.
+//! Which datarefs the stand-in has: those of X-Plane 11 and 12 that an approach, its weather and its replay touch.
 
-use xplane_bridge::datarefs as names;
+use xplane_bridge::datarefs::{self as names, Generation};
 
 use super::Dataref;
-use super::Kind::{self, Double, Float, Int};
+use super::Kind::{self, Byte, Double, Float, Int};
 
 const fn writable(name: &'static str, kind: Kind, initial: f64) -> Dataref {
     Dataref {
@@ -29,44 +29,67 @@ const fn array(name: &'static str, kind: Kind, length: usize, initial: f64) -> D
     }
 }
 
+const fn text(name: &'static str, length: usize) -> Dataref {
+    Dataref {
+        writable: false,
+        ..array(name, Byte, length, 0.0)
+    }
+}
+
 const CLOUDS: usize = names::CLOUD_LAYERS;
 const WINDS: usize = names::WIND_LAYERS;
 
-/// X-Plane's own datarefs, then ours.
-pub(super) const DATAREFS: &[Dataref] = &[
-    read_only(names::VERSION, Int, crate::server::VERSION as f64),
+/// The datarefs of a generation.
+pub(super) fn datarefs(generation: Generation) -> impl Iterator<Item = &'static Dataref> {
+    let own = match generation {
+        Generation::XPlane11 => ELEVEN,
+        Generation::XPlane12 => TWELVE,
+    };
+    BOTH.iter().chain(own)
+}
+
+/// What X-Plane 11 and 12 have alike, then ours.
+const BOTH: &[Dataref] = &[
     read_only("sim/version/xplm_internal_version", Int, 411.0),
+    read_only("sim/network/misc/network_time_sec", Float, 0.0),
     // Time. A fresh simulator follows the computer's clock, which is why clients must switch that off first.
     writable(names::USE_SYSTEM_TIME, Int, 1.0),
     writable(names::ZULU_TIME_S, Float, 0.0),
     writable(names::DATE_DAYS, Int, 0.0),
     read_only("sim/time/local_time_sec", Float, 0.0),
     read_only("sim/time/total_running_time_sec", Float, 0.0),
+    read_only("sim/time/total_flight_time_sec", Float, 0.0),
     read_only("sim/time/paused", Int, 0.0),
     read_only("sim/time/sim_speed_actual", Float, 1.0),
     writable("sim/operation/misc/frame_rate_period", Float, 1.0 / 60.0),
     writable("sim/operation/override/override_timestep", Int, 0.0),
     array("sim/operation/override/override_planepath", Int, 20, 0.0),
-    // Where the aircraft is. Positions are the simulator's; attitude may be set.
+    // Where the aircraft is. Latitude and longitude are the simulator's; local coordinates and attitude may be set.
     read_only("sim/flightmodel/position/latitude", Double, 0.0),
     read_only("sim/flightmodel/position/longitude", Double, 0.0),
     read_only("sim/flightmodel/position/elevation", Double, 0.0),
+    read_only("sim/flightmodel/position/lat_ref", Float, 0.0),
+    read_only("sim/flightmodel/position/lon_ref", Float, 0.0),
+    writable("sim/flightmodel/position/local_x", Double, 0.0),
+    writable("sim/flightmodel/position/local_y", Double, 0.0),
+    writable("sim/flightmodel/position/local_z", Double, 0.0),
     read_only("sim/flightmodel/position/y_agl", Float, 0.0),
     writable("sim/flightmodel/position/psi", Float, 0.0),
     writable("sim/flightmodel/position/theta", Float, 0.0),
     writable("sim/flightmodel/position/phi", Float, 0.0),
+    array("sim/flightmodel/position/q", Float, 4, 0.0),
     writable("sim/flightmodel/position/local_vx", Float, 0.0),
     writable("sim/flightmodel/position/local_vy", Float, 0.0),
     writable("sim/flightmodel/position/local_vz", Float, 0.0),
+    read_only("sim/flightmodel/position/P", Float, 0.0),
+    read_only("sim/flightmodel/position/Q", Float, 0.0),
+    read_only("sim/flightmodel/position/R", Float, 0.0),
     read_only("sim/flightmodel/position/groundspeed", Float, 0.0),
     read_only("sim/flightmodel/position/true_airspeed", Float, 0.0),
+    read_only("sim/flightmodel/position/indicated_airspeed", Float, 0.0),
     read_only("sim/flightmodel/failures/onground_any", Int, 0.0),
+    text("sim/aircraft/view/acf_relative_path", 512),
     // Flaps and gear.
-    writable(
-        "sim/cockpit2/controls/flap_handle_request_ratio",
-        Float,
-        0.0,
-    ),
     read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/gear_handle_down", Int, 0.0),
     read_only("sim/flightmodel2/gear/deploy_ratio", Float, 0.0),
@@ -74,12 +97,35 @@ pub(super) const DATAREFS: &[Dataref] = &[
     writable(names::NAV1_FREQUENCY, Int, 11_030.0),
     writable(names::NAV1_COURSE_MAGNETIC, Float, 0.0),
     writable(names::AUTOPILOT_MODE, Int, 0.0),
+    writable("sim/cockpit/autopilot/heading_mag", Float, 0.0),
     writable("sim/cockpit/autopilot/autothrottle_enabled", Int, 0.0),
     writable("sim/cockpit2/autopilot/airspeed_dial_kts", Float, 140.0),
     read_only("sim/cockpit2/autopilot/nav_status", Int, 0.0),
     read_only("sim/cockpit2/autopilot/glideslope_status", Int, 0.0),
     read_only("sim/cockpit2/autopilot/approach_status", Int, 0.0),
-    // Weather: fair, as a fresh simulator has it.
+    // The user's view.
+    read_only("sim/graphics/view/view_x", Float, 0.0),
+    read_only("sim/graphics/view/view_y", Float, 0.0),
+    read_only("sim/graphics/view/view_z", Float, 0.0),
+    read_only("sim/graphics/view/view_pitch", Float, 0.0),
+    read_only("sim/graphics/view/view_heading", Float, 0.0),
+    read_only("sim/graphics/view/view_roll", Float, 0.0),
+    writable("sim/graphics/view/field_of_view_deg", Float, 60.0),
+    read_only("sim/graphics/view/window_width", Int, 1_920.0),
+    read_only("sim/graphics/view/window_height", Int, 1_080.0),
+    // What the plugin publishes.
+    read_only(names::CAPTURE_PORT, Int, 0.0),
+    read_only(names::WEATHER_SETTLE_S, Float, 0.0),
+];
+
+/// X-Plane 12 alone. Weather: fair, as a fresh simulator has it.
+const TWELVE: &[Dataref] = &[
+    read_only(names::VERSION, Int, 120_400.0),
+    writable(
+        "sim/cockpit2/controls/flap_handle_request_ratio",
+        Float,
+        0.0,
+    ),
     writable(names::CHANGE_MODE, Int, 7.0),
     writable(names::VARIABILITY, Float, 0.25),
     writable(names::UPDATE_IMMEDIATELY, Int, 0.0),
@@ -98,7 +144,26 @@ pub(super) const DATAREFS: &[Dataref] = &[
     array(names::TURBULENCE, Float, WINDS, 0.0),
     array(names::SHEAR_SPEED, Float, WINDS, 0.0),
     array(names::SHEAR_DIRECTION, Float, WINDS, 0.0),
-    // What the plugin publishes.
-    read_only(names::CAPTURE_PORT, Int, 0.0),
-    read_only(names::WEATHER_SETTLE_S, Float, 0.0),
+];
+
+/// X-Plane 11 alone. Its weather has three layers of wind, and kind and cover of a cloud in one number.
+const ELEVEN: &[Dataref] = &[
+    read_only(names::VERSION, Int, 115_501.0),
+    writable("sim/cockpit2/controls/flap_ratio", Float, 0.0),
+    writable("sim/weather/use_real_weather_bool", Int, 0.0),
+    writable("sim/weather/visibility_reported_m", Float, 32_000.0),
+    writable("sim/weather/rain_percent", Float, 0.0),
+    writable("sim/weather/thunderstorm_percent", Float, 0.0),
+    writable("sim/weather/temperature_sealevel_c", Float, 28.0),
+    writable("sim/weather/barometer_sealevel_inhg", Float, 29.92),
+    array("sim/weather/cloud_type", Float, CLOUDS, 0.0),
+    array("sim/weather/cloud_coverage", Float, CLOUDS, 0.0),
+    array("sim/weather/cloud_base_msl_m", Float, CLOUDS, 0.0),
+    array("sim/weather/cloud_tops_msl_m", Float, CLOUDS, 0.0),
+    array("sim/weather/wind_altitude_msl_m", Float, 3, 0.0),
+    array("sim/weather/wind_speed_kt", Float, 3, 0.0),
+    array("sim/weather/wind_direction_degt", Float, 3, 0.0),
+    array("sim/weather/turbulence", Float, 3, 0.0),
+    array("sim/weather/shear_speed_kt", Float, 3, 0.0),
+    array("sim/weather/shear_direction_degt", Float, 3, 0.0),
 ];

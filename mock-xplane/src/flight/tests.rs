@@ -1,32 +1,11 @@
 //! What a flight must do, seen from outside: capture, path, landing, wind, determinism.
 
-use dataset::runway::RunwayCoordinates;
 use xplane_bridge::fly::{ApproachProfile, FlightStart};
 
+use super::yardstick::{above_path_m, changi_02l, relative};
 use super::*;
 
-pub(super) fn changi_02l() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
-    }
-}
-
-pub(super) fn weather(
-    wind_from_true_deg: f64,
-    wind_speed_mps: f64,
-    turbulence_ratio: f64,
-) -> Weather {
+fn weather(wind_from_true_deg: f64, wind_speed_mps: f64, turbulence_ratio: f64) -> Weather {
     Weather {
         visibility_m: 40_000.0,
         clouds: vec![],
@@ -35,22 +14,6 @@ pub(super) fn weather(
         wind_from_true_deg,
         turbulence_ratio,
     }
-}
-
-/// Where a state is relative to the touchdown target.
-pub(super) fn relative(state: &FlightState) -> RunwayCoordinates {
-    let runway = changi_02l();
-    RunwayCoordinates::of(
-        state.pose.position(),
-        runway.touchdown_target(),
-        runway.course_true_deg,
-    )
-}
-
-/// Height over the glide path, metres.
-pub(super) fn above_path_m(state: &FlightState) -> f64 {
-    let relative = relative(state);
-    relative.height_over_target_m - 3_f64.to_radians().tan() * relative.along_track_m
 }
 
 /// Distance of the first wheel contact past the threshold, metres.
@@ -83,6 +46,7 @@ fn request(
         },
         seed,
         time_limit_s: 900.0,
+        already_started: false,
     }
 }
 

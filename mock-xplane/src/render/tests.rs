@@ -271,6 +271,60 @@ fn contrast_falls_with_distance_as_koschmieder_says() {
     }
 }
 
+/// Largest contrast of the airframe against the sky behind it.
+fn strongest_contrast(scene: &Scene, pose: &Pose) -> f64 {
+    contrast(scene, pose)
+        .iter()
+        .map(|(_, contrast)| contrast.abs())
+        .fold(0.0, f64::max)
+}
+
+#[test]
+fn fog_takes_the_airframe_where_the_formula_says() {
+    const FOG_VISIBILITY_M: f64 = 9_260.0;
+    let weather = Weather {
+        visibility_m: FOG_VISIBILITY_M,
+        ..clear()
+    };
+    let scene = scene(6.0 * NM_M, &weather);
+    // From three miles on, where the darkest parts fill pixels as they do farther away, the contrast falls by the air alone ...
+    let near_m = 3.0 * NM_M;
+    let near = strongest_contrast(&scene, &on_central_ray(&scene, near_m));
+    // ... until it is less than one grey level of the sky on the central ray.
+    let sky = &scene.backdrop.still_sky();
+    let middle = scene.world.view.camera.principal_px;
+    let behind = scene
+        .backdrop
+        .light(sky, middle.x as usize, middle.y as usize);
+    let levels_per_contrast =
+        f64::from((tone::encode(behind) - tone::encode(behind * 0.99)).max_element()) / 0.01;
+    let beta_per_m = 3.912 / FOG_VISIBILITY_M;
+    let lost_m = near_m + (near * levels_per_contrast).ln() / beta_per_m;
+    assert!((9_000.0..16_000.0).contains(&lost_m), "{lost_m}");
+
+    let largest_change = |range_m: f64| {
+        let draw = |pose: &Pose| {
+            let (width, height) = scene.size();
+            let mut rgb = vec![0; width * height * 3];
+            scene.draw_frame(pose, &LANDING, 0.0, false, &mut rgb);
+            rgb
+        };
+        let pose = on_central_ray(&scene, range_m);
+        let elsewhere = Pose {
+            latitude_deg: pose.latitude_deg + 1.0,
+            ..pose
+        };
+        let differences = draw(&pose).into_iter().zip(draw(&elsewhere));
+        differences
+            .map(|(with, without)| with.abs_diff(without))
+            .max()
+            .unwrap()
+    };
+    // Rounding may make a whole level of less than one, never two.
+    assert!(largest_change(0.7 * lost_m) >= 2, "lost before {lost_m} m");
+    assert!(largest_change(1.1 * lost_m) <= 1, "seen beyond {lost_m} m");
+}
+
 #[test]
 fn an_aircraft_moved_by_a_quarter_of_a_pixel_moves_its_centre_by_a_quarter_of_a_pixel() {
     for distance_nm in [3.0, 6.0, 10.0] {

@@ -15,13 +15,16 @@ use tokio::task::{JoinError, JoinHandle, JoinSet, spawn_blocking};
 use tokio::time::timeout;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::{
-    Answer, CaptureRequest, FLIGHT_COLUMNS, FrameHeader, LinkError, Request, encode_flight,
-    exchange_greetings, read_header, write_message,
+    Answer, CaptureRequest, Deliver, FLIGHT_COLUMNS, FrameHeader, LinkError, PixelKind, Request,
+    encode_flight, exchange_greetings, read_header, write_message,
 };
+use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
 use super::engine::Engine;
+use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
-use super::{MockError, Shared, VERSION};
+use super::{MockError, Shared};
+use crate::window::Stage;
 
 /// How long a second client waits for the first one's connection to end.
 const SEAT_TIMEOUT: Duration = Duration::from_secs(2);
@@ -30,16 +33,25 @@ const GREETING_TIMEOUT: Duration = Duration::from_secs(5);
 /// Answers that may wait for their turn, drawn or being drawn.
 const ANSWERS_AHEAD: usize = 4;
 
+/// Why nothing is shown by a stand-in that was started without a window.
+const NO_WINDOW: &str = "the stand-in has no window: start it with --window";
+
 /// Accepts clients for ever.
 pub(super) async fn run(
-    listener: TcpListener,
+    listener: Arc<TcpListener>,
     world: Shared,
     engine: Arc<dyn Engine>,
+    outages: Arc<Outages>,
+    token: Option<String>,
+    stage: Option<Arc<dyn Stage>>,
 ) -> Result<(), MockError> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let studio = Arc::new(Studio {
         world,
         engine,
+        outages,
+        token,
+        stage,
         scenes: Scenes::default(),
         painters: Arc::new(Semaphore::new(cores)),
         buffers: StdMutex::default(),
@@ -69,6 +81,11 @@ pub(super) async fn run(
 struct Studio {
     world: Shared,
     engine: Arc<dyn Engine>,
+    outages: Arc<Outages>,
+    /// What a client must say first, if anything.
+    token: Option<String>,
+    /// The window that shows what is drawn, if there is one.
+    stage: Option<Arc<dyn Stage>>,
     scenes: Scenes,
     painters: Arc<Semaphore>,
     /// Memory of sent pictures, for the next ones.
@@ -88,6 +105,7 @@ enum Pending {
 impl Studio {
     async fn serve(self: Arc<Self>, mut stream: TcpStream) -> Result<(), LinkError> {
         stream.set_nodelay(true)?;
+        self.outages.over().await;
         timeout(GREETING_TIMEOUT, exchange_greetings(&mut stream))
             .await
             .unwrap_or(Err(LinkError::Ended {
@@ -111,6 +129,9 @@ impl Studio {
             ended = self.write_answers(to_client, answers) => ended,
             never = read_then_wait => never,
         };
+        if self.world.lock().check_pattern().is_some() {
+            self.check_pattern(None).await;
+        }
         self.world.lock().release();
         ended
     }
@@ -120,6 +141,7 @@ impl Studio {
         mut stream: impl AsyncRead + Unpin,
         order: mpsc::Sender<Pending>,
     ) -> Result<(), LinkError> {
+        let mut admitted = self.token.is_none();
         loop {
             let request = match read_header::<Request>(&mut stream).await {
                 Ok(None) => return Ok(()),
@@ -136,6 +158,13 @@ impl Studio {
                     return Err(error);
                 }
             };
+            admitted = admitted || self.admits(&request);
+            if !admitted {
+                let text = "this capture link is open to other machines and wants its token first: set DTD_LINK_TOKEN to \
+                            the same value on both sides";
+                let _ = order.send(refusal(text.into())).await;
+                return Ok(());
+            }
             let pending = self.answer(request).await;
             if order.send(pending).await.is_err() {
                 return Ok(());
@@ -153,28 +182,61 @@ impl Studio {
                 Pending::Ready(reply) => reply,
                 Pending::Drawing(drawn) => drawn.await.unwrap_or_else(failed),
             };
+            self.outages.over().await;
             write_message(&mut stream, &answer, &payload).await?;
-            if matches!(answer, Answer::Frame(_)) {
+            if payload.capacity() > 0 && matches!(answer, Answer::Frame(_)) {
                 self.lock_buffers().push(payload);
             }
         }
         Ok(())
     }
 
+    /// Whether a request is a greeting with the right token.
+    fn admits(&self, request: &Request) -> bool {
+        matches!(request, Request::Hello { token, .. } if token.is_some() && *token == self.token)
+    }
+
     async fn answer(self: &Arc<Self>, request: Request) -> Pending {
+        if matches!(request, Request::Capture(_)) {
+            self.outages.count_capture();
+        }
+        self.outages.over().await;
         match request {
-            Request::Hello { client } => {
+            Request::Hello { client, .. } => {
                 tracing::info!(client, "client of the capture link");
-                let [major, minor, patch] = [VERSION / 10_000, VERSION / 100 % 100, VERSION % 100];
+                let window = match self.stage.as_ref().map(|stage| stage.describe()) {
+                    Some(Err(error)) => return refusal(error.to_string()),
+                    Some(Ok(window)) => Some(window),
+                    None => None,
+                };
+                let mut pixels = vec![PixelKind::Link];
+                pixels.extend(window.is_some().then_some(PixelKind::Screen));
                 ready(Answer::Hello {
                     name: "mock-xplane".into(),
-                    version: format!("{major}.{minor}.{patch}"),
+                    version: self.world.lock().version_text(),
+                    plugin: None,
+                    pixels,
+                    window,
                 })
             }
-            Request::Freeze { runway } => {
+            // What is drawn here is drawn at once: no frame needs to settle.
+            Request::Freeze { runway, .. } => {
                 self.world.lock().freeze(runway);
                 ready(Answer::Frozen)
             }
+            Request::ProbeTerrain {
+                latitude_deg,
+                longitude_deg,
+            } => {
+                if !(latitude_deg.abs() <= 90.0 && longitude_deg.abs() <= 360.0) {
+                    return refusal(format!(
+                        "no ground at latitude {latitude_deg}, longitude {longitude_deg}"
+                    ));
+                }
+                let elevation_msl_m = self.world.lock().terrain_msl_m();
+                ready(Answer::Terrain { elevation_msl_m })
+            }
+            Request::CheckPattern { code } => self.check_pattern(code).await,
             Request::Release => {
                 self.world.lock().release();
                 ready(Answer::Released)
@@ -223,6 +285,11 @@ impl Studio {
             let Some(runway) = world.frozen_runway().cloned() else {
                 return refusal("a capture needs a frozen simulator: send freeze first".into());
             };
+            if world.check_pattern().is_some() {
+                return refusal(
+                    "the check pattern covers the window: take it away before capturing".into(),
+                );
+            }
             let key = SceneKey {
                 camera: request.camera,
                 width_px: request.width_px,
@@ -235,10 +302,60 @@ impl Studio {
         };
         let permit = self.painters.clone().acquire_owned().await;
         let studio = self.clone();
-        Pending::Drawing(spawn_blocking(move || {
+        let drawing = spawn_blocking(move || {
             let _permit = permit;
             studio.draw(&request, &key, sim_frame)
-        }))
+        });
+        match request.deliver {
+            Deliver::Picture => Pending::Drawing(drawing),
+            // The window shows one picture: the next one is not begun before this one is there.
+            Deliver::Drawn => {
+                let (answer, rgb) = drawing.await.unwrap_or_else(failed);
+                if matches!(answer, Answer::Error { .. }) {
+                    return ready(answer);
+                }
+                let (width_px, height_px) = (request.width_px, request.height_px);
+                let picture = RgbPicture {
+                    width_px,
+                    height_px,
+                    rgb,
+                };
+                match self.show(picture).await {
+                    Ok(()) => ready(answer),
+                    Err(text) => refusal(text),
+                }
+            }
+        }
+    }
+
+    /// Draws the check pattern over the window, or takes it away.
+    async fn check_pattern(&self, code: Option<u32>) -> Pending {
+        let window = match self.stage.as_ref().map(|stage| stage.describe()) {
+            Some(Ok(window)) => window,
+            Some(Err(error)) => return refusal(error.to_string()),
+            None => return refusal(NO_WINDOW.into()),
+        };
+        let picture = match code {
+            Some(code) => check_pattern::draw(code, window.width_px, window.height_px),
+            None => RgbPicture::black(window.width_px, window.height_px),
+        };
+        if let Err(text) = self.show(picture).await {
+            return refusal(text);
+        }
+        let sim_frame = self.world.lock().set_check_pattern(code);
+        ready(Answer::CheckPatternShown { sim_frame })
+    }
+
+    /// Puts a picture into the window, and its memory back with that of the others.
+    async fn show(&self, picture: RgbPicture) -> Result<(), String> {
+        let stage = self.stage.clone().ok_or(NO_WINDOW)?;
+        let shown = spawn_blocking(move || {
+            let result = stage.show(&picture);
+            (picture, result)
+        });
+        let (picture, result) = shown.await.map_err(|error| error.to_string())?;
+        self.lock_buffers().push(picture.rgb);
+        result.map_err(|error| error.to_string())
     }
 
     fn draw(&self, request: &CaptureRequest, key: &SceneKey, sim_frame: u64) -> Reply {

@@ -1,28 +1,49 @@
 //! X-Plane's UDP protocol on a socket: takes packets, and sends in every frame what is due.
 
 use std::net::SocketAddr;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use tokio::net::UdpSocket;
 use tokio::time::{MissedTickBehavior, interval};
-use xplane_bridge::packet::{FromSimulator, ToSimulator};
+use xplane_bridge::packet::{DataRows, FromSimulator, SituationAction, ToSimulator};
 
+use super::faults::disorder::{Disorder, Way};
+use super::faults::outages::Outages;
 use super::subscriptions::Subscriptions;
-use super::{MockError, Shared};
+use super::{MockError, ServerOptions, Shared};
 
 /// Length of a frame of the stand-in: 60 a second.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 /// Subscriptions kept at most, so that clients that never unsubscribe cannot fill the memory.
 const MAX_SUBSCRIPTIONS: usize = 100_000;
+/// Simulated time that passes at most from one frame to the next, seconds: X-Plane slows down rather than jump.
+const MAX_FRAME_S: f64 = 0.25;
+
+/// The data output comes ten times a second, seconds.
+const DATA_PERIOD_S: f64 = 0.1;
+
+/// A datagram, and where it comes from or goes to.
+type Mail = (Vec<u8>, SocketAddr);
 
 /// Serves for ever.
-pub(super) async fn run(socket: UdpSocket, world: Shared) -> Result<(), MockError> {
+pub(super) async fn run(
+    socket: Arc<UdpSocket>,
+    world: Shared,
+    options: ServerOptions,
+    outages: Arc<Outages>,
+) -> Result<(), MockError> {
     let mut server = Server {
         socket,
         world,
         subscriptions: Subscriptions::default(),
+        incoming: Disorder::new(&options.faults, Way::In),
+        outgoing: Disorder::new(&options.faults, Way::Out),
         begin: Instant::now(),
         last_frame_s: 0.0,
+        incoming_is_on: options.incoming,
+        data_to: options.data_to,
+        next_data_s: 0.0,
     };
     let mut frames = interval(FRAME);
     frames.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -31,9 +52,18 @@ pub(super) async fn run(socket: UdpSocket, world: Shared) -> Result<(), MockErro
         tokio::select! {
             // Frames first: a flood of packets must not stop the simulator.
             biased;
-            _ = frames.tick() => server.frame().await,
+            _ = frames.tick() => {
+                outages.count_frame();
+                outages.over().await;
+                server.frame().await;
+            }
             received = server.socket.recv_from(&mut buffer) => match received {
-                Ok((length, from)) => server.take(&buffer[..length], from),
+                Ok((length, from)) => {
+                    outages.over().await;
+                    for (datagram, from) in server.incoming.pass((buffer[..length].to_vec(), from)) {
+                        server.take(&datagram, from);
+                    }
+                }
                 // Some systems report here that an earlier datagram met a closed port.
                 Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => {}
                 Err(source) => return Err(MockError::Socket { what: "the UDP server", source }),
@@ -43,11 +73,16 @@ pub(super) async fn run(socket: UdpSocket, world: Shared) -> Result<(), MockErro
 }
 
 struct Server {
-    socket: UdpSocket,
+    socket: Arc<UdpSocket>,
     world: Shared,
     subscriptions: Subscriptions,
+    incoming: Disorder<Mail>,
+    outgoing: Disorder<Mail>,
     begin: Instant,
     last_frame_s: f64,
+    incoming_is_on: bool,
+    data_to: Option<SocketAddr>,
+    next_data_s: f64,
 }
 
 impl Server {
@@ -56,6 +91,10 @@ impl Server {
     }
 
     fn take(&mut self, datagram: &[u8], from: SocketAddr) {
+        if !self.incoming_is_on {
+            tracing::debug!(%from, "datagram ignored: incoming connections are switched off");
+            return;
+        }
         match ToSimulator::decode(datagram) {
             Ok(packet) => self.obey(packet, from),
             Err(error) => tracing::warn!(%from, %error, "datagram ignored"),
@@ -89,10 +128,36 @@ impl Server {
             }
             ToSimulator::PlaceAtStart(start) if start.plane == 0 => {
                 if !self.world.lock().start(&start) {
-                    tracing::warn!(%from, start_type = start.start_type, "start ignored: only type 6 is known");
+                    tracing::warn!(%from, ?start, "start ignored: known are type 6 anywhere, and 10, 11, 13 at WSSS");
                 }
             }
-            ToSimulator::PlaceAircraft(_) | ToSimulator::PlaceAtStart(_) => {
+            ToSimulator::LoadAircraft(load) if load.plane == 0 => {
+                self.world.lock().load_aircraft(&load.path);
+            }
+            ToSimulator::Situation(situation) => {
+                let mut world = self.world.lock();
+                match situation.action {
+                    SituationAction::Save => world.save_situation(&situation.path),
+                    SituationAction::Load => {
+                        if !world.load_situation(&situation.path) {
+                            tracing::warn!(%from, path = situation.path, "no such situation");
+                        }
+                    }
+                }
+            }
+            ToSimulator::Alert(alert) => {
+                tracing::info!(%from, lines = ?alert.lines, "a client shows a message");
+            }
+            ToSimulator::Data(data) => {
+                for row in &data.rows {
+                    if !self.world.lock().set_data_row(row) {
+                        tracing::warn!(%from, row = row.index, "row of the data output ignored");
+                    }
+                }
+            }
+            ToSimulator::PlaceAircraft(_)
+            | ToSimulator::PlaceAtStart(_)
+            | ToSimulator::LoadAircraft(_) => {
                 tracing::warn!(%from, "ignored: there is no aircraft but the user's");
             }
         }
@@ -100,9 +165,12 @@ impl Server {
 
     async fn frame(&mut self) {
         let now_s = self.now_s();
+        if let Some((datagram, from)) = self.incoming.pass_time() {
+            self.take(&datagram, from);
+        }
         let (values, position) = {
             let mut world = self.world.lock();
-            world.advance(now_s - self.last_frame_s);
+            world.advance((now_s - self.last_frame_s).min(MAX_FRAME_S));
             let values = self
                 .subscriptions
                 .due_values(now_s, |path| world.read(path));
@@ -117,14 +185,30 @@ impl Server {
         for client in self.subscriptions.due_positions(now_s) {
             self.send(client, &FromSimulator::Position(position)).await;
         }
+        if let Some(receiver) = self.data_to.filter(|_| now_s >= self.next_data_s) {
+            self.next_data_s = now_s + DATA_PERIOD_S;
+            let rows = self.world.lock().data_rows();
+            self.send(receiver, &FromSimulator::Data(DataRows { rows }))
+                .await;
+        }
+        if let Some((datagram, client)) = self.outgoing.pass_time() {
+            self.put_on_the_wire(&datagram, client).await;
+        }
     }
 
-    async fn send(&self, client: SocketAddr, packet: &FromSimulator) {
-        let sent = match packet.encode() {
-            Ok(datagram) => self.socket.send_to(&datagram, client).await.map(drop),
-            Err(error) => Err(std::io::Error::other(error)),
-        };
-        if let Err(error) = sent {
+    async fn send(&mut self, client: SocketAddr, packet: &FromSimulator) {
+        match packet.encode() {
+            Ok(datagram) => {
+                for (datagram, client) in self.outgoing.pass((datagram, client)) {
+                    self.put_on_the_wire(&datagram, client).await;
+                }
+            }
+            Err(error) => tracing::error!(%client, %error, "packet not sent"),
+        }
+    }
+
+    async fn put_on_the_wire(&self, datagram: &[u8], client: SocketAddr) {
+        if let Err(error) = self.socket.send_to(datagram, client).await {
             tracing::debug!(%client, %error, "packet not sent");
         }
     }

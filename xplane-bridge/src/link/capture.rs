@@ -7,6 +7,17 @@ use serde::{Deserialize, Serialize};
 /// Longest side of a picture, pixels. Bounds what a request can make the other side allocate.
 pub const MAX_PICTURE_SIDE_PX: u32 = 8_192;
 
+/// How a drawn frame gets to the client.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Deliver {
+    /// Its pixels are the answer's payload.
+    #[default]
+    Picture,
+    /// It stays on the screen until the next request; the client grabs it there. The payload is empty.
+    Drawn,
+}
+
 /// What to draw.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -27,12 +38,23 @@ pub struct CaptureRequest {
     pub width_px: u32,
     /// Height of the picture, pixels.
     pub height_px: u32,
+    /// How the picture is delivered.
+    #[serde(default)]
+    pub deliver: Deliver,
 }
 
 impl CaptureRequest {
-    /// Size of the answer's picture, bytes.
+    /// Size of the picture, bytes.
     pub fn rgb_bytes(&self) -> usize {
         rgb_bytes(self.width_px, self.height_px)
+    }
+
+    /// Size of the answer's payload, bytes: that of the picture, or none when it is only drawn.
+    pub fn payload_bytes(&self) -> usize {
+        match self.deliver {
+            Deliver::Picture => self.rgb_bytes(),
+            Deliver::Drawn => 0,
+        }
     }
 
     /// Refuses what cannot be drawn: a size or a field of view that is none, a place not on earth. The text says why.
@@ -102,7 +124,7 @@ pub struct CapturedFrame {
     pub width_px: u32,
     /// Height of the picture, pixels.
     pub height_px: u32,
-    /// Red, green, blue, one byte each, row by row from the top left.
+    /// Red, green, blue, one byte each, row by row from the top left. Empty if the picture was only drawn.
     pub rgb: Vec<u8>,
 }
 
@@ -153,9 +175,15 @@ mod tests {
             },
             width_px: 1_920,
             height_px: 1_280,
+            deliver: Deliver::Picture,
         };
         assert_eq!(good.check(), Ok(()));
-        assert_eq!(good.rgb_bytes(), 7_372_800);
+        assert_eq!(good.payload_bytes(), 7_372_800);
+        let drawn = CaptureRequest {
+            deliver: Deliver::Drawn,
+            ..good
+        };
+        assert_eq!((drawn.rgb_bytes(), drawn.payload_bytes()), (7_372_800, 0));
         let huge = CaptureRequest {
             width_px: u32::MAX,
             ..good

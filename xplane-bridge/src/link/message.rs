@@ -3,7 +3,7 @@
 use dataset::runway::Runway;
 use serde::{Deserialize, Serialize};
 
-use super::{CaptureRequest, FrameHeader};
+use super::{CaptureRequest, FrameHeader, PixelKind, SimulatorWindow};
 use crate::fly::FlyRequest;
 
 /// From client to simulator. None has a payload.
@@ -14,11 +14,29 @@ pub enum Request {
     Hello {
         /// Name and version of the client, for the simulator's log.
         client: String,
+        /// The secret that a link open to other machines demands.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        token: Option<String>,
     },
     /// Stop the flight model, the clock and the clouds: poses come from captures now.
     Freeze {
         /// The runway of the scenario, whose surroundings the pictures show.
         runway: Runway,
+        /// Frames that X-Plane draws with a new pose and camera before the one that counts, so that everything has followed.
+        settle_frames: u32,
+    },
+    /// How high is the ground that the simulator shows there?
+    ProbeTerrain {
+        /// Latitude, degrees.
+        latitude_deg: f64,
+        /// Longitude, degrees.
+        longitude_deg: f64,
+    },
+    /// Draw the check pattern over the window, to prove that what a client grabs is this window. Only for setting up: while
+    /// it shows, captures are refused.
+    CheckPattern {
+        /// The number that the pattern carries; `None` takes the pattern away.
+        code: Option<u32>,
     },
     /// Let everything run again.
     Release,
@@ -38,9 +56,25 @@ pub enum Answer {
         name: String,
         /// Its version.
         version: String,
+        /// Name and version of the plugin that serves the link; `None` if it is the simulator itself.
+        plugin: Option<String>,
+        /// Where pictures can come from, the best first.
+        pixels: Vec<PixelKind>,
+        /// The window that shows what is drawn, if there is one.
+        window: Option<SimulatorWindow>,
     },
     /// To [`Request::Freeze`].
     Frozen,
+    /// To [`Request::ProbeTerrain`].
+    Terrain {
+        /// Height of the ground above mean sea level, metres.
+        elevation_msl_m: f64,
+    },
+    /// To [`Request::CheckPattern`].
+    CheckPatternShown {
+        /// The first frame that is drawn with it, or without it.
+        sim_frame: u64,
+    },
     /// To [`Request::Release`].
     Released,
     /// To [`Request::Fly`]; the payload is `rows` x `columns` 64-bit floats.
@@ -65,6 +99,8 @@ impl Answer {
         match self {
             Self::Hello { .. } => "hello",
             Self::Frozen => "frozen",
+            Self::Terrain { .. } => "terrain",
+            Self::CheckPatternShown { .. } => "check_pattern_shown",
             Self::Released => "released",
             Self::Flown { .. } => "flown",
             Self::Frame(_) => "frame",

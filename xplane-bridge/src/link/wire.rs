@@ -10,7 +10,7 @@ use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 /// First bytes in each direction, before the version.
 const MAGIC: [u8; 4] = *b"DTDL";
 /// Version of the capture link that this code speaks. Any change that an older side would misread raises it.
-pub const LINK_VERSION: u32 = 1;
+pub const LINK_VERSION: u32 = 2;
 /// Longest header, bytes.
 pub const MAX_HEADER_BYTES: usize = 64 << 10;
 /// Longest payload, bytes: a picture of the largest size.
@@ -198,7 +198,7 @@ mod tests {
         for (greeting, expected) in [
             (
                 *b"DTDL\x07\0\0\0",
-                "speaks version 7 of the capture link, expected 1",
+                "speaks version 7 of the capture link, expected 2",
             ),
             (*b"HTTP/1.1", "greets with \"HTTP\""),
         ] {
@@ -208,7 +208,7 @@ mod tests {
             assert!(error.to_string().contains(expected), "{error}");
             let mut ours = [0; 8];
             there.read_exact(&mut ours).await.unwrap();
-            assert_eq!(&ours, b"DTDL\x01\0\0\0");
+            assert_eq!(&ours, b"DTDL\x02\0\0\0");
         }
     }
 

@@ -61,8 +61,9 @@ impl Beacon {
         let (host, version) = (fields.i32("host")?, fields.i32("version")?);
         let (role, port) = (fields.u32("role")?, fields.u16("port")?);
         let (name, raknet) = match fields.rest() {
-            // Two bytes are no name but the port behind a name that was left out.
-            rest @ [_, _] => (&rest[..0], rest),
+            // Two bytes are no name but the port behind a name that was left out; unless they are a name of one character,
+            // since no port below 256 is free for this.
+            rest @ [_, 1..=u8::MAX] => (&rest[..0], rest),
             rest => {
                 let end = rest
                     .iter()
@@ -127,5 +128,13 @@ mod tests {
         let without_nul = [&bytes[..21], &[0x72, 0xbf]].concat();
         assert_eq!(Beacon::decode(&without_nul).unwrap(), nameless);
         assert!(Beacon::decode(&bytes[..20]).is_err());
+        let short_name = Beacon {
+            name: Some("x".into()),
+            ..bare
+        };
+        assert_eq!(
+            Beacon::decode(&short_name.encode().unwrap()),
+            Ok(short_name)
+        );
     }
 }

@@ -5,13 +5,14 @@
 use serde::{Deserialize, Serialize};
 
 use super::PacketError;
-use super::body::{Fields, HEADER_BYTES, push_text, start, text};
+use super::body::{Fields, push_text, start, text};
 
 /// Values that the simulator puts into one reply: more would not fit an Ethernet frame.
 pub const MAX_VALUES_PER_REPLY: usize = 183;
 
 const TAG: &str = "RREF";
 const PATH_BYTES: usize = 400;
+const VALUE_BYTES: usize = 8;
 
 /// `RREF` to the simulator.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,17 +68,61 @@ pub struct DatarefValues {
     pub values: Vec<DatarefValue>,
 }
 
+/// `RREF,` from the simulator as it lies in its datagram: the values are read where they are, nothing is allocated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DatarefValuesView<'a> {
+    values: &'a [[u8; VALUE_BYTES]],
+}
+
+impl<'a> DatarefValuesView<'a> {
+    /// Looks at a datagram.
+    ///
+    /// # Errors
+    /// If it is no `RREF` or ends inside a value.
+    pub fn new(datagram: &'a [u8]) -> Result<Self, PacketError> {
+        match &super::tag_of(datagram)? {
+            b"RREF" => Self::of_body(datagram),
+            tag => Err(super::unknown(tag, "that should carry values")),
+        }
+    }
+
+    fn of_body(datagram: &'a [u8]) -> Result<Self, PacketError> {
+        let mut fields = Fields::new(TAG, datagram);
+        match fields.rest().as_chunks() {
+            (values, []) => Ok(Self { values }),
+            (_, rest) => Err(PacketError::TooShort {
+                tag: TAG,
+                field: if rest.len() < 4 { "index" } else { "value" },
+                needed: datagram.len() - rest.len() + if rest.len() < 4 { 4 } else { VALUE_BYTES },
+                found: datagram.len(),
+            }),
+        }
+    }
+
+    /// How many values there are.
+    pub fn len(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.values.is_empty()
+    }
+
+    /// The values, in the order of the datagram.
+    pub fn iter(self) -> impl ExactSizeIterator<Item = DatarefValue> + 'a {
+        self.values
+            .iter()
+            .map(|&[a, b, c, d, e, f, g, h]| DatarefValue {
+                index: i32::from_le_bytes([a, b, c, d]),
+                value: f32::from_le_bytes([e, f, g, h]),
+            })
+    }
+}
+
 impl DatarefValues {
     pub(super) fn decode(datagram: &[u8]) -> Result<Self, PacketError> {
-        let mut fields = Fields::new(TAG, datagram);
-        let count = datagram.len().saturating_sub(HEADER_BYTES).div_ceil(8);
-        let mut values = Vec::with_capacity(count);
-        for _ in 0..count {
-            values.push(DatarefValue {
-                index: fields.i32("index")?,
-                value: fields.f32("value")?,
-            });
-        }
+        let values = DatarefValuesView::of_body(datagram)?.iter().collect();
         Ok(Self { values })
     }
 
@@ -90,7 +135,7 @@ impl DatarefValues {
                 found: format!("{} values", self.values.len()),
             });
         }
-        let mut datagram = start(b"RREF", 8 * self.values.len());
+        let mut datagram = start(b"RREF", VALUE_BYTES * self.values.len());
         // The one fifth byte that matters: clients were seen to demand exactly `RREF,`.
         datagram[4] = b',';
         for DatarefValue { index, value } in &self.values {
@@ -146,6 +191,30 @@ mod tests {
             error.to_string(),
             "RREF packet ends inside value: 21 bytes needed, 17 found"
         );
+    }
+
+    #[test]
+    fn a_view_reads_the_values_where_they_lie_and_refuses_other_packets() {
+        let values = vec![
+            DatarefValue {
+                index: 7,
+                value: 0.5,
+            },
+            DatarefValue {
+                index: -1,
+                value: -3.0,
+            },
+        ];
+        let bytes = DatarefValues {
+            values: values.clone(),
+        }
+        .encode()
+        .unwrap();
+        let view = DatarefValuesView::new(&bytes).unwrap();
+        assert_eq!((view.len(), view.is_empty()), (2, false));
+        assert!(view.iter().eq(values));
+        assert!(DatarefValuesView::new(b"RPOS,").is_err());
+        assert!(DatarefValuesView::new(b"RRE").is_err());
     }
 
     #[test]

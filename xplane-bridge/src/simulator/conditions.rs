@@ -6,48 +6,119 @@ use dataset::conditions::Conditions;
 use tokio::time::{Instant, sleep};
 
 use super::Simulator;
+use super::vigil::Vigil;
 use crate::datarefs::{
-    COMMAND_REGENERATE_WEATHER, DatarefWrite, Generation, UPDATE_IMMEDIATELY, condition_writes,
-    needs_repeating_after_regeneration,
+    COMMAND_REGENERATE_WEATHER, DATE_DAYS, DatarefWrite, Generation, UPDATE_IMMEDIATELY,
+    ZULU_TIME_S, clock_writes, condition_writes, needs_repeating_after_regeneration,
 };
 use crate::error::BridgeError;
 
-/// Writings of a dataref before we believe that it does not take the value.
-const ATTEMPTS: u32 = 5;
+/// Writings of a dataref before we believe that it does not take the value. A scenario has some 110 of them: where one datagram
+/// of five is lost, fewer attempts would make one scenario in thirty fail.
+const ATTEMPTS: u32 = 12;
 /// How long one reading back may take.
 const READ_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long X-Plane has for a frame between writing and the next attempt.
 const RETRY_PAUSE: Duration = Duration::from_millis(100);
+/// How long X-Plane has to begin with the weather before it is told the clouds again.
+const REGENERATION_PAUSE: Duration = Duration::from_millis(200);
 
 impl Simulator {
-    /// Sets every parameter of weather and time, reads all of them back and compares.
+    /// Sets every parameter of weather and time, reads all of them back and compares. From then on they are watched: if one
+    /// changes, or the simulator is restarted, the next frame or flight is an error.
     ///
     /// # Errors
     /// [`BridgeError::BadConditions`] before anything is sent; [`BridgeError::NotTaken`] names the dataref, the value
-    /// wanted and the value found, after five attempts.
+    /// wanted and the value found, after many attempts.
     pub async fn set_conditions(&mut self, conditions: &Conditions) -> Result<(), BridgeError> {
         let writes = condition_writes(conditions, self.generation)?;
-        self.write(&writes).await?;
+        match &mut self.vigil {
+            // Watched already; until they are set again they may be anything.
+            Some(vigil) => vigil.expect([]),
+            None => self.vigil = Some(Vigil::begin(self.address, &writes).await?),
+        }
+        self.write_until_read_back(&writes).await?;
         if self.generation == Generation::XPlane12 {
             self.regenerate_weather(&writes).await?;
         }
-        self.write_until_read_back(&writes).await?;
-        self.clock = Some(conditions.clock);
+        self.conditions = Some(conditions.clone());
+        self.expect(writes.into_iter().filter(|write| !is_clock(&write.name)));
         Ok(())
+    }
+
+    /// Asks once more for everything that was set, and compares: what was recorded since then was recorded under these
+    /// conditions, by this simulator.
+    ///
+    /// # Errors
+    /// [`BridgeError::SettingLost`] or [`BridgeError::Restarted`].
+    pub async fn confirm_conditions(&mut self) -> Result<(), BridgeError> {
+        self.check_vigil()?;
+        let Some(vigil) = &self.vigil else {
+            return Ok(());
+        };
+        let expected = vigil.expected();
+        let found = self.read(&expected).await?;
+        let lost = expected
+            .into_iter()
+            .zip(found)
+            .find(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)));
+        match lost {
+            None => self.check_vigil(),
+            Some((write, found)) => Err(BridgeError::SettingLost {
+                name: write.name,
+                wanted: write.value,
+                found,
+            }),
+        }
+    }
+
+    /// Sets the clock once more, now that it stands still; from now on it is watched too.
+    pub(super) async fn set_clock_exactly(&mut self) -> Result<(), BridgeError> {
+        let Some(conditions) = &self.conditions else {
+            return Ok(());
+        };
+        let clock = clock_writes(&conditions.clock);
+        self.write_until_read_back(&clock).await?;
+        let weather = self.vigil.as_ref().map(Vigil::expected).unwrap_or_default();
+        let weather = weather.into_iter().filter(|write| !is_clock(&write.name));
+        self.expect(weather.chain(clock).collect::<Vec<_>>());
+        Ok(())
+    }
+
+    /// An error if what is watched is not as it was set.
+    pub(super) fn check_vigil(&mut self) -> Result<(), BridgeError> {
+        self.vigil.as_mut().map_or(Ok(()), Vigil::check)
+    }
+
+    fn expect(&mut self, writes: impl IntoIterator<Item = DatarefWrite>) {
+        if let Some(vigil) = &mut self.vigil {
+            vigil.expect(writes);
+        }
     }
 
     /// X-Plane 12 applies all but the clouds at once; those want the command, then to be told again, then time.
     async fn regenerate_weather(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
-        self.udp.write([(UPDATE_IMMEDIATELY, 1.0)]).await?;
-        self.udp.command(COMMAND_REGENERATE_WEATHER).await?;
-        let again = writes
+        // X-Plane may take it back once it has applied everything, so that it is not read back.
+        self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
+        self.command_surely(COMMAND_REGENERATE_WEATHER).await?;
+        sleep(REGENERATION_PAUSE).await;
+        let again: Vec<DatarefWrite> = writes
             .iter()
-            .filter(|write| needs_repeating_after_regeneration(&write.name));
-        self.udp
-            .write(again.map(|write| (write.name.as_str(), write.value)))
-            .await?;
+            .filter(|write| needs_repeating_after_regeneration(&write.name))
+            .cloned()
+            .collect();
+        self.write(&again).await?;
+        self.write_until_read_back(&again).await?;
         sleep(self.weather_settle).await;
-        Ok(())
+        self.write_until_read_back(writes).await
+    }
+
+    /// Writes a dataref that cannot be read back: often enough that one arrives.
+    async fn write_surely(&mut self, name: &str, value: f32) -> Result<(), BridgeError> {
+        const TIMES: usize = 5;
+        self.udp
+            .write(std::iter::repeat_n((name, value), TIMES))
+            .await
     }
 
     /// Writes datarefs that are not yet as they should be, until all are.
@@ -101,4 +172,9 @@ impl Simulator {
             .read_until(&names, Instant::now() + READ_TIMEOUT, all)
             .await
     }
+}
+
+/// Whether a dataref is one of the clock, which runs on until the simulator is frozen.
+fn is_clock(name: &str) -> bool {
+    name == ZULU_TIME_S || name == DATE_DAYS
 }

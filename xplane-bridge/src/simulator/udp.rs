@@ -5,7 +5,7 @@
 //! reading cannot be taken for a new one.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use tokio::net::UdpSocket;
@@ -13,13 +13,12 @@ use tokio::time::{Instant, sleep, timeout_at};
 
 use crate::error::BridgeError;
 use crate::packet::{
-    Command, DatarefValue, FromSimulator, SubscribeDataref, ToSimulator, WriteDataref,
+    Command, DatarefValue, DatarefValuesView, FromSimulator, LoadAircraft, PlaceAtStart, Position,
+    SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
 };
+use crate::subscription::{BATCH, BATCH_PAUSE, end_of};
+use crate::udp_socket::{is_refused, open};
 
-/// X-Plane takes about 140 requests in one of its frames and loses the others silently.
-const BATCH: usize = 100;
-/// Time between batches: X-Plane draws several frames in it.
-const BATCH_PAUSE: Duration = Duration::from_millis(100);
 /// Until a request that brought no value is sent again.
 const REPEAT_AFTER: Duration = Duration::from_millis(250);
 /// A subscription lives for one value; a high rate brings it soon.
@@ -41,18 +40,7 @@ pub(super) struct UdpClient {
 impl UdpClient {
     /// Opens a socket towards the simulator. Sends nothing yet.
     pub(super) async fn bind(address: SocketAddr) -> Result<Self, BridgeError> {
-        let any: SocketAddr = match address {
-            SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
-            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
-        };
-        let open = async {
-            let socket = UdpSocket::bind(any).await?;
-            socket.connect(address).await?;
-            Ok(socket)
-        };
-        let socket = open
-            .await
-            .map_err(|source| BridgeError::Udp { address, source })?;
+        let socket = open(address).await?;
         Ok(Self {
             socket,
             address,
@@ -123,10 +111,76 @@ impl UdpClient {
         .await
     }
 
+    /// Begins a flight in the air.
+    pub(super) async fn place_at_start(&self, start: PlaceAtStart) -> Result<(), BridgeError> {
+        self.send(&ToSimulator::PlaceAtStart(start)).await
+    }
+
+    /// Loads another aircraft.
+    pub(super) async fn load_aircraft(&self, load: LoadAircraft) -> Result<(), BridgeError> {
+        self.send(&ToSimulator::LoadAircraft(load)).await
+    }
+
+    /// Where the aircraft is, with all bits: listens until that satisfies `enough` or `deadline` passes, and returns the last
+    /// position that came.
+    pub(super) async fn position_until(
+        &mut self,
+        deadline: Instant,
+        enough: impl Fn(&Position) -> bool,
+    ) -> Result<Option<Position>, BridgeError> {
+        let mut last = None;
+        let mut buffer = [0; 2048];
+        while Instant::now() < deadline && !last.as_ref().is_some_and(&enough) {
+            self.subscribe_position(FREQUENCY_HZ as u32).await?;
+            let until = deadline.min(Instant::now() + REPEAT_AFTER);
+            while !last.as_ref().is_some_and(&enough) {
+                let Some(length) = self.receive(until, &mut buffer).await? else {
+                    break;
+                };
+                if let Ok(FromSimulator::Position(position)) =
+                    FromSimulator::decode(&buffer[..length])
+                {
+                    last = Some(position);
+                }
+            }
+        }
+        self.subscribe_position(0).await?;
+        Ok(last)
+    }
+
+    async fn subscribe_position(&self, frequency_hz: u32) -> Result<(), BridgeError> {
+        self.send(&ToSimulator::SubscribePosition(SubscribePosition {
+            frequency_hz,
+        }))
+        .await
+    }
+
+    /// The next datagram, `None` if none comes until a moment.
+    async fn receive(
+        &self,
+        until: Instant,
+        buffer: &mut [u8],
+    ) -> Result<Option<usize>, BridgeError> {
+        loop {
+            match timeout_at(until, self.socket.recv(buffer)).await {
+                Err(_) => return Ok(None),
+                Ok(Ok(length)) => return Ok(Some(length)),
+                Ok(Err(error)) if is_refused(&error) => sleep(Duration::from_millis(50)).await,
+                Ok(Err(source)) => {
+                    return Err(BridgeError::Udp {
+                        address: self.address,
+                        source,
+                    });
+                }
+            }
+        }
+    }
+
     /// Ends whatever is subscribed, and listens for a moment whether something still comes.
     pub(super) async fn unsubscribe_all(&mut self) {
+        let _ = self.subscribe_position(0).await;
         for index in std::mem::take(&mut self.active) {
-            let _ = self.socket.send(&end_of(index)).await;
+            let _ = self.socket.send(&end_datagram(index)).await;
         }
         let until = Instant::now() + LEAVE_PAUSE;
         let _ = self
@@ -153,7 +207,7 @@ impl UdpClient {
         match self.socket.send(&packet.encode()?).await {
             Ok(_) => Ok(()),
             // "Connection refused" is the answer to an earlier datagram: nobody listens, maybe not yet.
-            Err(error) if error.kind() == std::io::ErrorKind::ConnectionRefused => Ok(()),
+            Err(error) if is_refused(&error) => Ok(()),
             Err(source) => Err(BridgeError::Udp {
                 address: self.address,
                 source,
@@ -171,33 +225,21 @@ impl UdpClient {
     ) -> Result<(), BridgeError> {
         let mut buffer = [0; 2048];
         while !enough(values) {
-            let length = match timeout_at(until, self.socket.recv(&mut buffer)).await {
-                Err(_) => return Ok(()),
-                Ok(Ok(length)) => length,
-                Ok(Err(error)) if error.kind() == std::io::ErrorKind::ConnectionRefused => {
-                    sleep(Duration::from_millis(50)).await;
-                    continue;
-                }
-                Ok(Err(source)) => {
-                    return Err(BridgeError::Udp {
-                        address: self.address,
-                        source,
-                    });
-                }
+            let Some(length) = self.receive(until, &mut buffer).await? else {
+                return Ok(());
             };
-            match FromSimulator::decode(&buffer[..length]) {
-                Ok(FromSimulator::DatarefValues(reply)) => {
-                    for DatarefValue { index, value } in reply.values {
+            match DatarefValuesView::new(&buffer[..length]) {
+                Ok(reply) => {
+                    for DatarefValue { index, value } in reply.iter() {
                         match indices.get(&index) {
                             Some(&at) => values[at] = Some(value),
                             None if !self.active.contains(&index) => {
-                                let _ = self.socket.try_send(&end_of(index));
+                                let _ = self.socket.try_send(&end_datagram(index));
                             }
                             None => {}
                         }
                     }
                 }
-                Ok(_) => {}
                 Err(error) => tracing::debug!(address = %self.address, %error, "datagram ignored"),
             }
         }
@@ -209,19 +251,14 @@ impl Drop for UdpClient {
     /// A client that fails half-way must not leave the simulator sending for ever.
     fn drop(&mut self) {
         for &index in &self.active {
-            let _ = self.socket.try_send(&end_of(index));
+            let _ = self.socket.try_send(&end_datagram(index));
         }
     }
 }
 
 /// The datagram that ends a subscription by its number alone.
-fn end_of(index: i32) -> Vec<u8> {
-    let end = SubscribeDataref {
-        frequency_hz: 0,
-        index,
-        path: String::new(),
-    };
-    ToSimulator::SubscribeDataref(end)
+fn end_datagram(index: i32) -> Vec<u8> {
+    ToSimulator::SubscribeDataref(end_of(index))
         .encode()
         .unwrap_or_default()
 }

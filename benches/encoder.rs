@@ -1,0 +1,154 @@
+//! Our encoder against the `ffmpeg` program: the same raw pictures, the same settings, one after the other in one run.
+//!
+//! `benches/encoder.sh` runs it. Both read the same file of raw pictures from the page cache, convert them to BT.709 with the same
+//! switches of swscale, encode on one thread and write the same fragments; ours adds the index at the end. Rounds alternate, so
+//! that a busy machine is busy for both.
+
+#[path = "video/scenery.rs"]
+mod scenery;
+
+use std::fs::File;
+use std::io::{BufReader, Read, Write};
+use std::path::Path;
+use std::process::Command;
+use std::time::Instant;
+
+use dataset::frame_rate::FrameRate;
+use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
+use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, cloudy};
+
+const ROUNDS: usize = 5;
+/// What the ratio should reach.
+const GOAL: f64 = 0.95;
+const RATE: FrameRate = FrameRate {
+    numerator: 30,
+    denominator: 1,
+};
+
+fn main() {
+    let folder = tempfile::tempdir().expect("a folder for pictures and videos");
+    let raw = folder.path().join("pictures.rgb");
+    let pictures = 120;
+    write_pictures(&raw, pictures);
+    println!("{pictures} pictures of {WIDTH_PX}x{HEIGHT_PX}, {ROUNDS} rounds, best of each");
+    println!(
+        "| codec | ours, pictures/s | ffmpeg, pictures/s | ratio of the bests | ratios of the rounds | bytes, ours and ffmpeg's |"
+    );
+    println!("|---|---|---|---|---|---|");
+    for codec in [VideoCodec::H264, VideoCodec::H264Lossless] {
+        let settings = VideoSettings::of(codec);
+        let ours = folder.path().join("ours.mp4");
+        let theirs = folder.path().join("theirs.mp4");
+        let (mut best_ours, mut best_theirs) = (0.0_f64, 0.0_f64);
+        let mut ratios = Vec::new();
+        for round in 0..ROUNDS {
+            let first = |path: &Path| encode(&raw, pictures, &settings, path);
+            let second = |path: &Path| run_ffmpeg(&raw, pictures, &settings, path);
+            // Who begins changes from round to round.
+            let (a, b) = if round % 2 == 0 {
+                let a = first(&ours);
+                (a, second(&theirs))
+            } else {
+                let b = second(&theirs);
+                (first(&ours), b)
+            };
+            best_ours = best_ours.max(a);
+            best_theirs = best_theirs.max(b);
+            ratios.push(format!("{:.2}", a / b));
+        }
+        check_same(&ours, &theirs);
+        let bytes = |path: &Path| std::fs::metadata(path).expect("the video is there").len();
+        let ratio = best_ours / best_theirs;
+        println!(
+            "| {codec:?} {} | {best_ours:.1} | {best_theirs:.1} | {ratio:.3} | {} | {}, {} |",
+            settings.preset,
+            ratios.join(" "),
+            bytes(&ours),
+            bytes(&theirs)
+        );
+        assert!(
+            ratio >= GOAL,
+            "{codec:?}: {ratio:.3} of the ffmpeg program's rate, expected at least {GOAL}"
+        );
+    }
+}
+
+fn write_pictures(path: &Path, pictures: u32) {
+    let scenery = Scenery::new(&cloudy(), 12.0);
+    let mut file = File::create(path).expect("the pictures' file");
+    for number in 0..pictures {
+        file.write_all(&scenery.picture(number))
+            .expect("a picture is written");
+    }
+}
+
+/// Pictures per second of our encoder.
+fn encode(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) -> f64 {
+    let began = Instant::now();
+    let mut file = BufReader::with_capacity(1 << 20, File::open(raw).expect("the pictures"));
+    let mut rgb = vec![0; WIDTH_PX as usize * HEIGHT_PX as usize * 3];
+    let mut writer =
+        VideoWriter::create(path, settings, WIDTH_PX, HEIGHT_PX, RATE).expect("the encoder");
+    for _ in 0..pictures {
+        file.read_exact(&mut rgb).expect("a picture");
+        writer.write(&rgb).expect("a picture is encoded");
+    }
+    writer.finish().expect("the video is finished");
+    f64::from(pictures) / began.elapsed().as_secs_f64()
+}
+
+/// Pictures per second of the `ffmpeg` program.
+fn run_ffmpeg(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) -> f64 {
+    let crf = settings.crf.to_string();
+    let size = format!("{WIDTH_PX}x{HEIGHT_PX}");
+    let mut command = Command::new("ffmpeg");
+    command
+        .args(["-v", "error", "-nostdin", "-y", "-f", "rawvideo"])
+        .args(["-pixel_format", "rgb24", "-video_size", &size])
+        .args(["-framerate", "30", "-i"])
+        .arg(raw)
+        .args(["-threads", "1", "-filter_threads", "1", "-g", "60"])
+        .args(["-bf", "0", "-tune", "zerolatency"])
+        .args(["-preset", &settings.preset]);
+    if settings.codec == VideoCodec::H264 {
+        command
+            .args(["-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=bilinear+accurate_rnd+full_chroma_int+full_chroma_inp,format=yuv420p"])
+            .args(["-c:v", "libx264", "-crf", &crf])
+            .args(["-colorspace", "bt709", "-color_range", "tv"]);
+    } else {
+        command.args(["-c:v", "libx264rgb", "-qp", "0"]);
+    }
+    let began = Instant::now();
+    let status = command
+        .args(["-color_primaries", "bt709", "-color_trc", "bt709"])
+        .args(["-video_track_timescale", "30", "-use_editlist", "0"])
+        .args(["-movflags", "frag_every_frame+empty_moov+default_base_moof"])
+        .args(["-flush_packets", "1", "-f", "mp4"])
+        .arg(path)
+        .status()
+        .expect("the ffmpeg program (apt-get install ffmpeg)");
+    let elapsed_s = began.elapsed().as_secs_f64();
+    assert!(status.success(), "ffmpeg ended with {status}");
+    f64::from(pictures) / elapsed_s
+}
+
+/// The comparison is fair only if both made the same pictures.
+fn check_same(ours: &Path, theirs: &Path) {
+    let mut readers = [ours, theirs].map(|path| VideoReader::open(path).expect("the video opens"));
+    let mut pictures = [Vec::new(), Vec::new()];
+    loop {
+        let [a, b] = [0, 1].map(|side| {
+            readers[side]
+                .next_frame(&mut pictures[side])
+                .expect("a picture")
+        });
+        assert_eq!(a, b, "timestamps differ");
+        if a.is_none() {
+            return;
+        }
+        assert!(
+            pictures[0] == pictures[1],
+            "the pictures at {a:?} differ: the settings are not the same"
+        );
+    }
+}

@@ -1,0 +1,369 @@
+//! The true boxes against the pixels: does every picture show the aircraft where and when the tables say?
+//!
+//! Goes in: the decoded pictures of a view, one by one, and the true boxes of the scenario. Each box that is clear enough is looked at
+//! ([`sight`]). Then all of them together are judged ([`timing`]):
+//!
+//! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its pictures are of another view
+//!   or flight; if single ones are, those pictures are wrong.
+//! - **In step**: what stands out is in the middle of the box, but for a share of its size that grows with it. A part of the offset
+//!   that goes with the speed in the picture is time: pictures of other ticks.
+//! - **Moving**: a picture that is the same as an earlier one is frozen, if the aircraft moved by a pixel meanwhile.
+//!
+//! Clear enough is a box that is whole, above the ground, below all clouds, before a smooth background, and nearer than
+//! a transmission of [`LEAST_TRANSMISSION`]: there an aircraft can be seen in any weather.
+
+mod sight;
+mod timing;
+
+use serde::Serialize;
+
+use super::Faults;
+use crate::frames::Frames;
+use crate::pixel_box::{PixelBox, TruthBox};
+use crate::scenario::ScenarioRecord;
+use sight::{Picture, Sight, change_between, look};
+
+/// Share of contrast that the air must leave. In a scene of 50 grey levels of contrast this leaves 10, twice what the noisiest
+/// background that counts as smooth has.
+const LEAST_TRANSMISSION: f64 = 0.2;
+/// Part of the silhouette that must be visible.
+const LEAST_VISIBLE: f64 = 0.99;
+/// Lower than this over the target the aircraft is before ground, buildings and lights, metres.
+const LEAST_HEIGHT_M: f64 = 30.0;
+/// Fewer clear boxes than this say nothing about a view.
+const LEAST_BOXES: usize = 5;
+/// At least this part of the clear boxes is filled in the pictures of the right view; now and then paint and sky are of one grey, in
+/// the worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
+const LEAST_FILLED: f64 = 0.3;
+/// An empty box is a fault only if its contrast, by the others and the air, is this many times what would be seen.
+const SURE: f64 = 3.0;
+/// A picture is the same as an earlier one if what changed where the aircraft is, is less than this part of its contrast ...
+const SAME: f64 = 0.15;
+/// ... which has to be this many grey levels, far above what coding the same picture again changes ...
+const SAME_LEAST_CONTRAST: f64 = 10.0;
+/// ... and frozen if the aircraft moved this far, pixels.
+const MOVED_PX: f64 = 1.0;
+
+/// What is known about a scenario when its videos are read.
+pub(super) struct Scenario<'a> {
+    pub(super) record: &'a ScenarioRecord,
+    pub(super) frames: Option<&'a Frames>,
+    pub(super) boxes: &'a [TruthBox],
+}
+
+/// What the pictures of a view prove about it.
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
+pub struct ViewProof {
+    /// Identifier of the scenario.
+    pub scenario: String,
+    /// Identifier of the view.
+    pub view: String,
+    /// Pictures decoded.
+    pub pictures: u64,
+    /// True boxes that are clear enough to show the aircraft.
+    pub clear_boxes: usize,
+    /// Those in which something stands out.
+    pub filled_boxes: usize,
+    /// Median distance between the middle of what stands out and the middle of the box, pixels.
+    pub offset_px: Option<f64>,
+    /// Ticks by which the pictures are later than the tables.
+    pub lag_ticks: Option<f64>,
+    /// How far that can be trusted, ticks.
+    pub lag_error_ticks: Option<f64>,
+}
+
+/// Looks at the pictures of one view as they are decoded.
+pub(super) struct Watcher<'a> {
+    view: &'a str,
+    scenario: &'a Scenario<'a>,
+    /// True boxes of this view by tick, with their rows.
+    boxes: Vec<Option<(usize, &'a TruthBox)>>,
+    /// The same of the other views.
+    others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
+    seen: Vec<Seen>,
+    /// The picture with which the next ones are compared, until the aircraft has moved by [`MOVED_PX`].
+    anchor: Option<Anchor>,
+}
+
+struct Anchor {
+    tick: usize,
+    rgb: Vec<u8>,
+    place: PixelBox,
+    contrast: f64,
+}
+
+/// What was seen in one picture.
+#[derive(Default)]
+struct Seen {
+    sight: Option<Sight>,
+    /// The earlier picture that this one repeats, though the aircraft moved by so many pixels.
+    repeats: Option<(usize, f64)>,
+    /// For each other view, whether its box, apart from this view's, is filled.
+    others: Vec<Option<bool>>,
+}
+
+/// A clear box and what is in it.
+struct ClearBox<'a> {
+    tick: usize,
+    row: usize,
+    truth: &'a TruthBox,
+    sight: Sight,
+}
+
+impl<'a> Watcher<'a> {
+    pub(super) fn new(view: &'a str, scenario: &'a Scenario<'a>) -> Self {
+        let of = |view: &str| {
+            let mut by_tick = vec![None; scenario.record.ticks as usize];
+            for (row, truth) in scenario.boxes.iter().enumerate() {
+                if truth.view == view
+                    && let Some(place) = by_tick.get_mut(truth.tick as usize)
+                {
+                    *place = Some((row, truth));
+                }
+            }
+            by_tick
+        };
+        let only_boxes = |boxes: Vec<Option<(usize, &TruthBox)>>| {
+            let boxes = boxes.into_iter();
+            boxes
+                .map(|found| found.map(|(_, truth)| truth.pixel_box))
+                .collect()
+        };
+        Self {
+            view,
+            scenario,
+            boxes: of(view),
+            others: scenario
+                .record
+                .views
+                .iter()
+                .filter(|other| *other != view)
+                .map(|other| (other.as_str(), only_boxes(of(other))))
+                .collect(),
+            seen: Vec::new(),
+            anchor: None,
+        }
+    }
+
+    /// Whether there is anything to look for.
+    pub(super) fn is_needed(&self) -> bool {
+        !self.scenario.boxes.is_empty()
+    }
+
+    /// Looks at the next picture.
+    pub(super) fn see(&mut self, rgb: &[u8], width_px: u32, height_px: u32) {
+        let tick = self.seen.len();
+        let picture = Picture::new(rgb, width_px, height_px);
+        let own = self
+            .boxes
+            .get(tick)
+            .copied()
+            .flatten()
+            .map(|(_, truth)| truth.pixel_box);
+        let mut seen = Seen::default();
+        if let Some(own) = own {
+            seen.sight = look(&picture, &own);
+            seen.repeats = self.repeats(tick, &picture, &own, seen.sight);
+        }
+        for (_, boxes) in &self.others {
+            let other = boxes.get(tick).copied().flatten();
+            let apart = other.filter(|other| own.is_none_or(|own| own.iou(other) == 0.0));
+            let filled = apart.and_then(|other| look(&picture, &other));
+            seen.others.push(filled.map(|sight| sight.is_filled()));
+        }
+        self.seen.push(seen);
+    }
+
+    /// The earlier picture that this one repeats, if the aircraft moved far enough since to be seen moving.
+    fn repeats(
+        &mut self,
+        tick: usize,
+        picture: &Picture,
+        own: &PixelBox,
+        sight: Option<Sight>,
+    ) -> Option<(usize, f64)> {
+        let moved = self.anchor.as_ref().map(|anchor| {
+            let moved_px = (own.cx_px - anchor.place.cx_px).hypot(own.cy_px - anchor.place.cy_px);
+            (anchor, moved_px)
+        });
+        if moved.is_some_and(|(_, moved_px)| moved_px < MOVED_PX) {
+            return None;
+        }
+        // Only where the aircraft would be seen, and while its boxes overlap: farther on, a frozen picture leaves its box empty.
+        let could_be_frozen = |moved_px: f64| sight.is_some() && moved_px <= own.width_px;
+        let repeated = moved
+            .filter(|(_, moved_px)| could_be_frozen(*moved_px))
+            .and_then(|(anchor, moved_px)| {
+                let before = picture.of_same_size(&anchor.rgb);
+                let change = change_between(&before, picture, &anchor.place, own)?;
+                (change < SAME * anchor.contrast).then_some((anchor.tick, moved_px))
+            });
+        let contrast = sight
+            .filter(Sight::is_filled)
+            .map_or(0.0, |sight| sight.contrast);
+        if repeated.is_some() || contrast < SAME_LEAST_CONTRAST {
+            // A frozen picture need not have the aircraft in this box: what it repeats stays the measure.
+            if repeated.is_none() {
+                self.anchor = None;
+            }
+            return repeated;
+        }
+        let mut rgb = self
+            .anchor
+            .take()
+            .map_or_else(Vec::new, |anchor| anchor.rgb);
+        rgb.clear();
+        rgb.extend_from_slice(picture.bytes());
+        self.anchor = Some(Anchor {
+            tick,
+            rgb,
+            place: *own,
+            contrast,
+        });
+        None
+    }
+
+    /// Judges all pictures together. `file`: the video.
+    pub(super) fn judge(self, file: &str, faults: &mut Faults) -> ViewProof {
+        let clear = self.clear_boxes();
+        let filled: Vec<&ClearBox> = clear.iter().filter(|b| b.sight.is_filled()).collect();
+        let mut proof = ViewProof {
+            view: self.view.to_owned(),
+            pictures: self.seen.len() as u64,
+            clear_boxes: clear.len(),
+            filled_boxes: filled.len(),
+            ..ViewProof::default()
+        };
+        self.check_moving(file, faults);
+        let enough = clear.len() >= LEAST_BOXES;
+        if enough && (filled.len() as f64) < LEAST_FILLED * clear.len() as f64 {
+            let message = format!(
+                "the aircraft is to be seen in {} of {} true boxes that are clear enough to show it{}",
+                filled.len(),
+                clear.len(),
+                self.hint()
+            );
+            faults.view(file, self.view, message);
+            return proof;
+        }
+        if enough {
+            self.check_filled(&clear, &filled, file, faults);
+        }
+        let points: Vec<timing::Point> = filled
+            .iter()
+            .filter_map(|found| self.point(found))
+            .collect();
+        let timing = timing::judge(&points, file, self.view, faults);
+        proof.offset_px = timing.offset_px;
+        proof.lag_ticks = timing.lag_ticks;
+        proof.lag_error_ticks = timing.lag_error_ticks;
+        proof
+    }
+
+    fn clear_boxes(&self) -> Vec<ClearBox<'a>> {
+        let record = self.scenario.record;
+        let lowest_cloud_m = record
+            .conditions
+            .weather
+            .clouds
+            .iter()
+            .map(|layer| layer.base_msl_m)
+            .fold(f64::INFINITY, f64::min);
+        let boxes = self.boxes.iter().zip(&self.seen).enumerate();
+        boxes
+            .filter_map(|(tick, (found, seen))| {
+                let (row, truth) = (*found)?;
+                let sight = seen.sight.filter(|sight| sight.is_before_smooth())?;
+                let altitude_m = self.scenario.frames?.rows.get(tick)?.pose.altitude_msl_m;
+                let clear = truth.truncation == 0.0
+                    && truth.visible_fraction >= LEAST_VISIBLE
+                    && truth.transmission >= LEAST_TRANSMISSION
+                    && altitude_m - record.touchdown.altitude_msl_m >= LEAST_HEIGHT_M
+                    && altitude_m < lowest_cloud_m;
+                clear.then_some(ClearBox {
+                    tick,
+                    row,
+                    truth,
+                    sight,
+                })
+            })
+            .collect()
+    }
+
+    /// Whether the pictures would fit another view.
+    fn hint(&self) -> String {
+        for (index, (other, _)) in self.others.iter().enumerate() {
+            let looked = || self.seen.iter().filter_map(|seen| seen.others[index]);
+            let (filled, all) = (looked().filter(|filled| *filled).count(), looked().count());
+            if all >= LEAST_BOXES && filled as f64 >= LEAST_FILLED * all as f64 {
+                return format!(
+                    "; but in {filled} of {all} boxes of view {other}: are the views swapped?"
+                );
+            }
+        }
+        String::new()
+    }
+
+    /// A clear box is filled, if the others and the air say that the aircraft must be seen in it.
+    fn check_filled(
+        &self,
+        clear: &[ClearBox],
+        filled: &[&ClearBox],
+        file: &str,
+        faults: &mut Faults,
+    ) {
+        let typical = timing::median(
+            filled
+                .iter()
+                .map(|found| found.sight.contrast / found.truth.transmission),
+        );
+        let Some(typical) = typical else { return };
+        for empty in clear.iter().filter(|b| b.sight.is_empty()) {
+            let expected = typical * empty.truth.transmission;
+            if expected >= SURE * empty.sight.least_to_be_filled() {
+                let message = format!(
+                    "in the true box (row {} of boxes_truth.parquet) nothing stands out by more than {:.1} grey levels, expected {expected:.0}",
+                    empty.row, empty.sight.contrast
+                );
+                faults.view_row(
+                    self.view,
+                    file,
+                    empty.tick,
+                    "the aircraft is not where its box is",
+                    message,
+                );
+            }
+        }
+    }
+
+    /// No picture stands still while the aircraft moves.
+    fn check_moving(&self, file: &str, faults: &mut Faults) {
+        for (tick, seen) in self.seen.iter().enumerate() {
+            if let Some((earlier, moved_px)) = seen.repeats {
+                let message = format!(
+                    "is the picture of tick {earlier} again, but the aircraft moved by {moved_px:.1} pixels since"
+                );
+                faults.view_row(self.view, file, tick, "frozen or doubled", message);
+            }
+        }
+    }
+
+    /// What a filled box says about time; missing at the ends of a flight.
+    fn point(&self, found: &ClearBox) -> Option<timing::Point> {
+        let at = |tick: usize| {
+            let (_, truth) = self.boxes.get(tick).copied().flatten()?;
+            (truth.truncation == 0.0).then_some(truth.pixel_box)
+        };
+        let (before, after) = (at(found.tick.checked_sub(1)?)?, at(found.tick + 1)?);
+        let own = found.truth.pixel_box;
+        Some(timing::Point {
+            tick: found.tick,
+            offset_px: found.sight.offset_px,
+            per_tick_px: glam::DVec2::new(
+                (after.cx_px - before.cx_px) / 2.0,
+                (after.cy_px - before.cy_px) / 2.0,
+            ),
+            size_px: glam::DVec2::new(own.width_px, own.height_px),
+        })
+    }
+}

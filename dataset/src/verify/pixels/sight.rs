@@ -1,0 +1,288 @@
+//! One box in one picture: what stands out from the background around it, and where.
+//!
+//! The background is a plane through the brightness of the pixels around the box: sky brightens evenly over so few pixels. What is
+//! left of the pixels around the box is noise, what is left of those inside is the aircraft.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use crate::pixel_box::PixelBox;
+use crate::video::BYTES_PER_PIXEL;
+
+/// Smaller boxes hold too few pixels, pixels.
+const LEAST_WIDTH_PX: f64 = 4.0;
+const LEAST_HEIGHT_PX: f64 = 2.0;
+/// Pixels around the box that are looked at: this part of its longer side, within these bounds.
+const MARGIN: f64 = 0.5;
+const LEAST_MARGIN_PX: f64 = 6.0;
+const MOST_MARGIN_PX: f64 = 48.0;
+/// Pixels next to the box that belong to neither: coding and lamps smear the aircraft over them.
+const SMEAR_PX: f64 = 2.0;
+/// Fewer pixels of background make no plane.
+const LEAST_BACKGROUND: usize = 40;
+/// A background that leaves more than this is not smooth, grey levels.
+const MOST_NOISE: f64 = 5.0;
+
+/// A decoded picture.
+pub(super) struct Picture<'a> {
+    rgb: &'a [u8],
+    width: i64,
+    height: i64,
+}
+
+/// What is in a box.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Sight {
+    /// Mean of the tenth of the pixels in the box that stands out most, grey levels.
+    pub(super) contrast: f64,
+    /// What nine tenths of the pixels around stay below, grey levels.
+    noise: f64,
+    /// Middle of what stands out, from the middle of the box, pixels.
+    pub(super) offset_px: DVec2,
+}
+
+impl Sight {
+    /// Whether something is in the box.
+    pub(super) fn is_filled(&self) -> bool {
+        self.contrast >= self.least_to_be_filled()
+    }
+
+    /// Whether surely nothing is: between the two, one cannot say.
+    pub(super) fn is_empty(&self) -> bool {
+        self.contrast < 1.6 * self.noise + 1.5
+    }
+
+    /// Contrast from which on something is in the box, grey levels.
+    pub(super) fn least_to_be_filled(&self) -> f64 {
+        3.0 * self.noise + 2.0
+    }
+
+    /// Whether the background is smooth enough to tell.
+    pub(super) fn is_before_smooth(&self) -> bool {
+        self.noise <= MOST_NOISE
+    }
+}
+
+impl<'a> Picture<'a> {
+    pub(super) fn new(rgb: &'a [u8], width_px: u32, height_px: u32) -> Self {
+        Self {
+            rgb,
+            width: i64::from(width_px),
+            height: i64::from(height_px),
+        }
+    }
+
+    /// Another picture of this size.
+    pub(super) fn of_same_size<'b>(&self, rgb: &'b [u8]) -> Picture<'b> {
+        Picture {
+            rgb,
+            width: self.width,
+            height: self.height,
+        }
+    }
+
+    /// All of it.
+    pub(super) fn bytes(&self) -> &[u8] {
+        self.rgb
+    }
+
+    /// Brightness by BT.709, grey levels.
+    fn grey(&self, x: i64, y: i64) -> f64 {
+        let at = (y * self.width + x) as usize * BYTES_PER_PIXEL;
+        let [red, green, blue] = [0, 1, 2].map(|channel| f64::from(self.rgb[at + channel]));
+        0.2126 * red + 0.7152 * green + 0.0722 * blue
+    }
+
+    /// Whole pixels of a box that are in the picture.
+    fn pixels(&self, within: &PixelBox, margin_px: f64) -> impl Iterator<Item = (i64, i64)> {
+        let [left, top, right, bottom] = within.edges();
+        let first = |edge: f64| ((edge - margin_px).ceil() as i64).max(0);
+        let last = |edge: f64, size: i64| ((edge + margin_px).floor() as i64).min(size - 1);
+        let columns = first(left)..=last(right, self.width);
+        (first(top)..=last(bottom, self.height))
+            .flat_map(move |y| columns.clone().map(move |x| (x, y)))
+    }
+}
+
+/// Looks at a box; `None` if it is too small, or if there is too little background around it.
+pub(super) fn look(picture: &Picture, within: &PixelBox) -> Option<Sight> {
+    if within.width_px < LEAST_WIDTH_PX || within.height_px < LEAST_HEIGHT_PX {
+        return None;
+    }
+    let longer_px = within.width_px.max(within.height_px);
+    let margin_px = (MARGIN * longer_px).clamp(LEAST_MARGIN_PX, MOST_MARGIN_PX);
+    let centre = DVec2::new(within.cx_px, within.cy_px);
+    let beyond = |x: i64, y: i64| {
+        let away = (DVec2::new(x as f64, y as f64) - centre).abs();
+        (away.x - within.width_px / 2.0).max(away.y - within.height_px / 2.0)
+    };
+    let mut around = Vec::new();
+    let mut inside = Vec::new();
+    for (x, y) in picture.pixels(within, margin_px) {
+        let from_centre = DVec2::new(x as f64, y as f64) - centre;
+        let pixel = (from_centre, picture.grey(x, y));
+        let beyond_px = beyond(x, y);
+        if beyond_px > SMEAR_PX {
+            around.push(pixel);
+        }
+        inside.push((pixel, beyond_px));
+    }
+    if around.len() < LEAST_BACKGROUND {
+        return None;
+    }
+    let plane = Plane::through(&around)?;
+    let mut left: Vec<f64> = around.iter().map(|pixel| plane.left_of(pixel)).collect();
+    // A lamp's glow or a far cloud's edge must not tilt the plane.
+    let noise = quantile(&mut left, 0.9);
+    let calm: Vec<_> = around
+        .into_iter()
+        .filter(|pixel| plane.left_of(pixel) <= noise)
+        .collect();
+    let plane = Plane::through(&calm)?;
+
+    let mut stands_out: Vec<f64> = inside
+        .iter()
+        .filter(|(_, beyond_px)| *beyond_px <= 0.5)
+        .map(|(pixel, _)| plane.left_of(pixel))
+        .collect();
+    let contrast = mean_of_top_tenth(&mut stands_out)?;
+    let threshold = (2.0 * noise + 1.0).max(contrast / 4.0);
+    let reach_px = margin_px * 0.7;
+    let (mut sum, mut moment) = (0.0, DVec2::ZERO);
+    for (pixel, beyond_px) in &inside {
+        let weight = plane.left_of(pixel);
+        if *beyond_px <= reach_px && weight > threshold {
+            sum += weight;
+            moment += pixel.0 * weight;
+        }
+    }
+    Some(Sight {
+        contrast,
+        noise,
+        offset_px: if sum > 0.0 { moment / sum } else { DVec2::ZERO },
+    })
+}
+
+/// How much changed between two pictures where the aircraft was and is, grey levels: the mean of the tenth that changed most.
+pub(super) fn change_between(
+    before: &Picture,
+    after: &Picture,
+    was: &PixelBox,
+    is: &PixelBox,
+) -> Option<f64> {
+    if before.rgb.len() != after.rgb.len() {
+        return None;
+    }
+    let [a, b] = [was.edges(), is.edges()];
+    let both = PixelBox::from_edges(
+        a[0].min(b[0]),
+        a[1].min(b[1]),
+        a[2].max(b[2]),
+        a[3].max(b[3]),
+    );
+    let mut changes: Vec<f64> = after
+        .pixels(&both, 1.0)
+        .map(|(x, y)| (after.grey(x, y) - before.grey(x, y)).abs())
+        .collect();
+    mean_of_top_tenth(&mut changes)
+}
+
+fn mean_of_top_tenth(values: &mut [f64]) -> Option<f64> {
+    let top = values.len().div_ceil(10);
+    if top == 0 {
+        return None;
+    }
+    let first = values.len() - top;
+    values.select_nth_unstable_by(first, f64::total_cmp);
+    Some(values[first..].iter().sum::<f64>() / top as f64)
+}
+
+fn quantile(values: &mut [f64], part: f64) -> f64 {
+    let at = ((values.len() - 1) as f64 * part) as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+/// Brightness that changes evenly: `at the centre + slope . place`.
+struct Plane(DVec3);
+
+impl Plane {
+    fn through(pixels: &[(DVec2, f64)]) -> Option<Self> {
+        let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
+        for (place, grey) in pixels {
+            let base = place.extend(1.0);
+            normal += DMat3::from_cols(base * base.x, base * base.y, base * base.z);
+            right += base * *grey;
+        }
+        (normal.determinant().abs() > 1e-9).then(|| Self(normal.inverse() * right))
+    }
+
+    /// What is left of a pixel, without sign.
+    fn left_of(&self, (place, grey): &(DVec2, f64)) -> f64 {
+        (grey - self.0.dot(place.extend(1.0))).abs()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: u32 = 96;
+
+    /// A sky with a slope and a little grain, and a dark bar around a place.
+    fn picture(bar: Option<(f64, f64)>) -> Vec<u8> {
+        let mut rgb = Vec::new();
+        for y in 0..SIZE {
+            for x in 0..SIZE {
+                let grain = f64::from((x * 7_919 + y * 104_729) % 3);
+                let mut grey = 120.0 + 0.4 * f64::from(x) + 0.2 * f64::from(y) + grain;
+                if let Some((cx, cy)) = bar {
+                    let inside = |d: f64, half: f64| {
+                        ((d + 0.5).min(half) - (d - 0.5).max(-half)).clamp(0.0, 1.0)
+                    };
+                    grey -= 30.0 * inside(f64::from(x) - cx, 5.0) * inside(f64::from(y) - cy, 1.5);
+                }
+                rgb.extend([grey as u8; 3]);
+            }
+        }
+        rgb
+    }
+
+    fn around(cx_px: f64, cy_px: f64) -> PixelBox {
+        PixelBox {
+            cx_px,
+            cy_px,
+            width_px: 10.0,
+            height_px: 3.0,
+        }
+    }
+
+    #[test]
+    fn a_bar_is_found_where_it_is_and_not_elsewhere() {
+        let rgb = picture(Some((40.3, 50.6)));
+        let picture = Picture::new(&rgb, SIZE, SIZE);
+        let there = look(&picture, &around(40.3, 50.6)).unwrap();
+        assert!(there.is_filled() && there.is_before_smooth(), "{there:?}");
+        assert!(there.offset_px.length() < 0.2, "{there:?}");
+        let beside = look(&picture, &around(41.3, 50.6)).unwrap();
+        assert!((beside.offset_px - DVec2::new(-1.0, 0.0)).length() < 0.3);
+        let elsewhere = look(&picture, &around(70.0, 20.0)).unwrap();
+        assert!(elsewhere.is_empty(), "{elsewhere:?}");
+    }
+
+    #[test]
+    fn what_moved_changed_and_what_did_not_did_not() {
+        let [first, second] = [(40.0, 50.0), (42.0, 50.0)].map(|place| picture(Some(place)));
+        let [a, b] = [&first, &second].map(|rgb| Picture::new(rgb, SIZE, SIZE));
+        let [was, is] = [around(40.0, 50.0), around(42.0, 50.0)];
+        assert!(change_between(&a, &b, &was, &is).unwrap() > 20.0);
+        assert_eq!(change_between(&a, &a, &was, &is), Some(0.0));
+    }
+
+    #[test]
+    fn a_box_at_the_edge_of_the_picture_is_looked_at_without_leaving_it() {
+        let rgb = picture(None);
+        let picture = Picture::new(&rgb, SIZE, SIZE);
+        for (x, y) in [(-4.0, -1.0), (99.0, 95.0), (0.0, 95.0)] {
+            look(&picture, &around(x, y));
+        }
+    }
+}

@@ -1,0 +1,254 @@
+//! Offsets of the aircraft from its boxes, read as time.
+//!
+//! An offset has two parts: a share of the size, because what stands out of an aircraft is not the middle of its box, and what it moves
+//! in the picture in the time by which picture and table differ: `offset = share * size + lag * way per tick`. Both are fitted
+//! by least squares; the tick from which on there is a lag is the one that fits best.
+
+use glam::{DMat3, DVec2, DVec3};
+
+use super::super::Faults;
+
+/// What one picture says.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Point {
+    pub(super) tick: usize,
+    /// Middle of what stands out from the middle of the box, pixels.
+    pub(super) offset_px: DVec2,
+    /// Way of the box in one tick, pixels.
+    pub(super) per_tick_px: DVec2,
+    pub(super) size_px: DVec2,
+}
+
+/// What all pictures of a view say together.
+#[derive(Debug, Default)]
+pub(super) struct Timing {
+    pub(super) offset_px: Option<f64>,
+    pub(super) lag_ticks: Option<f64>,
+    pub(super) lag_error_ticks: Option<f64>,
+}
+
+/// A lag is a fault if it is this large, ticks ...
+const LEAST_LAG_TICKS: f64 = 0.6;
+/// ... and this many times its standard error. It has to be surer where the place from which on there is one was searched for.
+const SURE: f64 = 4.0;
+const SURE_OF_ALL: f64 = 3.0;
+/// Fewer points fit anything.
+const LEAST_POINTS: usize = 6;
+/// Error of an offset: pixels ...
+const OFFSET_ERROR_PX: f64 = 0.3;
+/// ... and a part of the size, as light and attitude change what stands out.
+const OFFSET_ERROR: f64 = 0.01;
+/// So many places are looked at first for where a lag begins.
+const PLACES: usize = 128;
+/// Points on either side from which a point is told to be out of line.
+const NEIGHBOURS: usize = 5;
+
+pub(super) fn judge(points: &[Point], file: &str, view: &str, faults: &mut Faults) -> Timing {
+    let mut timing = Timing {
+        offset_px: median(points.iter().map(|point| point.offset_px.length())),
+        ..Timing::default()
+    };
+    let Some(whole) = Fit::of(points, 0) else {
+        return timing;
+    };
+    timing.lag_ticks = Some(whole.lag_ticks);
+    timing.lag_error_ticks = Some(whole.error_ticks);
+    if let Some((from, fit)) = out_of_step(points) {
+        let lag = fit.lag_ticks;
+        let message = format!(
+            "from here on the pictures show the aircraft where it is {:.1} ticks {} (+-{:.1})",
+            lag.abs(),
+            in_words(lag),
+            fit.error_ticks
+        );
+        faults.view_row(view, file, points[from].tick, "out of step", message);
+    } else {
+        check_each(points, file, view, faults);
+    }
+    timing
+}
+
+/// From where on a lag fits best, if there is one. Looks at some places first, and at all around the best of them.
+fn out_of_step(points: &[Point]) -> Option<(usize, Fit)> {
+    let last = points.len().checked_sub(LEAST_POINTS / 2)?;
+    let best = |places: &mut dyn Iterator<Item = usize>| {
+        places
+            .filter_map(|from| Some((from, Fit::of(points, from)?)))
+            .filter(|(from, fit)| fit.is_out_of_step(if *from == 0 { SURE_OF_ALL } else { SURE }))
+            .min_by(|(_, a), (_, b)| a.misfit.total_cmp(&b.misfit))
+    };
+    let step = last.div_ceil(PLACES).max(1);
+    let (near, _) = best(&mut (0..=last).step_by(step))?;
+    best(&mut (near.saturating_sub(step)..=(near + step).min(last)))
+}
+
+fn in_words(lag: f64) -> &'static str {
+    if lag > 0.0 { "later" } else { "earlier" }
+}
+
+/// Single pictures that are out of line with their neighbours along the way of the aircraft.
+fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
+    let out_of_line: Vec<Option<f64>> = (0..points.len())
+        .map(|index| out_of_line(points, index))
+        .collect();
+    let part = |index: usize, off_px: f64| off_px / points[index].size_px.max_element();
+    let offs = || {
+        let found = out_of_line.iter().enumerate();
+        found.filter_map(|(index, off_px)| Some((index, (*off_px)?)))
+    };
+    let Some(usual) = median(offs().map(|(index, off_px)| part(index, off_px).abs())) else {
+        return;
+    };
+    for (index, off_px) in offs() {
+        let point = &points[index];
+        let ticks = off_px / point.per_tick_px.length();
+        let sure_px = OFFSET_ERROR_PX * 3.0 + OFFSET_ERROR * point.size_px.max_element();
+        if ticks.abs() >= LEAST_LAG_TICKS
+            && off_px.abs() >= sure_px
+            && part(index, off_px).abs() >= 2.5 * SURE * usual
+        {
+            let message = format!(
+                "shows the aircraft {:.1} pixels from where it should be: where it is {:.1} ticks {}",
+                off_px.abs(),
+                ticks.abs(),
+                in_words(ticks)
+            );
+            faults.view_row(view, file, point.tick, "out of step", message);
+        }
+    }
+}
+
+/// How far a point is ahead along the way of the aircraft, by what its neighbours have for an offset, pixels.
+fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
+    let point = &points[index];
+    let way = point.per_tick_px.try_normalize()?;
+    let first = index.saturating_sub(NEIGHBOURS);
+    let last = (index + NEIGHBOURS).min(points.len() - 1);
+    let others = || (first..=last).filter(|other| *other != index);
+    if others().count() < NEIGHBOURS {
+        return None;
+    }
+    let share = |axis: usize| {
+        median(others().map(|other| points[other].offset_px[axis] / points[other].size_px[axis]))
+    };
+    let usual_px = DVec2::new(share(0)?, share(1)?) * point.size_px;
+    Some((point.offset_px - usual_px).dot(way))
+}
+
+/// A fit to all points, with a lag from one of them on.
+struct Fit {
+    lag_ticks: f64,
+    /// Standard error.
+    error_ticks: f64,
+    /// Weighted sum of squares that is left.
+    misfit: f64,
+}
+
+impl Fit {
+    fn of(points: &[Point], from: usize) -> Option<Self> {
+        if points.len() < LEAST_POINTS {
+            return None;
+        }
+        let (mut normal, mut right, mut squares) = (DMat3::ZERO, DVec3::ZERO, 0.0);
+        for (index, point) in points.iter().enumerate() {
+            let error_px = OFFSET_ERROR_PX + OFFSET_ERROR * point.size_px.max_element();
+            let weight = 1.0 / (error_px * error_px);
+            let way = if index >= from {
+                point.per_tick_px
+            } else {
+                DVec2::ZERO
+            };
+            let rows = [
+                (DVec3::new(way.x, point.size_px.x, 0.0), point.offset_px.x),
+                (DVec3::new(way.y, 0.0, point.size_px.y), point.offset_px.y),
+            ];
+            for (base, offset_px) in rows {
+                normal += DMat3::from_cols(base * base.x, base * base.y, base * base.z) * weight;
+                right += base * offset_px * weight;
+                squares += offset_px * offset_px * weight;
+            }
+        }
+        if normal.determinant().abs() < 1e-9 {
+            return None;
+        }
+        let inverse = normal.inverse();
+        let found = inverse * right;
+        let misfit = (squares - found.dot(right)).max(0.0);
+        // If the offsets scatter more than expected, so does the lag.
+        let scatter = (misfit / (2.0 * points.len() as f64 - 3.0)).max(1.0);
+        Some(Self {
+            lag_ticks: found.x,
+            error_ticks: (inverse.x_axis.x * scatter).sqrt(),
+            misfit,
+        })
+    }
+
+    fn is_out_of_step(&self, sure: f64) -> bool {
+        self.lag_ticks.abs() >= LEAST_LAG_TICKS && self.lag_ticks.abs() >= sure * self.error_ticks
+    }
+}
+
+/// The middle value.
+pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
+    let mut values: Vec<f64> = values.collect();
+    let at = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(at, f64::total_cmp).1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An aircraft that comes nearer: it grows and moves ever faster. What stands out is a little below the middle.
+    fn approach(lag: impl Fn(usize) -> f64) -> Vec<Point> {
+        (0..40)
+            .map(|tick| {
+                let range = 6_000.0 - 100.0 * tick as f64;
+                let size_px = DVec2::new(36.0, 12.0) * (1_800.0 / range);
+                let per_tick_px = DVec2::new(5.4e7, -1e7) / (range * range);
+                let jitter = 0.1 * ((tick * 7 % 5) as f64 - 2.0);
+                Point {
+                    tick,
+                    offset_px: size_px * DVec2::new(0.0, 0.1)
+                        + per_tick_px * lag(tick)
+                        + DVec2::new(jitter, -jitter),
+                    per_tick_px,
+                    size_px,
+                }
+            })
+            .collect()
+    }
+
+    fn found(points: &[Point]) -> Vec<(Option<u64>, String)> {
+        let mut faults = Faults::of_scenario("0001");
+        judge(points, "views/left.mp4", "left", &mut faults);
+        let findings = faults.into_findings().into_iter();
+        findings.map(|f| (f.row, f.message)).collect()
+    }
+
+    #[test]
+    fn pictures_in_step_have_no_findings_though_they_are_off_the_middle() {
+        assert_eq!(found(&approach(|_| 0.0)), []);
+    }
+
+    #[test]
+    fn pictures_of_the_next_tick_are_found_and_so_is_where_that_begins() {
+        let all = found(&approach(|_| 1.0));
+        assert_eq!(all.len(), 1);
+        assert!(all[0].1.contains("1.0 ticks later"), "{all:?}");
+        let later = found(&approach(|tick| if tick < 20 { 0.0 } else { 1.0 }));
+        assert_eq!(later.len(), 1);
+        assert!(
+            later[0].0.is_some_and(|row| row.abs_diff(20) <= 1),
+            "{later:?}"
+        );
+    }
+
+    #[test]
+    fn one_doubled_picture_is_found_in_its_row() {
+        let found = found(&approach(|tick| if tick == 30 { -1.0 } else { 0.0 }));
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].0, Some(30));
+        assert!(found[0].1.contains("1.0 ticks earlier"), "{found:?}");
+    }
+}

@@ -1,0 +1,127 @@
+//! The codecs, and what each of them needs: encoder, pixels in memory, file format, presets, range of qualities.
+
+use ffmpeg_next::format::Pixel;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// How pictures are coded. `docs/video.md` has what each of them leaves of small targets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+pub enum VideoCodec {
+    /// H.264, 4:2:0: small, plays everywhere, halves the contrast of colours of small things.
+    #[default]
+    #[serde(rename = "h264")]
+    H264,
+    /// H.264 in RGB without loss: about 20 times larger; browsers do not play it.
+    #[serde(rename = "h264-lossless")]
+    H264Lossless,
+    /// H.265, 4:2:0: needs a far better quality setting than H.264 to keep small targets.
+    #[serde(rename = "h265")]
+    H265,
+    /// AV1, 4:2:0: the slowest by far.
+    #[serde(rename = "av1")]
+    Av1,
+    /// FFV1 in RGB without loss, every picture on its own and with a checksum: the archivists' choice.
+    #[serde(rename = "ffv1")]
+    Ffv1,
+}
+
+/// Presets that x264 and x265 know.
+const X26X_PRESETS: [&str; 10] = [
+    "ultrafast",
+    "superfast",
+    "veryfast",
+    "faster",
+    "fast",
+    "medium",
+    "slow",
+    "slower",
+    "veryslow",
+    "placebo",
+];
+/// `cpu-used` of libaom.
+const AOM_PRESETS: [&str; 9] = ["0", "1", "2", "3", "4", "5", "6", "7", "8"];
+/// FFV1 has nothing to choose.
+const NO_PRESETS: [&str; 1] = ["none"];
+
+impl VideoCodec {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::H264,
+        Self::H264Lossless,
+        Self::H265,
+        Self::Av1,
+        Self::Ffv1,
+    ];
+
+    /// Whether pictures come back byte for byte.
+    pub fn is_lossless(self) -> bool {
+        matches!(self, Self::H264Lossless | Self::Ffv1)
+    }
+
+    /// Ending of the file's name, and FFmpeg's name of its format. FFmpeg refuses FFV1 in MP4; QuickTime, from which MP4 comes, is
+    /// the one other format in which every timestamp is exact (Matroska rounds them to milliseconds).
+    pub fn extension(self) -> &'static str {
+        match self {
+            Self::Ffv1 => "mov",
+            _ => "mp4",
+        }
+    }
+
+    /// Presets from which one can choose.
+    pub fn presets(self) -> &'static [&'static str] {
+        match self {
+            Self::H264 | Self::H264Lossless | Self::H265 => &X26X_PRESETS,
+            Self::Av1 => &AOM_PRESETS,
+            Self::Ffv1 => &NO_PRESETS,
+        }
+    }
+
+    /// The preset that is used when none is given.
+    pub fn default_preset(self) -> &'static str {
+        match self {
+            Self::H264 | Self::H265 => "superfast",
+            Self::H264Lossless => "ultrafast",
+            Self::Av1 => "8",
+            Self::Ffv1 => "none",
+        }
+    }
+
+    /// The constant rate factor that is used when none is given: for H.264 the largest measured that keeps a 10 NM aircraft, for H.265 and
+    /// AV1, which never keep it as well, one that keeps most of its contrast.
+    pub fn default_crf(self) -> u32 {
+        match self {
+            Self::H264 => 12,
+            Self::H265 => 4,
+            Self::Av1 => 4,
+            Self::H264Lossless | Self::Ffv1 => 0,
+        }
+    }
+
+    /// The worst constant rate factor that the encoder takes.
+    pub fn largest_crf(self) -> u32 {
+        match self {
+            Self::Av1 => 63,
+            _ => 51,
+        }
+    }
+
+    /// FFmpeg's name of the encoder.
+    pub(super) fn encoder(self) -> &'static str {
+        match self {
+            Self::H264 => "libx264",
+            Self::H264Lossless => "libx264rgb",
+            Self::H265 => "libx265",
+            Self::Av1 => "libaom-av1",
+            Self::Ffv1 => "ffv1",
+        }
+    }
+
+    /// What the encoder takes.
+    pub(super) fn pixel(self) -> Pixel {
+        match self {
+            Self::H264 | Self::H265 | Self::Av1 => Pixel::YUV420P,
+            Self::H264Lossless => Pixel::RGB24,
+            Self::Ffv1 => Pixel::BGRZ,
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Any bytes, taken for a datagram of either direction: no panic, and what is understood is said again in the same bytes.
+
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+/// The bridge's packets alone, from their sources: with the whole crate the fuzzer would have to build FFmpeg and Parquet.
+#[path = "../../xplane-bridge/src"]
+#[allow(dead_code, unused_imports, reason = "only the decoders and encoders are called")]
+mod bridge {
+    pub(crate) mod packet;
+}
+
+use bridge::packet::{DatarefValuesView, FromSimulator, ToSimulator};
+
+fuzz_target!(|datagram: &[u8]| {
+    if let Ok(view) = DatarefValuesView::new(datagram) {
+        assert_eq!(view.iter().count(), view.len());
+    }
+    // Compared as bytes: a NaN is not equal to itself. An encoder may refuse, e.g. a text that fills its field.
+    let to = |bytes: &[u8]| ToSimulator::decode(bytes).and_then(|packet| packet.encode());
+    if let Ok(again) = to(datagram) {
+        assert_eq!(to(&again), Ok(again.clone()));
+    }
+    let from = |bytes: &[u8]| FromSimulator::decode(bytes).and_then(|packet| packet.encode());
+    if let Ok(again) = from(datagram) {
+        assert_eq!(from(&again), Ok(again.clone()));
+    }
+});

@@ -1,0 +1,202 @@
+//! Who makes what, when several processes, on one machine or on many, make one corpus at once.
+//!
+//! A claim is a file `claims/<name>` of the corpus, locked by the operating system for as long as its owner works: it ends with the
+//! process, however that ends. The file says who holds it. It lies outside the folders that are made, cleared and renamed, and whoever
+//! lets go of it deletes it; so a lock only counts if the file is still the one that the path names.
+//!
+//! Between machines this needs a file system that locks for all of them: NFS 4, Lustre with `flock`, CephFS, GPFS.
+
+use std::fmt;
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::{ErrorKind, Write};
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::process;
+
+use dataset::Error;
+use dataset::corpus::Corpus;
+use dataset::json_file::read_json;
+use serde::{Deserialize, Serialize};
+
+/// Name of the claim on the files that belong to the whole corpus.
+pub(super) const WHOLE_CORPUS: &str = "corpus";
+const FOLDER: &str = "claims";
+/// How often a claim may slip away between opening and locking its file.
+const ATTEMPTS: u32 = 100;
+
+/// A claim, held until it is dropped.
+#[derive(Debug)]
+pub(super) struct Claim {
+    path: PathBuf,
+    /// Holds the lock.
+    _file: File,
+}
+
+/// Who holds a claim.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct Holder {
+    host: String,
+    pid: u32,
+}
+
+impl fmt::Display for Holder {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "process {} on {}", self.pid, self.host)
+    }
+}
+
+/// What became of a wish.
+#[derive(Debug)]
+pub(super) enum Claimed {
+    /// It is ours.
+    Mine(Claim),
+    /// Somebody else has it; who, if that can be read.
+    Theirs(Option<Holder>),
+}
+
+impl Claim {
+    /// Takes a claim, or says who has it.
+    pub(super) fn take(corpus: &Corpus, name: &str) -> dataset::Result<Claimed> {
+        let folder = corpus.root().join(FOLDER);
+        let path = folder.join(name);
+        for _ in 0..ATTEMPTS {
+            fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+            let opened = OpenOptions::new()
+                .read(true)
+                .write(true)
+                .create(true)
+                .truncate(false)
+                .open(&path);
+            let mut file = match opened {
+                Ok(file) => file,
+                // The last holder of any claim took the folder away.
+                Err(error) if error.kind() == ErrorKind::NotFound => continue,
+                Err(error) => return Err(Error::io("open", &path)(error)),
+            };
+            match file.try_lock() {
+                Ok(()) => {}
+                Err(TryLockError::WouldBlock) => {
+                    return Ok(Claimed::Theirs(read_json(&path, "claim").ok()));
+                }
+                Err(TryLockError::Error(error)) => return Err(Error::io("lock", &path)(error)),
+            }
+            if !is_named_by(&file, &path) {
+                continue;
+            }
+            let text = serde_json::to_vec(&Holder::this_process()).unwrap_or_default();
+            file.set_len(0)
+                .and_then(|()| file.write_all(&text))
+                .map_err(Error::io("write", &path))?;
+            return Ok(Claimed::Mine(Self { path, _file: file }));
+        }
+        Ok(Claimed::Theirs(None))
+    }
+
+    /// Deletes the claims that killed processes left.
+    pub(super) fn tidy(corpus: &Corpus) {
+        let Ok(left) = fs::read_dir(corpus.root().join(FOLDER)) else {
+            return;
+        };
+        for entry in left.flatten() {
+            // Taking it and letting it go deletes it.
+            let _ = Self::take(corpus, &entry.file_name().to_string_lossy());
+        }
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        // Still locked: nobody can have made another file of this name. What cannot be deleted is no harm: it is not locked.
+        let _ = fs::remove_file(&self.path);
+        if let Some(folder) = self.path.parent() {
+            // Succeeds for the last claim only.
+            let _ = fs::remove_dir(folder);
+        }
+    }
+}
+
+impl Holder {
+    fn this_process() -> Self {
+        Self {
+            host: rustix::system::uname()
+                .nodename()
+                .to_string_lossy()
+                .into_owned(),
+            pid: process::id(),
+        }
+    }
+}
+
+fn is_named_by(file: &File, path: &Path) -> bool {
+    match (file.metadata(), fs::metadata(path)) {
+        (Ok(ours), Ok(named)) => (ours.dev(), ours.ino()) == (named.dev(), named.ino()),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicU32, Ordering};
+    use std::thread;
+
+    fn corpus() -> (tempfile::TempDir, Corpus) {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = Corpus::create(folder.path()).unwrap();
+        (folder, corpus)
+    }
+
+    #[test]
+    fn a_claim_has_one_holder_who_is_named_and_leaves_no_file() {
+        let (folder, corpus) = corpus();
+        let Claimed::Mine(mine) = Claim::take(&corpus, "0001").unwrap() else {
+            panic!("nobody else is there");
+        };
+        let Claimed::Theirs(Some(holder)) = Claim::take(&corpus, "0001").unwrap() else {
+            panic!("it is taken");
+        };
+        assert_eq!(holder, Holder::this_process());
+        assert!(matches!(
+            Claim::take(&corpus, "0002").unwrap(),
+            Claimed::Mine(_)
+        ));
+        drop(mine);
+        assert!(!folder.path().join(FOLDER).exists());
+    }
+
+    #[test]
+    fn what_a_killed_process_left_is_no_claim_and_is_tidied_away() {
+        let (folder, corpus) = corpus();
+        let left = folder.path().join(FOLDER);
+        fs::create_dir(&left).unwrap();
+        fs::write(left.join("0001"), "{").unwrap();
+        fs::write(left.join("0002"), "").unwrap();
+        assert!(matches!(
+            Claim::take(&corpus, "0001").unwrap(),
+            Claimed::Mine(_)
+        ));
+        Claim::tidy(&corpus);
+        assert!(!left.exists());
+    }
+
+    #[test]
+    fn many_who_take_and_let_go_at_once_never_hold_the_same_claim() {
+        let (_folder, corpus) = corpus();
+        let (holders, held) = (AtomicU32::new(0), AtomicU32::new(0));
+        thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| {
+                    for _ in 0..300 {
+                        if let Claimed::Mine(claim) = Claim::take(&corpus, "0001").unwrap() {
+                            assert_eq!(holders.fetch_add(1, Ordering::SeqCst), 0);
+                            held.fetch_add(1, Ordering::SeqCst);
+                            assert_eq!(holders.fetch_sub(1, Ordering::SeqCst), 1);
+                            drop(claim);
+                        }
+                    }
+                });
+            }
+        });
+        assert!(held.load(Ordering::SeqCst) > 0);
+    }
+}

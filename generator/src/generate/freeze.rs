@@ -1,0 +1,104 @@
+//! The files of the whole corpus, frozen by the first run, and what is whole in it already.
+
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+use dataset::corpus::Corpus;
+use dataset::json_file::write_atomically;
+use dataset::seal;
+use dataset::splits::Splits;
+use tokio::time::sleep;
+
+use super::claim::{Claim, Claimed, WHOLE_CORPUS};
+use super::error::GenerateError;
+use crate::plan::{Plan, PlannedScenario, assign_sides};
+use crate::sweep::Sweep;
+
+/// Writing the plan takes another process a moment.
+const HELD_FOR_LONG: Duration = Duration::from_secs(30);
+const LOOK_AGAIN: Duration = Duration::from_millis(100);
+
+/// The plan that a corpus was begun with; refuses one that is not part of `plan`.
+pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan>, GenerateError> {
+    if corpus_root.exists() && !corpus_root.is_dir() {
+        return Err(GenerateError::NotAFolder {
+            path: corpus_root.to_owned(),
+        });
+    }
+    let frozen = match Corpus::open(corpus_root) {
+        Ok(corpus) if corpus.plan_path().exists() => Plan::read(&corpus.plan_path())?,
+        _ => return Ok(None),
+    };
+    match plan.conflict_with(&frozen) {
+        Some(difference) => Err(GenerateError::OtherPlan {
+            corpus: corpus_root.to_owned(),
+            difference,
+        }),
+        None => Ok(Some(frozen)),
+    }
+}
+
+/// Freezes plan and split in the corpus, or adds to those that are there. Runs that begin at once take turns.
+pub(super) async fn freeze(
+    corpus: &Corpus,
+    sweep: &Sweep,
+    plan: &Plan,
+) -> Result<(), GenerateError> {
+    let began = Instant::now();
+    let _claim = loop {
+        match Claim::take(corpus, WHOLE_CORPUS)? {
+            Claimed::Mine(claim) => break claim,
+            Claimed::Theirs(holder) if began.elapsed() > HELD_FOR_LONG => {
+                return Err(GenerateError::Held {
+                    corpus: corpus.root().to_owned(),
+                    holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+                    waited: HELD_FOR_LONG,
+                });
+            }
+            Claimed::Theirs(_) => sleep(LOOK_AGAIN).await,
+        }
+    };
+    // Read again: another run may have frozen its plan since this one looked.
+    let frozen = frozen_plan(corpus.root(), plan)?;
+    let path = corpus.splits_path();
+    let earlier = if path.exists() {
+        Some(Splits::read(&path)?)
+    } else {
+        None
+    };
+    let splits = assign_sides(plan, &sweep.split, sweep.corpus.seed, earlier.as_ref())
+        .map_err(|message| dataset::Error::corpus(&path, message))?;
+    if earlier.as_ref() != Some(&splits) {
+        splits.write(&path)?;
+    }
+    if frozen.as_ref() != Some(plan) {
+        write_atomically(&corpus.sweep_path(), sweep.text.as_bytes())?;
+        plan.write(&corpus.plan_path())?;
+    }
+    Ok(())
+}
+
+/// Whether a scenario is there, as it was sealed, and made from these very parameters. Videos are only looked for, not read: `dtd
+/// verify` reads them.
+pub(super) fn is_whole(corpus: &Corpus, scenario: &PlannedScenario) -> Result<bool, GenerateError> {
+    let folder = corpus.scenario(&scenario.id);
+    let foreign = |message: String| {
+        Err(GenerateError::ForeignFolder {
+            folder: folder.root().to_owned(),
+            message,
+        })
+    };
+    if !folder.root().exists() {
+        return Ok(false);
+    }
+    match folder.seal()? {
+        None => foreign("it has no seal (DONE.json)".into()),
+        Some(seal) if seal.config_hash != scenario.config_hash => {
+            foreign("it was made from other parameters".into())
+        }
+        Some(_) => match seal::faults_besides_videos(folder.root())?.as_slice() {
+            [] => Ok(true),
+            faults => foreign(format!("it is damaged: {}", faults.join("; "))),
+        },
+    }
+}

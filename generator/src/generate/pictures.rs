@@ -1,0 +1,52 @@
+//! Where the pictures of a run come from, and how large they are: the same for every scenario of it.
+
+use std::sync::Arc;
+
+use xplane_bridge::pixels::{PixelChoice, PixelKind, Screen};
+use xplane_bridge::{BridgeError, Simulator};
+
+use crate::sweep::Picture;
+
+/// The choice of a run.
+#[derive(Debug, Clone)]
+pub(super) struct Pictures {
+    choice: PixelChoice,
+    width_px: u32,
+    height_px: u32,
+    screen: Arc<dyn Screen>,
+}
+
+impl Pictures {
+    pub(super) fn new(choice: PixelChoice, screen: Arc<dyn Screen>, picture: Picture) -> Self {
+        Self {
+            choice,
+            width_px: picture.width_px,
+            height_px: picture.height_px,
+            screen,
+        }
+    }
+
+    /// The size of the window that a stand-in of our own needs, width and height in pixels, if it needs one.
+    pub(super) fn window_px(&self) -> Option<(u32, u32)> {
+        let screen = PixelChoice::Only(PixelKind::Screen);
+        (self.choice == screen).then_some((self.width_px, self.height_px))
+    }
+
+    /// Makes a fresh connection take its pictures so, and proves that it can. One that cannot is closed in good order.
+    pub(super) async fn set_up(&self, mut simulator: Simulator) -> Result<Simulator, BridgeError> {
+        let picture_px = (self.width_px, self.height_px);
+        let used = simulator.use_pixels(self.choice, picture_px, &self.screen);
+        match used.await {
+            Ok(kind) => {
+                tracing::info!(%kind, "pictures");
+                Ok(simulator)
+            }
+            Err(error) => {
+                if let Err(left) = simulator.release().await {
+                    tracing::debug!(error = %left, "the simulator did not take leave");
+                }
+                Err(error)
+            }
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Which scenario is next. Workers of this process and other processes take from one plan; claims keep them apart.
+
+use std::time::{Duration, Instant};
+
+use dataset::corpus::Corpus;
+
+use super::claim::{Claim, Claimed};
+use super::freeze::is_whole;
+use crate::plan::PlannedScenario;
+
+/// How soon to look again when everything that is left is in other hands.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
+
+/// A scenario that is not made yet.
+#[derive(Debug)]
+pub(super) struct Task<'a> {
+    pub(super) scenario: &'a PlannedScenario,
+    /// Why earlier attempts of this run failed.
+    pub(super) reasons: Vec<String>,
+    /// A failed attempt is repeated after a pause.
+    not_before: Option<Instant>,
+}
+
+/// What a worker gets to hear.
+pub(super) enum Next<'a> {
+    /// This one; nobody else can make it.
+    Make(Task<'a>, Claim),
+    /// One that somebody else has made meanwhile.
+    MadeElsewhere(&'a PlannedScenario),
+    /// Nothing now; something may come back.
+    Later(Duration, Option<Elsewhere>),
+    /// All are made or set aside.
+    Finished,
+}
+
+/// What other processes are making.
+pub(super) struct Elsewhere {
+    pub(super) scenarios: usize,
+    pub(super) holder: String,
+}
+
+/// The scenarios of a run that are waiting, in the order in which they are tried.
+#[derive(Debug)]
+pub(super) struct Queue<'a> {
+    waiting: Vec<Task<'a>>,
+    /// In the hands of this process's workers.
+    in_hand: usize,
+}
+
+impl<'a> Queue<'a> {
+    pub(super) fn new(scenarios: &[&'a PlannedScenario]) -> Self {
+        let task = |scenario: &&'a PlannedScenario| Task {
+            scenario,
+            reasons: Vec::new(),
+            not_before: None,
+        };
+        Self {
+            waiting: scenarios.iter().map(task).collect(),
+            in_hand: 0,
+        }
+    }
+
+    /// The next scenario that nobody is making. Whoever gets one gives it back or says that it is done with.
+    pub(super) fn next(&mut self, corpus: &Corpus) -> Result<Next<'a>, super::GenerateError> {
+        let now = Instant::now();
+        let mut later = LOOK_AGAIN;
+        let mut elsewhere: Option<Elsewhere> = None;
+        for at in 0..self.waiting.len() {
+            let task = &self.waiting[at];
+            if let Some(wait) = task.not_before.and_then(|t| t.checked_duration_since(now))
+                && !wait.is_zero()
+            {
+                later = later.min(wait);
+                continue;
+            }
+            match Claim::take(corpus, &task.scenario.id)? {
+                // Looked at only now that nobody else can commit it.
+                Claimed::Mine(_) if is_whole(corpus, task.scenario)? => {
+                    return Ok(Next::MadeElsewhere(self.waiting.remove(at).scenario));
+                }
+                Claimed::Mine(claim) => {
+                    self.in_hand += 1;
+                    return Ok(Next::Make(self.waiting.remove(at), claim));
+                }
+                Claimed::Theirs(holder) => {
+                    let holder = || holder.map_or("another process".into(), |h| h.to_string());
+                    match &mut elsewhere {
+                        Some(elsewhere) => elsewhere.scenarios += 1,
+                        none => {
+                            *none = Some(Elsewhere {
+                                scenarios: 1,
+                                holder: holder(),
+                            });
+                        }
+                    }
+                }
+            }
+        }
+        Ok(match (self.waiting.is_empty(), self.in_hand) {
+            (true, 0) => Next::Finished,
+            _ => Next::Later(later, elsewhere),
+        })
+    }
+
+    /// A scenario that was not made, to be tried again, by whoever is free, after a pause.
+    pub(super) fn give_back(&mut self, mut task: Task<'a>, pause: Duration) {
+        self.in_hand -= 1;
+        task.not_before = Some(Instant::now() + pause);
+        self.waiting.push(task);
+    }
+
+    /// A scenario that is made or set aside.
+    pub(super) fn done_with(&mut self, _task: Task<'a>) {
+        self.in_hand -= 1;
+    }
+
+    /// Those that are still waiting.
+    pub(super) fn left(&self) -> impl Iterator<Item = &'a PlannedScenario> {
+        self.waiting.iter().map(|task| task.scenario)
+    }
+}

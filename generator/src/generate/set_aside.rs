@@ -1,0 +1,83 @@
+//! `failed/<id>.json`: scenarios that were tried in vain, with the reasons. The next run reads them, says so, and tries again.
+
+use std::fs;
+use std::path::PathBuf;
+
+use dataset::Error;
+use dataset::corpus::Corpus;
+use dataset::json_file::{read_json, write_json};
+use serde::{Deserialize, Serialize};
+
+const FOLDER: &str = "failed";
+
+/// The record of a scenario that was set aside.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub(super) struct SetAside {
+    /// Identifier of the scenario.
+    pub(super) id: String,
+    /// Hash of its parameters.
+    pub(super) config_hash: String,
+    /// Why each attempt failed, the last run's last.
+    pub(super) reasons: Vec<String>,
+}
+
+impl SetAside {
+    /// The record of a scenario, if there is one that can be read: it is for people, and nothing depends on it.
+    pub(super) fn read(corpus: &Corpus, id: &str) -> Option<Self> {
+        let path = path(corpus, id);
+        if !path.exists() {
+            return None;
+        }
+        read_json(&path, "record of a failed scenario")
+            .inspect_err(|error| tracing::warn!(%error, "ignored"))
+            .ok()
+    }
+
+    /// Writes the record, after those of earlier runs.
+    pub(super) fn write(mut self, corpus: &Corpus) -> dataset::Result<()> {
+        if let Some(earlier) = Self::read(corpus, &self.id) {
+            self.reasons.splice(0..0, earlier.reasons);
+        }
+        let path = path(corpus, &self.id);
+        let folder = corpus.root().join(FOLDER);
+        fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+        write_json(&path, &self)
+    }
+
+    /// Deletes the record: the scenario is whole.
+    pub(super) fn clear(corpus: &Corpus, id: &str) {
+        if fs::remove_file(path(corpus, id)).is_ok() {
+            // Succeeds for the last record only.
+            let _ = fs::remove_dir(corpus.root().join(FOLDER));
+        }
+    }
+}
+
+fn path(corpus: &Corpus, id: &str) -> PathBuf {
+    corpus.root().join(FOLDER).join(format!("{id}.json"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reasons_add_up_over_runs_and_go_with_the_scenario() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = Corpus::create(folder.path()).unwrap();
+        let record = |reason: &str| SetAside {
+            id: "0001".into(),
+            config_hash: "hash".into(),
+            reasons: vec![reason.into()],
+        };
+        assert_eq!(SetAside::read(&corpus, "0001"), None);
+        record("fog").write(&corpus).unwrap();
+        record("storm").write(&corpus).unwrap();
+        assert_eq!(
+            SetAside::read(&corpus, "0001").unwrap().reasons,
+            ["fog", "storm"]
+        );
+        SetAside::clear(&corpus, "0001");
+        assert!(!folder.path().join(FOLDER).exists());
+    }
+}

@@ -1,0 +1,90 @@
+//! The simulators of a run, as a person names them: `mock`, `mock:2`, `127.0.0.1:49000`, or several with commas between.
+
+use std::str::FromStr;
+
+use super::session::SimulatorTarget;
+
+/// More stand-ins on one machine than this are a slip of the finger.
+const MOST_STAND_INS: usize = 64;
+
+/// At least one simulator, each of which makes scenarios of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Simulators(Vec<SimulatorTarget>);
+
+impl Simulators {
+    /// The simulators.
+    pub(super) fn targets(&self) -> &[SimulatorTarget] {
+        &self.0
+    }
+}
+
+impl From<SimulatorTarget> for Simulators {
+    fn from(target: SimulatorTarget) -> Self {
+        Self(vec![target])
+    }
+}
+
+impl From<Vec<SimulatorTarget>> for Simulators {
+    fn from(targets: Vec<SimulatorTarget>) -> Self {
+        Self(targets)
+    }
+}
+
+impl FromStr for Simulators {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mut targets = Vec::new();
+        for part in text.split(',').map(str::trim) {
+            if let Some(number) = part.strip_prefix("mock:") {
+                let number: usize = number
+                    .parse()
+                    .ok()
+                    .filter(|number| (1..=MOST_STAND_INS).contains(number))
+                    .ok_or_else(|| {
+                        format!("{part:?}: expected mock:N with N from 1 to {MOST_STAND_INS}")
+                    })?;
+                targets.extend(std::iter::repeat_n(SimulatorTarget::StandIn, number));
+                continue;
+            }
+            let target: SimulatorTarget = part.parse()?;
+            if matches!(target, SimulatorTarget::Address(_)) && targets.contains(&target) {
+                return Err(format!(
+                    "{part} is named twice; a simulator makes one scenario at a time"
+                ));
+            }
+            targets.push(target);
+        }
+        Ok(Self(targets))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn number(text: &str) -> usize {
+        text.parse::<Simulators>().unwrap().targets().len()
+    }
+
+    #[test]
+    fn one_or_several_are_read() {
+        assert_eq!(number("mock"), 1);
+        assert_eq!(number("mock:3"), 3);
+        assert_eq!(number("127.0.0.1:49000, 127.0.0.1:49100,mock:2"), 4);
+    }
+
+    #[test]
+    fn a_slip_is_explained() {
+        for (wrong, words) in [
+            ("mock:0", "from 1"),
+            ("mock:many", "mock:N"),
+            ("127.0.0.1:49000,127.0.0.1:49000", "twice"),
+            ("127.0.0.1:49000,", "HOST:PORT"),
+            ("mok", "HOST:PORT"),
+        ] {
+            let message = wrong.parse::<Simulators>().unwrap_err();
+            assert!(message.contains(words), "{wrong}: {message}");
+        }
+    }
+}

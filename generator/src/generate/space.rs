@@ -1,0 +1,119 @@
+//! Room on the disk: how much there is, how much a plan needs, and whether a failure is for want of it.
+
+use std::io::ErrorKind;
+use std::path::Path;
+
+use dataset::video::VideoCodec;
+
+use crate::plan::{Common, PlannedScenario};
+
+/// Less than this is none: a picture's worth.
+const NOTHING_BYTES: u64 = 8 << 20;
+/// Tables and records of one tick.
+const TABLE_BYTES_PER_TICK: f64 = 400.0;
+
+/// Bytes that the scenarios will take, about; rather more than less.
+pub fn needed_bytes<'a>(
+    common: &Common,
+    scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
+) -> u64 {
+    let picture = common.picture;
+    let pixels =
+        common.cameras.len() as f64 * f64::from(picture.width_px) * f64::from(picture.height_px);
+    let tick = pixels * bits_per_pixel(common.video.codec) / 8.0 + TABLE_BYTES_PER_TICK;
+    let ticks: u64 = scenarios.into_iter().map(|s| u64::from(s.ticks)).sum();
+    (ticks as f64 * tick) as u64
+}
+
+/// The stand-in's worst weather takes 0.06 in H.264 (docs/corpus.md); X-Plane's scenery has more to say.
+fn bits_per_pixel(codec: VideoCodec) -> f64 {
+    match codec {
+        VideoCodec::H264Lossless => 6.0,
+        _ => 0.1,
+    }
+}
+
+/// Bytes that are free where a folder is, or will be; unknown if the system does not tell.
+pub(super) fn free_bytes(folder: &Path) -> Option<u64> {
+    let there = folder
+        .ancestors()
+        // The last ancestor of a relative path is empty and means here.
+        .map(|folder| match folder.as_os_str().is_empty() {
+            true => Path::new("."),
+            false => folder,
+        })
+        .find(|folder| folder.exists())?;
+    let figures = rustix::fs::statvfs(there).ok()?;
+    Some(figures.f_bavail.saturating_mul(figures.f_frsize))
+}
+
+/// Whether the next scenario would fail for the same reason: the disk is full, or nothing may be written.
+pub(super) fn is_storage_failure(error: &dataset::Error, corpus: &Path) -> bool {
+    let said_so = match error {
+        dataset::Error::Io { source, .. } => matches!(
+            source.kind(),
+            ErrorKind::StorageFull
+                | ErrorKind::QuotaExceeded
+                | ErrorKind::FileTooLarge
+                | ErrorKind::ReadOnlyFilesystem
+                | ErrorKind::PermissionDenied
+        ),
+        // Libraries wrap the system's words.
+        other => {
+            let said = other.to_string();
+            ["No space left", "File too large", "Disk quota exceeded"]
+                .iter()
+                .any(|words| said.contains(words))
+        }
+    };
+    said_so || free_bytes(corpus).is_some_and(|free| free < NOTHING_BYTES)
+}
+
+/// A number of bytes for people.
+pub(super) fn in_words(bytes: u64) -> String {
+    let mut value = bytes as f64;
+    let mut unit = "B";
+    for larger in ["kB", "MB", "GB", "TB"] {
+        if value < 1_000.0 {
+            break;
+        }
+        value /= 1_000.0;
+        unit = larger;
+    }
+    if value < 10.0 && unit != "B" {
+        format!("{value:.1} {unit}")
+    } else {
+        format!("{value:.0} {unit}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_read_easily() {
+        let said = [0, 999, 1_500, 72_000_000, 123_456_789_012].map(in_words);
+        assert_eq!(said, ["0 B", "999 B", "1.5 kB", "72 MB", "123 GB"]);
+    }
+
+    #[test]
+    fn a_folder_that_is_not_there_yet_has_the_space_of_where_it_will_be() {
+        assert!(free_bytes(Path::new("/no/such/folder/yet")).is_some());
+        assert!(free_bytes(Path::new("a-folder-to-be")).is_some());
+    }
+
+    #[test]
+    fn a_full_disk_and_a_read_only_one_concern_all_scenarios_and_a_damaged_file_does_not() {
+        let here = Path::new(".");
+        let io = |kind: ErrorKind| dataset::Error::io("write", here)(kind.into());
+        assert!(is_storage_failure(&io(ErrorKind::StorageFull), here));
+        assert!(is_storage_failure(&io(ErrorKind::ReadOnlyFilesystem), here));
+        let video = dataset::Error::Video {
+            path: here.into(),
+            message: "cannot write: No space left on device".into(),
+        };
+        assert!(is_storage_failure(&video, here));
+        assert!(!is_storage_failure(&io(ErrorKind::InvalidData), here));
+    }
+}

@@ -1,0 +1,120 @@
+//! A plan held against a corpus that exists: what is whole already, what is left to make, what does not fit.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::Path;
+
+use dataset::corpus::Corpus;
+use serde::Serialize;
+
+use super::{Difference, MeasuredSize, Plan, PlannedScenario};
+
+/// How a scenario of a plan stands to a corpus.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Standing {
+    /// Sealed in the corpus, made from the very same parameters.
+    Whole,
+    /// In the corpus's plan, not yet made.
+    ToMake,
+    /// Only in this plan.
+    New,
+    /// In the corpus with other parameters.
+    Changed,
+}
+
+/// The difference between a plan and a corpus.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Against {
+    /// What the plan adds to, changes in and takes from the corpus's own.
+    pub difference: Difference,
+    /// For each scenario of the plan, in its order.
+    pub standings: Vec<Standing>,
+    /// Size of the whole scenarios, if their pictures are like those of the plan.
+    pub size: Option<MeasuredSize>,
+}
+
+impl Against {
+    /// Compares a plan with a corpus; one that has no plan yet is empty.
+    pub fn compare(plan: &Plan, corpus: &Corpus) -> dataset::Result<Self> {
+        let frozen = match corpus.plan_path().exists() {
+            true => Some(Plan::read(&corpus.plan_path())?),
+            false => None,
+        };
+        let difference = match &frozen {
+            Some(frozen) => plan.difference_from(frozen),
+            None => plan.difference_from(&Plan {
+                scenarios: Vec::new(),
+                ..plan.clone()
+            }),
+        };
+        let added: BTreeSet<&str> = difference.added.iter().map(String::as_str).collect();
+        let changed: BTreeSet<&str> = difference.changed.iter().map(|c| c.id.as_str()).collect();
+        let mut standings = Vec::with_capacity(plan.scenarios.len());
+        for scenario in &plan.scenarios {
+            let id = scenario.id.as_str();
+            let seal = corpus.scenario(id).seal()?;
+            standings.push(match seal {
+                _ if changed.contains(id) => Standing::Changed,
+                Some(seal) if seal.config_hash == scenario.config_hash => Standing::Whole,
+                Some(_) => Standing::Changed,
+                None if added.contains(id) => Standing::New,
+                None => Standing::ToMake,
+            });
+        }
+        let mut against = Self {
+            difference,
+            standings,
+            size: None,
+        };
+        let alike = |frozen: &Plan| {
+            frozen.common.picture == plan.common.picture && frozen.common.video == plan.common.video
+        };
+        if frozen.as_ref().is_some_and(alike) {
+            against.size = against.measure(plan, corpus)?;
+        }
+        Ok(against)
+    }
+
+    /// The scenarios of the plan that stand so.
+    pub fn standing<'a>(
+        &'a self,
+        plan: &'a Plan,
+        standing: Standing,
+    ) -> impl Iterator<Item = &'a PlannedScenario> {
+        let pairs = plan.scenarios.iter().zip(&self.standings);
+        pairs.filter_map(move |(scenario, its)| (*its == standing).then_some(scenario))
+    }
+
+    /// Bytes and pictures of the whole scenarios.
+    fn measure(&self, plan: &Plan, corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
+        let mut size = MeasuredSize {
+            bytes: 0,
+            pictures: 0,
+            scenarios: 0,
+        };
+        for scenario in self.standing(plan, Standing::Whole) {
+            let folder = corpus.scenario(&scenario.id);
+            let record = folder.record()?;
+            size.bytes += bytes_below(folder.root())?;
+            size.pictures += u64::from(record.ticks) * record.views.len() as u64;
+            size.scenarios += 1;
+        }
+        Ok((size.scenarios > 0).then_some(size))
+    }
+}
+
+fn bytes_below(folder: &Path) -> dataset::Result<u64> {
+    let mut bytes = 0;
+    for entry in fs::read_dir(folder).map_err(dataset::Error::io("list", folder))? {
+        let entry = entry.map_err(dataset::Error::io("list", folder))?;
+        let path = entry.path();
+        bytes += if path.is_dir() {
+            bytes_below(&path)?
+        } else {
+            let about = entry.metadata();
+            about.map_err(dataset::Error::io("look at", &path))?.len()
+        };
+    }
+    Ok(bytes)
+}

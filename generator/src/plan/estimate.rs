@@ -1,0 +1,122 @@
+//! What a plan will cost: hours of flight, hours of making, bytes. Every figure says where it comes from.
+
+use dataset::video::VideoSettings;
+use serde::Serialize;
+
+use super::{Common, PlannedScenario};
+
+/// Pictures that the stand-in draws and this program codes in a second, all views together, if two cores have nothing else to do:
+/// 1920 x 1280, the default `[video]`. How it was measured: `docs/sweeps.md`.
+const STAND_IN_PICTURES_PER_S: f64 = 45.0;
+/// Bytes of such a picture on disk at 30 a second, mean over the four weathers of `scenarios.toml`.
+const BYTES_PER_PICTURE: f64 = 9_200.0;
+/// Size of the pictures to which the two figures belong; cost grows with the number of pixels.
+const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
+
+/// Pictures that a simulator gives in a second, all views together, as somebody measured it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PicturesPerSecond(pub f64);
+
+/// What was found in a corpus of the same pictures.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MeasuredSize {
+    /// Bytes of all folders that were looked at.
+    pub bytes: u64,
+    /// Pictures in them, all views together.
+    pub pictures: u64,
+    /// How many scenarios those are.
+    pub scenarios: usize,
+}
+
+/// What some scenarios of a plan will cost.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Estimate {
+    /// Number of scenarios.
+    pub scenarios: usize,
+    /// Ticks of all scenarios: exact for recordings, expected for live flights.
+    pub ticks: u64,
+    /// Pictures of all views.
+    pub pictures: u64,
+    /// Simulated flight, hours.
+    pub flight_h: f64,
+    /// Time that making will take, hours.
+    pub making_h: f64,
+    /// Where that comes from.
+    pub making_basis: String,
+    /// Bytes on disk; absent if nothing is known about pictures like these.
+    pub bytes: Option<u64>,
+    /// Where that comes from, or what to do.
+    pub bytes_basis: String,
+}
+
+impl Estimate {
+    /// The cost of scenarios of a plan.
+    pub fn new<'a>(
+        common: &Common,
+        scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
+        rate: Option<PicturesPerSecond>,
+        size: Option<MeasuredSize>,
+    ) -> Self {
+        let (mut count, mut ticks) = (0, 0);
+        for scenario in scenarios {
+            count += 1;
+            ticks += u64::from(scenario.ticks);
+        }
+        let pictures = ticks * common.cameras.len() as u64;
+        let (pictures_per_s, making_basis) = making(common, rate);
+        let (bytes_per_picture, bytes_basis) = bytes(common, size);
+        let flight_s = ticks as f64 * common.picture.frame_rate.period_s();
+        Self {
+            scenarios: count,
+            ticks,
+            pictures,
+            flight_h: flight_s / 3_600.0,
+            making_h: pictures as f64 / pictures_per_s / 3_600.0,
+            making_basis,
+            bytes: bytes_per_picture.map(|per_picture| (per_picture * pictures as f64) as u64),
+            bytes_basis,
+        }
+    }
+}
+
+fn relative_size(common: &Common) -> f64 {
+    let picture = common.picture;
+    f64::from(picture.width_px) * f64::from(picture.height_px) / MEASURED_PIXELS
+}
+
+fn making(common: &Common, rate: Option<PicturesPerSecond>) -> (f64, String) {
+    match rate {
+        Some(PicturesPerSecond(per_s)) => (per_s, format!("{per_s} pictures a second, as given")),
+        None => {
+            let per_s = STAND_IN_PICTURES_PER_S / relative_size(common);
+            let basis = format!(
+                "{per_s:.0} pictures a second, measured with the stand-in on two cores at 1920x1280; for another simulator give --pictures-per-second"
+            );
+            (per_s, basis)
+        }
+    }
+}
+
+fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
+    if let Some(MeasuredSize {
+        bytes,
+        pictures,
+        scenarios,
+    }) = size
+        && pictures > 0
+    {
+        let per_picture = bytes as f64 / pictures as f64;
+        let basis =
+            format!("{per_picture:.0} a picture, as in {scenarios} scenarios of the corpus");
+        return (Some(per_picture), basis);
+    }
+    if common.video == VideoSettings::default() {
+        let per_picture = BYTES_PER_PICTURE * relative_size(common);
+        let basis = format!(
+            "{per_picture:.0} a picture, measured with the stand-in at 1920x1280, 30 pictures a second and the default [video]; pictures further apart need more"
+        );
+        return (Some(per_picture), basis);
+    }
+    let basis = "nothing was measured with this [video]; make a scenario and ask again with --against CORPUS";
+    (None, basis.into())
+}

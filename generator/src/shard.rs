@@ -1,0 +1,151 @@
+//! One machine's part of a plan.
+//!
+//! Scenario number k of a plan, counted from 0, belongs to shard k modulo N. Shards may write into one corpus at the same time. Which
+//! shard this is can be said (`--shard 2/8`), or be read from what Slurm's job arrays and Kubernetes' Indexed Jobs tell their tasks.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::plan::PlannedScenario;
+
+/// Part `index` of `count`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Shard {
+    index: u32,
+    count: u32,
+}
+
+impl Shard {
+    /// All of it.
+    pub const WHOLE: Self = Self { index: 0, count: 1 };
+
+    /// Part `index`, from 0, of `count`.
+    pub fn new(index: u32, count: u32) -> Result<Self, String> {
+        if index < count {
+            Ok(Self { index, count })
+        } else {
+            Err(format!(
+                "there is no shard {index}/{count}: expected I/N with I from 0 to N-1"
+            ))
+        }
+    }
+
+    /// The shard that a scheduler's environment names, and the variable that did; `None` outside of one.
+    ///
+    /// # Errors
+    /// If the environment names an index but not of how many, or an array with gaps, where index and count do not fit.
+    pub fn from_environment(
+        variable: impl Fn(&str) -> Option<String>,
+    ) -> Result<Option<(Self, &'static str)>, String> {
+        let number = |name: &str| -> Result<Option<u32>, String> {
+            variable(name)
+                .map(|text| {
+                    text.trim()
+                        .parse()
+                        .map_err(|_| format!("{name} is {text:?}, expected a number"))
+                })
+                .transpose()
+        };
+        let needed = |index: &str, name: &str| {
+            number(name)?
+                .ok_or_else(|| format!("{index} is set, but {name} is not; say --shard I/N"))
+        };
+        const SLURM: &str = "SLURM_ARRAY_TASK_ID";
+        const INDEXED_JOB: &str = "JOB_COMPLETION_INDEX";
+        if let Some(id) = number(SLURM)? {
+            let min = needed(SLURM, "SLURM_ARRAY_TASK_MIN")?;
+            let max = needed(SLURM, "SLURM_ARRAY_TASK_MAX")?;
+            let count = needed(SLURM, "SLURM_ARRAY_TASK_COUNT")?;
+            if !(min..=max).contains(&id) || max - min + 1 != count {
+                return Err(format!(
+                    "the Slurm array has {count} tasks from {min} to {max}, so its tasks cannot be counted: use an array without \
+                     gaps, or say --shard I/N"
+                ));
+            }
+            return Self::new(id - min, count).map(|shard| Some((shard, SLURM)));
+        }
+        if let Some(index) = number(INDEXED_JOB)? {
+            let count = needed(INDEXED_JOB, "DTD_SHARDS")?;
+            return Self::new(index, count).map(|shard| Some((shard, INDEXED_JOB)));
+        }
+        Ok(None)
+    }
+
+    /// Whether it is all of it.
+    pub fn is_whole(self) -> bool {
+        self.count == 1
+    }
+
+    /// The scenarios of a plan that are its.
+    pub fn part_of(self, scenarios: &[PlannedScenario]) -> impl Iterator<Item = &PlannedScenario> {
+        scenarios
+            .iter()
+            .skip(self.index as usize)
+            .step_by(self.count as usize)
+    }
+}
+
+impl fmt::Display for Shard {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}/{}", self.index, self.count)
+    }
+}
+
+impl FromStr for Shard {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let parts = text
+            .split_once('/')
+            .and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
+        let (index, count) = parts.ok_or_else(|| {
+            format!("no shard: {text:?}: expected I/N with I from 0 to N-1, e.g. 2/8")
+        })?;
+        Self::new(index, count)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn environment(variables: &[(&str, &str)]) -> Result<Option<(Shard, &'static str)>, String> {
+        Shard::from_environment(|name| {
+            variables
+                .iter()
+                .find(|(known, _)| *known == name)
+                .map(|(_, value)| (*value).to_owned())
+        })
+    }
+
+    #[test]
+    fn a_shard_is_read_as_it_is_written() {
+        for text in ["0/1", "7/8"] {
+            assert_eq!(text.parse::<Shard>().unwrap().to_string(), text);
+        }
+        for wrong in ["8/8", "0/0", "1", "a/b", "-1/2"] {
+            let message = wrong.parse::<Shard>().unwrap_err();
+            assert!(message.contains("I from 0 to N-1"), "{wrong}: {message}");
+        }
+    }
+
+    #[test]
+    fn slurm_and_kubernetes_say_which_shard_this_is() {
+        assert_eq!(environment(&[]), Ok(None));
+        let slurm = |id, min, max, count| {
+            environment(&[
+                ("SLURM_ARRAY_TASK_ID", id),
+                ("SLURM_ARRAY_TASK_MIN", min),
+                ("SLURM_ARRAY_TASK_MAX", max),
+                ("SLURM_ARRAY_TASK_COUNT", count),
+            ])
+        };
+        let shard = slurm("3", "1", "4", "4").unwrap().unwrap().0;
+        assert_eq!(shard.to_string(), "2/4");
+        assert!(slurm("7", "3", "7", "2").unwrap_err().contains("gaps"));
+        let job = environment(&[("JOB_COMPLETION_INDEX", "1"), ("DTD_SHARDS", "3")]);
+        assert_eq!(job.unwrap().unwrap().0.to_string(), "1/3");
+        let lost = environment(&[("JOB_COMPLETION_INDEX", "1")]).unwrap_err();
+        assert!(lost.contains("DTD_SHARDS"), "{lost}");
+    }
+}

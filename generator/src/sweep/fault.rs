@@ -1,0 +1,65 @@
+//! A value of a sweep that cannot be used, and the checks that several tables share.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+/// A value that cannot be used.
+#[derive(Debug)]
+pub(super) struct Fault {
+    /// Dotted key of the value, for [`super::locate`].
+    pub(super) key: String,
+    /// What was found and what was expected.
+    pub(super) message: String,
+}
+
+pub(super) type Checked<T> = Result<T, Fault>;
+
+/// What names of weathers, rigs, profiles and cameras look like: they name files. Also part of the schema.
+pub(super) const NAME_PATTERN: &str = "^[A-Za-z0-9_-]+$";
+
+pub(super) fn fault<T>(key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
+    Err(Fault {
+        key: key.into(),
+        message: message.into(),
+    })
+}
+
+/// Refuses names that do not fit [`NAME_PATTERN`].
+pub(super) fn legal_name(key: impl Into<String>, name: &str) -> Checked<()> {
+    let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
+    if !name.is_empty() && name.chars().all(legal) {
+        Ok(())
+    } else {
+        fault(
+            key,
+            format!("{name:?} names files; expected letters, digits, - and _ only"),
+        )
+    }
+}
+
+/// Refuses a name for which the sweep has no table `[KIND.NAME]`.
+pub(super) fn defined<T>(
+    key: impl Into<String>,
+    kind: &str,
+    name: &str,
+    tables: &BTreeMap<String, T>,
+) -> Checked<()> {
+    if tables.contains_key(name) {
+        return Ok(());
+    }
+    let known = list(tables.keys());
+    fault(
+        key,
+        format!("{kind} {name:?} is not defined; defined are {known}; add a table [{kind}.{name}]"),
+    )
+}
+
+/// Names in a sentence.
+pub(super) fn list(names: impl IntoIterator<Item = impl Display>) -> String {
+    let names: Vec<String> = names.into_iter().map(|name| name.to_string()).collect();
+    if names.is_empty() {
+        "none".into()
+    } else {
+        names.join(", ")
+    }
+}

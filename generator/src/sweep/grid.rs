@@ -1,0 +1,415 @@
+//! `[grid]`, `[[exclude]]` and `[[include]]`: which times, weathers, profiles and repeats are combined.
+//!
+//! A combination is known by what it is, never by where it stands: adding a time, a weather or a repeat adds combinations and
+//! leaves the others as they are.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::fault::{Checked, NAME_PATTERN, defined, fault, list};
+use super::limits::Limits;
+use super::times::TimeEntry;
+use crate::time_of_day::TimeOfDay;
+
+/// More is a slip of the finger, and a plan of gigabytes.
+const MOST_SCENARIOS: u64 = 1_000_000;
+const DAY_OF_YEAR: Limits = Limits::new(1.0, 365.0, "a day of the year");
+const UTC_OFFSET_H: Limits = Limits::new(-12.0, 14.0, "hours that local time is ahead of UTC");
+
+/// `[grid]`: every time is combined with every weather (and every profile, if they are listed here), `repeats` times.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Grid {
+    /// Local times: `"HH:MM"`, or `{ from = "06:00", to = "18:00", every_min = 60 }`.
+    #[schemars(length(min = 1))]
+    times: Vec<TimeEntry>,
+    /// Names of weathers that the file defines. Left out, they are all of them.
+    #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
+    weathers: Option<Vec<String>>,
+    /// Names of flight profiles to combine with. Left out, each scenario draws one of `start.profiles`.
+    #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
+    pub(super) profiles: Option<Vec<String>>,
+    /// How often each combination is flown, each time with another seed.
+    #[schemars(range(min = 1, max = MOST_SCENARIOS))]
+    repeats: u32,
+    /// Day of the year, 1 to 365; it sets the sun's path.
+    #[schemars(transform = DAY_OF_YEAR.in_schema())]
+    pub(super) day_of_year: u32,
+    /// Local time minus UTC, hours.
+    #[schemars(transform = UTC_OFFSET_H.in_schema())]
+    pub(super) utc_offset_h: f64,
+}
+
+/// `[[exclude]]`: combinations of the grid that are left out: those that fit every list that is given.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("minProperties" = 1))]
+pub(super) struct Exclude {
+    /// At these times.
+    times: Vec<String>,
+    /// In these weathers.
+    weathers: Vec<String>,
+    /// With these profiles of the grid.
+    profiles: Vec<String>,
+    /// Only these repeats, counted from 1.
+    repeats: Vec<u32>,
+}
+
+/// `[[include]]`: combinations beside the grid. What is not listed is as in the grid.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(extend("minProperties" = 1))]
+pub(super) struct Include {
+    /// At these times, which need not be in the grid.
+    times: Vec<TimeEntry>,
+    /// In these weathers, which need not be in the grid.
+    weathers: Vec<String>,
+    /// With these profiles.
+    profiles: Vec<String>,
+    /// These repeats, counted from 1.
+    #[schemars(inner(range(min = 1, max = MOST_SCENARIOS)))]
+    repeats: Vec<u32>,
+}
+
+/// What tells a scenario from the others of its sweep.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Combination {
+    /// Counted from 1.
+    pub repeat: u32,
+    /// Local time.
+    pub time: TimeOfDay,
+    /// Name of the weather.
+    pub weather: String,
+    /// Name of the profile, if the grid lists profiles.
+    pub profile: Option<String>,
+}
+
+impl Combination {
+    /// Identifier of the scenario: local time, weather, profile if the grid lists them, repeat; e.g. `1700-foggy-r3`.
+    pub fn id(&self) -> String {
+        format!("{}-r{}", self.condition(), self.repeat)
+    }
+
+    /// What all repeats share, e.g. `1700-foggy`.
+    pub fn condition(&self) -> String {
+        format!("{}-{}", self.time.digits(), self.label())
+    }
+
+    fn label(&self) -> String {
+        match &self.profile {
+            None => self.weather.clone(),
+            Some(profile) => format!("{}-{profile}", self.weather),
+        }
+    }
+}
+
+/// The names that lists may hold.
+pub(super) struct Names<'a, W, P> {
+    pub(super) weathers: &'a BTreeMap<String, W>,
+    pub(super) profiles: &'a BTreeMap<String, P>,
+}
+
+/// All combinations, in the order in which they are made. Repeats vary slowest: a run that is stopped early has seen all
+/// conditions.
+pub(super) fn combinations<W, P>(
+    grid: &Grid,
+    exclude: &[Exclude],
+    include: &[Include],
+    names: &Names<'_, W, P>,
+) -> Checked<Vec<Combination>> {
+    let axes = Axes::of_grid(grid, names)?;
+    let mut all = axes.combine();
+    for (index, rule) in exclude.iter().enumerate() {
+        rule.apply(index, &mut all)?;
+    }
+    if all.is_empty() {
+        return fault(
+            "exclude",
+            "every combination of the grid is excluded; expected at least one that is left",
+        );
+    }
+    for (index, rule) in include.iter().enumerate() {
+        rule.apply(index, &axes, names, &mut all)?;
+    }
+    check_count("include", all.len() as u64)?;
+    check_labels(&all)?;
+    DAY_OF_YEAR.check("grid.day_of_year", f64::from(grid.day_of_year))?;
+    UTC_OFFSET_H.check("grid.utc_offset_h", grid.utc_offset_h)?;
+    Ok(all)
+}
+
+/// The lists whose product is taken.
+#[derive(Clone)]
+struct Axes {
+    times: Vec<TimeOfDay>,
+    weathers: Vec<String>,
+    profiles: Vec<Option<String>>,
+    repeats: Vec<u32>,
+}
+
+impl Axes {
+    fn of_grid<W, P>(grid: &Grid, names: &Names<'_, W, P>) -> Checked<Self> {
+        let times = times("grid.times", &grid.times)?;
+        let weathers = match &grid.weathers {
+            Some(listed) => {
+                distinct("grid.weathers", listed, |key, name| {
+                    defined(key, "weather", name, names.weathers)
+                })?;
+                listed.clone()
+            }
+            None => names.weathers.keys().cloned().collect(),
+        };
+        let profiles = match &grid.profiles {
+            Some(listed) => {
+                distinct("grid.profiles", listed, |key, name| {
+                    defined(key, "profile", name, names.profiles)
+                })?;
+                listed.iter().cloned().map(Some).collect()
+            }
+            None => vec![None],
+        };
+        if times.is_empty() || weathers.is_empty() || profiles.is_empty() || grid.repeats == 0 {
+            return fault(
+                "grid",
+                "the grid is empty; expected at least one time, one weather and one repeat",
+            );
+        }
+        let conditions = (times.len() * weathers.len() * profiles.len()) as u64;
+        check_count("grid.repeats", conditions * u64::from(grid.repeats))?;
+        Ok(Self {
+            times,
+            weathers,
+            profiles,
+            repeats: (1..=grid.repeats).collect(),
+        })
+    }
+
+    fn combine(&self) -> Vec<Combination> {
+        let mut all = Vec::with_capacity(
+            self.repeats.len() * self.times.len() * self.weathers.len() * self.profiles.len(),
+        );
+        for &repeat in &self.repeats {
+            for &time in &self.times {
+                for weather in &self.weathers {
+                    for profile in &self.profiles {
+                        all.push(Combination {
+                            repeat,
+                            time,
+                            weather: weather.clone(),
+                            profile: profile.clone(),
+                        });
+                    }
+                }
+            }
+        }
+        all
+    }
+}
+
+impl Exclude {
+    fn apply(&self, index: usize, all: &mut Vec<Combination>) -> Checked<()> {
+        let key = |field: &str| format!("exclude.{index}.{field}");
+        let selection = Selection {
+            times: &self.times,
+            weathers: &self.weathers,
+            profiles: &self.profiles,
+            repeats: &self.repeats,
+        };
+        let fits = selection.resolve(all, key)?;
+        let before = all.len();
+        all.retain(|combination| !fits(combination));
+        if all.len() == before {
+            return fault(
+                format!("exclude.{index}"),
+                "excludes nothing: no combination that is left fits all its lists",
+            );
+        }
+        Ok(())
+    }
+}
+
+impl Include {
+    fn apply<W, P>(
+        &self,
+        index: usize,
+        grid: &Axes,
+        names: &Names<'_, W, P>,
+        all: &mut Vec<Combination>,
+    ) -> Checked<()> {
+        let key = |field: &str| format!("include.{index}.{field}");
+        let mut axes = grid.clone();
+        if !self.times.is_empty() {
+            axes.times = times(&key("times"), &self.times)?;
+        }
+        if !self.weathers.is_empty() {
+            distinct(&key("weathers"), &self.weathers, |key, name| {
+                defined(key, "weather", name, names.weathers)
+            })?;
+            axes.weathers.clone_from(&self.weathers);
+        }
+        if !self.profiles.is_empty() {
+            distinct(&key("profiles"), &self.profiles, |key, name| {
+                defined(key, "profile", name, names.profiles)
+            })?;
+            axes.profiles = self.profiles.iter().cloned().map(Some).collect();
+        }
+        if !self.repeats.is_empty() {
+            distinct(&key("repeats"), &self.repeats, |key, repeat| {
+                if (1..=MOST_SCENARIOS).contains(&u64::from(*repeat)) {
+                    Ok(())
+                } else {
+                    fault(key, format!("{repeat} is no repeat; expected 1 or more"))
+                }
+            })?;
+            axes.repeats.clone_from(&self.repeats);
+        }
+        let there: BTreeSet<&Combination> = all.iter().collect();
+        let mut new = axes.combine();
+        new.retain(|combination| !there.contains(combination));
+        if new.is_empty() {
+            return fault(
+                format!("include.{index}"),
+                "includes nothing: all its combinations are in the sweep already",
+            );
+        }
+        all.append(&mut new);
+        Ok(())
+    }
+}
+
+/// A part of the combinations, by lists; an empty list fits all.
+pub(super) struct Selection<'a> {
+    pub(super) times: &'a [String],
+    pub(super) weathers: &'a [String],
+    pub(super) profiles: &'a [String],
+    pub(super) repeats: &'a [u32],
+}
+
+impl Selection<'_> {
+    /// What decides whether a combination fits; refuses values that no combination of `all` has.
+    pub(super) fn resolve<K: Fn(&str) -> String>(
+        &self,
+        all: &[Combination],
+        key: K,
+    ) -> Checked<impl Fn(&Combination) -> bool + use<K>> {
+        fn known<T: Ord + std::fmt::Display>(
+            values: &[T],
+            of: impl Iterator<Item = T>,
+            key: String,
+            what: &str,
+        ) -> Checked<()> {
+            if values.is_empty() {
+                return Ok(());
+            }
+            let all: BTreeSet<T> = of.collect();
+            for (index, value) in values.iter().enumerate() {
+                if !all.contains(value) {
+                    let all = list(&all);
+                    return fault(
+                        format!("{key}.{index}"),
+                        format!("there is no {what} {value} in the sweep; there are {all}"),
+                    );
+                }
+            }
+            Ok(())
+        }
+        let mut times = Vec::new();
+        for (index, text) in self.times.iter().enumerate() {
+            times.push(super::times::parse(
+                &format!("{}.{index}", key("times")),
+                text,
+            )?);
+        }
+        known(&times, all.iter().map(|c| c.time), key("times"), "time")?;
+        let (weathers, profiles) = (self.weathers.to_vec(), self.profiles.to_vec());
+        let repeats = self.repeats.to_vec();
+        known(
+            &weathers,
+            all.iter().map(|c| c.weather.clone()),
+            key("weathers"),
+            "weather",
+        )?;
+        known(
+            &profiles,
+            all.iter().filter_map(|c| c.profile.clone()),
+            key("profiles"),
+            "profile",
+        )?;
+        known(
+            &repeats,
+            all.iter().map(|c| c.repeat),
+            key("repeats"),
+            "repeat",
+        )?;
+        Ok(move |combination: &Combination| {
+            let profile = combination.profile.as_ref();
+            (times.is_empty() || times.contains(&combination.time))
+                && (weathers.is_empty() || weathers.contains(&combination.weather))
+                && (profiles.is_empty() || profile.is_some_and(|name| profiles.contains(name)))
+                && (repeats.is_empty() || repeats.contains(&combination.repeat))
+        })
+    }
+}
+
+fn times(key: &str, entries: &[TimeEntry]) -> Checked<Vec<TimeOfDay>> {
+    let mut all = Vec::new();
+    for (index, entry) in entries.iter().enumerate() {
+        let key = format!("{key}.{index}");
+        for time in entry.times(&key)? {
+            if all.contains(&time) {
+                return fault(key, format!("{time} is listed twice; use repeats"));
+            }
+            all.push(time);
+        }
+    }
+    Ok(all)
+}
+
+fn distinct<T: Ord + std::fmt::Display>(
+    key: &str,
+    values: &[T],
+    check: impl Fn(String, &T) -> Checked<()>,
+) -> Checked<()> {
+    let mut seen = BTreeSet::new();
+    for (index, value) in values.iter().enumerate() {
+        let key = format!("{key}.{index}");
+        check(key.clone(), value)?;
+        if !seen.insert(value) {
+            return fault(key, format!("{value} is listed twice; use repeats"));
+        }
+    }
+    Ok(())
+}
+
+fn check_count(key: &str, scenarios: u64) -> Checked<()> {
+    if scenarios > MOST_SCENARIOS {
+        return fault(
+            key,
+            format!("the sweep has {scenarios} scenarios; expected at most {MOST_SCENARIOS}"),
+        );
+    }
+    Ok(())
+}
+
+/// Weather `a-b` without a profile and weather `a` with profile `b` would be made in one folder.
+fn check_labels(all: &[Combination]) -> Checked<()> {
+    let mut owners: BTreeMap<String, (&str, Option<&str>)> = BTreeMap::new();
+    let pairs: BTreeSet<(&str, Option<&str>)> = all
+        .iter()
+        .map(|c| (c.weather.as_str(), c.profile.as_deref()))
+        .collect();
+    for (weather, profile) in pairs {
+        let label = profile.map_or(weather.to_owned(), |profile| format!("{weather}-{profile}"));
+        if let Some((other, _)) = owners.insert(label.clone(), (weather, profile)) {
+            return fault(
+                format!("weather.{weather}"),
+                format!(
+                    "weathers {other:?} and {weather:?} with their profiles would both be called {label:?}; expected different names"
+                ),
+            );
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,82 @@
+//! `[profile.NAME]`: ways to come down. The vertical plan itself is [`ApproachProfile`].
+
+use std::collections::BTreeMap;
+
+use dataset::runway::Runway;
+use dataset::units::METERS_PER_FOOT;
+use xplane_bridge::fly::ApproachProfile;
+
+use super::fault::{Checked, legal_name};
+use super::limits::Limits;
+
+/// Heights over the runway at which an approach can begin, metres.
+const OVER_RUNWAY_M: (f64, f64) = (100.0, 6_000.0);
+const STEP_FROM_THRESHOLD_M: Limits = Limits::new(500.0, 60_000.0, "a distance in metres");
+
+/// Level at 2500 ft until the glide path comes down to the aircraft.
+pub(super) const LEVEL_THEN_GLIDE_PATH: &str = "level-then-glide-path";
+/// The chart of WSSS 02L: 2500 ft until D7.6, 1500 ft until D4.4.
+const STEP_DOWN: &str = "step-down";
+/// From 3000 ft without a level segment.
+const CONTINUOUS: &str = "continuous";
+
+/// Adds the profiles that need no definition, where the sweep has none of that name.
+pub(super) fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>) {
+    let built_in = [
+        (
+            LEVEL_THEN_GLIDE_PATH,
+            ApproachProfile::GlidePath {
+                level_altitude_msl_m: 2_500.0 * METERS_PER_FOOT,
+            },
+        ),
+        (STEP_DOWN, ApproachProfile::charted_step_down()),
+        (
+            CONTINUOUS,
+            ApproachProfile::ContinuousDescent {
+                start_altitude_msl_m: 3_000.0 * METERS_PER_FOOT,
+            },
+        ),
+    ];
+    for (name, profile) in built_in {
+        profiles.entry(name.into()).or_insert(profile);
+    }
+}
+
+/// Refuses profiles that the sweep defines and that cannot be flown to its runway.
+pub(super) fn check(profiles: &BTreeMap<String, ApproachProfile>, runway: &Runway) -> Checked<()> {
+    for (name, profile) in profiles {
+        legal_name(format!("profile.{name}"), name)?;
+        check_one(name, profile, runway)?;
+    }
+    Ok(())
+}
+
+/// Refuses a profile that cannot be flown to a runway.
+pub(super) fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
+    let ground_m = runway.threshold.altitude_msl_m;
+    let (least_m, most_m) = (ground_m + OVER_RUNWAY_M.0, ground_m + OVER_RUNWAY_M.1);
+    let above_ground = Limits::new(least_m, most_m, "an altitude in metres, above the runway,");
+    let key = |field: &str| format!("profile.{name}.{field}");
+    match *profile {
+        ApproachProfile::GlidePath {
+            level_altitude_msl_m,
+        } => above_ground.check(key("level_altitude_msl_m"), level_altitude_msl_m),
+        ApproachProfile::StepDown {
+            upper_altitude_msl_m,
+            step_from_threshold_m,
+            lower_altitude_msl_m,
+        } => {
+            above_ground.check(key("upper_altitude_msl_m"), upper_altitude_msl_m)?;
+            let below_upper = Limits::new(
+                least_m,
+                upper_altitude_msl_m,
+                "an altitude in metres, not above the upper level,",
+            );
+            below_upper.check(key("lower_altitude_msl_m"), lower_altitude_msl_m)?;
+            STEP_FROM_THRESHOLD_M.check(key("step_from_threshold_m"), step_from_threshold_m)
+        }
+        ApproachProfile::ContinuousDescent {
+            start_altitude_msl_m,
+        } => above_ground.check(key("start_altitude_msl_m"), start_altitude_msl_m),
+    }
+}

@@ -1,0 +1,117 @@
+//! `[[recorded]]`: scenarios that fly recordings instead of the simulator's own flight model.
+
+use std::path::Path;
+
+use dataset::runway::Runway;
+use dataset::units::METERS_PER_NAUTICAL_MILE;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::fault::{Checked, fault};
+use super::grid::{Combination, Selection};
+use crate::recording::{Recording, matching_files};
+use crate::seed;
+
+/// `[[recorded]]`: the first rule that fits a scenario decides; a rule without `times`, `weathers`, `profiles` and `repeats` fits all.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RecordedRule {
+    /// A CSV file, or a glob for several (`flights/*.csv`, `flights/**/*_ils.csv`); relative to the sweep. The repeats of a condition
+    /// fly them in turn, beginning with any.
+    #[schemars(length(min = 1))]
+    pub files: String,
+    /// Only scenarios at these times.
+    #[serde(default)]
+    pub times: Vec<String>,
+    /// Only scenarios in these weathers.
+    #[serde(default)]
+    pub weathers: Vec<String>,
+    /// Only scenarios with these profiles of the grid.
+    #[serde(default)]
+    pub profiles: Vec<String>,
+    /// Only these repeats, counted from 1.
+    #[serde(default)]
+    pub repeats: Vec<u32>,
+}
+
+/// A rule of the sweep and the recordings that its pattern found, in the order of their names.
+#[derive(Debug, Clone)]
+pub struct RecordedFlights {
+    /// The rule.
+    pub rule: RecordedRule,
+    /// The recordings; never empty.
+    pub recordings: Vec<Recording>,
+}
+
+impl RecordedFlights {
+    /// In which order the repeats of a condition fly the recordings, as indices. Every recording is flown once before one is flown
+    /// twice; the order is shuffled for every condition, so it depends on nothing but the condition, the seed and the recordings.
+    pub(crate) fn order_for(&self, condition: &str, master_seed: u64) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.recordings.len()).collect();
+        order.sort_by_cached_key(|index| {
+            let item = format!("{condition}/{}", self.recordings[*index].blake3);
+            seed::shuffle_key(master_seed, "recording", &item)
+        });
+        order
+    }
+}
+
+/// Reads the recordings of all rules, and tells each scenario its rule.
+pub(super) fn read(
+    rules: Vec<RecordedRule>,
+    combinations: &[Combination],
+    folder: &Path,
+    runway: &Runway,
+    longest_nm: f64,
+) -> Checked<(Vec<RecordedFlights>, Vec<Option<usize>>)> {
+    let mut rule_of = vec![None; combinations.len()];
+    let mut all = Vec::with_capacity(rules.len());
+    for (index, rule) in rules.into_iter().enumerate() {
+        let key = |field: &str| format!("recorded.{index}.{field}");
+        let selection = Selection {
+            times: &rule.times,
+            weathers: &rule.weathers,
+            profiles: &rule.profiles,
+            repeats: &rule.repeats,
+        };
+        let fits = selection.resolve(combinations, key)?;
+        let mut taken = 0;
+        for (combination, rule) in combinations.iter().zip(&mut rule_of) {
+            if rule.is_none() && fits(combination) {
+                *rule = Some(index);
+                taken += 1;
+            }
+        }
+        if taken == 0 {
+            return fault(
+                format!("recorded.{index}"),
+                "no scenario is left for this rule; the first rule that fits a scenario decides: put narrower rules first",
+            );
+        }
+        let recordings = recordings(&rule, folder, runway, longest_nm)
+            .or_else(|message| fault(key("files"), message))?;
+        all.push(RecordedFlights { rule, recordings });
+    }
+    Ok((all, rule_of))
+}
+
+fn recordings(
+    rule: &RecordedRule,
+    folder: &Path,
+    runway: &Runway,
+    longest_nm: f64,
+) -> Result<Vec<Recording>, String> {
+    let longest_m = longest_nm * METERS_PER_NAUTICAL_MILE;
+    let files = matching_files(folder, &rule.files)?;
+    files
+        .iter()
+        .map(|file| {
+            let recording = Recording::read(file)?;
+            recording
+                .trajectory
+                .approach(runway, longest_m)
+                .map_err(|e| format!("{} {e}", file.display()))?;
+            Ok(recording)
+        })
+        .collect()
+}

@@ -1,0 +1,184 @@
+//! `[rig.NAME]`: cameras beside a runway. Some rigs are built in; a sweep may define others, or its own under a built-in name.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::LazyLock;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::fault::{Checked, Fault, NAME_PATTERN, fault, legal_name, list};
+use super::limits::Limits;
+
+const DISTANCE_M: Limits = Limits::new(-50_000.0, 50_000.0, "a distance in metres");
+const HEIGHT_M: Limits = Limits::new(0.0, 5_000.0, "a height over the touchdown target in metres");
+const TURN_DEG: Limits = Limits::new(-180.0, 360.0, "an angle in degrees");
+const PITCH_DEG: Limits = Limits::new(-89.0, 89.0, "an elevation in degrees");
+const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
+
+/// `[rig.NAME]`
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Rig {
+    /// Any number of cameras, at least one.
+    #[schemars(length(min = 1))]
+    cameras: Vec<Camera>,
+}
+
+/// `[[rig.NAME.cameras]]`: a camera on a mast beside the runway.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("allOf" = [
+    { "oneOf": [{ "required": ["beyond_touchdown_m"] }, { "required": ["beyond_threshold_m"] }] },
+    { "oneOf": [{ "required": ["inward_deg"] }, { "required": ["heading_true_deg"] }] },
+]))]
+pub struct Camera {
+    /// Identifier of the view: names its video and its columns.
+    #[schemars(regex(pattern = NAME_PATTERN))]
+    pub id: String,
+    /// Distance past the touchdown target along the landing course, metres. Either this or `beyond_threshold_m`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = DISTANCE_M.in_schema())]
+    pub beyond_touchdown_m: Option<f64>,
+    /// Distance past the threshold along the landing course, metres: stays where it is if the touchdown target is moved.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = DISTANCE_M.in_schema())]
+    pub beyond_threshold_m: Option<f64>,
+    /// Offset right of the landing course, metres; negative is left.
+    #[schemars(transform = DISTANCE_M.in_schema())]
+    pub right_m: f64,
+    /// Height above the touchdown target, metres.
+    #[schemars(transform = HEIGHT_M.in_schema())]
+    pub height_m: f64,
+    /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees. Either this or `heading_true_deg`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = TURN_DEG.in_schema())]
+    pub inward_deg: Option<f64>,
+    /// Direction of the optical axis, degrees true.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[schemars(transform = TURN_DEG.in_schema())]
+    pub heading_true_deg: Option<f64>,
+    /// Elevation of the optical axis, degrees, up positive.
+    #[schemars(transform = PITCH_DEG.in_schema())]
+    pub pitch_deg: f64,
+    /// Horizontal field of view, degrees.
+    #[schemars(transform = HFOV_DEG.in_schema())]
+    pub hfov_deg: f64,
+}
+
+#[derive(Deserialize)]
+struct BuiltIn {
+    rig: BTreeMap<String, Rig>,
+}
+
+static BUILT_IN: LazyLock<BTreeMap<String, Rig>> = LazyLock::new(|| {
+    let parsed: BuiltIn = toml::from_str(include_str!("built_in_rigs.toml"))
+        .expect("the built-in rigs are a part of the program, and a test reads them");
+    parsed.rig
+});
+
+/// The cameras of the rig that a sweep uses; `defined` are the rigs of its file, all of which have to be sound.
+pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Vec<Camera>> {
+    for (name, rig) in defined {
+        rig.check(name)?;
+    }
+    match defined.get(used).or_else(|| BUILT_IN.get(used)) {
+        Some(rig) => Ok(rig.cameras.clone()),
+        None => {
+            let names: BTreeSet<&String> = defined.keys().chain(BUILT_IN.keys()).collect();
+            fault(
+                "approach.rig",
+                format!(
+                    "rig {used:?} is not defined; defined are {}; add cameras with [[rig.{used}.cameras]]",
+                    list(names)
+                ),
+            )
+        }
+    }
+}
+
+impl Rig {
+    fn check(&self, name: &str) -> Checked<()> {
+        legal_name(format!("rig.{name}"), name)?;
+        if self.cameras.is_empty() {
+            return fault(
+                format!("rig.{name}.cameras"),
+                "a rig without cameras; expected at least one",
+            );
+        }
+        let mut seen = BTreeSet::new();
+        for (index, camera) in self.cameras.iter().enumerate() {
+            let key = |field: &str| format!("rig.{name}.cameras.{index}.{field}");
+            camera.check(key)?;
+            if !seen.insert(&camera.id) {
+                return fault(
+                    key("id"),
+                    format!(
+                        "two cameras are called {:?}; expected different ones",
+                        camera.id
+                    ),
+                );
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Camera {
+    fn check(&self, key: impl Fn(&str) -> String) -> Checked<()> {
+        legal_name(key("id"), &self.id)?;
+        let place = self.exactly_one(
+            &key,
+            ("beyond_touchdown_m", self.beyond_touchdown_m),
+            ("beyond_threshold_m", self.beyond_threshold_m),
+        )?;
+        let aim = self.exactly_one(
+            &key,
+            ("inward_deg", self.inward_deg),
+            ("heading_true_deg", self.heading_true_deg),
+        )?;
+        for (limits, (field, value)) in [
+            (DISTANCE_M, place),
+            (TURN_DEG, aim),
+            (DISTANCE_M, ("right_m", self.right_m)),
+            (HEIGHT_M, ("height_m", self.height_m)),
+            (PITCH_DEG, ("pitch_deg", self.pitch_deg)),
+            (HFOV_DEG, ("hfov_deg", self.hfov_deg)),
+        ] {
+            limits.check(key(field), value)?;
+        }
+        Ok(())
+    }
+
+    fn exactly_one(
+        &self,
+        key: impl Fn(&str) -> String,
+        a: (&'static str, Option<f64>),
+        b: (&'static str, Option<f64>),
+    ) -> Checked<(&'static str, f64)> {
+        match (a, b) {
+            ((name, Some(value)), (_, None)) | ((_, None), (name, Some(value))) => {
+                Ok((name, value))
+            }
+            _ => Err(Fault {
+                key: key(""),
+                message: format!("camera {:?} needs either {} or {}", self.id, a.0, b.0),
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_built_in_rigs_are_sound() {
+        assert_eq!(
+            BUILT_IN.keys().collect::<Vec<_>>(),
+            ["seed", "wide-baseline"]
+        );
+        for (name, rig) in BUILT_IN.iter() {
+            rig.check(name).unwrap();
+        }
+    }
+}

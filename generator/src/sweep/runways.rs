@@ -1,0 +1,197 @@
+//! `[airport.ICAO.runway.NAME]`: a runway, whole, or what differs from the one that the program knows under this name.
+
+use std::collections::BTreeMap;
+
+use dataset::geodesy::Geodetic;
+use dataset::runway::Runway;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::fault::{Checked, Fault, list};
+use super::limits::Limits;
+use crate::airports;
+
+const LATITUDE_DEG: Limits = Limits::new(-85.0, 85.0, "a latitude in degrees");
+const LONGITUDE_DEG: Limits = Limits::new(-180.0, 180.0, "a longitude in degrees");
+const ALTITUDE_MSL_M: Limits = Limits::new(-500.0, 6_000.0, "a height in metres");
+const COURSE_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true course in degrees");
+const COURSE_MAGNETIC_DEG: Limits = Limits::new(0.0, 360.0, "a magnetic course in degrees");
+const GLIDE_PATH_DEG: Limits = Limits::new(1.0, 10.0, "an angle in degrees");
+const TOUCHDOWN_M: Limits = Limits::new(0.0, 3_000.0, "a distance in metres");
+const ILS_MHZ: Limits = Limits::new(108.0, 112.0, "a localizer's frequency in MHz");
+
+/// `[airport.ICAO]`
+#[derive(Debug, Clone, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct AirportTable {
+    /// Its runways, by their designators, e.g. `02L`.
+    pub(crate) runway: BTreeMap<String, RunwayTable>,
+}
+
+/// `[airport.ICAO.runway.NAME]`
+#[derive(Debug, Clone, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct RunwayTable {
+    /// The landing threshold on the centreline.
+    threshold: Option<Threshold>,
+    /// Landing course, degrees true, on the WGS-84 ellipsoid at the threshold.
+    #[schemars(transform = COURSE_TRUE_DEG.in_schema())]
+    course_true_deg: Option<f64>,
+    /// Glide path angle, degrees.
+    #[schemars(transform = GLIDE_PATH_DEG.in_schema())]
+    glide_path_deg: Option<f64>,
+    /// Distance of the touchdown target past the threshold along the centreline, metres.
+    #[schemars(transform = TOUCHDOWN_M.in_schema())]
+    touchdown_past_threshold_m: Option<f64>,
+    /// Frequency of the instrument landing system, MHz, if there is one.
+    #[schemars(transform = ILS_MHZ.in_schema())]
+    ils_frequency_mhz: Option<f64>,
+    /// Magnetic course of the localizer as a pilot would set it, degrees.
+    #[schemars(transform = COURSE_MAGNETIC_DEG.in_schema())]
+    course_magnetic_deg: Option<f64>,
+}
+
+/// A point on the earth.
+#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+struct Threshold {
+    /// Geodetic latitude, degrees, north positive.
+    #[schemars(transform = LATITUDE_DEG.in_schema())]
+    latitude_deg: f64,
+    /// Longitude, degrees, east positive.
+    #[schemars(transform = LONGITUDE_DEG.in_schema())]
+    longitude_deg: f64,
+    /// Height above mean sea level, metres.
+    #[schemars(transform = ALTITUDE_MSL_M.in_schema())]
+    altitude_msl_m: f64,
+}
+
+/// Refuses impossible numbers, in runways that are not used too.
+pub(super) fn check(airports: &BTreeMap<String, AirportTable>) -> Checked<()> {
+    for (icao, airport) in airports {
+        for (name, table) in &airport.runway {
+            let key = |field: &str| format!("airport.{icao}.runway.{name}.{field}");
+            let threshold = table.threshold;
+            for (field, limits, value) in [
+                (
+                    "threshold.latitude_deg",
+                    LATITUDE_DEG,
+                    threshold.map(|t| t.latitude_deg),
+                ),
+                (
+                    "threshold.longitude_deg",
+                    LONGITUDE_DEG,
+                    threshold.map(|t| t.longitude_deg),
+                ),
+                (
+                    "threshold.altitude_msl_m",
+                    ALTITUDE_MSL_M,
+                    threshold.map(|t| t.altitude_msl_m),
+                ),
+                ("course_true_deg", COURSE_TRUE_DEG, table.course_true_deg),
+                ("glide_path_deg", GLIDE_PATH_DEG, table.glide_path_deg),
+                (
+                    "touchdown_past_threshold_m",
+                    TOUCHDOWN_M,
+                    table.touchdown_past_threshold_m,
+                ),
+                ("ils_frequency_mhz", ILS_MHZ, table.ils_frequency_mhz),
+                (
+                    "course_magnetic_deg",
+                    COURSE_MAGNETIC_DEG,
+                    table.course_magnetic_deg,
+                ),
+            ] {
+                if let Some(value) = value {
+                    limits.check(key(field), value)?;
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The runway that a sweep uses: as the program knows it, with what the sweep says otherwise; or wholly defined by the sweep.
+pub(super) fn runway(
+    icao: &str,
+    name: &str,
+    airports: &BTreeMap<String, AirportTable>,
+) -> Checked<Runway> {
+    let table = airports
+        .get(icao)
+        .and_then(|airport| airport.runway.get(name));
+    let known = airports::bundled(icao, name);
+    let Some(table) = table else {
+        return known.ok_or_else(|| unknown(icao, name, airports));
+    };
+    table
+        .complete(icao, name, known.as_ref())
+        .map_err(|missing| Fault {
+            key: format!("airport.{icao}.runway.{name}"),
+            message: format!(
+                "{missing} is missing: the program does not know this runway, so the sweep has to define it whole"
+            ),
+        })
+}
+
+impl RunwayTable {
+    /// The runway, filled up from the one that the program knows; or the name of the first value that is missing.
+    pub(crate) fn complete(
+        &self,
+        icao: &str,
+        name: &str,
+        known: Option<&Runway>,
+    ) -> Result<Runway, &'static str> {
+        let threshold = self.threshold.map(|t| Geodetic {
+            latitude_deg: t.latitude_deg,
+            longitude_deg: t.longitude_deg,
+            altitude_msl_m: t.altitude_msl_m,
+        });
+        Ok(Runway {
+            airport: icao.into(),
+            name: name.into(),
+            threshold: threshold
+                .or(known.map(|k| k.threshold))
+                .ok_or("threshold")?,
+            course_true_deg: self
+                .course_true_deg
+                .or(known.map(|k| k.course_true_deg))
+                .ok_or("course_true_deg")?,
+            glide_path_deg: self
+                .glide_path_deg
+                .or(known.map(|k| k.glide_path_deg))
+                .ok_or("glide_path_deg")?,
+            touchdown_past_threshold_m: self
+                .touchdown_past_threshold_m
+                .or(known.map(|k| k.touchdown_past_threshold_m))
+                .ok_or("touchdown_past_threshold_m")?,
+            ils_frequency_mhz: self
+                .ils_frequency_mhz
+                .or(known.and_then(|k| k.ils_frequency_mhz)),
+            course_magnetic_deg: self
+                .course_magnetic_deg
+                .or(known.and_then(|k| k.course_magnetic_deg)),
+        })
+    }
+}
+
+fn unknown(icao: &str, name: &str, airports: &BTreeMap<String, AirportTable>) -> Fault {
+    let defined = airports
+        .iter()
+        .flat_map(|(airport, table)| table.runway.keys().map(move |r| format!("{airport} {r}")));
+    let bundled = airports::all().map(|(airport, runway)| format!("{airport} {runway}"));
+    let all = list(bundled.chain(defined));
+    let airport_is_known =
+        airports.contains_key(icao) || airports::all().any(|(airport, _)| airport == icao);
+    let (key, what) = if airport_is_known {
+        ("approach.runway", format!("runway {name:?} of {icao}"))
+    } else {
+        ("approach.airport", format!("airport {icao:?}"))
+    };
+    Fault {
+        key: key.into(),
+        message: format!(
+            "{what} is not known; known are {all}; define it in [airport.{icao}.runway.{name}]"
+        ),
+    }
+}

@@ -1,0 +1,105 @@
+//! `[start]`: where and how live flights begin.
+
+use std::collections::BTreeMap;
+
+use schemars::JsonSchema;
+use serde::Deserialize;
+use xplane_bridge::fly::ApproachProfile;
+
+use super::fault::{Checked, NAME_PATTERN, defined, fault};
+use super::limits::Limits;
+use super::profiles::LEVEL_THEN_GLIDE_PATH;
+use crate::spread::Spread;
+
+const DTD_NM: Limits = Limits::new(0.5, 40.0, "a distance in nautical miles");
+const CROSS_TRACK_M: Limits = Limits::new(-5_000.0, 5_000.0, "an offset in metres");
+const ABOVE_PROFILE_M: Limits = Limits::new(-500.0, 1_000.0, "a height in metres");
+const HEADING_OFFSET_DEG: Limits = Limits::new(-60.0, 60.0, "an angle in degrees");
+const SPEED_MPS: Limits = Limits::new(55.0, 150.0, "an airspeed in m/s");
+
+/// `[start]`: where and how live flights begin. Each value is a number or a spread to draw from.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct Start {
+    /// Distance to the touchdown target along the course, nautical miles. Recorded flights are cut there too.
+    #[schemars(transform = DTD_NM.in_schema())]
+    pub dtd_nm: Spread,
+    /// Offset right of the extended centreline, metres.
+    #[schemars(transform = CROSS_TRACK_M.in_schema())]
+    pub cross_track_m: Spread,
+    /// Height above the altitude at which the profile begins, metres.
+    #[schemars(transform = ABOVE_PROFILE_M.in_schema())]
+    pub above_profile_m: Spread,
+    /// Heading right of the course, degrees.
+    #[schemars(transform = HEADING_OFFSET_DEG.in_schema())]
+    pub heading_offset_deg: Spread,
+    /// True airspeed, metres per second.
+    #[schemars(transform = SPEED_MPS.in_schema())]
+    pub speed_mps: Spread,
+    /// Names of the profiles to draw from, all equally likely; not together with `grid.profiles`. Left out, it is
+    /// `level-then-glide-path`.
+    #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
+    pub profiles: Option<Vec<String>>,
+}
+
+impl Default for Start {
+    fn default() -> Self {
+        Self {
+            dtd_nm: Spread::Fixed(10.0),
+            cross_track_m: Spread::Fixed(0.0),
+            above_profile_m: Spread::Fixed(0.0),
+            heading_offset_deg: Spread::Fixed(0.0),
+            speed_mps: Spread::Fixed(82.0),
+            profiles: None,
+        }
+    }
+}
+
+impl Start {
+    /// The profiles to draw from, if the grid does not list them.
+    pub(super) fn profiles(&self) -> Vec<String> {
+        self.profiles
+            .clone()
+            .unwrap_or_else(|| vec![LEVEL_THEN_GLIDE_PATH.into()])
+    }
+
+    pub(super) fn check(
+        &self,
+        profiles: &BTreeMap<String, ApproachProfile>,
+        grid_lists_profiles: bool,
+    ) -> Checked<()> {
+        for (field, limits, spread) in [
+            ("dtd_nm", DTD_NM, &self.dtd_nm),
+            ("cross_track_m", CROSS_TRACK_M, &self.cross_track_m),
+            ("above_profile_m", ABOVE_PROFILE_M, &self.above_profile_m),
+            (
+                "heading_offset_deg",
+                HEADING_OFFSET_DEG,
+                &self.heading_offset_deg,
+            ),
+            ("speed_mps", SPEED_MPS, &self.speed_mps),
+        ] {
+            limits.check_spread(format!("start.{field}"), spread)?;
+        }
+        let Some(listed) = &self.profiles else {
+            return Ok(());
+        };
+        if grid_lists_profiles {
+            return fault(
+                "start.profiles",
+                "the grid lists profiles too; expected either grid.profiles (each is flown) or start.profiles (one is drawn)",
+            );
+        }
+        if listed.is_empty() {
+            return fault("start.profiles", "no profile to fly; expected at least one");
+        }
+        for (index, name) in listed.iter().enumerate() {
+            let key = format!("start.profiles.{index}");
+            defined(key.clone(), "profile", name, profiles)?;
+            if listed[..index].contains(name) {
+                return fault(key, format!("{name} is listed twice"));
+            }
+        }
+        Ok(())
+    }
+}

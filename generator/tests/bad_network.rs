@@ -1,0 +1,130 @@
+//! A bad network and a simulator that is restarted in the middle of a scenario: the tables are those of an undisturbed run.
+
+mod small_corpus;
+
+use std::fs;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use generator::generate::{Cancel, Event, Outcome, SimulatorTarget, generate};
+use generator::sweep::Sweep;
+use mock_xplane::server::{Faults, ServerOptions, serve};
+
+/// One scenario that flies live from 2 NM under clouds, two small views.
+const SWEEP: &str = r#"
+[corpus]
+name = "faults"
+seed = 3
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "pair"
+
+[grid]
+times = ["12:00"]
+weathers = ["cloudy"]
+repeats = 1
+day_of_year = 172
+utc_offset_h = 8
+
+[picture]
+width_px = 96
+height_px = 64
+frame_rate = "1/2"
+
+[start]
+dtd_nm = { min = 1.9, max = 2.1 }
+cross_track_m = { mean = 0, sd = 20 }
+speed_mps = 72
+profiles = ["short"]
+
+[profile.short]
+kind = "glide_path"
+level_altitude_msl_m = 200
+
+[weather.cloudy]
+visibility_m = 30000
+wind_speed_mps = 6
+wind_from_true_deg = 60
+turbulence_ratio = 0.3
+clouds = [{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 1500 }]
+
+[[rig.pair.cameras]]
+id = "left"
+beyond_touchdown_m = 1500
+right_m = -300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+
+[[rig.pair.cameras]]
+id = "right"
+beyond_touchdown_m = 1500
+right_m = 300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+"#;
+
+/// Makes the sweep's scenario with a stand-in that has these faults; says what happened and how often it was begun.
+async fn made(corpus: &Path, faults: &str) -> (Outcome, usize) {
+    let (tell, told) = tokio::sync::oneshot::channel();
+    let options = ServerOptions {
+        port: 0,
+        beacon: false,
+        faults: faults.parse::<Faults>().unwrap(),
+        ..ServerOptions::default()
+    };
+    let server = tokio::spawn(async move {
+        let ready = |addresses: mock_xplane::server::Addresses| tell.send(addresses.udp).unwrap();
+        serve(options, ready).await.unwrap();
+    });
+    let options = small_corpus::options(SimulatorTarget::Address(told.await.unwrap()), &[]);
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
+    let sweep = Sweep::parse(Path::new("faults.toml"), &data, SWEEP.to_owned()).unwrap();
+    let begun = Arc::new(AtomicUsize::new(0));
+    let count = begun.clone();
+    let mut on_event = move |event: Event<'_>| {
+        if matches!(event, Event::Started { .. }) {
+            count.fetch_add(1, Ordering::Relaxed);
+        }
+    };
+    let outcome = generate(&sweep, corpus, &options, &Cancel::new(), &mut on_event)
+        .await
+        .unwrap();
+    server.abort();
+    (outcome, begun.load(Ordering::Relaxed))
+}
+
+fn tables(corpus: &Path, id: &str) -> [Vec<u8>; 3] {
+    ["frames.parquet", "scenario.json", "calibration.json"]
+        .map(|file| fs::read(corpus.join("scenarios").join(id).join(file)).unwrap())
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_bad_network_and_a_restart_in_the_middle_change_no_byte_of_the_tables() {
+    let [calm, disturbed] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let (undisturbed, begun) = made(calm.path(), "").await;
+    assert_eq!(undisturbed.committed.len(), 1, "{undisturbed:?}");
+    assert_eq!(begun, 1);
+
+    // The restart comes with the 21st picture, some ten ticks into the recording.
+    let faults = "loss=0.2,dup=0.1,reorder=0.1,seed=11,restart=captures:21:0.5";
+    let (outcome, begun) = made(disturbed.path(), faults).await;
+    assert_eq!(outcome.committed, undisturbed.committed, "{outcome:?}");
+    assert_eq!(begun, 2, "the scenario is redone once");
+
+    let id = &undisturbed.committed[0];
+    let (found, expected) = (tables(disturbed.path(), id), tables(calm.path(), id));
+    for (file, (found, expected)) in ["frames.parquet", "scenario.json", "calibration.json"]
+        .into_iter()
+        .zip(found.into_iter().zip(expected))
+    {
+        assert!(found == expected, "{file} differs");
+    }
+}

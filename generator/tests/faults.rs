@@ -1,0 +1,388 @@
+//! What goes wrong overnight: simulators that die, freeze, restart or are several, runs that meet in one corpus, scenarios that nobody
+//! can fly. Whatever happens, the corpus ends with the bytes of an undisturbed run.
+
+mod small_corpus;
+
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::time::Duration;
+
+use dataset::camera::Camera;
+use dataset::conditions::{Clock, Weather};
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use generator::generate::{
+    Event, GenerateOptions, Outcome, Patience, SimulatorTarget, Simulators, Stopped,
+};
+use generator::shard::Shard;
+use mock_xplane::server::{BuiltIn, Engine, Picture};
+use tempfile::tempdir;
+use tokio::sync::OnceCell;
+use xplane_bridge::fly::FlyRequest;
+
+use small_corpus::{
+    IDS, SWEEP, folders, options, run, run_until, same_tables, small_sweep, sorted_ids, stand_in,
+    stand_in_with, sweep_of,
+};
+
+/// A new corpus that nothing disturbed.
+async fn make_corpus(corpus: &Path) {
+    let made = run(small_sweep(), corpus, stand_in().await, &[]);
+    assert_eq!(made.await.unwrap().committed, IDS);
+}
+
+/// The one that all tests compare with.
+async fn undisturbed() -> &'static Path {
+    static MADE: OnceCell<PathBuf> = OnceCell::const_new();
+    let make = || async {
+        let corpus = Path::new(env!("CARGO_TARGET_TMPDIR")).join("undisturbed");
+        let _ = fs::remove_dir_all(&corpus);
+        make_corpus(&corpus).await;
+        corpus
+    };
+    MADE.get_or_init(make).await
+}
+
+async fn run_with(corpus: &Path, options: &GenerateOptions) -> Outcome {
+    run_until(small_sweep(), corpus, options, |_| false)
+        .await
+        .unwrap()
+}
+
+async fn two_stand_ins() -> Simulators {
+    vec![stand_in().await, stand_in().await].into()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_simulators_share_the_work_and_the_tables_do_not_tell_which() {
+    let corpus = tempdir().unwrap();
+    let mut at_once = 0;
+    let mut most_at_once = 0;
+    let options = options(two_stand_ins().await, &[]);
+    let made = run_until(small_sweep(), corpus.path(), &options, |event| {
+        match event {
+            Event::Started { .. } => at_once += 1,
+            Event::Committed { .. } => at_once -= 1,
+            _ => {}
+        }
+        most_at_once = most_at_once.max(at_once);
+        false
+    });
+    assert_eq!(made.await.unwrap().committed, IDS);
+    assert_eq!(most_at_once, 2);
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
+    let corpus = tempdir().unwrap();
+    let (dying, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
+    let both = vec![SimulatorTarget::Address(dying), stand_in().await];
+    let mut options = options(both, &[]);
+    options.patience.simulator = Duration::from_millis(50);
+    let mut gone = Vec::new();
+    let made = run_until(small_sweep(), corpus.path(), &options, |event| {
+        match event {
+            Event::Captured { done: 3, .. } => server.abort(),
+            Event::SimulatorGone { simulator } => gone.push(simulator.to_owned()),
+            _ => {}
+        }
+        false
+    });
+    let made = made.await.unwrap();
+    assert_eq!((made.committed.len(), made.stopped), (4, None));
+    assert_eq!(gone, [dying.to_string()]);
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_simulator_that_is_gone_for_good_ends_the_run_early_and_the_next_one_goes_on() {
+    let corpus = tempdir().unwrap();
+    let (address, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
+    let mut options = options(SimulatorTarget::Address(address), &[]);
+    options.patience.simulator = Duration::from_millis(50);
+    let stopped = run_until(small_sweep(), corpus.path(), &options, |event| {
+        if matches!(event, Event::Captured { done: 5, .. }) {
+            server.abort();
+        }
+        false
+    });
+    let stopped = stopped.await.unwrap();
+    assert!(
+        matches!(&stopped.stopped, Some(Stopped::NoSimulator { reason }) if reason.contains(&address.to_string())),
+        "{stopped:?}"
+    );
+    assert_eq!(
+        (stopped.failed.as_slice(), stopped.not_made.len()),
+        (&[][..], 4)
+    );
+    assert_eq!(folders(corpus.path()), Vec::<String>::new());
+    assert!(!corpus.path().join("failed").exists());
+
+    run(small_sweep(), corpus.path(), stand_in().await, &[])
+        .await
+        .unwrap();
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_simulator_that_restarts_in_the_middle_of_a_scenario_costs_an_attempt() {
+    let corpus = tempdir().unwrap();
+    let (address, server) = stand_in_with(0, Arc::new(BuiltIn)).await;
+    let mut seen = Vec::new();
+    let options = options(SimulatorTarget::Address(address), &[]);
+    let made = run_until(small_sweep(), corpus.path(), &options, |event| {
+        if matches!(event, Event::Captured { done: 5, id } if id == IDS[1]) && !server.is_finished()
+        {
+            server.abort();
+            tokio::spawn(async move {
+                tokio::time::sleep(Duration::from_millis(200)).await;
+                stand_in_with(address.port(), Arc::new(BuiltIn)).await;
+            });
+        }
+        match event {
+            Event::Retrying { id, .. } => seen.push(id.to_owned()),
+            Event::SimulatorBack { .. } | Event::SimulatorGone { .. } => {
+                seen.push(format!("{event:?}"));
+            }
+            _ => {}
+        }
+        false
+    });
+    let made = made.await.unwrap();
+    assert_eq!(made.committed, IDS);
+    assert_eq!(seen.first().map(String::as_str), Some(IDS[1]), "{seen:?}");
+    assert!(!seen.iter().any(|event| event.contains("Gone")), "{seen:?}");
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+/// The built-in engine with faults that can be switched.
+#[derive(Default)]
+struct Faulty {
+    /// Flights in fog are refused.
+    lost_in_fog: AtomicBool,
+    /// Pictures until one takes a long time.
+    freeze_in: AtomicU32,
+}
+
+/// The engine of a stand-in that has them.
+struct FaultyEngine(Arc<Faulty>);
+
+impl Engine for FaultyEngine {
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
+        if weather.visibility_m < 10_000.0 && self.0.lost_in_fog.load(Ordering::SeqCst) {
+            return Err("lost in the fog".into());
+        }
+        BuiltIn.fly(request, weather)
+    }
+
+    fn picture(
+        &self,
+        camera: &Camera,
+        runway: &Runway,
+        weather: &Weather,
+        clock: &Clock,
+    ) -> Box<dyn Picture> {
+        Box::new(FaultyPicture {
+            faults: self.0.clone(),
+            picture: BuiltIn.picture(camera, runway, weather, clock),
+        })
+    }
+}
+
+struct FaultyPicture {
+    faults: Arc<Faulty>,
+    picture: Box<dyn Picture>,
+}
+
+impl Picture for FaultyPicture {
+    fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
+        let left = &self.faults.freeze_in;
+        let down = |left: u32| left.checked_sub(1);
+        if left.fetch_update(Ordering::SeqCst, Ordering::SeqCst, down) == Ok(1) {
+            std::thread::sleep(Duration::from_millis(1_500));
+        }
+        self.picture.draw(pose, controls, time_s, rgb);
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_simulator_that_freezes_is_noticed_and_its_scenario_made_again() {
+    let corpus = tempdir().unwrap();
+    let faults = Arc::new(Faulty::default());
+    faults.freeze_in.store(60, Ordering::SeqCst);
+    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults))).await;
+    let mut options = options(SimulatorTarget::Address(address), &[]);
+    options.patience.answer = Duration::from_millis(500);
+    let mut reasons = Vec::new();
+    let made = run_until(small_sweep(), corpus.path(), &options, |event| {
+        if let Event::Retrying { reason, .. } = event {
+            reasons.push(reason.to_owned());
+        }
+        false
+    });
+    assert_eq!(made.await.unwrap().committed, IDS);
+    assert!(
+        reasons.len() == 1 && reasons[0].contains("frozen"),
+        "{reasons:?}"
+    );
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scenario_that_cannot_be_flown_is_set_aside_with_its_reasons_and_tried_by_the_next_run() {
+    let corpus = tempdir().unwrap();
+    let sweep = sweep_of(&SWEEP.replace(
+        "weathers = [\"foggy\"]\n\n[weather",
+        "repeats = [1]\n\n[weather",
+    ));
+    let faults = Arc::new(Faulty::default());
+    faults.lost_in_fog.store(true, Ordering::SeqCst);
+    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults.clone()))).await;
+    let options = options(SimulatorTarget::Address(address), &[]);
+    let foggy = IDS[3];
+
+    let first = run_until(&sweep, corpus.path(), &options, |_| false);
+    let first = first.await.unwrap();
+    assert_eq!(first.committed, IDS[..3]);
+    assert_eq!((first.failed.len(), first.stopped), (1, None));
+    assert_eq!(first.failed[0].id, foggy);
+    assert!(first.failed[0].reason.contains("lost in the fog"));
+    let record = corpus.path().join("failed").join(format!("{foggy}.json"));
+    let text = fs::read_to_string(&record).unwrap();
+    assert_eq!(text.matches("lost in the fog").count(), 2, "{text}");
+
+    faults.lost_in_fog.store(false, Ordering::SeqCst);
+    let mut before = Vec::new();
+    let second = run_until(&sweep, corpus.path(), &options, |event| {
+        if let Event::SetAsideBefore { id, reason } = event {
+            before.push((id.to_owned(), reason.contains("lost in the fog")));
+        }
+        false
+    });
+    assert_eq!(second.await.unwrap().committed, [foggy]);
+    assert_eq!(before, [(foggy.to_owned(), true)]);
+    assert!(!record.exists());
+    assert_eq!(folders(corpus.path()), sorted_ids());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_runs_at_once_into_one_corpus_make_each_scenario_once() {
+    let corpus = tempdir().unwrap();
+    let [one, other] = [
+        options(stand_in().await, &[]),
+        options(stand_in().await, &[]),
+    ];
+    let (one, other) = tokio::join!(
+        run_with(corpus.path(), &one),
+        run_with(corpus.path(), &other)
+    );
+    for outcome in [&one, &other] {
+        assert_eq!(
+            outcome.committed.len() + outcome.skipped.len(),
+            4,
+            "{outcome:?}"
+        );
+        assert_eq!((outcome.failed.len(), &outcome.stopped), (0, &None));
+    }
+    let mut made = [one.committed.clone(), other.committed.clone()].concat();
+    made.sort();
+    assert_eq!(made, IDS);
+    assert!(!one.committed.is_empty() && !other.committed.is_empty());
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn two_shards_at_once_give_the_corpus_of_one_run() {
+    let corpus = tempdir().unwrap();
+    let shard = |index, target| GenerateOptions {
+        shard: Shard::new(index, 2).unwrap(),
+        ..options(target, &[])
+    };
+    let [one, other] = [shard(0, stand_in().await), shard(1, stand_in().await)];
+    let (one, other) = tokio::join!(
+        run_with(corpus.path(), &one),
+        run_with(corpus.path(), &other)
+    );
+    assert_eq!(one.committed, [IDS[0], IDS[2]]);
+    assert_eq!(other.committed, [IDS[1], IDS[3]]);
+    let undisturbed = undisturbed().await;
+    same_tables(corpus.path(), undisturbed);
+    for file in ["plan.json", "splits.json", "corpus.toml"] {
+        let [a, b] = [corpus.path(), undisturbed].map(|root| fs::read(root.join(file)).unwrap());
+        assert!(a == b, "{file} differs");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_run_waits_for_what_another_process_makes_and_takes_over_what_it_lets_go() {
+    let corpus = tempdir().unwrap();
+    let claims = corpus.path().join("claims");
+    fs::create_dir_all(&claims).unwrap();
+    let path = claims.join(IDS[2]);
+    fs::write(&path, r#"{"host": "elsewhere", "pid": 7}"#).unwrap();
+    let mut theirs = Some(File::open(&path).unwrap());
+    theirs.as_ref().unwrap().lock().unwrap();
+
+    let mut waited_for = None;
+    let options = options(stand_in().await, &[]);
+    let made = run_until(small_sweep(), corpus.path(), &options, |event| {
+        if let Event::Waiting { scenarios, holder } = event {
+            waited_for = Some((scenarios, holder.to_owned()));
+            // As if the other process had been killed.
+            theirs.take();
+        }
+        false
+    });
+    assert_eq!(made.await.unwrap().committed, IDS);
+    assert_eq!(waited_for, Some((1, "process 7 on elsewhere".to_owned())));
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_scenario_killed_between_seal_and_renaming_is_not_made_again_unless_it_was_damaged() {
+    let corpus = tempdir().unwrap();
+    make_corpus(corpus.path()).await;
+    let scenarios = corpus.path().join("scenarios");
+    for id in &IDS[..2] {
+        fs::rename(scenarios.join(id), scenarios.join(format!("{id}.partial"))).unwrap();
+    }
+    let damaged = scenarios.join(format!("{}.partial/views/left.mp4", IDS[1]));
+    fs::write(&damaged, "half").unwrap();
+    let mut captured = Vec::new();
+    let options = options(stand_in().await, &[]);
+    let made = run_until(small_sweep(), corpus.path(), &options, |event| {
+        if let Event::Captured { done: 1, id } = event {
+            captured.push(id.to_owned());
+        }
+        false
+    });
+    assert_eq!(made.await.unwrap().committed, IDS[..2]);
+    assert_eq!(captured, IDS[1..2]);
+    same_tables(corpus.path(), undisturbed().await);
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_whole_scenario_whose_table_was_damaged_is_refused_by_name() {
+    let corpus = tempdir().unwrap();
+    make_corpus(corpus.path()).await;
+    let table = format!("scenarios/{}/frames.parquet", IDS[1]);
+    fs::write(corpus.path().join(&table), "not a table").unwrap();
+    let error = run(small_sweep(), corpus.path(), stand_in().await, &[])
+        .await
+        .unwrap_err();
+    assert!(error.is_bad_input());
+    let message = error.to_string();
+    assert!(
+        message.contains(IDS[1]) && message.contains("frames.parquet"),
+        "{message}"
+    );
+}
+
+#[test]
+fn the_defaults_wait_long_enough_for_a_simulator_to_be_started_again() {
+    let patience = Patience::default();
+    assert!(patience.simulator >= Duration::from_secs(120) && patience.attempts >= 2);
+}

@@ -1,0 +1,175 @@
+//! A scenario recorded through the plugin's own Python is the one that the built-in link records.
+
+use std::net::Ipv4Addr;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Duration;
+
+use dataset::corpus::Corpus;
+use dataset::frames::Frame;
+use dataset::verify::verify;
+use dataset::video::VideoReader;
+use generator::generate::{Cancel, GenerateOptions, Patience, SimulatorTarget, generate};
+use generator::shard::Shard;
+use generator::sweep::Sweep;
+use mock_xplane::server::{Addresses, PluginOptions, ServerOptions, serve};
+use xplane_bridge::Simulator;
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
+
+/// One recorded flight from 1.5 NM, a picture every four seconds.
+const SWEEP: &str = r#"
+[corpus]
+name = "plugin"
+seed = 0
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "pair"
+
+[grid]
+times = ["12:00"]
+weathers = ["clear"]
+repeats = 1
+day_of_year = 172
+utc_offset_h = 8
+
+[picture]
+width_px = 96
+height_px = 64
+frame_rate = "1/4"
+
+[start]
+dtd_nm = { min = 1.5, max = 1.5 }
+cross_track_m = { mean = 0, sd = 20 }
+speed_mps = 72
+profiles = ["short"]
+
+[profile.short]
+kind = "glide_path"
+level_altitude_msl_m = 200
+
+[[recorded]]
+files = "flights/01_calm_ils.csv"
+weathers = ["clear"]
+
+[weather.clear]
+visibility_m = 30000
+
+[[rig.pair.cameras]]
+id = "left"
+beyond_touchdown_m = 1500
+right_m = -300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+
+[[rig.pair.cameras]]
+id = "right"
+beyond_touchdown_m = 1500
+right_m = 300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+"#;
+
+async fn stand_in(plugin: Option<PluginOptions>) -> SimulatorTarget {
+    let (tell, told) = tokio::sync::oneshot::channel();
+    let options = ServerOptions {
+        bind: Ipv4Addr::LOCALHOST.into(),
+        port: 0,
+        beacon: false,
+        generation: Generation::XPlane11,
+        plugin,
+        ..ServerOptions::default()
+    };
+    tokio::spawn(async move {
+        let ready = |addresses: Addresses| tell.send(addresses.udp).unwrap();
+        serve(options, ready).await.unwrap();
+    });
+    let address = told.await.unwrap();
+    // Python takes its time to start on a busy machine.
+    let waiting = Simulator::connect(address, Duration::from_secs(60)).await;
+    waiting.unwrap().release().await.unwrap();
+    SimulatorTarget::Address(address)
+}
+
+async fn record(folder: &Path, target: SimulatorTarget) -> Corpus {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
+    let sweep = Sweep::parse(Path::new("test.toml"), &data, SWEEP.to_owned()).unwrap();
+    let options = GenerateOptions {
+        simulators: target.into(),
+        stand_in_program: PathBuf::from("unused"),
+        pixels: PixelChoice::Auto,
+        screen: Arc::new(FfmpegScreen::here()),
+        only: Vec::new(),
+        shard: Shard::WHOLE,
+        patience: Patience::default(),
+    };
+    let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut |_| {})
+        .await
+        .unwrap();
+    assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
+    assert_eq!(outcome.committed.len(), 1);
+    Corpus::open(folder).unwrap()
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link() {
+    let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
+    let plugin = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
+    let plugin = PluginOptions {
+        window_px: (96, 64),
+        ..PluginOptions::new(plugin)
+    };
+    let built_in = record(folders[0].path(), stand_in(None).await).await;
+    let plugged = record(folders[1].path(), stand_in(Some(plugin)).await).await;
+
+    let report = verify(&plugged);
+    assert!(report.is_sound(), "{:#?}", report.findings);
+    assert!(report.ticks >= 8, "{} ticks", report.ticks);
+
+    let [a, b] = [&built_in, &plugged].map(|corpus| corpus.scenarios().unwrap().remove(0));
+    let [a_frames, b_frames] = [&a, &b].map(|scenario| scenario.frames().unwrap());
+    assert_eq!(a_frames.rows.len(), b_frames.rows.len());
+    // Everything but what the simulator itself says of each picture.
+    let told = |frame: &Frame| Frame {
+        views: Vec::new(),
+        ..frame.clone()
+    };
+    for (a, b) in a_frames.rows.iter().zip(&b_frames.rows) {
+        assert_eq!(told(a), told(b));
+    }
+    assert!(
+        b_frames
+            .rows
+            .iter()
+            .any(|row| row.views[0].echoed_camera != a_frames.rows[0].views[0].echoed_camera),
+        "the plugin's echo is a copy, not what 32-bit floats left"
+    );
+
+    for view in ["left", "right"] {
+        let [mut a, mut b] =
+            [&a, &b].map(|scenario| VideoReader::open(&scenario.video_path(view)).unwrap());
+        let (mut pictures, mut a_rgb, mut b_rgb) = (0, Vec::new(), Vec::new());
+        while a.next_frame(&mut a_rgb).unwrap().is_some()
+            && b.next_frame(&mut b_rgb).unwrap().is_some()
+        {
+            let differences = a_rgb
+                .iter()
+                .zip(&b_rgb)
+                .map(|(a, b)| f64::from(a.abs_diff(*b)));
+            let mean = differences.sum::<f64>() / a_rgb.len() as f64;
+            assert!(
+                mean < 0.25,
+                "{view}, picture {pictures}: {mean} levels apart"
+            );
+            pictures += 1;
+        }
+        assert_eq!(pictures, a_frames.rows.len());
+    }
+}

@@ -1,0 +1,212 @@
+//! A sweep of four small scenarios, simulators in this process to make them with, and a way to run and compare.
+#![allow(
+    dead_code,
+    missing_docs,
+    unreachable_pub,
+    reason = "each test file uses a part of it"
+)]
+
+use std::fs;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, LazyLock};
+use std::time::Duration;
+
+use generator::generate::{
+    Cancel, Event, GenerateError, GenerateOptions, Outcome, Patience, SimulatorTarget, Simulators,
+    generate,
+};
+use generator::shard::Shard;
+use generator::sweep::Sweep;
+use mock_xplane::server::{Addresses, BuiltIn, Engine, ServerOptions, serve_with};
+use tokio::task::AbortHandle;
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
+
+/// Four small scenarios from 2 NM: two fly live, two fly a recording.
+pub const SWEEP: &str = r#"
+[corpus]
+name = "test"
+seed = 0
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "pair"
+
+[grid]
+times = ["12:00"]
+weathers = ["clear", "foggy"]
+repeats = 2
+day_of_year = 172
+utc_offset_h = 8
+
+[picture]
+width_px = 96
+height_px = 64
+frame_rate = "1/2"
+
+[start]
+dtd_nm = { min = 1.9, max = 2.1 }
+cross_track_m = { mean = 0, sd = 20 }
+speed_mps = 72
+profiles = ["short"]
+
+[profile.short]
+kind = "glide_path"
+level_altitude_msl_m = 200
+
+[[recorded]]
+files = "flights/01_calm_ils.csv"
+weathers = ["foggy"]
+
+[weather.clear]
+visibility_m = 30000
+wind_speed_mps = 3
+wind_from_true_deg = 60
+
+[weather.foggy]
+visibility_m = 9260
+
+[[rig.pair.cameras]]
+id = "left"
+beyond_touchdown_m = 1500
+right_m = -300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+
+[[rig.pair.cameras]]
+id = "right"
+beyond_touchdown_m = 1500
+right_m = 300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+"#;
+
+pub fn sweep_of(text: &str) -> Sweep {
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
+    Sweep::parse(Path::new("test.toml"), &data, text.to_owned()).unwrap()
+}
+
+pub fn small_sweep() -> &'static Sweep {
+    static READ: LazyLock<Sweep> = LazyLock::new(|| sweep_of(SWEEP));
+    &READ
+}
+
+pub const IDS: [&str; 4] = [
+    "1200-clear-r1",
+    "1200-foggy-r1",
+    "1200-clear-r2",
+    "1200-foggy-r2",
+];
+
+/// As a listing shows them.
+pub fn sorted_ids() -> [&'static str; 4] {
+    let mut ids = IDS;
+    ids.sort_unstable();
+    ids
+}
+
+/// Starts the stand-in in this process; it ends with the test's runtime.
+pub async fn stand_in() -> SimulatorTarget {
+    SimulatorTarget::Address(stand_in_with(0, Arc::new(BuiltIn)).await.0)
+}
+
+/// The same on a port and with an engine of choice, and with a way to make it disappear.
+pub async fn stand_in_with(port: u16, engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
+    let (tell, told) = tokio::sync::oneshot::channel();
+    let options = ServerOptions {
+        bind: Ipv4Addr::LOCALHOST.into(),
+        port,
+        beacon: false,
+        ..ServerOptions::default()
+    };
+    let server = tokio::spawn(async move {
+        let ready = |addresses: Addresses| tell.send(addresses.udp).unwrap();
+        serve_with(options, engine, ready).await.unwrap();
+    });
+    (told.await.unwrap(), server.abort_handle())
+}
+
+/// Little patience: what fails here fails at once.
+pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOptions {
+    GenerateOptions {
+        simulators: simulators.into(),
+        stand_in_program: PathBuf::from("unused"),
+        pixels: PixelChoice::Auto,
+        screen: Arc::new(FfmpegScreen::here()),
+        only: only.iter().map(|id| (*id).to_owned()).collect(),
+        shard: Shard::WHOLE,
+        patience: Patience {
+            attempts: 2,
+            first_pause: Duration::from_millis(10),
+            simulator: Duration::from_secs(20),
+            ..Patience::default()
+        },
+    }
+}
+
+pub async fn run(
+    sweep: &Sweep,
+    corpus: &Path,
+    target: SimulatorTarget,
+    only: &[&str],
+) -> Result<Outcome, GenerateError> {
+    run_until(sweep, corpus, &options(target, only), |_| false).await
+}
+
+/// Runs, and stops as soon as an event is the one that is waited for.
+pub async fn run_until(
+    sweep: &Sweep,
+    corpus: &Path,
+    options: &GenerateOptions,
+    mut stop_at: impl FnMut(Event<'_>) -> bool + Send,
+) -> Result<Outcome, GenerateError> {
+    let cancel = Cancel::new();
+    let switch = cancel.clone();
+    let mut on_event = move |event: Event<'_>| {
+        if stop_at(event) {
+            switch.cancel();
+        }
+    };
+    generate(sweep, corpus, options, &cancel, &mut on_event).await
+}
+
+/// What lies among the scenarios.
+pub fn folders(corpus: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(corpus.join("scenarios"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Every file of every scenario has the same bytes in both corpora, and neither holds anything else.
+pub fn same_tables(one: &Path, other: &Path) {
+    for corpus in [one, other] {
+        assert_eq!(folders(corpus), IDS);
+        for left in ["claims", "failed"] {
+            assert!(!corpus.join(left).exists(), "{left} is left");
+        }
+    }
+    for id in IDS {
+        for file in [
+            "frames.parquet",
+            "calibration.json",
+            "scenario.json",
+            "views/left.mp4",
+            "views/right.mp4",
+            "MANIFEST.b3",
+            "DONE.json",
+        ] {
+            let [a, b] = [one, other]
+                .map(|root| fs::read(root.join("scenarios").join(id).join(file)).unwrap());
+            assert!(a == b, "{id}/{file} differs");
+        }
+    }
+}

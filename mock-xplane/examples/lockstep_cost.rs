@@ -1,0 +1,206 @@
+//! Measures what the bridge's client costs in lockstep: `cargo run --release -p mock-xplane --example lockstep_cost`.
+//!
+//! 30 ticks a second, two views of 1920x1280 each, against a stand-in that draws nothing and in the same process runs on
+//! threads of its own. The client, with everything it does besides (it watches 110 datarefs), has one thread, whose processor
+//! time the kernel counts. Once with the pictures over the link (442 MB a second through the loopback), once without, as when
+//! they are grabbed from the screen. Linux only.
+
+use std::error::Error;
+use std::fs;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use dataset::camera::{Camera, CameraPose};
+use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use mock_xplane::server::{Engine, Picture, ServerOptions, serve_with};
+use xplane_bridge::fly::FlyRequest;
+use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
+
+const TICKS: u32 = 300;
+const TICK: Duration = Duration::from_nanos(1_000_000_000 / 30);
+const VIEWS: u32 = 2;
+
+struct Blank;
+
+impl Engine for Blank {
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
+        Err("a blank simulator does not fly".into())
+    }
+
+    fn picture(&self, _: &Camera, _: &Runway, _: &Weather, _: &Clock) -> Box<dyn Picture> {
+        Box::new(Self)
+    }
+}
+
+impl Picture for Blank {
+    fn draw(&self, _: &Pose, _: &Controls, _: f64, _: &mut [u8]) {}
+}
+
+/// What a run cost.
+struct Cost {
+    /// Processor time of the client's thread, seconds.
+    client_s: f64,
+    /// Time that passed meanwhile, seconds.
+    wall_s: f64,
+    /// Ticks that ended later than the next one should have begun.
+    late: u32,
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    for (what, deliver) in [
+        ("pictures over the link", Deliver::Picture),
+        ("no pictures", Deliver::Drawn),
+    ] {
+        let Cost {
+            client_s,
+            wall_s,
+            late,
+        } = cost(deliver)?;
+        println!(
+            "{what}: {:.1} % of one core in the client, {TICKS} ticks of {VIEWS} views in {wall_s:.2} s, {late} late",
+            100.0 * client_s / wall_s
+        );
+    }
+    Ok(())
+}
+
+fn cost(deliver: Deliver) -> Result<Cost, Box<dyn Error>> {
+    let server = tokio::runtime::Runtime::new()?;
+    let (tell, told) = std::sync::mpsc::channel();
+    let options = ServerOptions {
+        port: 0,
+        beacon: false,
+        ..ServerOptions::default()
+    };
+    server.spawn(serve_with(options, Arc::new(Blank), move |addresses| {
+        let _ = tell.send(addresses.udp);
+    }));
+    let address = told.recv()?;
+    let client = std::thread::spawn(move || {
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()
+            .map_err(|error| error.to_string())?;
+        runtime
+            .block_on(drive(address, deliver))
+            .map_err(|error| error.to_string())
+    });
+    let cost = client.join().map_err(|_| "the client panicked")??;
+    server.shutdown_background();
+    Ok(cost)
+}
+
+async fn drive(address: SocketAddr, deliver: Deliver) -> Result<Cost, Box<dyn Error>> {
+    let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await?;
+    simulator.set_conditions(&conditions()).await?;
+    simulator.freeze(&runway()).await?;
+    // The first tick prepares memory and scene.
+    tick(&mut simulator, 0, deliver).await?;
+    let (begin, begin_s) = (Instant::now(), thread_time_s()?);
+    let mut late = 0;
+    for number in 1..=TICKS {
+        tick(&mut simulator, number, deliver).await?;
+        let next = begin + TICK * number;
+        late += u32::from(Instant::now() > next);
+        tokio::time::sleep_until(next.into()).await;
+    }
+    let cost = Cost {
+        client_s: thread_time_s()? - begin_s,
+        wall_s: begin.elapsed().as_secs_f64(),
+        late,
+    };
+    simulator.release().await?;
+    Ok(cost)
+}
+
+async fn tick(
+    simulator: &mut Simulator,
+    tick: u32,
+    deliver: Deliver,
+) -> Result<(), Box<dyn Error>> {
+    for view in 0..VIEWS {
+        simulator
+            .send_capture(&capture(tick, view, deliver))
+            .await?;
+    }
+    for _ in 0..VIEWS {
+        let frame = simulator.receive_frame().await?;
+        simulator.recycle(frame.rgb);
+    }
+    Ok(())
+}
+
+/// Processor time of the calling thread: the first number is nanoseconds on a processor.
+fn thread_time_s() -> Result<f64, Box<dyn Error>> {
+    let text = fs::read_to_string("/proc/thread-self/schedstat")?;
+    let nanoseconds: f64 = text.split_whitespace().next().unwrap_or_default().parse()?;
+    Ok(nanoseconds * 1e-9)
+}
+
+fn pose() -> Pose {
+    Pose {
+        latitude_deg: 1.25,
+        longitude_deg: 103.94,
+        altitude_msl_m: 500.0,
+        heading_true_deg: 23.02,
+        pitch_deg: 1.6,
+        roll_deg: 0.0,
+    }
+}
+
+fn capture(tick: u32, view: u32, deliver: Deliver) -> CaptureRequest {
+    CaptureRequest {
+        tick,
+        time_ns: i64::from(tick) * TICK.as_nanos() as i64,
+        view,
+        pose: pose(),
+        controls: Controls::default(),
+        camera: CameraPose {
+            pose: pose(),
+            hfov_deg: 10.0,
+        },
+        width_px: 1_920,
+        height_px: 1_280,
+        deliver,
+    }
+}
+
+fn conditions() -> Conditions {
+    Conditions {
+        time_of_day: "12:00".into(),
+        clock: Clock {
+            day_of_year: 172,
+            zulu_time_s: 14_400.0,
+        },
+        weather_name: "clear".into(),
+        weather: Weather {
+            visibility_m: 30_000.0,
+            clouds: vec![],
+            rain_ratio: 0.0,
+            wind_speed_mps: 3.0,
+            wind_from_true_deg: 60.0,
+            turbulence_ratio: 0.0,
+        },
+    }
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: None,
+    }
+}

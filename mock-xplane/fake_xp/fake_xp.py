@@ -1,0 +1,365 @@
+"""A fake of XPPython3's module ``xp``: what our plugin uses of it, and strictly.
+
+It keeps X-Plane's order within a frame (flight loops, camera, drawing), its habits (the camera's list must be changed in place, values are
+32-bit, read-only datarefs ignore writes) and its prohibitions (no call from another thread). What it knows about the simulated
+world comes from a :class:`World`: on paper for tests, or the stand-in's at the other end of a pipe (``host.py``).
+
+Made for this project from XPPython3's documentation; it has never been compared with a running X-Plane.
+"""
+
+from __future__ import annotations
+
+import struct
+import threading
+from dataclasses import dataclass
+from typing import Any, Callable, Protocol
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a dataref holds: ``int``, ``float`` or ``double``; elements of an array; whether it may be written."""
+
+    type: str
+    length: int | None = None
+    writable: bool = True
+
+
+class World(Protocol):
+    """The simulated world behind the fake."""
+
+    def kind(self, name: str) -> Kind | None: ...
+    def get(self, name: str, index: int) -> float: ...
+    def set(self, name: str, index: int, value: float) -> None: ...
+    def knows_command(self, path: str) -> bool: ...
+    def command(self, path: str) -> None: ...
+    def world_to_local(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]: ...
+    def local_to_world(self, x: float, y: float, z: float) -> tuple[float, float, float]: ...
+    def ground_below(self, x: float, y: float, z: float) -> tuple[float, float, float] | None: ...
+    def publish(self, name: str, value: float) -> None: ...
+    def begin_frame(self) -> int: ...
+    def place_camera(self, position: list[float] | None) -> None: ...
+    def render(self, width: int, height: int) -> bytes: ...
+
+
+class FakeXpError(AssertionError):
+    """The plugin did what X-Plane would punish."""
+
+
+def as_float32(value: float) -> float:
+    """What is left of a number in 32 bits."""
+    return struct.unpack("<f", struct.pack("<f", value))[0]
+
+
+@dataclass
+class ProbeInfo:
+    """Answer of a terrain probe."""
+
+    result: int
+    locationX: float = 0.0
+    locationY: float = 0.0
+    locationZ: float = 0.0
+
+
+class FakeXp:
+    """Stands in for the module ``xp``."""
+
+    Type_Unknown, Type_Int, Type_Float, Type_Double = 0, 1, 2, 4
+    Type_FloatArray, Type_IntArray, Type_Data = 8, 16, 32
+    FlightLoop_Phase_BeforeFlightModel, FlightLoop_Phase_AfterFlightModel = 0, 1
+    Phase_Window = 50
+    ControlCameraUntilViewChanges, ControlCameraForever = 1, 2
+    ProbeY = 0
+    ProbeHitTerrain, ProbeError, ProbeMissed = 0, 1, 2
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.lines: list[str] = []
+        self.cycle = 0
+        self._thread = threading.get_ident()
+        self._loops: dict[int, Callable[..., float]] = {}
+        self._scheduled: set[int] = set()
+        self._camera: tuple[Callable[..., int], Any] | None = None
+        self._draws: list[tuple[Callable[..., int], int, int, Any]] = []
+        self._accessors: dict[int, tuple[str, Callable[[Any], float], Any]] = {}
+        self._next_id = 1
+        self._drawing = False
+
+    # What the host does.
+
+    def frame(self) -> None:
+        """One frame of the simulator: flight loops, camera, drawing."""
+        self.cycle = self.world.begin_frame()
+        for loop in [l for l in self._loops if l in self._scheduled]:
+            if self._loops[loop](0.016, 0.016, self.cycle, None) == 0:
+                self._scheduled.discard(loop)
+        self._run_camera()
+        for after in (0, 1):
+            for callback, phase, when, refcon in list(self._draws):
+                if when == after:
+                    self._drawing = True
+                    callback(phase, after, refcon)
+                    self._drawing = False
+        for name, read, refcon in self._accessors.values():
+            self.world.publish(name, read(refcon))
+
+    def steal_camera(self) -> None:
+        """As a view key does: whoever controls the camera is told, and asked no more."""
+        if self._camera is not None:
+            callback, refcon = self._camera
+            self._camera = None
+            callback(None, 1, refcon)
+
+    def must_be_drawing(self) -> None:
+        """OpenGL exists in draw callbacks only."""
+        if not self._drawing:
+            raise FakeXpError("OpenGL is called outside a draw callback")
+
+    def _run_camera(self) -> None:
+        position = None
+        if self._camera is not None:
+            callback, refcon = self._camera
+            asked = [0.0] * 7
+            # Only what is done to this very list counts.
+            if callback(asked, 0, refcon) == 1:
+                position = [as_float32(value) for value in asked]
+        self.world.place_camera(position)
+
+    def _here(self) -> None:
+        if threading.get_ident() != self._thread:
+            raise FakeXpError("xp is called from a thread that is not X-Plane's")
+
+    def _new_id(self) -> int:
+        self._next_id += 1
+        return self._next_id
+
+    # What XPPython3 offers.
+
+    def log(self, text: str) -> None:
+        self._here()
+        self.lines.append(text)
+
+    def getCycleNumber(self) -> int:
+        self._here()
+        return self.cycle
+
+    def findDataRef(self, name: str) -> Any:
+        self._here()
+        kind = self.world.kind(name)
+        return None if kind is None else (name, kind)
+
+    def getDataRefTypes(self, ref: Any) -> int:
+        _, kind = ref
+        if kind.length is not None:
+            return self.Type_IntArray if kind.type == "int" else self.Type_FloatArray
+        return {"int": self.Type_Int, "float": self.Type_Float, "double": self.Type_Double | self.Type_Float}[kind.type]
+
+    def _get(self, ref: Any, types: tuple[str, ...]) -> float:
+        self._here()
+        name, kind = ref
+        if kind.length is not None or kind.type not in types:
+            raise FakeXpError(f"{name} is read as {types}, but is {kind}")
+        return self.world.get(name, 0)
+
+    def _set(self, ref: Any, types: tuple[str, ...], value: float) -> None:
+        self._here()
+        name, kind = ref
+        if kind.length is not None or kind.type not in types:
+            raise FakeXpError(f"{name} is written as {types}, but is {kind}")
+        if kind.writable:
+            self.world.set(name, 0, value if kind.type == "double" else as_float32(value))
+
+    def getDatai(self, ref: Any) -> int:
+        return int(self._get(ref, ("int",)))
+
+    def getDataf(self, ref: Any) -> float:
+        return as_float32(self._get(ref, ("float", "double")))
+
+    def getDatad(self, ref: Any) -> float:
+        return self._get(ref, ("double",))
+
+    def setDatai(self, ref: Any, value: int) -> None:
+        if not isinstance(value, int):
+            raise FakeXpError(f"{ref[0]} is set to {value!r}, which is no int")
+        self._set(ref, ("int",), value)
+
+    def setDataf(self, ref: Any, value: float) -> None:
+        self._set(ref, ("float",), value)
+
+    def setDatad(self, ref: Any, value: float) -> None:
+        self._set(ref, ("double",), value)
+
+    def _get_array(self, ref: Any, values: list[Any] | None, offset: int, count: int) -> int:
+        self._here()
+        name, kind = ref
+        if kind.length is None:
+            raise FakeXpError(f"{name} is no array")
+        if values is None:
+            return kind.length
+        end = min(kind.length, offset + (kind.length if count < 0 else count))
+        values[:] = [as_float32(self.world.get(name, index)) for index in range(offset, end)]
+        return len(values)
+
+    def getDatavf(self, ref: Any, values: list[float] | None = None, offset: int = 0, count: int = -1) -> int:
+        return self._get_array(ref, values, offset, count)
+
+    def getDatavi(self, ref: Any, values: list[int] | None = None, offset: int = 0, count: int = -1) -> int:
+        return self._get_array(ref, values, offset, count)
+
+    def _set_array(self, ref: Any, values: list[Any], offset: int, count: int) -> None:
+        self._here()
+        name, kind = ref
+        if kind.length is None:
+            raise FakeXpError(f"{name} is no array")
+        for index, value in enumerate(values[: len(values) if count < 0 else count], offset):
+            if kind.writable and index < kind.length:
+                self.world.set(name, index, as_float32(value))
+
+    def setDatavf(self, ref: Any, values: list[float], offset: int = 0, count: int = -1) -> None:
+        self._set_array(ref, values, offset, count)
+
+    def setDatavi(self, ref: Any, values: list[int], offset: int = 0, count: int = -1) -> None:
+        self._set_array(ref, values, offset, count)
+
+    def registerDataAccessor(
+        self,
+        name: str,
+        dataType: int = 0,
+        writable: int = -1,
+        readInt: Callable[[Any], int] | None = None,
+        writeInt: Any = None,
+        readFloat: Callable[[Any], float] | None = None,
+        writeFloat: Any = None,
+        readRefCon: Any = None,
+    ) -> int:
+        self._here()
+        read = readFloat or readInt
+        if read is None:
+            raise FakeXpError(f"{name} cannot be read")
+        accessor = self._new_id()
+        self._accessors[accessor] = (name, read, readRefCon)
+        return accessor
+
+    def unregisterDataAccessor(self, accessor: int) -> None:
+        del self._accessors[accessor]
+
+    def createFlightLoop(self, callback: Callable[..., float], phase: int = 0, refCon: Any = None) -> int:
+        self._here()
+        loop = self._new_id()
+        self._loops[loop] = callback
+        return loop
+
+    def scheduleFlightLoop(self, flightLoopID: int, interval: float = 0.0, relativeToNow: int = 1) -> None:
+        self._here()
+        self._scheduled.add(flightLoopID)
+
+    def destroyFlightLoop(self, flightLoopID: int) -> None:
+        self._here()
+        del self._loops[flightLoopID]
+        self._scheduled.discard(flightLoopID)
+
+    def controlCamera(self, howLong: int, callback: Callable[..., int], refCon: Any = None) -> None:
+        self._here()
+        self._camera = (callback, refCon)
+
+    def dontControlCamera(self) -> None:
+        self._here()
+        self._camera = None
+
+    def registerDrawCallback(self, callback: Callable[..., int], phase: int, after: int, refCon: Any) -> int:
+        self._here()
+        if phase != self.Phase_Window:
+            raise FakeXpError(f"phase {phase} is not drawn in any X-Plane since 11.50")
+        self._draws.append((callback, phase, after, refCon))
+        return 1
+
+    def unregisterDrawCallback(self, callback: Callable[..., int], phase: int, after: int, refCon: Any) -> int:
+        self._here()
+        self._draws.remove((callback, phase, after, refCon))
+        return 1
+
+    def setGraphicsState(self, *_state: int) -> None:
+        self.must_be_drawing()
+
+    def getScreenSize(self) -> tuple[int, int]:
+        size = (self.world.get(f"sim/graphics/view/window_{side}", 0) for side in ("width", "height"))
+        width, height = size
+        return int(width), int(height)
+
+    def getAllMonitorBoundsGlobal(self, bounds: Callable[..., None], refCon: Any) -> None:
+        """None: X-Plane runs in a window."""
+
+    def getAllMonitorBoundsOS(self, bounds: Callable[..., None], refCon: Any) -> None:
+        bounds(0, 0, 1440, 2560, 0, refCon)
+
+    def worldToLocal(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
+        self._here()
+        return self.world.world_to_local(latitude, longitude, altitude)
+
+    def localToWorld(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        self._here()
+        return self.world.local_to_world(x, y, z)
+
+    def createProbe(self, probeType: int) -> int:
+        self._here()
+        return self._new_id()
+
+    def destroyProbe(self, probe: int) -> None:
+        self._here()
+
+    def probeTerrainXYZ(self, probe: int, x: float, y: float, z: float) -> ProbeInfo:
+        self._here()
+        hit = self.world.ground_below(x, y, z)
+        return ProbeInfo(self.ProbeMissed) if hit is None else ProbeInfo(self.ProbeHitTerrain, *hit)
+
+    def findCommand(self, path: str) -> str | None:
+        self._here()
+        return path if self.world.knows_command(path) else None
+
+    def commandOnce(self, command: str) -> None:
+        self._here()
+        self.world.command(command)
+
+    def degTrueToDegMagnetic(self, degrees: float) -> float:
+        self._here()
+        return degrees
+
+
+class FakeGl:
+    """Stands in for the OpenGL library: pixels come from the world, filled rectangles are remembered."""
+
+    def __init__(self, xp: FakeXp) -> None:
+        self._xp = xp
+        self._colour = (0, 0, 0)
+        # left, bottom, right, top, colour
+        self.filled: list[tuple[float, float, float, float, tuple[int, int, int]]] = []
+
+    def glGetIntegerv(self, what: int, out: Any) -> None:
+        self._xp.must_be_drawing()
+        if what != 0x0BA2:
+            raise FakeXpError(f"glGetIntegerv({what:#x})")
+        out[0], out[1] = 0, 0
+        out[2], out[3] = self._xp.getScreenSize()
+
+    def glGetError(self) -> int:
+        return 0
+
+    def glPixelStorei(self, _name: int, value: int) -> None:
+        self._alignment = value
+
+    def glReadPixels(self, x: int, y: int, width: int, height: int, form: int, kind: int, pixels: Any) -> None:
+        self._xp.must_be_drawing()
+        if (form, kind, self._alignment) != (0x1907, 0x1401, 1):
+            raise FakeXpError(f"glReadPixels of form {form:#x}, type {kind:#x}, alignment {self._alignment}")
+        rgb, row = self._xp.world.render(width, height), width * 3
+        # The lowest row first.
+        pixels.raw = b"".join(rgb[at : at + row] for at in range((height - 1) * row, -1, -row)) + b"\0" * (
+            len(pixels.raw) - len(rgb)
+        )
+
+    def glColor3ub(self, red: Any, green: Any, blue: Any) -> None:
+        self._xp.must_be_drawing()
+        self._colour = (red.value, green.value, blue.value)
+
+    def glRectf(self, left: Any, bottom: Any, right: Any, top: Any) -> None:
+        self._xp.must_be_drawing()
+        self.filled.append((left.value, bottom.value, right.value, top.value, self._colour))

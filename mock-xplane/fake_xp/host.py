@@ -1,0 +1,116 @@
+"""Runs the plugin against the fake ``xp`` in a process of its own; the world is the stand-in's, at the other end of standard input and output.
+
+Each question is one line of JSON, ``[what, ...]``; so is each answer. Only a picture's answer, its number of bytes, is followed by bytes.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+import time
+from typing import Any
+
+from fake_xp import FakeGl, FakeXp, Kind
+
+# The stand-in has no screen to wait for; without a pause an idle plugin would take a whole core.
+FRAME_PAUSE_S = 0.001
+
+
+class PipeWorld:
+    """Implements ``fake_xp.World``."""
+
+    def __init__(self, questions: Any, answers: Any) -> None:
+        self._questions, self._answers = questions, answers
+        self._kinds: dict[str, Kind | None] = {}
+        self._published: dict[str, float] = {}
+
+    def _ask(self, *question: Any) -> Any:
+        self._questions.write(json.dumps(question).encode() + b"\n")
+        self._questions.flush()
+        line = self._answers.readline()
+        if not line:
+            # The stand-in is gone.
+            sys.exit(0)
+        return json.loads(line)
+
+    def kind(self, name: str) -> Kind | None:
+        if name not in self._kinds:
+            found = self._ask("kind", name)
+            self._kinds[name] = None if found is None else Kind(*found)
+        return self._kinds[name]
+
+    def get(self, name: str, index: int) -> float:
+        return self._ask("get", name, index)
+
+    def set(self, name: str, index: int, value: float) -> None:
+        self._ask("set", name, index, value)
+
+    def knows_command(self, path: str) -> bool:
+        return path.startswith(("sim/operation/pause_o", "sim/operation/fix_all", "sim/autopilot/"))
+
+    def command(self, path: str) -> None:
+        self._ask("command", path)
+
+    def world_to_local(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
+        return tuple(self._ask("world_to_local", latitude, longitude, altitude))
+
+    def local_to_world(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        return tuple(self._ask("local_to_world", x, y, z))
+
+    def ground_below(self, x: float, y: float, z: float) -> tuple[float, float, float] | None:
+        return tuple(self._ask("ground_below", x, y, z))
+
+    def publish(self, name: str, value: float) -> None:
+        if self._published.get(name) != value:
+            self._published[name] = value
+            self._ask("publish", name, value)
+
+    def begin_frame(self) -> int:
+        return self._ask("begin_frame")
+
+    def place_camera(self, position: list[float] | None) -> None:
+        if position is not None:
+            self._ask("place_camera", *position)
+
+    def render(self, width: int, height: int) -> bytes:
+        count = self._ask("render", width, height)
+        return self._answers.read(count)
+
+
+class LoggingXp(FakeXp):
+    """Logs into the stand-in's log."""
+
+    def log(self, text: str) -> None:
+        self.world._ask("log", text)
+
+
+def run(settings: dict[str, Any]) -> None:
+    """For ever, or until the stand-in goes away."""
+    world = PipeWorld(sys.stdout.buffer, sys.stdin.buffer)
+    # What the plugin prints must not become a question.
+    sys.stdout = sys.stderr
+    xp = LoggingXp(world)
+    if settings["is_x_plane_11"]:
+        package = type(sys)("XPPython3")
+        package.xp = xp
+        sys.modules.update({"XPPython3": package, "xp": None})
+    else:
+        sys.modules["xp"] = xp
+    sys.path.insert(0, settings["plugin"])
+    plugin = importlib.import_module("PI_dtd_bridge")
+    pixels = importlib.import_module("dtd_bridge.pixels")
+    pixels.load_library = lambda: FakeGl(xp)
+    link = importlib.import_module("dtd_bridge.settings").Settings(
+        bind=settings["bind"], port=settings["port"], token=settings["token"], weather_settle_s=0.0
+    )
+    plugin.read_settings = lambda _path: link
+    interface = plugin.PythonInterface()
+    interface.XPluginStart()
+    interface.XPluginEnable()
+    steal_every = settings["steal_camera_every_frames"]
+    while True:
+        xp.frame()
+        if steal_every and xp.cycle % steal_every == 0:
+            xp.steal_camera()
+        time.sleep(FRAME_PAUSE_S)

@@ -1,0 +1,177 @@
+"""A world on paper for tests of the plugin alone: WGS-84, a local origin that can move, an aircraft that slides down a glide path."""
+
+from __future__ import annotations
+
+import math
+
+from fake_xp import Kind
+
+A, F = 6_378_137.0, 1 / 298.257223563
+E2 = F * (2 - F)
+GROUND_MSL_M = 6.71
+PERIOD_S = 0.25
+
+DATAREFS = {
+    "sim/version/xplane_internal_version": (Kind("int", None, False), 115_501),
+    "sim/time/paused": (Kind("int", None, False), 0),
+    "sim/operation/misc/frame_rate_period": (Kind("float", None, False), PERIOD_S),
+    "sim/operation/override/override_planepath": (Kind("int", 20), 0),
+    "sim/graphics/scenery/async_scenery_load_in_progress": (Kind("int", None, False), 0),
+    "sim/graphics/view/using_modern_driver": (Kind("int", None, False), 0),
+    "sim/graphics/view/window_width": (Kind("int", None, False), 64),
+    "sim/graphics/view/window_height": (Kind("int", None, False), 48),
+    "sim/graphics/view/field_of_view_deg": (Kind("float"), 60),
+    **{
+        f"sim/graphics/view/view_{name}": (Kind("float", None, False), 0)
+        for name in ("x", "y", "z", "pitch", "heading", "roll")
+    },
+    **{f"sim/flightmodel/position/local_{name}": (Kind("double"), 0) for name in "xyz"},
+    **{f"sim/flightmodel/position/local_v{name}": (Kind("float"), 0) for name in "xyz"},
+    **{f"sim/flightmodel/position/{name}": (Kind("float"), 0) for name in ("psi", "theta", "phi", "P", "Q", "R")},
+    "sim/flightmodel/position/q": (Kind("float", 4), 0),
+    "sim/flightmodel/position/true_airspeed": (Kind("float", None, False), 0),
+    "sim/flightmodel/position/indicated_airspeed": (Kind("float", None, False), 0),
+    "sim/flightmodel/failures/onground_any": (Kind("int", None, False), 0),
+    "sim/cockpit2/controls/flap_ratio": (Kind("float"), 0),
+    "sim/flightmodel/controls/flaprat": (Kind("float"), 0),
+    "sim/cockpit2/controls/gear_handle_down": (Kind("int"), 1),
+    "sim/aircraft/parts/acf_gear_deploy": (Kind("float", 10), 0),
+    "sim/cockpit/radios/nav1_freq_hz": (Kind("int"), 0),
+    "sim/cockpit/radios/nav1_obs_degm": (Kind("float"), 0),
+    "sim/cockpit2/autopilot/airspeed_dial_kts": (Kind("float"), 0),
+    "sim/cockpit/autopilot/altitude": (Kind("float"), 0),
+    "sim/cockpit/autopilot/vertical_velocity": (Kind("float"), 0),
+}
+COMMANDS = {
+    "sim/operation/pause_on", "sim/operation/pause_off", "sim/operation/pause_toggle", "sim/operation/fix_all_systems",
+    "sim/autopilot/servos_on", "sim/autopilot/autothrottle_on", "sim/autopilot/NAV", "sim/autopilot/approach",
+    "sim/autopilot/glide_slope", "sim/autopilot/altitude_hold", "sim/autopilot/vertical_speed",
+}  # fmt: skip
+
+
+def ecef(latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
+    la, lo = math.radians(latitude), math.radians(longitude)
+    n = A / math.sqrt(1 - E2 * math.sin(la) ** 2)
+    across = (n + altitude) * math.cos(la)
+    return across * math.cos(lo), across * math.sin(lo), (n * (1 - E2) + altitude) * math.sin(la)
+
+
+def geodetic(x: float, y: float, z: float) -> tuple[float, float, float]:
+    across = math.hypot(x, y)
+    latitude = math.atan2(z, across * (1 - E2))
+    for _ in range(8):
+        n = A / math.sqrt(1 - E2 * math.sin(latitude) ** 2)
+        altitude = across / math.cos(latitude) - n
+        latitude = math.atan2(z, across * (1 - E2 * n / (n + altitude)))
+    return math.degrees(latitude), math.degrees(math.atan2(y, x)), altitude
+
+
+class PaperWorld:
+    """Implements ``fake_xp.World``."""
+
+    def __init__(self) -> None:
+        self.values = {name: [float(first)] * (kind.length or 1) for name, (kind, first) in DATAREFS.items()}
+        self.kinds = {name: kind for name, (kind, _) in DATAREFS.items()}
+        self.origin = (1.0, 104.0)
+        self.commands: list[str] = []
+        self.published: dict[str, float] = {}
+        self.cycle = 100
+        self.known_commands = set(COMMANDS)
+        self.ground_is_loaded = True
+        self.rendered: list[tuple[float, ...]] = []
+        # Called at the beginning of each frame, to disturb.
+        self.disturb = lambda world: None
+
+    def kind(self, name: str) -> Kind | None:
+        return self.kinds.get(name)
+
+    def get(self, name: str, index: int = 0) -> float:
+        return self.values[name][index]
+
+    def set(self, name: str, index: int, value: float) -> None:
+        self.values[name][index] = value
+
+    def knows_command(self, path: str) -> bool:
+        return path in self.known_commands
+
+    def command(self, path: str) -> None:
+        self.commands.append(path)
+        paused = {"pause_on": 1.0, "pause_off": 0.0, "pause_toggle": 1.0 - self.get("sim/time/paused")}
+        name = path.rsplit("/", 1)[1]
+        if name in paused:
+            self.set("sim/time/paused", 0, paused[name])
+
+    def world_to_local(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
+        here, origin = ecef(latitude, longitude, altitude), ecef(*self.origin, 0.0)
+        d = tuple(a - b for a, b in zip(here, origin))
+        east, up, south = self._axes()
+        return tuple(sum(a * b for a, b in zip(axis, d)) for axis in (east, up, south))
+
+    def local_to_world(self, x: float, y: float, z: float) -> tuple[float, float, float]:
+        east, up, south = self._axes()
+        origin = ecef(*self.origin, 0.0)
+        return geodetic(*(o + x * e + y * u + z * s for o, e, u, s in zip(origin, east, up, south)))
+
+    def _axes(self) -> tuple[tuple[float, ...], ...]:
+        la, lo = (math.radians(a) for a in self.origin)
+        east = (-math.sin(lo), math.cos(lo), 0.0)
+        up = (math.cos(la) * math.cos(lo), math.cos(la) * math.sin(lo), math.sin(la))
+        south = (math.sin(la) * math.cos(lo), math.sin(la) * math.sin(lo), -math.cos(la))
+        return east, up, south
+
+    def ground_below(self, x: float, y: float, z: float) -> tuple[float, float, float] | None:
+        """Along the local y axis, as X-Plane's probes look."""
+        if not self.ground_is_loaded:
+            return None
+        for _ in range(6):
+            y -= self.local_to_world(x, y, z)[2] - GROUND_MSL_M
+        return x, y, z
+
+    def publish(self, name: str, value: float) -> None:
+        self.published[name] = value
+
+    def begin_frame(self) -> int:
+        self.cycle += 1
+        self.disturb(self)
+        flying = self.get("sim/operation/override/override_planepath") == 0 and self.get("sim/time/paused") == 0
+        if flying and not self.get("sim/flightmodel/failures/onground_any"):
+            self._slide()
+        return self.cycle
+
+    def _slide(self) -> None:
+        """Along the velocity, and down at 3 degrees of it."""
+        position = "sim/flightmodel/position/"
+        velocity = [self.get(f"{position}local_v{axis}") for axis in "xyz"]
+        speed = math.hypot(*velocity)
+        if speed == 0:
+            return
+        x, y, z = (
+            self.get(f"{position}local_{axis}") + v * PERIOD_S for axis, v in zip("xyz", velocity)
+        )
+        latitude, longitude, altitude = self.local_to_world(x, y, z)
+        altitude -= speed * PERIOD_S * math.tan(math.radians(3))
+        if altitude <= GROUND_MSL_M + 3:
+            self.set("sim/flightmodel/failures/onground_any", 0, 1)
+        for axis, value in zip("xyz", self.world_to_local(latitude, longitude, altitude)):
+            self.set(f"{position}local_{axis}", 0, value)
+        self.set(position + "true_airspeed", 0, speed)
+        self.set("sim/flightmodel/controls/flaprat", 0, self.get("sim/cockpit2/controls/flap_ratio"))
+
+    def move_origin(self, latitude: float, longitude: float) -> None:
+        """As X-Plane does when it loads scenery: the aircraft stays where it is on earth."""
+        position = "sim/flightmodel/position/local_"
+        at = self.local_to_world(*(self.get(position + axis) for axis in "xyz"))
+        self.origin = (latitude, longitude)
+        for axis, value in zip("xyz", self.world_to_local(*at)):
+            self.set(position + axis, 0, value)
+
+    def place_camera(self, position: list[float] | None) -> None:
+        if position is not None:
+            for name, value in zip(("x", "y", "z", "pitch", "heading", "roll"), position):
+                self.set(f"sim/graphics/view/view_{name}", 0, value)
+
+    def render(self, width: int, height: int) -> bytes:
+        """Red grows to the right, green downwards, blue is the frame's number."""
+        self.rendered.append(tuple(self.get(f"sim/graphics/view/view_{name}") for name in ("x", "y", "z")))
+        blue = self.cycle % 256
+        return b"".join(bytes((x % 256, y % 256, blue)) for y in range(height) for x in range(width))

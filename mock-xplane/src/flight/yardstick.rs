@@ -1,0 +1,215 @@
+//! Six flights of an independent flight model, and what it takes to compare ours with them.
+//!
+//! In: the folder `tests/data/flights`. Out: the recorded flights, twins of them (same start, profile and wind, flown by the
+//! built-in model), and both as series over the distance to the touchdown target. The tests beside this file judge by it, and
+//! `cargo run --release -p mock-xplane --example compare_flights` draws it.
+
+use std::path::{Path, PathBuf};
+
+use dataset::conditions::Weather;
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::{Runway, RunwayCoordinates};
+use dataset::units::MPS_PER_KNOT;
+use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+
+use super::{OUTPUT_RATE_HZ, fly};
+
+/// The recorded flights are kept at 5 Hz; their twins are compared at the same rate.
+pub const RATE_HZ: u32 = 5;
+
+/// Name, wind (from degrees true, knots) and turbulence. How strong the recorded turbulence was is told in words only: the ratio
+/// here is fitted to the airspeed's fluctuation, once; everything else (path, attitude, spectra) then has to follow.
+const FLIGHTS: [(&str, f64, f64, f64); 6] = [
+    ("01_calm_ils", 0.0, 0.0, 0.0),
+    ("03_xwind_right_mod_turb", 100.0, 17.0, 0.43),
+    ("04_storm_gusts", 340.0, 22.0, 0.49),
+    ("05_step_down_1500", 20.0, 6.0, 0.16),
+    ("07_loc_offset_intercept", 60.0, 8.0, 0.26),
+    ("10_from_3000ft_cda", 50.0, 12.0, 0.40),
+];
+
+/// A flight of the independent model.
+#[derive(Debug, Clone)]
+pub struct RecordedFlight {
+    /// Name of its file, without the ending.
+    pub name: &'static str,
+    /// Where the wind came from, degrees true.
+    pub wind_from_true_deg: f64,
+    /// Speed of the wind, knots.
+    pub wind_kt: f64,
+    /// Our measure of its turbulence, 0 to 1.
+    pub turbulence_ratio: f64,
+    /// Its states, 5 a second.
+    pub states: Vec<FlightState>,
+}
+
+/// A recorded flight that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot read the recorded flight {}: {reason}", path.display())]
+pub struct UnreadableFlight {
+    /// Its file.
+    pub path: PathBuf,
+    /// Why not.
+    pub reason: String,
+}
+
+/// Reads all recorded flights.
+///
+/// # Errors
+/// [`UnreadableFlight`] names the first file that is missing or is not a table of fourteen numbers a row.
+pub fn recorded_flights(folder: &Path) -> Result<Vec<RecordedFlight>, UnreadableFlight> {
+    let read_one = |(name, wind_from_true_deg, wind_kt, turbulence_ratio)| {
+        let path = folder.join(format!("{name}.csv"));
+        let states = read(&path).map_err(|reason| UnreadableFlight { path, reason })?;
+        Ok(RecordedFlight {
+            name,
+            wind_from_true_deg,
+            wind_kt,
+            turbulence_ratio,
+            states,
+        })
+    };
+    FLIGHTS.into_iter().map(read_one).collect()
+}
+
+fn read(path: &Path) -> Result<Vec<FlightState>, String> {
+    let mut reader = csv::Reader::from_path(path).map_err(|error| error.to_string())?;
+    let row = |record: Result<csv::StringRecord, csv::Error>| {
+        let record = record.map_err(|error| error.to_string())?;
+        let mut fields = [0.0; 14];
+        if record.len() != fields.len() {
+            return Err(format!("a row has {} fields, expected 14", record.len()));
+        }
+        for (field, text) in fields.iter_mut().zip(&record) {
+            *field = text.parse().map_err(|error| format!("{text:?}: {error}"))?;
+        }
+        Ok(state(fields))
+    };
+    reader.records().map(row).collect()
+}
+
+fn state(fields: [f64; 14]) -> FlightState {
+    FlightState {
+        time_s: fields[0],
+        pose: Pose {
+            latitude_deg: fields[1],
+            longitude_deg: fields[2],
+            altitude_msl_m: fields[3],
+            pitch_deg: fields[4],
+            roll_deg: fields[5],
+            heading_true_deg: fields[6],
+        },
+        true_airspeed_mps: fields[7],
+        velocity_north_mps: fields[8],
+        velocity_east_mps: fields[9],
+        velocity_down_mps: fields[10],
+        controls: Controls {
+            flap_ratio: fields[11],
+            gear_ratio: fields[12],
+        },
+        on_ground: fields[13] == 1.0,
+    }
+}
+
+impl RecordedFlight {
+    /// Whether it was flown in still air.
+    pub fn is_calm(&self) -> bool {
+        self.turbulence_ratio == 0.0
+    }
+
+    /// The built-in model's flight from the same start, by the same profile, in the same wind; one draw of many. 5 states a second.
+    pub fn twin(&self, seed: u64) -> Vec<FlightState> {
+        let first = &self.states[0];
+        // A start is asked for in steady air: the first row's airspeed has a gust in it, the mean of 20 s has not.
+        let first_100 = &self.states[..100];
+        let speed_mps = first_100
+            .iter()
+            .map(|state| state.true_airspeed_mps)
+            .sum::<f64>()
+            / 100.0;
+        let request = FlyRequest {
+            start: FlightStart {
+                position: first.pose.position(),
+                heading_true_deg: first.pose.heading_true_deg,
+                speed_mps,
+            },
+            runway: changi_02l(),
+            profile: match self.name {
+                "05_step_down_1500" => ApproachProfile::charted_step_down(),
+                "10_from_3000ft_cda" => ApproachProfile::ContinuousDescent {
+                    start_altitude_msl_m: first.pose.altitude_msl_m,
+                },
+                _ => ApproachProfile::GlidePath {
+                    level_altitude_msl_m: 762.0,
+                },
+            },
+            seed,
+            time_limit_s: 900.0,
+            already_started: false,
+        };
+        let weather = Weather {
+            visibility_m: 40_000.0,
+            clouds: vec![],
+            rain_ratio: 0.0,
+            wind_speed_mps: self.wind_kt * MPS_PER_KNOT,
+            wind_from_true_deg: self.wind_from_true_deg,
+            turbulence_ratio: self.turbulence_ratio,
+        };
+        let every = (OUTPUT_RATE_HZ / RATE_HZ) as usize;
+        fly(&request, &weather).into_iter().step_by(every).collect()
+    }
+}
+
+/// The runway of the recorded flights, as `tests/data/flights/README.md` gives it.
+pub fn changi_02l() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: None,
+    }
+}
+
+/// Where a state is relative to the touchdown target.
+pub fn relative(state: &FlightState) -> RunwayCoordinates {
+    let runway = changi_02l();
+    RunwayCoordinates::of(
+        state.pose.position(),
+        runway.touchdown_target(),
+        runway.course_true_deg,
+    )
+}
+
+/// Height over the glide path, metres.
+pub fn above_path_m(state: &FlightState) -> f64 {
+    let relative = relative(state);
+    relative.height_over_target_m - 3_f64.to_radians().tan() * relative.along_track_m
+}
+
+/// Amplitude of a series (5 values a second) by frequency: pairs of hertz and root of the power in that bin (Hann window, discrete
+/// Fourier transform).
+pub fn spectrum(values: &[f64]) -> Vec<(f64, f64)> {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let bin = |bin: usize| {
+        let (mut re, mut im) = (0.0, 0.0);
+        for (i, value) in values.iter().enumerate() {
+            let window = 1.0 - (std::f64::consts::TAU * i as f64 / count).cos();
+            let (sin, cos) = (std::f64::consts::TAU * bin as f64 * i as f64 / count).sin_cos();
+            re += window * (value - mean) * cos;
+            im += window * (value - mean) * sin;
+        }
+        let frequency_hz = bin as f64 * f64::from(RATE_HZ) / count;
+        (frequency_hz, re.hypot(im) / count)
+    };
+    (1..values.len() / 2).map(bin).collect()
+}

@@ -1,0 +1,272 @@
+//! Things that go wrong on purpose, so that clients can show that they stand it: a lossy network, a simulator that hangs, a
+//! simulator that is restarted in the middle of everything.
+//!
+//! In: a text such as `loss=0.1,dup=0.05,restart=captures:20:2.5` or a [`Faults`]. The network's faults happen in
+//! [`disorder`], the simulator's in [`outages`]. Everything random comes from a seed, and outages can be counted in frames
+//! or captures instead of seconds, so that a test meets the same fault at the same place every time.
+
+pub(super) mod disorder;
+pub(super) mod outages;
+
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+/// How long the stand-in is down in a restart that does not say: a little more than a client needs to notice.
+const DEFAULT_DOWN: Duration = Duration::from_secs(3);
+/// The words of the text form, for messages.
+const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S] or restart=WHEN[:DOWN_S], \
+                        where WHEN is seconds, frames:N or captures:N";
+
+/// What goes wrong. The default is nothing.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Faults {
+    /// Share of the UDP datagrams that get lost, each way, 0 to 1.
+    pub loss: f64,
+    /// Share of the UDP datagrams that arrive twice, each way, 0 to 1.
+    pub duplication: f64,
+    /// Share of the UDP datagrams that arrive behind the one sent after them, each way, 0 to 1.
+    pub reordering: f64,
+    /// Seed of the three above.
+    pub seed: u64,
+    /// When the simulator itself fails. Each happens once; any number of them may follow each other.
+    pub outages: Vec<Outage>,
+}
+
+/// One time that the simulator does not answer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outage {
+    /// When it begins.
+    pub begins: Moment,
+    /// What it does to clients.
+    pub kind: OutageKind,
+    /// How long it lasts; `None` for ever.
+    pub lasts: Option<Duration>,
+}
+
+/// What an outage does to clients.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OutageKind {
+    /// Sockets live, nothing is answered, simulated time stands still; then all goes on, with what had queued up.
+    Freeze,
+    /// Connections close, datagrams vanish; then a new simulator runs on the same ports: datarefs, weather and frame
+    /// numbers are at their first values, subscriptions forgotten.
+    Restart,
+}
+
+/// A moment in the life of the process, which restarts do not reset.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Moment {
+    /// So much time after the start. Not reproducible to the frame.
+    After(Duration),
+    /// With the n-th simulated frame, counted from 1.
+    Frame(u64),
+    /// With the n-th capture that is asked for, counted from 1. That capture is the first one not to be answered in time.
+    Capture(u64),
+}
+
+/// A text that describes no faults.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum FaultsError {
+    /// A key that does not exist.
+    #[error("unknown fault {found:?}; expected {EXPECTED}")]
+    UnknownKey {
+        /// What stood there.
+        found: String,
+    },
+    /// A key without a value that fits it.
+    #[error("fault {key} is {found:?}; expected {expected}")]
+    BadValue {
+        /// Which.
+        key: String,
+        /// What stood there.
+        found: String,
+        /// What may stand there.
+        expected: &'static str,
+    },
+}
+
+impl Faults {
+    /// Whether nothing goes wrong.
+    pub fn is_none(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+impl FromStr for Faults {
+    type Err = FaultsError;
+
+    /// Reads `loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3`.
+    fn from_str(text: &str) -> Result<Self, FaultsError> {
+        let mut faults = Self::default();
+        for part in text.split(',').filter(|part| !part.trim().is_empty()) {
+            let (key, value) = part.trim().split_once('=').unwrap_or((part.trim(), ""));
+            let bad = |expected| FaultsError::BadValue {
+                key: key.into(),
+                found: value.into(),
+                expected,
+            };
+            match key {
+                "loss" => faults.loss = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
+                "dup" => faults.duplication = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?,
+                "reorder" => {
+                    faults.reordering = ratio(value).ok_or_else(|| bad("a ratio, 0 to 1"))?;
+                }
+                "seed" => faults.seed = value.parse().map_err(|_| bad("a whole number"))?,
+                "freeze" => {
+                    let (begins, lasts) = outage(value).ok_or_else(|| {
+                        bad("AFTER_S[:FOR_S], frames:N[:FOR_S] or captures:N[:FOR_S]")
+                    })?;
+                    faults.outages.push(Outage {
+                        begins,
+                        kind: OutageKind::Freeze,
+                        lasts,
+                    });
+                }
+                "restart" => {
+                    let (begins, lasts) = outage(value).ok_or_else(|| {
+                        bad("AFTER_S[:DOWN_S], frames:N[:DOWN_S] or captures:N[:DOWN_S]")
+                    })?;
+                    faults.outages.push(Outage {
+                        begins,
+                        kind: OutageKind::Restart,
+                        lasts: lasts.or(Some(DEFAULT_DOWN)),
+                    });
+                }
+                _ => return Err(FaultsError::UnknownKey { found: key.into() }),
+            }
+        }
+        Ok(faults)
+    }
+}
+
+impl fmt::Display for Faults {
+    /// The text that reads back as these faults.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            loss,
+            duplication,
+            reordering,
+            seed,
+            outages,
+        } = self;
+        write!(
+            f,
+            "loss={loss},dup={duplication},reorder={reordering},seed={seed}"
+        )?;
+        for Outage {
+            begins,
+            kind,
+            lasts,
+        } in outages
+        {
+            match kind {
+                OutageKind::Freeze => write!(f, ",freeze=")?,
+                OutageKind::Restart => write!(f, ",restart=")?,
+            }
+            match begins {
+                Moment::After(time) => write!(f, "{}", time.as_secs_f64())?,
+                Moment::Frame(n) => write!(f, "frames:{n}")?,
+                Moment::Capture(n) => write!(f, "captures:{n}")?,
+            }
+            if let Some(lasts) = lasts {
+                write!(f, ":{}", lasts.as_secs_f64())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+fn ratio(text: &str) -> Option<f64> {
+    let ratio: f64 = text.parse().ok()?;
+    (0.0..=1.0).contains(&ratio).then_some(ratio)
+}
+
+fn seconds(text: &str) -> Option<Duration> {
+    Duration::try_from_secs_f64(text.parse().ok()?).ok()
+}
+
+/// `AFTER_S`, `frames:N` or `captures:N`, and maybe `:SECONDS` behind it.
+fn outage(text: &str) -> Option<(Moment, Option<Duration>)> {
+    let (first, rest) = text.split_once(':').unwrap_or((text, ""));
+    let (moment, duration) = match first {
+        "frames" | "captures" => {
+            let (count, duration) = rest.split_once(':').unwrap_or((rest, ""));
+            let count = count.parse().ok().filter(|&count: &u64| count > 0)?;
+            let moment = match first {
+                "frames" => Moment::Frame(count),
+                _ => Moment::Capture(count),
+            };
+            (moment, duration)
+        }
+        _ => (Moment::After(seconds(first)?), rest),
+    };
+    if duration.is_empty() {
+        // A colon wants something behind it.
+        return (!text.ends_with(':')).then_some((moment, None));
+    }
+    Some((moment, Some(seconds(duration)?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn parse(text: &str) -> Result<Faults, FaultsError> {
+        text.parse()
+    }
+
+    #[test]
+    fn every_fault_has_a_word_and_what_is_printed_reads_back() {
+        let text = "loss=0.1,dup=0.05,reorder=0.02,seed=9,freeze=10:2,freeze=frames:600,restart=captures:20:0.5,restart=3";
+        let faults = parse(text).unwrap();
+        assert_eq!((faults.loss, faults.duplication), (0.1, 0.05));
+        assert_eq!((faults.reordering, faults.seed), (0.02, 9));
+        let outage = |begins, kind, lasts_s: Option<f64>| Outage {
+            begins,
+            kind,
+            lasts: lasts_s.map(Duration::from_secs_f64),
+        };
+        assert_eq!(
+            faults.outages,
+            [
+                outage(
+                    Moment::After(Duration::from_secs(10)),
+                    OutageKind::Freeze,
+                    Some(2.0)
+                ),
+                outage(Moment::Frame(600), OutageKind::Freeze, None),
+                outage(Moment::Capture(20), OutageKind::Restart, Some(0.5)),
+                outage(
+                    Moment::After(Duration::from_secs(3)),
+                    OutageKind::Restart,
+                    Some(3.0)
+                ),
+            ]
+        );
+        assert_eq!(parse(&faults.to_string()).unwrap(), faults);
+        assert!(parse("").unwrap().is_none());
+    }
+
+    #[test]
+    fn what_is_no_fault_is_refused_with_what_was_found_and_expected() {
+        for (text, words) in [
+            ("losss=0.1", r#"unknown fault "losss"; expected loss=0..1"#),
+            ("loss=10", r#"fault loss is "10"; expected a ratio, 0 to 1"#),
+            ("loss", r#"fault loss is "";"#),
+            ("dup=NaN", r#"fault dup is "NaN""#),
+            (
+                "restart=soon",
+                r#"fault restart is "soon"; expected AFTER_S[:DOWN_S]"#,
+            ),
+            ("restart=captures:0", r#""captures:0""#),
+            ("restart=captures", r#""captures""#),
+            ("freeze=1:-2", r#""1:-2""#),
+            ("freeze=1:", r#""1:""#),
+            ("seed=-1", "a whole number"),
+        ] {
+            let message = parse(text).unwrap_err().to_string();
+            assert!(message.contains(words), "{text}: {message}");
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! Our plugin's own Python in place of the built-in capture link: `dtd mock-xplane --plugin DIR`.
+//!
+//! A Python child runs the plugin against a fake of XPPython3's module `xp` (`fake_xp/`). What the fake knows about the world it
+//! asks here, through the child's standard input and output, and the pictures that the plugin reads back are drawn here, from the pose
+//! and the camera that it wrote in X-Plane's local coordinates. A wrong sign in the plugin is a wrong picture.
+//!
+//! So the generator and the plugin meet over the real link, and nothing of it is X-Plane: whether X-Plane itself does what
+//! the fake does is not shown here.
+
+mod flight;
+mod scene;
+
+use std::path::PathBuf;
+use std::process::Stdio;
+use std::sync::Arc;
+
+use serde_json::{Value, json};
+use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
+use tokio::process::{Child, Command};
+
+use self::scene::PluginScene;
+use super::engine::Engine;
+use super::{MockError, Shared};
+
+const FAKE_XP: &str = include_str!("../../fake_xp/fake_xp.py");
+const HOST: &str = include_str!("../../fake_xp/host.py");
+/// Makes the two modules of the settings in the first line, and runs the host.
+const BOOTSTRAP: &str = "import json, sys, types
+settings = json.loads(sys.stdin.buffer.readline())
+for name in ('fake_xp', 'host'):
+    module = sys.modules[name] = types.ModuleType(name)
+    exec(compile(settings[name], name + '.py', 'exec'), module.__dict__)
+sys.modules['host'].run(settings)";
+
+/// Which plugin to run, and how the simulator around it misbehaves.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PluginOptions {
+    /// Folder of `PI_dtd_bridge.py`.
+    pub folder: PathBuf,
+    /// The Python to run it, 3.10 or newer.
+    pub python: PathBuf,
+    /// Width and height of the simulator's window, pixels.
+    pub window_px: (u32, u32),
+    /// Simulated time between two frames, seconds.
+    pub frame_period_s: f64,
+    /// Takes the camera from the plugin every so many frames, as a view key does.
+    pub steal_camera_every_frames: Option<u32>,
+    /// Moves the local origin every so many frames, as loading scenery does.
+    pub move_origin_every_frames: Option<u32>,
+}
+
+impl PluginOptions {
+    /// Runs the plugin of a folder undisturbed.
+    pub fn new(folder: impl Into<PathBuf>) -> Self {
+        Self {
+            folder: folder.into(),
+            python: "python3".into(),
+            window_px: (1_920, 1_280),
+            frame_period_s: 1.0 / 60.0,
+            steal_camera_every_frames: None,
+            move_origin_every_frames: None,
+        }
+    }
+}
+
+/// Where the plugin's link shall listen.
+#[derive(Debug, Clone)]
+pub(super) struct LinkAddress {
+    pub(super) bind: std::net::IpAddr,
+    pub(super) port: u16,
+    pub(super) token: Option<String>,
+}
+
+/// Runs the plugin until the future is dropped.
+pub(super) async fn run(
+    options: PluginOptions,
+    link: LinkAddress,
+    world: Shared,
+    engine: Arc<dyn Engine>,
+) -> Result<(), MockError> {
+    let failed = |what: String| MockError::Plugin {
+        folder: options.folder.clone(),
+        what,
+    };
+    let mut child = spawn(&options).map_err(|error| {
+        failed(format!(
+            "cannot start {}: {error}",
+            options.python.display()
+        ))
+    })?;
+    let (Some(mut questions), Some(mut answers)) =
+        (child.stdout.take().map(BufReader::new), child.stdin.take())
+    else {
+        return Err(failed("it has no pipes".into()));
+    };
+    let is_x_plane_11 = world.lock().version() < 120_000;
+    let settings = json!({
+        "fake_xp": FAKE_XP,
+        "host": HOST,
+        "plugin": options.folder,
+        "is_x_plane_11": is_x_plane_11,
+        "bind": link.bind,
+        "port": link.port,
+        "token": link.token,
+        "steal_camera_every_frames": options.steal_camera_every_frames,
+    });
+    let broken = |error: std::io::Error| failed(error.to_string());
+    let mut line = settings.to_string();
+    line.push('\n');
+    answers.write_all(line.as_bytes()).await.map_err(broken)?;
+    let mut scene = PluginScene::new(world, engine, &options);
+    loop {
+        line.clear();
+        if questions.read_line(&mut line).await.map_err(broken)? == 0 {
+            let ending = child.wait().await.map_err(broken)?;
+            return Err(failed(format!(
+                "its Python ended ({ending}); see above for why"
+            )));
+        }
+        let question: Vec<Value> =
+            serde_json::from_str(&line).map_err(|error| failed(format!("{error} in {line:?}")))?;
+        let (answer, bytes) = match question.split_first() {
+            Some((Value::String(what), arguments)) if what == "render" => {
+                let rgb = scene.render(arguments).await;
+                let rgb = rgb.ok_or_else(|| failed(format!("it cannot draw {line}")))?;
+                (json!(rgb.len()), rgb)
+            }
+            Some((Value::String(what), arguments)) => {
+                let answer = scene.answer(what, arguments);
+                let answer = answer.ok_or_else(|| failed(format!("it asks {line}")))?;
+                (answer, Vec::new())
+            }
+            _ => return Err(failed(format!("it asks {line}"))),
+        };
+        let mut reply = answer.to_string().into_bytes();
+        reply.push(b'\n');
+        reply.extend(bytes);
+        answers.write_all(&reply).await.map_err(broken)?;
+    }
+}
+
+/// Isolated from the user's packages; leaves no byte code beside the plugin; dies with this value.
+fn spawn(options: &PluginOptions) -> std::io::Result<Child> {
+    Command::new(&options.python)
+        .args(["-I", "-B", "-u", "-c", BOOTSTRAP])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .kill_on_drop(true)
+        .process_group(0)
+        .spawn()
+}

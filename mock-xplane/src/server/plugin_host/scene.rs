@@ -1,0 +1,472 @@
+//! What the fake `xp` asks: the plugin's view of the stand-in's world, in X-Plane's local coordinates.
+//!
+//! Where the aircraft is, how it is turned and where the camera stands is kept here as X-Plane keeps it: metres and angles about the
+//! axes of the local origin. Everything else (time, weather, pause, radios) is the world's, which the client sets over UDP.
+
+use std::collections::HashMap;
+use std::sync::Arc;
+
+use dataset::camera::CameraPose;
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use glam::{DMat3, DQuat, DVec3, EulerRot};
+use serde_json::{Value, json};
+use tokio::task::spawn_blocking;
+use xplane_bridge::datarefs as names;
+use xplane_bridge::fly::FlightStart;
+
+use super::PluginOptions;
+use super::flight::{self, Playback};
+use crate::datarefs::Kind;
+use crate::server::Shared;
+use crate::server::engine::Engine;
+use crate::server::scenes::{SceneKey, Scenes};
+use crate::server::world::airport::{GROUND_MSL_M, ON_THRESHOLD};
+use crate::server::world::local_frame::LocalFrame;
+
+const POSITION: &str = "sim/flightmodel/position/";
+const VIEW: &str = "sim/graphics/view/";
+/// Order of the camera's list.
+const CAMERA: [&str; 6] = [
+    "view_x",
+    "view_y",
+    "view_z",
+    "view_pitch",
+    "view_heading",
+    "view_roll",
+];
+const FLAPS: &str = "sim/flightmodel/controls/flaprat";
+const GEAR: &str = "sim/aircraft/parts/acf_gear_deploy";
+const TRUE_AIRSPEED: &str = "sim/flightmodel/position/true_airspeed";
+const ON_GROUND: &str = "sim/flightmodel/failures/onground_any";
+const ALTITUDE_DIAL_FT: &str = "sim/cockpit/autopilot/altitude";
+const FRAME_PERIOD: &str = "sim/operation/misc/frame_rate_period";
+const PAUSED: &str = "sim/time/paused";
+const ENGAGE_APPROACH: &str = "sim/autopilot/approach";
+/// An aircraft that is faster flies, metres per second.
+const FLYING_MPS: f64 = 20.0;
+/// Where the local origin moves on demand: the corners of X-Plane's square of one degree are the farthest that it gets from the airport.
+const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
+
+/// An [`OWN`] dataref: name, kind, length, whether the plugin may write it, first value.
+type Own = (&'static str, Kind, Option<usize>, bool, f64);
+
+const fn own(name: &'static str, kind: Kind) -> Own {
+    (name, kind, None, true, 0.0)
+}
+
+const fn array(name: &'static str, length: usize, first: f64) -> Own {
+    (name, Kind::Float, Some(length), true, first)
+}
+
+const fn read_only(name: &'static str, kind: Kind) -> Own {
+    (name, kind, None, false, 0.0)
+}
+
+/// Datarefs that are kept here: those in local coordinates, and those that only the plugin touches.
+const OWN: [Own; 22] = [
+    own("sim/flightmodel/position/local_x", Kind::Double),
+    own("sim/flightmodel/position/local_y", Kind::Double),
+    own("sim/flightmodel/position/local_z", Kind::Double),
+    own("sim/flightmodel/position/local_vx", Kind::Float),
+    own("sim/flightmodel/position/local_vy", Kind::Float),
+    own("sim/flightmodel/position/local_vz", Kind::Float),
+    own("sim/flightmodel/position/psi", Kind::Float),
+    own("sim/flightmodel/position/theta", Kind::Float),
+    own("sim/flightmodel/position/phi", Kind::Float),
+    array("sim/flightmodel/position/q", 4, 0.0),
+    read_only(TRUE_AIRSPEED, Kind::Float),
+    read_only("sim/flightmodel/position/indicated_airspeed", Kind::Float),
+    read_only(ON_GROUND, Kind::Int),
+    read_only("sim/graphics/view/using_modern_driver", Kind::Int),
+    read_only(
+        "sim/graphics/scenery/async_scenery_load_in_progress",
+        Kind::Int,
+    ),
+    read_only("sim/flightmodel2/misc/has_crashed", Kind::Int),
+    read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Kind::Float),
+    array("sim/flightmodel2/gear/deploy_ratio", 10, 1.0),
+    own(FLAPS, Kind::Float),
+    array(GEAR, 10, 1.0),
+    own(ALTITUDE_DIAL_FT, Kind::Float),
+    own("sim/cockpit/autopilot/vertical_velocity", Kind::Float),
+];
+
+/// The plugin's side of the world.
+pub(super) struct PluginScene {
+    world: Shared,
+    engine: Arc<dyn Engine>,
+    scenes: Arc<Scenes>,
+    frame: LocalFrame,
+    own: HashMap<&'static str, (Kind, bool, Vec<f64>)>,
+    frames: u64,
+    flight: Option<Playback>,
+    move_origin_every_frames: Option<u32>,
+}
+
+impl PluginScene {
+    pub(super) fn new(world: Shared, engine: Arc<dyn Engine>, options: &PluginOptions) -> Self {
+        let own = OWN.map(|(name, kind, length, writable, first)| {
+            (name, (kind, writable, vec![first; length.unwrap_or(1)]))
+        });
+        {
+            let mut world = world.lock();
+            let (width, height) = options.window_px;
+            world.set_own(&format!("{VIEW}window_width"), f64::from(width));
+            world.set_own(&format!("{VIEW}window_height"), f64::from(height));
+            world.set_own(FRAME_PERIOD, options.frame_period_s);
+        }
+        let mut scene = Self {
+            world,
+            engine,
+            scenes: Arc::default(),
+            frame: LocalFrame::around(ON_THRESHOLD.position()),
+            own: own.into(),
+            frames: 0,
+            flight: None,
+            move_origin_every_frames: options.move_origin_every_frames,
+        };
+        scene.put_aircraft(&ON_THRESHOLD);
+        scene
+    }
+
+    /// The answer to a question; `None` if it is none that the fake asks.
+    pub(super) fn answer(&mut self, what: &str, arguments: &[Value]) -> Option<Value> {
+        let text = |at: usize| arguments.get(at)?.as_str();
+        let number = |at: usize| arguments.get(at)?.as_f64();
+        let vector = || Some(DVec3::new(number(0)?, number(1)?, number(2)?));
+        let index = || arguments.get(1)?.as_u64().map(|index| index as usize);
+        Some(match what {
+            "kind" => self.kind(text(0)?),
+            "get" => json!(self.get(text(0)?, index()?)?),
+            "set" => {
+                self.set(text(0)?, index()?, number(2)?);
+                Value::Null
+            }
+            "command" => {
+                let path = text(0)?;
+                if path == ENGAGE_APPROACH {
+                    self.engage_approach();
+                }
+                json!(self.world.lock().command(path))
+            }
+            "world_to_local" => {
+                let [x, y, z] = self.frame.local(place(vector()?)).to_array();
+                json!([x, y, z])
+            }
+            "local_to_world" => {
+                let place = self.frame.world(vector()?);
+                json!([
+                    place.latitude_deg,
+                    place.longitude_deg,
+                    place.altitude_msl_m
+                ])
+            }
+            "ground_below" => json!(self.ground_below(vector()?).to_array()),
+            "publish" => {
+                self.world.lock().set_own(text(0)?, number(1)?);
+                Value::Null
+            }
+            "begin_frame" => json!(self.begin_frame()),
+            "place_camera" => {
+                let mut world = self.world.lock();
+                for (at, name) in CAMERA.into_iter().enumerate() {
+                    world.set_own(&format!("{VIEW}{name}"), number(at)?);
+                }
+                Value::Null
+            }
+            "log" => {
+                tracing::info!(plugin = text(0)?);
+                Value::Null
+            }
+            _ => return None,
+        })
+    }
+
+    /// What the plugin's pose and camera show.
+    pub(super) async fn render(&self, arguments: &[Value]) -> Option<Vec<u8>> {
+        let side = |at: usize| u32::try_from(arguments.get(at)?.as_u64()?).ok();
+        let (width_px, height_px) = (side(0)?, side(1)?);
+        let (key, pose, controls) = {
+            let world = self.world.lock();
+            let view = |name: &str| world.datarefs().get(&format!("{VIEW}{name}"));
+            let camera = CameraPose {
+                pose: self.pose(
+                    DVec3::new(view("view_x"), view("view_y"), view("view_z")),
+                    rotation(view("view_heading"), view("view_pitch"), view("view_roll")),
+                ),
+                hfov_deg: view("field_of_view_deg"),
+            };
+            let key = SceneKey {
+                camera,
+                width_px,
+                height_px,
+                runway: scenery(),
+                weather: world.weather(),
+                clock: world.clock(),
+            };
+            (key, self.aircraft(), self.controls())
+        };
+        let (engine, scenes) = (self.engine.clone(), self.scenes.clone());
+        let drawn = spawn_blocking(move || {
+            let mut rgb = vec![0; width_px as usize * height_px as usize * 3];
+            scenes.with(engine.as_ref(), &key, |picture| {
+                // Paused: clouds, rain and lamps stand still.
+                picture.draw(&pose, &controls, 0.0, &mut rgb);
+            });
+            rgb
+        });
+        drawn.await.ok()
+    }
+
+    fn begin_frame(&mut self) -> u64 {
+        self.frames += 1;
+        if let Some(every) = self.move_origin_every_frames
+            && self.frames.is_multiple_of(u64::from(every.max(1)))
+        {
+            let pose = self.aircraft();
+            let (latitude_deg, longitude_deg) =
+                ORIGINS[(self.frames / u64::from(every.max(1))) as usize % ORIGINS.len()];
+            self.frame = LocalFrame {
+                origin: Geodetic {
+                    latitude_deg,
+                    longitude_deg,
+                    altitude_msl_m: 0.0,
+                },
+            };
+            self.put_aircraft(&pose);
+        }
+        self.fly_on();
+        self.frames
+    }
+
+    /// One more frame of the flight, unless the flight model is stopped or there is a pause.
+    fn fly_on(&mut self) {
+        let (period_s, stopped) = {
+            let world = self.world.lock();
+            let get = |name: &str| world.datarefs().get(name);
+            let stopped = get(PAUSED) != 0.0 || get(names::OVERRIDE_FLIGHT_MODEL) != 0.0;
+            (get(FRAME_PERIOD), stopped)
+        };
+        if stopped {
+            return;
+        }
+        if let Some(state) = self.flight.as_mut().and_then(|f| f.advance(period_s)) {
+            self.show(&state);
+        }
+    }
+
+    fn show(&mut self, state: &FlightState) {
+        self.put_aircraft(&state.pose);
+        let position = state.pose.position();
+        let velocity_ned = DVec3::new(
+            state.velocity_north_mps,
+            state.velocity_east_mps,
+            state.velocity_down_mps,
+        );
+        let v =
+            self.frame.origin.ecef_from_ned().transpose() * position.ecef_from_ned() * velocity_ned;
+        let Controls {
+            flap_ratio,
+            gear_ratio,
+        } = state.controls;
+        for (name, value) in [
+            ("sim/flightmodel/position/local_vx", v.y),
+            ("sim/flightmodel/position/local_vy", -v.z),
+            ("sim/flightmodel/position/local_vz", -v.x),
+            (TRUE_AIRSPEED, state.true_airspeed_mps),
+            (ON_GROUND, f64::from(u8::from(state.on_ground))),
+            ("sim/flightmodel2/controls/flap1_deploy_ratio", flap_ratio),
+            ("sim/flightmodel2/gear/deploy_ratio", gear_ratio),
+        ] {
+            if let Some((kind, _, values)) = self.own.get_mut(name) {
+                values.fill(kind.rounded(value));
+            }
+        }
+    }
+
+    /// The autopilot takes over, if the aircraft flies.
+    fn engage_approach(&mut self) {
+        let speed = |axis: &str| self.own(&format!("{POSITION}local_v{axis}"))[0];
+        let speed_mps = DVec3::new(speed("x"), speed("y"), speed("z")).length();
+        if self.flight.is_some() || speed_mps < FLYING_MPS {
+            return;
+        }
+        let pose = self.aircraft();
+        let start = FlightStart {
+            position: pose.position(),
+            heading_true_deg: pose.heading_true_deg,
+            speed_mps,
+        };
+        let altitude_dial_ft = self.own(ALTITUDE_DIAL_FT)[0];
+        let weather = self.world.lock().weather();
+        let request = flight::request(start, scenery(), altitude_dial_ft);
+        match self.engine.fly(&request, &weather) {
+            Ok(states) => self.flight = Some(Playback::new(states)),
+            Err(reason) => tracing::warn!(reason, "the plugin's approach is not flown"),
+        }
+    }
+
+    fn kind(&self, name: &str) -> Value {
+        let described = |kind: Kind, length: Option<usize>, writable: bool| {
+            let kind = match kind {
+                Kind::Int => "int",
+                Kind::Float => "float",
+                Kind::Double => "double",
+                Kind::Byte => return Value::Null,
+            };
+            json!([kind, length, writable])
+        };
+        if let Some((_, kind, length, writable, _)) = OWN.iter().find(|own| own.0 == name) {
+            return described(*kind, *length, *writable);
+        }
+        match self.world.lock().datarefs().find(name) {
+            Some((dataref, _)) => described(dataref.kind, dataref.length, dataref.writable),
+            None => Value::Null,
+        }
+    }
+
+    fn get(&self, name: &str, index: usize) -> Option<f64> {
+        match self.own.get(name) {
+            Some((_, _, values)) => values.get(index).copied(),
+            None => {
+                let world = self.world.lock();
+                let (_, values) = world.datarefs().find(name)?;
+                values.get(index).copied()
+            }
+        }
+    }
+
+    fn set(&mut self, name: &str, index: usize, value: f64) {
+        if name == "sim/flightmodel/position/local_x" {
+            // Put somewhere else: whatever was flown before is over.
+            self.flight = None;
+        }
+        if let Some((kind, writable, values)) = self.own.get_mut(name) {
+            if let Some(cell) = values.get_mut(index).filter(|_| *writable) {
+                *cell = kind.rounded(value);
+            }
+            return;
+        }
+        let mut world = self.world.lock();
+        let is_array = world
+            .datarefs()
+            .find(name)
+            .is_some_and(|(dataref, _)| dataref.length.is_some());
+        let path = if is_array {
+            format!("{name}[{index}]")
+        } else {
+            name.to_owned()
+        };
+        if let Err(reason) = world.write_exact(&path, value) {
+            tracing::warn!(path, value, %reason, "the plugin's write is ignored");
+        }
+    }
+
+    fn own(&self, name: &str) -> &[f64] {
+        self.own.get(name).map_or(&[], |(_, _, values)| values)
+    }
+
+    /// Where the aircraft is drawn: turned as `q` says, which is what X-Plane draws from.
+    fn aircraft(&self) -> Pose {
+        let at = |axis: &str| self.own(&format!("{POSITION}local_{axis}"))[0];
+        let attitude = match *self.own(&format!("{POSITION}q")) {
+            [w, x, y, z] => DQuat::from_xyzw(x, y, z, w).normalize(),
+            _ => DQuat::IDENTITY,
+        };
+        self.pose(
+            DVec3::new(at("x"), at("y"), at("z")),
+            DMat3::from_quat(attitude),
+        )
+    }
+
+    fn put_aircraft(&mut self, pose: &Pose) {
+        let flight = self.flight.take();
+        let local = self.frame.local(pose.position());
+        let turned = self.frame.origin.ecef_from_ned().transpose() * pose.ecef_from_body();
+        let attitude = DQuat::from_mat3(&turned);
+        let (psi, theta, phi) = attitude.to_euler(EulerRot::ZYX);
+        for (name, value) in [
+            ("local_x", local.x),
+            ("local_y", local.y),
+            ("local_z", local.z),
+            ("psi", psi.to_degrees().rem_euclid(360.0)),
+            ("theta", theta.to_degrees()),
+            ("phi", phi.to_degrees()),
+        ] {
+            self.set(&format!("{POSITION}{name}"), 0, value);
+        }
+        let DQuat { x, y, z, w } = attitude;
+        for (index, value) in [w, x, y, z].into_iter().enumerate() {
+            self.set(&format!("{POSITION}q"), index, value);
+        }
+        self.flight = flight;
+    }
+
+    fn controls(&self) -> Controls {
+        Controls {
+            flap_ratio: self.own(FLAPS)[0],
+            gear_ratio: self.own(GEAR)[0],
+        }
+    }
+
+    /// A pose on earth of a place and a rotation about the local axes (north, east, down at the origin).
+    fn pose(&self, local: DVec3, turned: DMat3) -> Pose {
+        let position = self.frame.world(local);
+        let ned_from_body =
+            position.ecef_from_ned().transpose() * self.frame.origin.ecef_from_ned() * turned;
+        let (heading, pitch, roll) = DQuat::from_mat3(&ned_from_body).to_euler(EulerRot::ZYX);
+        Pose {
+            latitude_deg: position.latitude_deg,
+            longitude_deg: position.longitude_deg,
+            altitude_msl_m: position.altitude_msl_m,
+            heading_true_deg: heading.to_degrees().rem_euclid(360.0),
+            pitch_deg: pitch.to_degrees(),
+            roll_deg: roll.to_degrees(),
+        }
+    }
+
+    /// Along the local y axis, as X-Plane's probes look.
+    fn ground_below(&self, mut local: DVec3) -> DVec3 {
+        for _ in 0..6 {
+            local.y -= self.frame.world(local).altitude_msl_m - GROUND_MSL_M;
+        }
+        local
+    }
+}
+
+/// Heading, then pitch, then roll, degrees, as a rotation from body axes (forward, right, down).
+fn rotation(psi_deg: f64, theta_deg: f64, phi_deg: f64) -> DMat3 {
+    DMat3::from_euler(
+        EulerRot::ZYX,
+        psi_deg.to_radians(),
+        theta_deg.to_radians(),
+        phi_deg.to_radians(),
+    )
+}
+
+fn place(at: DVec3) -> Geodetic {
+    Geodetic {
+        latitude_deg: at.x,
+        longitude_deg: at.y,
+        altitude_msl_m: at.z,
+    }
+}
+
+/// The stand-in's scenery knows one airport.
+fn scenery() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            altitude_msl_m: GROUND_MSL_M,
+            ..ON_THRESHOLD.position()
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: Some(23.0),
+    }
+}

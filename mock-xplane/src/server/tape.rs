@@ -1,0 +1,121 @@
+//! A recorded session in the place of the simulator: clients get the answers that the recorded simulator gave.
+//!
+//! ```text
+//! tape --loading--> histories of datarefs, positions          --udp-->  clients
+//!               \-> conversation (requests of the link, answers) --link-->
+//! ```
+//!
+//! Nothing is made up. A dataref has the values that were read, in their order, and moves on behind a write or a command
+//! when a client sends the same one ([`history`]). A request of the capture link is answered if the tape has it, under the
+//! same written datarefs; otherwise an `error` says what was asked and what the tape has ([`conversation`]). A picture that
+//! was recorded by its hash is drawn again by the stand-in's renderer and sent only if it is the same one.
+
+mod conversation;
+mod history;
+mod link;
+mod loading;
+mod positions;
+mod udp;
+
+use std::path::Path;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use tokio::task::{JoinSet, spawn_blocking};
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::packet::Beacon;
+use xplane_bridge::tape::{TapeInfo, TapeReader};
+
+use self::conversation::{Context, Conversation};
+use self::history::Histories;
+use self::positions::Positions;
+use super::engine::{BuiltIn, Engine};
+use super::faults::outages::Outages;
+use super::scenes::Scenes;
+use super::world::World;
+use super::{Addresses, MockError, Ports, ServerOptions, beacon};
+
+/// Serves a tape until the future is dropped; calls `ready` once it listens. Of the options, those of address and beacon
+/// count: all else is as recorded.
+///
+/// # Errors
+/// [`MockError::Tape`] if the tape cannot be read, [`MockError::Bind`] if a port is taken, [`MockError::Socket`] if a socket
+/// fails later.
+pub async fn serve_tape(
+    tape: &Path,
+    options: &ServerOptions,
+    ready: impl FnOnce(Addresses),
+) -> Result<(), MockError> {
+    let path = tape.to_owned();
+    let loaded = spawn_blocking(move || loading::load(&path)).await;
+    let loaded = loaded.map_err(|panicked| MockError::Stopped(panicked.to_string()))??;
+    let ports = Ports::take(options.bind, options.port).await?;
+    let addresses = ports.addresses(None);
+    let beacon = Beacon {
+        version: loaded.version,
+        port: addresses.udp.port(),
+        name: options.beacon_name.clone(),
+        raknet_port: Some(beacon::RAKNET_PORT),
+        ..Beacon::default()
+    };
+    let generation = Generation::of_version(loaded.version as f32);
+    let player = Arc::new(Player {
+        playback: Mutex::new(Playback {
+            histories: loaded.histories,
+            positions: loaded.positions,
+            conversation: loaded.conversation,
+            context: Context::default(),
+            world: World::new(generation, true),
+        }),
+        reader: Mutex::new(loaded.reader),
+        info: loaded.info,
+        link_version: loaded.link_version,
+        our_link_port: addresses.capture_link.port(),
+        scenes: Scenes::default(),
+        engine: Box::new(BuiltIn),
+    });
+    let mut tasks = JoinSet::new();
+    tasks.spawn(udp::run(ports.udp, player.clone()));
+    tasks.spawn(link::run(ports.capture_link, player));
+    if options.beacon {
+        let no_outages = Arc::new(Outages::new(Vec::new()));
+        tasks.spawn(beacon::run(options.bind, beacon, no_outages));
+    }
+    ready(addresses);
+    match tasks.join_next().await {
+        Some(Ok(ended)) => ended,
+        Some(Err(panicked)) => Err(MockError::Stopped(panicked.to_string())),
+        None => Ok(()),
+    }
+}
+
+/// What the tape's server shares.
+struct Player {
+    playback: Mutex<Playback>,
+    reader: Mutex<TapeReader>,
+    info: TapeInfo,
+    link_version: u32,
+    our_link_port: u16,
+    scenes: Scenes,
+    engine: Box<dyn Engine>,
+}
+
+/// Where a replay stands.
+struct Playback {
+    histories: Histories,
+    positions: Positions,
+    conversation: Conversation,
+    /// What clients have written since the link was opened.
+    context: Context,
+    /// What the stand-in would be now, for pictures that are drawn again.
+    world: World,
+}
+
+impl Player {
+    fn playback(&self) -> MutexGuard<'_, Playback> {
+        self.playback.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn reader(&self) -> MutexGuard<'_, TapeReader> {
+        self.reader.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

@@ -1,0 +1,275 @@
+//! The recorded values of datarefs, and how a replay walks through them.
+//!
+//! A dataref's history is what was read of it, with the writes and commands in between:
+//!
+//! ```text
+//! 0.3 | write 0.5 | 0.5 | command a | 0.7 0.8
+//! ```
+//!
+//! Reading gives the next value, and the last one again and again where the next thing is a write or a command: it takes
+//! the same write or command of a client to get past it. So a client that does what the recorded one did reads what that
+//! one read, however often it reads, and a write that the tape does not have is not acknowledged.
+
+use std::collections::BTreeMap;
+
+/// All datarefs of a tape.
+#[derive(Debug, Default)]
+pub(super) struct Histories {
+    by_path: BTreeMap<String, History>,
+}
+
+#[derive(Debug, Default)]
+struct History {
+    steps: Vec<Step>,
+    /// The step that comes next.
+    at: usize,
+    /// The value that was read last.
+    last: Option<f32>,
+}
+
+#[derive(Debug, Clone, PartialEq)]
+enum Step {
+    Value(f32),
+    Write(f32),
+    Command(String),
+}
+
+impl Histories {
+    /// Of the tape: a value was read. One that repeats the one before it is the same reading.
+    pub(super) fn add_value(&mut self, path: &str, value: f32) {
+        self.history(path).add(Step::Value(value));
+    }
+
+    /// Of the tape: a client wrote. A write repeated at once is one write.
+    pub(super) fn add_write(&mut self, path: &str, value: f32) {
+        self.history(path).add(Step::Write(value));
+    }
+
+    /// Of the tape: a client gave a command, which may have changed any dataref.
+    pub(super) fn add_command(&mut self, command: &str) {
+        for history in self.by_path.values_mut() {
+            history.add(Step::Command(command.to_owned()));
+        }
+    }
+
+    fn history(&mut self, path: &str) -> &mut History {
+        self.by_path.entry(path.to_owned()).or_default()
+    }
+
+    /// Whether anybody has read this dataref on the tape.
+    pub(super) fn has(&self, path: &str) -> bool {
+        self.by_path.get(path).is_some_and(History::has_values)
+    }
+
+    /// How many datarefs were read.
+    pub(super) fn count(&self) -> usize {
+        self.by_path
+            .values()
+            .filter(|history| history.has_values())
+            .count()
+    }
+
+    /// A client reads.
+    pub(super) fn read(&mut self, path: &str) -> Option<f32> {
+        self.by_path.get_mut(path)?.read()
+    }
+
+    /// A client writes; says whether the tape has this write.
+    pub(super) fn write(&mut self, path: &str, value: f32) -> bool {
+        self.by_path
+            .get_mut(path)
+            .is_some_and(|history| history.write(value))
+    }
+
+    /// A client gives a command; says whether the tape has it, here or later.
+    pub(super) fn command(&mut self, command: &str) -> bool {
+        let mut found = false;
+        for history in self.by_path.values_mut() {
+            found |= history.command(command);
+        }
+        found
+    }
+}
+
+impl History {
+    fn add(&mut self, step: Step) {
+        if self.steps.last() != Some(&step) {
+            self.steps.push(step);
+        }
+    }
+
+    fn has_values(&self) -> bool {
+        self.steps.iter().any(|step| matches!(step, Step::Value(_)))
+    }
+
+    fn read(&mut self) -> Option<f32> {
+        if let Some(Step::Value(value)) = self.steps.get(self.at) {
+            self.at += 1;
+            self.last = Some(*value);
+        }
+        // Nothing read yet, and a write or command comes first: what was found behind it is the nearest there is.
+        self.last.or_else(|| {
+            self.steps.iter().find_map(|step| match step {
+                Step::Value(value) => Some(*value),
+                _ => None,
+            })
+        })
+    }
+
+    fn write(&mut self, value: f32) -> bool {
+        let same = |step: &Step| matches!(step, Step::Write(written) if written.to_bits() == value.to_bits());
+        let (behind, ahead) = self.steps.split_at(self.at);
+        let due = ahead
+            .iter()
+            .position(|step| !matches!(step, Step::Command(_)));
+        let due = due.filter(|&steps| same(&ahead[steps]));
+        // What was read since the write that stands, if it is this one.
+        let standing = behind
+            .iter()
+            .rposition(|step| matches!(step, Step::Write(_)));
+        let standing = standing.filter(|&step| same(&behind[step]));
+        let unread = standing.is_some_and(|step| {
+            !behind[step..]
+                .iter()
+                .any(|step| matches!(step, Step::Value(_)))
+        });
+        let found = match due {
+            Some(steps) => self.at + steps,
+            // Written again before anything was read, as after a loss.
+            None if unread => return true,
+            None => match ahead.iter().position(same) {
+                Some(steps) => self.at + steps,
+                None if standing.is_some() => return true,
+                None => match behind.iter().position(same) {
+                    Some(step) => step,
+                    None => return false,
+                },
+            },
+        };
+        self.at = found + 1;
+        // The recorded client may have written several times before it read.
+        if let Some(read_back) = self.read_back_after(found, same) {
+            self.last = Some(read_back);
+        }
+        true
+    }
+
+    /// The first value behind a write, as long as the same is written.
+    fn read_back_after(&self, write: usize, same: impl Fn(&Step) -> bool) -> Option<f32> {
+        for step in &self.steps[write..] {
+            match step {
+                Step::Value(value) => return Some(*value),
+                Step::Write(_) if !same(step) => return None,
+                _ => {}
+            }
+        }
+        None
+    }
+
+    fn command(&mut self, command: &str) -> bool {
+        for (ahead, step) in self.steps[self.at..].iter().enumerate() {
+            match step {
+                Step::Command(found) if found == command => {
+                    self.at += ahead + 1;
+                    return true;
+                }
+                Step::Write(_) => return false,
+                _ => {}
+            }
+        }
+        false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn recorded() -> Histories {
+        let mut tape = Histories::default();
+        tape.add_value("a", 0.3);
+        tape.add_value("a", 0.3);
+        tape.add_write("a", 0.5);
+        tape.add_write("a", 0.5);
+        tape.add_value("a", 0.49);
+        tape.add_command("go");
+        tape.add_value("a", 0.7);
+        tape.add_value("a", 0.8);
+        tape.add_write("a", 0.5);
+        tape.add_value("a", 0.51);
+        tape.add_write("b", 1.0);
+        tape
+    }
+
+    #[test]
+    fn a_client_that_does_the_same_reads_the_same_however_often_it_reads() {
+        for times in [1, 5] {
+            let mut tape = recorded();
+            let mut read = || {
+                let mut last = None;
+                (0..times).for_each(|_| last = tape.read("a"));
+                last
+            };
+            assert_eq!(read(), Some(0.3));
+            assert!(tape.write("a", 0.5));
+            assert_eq!(tape.read("a"), Some(0.49));
+            assert_eq!(
+                tape.read("a"),
+                Some(0.49),
+                "without the command nothing changes"
+            );
+            assert!(tape.command("go"));
+            assert_eq!(tape.read("a"), Some(0.7));
+            assert_eq!(tape.read("a"), Some(0.8));
+            assert_eq!(tape.read("a"), Some(0.8));
+            assert!(tape.write("a", 0.5));
+            assert_eq!(tape.read("a"), Some(0.51));
+        }
+    }
+
+    #[test]
+    fn a_write_repeated_before_it_is_read_does_not_run_ahead() {
+        let mut tape = Histories::default();
+        for later in [10.1, 10.2] {
+            tape.add_write("clock", 10.0);
+            tape.add_command("regenerate");
+            tape.add_write("clock", 10.0);
+            tape.add_value("clock", later);
+        }
+        for _ in 0..3 {
+            assert!(tape.write("clock", 10.0));
+        }
+        // Whether the repetition counts as the second write or the first, the command changes nothing that is read.
+        tape.command("regenerate");
+        assert!(tape.write("clock", 10.0));
+        assert_eq!(tape.read("clock"), Some(10.1));
+        assert!(tape.write("clock", 10.0));
+        assert!(tape.command("regenerate"));
+        assert!(tape.write("clock", 10.0));
+        assert_eq!(tape.read("clock"), Some(10.2));
+    }
+
+    #[test]
+    fn what_is_not_on_the_tape_is_not_acknowledged() {
+        let mut tape = recorded();
+        assert!(!tape.write("a", 0.6));
+        assert_eq!(tape.read("a"), Some(0.3));
+        assert!(!tape.command("stop"));
+        assert!(!tape.has("b"), "written, but never read");
+        assert!(!tape.has("c") && tape.read("c").is_none() && !tape.write("c", 1.0));
+        assert_eq!(tape.count(), 1);
+    }
+
+    #[test]
+    fn a_second_pass_over_the_tape_finds_its_writes_again() {
+        let mut tape = recorded();
+        tape.add_write("a", 0.9);
+        tape.add_value("a", 0.9);
+        assert!(tape.write("a", 0.9));
+        assert_eq!(tape.read("a"), Some(0.9));
+        assert!(tape.write("a", 0.9), "again, as after a loss");
+        assert_eq!(tape.read("a"), Some(0.9));
+        assert!(tape.write("a", 0.5));
+        assert_eq!(tape.read("a"), Some(0.49));
+    }
+}

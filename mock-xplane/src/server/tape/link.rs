@@ -1,0 +1,179 @@
+//! The capture link of a replay: each request gets its recorded answer, or an `error` that says why not.
+
+use std::sync::Arc;
+
+use dataset::units::SimTime;
+use serde_json::Value;
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpListener, TcpStream};
+use tokio::task::{JoinSet, spawn_blocking};
+use xplane_bridge::link::{Answer, CaptureRequest, LinkError, Request};
+use xplane_bridge::tape::{LinkMessage, MAGIC, Place, ReferencedMessage};
+
+use super::conversation::AnswerPlace;
+use super::loading::is_hello;
+use super::{Playback, Player};
+use crate::server::MockError;
+use crate::server::scenes::SceneKey;
+
+/// Accepts clients for ever.
+pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Result<(), MockError> {
+    let mut clients = JoinSet::new();
+    loop {
+        tokio::select! {
+            accepted = listener.accept() => {
+                let (stream, from) = accepted
+                    .map_err(|source| MockError::Socket { what: "the capture link", source })?;
+                let player = player.clone();
+                clients.spawn(async move {
+                    match serve(stream, player).await {
+                        Ok(()) => tracing::debug!(%from, "capture link closed"),
+                        Err(error) => tracing::warn!(%from, %error, "capture link closed"),
+                    }
+                });
+            }
+            Some(_) = clients.join_next() => {}
+        }
+    }
+}
+
+async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkError> {
+    stream.set_nodelay(true)?;
+    stream.write_all(&MAGIC).await?;
+    // The recorded one: a client of another version shall learn it, as it would from that simulator.
+    stream.write_all(&player.link_version.to_le_bytes()).await?;
+    let mut greeting = [0; 8];
+    stream.read_exact(&mut greeting).await?;
+    if greeting[..4] != MAGIC || greeting[4..] != player.link_version.to_le_bytes() {
+        tracing::warn!(
+            "a client greets with \"{}\"; the tape was recorded with version {} of the link",
+            greeting.escape_ascii(),
+            player.link_version
+        );
+        return Ok(());
+    }
+    while let Some(message) = LinkMessage::read(&mut stream).await? {
+        let player = player.clone();
+        let answer = spawn_blocking(move || player.answer(&message)).await;
+        let answer =
+            answer.unwrap_or_else(|panicked| error(&format!("the replay failed: {panicked}")));
+        stream.write_all(answer.bytes()).await?;
+    }
+    Ok(())
+}
+
+impl Player {
+    fn answer(&self, message: &LinkMessage) -> LinkMessage {
+        let request: Value = match serde_json::from_slice(message.header()) {
+            Ok(request) => request,
+            Err(reason) => return error(&format!("the header is no JSON: {reason}")),
+        };
+        let mut playback = self.playback();
+        if is_hello(&request) {
+            playback.context.clear();
+        }
+        follow(&mut playback, &request);
+        let Playback {
+            conversation,
+            context,
+            ..
+        } = &mut *playback;
+        match conversation.find(&request, context, |place| self.request_at(place)) {
+            Err(text) => {
+                tracing::warn!("{text}");
+                error(&text)
+            }
+            Ok(AnswerPlace::Whole(place)) => self.whole(place),
+            Ok(AnswerPlace::Reference(place)) => {
+                let key = scene_key(&playback, &request);
+                drop(playback);
+                self.drawn_again(place, key)
+            }
+        }
+    }
+
+    fn request_at(&self, place: Place) -> Option<Value> {
+        let bytes = self.reader().read_again(place).ok()?;
+        serde_json::from_slice(LinkMessage::parse(bytes).ok()?.header()).ok()
+    }
+
+    fn whole(&self, place: Place) -> LinkMessage {
+        let bytes = self.reader().read_again(place);
+        let message = bytes
+            .map_err(|failed| failed.to_string())
+            .and_then(LinkMessage::parse);
+        message.unwrap_or_else(|text| error(&text))
+    }
+
+    /// A picture that is not on the tape: drawn by the stand-in, and sent if it is the recorded one to the last byte.
+    fn drawn_again(
+        &self,
+        place: Place,
+        scene: Result<(SceneKey, CaptureRequest), String>,
+    ) -> LinkMessage {
+        let bytes = self
+            .reader()
+            .read_again(place)
+            .map_err(|failed| failed.to_string());
+        let recorded = match bytes.and_then(|bytes| ReferencedMessage::parse(&bytes)) {
+            Ok(recorded) => recorded,
+            Err(text) => return error(&text),
+        };
+        let Some(expected) = recorded.hash else {
+            return error(&format!(
+                "the tape holds no pictures and no hashes of them: it was recorded with --frames {}. Record with --frames inline",
+                self.info.frames
+            ));
+        };
+        let (key, request) = match scene {
+            Ok(scene) => scene,
+            Err(text) => return error(&text),
+        };
+        let mut rgb = vec![0; request.rgb_bytes()];
+        let time_s = SimTime(request.time_ns).seconds();
+        self.scenes.with(self.engine.as_ref(), &key, |picture| {
+            picture.draw(&request.pose, &request.controls, time_s, &mut rgb);
+        });
+        let found = blake3::hash(&rgb);
+        if found != expected {
+            return error(&format!(
+                "the picture of tick {}, view {} was recorded by its hash {expected}, and what the stand-in draws there is \
+                 {found}: it came from X-Plane, or from a stand-in of another version. Record with --frames inline",
+                request.tick, request.view
+            ));
+        }
+        LinkMessage::new(&recorded.header, &rgb)
+    }
+}
+
+/// Keeps the stand-in's world in step, for pictures that are drawn again.
+fn follow(playback: &mut Playback, request: &Value) {
+    match serde_json::from_value(request.clone()) {
+        Ok(Request::Freeze { runway, .. }) => playback.world.freeze(runway),
+        Ok(Request::Release | Request::Fly(_) | Request::Hello { .. }) => playback.world.release(),
+        _ => {}
+    }
+}
+
+fn scene_key(playback: &Playback, request: &Value) -> Result<(SceneKey, CaptureRequest), String> {
+    let Ok(Request::Capture(request)) = serde_json::from_value(request.clone()) else {
+        return Err("only captures can be drawn again".into());
+    };
+    request.check()?;
+    let runway = playback.world.frozen_runway().cloned();
+    let runway = runway.ok_or("a capture needs a frozen simulator: send freeze first")?;
+    let key = SceneKey {
+        camera: request.camera,
+        width_px: request.width_px,
+        height_px: request.height_px,
+        runway,
+        weather: playback.world.weather(),
+        clock: playback.world.clock(),
+    };
+    Ok((key, request))
+}
+
+fn error(text: &str) -> LinkMessage {
+    let answer = Answer::Error { text: text.into() };
+    LinkMessage::new(&serde_json::to_vec(&answer).unwrap_or_default(), &[])
+}

@@ -1,0 +1,185 @@
+//! Reading a tape into what a replay needs. Messages of the link stay in the file; only their places are kept.
+
+use std::collections::{HashMap, VecDeque};
+use std::path::Path;
+
+use serde_json::Value;
+use xplane_bridge::datarefs::VERSION;
+use xplane_bridge::link::LINK_VERSION;
+use xplane_bridge::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
+use xplane_bridge::tape::{
+    Channel, Direction, Entry, LinkMessage, Place, TapeError, TapeInfo, TapeReader,
+};
+
+use super::conversation::{AnswerPlace, Context, Conversation};
+use super::history::Histories;
+use super::positions::Positions;
+
+/// What to say who one is when nobody has asked on the tape: 12.4.0.
+const USUAL_VERSION: i32 = 120_400;
+
+/// A tape as a replay uses it.
+pub(super) struct Loaded {
+    pub(super) reader: TapeReader,
+    pub(super) info: TapeInfo,
+    pub(super) histories: Histories,
+    pub(super) positions: Positions,
+    pub(super) conversation: Conversation,
+    /// Version of the recorded simulator, 120400 for 12.4.0.
+    pub(super) version: i32,
+    /// Version of the recorded capture link.
+    pub(super) link_version: u32,
+}
+
+/// Reads a tape to its end, wherever that is.
+pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
+    let mut reader = TapeReader::open(path)?;
+    let mut loading = Loading::default();
+    while let Some(entry) = reader.next_entry()? {
+        let what = entry.channel.topic();
+        loading
+            .take(entry)
+            .map_err(|(sequence, found)| TapeError::BadMessage {
+                path: path.to_owned(),
+                sequence,
+                topic: what,
+                found,
+            })?;
+    }
+    if !reader.is_whole() {
+        tracing::warn!(path = %path.display(), "the tape has no end: its recorder was killed");
+    }
+    let mut histories = loading.histories;
+    let version = histories
+        .read(VERSION)
+        .map_or(USUAL_VERSION, |version| version as i32);
+    tracing::info!(
+        path = %path.display(),
+        datarefs = histories.count(),
+        requests = loading.conversation.count(),
+        positions = loading.positions.count(),
+        "tape loaded"
+    );
+    Ok(Loaded {
+        info: reader.info().clone(),
+        link_version: reader.link_version().unwrap_or(LINK_VERSION),
+        reader,
+        histories,
+        positions: loading.positions,
+        conversation: loading.conversation,
+        version,
+    })
+}
+
+#[derive(Default)]
+struct Loading {
+    histories: Histories,
+    positions: Positions,
+    conversation: Conversation,
+    context: Context,
+    /// Per client, which dataref a number stands for.
+    subscribed: HashMap<u32, HashMap<i32, String>>,
+    /// Per connection, requests without an answer so far.
+    open: HashMap<u32, VecDeque<(Value, Context, Place)>>,
+}
+
+/// Number of a message and what is wrong with it.
+type Bad = (u32, String);
+
+impl Loading {
+    fn take(&mut self, entry: Entry) -> Result<(), Bad> {
+        match entry.channel {
+            Channel::Udp {
+                client,
+                direction: Direction::ToSimulator,
+            } => self.said(client, &entry.data),
+            Channel::Udp {
+                client,
+                direction: Direction::FromSimulator,
+            } => self.heard(client, entry.data),
+            Channel::Link {
+                connection,
+                direction: Direction::ToSimulator,
+                ..
+            } => return self.asked(connection, entry),
+            Channel::Link {
+                connection,
+                direction: Direction::FromSimulator,
+                reference,
+            } => self.answered(connection, reference, entry.place),
+        }
+        Ok(())
+    }
+
+    /// A client's datagram. What is none of ours has no answer that a replay could give.
+    fn said(&mut self, client: u32, datagram: &[u8]) {
+        match ToSimulator::decode(datagram) {
+            Ok(ToSimulator::SubscribeDataref(request)) => self.subscribe(client, request),
+            Ok(ToSimulator::WriteDataref(write)) => {
+                self.histories.add_write(&write.path, write.value);
+                self.context.write(&write.path, write.value);
+            }
+            Ok(ToSimulator::Command(command)) => self.histories.add_command(&command.path),
+            Ok(ToSimulator::PlaceAircraft(_) | ToSimulator::PlaceAtStart(_)) => {
+                self.positions.add_placing(datagram);
+            }
+            _ => {}
+        }
+    }
+
+    /// Values that come behind the end of a subscription are older than whatever was said since: they are left out.
+    fn subscribe(&mut self, client: u32, request: SubscribeDataref) {
+        let numbers = self.subscribed.entry(client).or_default();
+        if request.is_end() {
+            numbers.remove(&request.index);
+        } else {
+            numbers.insert(request.index, request.path);
+        }
+    }
+
+    fn heard(&mut self, client: u32, datagram: Vec<u8>) {
+        if let Ok(values) = DatarefValuesView::new(&datagram) {
+            let numbers = self.subscribed.entry(client).or_default();
+            for value in values.iter() {
+                if let Some(path) = numbers.get(&value.index) {
+                    self.histories.add_value(path, value.value);
+                }
+            }
+        } else if datagram.starts_with(b"RPOS") {
+            self.positions.add(datagram);
+        }
+    }
+
+    fn asked(&mut self, connection: u32, entry: Entry) -> Result<(), Bad> {
+        let sequence = entry.place.sequence();
+        let message = LinkMessage::parse(entry.data).map_err(|found| (sequence, found))?;
+        let request: Value = serde_json::from_slice(message.header())
+            .map_err(|error| (sequence, format!("its header is no JSON: {error}")))?;
+        if is_hello(&request) {
+            self.context.clear();
+        }
+        let open = self.open.entry(connection).or_default();
+        open.push_back((request, self.context.clone(), entry.place));
+        Ok(())
+    }
+
+    /// Answers come in the order of the requests.
+    fn answered(&mut self, connection: u32, reference: bool, place: Place) {
+        let open = self.open.entry(connection).or_default();
+        if let Some((request, context, at)) = open.pop_front() {
+            let answer = if reference {
+                AnswerPlace::Reference(place)
+            } else {
+                AnswerPlace::Whole(place)
+            };
+            self.conversation.add(&request, &context, at, answer);
+        }
+    }
+}
+
+/// Whether a request opens a conversation; what was written before it belongs to an earlier one.
+pub(super) fn is_hello(request: &Value) -> bool {
+    request
+        .get("message")
+        .is_some_and(|message| message == "hello")
+}

@@ -1,0 +1,133 @@
+//! X-Plane 12's Web API: datarefs, commands and flights over HTTP, updates over a WebSocket.
+//!
+//! In: requests of clients on this computer. Out: JSON. `v1` has datarefs, `v2` adds commands, `v3` flights; the world behind
+//! it is the one that UDP and the capture link show. Written after Laminar's "X-Plane Web API" and "Flight Initialization API".
+
+mod commands;
+mod datarefs;
+mod flight;
+mod flight_form;
+mod ids;
+mod refusal;
+mod socket;
+mod value;
+
+use std::sync::Arc;
+
+use axum::extract::{Request, State};
+use axum::middleware::{self, Next};
+use axum::response::{IntoResponse, Response};
+use axum::routing::{get, patch, post};
+use axum::{Json, Router};
+use hyper::server::conn::http1;
+use hyper_util::rt::TokioIo;
+use hyper_util::service::TowerToHyperService;
+use serde_json::json;
+use tokio::net::TcpListener;
+use tokio::sync::watch;
+use tokio::task::JoinSet;
+
+use self::commands::ActiveCommands;
+use self::ids::Ids;
+use self::refusal::Refusal;
+use super::faults::outages::Outages;
+use super::{MockError, Shared};
+
+/// What all requests share.
+struct Desk {
+    world: Shared,
+    outages: Arc<Outages>,
+    incoming_is_on: bool,
+    ids: Ids,
+    active: ActiveCommands,
+    /// Closed when the session is over: WebSockets are tasks that we do not hold.
+    session: watch::Receiver<()>,
+}
+
+/// Accepts clients for ever. `session` is a number that no earlier session had.
+pub(super) async fn run(
+    listener: Arc<TcpListener>,
+    world: Shared,
+    incoming_is_on: bool,
+    session: u64,
+    outages: Arc<Outages>,
+) -> Result<(), MockError> {
+    let (_over, watched) = watch::channel(());
+    let ids = Ids::new(session, world.lock().datarefs());
+    let desk = Arc::new(Desk {
+        world,
+        outages,
+        incoming_is_on,
+        ids,
+        active: ActiveCommands::default(),
+        session: watched,
+    });
+    let service = TowerToHyperService::new(router(desk));
+    // Like the server's own tasks, connections end with it.
+    let mut clients = JoinSet::new();
+    loop {
+        tokio::select! {
+            accepted = listener.accept() => {
+                let (stream, from) = accepted
+                    .map_err(|source| MockError::Socket { what: "the Web API", source })?;
+                let service = service.clone();
+                clients.spawn(async move {
+                    let served = http1::Builder::new()
+                        .serve_connection(TokioIo::new(stream), service)
+                        .with_upgrades()
+                        .await;
+                    if let Err(error) = served {
+                        tracing::debug!(%from, %error, "Web API connection closed");
+                    }
+                });
+            }
+            Some(_) = clients.join_next() => {}
+        }
+    }
+}
+
+fn router(desk: Arc<Desk>) -> Router {
+    let one = Router::new()
+        .route("/", get(socket::open))
+        .route("/datarefs", get(datarefs::list))
+        .route("/datarefs/count", get(datarefs::count))
+        .route(
+            "/datarefs/{id}/value",
+            get(datarefs::read).patch(datarefs::write),
+        );
+    let two = one
+        .clone()
+        .route("/commands", get(commands::list))
+        .route("/commands/count", get(commands::count))
+        .route("/command/{id}/activate", post(commands::activate));
+    let three = two
+        .clone()
+        .route("/flight", post(flight::start).merge(patch(flight::update)));
+    Router::new()
+        .route("/api/capabilities", get(capabilities))
+        .nest("/api/v1", one)
+        .nest("/api/v2", two)
+        .nest("/api/v3", three)
+        .fallback(async || Refusal::not_found("unknown_endpoint", "there is no such endpoint"))
+        .layer(middleware::from_fn_with_state(desk.clone(), doorkeeper))
+        .with_state(desk)
+}
+
+/// Nobody is answered during an outage, nor while incoming traffic is switched off.
+async fn doorkeeper(State(desk): State<Arc<Desk>>, request: Request, next: Next) -> Response {
+    desk.outages.over().await;
+    if desk.incoming_is_on {
+        next.run(request).await
+    } else {
+        Refusal::incoming_traffic_is_off().into_response()
+    }
+}
+
+async fn capabilities(State(desk): State<Arc<Desk>>) -> Response {
+    let version = desk.world.lock().version_text();
+    Json(json!({
+        "api": { "versions": ["v1", "v2", "v3"] },
+        "x-plane": { "version": version },
+    }))
+    .into_response()
+}

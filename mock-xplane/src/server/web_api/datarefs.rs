@@ -1,0 +1,140 @@
+//! Datarefs over HTTP: the list of them, their values, setting them.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::{Path, Query, State};
+use serde::Deserialize;
+use serde_json::{Value, json};
+
+use super::refusal::Refusal;
+use super::{Desk, value};
+
+/// What a list may be narrowed with. `filter[name]` may come several times.
+pub(super) type Filters = Query<Vec<(String, String)>>;
+
+/// The records that the filters leave, each with the asked fields.
+pub(super) fn filtered(
+    records: impl Iterator<Item = Value>,
+    filters: &[(String, String)],
+) -> Result<Value, Refusal> {
+    let values = |key: &str| -> Vec<&str> {
+        let found = filters.iter().filter(|(name, _)| name == key);
+        found.map(|(_, value)| value.as_str()).collect()
+    };
+    let number = |key: &str, default: usize| match values(key).first() {
+        None => Ok(default),
+        Some(text) => text.parse().map_err(|_| {
+            Refusal::bad_request(
+                "invalid_parameter",
+                format!("{key} is {text:?}, expected a number"),
+            )
+        }),
+    };
+    let names = values("filter[name]");
+    let fields: Vec<&str> = values("fields")
+        .iter()
+        .flat_map(|list| list.split(','))
+        .filter(|&field| field != "all")
+        .collect();
+    let named = records
+        .filter(|record| names.is_empty() || names.iter().any(|&name| record["name"] == name));
+    Ok(named
+        .skip(number("start", 0)?)
+        .take(number("limit", usize::MAX)?)
+        .map(|mut record| {
+            if let (Value::Object(record), false) = (&mut record, fields.is_empty()) {
+                record.retain(|field, _| fields.contains(&field.as_str()));
+            }
+            record
+        })
+        .collect())
+}
+
+impl Desk {
+    /// The list of datarefs: empty until a flight is loaded.
+    fn dataref_records(&self) -> Vec<Value> {
+        let world = self.world.lock();
+        if !world.flight_loaded() {
+            return Vec::new();
+        }
+        let records = self.ids.datarefs().filter_map(|(id, name)| {
+            let (dataref, _) = world.datarefs().find(name)?;
+            Some(json!({
+                "id": id,
+                "name": name,
+                "value_type": value::type_word(dataref),
+                "is_writable": dataref.writable,
+            }))
+        });
+        records.collect()
+    }
+
+    pub(super) fn dataref(&self, id: u64) -> Result<&'static str, Refusal> {
+        let known = self.ids.dataref(id);
+        known
+            .filter(|_| self.world.lock().flight_loaded())
+            .ok_or_else(|| {
+                Refusal::not_found(
+                    "invalid_dataref_id",
+                    format!("no dataref has the number {id} in this session"),
+                )
+            })
+    }
+}
+
+pub(super) async fn list(
+    State(desk): State<Arc<Desk>>,
+    Query(filters): Filters,
+) -> Result<Json<Value>, Refusal> {
+    let data = filtered(desk.dataref_records().into_iter(), &filters)?;
+    Ok(Json(json!({ "data": data })))
+}
+
+pub(super) async fn count(State(desk): State<Arc<Desk>>) -> Json<Value> {
+    Json(json!({ "data": desk.dataref_records().len() }))
+}
+
+/// One element of a list.
+#[derive(Debug, Deserialize)]
+pub(super) struct Element {
+    index: Option<usize>,
+}
+
+pub(super) async fn read(
+    State(desk): State<Arc<Desk>>,
+    Path(id): Path<u64>,
+    Query(Element { index }): Query<Element>,
+) -> Result<Json<Value>, Refusal> {
+    let name = desk.dataref(id)?;
+    let world = desk.world.lock();
+    let missing = || Refusal::not_found("invalid_dataref_id", "no such dataref");
+    let (dataref, values) = world.datarefs().find(name).ok_or_else(missing)?;
+    let data = match index {
+        None => value::whole(dataref, values),
+        Some(index) => {
+            let mut found = value::elements(dataref, values, [index]);
+            found.pop().ok_or_else(|| {
+                Refusal::bad_request("invalid_index", format!("{name} has no element {index}"))
+            })?
+        }
+    };
+    Ok(Json(json!({ "data": data })))
+}
+
+/// Body of a write.
+#[derive(Debug, Deserialize)]
+pub(super) struct Write {
+    data: Value,
+}
+
+pub(super) async fn write(
+    State(desk): State<Arc<Desk>>,
+    Path(id): Path<u64>,
+    Query(Element { index }): Query<Element>,
+    Json(Write { data }): Json<Write>,
+) -> Result<Json<Value>, Refusal> {
+    let name = desk.dataref(id)?;
+    value::write(&mut desk.world.lock(), name, index, &data)?;
+    Ok(Json(Value::Null))
+}

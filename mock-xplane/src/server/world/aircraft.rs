@@ -1,0 +1,254 @@
+//! The user's aircraft: where it is, how it got there, and the datarefs that say so.
+
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::units::MPS_PER_KNOT;
+use glam::{DQuat, DVec3, EulerRot};
+use xplane_bridge::packet::Position;
+
+use super::airport::{GROUND_MSL_M, ON_THRESHOLD};
+use super::local_frame::LocalFrame;
+use super::motion::{self, Rates};
+use crate::datarefs::Datarefs;
+
+/// Datarefs that a client may turn or move the aircraft with begin so.
+pub(super) const POSITION: &str = "sim/flightmodel/position/";
+/// Text dataref with the aircraft's file.
+pub(super) const FILE: &str = "sim/aircraft/view/acf_relative_path";
+/// A flight that has just begun stands still for so long, seconds, however fast it was told to be.
+const STANDSTILL_S: f64 = 0.5;
+/// How far the squared length of a quaternion may be from 1.
+const NEARLY_UNIT: f64 = 1e-3;
+
+/// The user's aircraft.
+#[derive(Debug, Clone)]
+pub(super) struct Aircraft {
+    state: FlightState,
+    rates: Rates,
+    frame: LocalFrame,
+    /// Speed to come, and how long until then.
+    speed_to_come: Option<(f64, f64)>,
+}
+
+impl Default for Aircraft {
+    /// Parked on the threshold.
+    fn default() -> Self {
+        Self {
+            state: at_rest(ON_THRESHOLD),
+            rates: Rates::default(),
+            frame: LocalFrame::around(ON_THRESHOLD.position()),
+            speed_to_come: None,
+        }
+    }
+}
+
+impl Aircraft {
+    pub(super) fn state(&self) -> &FlightState {
+        &self.state
+    }
+
+    /// Shows a state of a flight, or of a scenario that is drawn.
+    pub(super) fn show(&mut self, state: FlightState) {
+        self.state = state;
+        self.rates = Rates::default();
+        self.speed_to_come = None;
+    }
+
+    /// `VEHX`, `VEHS`: moves the aircraft. It keeps its speed, turned to where the nose points now.
+    pub(super) fn place(&mut self, pose: Pose) {
+        let FlightState {
+            velocity_north_mps: north,
+            velocity_east_mps: east,
+            controls,
+            ..
+        } = self.state;
+        self.show(FlightState {
+            controls,
+            ..at_rest(pose)
+        });
+        if !self.state.on_ground {
+            self.set_speed(north.hypot(east));
+        }
+        self.frame = LocalFrame::around(pose.position());
+    }
+
+    /// Begins a flight. Velocities read zero at first, as they do in X-Plane.
+    pub(super) fn start(&mut self, pose: Pose, speed_mps: f64) {
+        self.show(at_rest(pose));
+        self.frame = LocalFrame::around(pose.position());
+        if !self.state.on_ground && speed_mps > 0.0 {
+            self.speed_to_come = Some((speed_mps, STANDSTILL_S));
+        }
+    }
+
+    /// Lets time pass with the flight model running.
+    pub(super) fn fly_on(&mut self, elapsed_s: f64) {
+        let mut elapsed_s = elapsed_s;
+        if let Some((speed_mps, wait_s)) = self.speed_to_come {
+            if elapsed_s < wait_s {
+                self.speed_to_come = Some((speed_mps, wait_s - elapsed_s));
+                return;
+            }
+            self.speed_to_come = None;
+            self.set_speed(speed_mps);
+            elapsed_s -= wait_s;
+        }
+        self.rates = Rates::default();
+        if motion::is_flying(&self.state) {
+            self.rates = motion::fly_on(&mut self.state, elapsed_s);
+            if self.state.pose.altitude_msl_m <= ON_THRESHOLD.altitude_msl_m {
+                let mut pose = self.state.pose;
+                pose.altitude_msl_m = ON_THRESHOLD.altitude_msl_m;
+                self.show(at_rest(pose));
+            }
+        }
+    }
+
+    /// A client wrote a dataref that begins with [`POSITION`]: the aircraft follows.
+    pub(super) fn follow(&mut self, name: &str, datarefs: &mut Datarefs) {
+        let read = |name: &str| datarefs.get(&format!("{POSITION}{name}"));
+        let FlightState { pose, .. } = &mut self.state;
+        match name {
+            "psi" => pose.heading_true_deg = read("psi"),
+            "theta" => pose.pitch_deg = read("theta"),
+            "phi" => pose.roll_deg = read("phi"),
+            "q" => {
+                let [w, x, y, z] = ["q[0]", "q[1]", "q[2]", "q[3]"].map(read);
+                let attitude = DQuat::from_xyzw(x, y, z, w);
+                // Elements are written one by one: until the last one, this is no rotation.
+                if (attitude.length_squared() - 1.0).abs() > NEARLY_UNIT {
+                    return;
+                }
+                let (heading, pitch, roll) = attitude.normalize().to_euler(EulerRot::ZYX);
+                pose.heading_true_deg = heading.to_degrees().rem_euclid(360.0);
+                pose.pitch_deg = pitch.to_degrees();
+                pose.roll_deg = roll.to_degrees();
+            }
+            "local_x" | "local_y" | "local_z" => {
+                let local = DVec3::new(read("local_x"), read("local_y"), read("local_z"));
+                let Geodetic {
+                    latitude_deg,
+                    longitude_deg,
+                    altitude_msl_m,
+                } = self.frame.world(local);
+                (pose.latitude_deg, pose.longitude_deg) = (latitude_deg, longitude_deg);
+                pose.altitude_msl_m = altitude_msl_m;
+                self.state.on_ground = is_on_ground(pose);
+            }
+            "local_vx" => self.state.velocity_east_mps = read("local_vx"),
+            "local_vy" => self.state.velocity_down_mps = -read("local_vy"),
+            "local_vz" => self.state.velocity_north_mps = -read("local_vz"),
+            _ => {}
+        }
+        self.publish(datarefs);
+    }
+
+    /// What `RPOS` says.
+    pub(super) fn position(&self) -> Position {
+        let FlightState { pose, .. } = &self.state;
+        Position {
+            longitude_deg: pose.longitude_deg,
+            latitude_deg: pose.latitude_deg,
+            elevation_msl_m: pose.altitude_msl_m,
+            height_agl_m: self.height_above_ground_m() as f32,
+            pitch_deg: pose.pitch_deg as f32,
+            heading_true_deg: pose.heading_true_deg as f32,
+            roll_deg: pose.roll_deg as f32,
+            velocity_east_mps: self.state.velocity_east_mps as f32,
+            velocity_up_mps: -self.state.velocity_down_mps as f32,
+            velocity_south_mps: -self.state.velocity_north_mps as f32,
+            roll_rate_rad_s: self.rates.roll_deg_s.to_radians() as f32,
+            pitch_rate_rad_s: self.rates.pitch_deg_s.to_radians() as f32,
+            yaw_rate_rad_s: self.rates.yaw_deg_s.to_radians() as f32,
+        }
+    }
+
+    /// Says everything about the aircraft in datarefs.
+    pub(super) fn publish(&self, datarefs: &mut Datarefs) {
+        let FlightState {
+            pose,
+            controls,
+            velocity_north_mps: north,
+            velocity_east_mps: east,
+            velocity_down_mps: down,
+            true_airspeed_mps,
+            on_ground,
+            ..
+        } = self.state;
+        let local = self.frame.local(pose.position());
+        let attitude = DQuat::from_euler(
+            EulerRot::ZYX,
+            pose.heading_true_deg.to_radians(),
+            pose.pitch_deg.to_radians(),
+            pose.roll_deg.to_radians(),
+        );
+        for (name, value) in [
+            ("latitude", pose.latitude_deg),
+            ("longitude", pose.longitude_deg),
+            ("elevation", pose.altitude_msl_m),
+            ("lat_ref", self.frame.origin.latitude_deg),
+            ("lon_ref", self.frame.origin.longitude_deg),
+            ("local_x", local.x),
+            ("local_y", local.y),
+            ("local_z", local.z),
+            ("y_agl", self.height_above_ground_m()),
+            ("psi", pose.heading_true_deg),
+            ("theta", pose.pitch_deg),
+            ("phi", pose.roll_deg),
+            ("q[0]", attitude.w),
+            ("q[1]", attitude.x),
+            ("q[2]", attitude.y),
+            ("q[3]", attitude.z),
+            ("local_vx", east),
+            ("local_vy", -down),
+            ("local_vz", -north),
+            // Degrees per second here, radians in RPOS.
+            ("P", self.rates.roll_deg_s),
+            ("Q", self.rates.pitch_deg_s),
+            ("R", self.rates.yaw_deg_s),
+            ("groundspeed", north.hypot(east)),
+            ("true_airspeed", true_airspeed_mps),
+            // Knots, whatever its neighbours say. Near the sea's level the two airspeeds are the same.
+            ("indicated_airspeed", true_airspeed_mps / MPS_PER_KNOT),
+        ] {
+            datarefs.set(&format!("{POSITION}{name}"), value);
+        }
+        let Controls {
+            flap_ratio,
+            gear_ratio,
+        } = controls;
+        datarefs.set("sim/flightmodel2/controls/flap1_deploy_ratio", flap_ratio);
+        datarefs.set("sim/flightmodel2/gear/deploy_ratio", gear_ratio);
+        let on_ground = f64::from(u8::from(on_ground));
+        datarefs.set("sim/flightmodel/failures/onground_any", on_ground);
+    }
+
+    fn set_speed(&mut self, speed_mps: f64) {
+        let (sin, cos) = self.state.pose.heading_true_deg.to_radians().sin_cos();
+        self.state.velocity_north_mps = speed_mps * cos;
+        self.state.velocity_east_mps = speed_mps * sin;
+        self.state.true_airspeed_mps = speed_mps;
+    }
+
+    fn height_above_ground_m(&self) -> f64 {
+        self.state.pose.altitude_msl_m - GROUND_MSL_M - airframe::WHEEL_HEIGHT_BELOW_CG_M
+    }
+}
+
+/// A state without motion.
+pub(super) fn at_rest(pose: Pose) -> FlightState {
+    FlightState {
+        time_s: 0.0,
+        pose,
+        velocity_north_mps: 0.0,
+        velocity_east_mps: 0.0,
+        velocity_down_mps: 0.0,
+        true_airspeed_mps: 0.0,
+        controls: Controls::default(),
+        on_ground: is_on_ground(&pose),
+    }
+}
+
+fn is_on_ground(pose: &Pose) -> bool {
+    pose.altitude_msl_m <= ON_THRESHOLD.altitude_msl_m
+}

@@ -1,0 +1,41 @@
+//! The one airport of the stand-in's world: WSSS, of which it knows runway 02L.
+
+use dataset::geodesy::LatLon;
+use dataset::pose::Pose;
+use dataset::units::METERS_PER_NAUTICAL_MILE;
+
+/// Its code.
+pub(crate) const CODE: &str = "WSSS";
+/// Its runway.
+pub(crate) const RUNWAY: &str = "02L";
+/// The stand-in's earth is as high as WSSS 02L everywhere.
+pub(in crate::server) const GROUND_MSL_M: f64 = 6.71;
+/// On the threshold, with the wheels on the ground.
+pub(crate) const ON_THRESHOLD: Pose = Pose {
+    latitude_deg: 1.348_971_96,
+    longitude_deg: 103.977_501_24,
+    altitude_msl_m: GROUND_MSL_M + airframe::WHEEL_HEIGHT_BELOW_CG_M,
+    heading_true_deg: 23.02,
+    pitch_deg: 0.0,
+    roll_deg: 0.0,
+};
+const GLIDE_PATH_DEG: f64 = 3.0;
+/// What an aircraft flies on a final approach, metres per second.
+pub(crate) const APPROACH_SPEED_MPS: f64 = 72.0;
+
+/// On the extended centre line, on the glide path, so far before the threshold.
+pub(crate) fn on_final(distance_nm: f64) -> Pose {
+    let distance_m = distance_nm * METERS_PER_NAUTICAL_MILE;
+    let threshold = ON_THRESHOLD.position().lat_lon();
+    let LatLon {
+        latitude_deg,
+        longitude_deg,
+    } = threshold.destination(ON_THRESHOLD.heading_true_deg + 180.0, distance_m);
+    Pose {
+        latitude_deg,
+        longitude_deg,
+        altitude_msl_m: ON_THRESHOLD.altitude_msl_m
+            + distance_m * GLIDE_PATH_DEG.to_radians().tan(),
+        ..ON_THRESHOLD
+    }
+}

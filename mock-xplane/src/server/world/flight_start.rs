@@ -1,0 +1,118 @@
+//! Beginning a flight: by the UDP packet `PREL`, or by X-Plane 12's Web API with weather and time.
+
+use dataset::pose::Pose;
+use xplane_bridge::datarefs as names;
+use xplane_bridge::packet::PlaceAtStart;
+
+use super::airport::{APPROACH_SPEED_MPS, CODE, ON_THRESHOLD, on_final};
+use super::{FLIGHT_TIME_S, PAUSED, World, aircraft, clock};
+use crate::datarefs::Ignored;
+
+/// Kinds of `PREL` start that the stand-in knows.
+const AT_POSITION: i32 = 6;
+const RAMP: i32 = 10;
+const TAKEOFF: i32 = 11;
+const INSTRUMENT_APPROACH: i32 = 13;
+/// Where an instrument approach starts, nautical miles before the threshold.
+const INSTRUMENT_APPROACH_NM: f64 = 10.0;
+
+/// A flight that begins.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(in crate::server) struct FlightStart {
+    /// The aircraft's file, if it is to change.
+    pub(in crate::server) aircraft: Option<String>,
+    /// Where, and how fast in metres per second, if that is to change.
+    pub(in crate::server) place: Option<(Pose, f64)>,
+    /// When, if that is to change.
+    pub(in crate::server) time: Option<StartTime>,
+    /// Datarefs of the weather, if it is to change.
+    pub(in crate::server) weather: Vec<(String, f64)>,
+}
+
+/// When a flight begins. Days count from 0, which is 1 January.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::server) enum StartTime {
+    /// The computer's clock, now and from now on.
+    System,
+    /// By the clock on the wall where the aircraft is.
+    Local { day: u32, time_s: f64 },
+    /// By UTC.
+    Zulu { day: u32, time_s: f64 },
+}
+
+impl World {
+    /// `PREL`: begins a flight; says whether this kind of start is known here.
+    pub(in crate::server) fn start(&mut self, start: &PlaceAtStart) -> bool {
+        let here = start.airport == CODE;
+        let place = match start.start_type {
+            AT_POSITION => (
+                Pose {
+                    latitude_deg: start.latitude_deg,
+                    longitude_deg: start.longitude_deg,
+                    altitude_msl_m: start.elevation_msl_m,
+                    heading_true_deg: start.heading_true_deg,
+                    pitch_deg: 0.0,
+                    roll_deg: 0.0,
+                },
+                start.speed_mps,
+            ),
+            RAMP | TAKEOFF if here => (ON_THRESHOLD, 0.0),
+            INSTRUMENT_APPROACH if here => (on_final(INSTRUMENT_APPROACH_NM), APPROACH_SPEED_MPS),
+            _ => return false,
+        };
+        let start = FlightStart {
+            place: Some(place),
+            ..FlightStart::default()
+        };
+        self.begin(&start).is_ok()
+    }
+
+    /// Begins or changes a flight.
+    ///
+    /// # Errors
+    /// The dataref of the weather that could not be set; nothing has changed then.
+    pub(in crate::server) fn begin(
+        &mut self,
+        start: &FlightStart,
+    ) -> Result<(), (String, Ignored)> {
+        let mut state = self.state.clone();
+        for (path, value) in &start.weather {
+            state
+                .datarefs
+                .write_exact(path, *value)
+                .map_err(|reason| (path.clone(), reason))?;
+        }
+        if !start.weather.is_empty() {
+            state.sky.take_over_everything(&state.datarefs);
+        }
+        if let Some(file) = &start.aircraft {
+            state.datarefs.set_text(aircraft::FILE, file);
+        }
+        if let Some((pose, speed_mps)) = start.place {
+            state.aircraft.start(pose, speed_mps);
+            for (name, value) in [
+                (names::OVERRIDE_FLIGHT_MODEL, 0.0),
+                (names::AUTOPILOT_MODE, 0.0),
+                (PAUSED, 0.0),
+                (FLIGHT_TIME_S, 0.0),
+            ] {
+                state.datarefs.set(name, value);
+            }
+            state.aircraft.publish(&mut state.datarefs);
+            self.flight_loaded = true;
+        }
+        let longitude_deg = state.aircraft.state().pose.longitude_deg;
+        match start.time {
+            None => {}
+            Some(StartTime::System) => state.datarefs.set(names::USE_SYSTEM_TIME, 1.0),
+            Some(StartTime::Zulu { day, time_s }) => {
+                clock::set_zulu(&mut state.datarefs, day, time_s);
+            }
+            Some(StartTime::Local { day, time_s }) => {
+                clock::set_local(&mut state.datarefs, day, time_s, longitude_deg);
+            }
+        }
+        self.state = state;
+        Ok(())
+    }
+}

@@ -1,0 +1,252 @@
+use dataset::geodesy::LatLon;
+use xplane_bridge::packet::PlaceAtStart;
+
+use super::airport::ON_THRESHOLD;
+use super::*;
+
+fn world() -> World {
+    World::new(Generation::XPlane12, true)
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: ON_THRESHOLD.position(),
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: None,
+    }
+}
+
+#[test]
+fn the_clock_runs_unless_paused_or_frozen_and_is_the_computers_until_told_otherwise() {
+    let mut world = world();
+    world.write(names::ZULU_TIME_S, 100.0).unwrap();
+    world.advance(1.0);
+    let system_s = world.clock().zulu_time_s;
+    world.write(names::USE_SYSTEM_TIME, 0.0).unwrap();
+    world.write(names::ZULU_TIME_S, 86_399.5).unwrap();
+    world.advance(1.0);
+    assert_eq!(world.clock().zulu_time_s, 0.5);
+    assert_ne!(
+        system_s, 101.0,
+        "the system clock should have overwritten the time"
+    );
+    world.command(names::COMMAND_PAUSE_ON);
+    world.advance(1.0);
+    assert_eq!(world.clock().zulu_time_s, 0.5);
+    world.command(names::COMMAND_PAUSE_OFF);
+    world.freeze(runway());
+    world.advance(1.0);
+    assert_eq!(world.clock().zulu_time_s, 0.5);
+    world.release();
+    world.advance(1.0);
+    assert_eq!(world.clock().zulu_time_s, 1.5);
+    // Frozen is frozen, even for a clock that would follow the computer's.
+    world.freeze(runway());
+    world.write(names::USE_SYSTEM_TIME, 1.0).unwrap();
+    world.advance(1.0);
+    assert_eq!(world.clock().zulu_time_s, 1.5);
+}
+
+#[test]
+fn a_placed_aircraft_is_where_it_was_placed_with_all_bits() {
+    let mut world = world();
+    world.place(&PlaceAircraft {
+        freeze: true,
+        plane: 0,
+        latitude_deg: 1.194_827_667,
+        longitude_deg: 103.912_427_524,
+        elevation_msl_m: 762.008_5,
+        heading_true_deg: 23.0,
+        pitch_deg: 5.25,
+        roll_deg: -0.5,
+    });
+    assert_eq!(world.position().longitude_deg, 103.912_427_524);
+    assert_eq!(world.read(names::OVERRIDE_FLIGHT_MODEL), 1.0);
+    assert_eq!(world.read("sim/flightmodel/position/theta"), 5.25);
+    // RREF has 32 bits only.
+    assert_eq!(
+        world.read("sim/flightmodel/position/longitude"),
+        103.912_427_524_f64 as f32
+    );
+}
+
+#[test]
+fn written_attitude_turns_the_aircraft() {
+    let mut world = world();
+    world.write("sim/flightmodel/position/phi", -12.5).unwrap();
+    assert_eq!(world.position().roll_deg, -12.5);
+}
+
+#[test]
+fn without_autopilot_or_tuned_receiver_nothing_flies() {
+    use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+    let request = FlyRequest {
+        start: FlightStart {
+            position: ON_THRESHOLD.position(),
+            heading_true_deg: 23.0,
+            speed_mps: 80.0,
+        },
+        runway: runway(),
+        profile: ApproachProfile::charted_step_down(),
+        seed: 1,
+        time_limit_s: 600.0,
+        already_started: false,
+    };
+    let mut world = world();
+    assert!(
+        world
+            .check_autopilot(&request)
+            .unwrap_err()
+            .contains("autopilot is off")
+    );
+    world.command(names::COMMAND_SERVOS_ON);
+    assert!(
+        world
+            .check_autopilot(&request)
+            .unwrap_err()
+            .contains("expected 11090")
+    );
+    world.write(names::NAV1_FREQUENCY, 11_090.0).unwrap();
+    assert_eq!(world.check_autopilot(&request), Ok(()));
+}
+
+fn air_start() -> PlaceAtStart {
+    PlaceAtStart {
+        start_type: 6,
+        plane: 0,
+        airport: String::new(),
+        runway: 0,
+        runway_end: 0,
+        latitude_deg: 1.2,
+        longitude_deg: 103.9,
+        elevation_msl_m: 762.0,
+        heading_true_deg: 23.0,
+        speed_mps: 80.0,
+    }
+}
+
+#[test]
+fn a_started_aircraft_stands_still_at_first_and_then_flies_on_with_rates() {
+    let mut world = world();
+    assert!(world.start(&air_start()));
+    world.advance(0.1);
+    assert_eq!(world.position().velocity_east_mps, 0.0);
+    world.advance(0.5);
+    for _ in 0..600 {
+        world.advance(1.0 / 60.0);
+    }
+    let position = world.position();
+    let flown_m = LatLon {
+        latitude_deg: position.latitude_deg,
+        longitude_deg: position.longitude_deg,
+    }
+    .distance_m(LatLon {
+        latitude_deg: 1.2,
+        longitude_deg: 103.9,
+    });
+    // The 0.6 s before hold half a second of standstill.
+    assert!((flown_m - 808.0).abs() < 5.0, "{flown_m}");
+    assert!((position.elevation_msl_m - 762.0).abs() < 1.0);
+    // The datarefs are in degrees per second.
+    let roll_rate_deg_s = f64::from(world.read("sim/flightmodel/position/P"));
+    let roll_rate_rad_s = f64::from(position.roll_rate_rad_s);
+    assert_ne!(roll_rate_rad_s, 0.0);
+    assert!((roll_rate_deg_s.to_radians() - roll_rate_rad_s).abs() < 1e-6);
+}
+
+#[test]
+fn a_banked_aircraft_turns_at_the_rate_of_its_bank() {
+    let mut world = world();
+    assert!(world.start(&air_start()));
+    world.advance(1.0);
+    world.write("sim/flightmodel/position/phi", 30.0).unwrap();
+    world.advance(0.01);
+    // g tan(30 deg) / 80 m/s, of which the yaw axis sees the cosine of the bank.
+    let wanted_rad_s = 9.81 * 30_f64.to_radians().tan() / 80.0 * 30_f64.to_radians().cos();
+    let found_rad_s = f64::from(world.position().yaw_rate_rad_s);
+    assert!((found_rad_s - wanted_rad_s).abs() < 0.01, "{found_rad_s}");
+}
+
+#[test]
+fn an_overridden_flight_model_leaves_the_aircraft_where_it_was_put() {
+    let mut world = world();
+    assert!(world.start(&air_start()));
+    world.write(names::OVERRIDE_FLIGHT_MODEL, 1.0).unwrap();
+    let before = world.position();
+    world.advance(10.0);
+    assert_eq!(world.position(), before);
+}
+
+#[test]
+fn local_coordinates_move_the_aircraft_and_latitude_does_not() {
+    let mut world = world();
+    let path = "sim/flightmodel/position/local_z";
+    let before = world.position();
+    let south_m = world.datarefs().get(path);
+    world.write_exact(path, south_m - 1_000.0).unwrap();
+    let north_m = (world.position().latitude_deg - before.latitude_deg) * 110_575.0;
+    assert!((north_m - 1_000.0).abs() < 5.0, "{north_m}");
+    assert!(
+        world
+            .write("sim/flightmodel/position/latitude", 50.0)
+            .is_err()
+    );
+}
+
+#[test]
+fn a_quaternion_turns_the_aircraft_as_its_angles_say() {
+    let mut world = world();
+    // Heading 90 degrees, wings level.
+    for (at, value) in [0.5_f64.sqrt(), 0.0, 0.0, 0.5_f64.sqrt()]
+        .into_iter()
+        .enumerate()
+    {
+        let path = format!("sim/flightmodel/position/q[{at}]");
+        world.write_exact(&path, value).unwrap();
+    }
+    assert!((world.position().heading_true_deg - 90.0).abs() < 1e-3);
+}
+
+#[test]
+fn another_aircraft_stands_where_the_old_one_did_and_a_situation_brings_everything_back() {
+    let mut world = world();
+    let file = |world: &World| world.read(&format!("{}[0]", aircraft::FILE));
+    world.save_situation("before.sit");
+    world.load_aircraft("XYZ.acf");
+    world.write(names::NAV1_FREQUENCY, 11_090.0).unwrap();
+    assert_eq!(file(&world), f32::from(b'X'));
+    assert_eq!(world.position().latitude_deg, ON_THRESHOLD.latitude_deg);
+    assert!(world.load_situation("before.sit"));
+    assert_eq!(file(&world), f32::from(b'A'));
+    assert_eq!(world.read(names::NAV1_FREQUENCY), 11_030.0);
+    assert!(!world.load_situation("never.sit"));
+}
+
+#[test]
+fn the_data_output_says_where_the_aircraft_is_and_sets_its_attitude() {
+    let mut world = world();
+    let mut row = world
+        .data_rows()
+        .into_iter()
+        .find(|row| row.index == 17)
+        .unwrap();
+    assert_eq!(row.values[2], 23.02);
+    row.values = [xplane_bridge::packet::LEAVE_ALONE; 8];
+    row.values[1] = 10.0;
+    assert!(world.set_data_row(&row));
+    let position = world.position();
+    assert_eq!(
+        (position.roll_deg, position.heading_true_deg),
+        (10.0, 23.02)
+    );
+    row.index = 20;
+    assert!(
+        !world.set_data_row(&row),
+        "the position is no client's to set"
+    );
+}

@@ -1,0 +1,355 @@
+//! A window on an X11 display that shows what the stand-in draws, as X-Plane's window does, so that it can be grabbed.
+//!
+//! Pictures go into a pixmap that is the window's background: the X server itself paints the window anew when something that lay over
+//! it goes away. A picture is shown when [`Stage::show`] returns: the server has confirmed it.
+
+use std::fmt;
+use std::sync::{Mutex, PoisonError};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use x11rb::COPY_DEPTH_FROM_PARENT;
+use x11rb::connection::{Connection, RequestConnection};
+use x11rb::errors::{ConnectError, ConnectionError, ReplyError, ReplyOrIdError};
+use x11rb::properties::WmSizeHints;
+use x11rb::protocol::Event;
+use x11rb::protocol::xproto::{
+    AtomEnum, ChangeWindowAttributesAux, ConnectionExt as _, CreateGCAux, CreateWindowAux,
+    EventMask, Gcontext, ImageFormat, ImageOrder, Pixmap, PropMode, Screen, Window as WindowId,
+    WindowClass,
+};
+use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
+use xplane_bridge::link::SimulatorWindow;
+use xplane_bridge::pixels::RgbPicture;
+
+/// Title of the window.
+const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";
+/// How long a window manager may take to put the window on the screen.
+const MAP_TIMEOUT: Duration = Duration::from_secs(5);
+/// The form of pixels that we send: 32 bits each, of which the lower 24 are red, green, blue.
+const DEPTH: u8 = 24;
+const BYTES_PER_PIXEL: usize = 4;
+
+/// Shows pictures where they can be seen: a window, or in tests something that behaves worse.
+pub trait Stage: fmt::Debug + Send + Sync {
+    /// Where it is.
+    ///
+    /// # Errors
+    /// If it is no longer there.
+    fn describe(&self) -> Result<SimulatorWindow, WindowError>;
+
+    /// Shows a picture in place of the one before. Done when it can be seen.
+    ///
+    /// # Errors
+    /// If the picture is of another size than the stage, or the stage is no longer there.
+    fn show(&self, picture: &RgbPicture) -> Result<(), WindowError>;
+}
+
+/// Why nothing can be shown.
+#[derive(Debug, thiserror::Error)]
+pub enum WindowError {
+    /// No connection to a display.
+    #[error(
+        "cannot open the X11 display {display:?}: {source}. Is DISPLAY set, and does an X server run there (e.g. Xvfb)?"
+    )]
+    Connect {
+        /// Which.
+        display: String,
+        /// Why not.
+        source: ConnectError,
+    },
+    /// The display has other pixels.
+    #[error(
+        "the X11 display has pixels of another form ({found}), expected 24-bit colour in 32 bits, e.g. Xvfb -screen 0 1920x1280x24"
+    )]
+    PixelForm {
+        /// What it has.
+        found: String,
+    },
+    /// The window does not fit.
+    #[error(
+        "a window of {width_px}x{height_px} does not fit on the display, {screen_width_px}x{screen_height_px}"
+    )]
+    TooLarge {
+        /// Width asked for, pixels.
+        width_px: u32,
+        /// Height asked for, pixels.
+        height_px: u32,
+        /// Width of the display, pixels.
+        screen_width_px: u16,
+        /// Height of the display, pixels.
+        screen_height_px: u16,
+    },
+    /// A picture of another size.
+    #[error("the window is {window}, it cannot show a picture of {picture}")]
+    OtherSize {
+        /// Its size.
+        window: String,
+        /// That of the picture.
+        picture: String,
+    },
+    /// The window did not appear.
+    #[error("the window did not appear within {MAP_TIMEOUT:?}")]
+    NotMapped,
+    /// The X server refused, or is gone.
+    #[error("the X server: {0}")]
+    X11(String),
+}
+
+impl From<ConnectionError> for WindowError {
+    fn from(error: ConnectionError) -> Self {
+        Self::X11(error.to_string())
+    }
+}
+
+impl From<ReplyError> for WindowError {
+    fn from(error: ReplyError) -> Self {
+        Self::X11(error.to_string())
+    }
+}
+
+impl From<ReplyOrIdError> for WindowError {
+    fn from(error: ReplyOrIdError) -> Self {
+        Self::X11(error.to_string())
+    }
+}
+
+/// An open window. It closes when dropped.
+pub struct X11Window {
+    connection: RustConnection,
+    root: WindowId,
+    window: WindowId,
+    pixmap: Pixmap,
+    context: Gcontext,
+    width_px: u32,
+    height_px: u32,
+    /// Memory of a picture in the form of the display.
+    pixels: Mutex<Vec<u8>>,
+}
+
+impl X11Window {
+    /// Opens a window for pictures of this size on a display, e.g. `:0`, or on that which `DISPLAY` names.
+    ///
+    /// # Errors
+    /// If there is no such display, or it cannot show such a window.
+    pub fn open(
+        display: Option<&str>,
+        (width_px, height_px): (u32, u32),
+    ) -> Result<Self, WindowError> {
+        let connected = RustConnection::connect(display);
+        let (connection, screen) = connected.map_err(|source| WindowError::Connect {
+            display: display.map_or_else(
+                || std::env::var("DISPLAY").unwrap_or_default(),
+                str::to_owned,
+            ),
+            source,
+        })?;
+        let screen = connection.setup().roots[screen].clone();
+        check_pixels(&connection, &screen)?;
+        let fits = |px: u32, of: u16| u16::try_from(px).ok().filter(|px| (1..=of).contains(px));
+        let (width, height) = (screen.width_in_pixels, screen.height_in_pixels);
+        let Some((width, height)) = fits(width_px, width).zip(fits(height_px, height)) else {
+            return Err(WindowError::TooLarge {
+                width_px,
+                height_px,
+                screen_width_px: width,
+                screen_height_px: height,
+            });
+        };
+        let opened = Self {
+            window: connection.generate_id()?,
+            pixmap: connection.generate_id()?,
+            context: connection.generate_id()?,
+            root: screen.root,
+            connection,
+            width_px,
+            height_px,
+            pixels: Mutex::default(),
+        };
+        opened.create(&screen, (width, height))?;
+        opened.wait_until_mapped()?;
+        Ok(opened)
+    }
+
+    fn create(&self, screen: &Screen, (width, height): (u16, u16)) -> Result<(), WindowError> {
+        let Self {
+            connection,
+            window,
+            pixmap,
+            context,
+            ..
+        } = self;
+        let settings = CreateWindowAux::new()
+            .background_pixel(screen.black_pixel)
+            .event_mask(EventMask::STRUCTURE_NOTIFY);
+        connection
+            .create_window(
+                COPY_DEPTH_FROM_PARENT,
+                *window,
+                screen.root,
+                0,
+                0,
+                width,
+                height,
+                0,
+                WindowClass::INPUT_OUTPUT,
+                screen.root_visual,
+                &settings,
+            )?
+            .check()?;
+        connection.create_pixmap(DEPTH, *pixmap, *window, width, height)?;
+        connection.create_gc(*context, *pixmap, &CreateGCAux::new().graphics_exposures(0))?;
+        let title = TITLE.as_bytes();
+        connection.change_property8(
+            PropMode::REPLACE,
+            *window,
+            AtomEnum::WM_NAME,
+            AtomEnum::STRING,
+            title,
+        )?;
+        // Another size would mean other pictures.
+        let size = Some((i32::from(width), i32::from(height)));
+        WmSizeHints {
+            min_size: size,
+            max_size: size,
+            ..WmSizeHints::default()
+        }
+        .set_normal_hints(connection, *window)?;
+        connection.map_window(*window)?.check()?;
+        Ok(())
+    }
+
+    fn wait_until_mapped(&self) -> Result<(), WindowError> {
+        let began = Instant::now();
+        while began.elapsed() < MAP_TIMEOUT {
+            match self.connection.poll_for_event()? {
+                Some(Event::MapNotify(_)) => return Ok(()),
+                Some(_) => {}
+                None => sleep(Duration::from_millis(5)),
+            }
+        }
+        Err(WindowError::NotMapped)
+    }
+
+    /// Puts a picture into the pixmap, in as many requests as the server needs.
+    fn put(&self, bytes: &[u8]) -> Result<(), WindowError> {
+        let row_bytes = self.width_px as usize * BYTES_PER_PIXEL;
+        let request_bytes = self.connection.maximum_request_bytes().saturating_sub(64);
+        let rows = (request_bytes / row_bytes).max(1);
+        for (number, part) in bytes.chunks(rows * row_bytes).enumerate() {
+            self.connection.put_image(
+                ImageFormat::Z_PIXMAP,
+                self.pixmap,
+                self.context,
+                self.width_px as u16,
+                (part.len() / row_bytes) as u16,
+                0,
+                (number * rows) as i16,
+                0,
+                DEPTH,
+                part,
+            )?;
+        }
+        Ok(())
+    }
+}
+
+impl Stage for X11Window {
+    fn describe(&self) -> Result<SimulatorWindow, WindowError> {
+        let corner = self
+            .connection
+            .translate_coordinates(self.window, self.root, 0, 0)?
+            .reply()?;
+        Ok(SimulatorWindow {
+            title: TITLE.into(),
+            x_px: corner.dst_x.into(),
+            y_px: corner.dst_y.into(),
+            width_px: self.width_px,
+            height_px: self.height_px,
+            scale: 1.0,
+        })
+    }
+
+    fn show(&self, picture: &RgbPicture) -> Result<(), WindowError> {
+        if (picture.width_px, picture.height_px) != (self.width_px, self.height_px) {
+            return Err(WindowError::OtherSize {
+                window: format!("{}x{}", self.width_px, self.height_px),
+                picture: format!("{}x{}", picture.width_px, picture.height_px),
+            });
+        }
+        let mut pixels = self.pixels.lock().unwrap_or_else(PoisonError::into_inner);
+        pixels.clear();
+        for [red, green, blue] in picture.rgb.as_chunks().0 {
+            pixels.extend([*blue, *green, *red, 0]);
+        }
+        // Nobody reads the events; they shall not pile up.
+        while self.connection.poll_for_event()?.is_some() {}
+        self.put(&pixels)?;
+        // Set anew each time: what becomes of a background whose pixmap changes later is the server's choice.
+        let background = ChangeWindowAttributesAux::new().background_pixmap(self.pixmap);
+        self.connection
+            .change_window_attributes(self.window, &background)?;
+        self.connection
+            .clear_area(false, self.window, 0, 0, 0, 0)?
+            .check()?;
+        self.connection.sync()?;
+        Ok(())
+    }
+}
+
+impl fmt::Debug for X11Window {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("X11Window")
+            .field("window", &self.window)
+            .field("width_px", &self.width_px)
+            .field("height_px", &self.height_px)
+            .finish_non_exhaustive()
+    }
+}
+
+/// Refuses a display whose pixels we would have to convert.
+fn check_pixels(connection: &RustConnection, screen: &Screen) -> Result<(), WindowError> {
+    let setup = connection.setup();
+    let bits = setup
+        .pixmap_formats
+        .iter()
+        .find(|format| format.depth == DEPTH)
+        .map_or(0, |format| format.bits_per_pixel);
+    let visuals = screen
+        .allowed_depths
+        .iter()
+        .flat_map(|depth| &depth.visuals);
+    let masks = visuals
+        .into_iter()
+        .find(|visual| visual.visual_id == screen.root_visual)
+        .map_or((0, 0, 0), |visual| {
+            (visual.red_mask, visual.green_mask, visual.blue_mask)
+        });
+    let order = setup.image_byte_order;
+    let fits = screen.root_depth == DEPTH
+        && usize::from(bits) == 8 * BYTES_PER_PIXEL
+        && masks == (0xff_0000, 0xff00, 0xff)
+        && order == ImageOrder::LSB_FIRST;
+    if fits {
+        return Ok(());
+    }
+    Err(WindowError::PixelForm {
+        found: format!(
+            "depth {}, {bits} bits, masks {masks:x?}, {order:?}",
+            screen.root_depth
+        ),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_display_that_is_not_there_is_named_with_what_to_do() {
+        let error = X11Window::open(Some(":54321"), (96, 64)).unwrap_err();
+        let text = error.to_string();
+        assert!(text.contains(":54321") && text.contains("Xvfb"), "{text}");
+    }
+}

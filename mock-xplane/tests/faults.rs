@@ -1,0 +1,229 @@
+//! What clients meet when things go wrong on purpose: a simulator that hangs, one that is restarted, a lossy network.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use dataset::camera::{Camera, CameraPose};
+use dataset::conditions::{Clock, Weather};
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use mock_xplane::server::{Addresses, Engine, Faults, Picture, ServerOptions, serve_with};
+use tokio::net::UdpSocket;
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tokio::time::timeout;
+use xplane_bridge::fly::FlyRequest;
+use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator, WriteDataref};
+use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Simulator};
+
+const VISIBILITY: &str = "sim/weather/region/visibility_reported_sm";
+
+/// Draws nothing, and cannot fly.
+struct Blank;
+
+impl Engine for Blank {
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
+        Err("no flight model".into())
+    }
+
+    fn picture(&self, _: &Camera, _: &Runway, _: &Weather, _: &Clock) -> Box<dyn Picture> {
+        Box::new(Self)
+    }
+}
+
+impl Picture for Blank {
+    fn draw(&self, _: &Pose, _: &Controls, _: f64, rgb: &mut [u8]) {
+        rgb.fill(0);
+    }
+}
+
+struct Running {
+    addresses: Addresses,
+    server: JoinHandle<()>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.server.abort();
+    }
+}
+
+async fn start(faults: &str) -> Running {
+    let (tell, told) = oneshot::channel();
+    let options = ServerOptions {
+        port: 0,
+        beacon: false,
+        faults: faults.parse::<Faults>().unwrap(),
+        ..ServerOptions::default()
+    };
+    let server = tokio::spawn(async move {
+        serve_with(options, Arc::new(Blank), |addresses| {
+            tell.send(addresses).unwrap();
+        })
+        .await
+        .unwrap();
+    });
+    Running {
+        addresses: told.await.unwrap(),
+        server,
+    }
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: None,
+        course_magnetic_deg: None,
+    }
+}
+
+fn capture(tick: u32) -> CaptureRequest {
+    let pose = Pose {
+        latitude_deg: 1.3,
+        longitude_deg: 103.9,
+        altitude_msl_m: 500.0,
+        heading_true_deg: 23.0,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    };
+    CaptureRequest {
+        tick,
+        time_ns: 0,
+        view: 0,
+        pose,
+        controls: Controls::default(),
+        camera: CameraPose {
+            pose,
+            hfov_deg: 10.0,
+        },
+        width_px: 8,
+        height_px: 8,
+        deliver: xplane_bridge::Deliver::Picture,
+    }
+}
+
+/// One datagram there, one value back; `None` if nothing comes for a while.
+async fn read(socket: &UdpSocket, path: &str) -> Option<f32> {
+    let request = |frequency_hz| {
+        ToSimulator::SubscribeDataref(SubscribeDataref {
+            frequency_hz,
+            index: 1,
+            path: path.into(),
+        })
+        .encode()
+        .unwrap()
+    };
+    let mut buffer = [0; 2048];
+    while socket.try_recv(&mut buffer).is_ok() {}
+    socket.send(&request(50)).await.unwrap();
+    let received = timeout(Duration::from_millis(300), socket.recv(&mut buffer)).await;
+    socket.send(&request(0)).await.unwrap();
+    let length = received.ok()?.unwrap();
+    match FromSimulator::decode(&buffer[..length]).unwrap() {
+        FromSimulator::DatarefValues(reply) => Some(reply.values[0].value),
+        other => panic!("{other:?}"),
+    }
+}
+
+async fn write(socket: &UdpSocket, path: &str, value: f32) {
+    let write = WriteDataref {
+        path: path.into(),
+        value,
+    };
+    let datagram = ToSimulator::WriteDataref(write).encode().unwrap();
+    socket.send(&datagram).await.unwrap();
+}
+
+async fn plain_client(running: &Running) -> UdpSocket {
+    let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    socket.connect(running.addresses.udp).await.unwrap();
+    socket
+}
+
+#[tokio::test]
+async fn a_restart_closes_the_link_forgets_everything_and_comes_back_on_the_same_ports() {
+    let running = start("restart=captures:3:0.5").await;
+    let udp = plain_client(&running).await;
+    let first_value = read(&udp, VISIBILITY).await.unwrap();
+    write(&udp, VISIBILITY, 3.0).await;
+    assert_eq!(read(&udp, VISIBILITY).await, Some(3.0));
+
+    let mut simulator = Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
+        .await
+        .unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    for tick in 0..2 {
+        simulator.send_capture(&capture(tick)).await.unwrap();
+        let frame = simulator.receive_frame().await.unwrap();
+        assert_eq!(frame.sim_frame, u64::from(tick) + 1);
+    }
+    simulator.send_capture(&capture(2)).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err();
+    assert!(error.to_string().contains("link"), "{error}");
+    assert_eq!(read(&udp, VISIBILITY).await, None, "answers while down");
+    drop(simulator);
+
+    let mut simulator = Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
+        .await
+        .unwrap();
+    assert_eq!(read(&udp, VISIBILITY).await, Some(first_value));
+    simulator.freeze(&runway()).await.unwrap();
+    for tick in 0..4 {
+        simulator.send_capture(&capture(tick)).await.unwrap();
+        let frame = simulator.receive_frame().await.unwrap();
+        assert_eq!(frame.sim_frame, u64::from(tick) + 1, "one restart only");
+    }
+}
+
+#[tokio::test]
+async fn a_frozen_simulator_keeps_its_connections_and_answers_later() {
+    let running = start("freeze=captures:1:0.6").await;
+    let udp = plain_client(&running).await;
+    let mut simulator = Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
+        .await
+        .unwrap();
+    write(&udp, VISIBILITY, 3.0).await;
+    simulator.freeze(&runway()).await.unwrap();
+    simulator.send_capture(&capture(0)).await.unwrap();
+    let silence = timeout(Duration::from_millis(100), simulator.receive_frame()).await;
+    assert!(silence.is_err(), "an answer from a frozen simulator");
+    assert_eq!(read(&udp, VISIBILITY).await, None);
+    tokio::time::sleep(Duration::from_millis(400)).await;
+    assert_eq!(read(&udp, VISIBILITY).await, Some(3.0));
+}
+
+#[tokio::test]
+async fn the_network_loses_and_doubles_what_it_was_told_to() {
+    let lossy = start("loss=1").await;
+    assert_eq!(read(&plain_client(&lossy).await, VISIBILITY).await, None);
+
+    let doubling = start("dup=1").await;
+    let udp = plain_client(&doubling).await;
+    let request = SubscribeDataref {
+        frequency_hz: 30,
+        index: 7,
+        path: "sim/time/total_running_time_sec".into(),
+    };
+    let request = ToSimulator::SubscribeDataref(request).encode().unwrap();
+    udp.send(&request).await.unwrap();
+    let mut received = Vec::new();
+    let mut buffer = [0; 64];
+    for _ in 0..6 {
+        let length = udp.recv(&mut buffer).await.unwrap();
+        received.push(buffer[..length].to_vec());
+    }
+    // Time runs, so that only copies are equal.
+    assert_eq!(received[0], received[1]);
+    assert_ne!(received[1], received[2]);
+    assert_eq!(received[2], received[3]);
+}

@@ -1,0 +1,283 @@
+//! Our plugin's own Python, hosted by the stand-in, draws what the built-in link draws, however the simulator around it misbehaves.
+
+use std::net::Ipv4Addr;
+use std::path::Path;
+use std::time::Duration;
+
+use dataset::camera::CameraPose;
+use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::echo::{aircraft_mismatch, camera_mismatch};
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use mock_xplane::server::{PluginOptions, ServerOptions, serve};
+use tokio::sync::oneshot;
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::link::PixelKind;
+use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
+
+const SIZE_PX: (u32, u32) = (160, 120);
+/// Python starts within a fraction of a second on an idle machine.
+const CONNECT_TIMEOUT: Duration = Duration::from_secs(30);
+
+fn plugin() -> PluginOptions {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
+    PluginOptions {
+        window_px: SIZE_PX,
+        ..PluginOptions::new(folder)
+    }
+}
+
+async fn connected(generation: Generation, plugin: Option<PluginOptions>) -> Simulator {
+    let options = ServerOptions {
+        bind: Ipv4Addr::LOCALHOST.into(),
+        port: 0,
+        beacon: false,
+        generation,
+        plugin,
+        ..ServerOptions::default()
+    };
+    let (tell, told) = oneshot::channel();
+    tokio::spawn(async move {
+        serve(options, |addresses| tell.send(addresses.udp).unwrap())
+            .await
+            .unwrap();
+    });
+    Simulator::connect(told.await.unwrap(), CONNECT_TIMEOUT)
+        .await
+        .unwrap()
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: Some(23.0),
+    }
+}
+
+fn noon() -> Conditions {
+    Conditions {
+        time_of_day: "12:00".into(),
+        clock: Clock {
+            day_of_year: 172,
+            zulu_time_s: 4.0 * 3_600.0,
+        },
+        weather_name: "clear".into(),
+        weather: Weather {
+            visibility_m: 30_000.0,
+            clouds: Vec::new(),
+            rain_ratio: 0.0,
+            wind_speed_mps: 0.0,
+            wind_from_true_deg: 0.0,
+            turbulence_ratio: 0.0,
+        },
+    }
+}
+
+/// An aircraft in another attitude each tick, seen large from a camera that is turned and rolled as well.
+fn capture(tick: u32) -> CaptureRequest {
+    let step = f64::from(tick);
+    let aircraft = Pose {
+        latitude_deg: 1.30 + step / 200.0,
+        longitude_deg: 103.956 + step / 300.0,
+        altitude_msl_m: 300.0 - 20.0 * step,
+        heading_true_deg: 23.0 + 40.0 * step,
+        pitch_deg: 8.0 - 5.0 * step,
+        roll_deg: 25.0 - 15.0 * step,
+    };
+    let bearing_deg = 10.0 + 25.0 * step;
+    let at = aircraft
+        .position()
+        .lat_lon()
+        .destination(bearing_deg, 220.0);
+    let camera = Pose {
+        latitude_deg: at.latitude_deg,
+        longitude_deg: at.longitude_deg,
+        altitude_msl_m: aircraft.altitude_msl_m - 15.0,
+        heading_true_deg: bearing_deg + 180.0 + 2.0,
+        pitch_deg: 4.0,
+        roll_deg: 3.0 * step,
+    };
+    CaptureRequest {
+        tick,
+        time_ns: 0,
+        view: 0,
+        pose: aircraft,
+        controls: Controls {
+            flap_ratio: 0.5,
+            gear_ratio: 1.0,
+        },
+        camera: CameraPose {
+            pose: camera,
+            hfov_deg: 20.0,
+        },
+        width_px: SIZE_PX.0,
+        height_px: SIZE_PX.1,
+        deliver: Deliver::Picture,
+    }
+}
+
+async fn pictures(simulator: &mut Simulator) -> Vec<CapturedFrame> {
+    simulator.set_conditions(&noon()).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let mut frames = Vec::new();
+    for tick in 0..4 {
+        simulator.send_capture(&capture(tick)).await.unwrap();
+        frames.push(simulator.receive_frame().await.unwrap());
+    }
+    frames
+}
+
+/// Mean and largest difference of two pictures, levels of 255.
+fn difference(a: &[u8], b: &[u8]) -> (f64, u8) {
+    assert_eq!(a.len(), b.len());
+    let each = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
+    let sum: f64 = each().map(f64::from).sum();
+    (sum / a.len() as f64, each().max().unwrap_or(0))
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and_under_disturbance()
+{
+    let mut built_in = connected(Generation::XPlane11, None).await;
+    let wanted = pictures(&mut built_in).await;
+    let disturbed = PluginOptions {
+        steal_camera_every_frames: Some(7),
+        move_origin_every_frames: Some(5),
+        ..plugin()
+    };
+    for options in [plugin(), disturbed] {
+        let mut simulator = connected(Generation::XPlane11, Some(options.clone())).await;
+        let description = simulator.description().clone();
+        assert_eq!(description.name, "X-Plane");
+        assert!(description.plugin.unwrap().starts_with("dtd_bridge "));
+        assert_eq!(description.pixels, [PixelKind::Gl, PixelKind::Screen]);
+        let found = pictures(&mut simulator).await;
+        for (tick, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+            let asked = capture(tick as u32);
+            assert_eq!(aircraft_mismatch(&found.pose, &asked.pose), None);
+            assert_eq!(camera_mismatch(&found.camera, &asked.camera), None);
+            // What differs is a few pixels of an edge: a camera some millimetres aside.
+            let (mean, largest) = difference(&found.rgb, &wanted.rgb);
+            println!("tick {tick}: mean difference {mean:.4}, largest {largest}");
+            assert!(mean < 0.1, "tick {tick}, {options:?}: {mean} {largest}");
+        }
+        assert!(
+            found
+                .windows(2)
+                .all(|pair| pair[0].sim_frame < pair[1].sim_frame)
+        );
+        simulator.release().await.unwrap();
+    }
+    // The measure is no formality: the next tick's picture is far from this one's.
+    let (mean, _) = difference(&wanted[0].rgb, &wanted[1].rgb);
+    assert!(mean > 2.0, "{mean}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn x_plane_12_has_no_readback_but_draws_probes_and_shows_the_check_pattern() {
+    let mut simulator = connected(Generation::XPlane12, Some(plugin())).await;
+    assert_eq!(simulator.description().version, "12.4.0");
+    assert_eq!(simulator.description().pixels, [PixelKind::Screen]);
+    let ground = simulator.probe_terrain(1.35, 103.98).await.unwrap();
+    assert!((ground - 6.71).abs() < 1e-3, "{ground}");
+    simulator.freeze(&runway()).await.unwrap();
+    simulator.send_capture(&capture(0)).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err();
+    assert!(error.to_string().contains("Vulkan or Metal"), "{error}");
+    let shown = simulator.check_pattern(Some(7)).await.unwrap();
+    let gone = simulator.check_pattern(None).await.unwrap();
+    let drawn = CaptureRequest {
+        deliver: Deliver::Drawn,
+        ..capture(1)
+    };
+    simulator.send_capture(&drawn).await.unwrap();
+    let frame = simulator.receive_frame().await.unwrap();
+    assert!(shown < gone && gone < frame.sim_frame && frame.rgb.is_empty());
+    assert_eq!(aircraft_mismatch(&frame.pose, &drawn.pose), None);
+    simulator.release().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_live_approach_through_the_plugin_lands_where_the_built_in_one_does() {
+    let start = runway()
+        .point_on_approach(6_000.0, 0.0)
+        .at_altitude_m(320.0);
+    let request = FlyRequest {
+        start: FlightStart {
+            position: start,
+            heading_true_deg: 23.02,
+            speed_mps: 76.0,
+        },
+        runway: runway(),
+        profile: ApproachProfile::GlidePath {
+            level_altitude_msl_m: 320.0,
+        },
+        seed: 0,
+        time_limit_s: 400.0,
+        already_started: false,
+    };
+    let coarse = PluginOptions {
+        frame_period_s: 0.1,
+        move_origin_every_frames: Some(97),
+        ..plugin()
+    };
+    let mut flown = Vec::new();
+    for plugin in [None, Some(coarse)] {
+        let mut simulator = connected(Generation::XPlane12, plugin).await;
+        simulator.set_conditions(&noon()).await.unwrap();
+        let states = simulator.fly(&request).await.unwrap();
+        assert!(states.last().unwrap().on_ground);
+        simulator.release().await.unwrap();
+        flown.push(states);
+    }
+    let touchdown = |states: &[FlightState]| {
+        let landed = states.iter().find(|state| state.on_ground).unwrap();
+        landed.pose.position().lat_lon()
+    };
+    let apart_m = touchdown(&flown[0]).distance_m(touchdown(&flown[1]));
+    // A frame of the plugin's is 0.1 s, 7 m; the start is rounded to 32 bits.
+    assert!(apart_m < 20.0, "touchdowns {apart_m} m apart");
+    let begin = flown[1][0]
+        .pose
+        .position()
+        .to_ecef()
+        .distance(start.to_ecef());
+    assert!(begin < 20.0, "starts {begin} m off");
+    // Positions move as velocities say, in spite of a local origin that jumps.
+    for pair in flown[1].windows(2) {
+        let way = pair[1].pose.position().to_ecef() - pair[0].pose.position().to_ecef();
+        let step_s = pair[1].time_s - pair[0].time_s;
+        let speed = [
+            pair[0].velocity_north_mps,
+            pair[0].velocity_east_mps,
+            pair[0].velocity_down_mps,
+        ];
+        let expected_m = speed.iter().map(|v| v * v).sum::<f64>().sqrt() * step_s;
+        // The stand-in shows the nearest later state of its flight, up to 1/30 s or 2.6 m away.
+        assert!((way.length() - expected_m).abs() < 3.0, "{pair:?}");
+    }
+}
+
+#[tokio::test]
+async fn a_folder_without_the_plugin_is_named() {
+    let options = ServerOptions {
+        port: 0,
+        beacon: false,
+        plugin: Some(PluginOptions::new("/no/such/folder")),
+        ..ServerOptions::default()
+    };
+    let error = serve(options, |_| ()).await.unwrap_err();
+    assert!(error.to_string().contains("/no/such/folder"), "{error}");
+}

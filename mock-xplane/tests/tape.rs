@@ -1,0 +1,225 @@
+//! A session with the stand-in, recorded and served again, as a client sees it.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use dataset::camera::CameraPose;
+use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::pose::{Controls, Pose};
+use dataset::runway::Runway;
+use mock_xplane::server::{Addresses, ServerOptions, serve, serve_tape};
+use tokio::net::UdpSocket;
+use tokio::sync::oneshot;
+use tokio::time::timeout;
+use xplane_bridge::packet::{SubscribePosition, ToSimulator};
+use xplane_bridge::tape::{FramesKept, RecordOptions, record};
+use xplane_bridge::{BridgeError, CaptureRequest, CapturedFrame, Deliver, Simulator};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn options() -> ServerOptions {
+    ServerOptions {
+        bind: Ipv4Addr::LOCALHOST.into(),
+        port: 0,
+        beacon: false,
+        ..ServerOptions::default()
+    }
+}
+
+async fn stand_in() -> Addresses {
+    let (tell, told) = oneshot::channel();
+    tokio::spawn(async move { serve(options(), |at| tell.send(at).unwrap()).await.unwrap() });
+    told.await.unwrap()
+}
+
+async fn played(tape: &Path) -> Addresses {
+    let (tell, told) = oneshot::channel();
+    let tape = tape.to_owned();
+    tokio::spawn(async move {
+        serve_tape(&tape, &options(), |at| tell.send(at).unwrap())
+            .await
+            .unwrap();
+    });
+    told.await.unwrap()
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: pose(1.35).position(),
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: None,
+    }
+}
+
+fn pose(latitude_deg: f64) -> Pose {
+    Pose {
+        latitude_deg,
+        longitude_deg: 103.98,
+        altitude_msl_m: 100.0,
+        heading_true_deg: 23.0,
+        pitch_deg: 2.0,
+        roll_deg: 0.0,
+    }
+}
+
+fn request(tick: u32, latitude_deg: f64) -> CaptureRequest {
+    CaptureRequest {
+        tick,
+        time_ns: i64::from(tick) * 1_000_000_000,
+        view: 0,
+        pose: pose(latitude_deg),
+        controls: Controls::default(),
+        camera: CameraPose {
+            pose: pose(1.34),
+            hfov_deg: 20.0,
+        },
+        width_px: 48,
+        height_px: 32,
+        deliver: Deliver::Picture,
+    }
+}
+
+async fn capture(
+    simulator: &mut Simulator,
+    request: &CaptureRequest,
+) -> Result<CapturedFrame, BridgeError> {
+    simulator.send_capture(request).await?;
+    simulator.receive_frame().await
+}
+
+async fn connect(address: SocketAddr) -> Simulator {
+    Simulator::connect(address, PATIENCE).await.unwrap()
+}
+
+/// What a client does in the session: two pictures, and a look at the position.
+async fn session(address: SocketAddr) -> (Vec<CapturedFrame>, Vec<u8>) {
+    let mut simulator = connect(address).await;
+    // A clock of its own makes the pictures repeatable.
+    simulator.set_conditions(&conditions()).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let mut frames = Vec::new();
+    for tick in 0..2 {
+        frames.push(
+            capture(
+                &mut simulator,
+                &request(tick, 1.345 + f64::from(tick) * 1e-3),
+            )
+            .await
+            .unwrap(),
+        );
+    }
+    let position = position(address).await;
+    simulator.release().await.unwrap();
+    (frames, position)
+}
+
+async fn position(address: SocketAddr) -> Vec<u8> {
+    let socket = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    let ask = ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 10 })
+        .encode()
+        .unwrap();
+    socket.send_to(&ask, address).await.unwrap();
+    let mut buffer = [0; 256];
+    let received = timeout(PATIENCE, socket.recv(&mut buffer))
+        .await
+        .expect("no position");
+    buffer[..received.unwrap()].to_vec()
+}
+
+fn conditions() -> Conditions {
+    Conditions {
+        time_of_day: "12:00".into(),
+        clock: Clock {
+            day_of_year: 172,
+            zulu_time_s: 14_400.0,
+        },
+        weather_name: "clear".into(),
+        weather: Weather {
+            visibility_m: 30_000.0,
+            clouds: Vec::new(),
+            rain_ratio: 0.0,
+            wind_speed_mps: 3.0,
+            wind_from_true_deg: 60.0,
+            turbulence_ratio: 0.0,
+        },
+    }
+}
+
+/// A tape of the session, and what the client got in it.
+async fn recorded(folder: &Path, frames: FramesKept) -> (PathBuf, (Vec<CapturedFrame>, Vec<u8>)) {
+    let simulator = stand_in().await;
+    let tape = folder.join("session.mcap");
+    let options = RecordOptions {
+        frames,
+        ..RecordOptions::new(simulator.udp, tape.clone())
+    };
+    let (tell, told) = oneshot::channel();
+    let (stop, stopped) = oneshot::channel::<()>();
+    let recording = tokio::spawn(async move {
+        let ready = |at: xplane_bridge::tape::RecorderAddresses| tell.send(at.udp).unwrap();
+        record(options, ready, async { stopped.await.unwrap() })
+            .await
+            .unwrap()
+    });
+    let got = session(told.await.unwrap()).await;
+    stop.send(()).unwrap();
+    let summary = recording.await.unwrap();
+    assert!(summary.messages > 20, "{summary:?}");
+    (tape, got)
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_gets_the_same_frames_and_positions_from_the_tape() {
+    for frames in [FramesKept::Inline, FramesKept::Reference] {
+        let folder = tempfile::tempdir().unwrap();
+        let (tape, got) = recorded(folder.path(), frames).await;
+        let player = played(&tape).await;
+        assert!(session(player.udp).await == got, "{frames}");
+        // And once more: a tape is played as often as one likes.
+        assert!(
+            session(player.udp).await == got,
+            "{frames}, the second time"
+        );
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_is_not_on_the_tape_is_refused_with_what_there_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let (tape, _) = recorded(folder.path(), FramesKept::None).await;
+    let player = played(&tape).await;
+    let cases = [
+        (request(0, 1.345), "Record with --frames inline"),
+        (
+            request(0, 1.346),
+            "pose.latitude_deg was 1.345 then, and is 1.346 now",
+        ),
+        (
+            request(7, 1.345),
+            "no capture of tick 7, view 0. It has 2 capture (ticks 0 to 1, views 0 to 0)",
+        ),
+    ];
+    for (request, words) in cases {
+        let mut simulator = connect(player.udp).await;
+        simulator.set_conditions(&conditions()).await.unwrap();
+        simulator.freeze(&runway()).await.unwrap();
+        let error = capture(&mut simulator, &request)
+            .await
+            .unwrap_err()
+            .to_string();
+        assert!(error.contains(words), "{error}");
+    }
+
+    // A sky that was not written then is not acknowledged now.
+    let mut other = conditions();
+    other.weather.visibility_m = 1_234.0;
+    let mut simulator = connect(player.udp).await;
+    let error = simulator.set_conditions(&other).await.unwrap_err();
+    assert!(matches!(error, BridgeError::NotTaken { .. }), "{error}");
+}

@@ -1,0 +1,474 @@
+//! X-Plane 12's Web API as its clients meet it: over HTTP and WebSocket, against a running stand-in.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use futures_util::{SinkExt, StreamExt};
+use mock_xplane::server::{Addresses, ServerOptions, serve};
+use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::{TcpStream, UdpSocket};
+use tokio::sync::oneshot;
+use tokio::task::JoinHandle;
+use tokio::time::{sleep, timeout};
+use tokio_tungstenite::tungstenite::Message;
+use tokio_tungstenite::{WebSocketStream, client_async};
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::packet::{FromSimulator, SubscribePosition, ToSimulator};
+
+struct Running {
+    addresses: Addresses,
+    server: JoinHandle<()>,
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.server.abort();
+    }
+}
+
+async fn start(options: ServerOptions) -> Running {
+    let (tell, told) = oneshot::channel();
+    let server = tokio::spawn(async move {
+        serve(options, |addresses| tell.send(addresses).unwrap())
+            .await
+            .unwrap();
+    });
+    Running {
+        addresses: told.await.unwrap(),
+        server,
+    }
+}
+
+fn options() -> ServerOptions {
+    ServerOptions {
+        port: 0,
+        beacon: false,
+        ..ServerOptions::default()
+    }
+}
+
+impl Running {
+    fn web(&self) -> SocketAddr {
+        self.addresses.web_api.unwrap()
+    }
+
+    /// One request on a connection of its own: status and body.
+    async fn request(&self, method: &str, path: &str, body: &Value) -> (u16, Value) {
+        self.try_request(method, path, body).await.unwrap()
+    }
+
+    /// The same; `None` if nobody answers.
+    async fn try_request(&self, method: &str, path: &str, body: &Value) -> Option<(u16, Value)> {
+        let mut stream = TcpStream::connect(self.web()).await.ok()?;
+        let body = if body.is_null() {
+            String::new()
+        } else {
+            body.to_string()
+        };
+        let request = format!(
+            "{method} {path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nAccept: application/json\r\n\
+             Content-Type: application/json\r\nContent-Length: {}\r\n\r\n{body}",
+            body.len()
+        );
+        stream.write_all(request.as_bytes()).await.ok()?;
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).await.ok()?;
+        let (head, body) = answer.split_once("\r\n\r\n")?;
+        let status = head.split(' ').nth(1).unwrap().parse().unwrap();
+        Some((status, serde_json::from_str(body).unwrap()))
+    }
+
+    async fn get(&self, path: &str) -> Value {
+        let (status, body) = self.request("GET", path, &Value::Null).await;
+        assert_eq!(status, 200, "{path}: {body}");
+        body["data"].clone()
+    }
+
+    async fn record(&self, list: &str, name: &str) -> Value {
+        let found = self
+            .get(&format!("/api/v3/{list}?filter[name]={name}"))
+            .await;
+        assert_eq!(found.as_array().unwrap().len(), 1, "{name}: {found}");
+        found[0].clone()
+    }
+
+    async fn id(&self, list: &str, name: &str) -> u64 {
+        self.record(list, name).await["id"].as_u64().unwrap()
+    }
+
+    async fn value(&self, name: &str) -> Value {
+        let id = self.id("datarefs", name).await;
+        self.get(&format!("/api/v3/datarefs/{id}/value")).await
+    }
+}
+
+/// Makes a flight wrong.
+type Change = fn(&mut Value);
+
+fn flight() -> Value {
+    json!({ "data": {
+        "aircraft": { "path": "Aircraft/Laminar Research/Boeing 737-800/b738.acf" },
+        "lle_air_start": {
+            "latitude": 1.2, "longitude": 103.9, "elevation_in_meters": 762.001, "heading_true": 23.02,
+            "speed_in_meters_per_second": 80.001, "pitch_in_degrees": 2.5,
+        },
+        "gmt_time": { "day_of_year": 79, "time_in_24_hours": 22.5 },
+        "weather": {
+            "definition": {
+                "latitude_in_degrees": 1.2, "longitude_in_degrees": 103.9, "elevation_in_meters": 0.001,
+                "visibility_in_kilometers": 8.04672, "altimeter_setting_in_hpa": 1009.5, "precipitation_ratio": 0.5,
+                "clouds": [{
+                    "type": "cumulunimbus", "cover_ratio": 0.75, "bases_in_feet_msl": 2000.001, "tops_in_feet_msl": 30000.001,
+                }],
+                "wind": [{ "altitude_in_feet_msl": 0.001, "speed_in_knots": 10.001, "direction_in_degrees_true": 340.001 }],
+            },
+            "vertical_speed_in_thermal_in_feet_per_minute": 0.001, "wave_height_in_meters": 0.5,
+            "wave_direction_in_degrees": 270.001, "terrain_state": "dry",
+            "variation_across_region_percentage": 0.001, "evolution_over_time_enum": "static",
+        },
+    }})
+}
+
+#[tokio::test]
+async fn the_list_is_empty_until_a_flight_is_loaded_and_the_flight_has_place_time_and_weather() {
+    let running = start(ServerOptions {
+        flight_loaded: false,
+        ..options()
+    })
+    .await;
+    let (_, capabilities) = running
+        .request("GET", "/api/capabilities", &Value::Null)
+        .await;
+    assert_eq!(capabilities["api"]["versions"], json!(["v1", "v2", "v3"]));
+    assert_eq!(capabilities["x-plane"]["version"], "12.4.0");
+    assert_eq!(running.get("/api/v1/datarefs").await, json!([]));
+    assert_eq!(running.get("/api/v1/datarefs/count").await, json!(0));
+
+    let (status, body) = running.request("POST", "/api/v3/flight", &flight()).await;
+    assert_eq!((status, body), (200, json!({ "error_code": "success" })));
+    let count = running.get("/api/v2/datarefs/count").await;
+    assert!(count.as_u64().unwrap() > 50, "{count}");
+    assert_eq!(running.value("sim/time/local_date_days").await, json!(79));
+    let zulu_s = running
+        .value("sim/time/zulu_time_sec")
+        .await
+        .as_f64()
+        .unwrap();
+    assert!((81_000.0..81_030.0).contains(&zulu_s), "{zulu_s}");
+    let visibility = running
+        .value("sim/weather/region/visibility_reported_sm")
+        .await;
+    assert!(
+        (visibility.as_f64().unwrap() - 5.0).abs() < 1e-4,
+        "{visibility}"
+    );
+    let cover = running
+        .value("sim/weather/region/cloud_coverage_percent")
+        .await;
+    assert_eq!(cover, json!([0.75, 0.0, 0.0]));
+
+    // The same world over UDP: the aircraft is there, and flies once it has stopped standing still.
+    let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    udp.connect(running.addresses.udp).await.unwrap();
+    let ask = ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 20 });
+    udp.send(&ask.encode().unwrap()).await.unwrap();
+    let mut buffer = [0; 128];
+    let flying = async {
+        loop {
+            let length = udp.recv(&mut buffer).await.unwrap();
+            assert_eq!(length, 69);
+            let Ok(FromSimulator::Position(position)) = FromSimulator::decode(&buffer[..length])
+            else {
+                panic!("no position");
+            };
+            if position.velocity_south_mps < -70.0 {
+                return position;
+            }
+        }
+    };
+    let position = timeout(Duration::from_secs(20), flying).await.unwrap();
+    assert!((position.longitude_deg - 103.9).abs() < 0.05);
+    assert!((position.elevation_msl_m - 762.0).abs() < 5.0);
+    assert_ne!(position.roll_rate_rad_s, 0.0);
+}
+
+#[tokio::test]
+async fn a_flight_that_is_wrong_is_refused_and_a_whole_number_for_a_float_is_silently_ignored() {
+    let running = start(options()).await;
+    let latitude = running.value("sim/flightmodel/position/latitude").await;
+    let changed = |change: Change| {
+        let mut flight = flight();
+        change(&mut flight["data"]);
+        flight
+    };
+    let cases: [(Change, &str); 5] = [
+        (
+            |data| {
+                let weather = data["weather"].as_object_mut().unwrap();
+                weather.remove("wave_height_in_meters");
+            },
+            "wave_height_in_meters",
+        ),
+        (
+            |data| {
+                data["runway_start"] = json!({ "airport_id": "WSSS", "runway": "02L" });
+            },
+            "more than one start",
+        ),
+        (
+            |data| {
+                data.as_object_mut().unwrap().remove("aircraft");
+            },
+            "needs an aircraft",
+        ),
+        (
+            |data| {
+                data.as_object_mut().unwrap().remove("lle_air_start");
+                data["runway_start"] = json!({ "airport_id": "KBOS", "runway": "22L" });
+            },
+            "KBOS",
+        ),
+        (|data| data["wether"] = json!({}), "wether"),
+    ];
+    for (change, words) in cases {
+        let (status, body) = running
+            .request("POST", "/api/v3/flight", &changed(change))
+            .await;
+        assert_eq!(status, 400, "{words}: {body}");
+        assert!(
+            body["error_message"].as_str().unwrap().contains(words),
+            "{body}"
+        );
+    }
+    // The documented trap.
+    let whole = changed(|data| data["lle_air_start"]["elevation_in_meters"] = json!(762));
+    let (status, body) = running.request("POST", "/api/v3/flight", &whole).await;
+    assert_eq!((status, body), (200, json!({ "error_code": "success" })));
+    assert_eq!(
+        running.value("sim/flightmodel/position/latitude").await,
+        latitude
+    );
+
+    let update = json!({ "data": { "gmt_time": { "day_of_year": 10, "time_in_24_hours": 1.5 } } });
+    let (status, _) = running.request("PATCH", "/api/v3/flight", &update).await;
+    assert_eq!(status, 200);
+    assert_eq!(running.value("sim/time/local_date_days").await, json!(10));
+    let (status, _) = running.request("PATCH", "/api/v3/flight", &flight()).await;
+    assert_eq!(status, 400, "an update that moves the aircraft");
+    let (status, _) = running.request("POST", "/api/v2/flight", &flight()).await;
+    assert_eq!(status, 404, "flights came with v3");
+}
+
+#[tokio::test]
+async fn datarefs_are_listed_read_and_written_with_and_without_index_and_commands_done() {
+    let running = start(options()).await;
+    let latitude = running
+        .record("datarefs", "sim/flightmodel/position/latitude")
+        .await;
+    assert_eq!(latitude["value_type"], "double");
+    assert_eq!(latitude["is_writable"], false);
+    let names = running
+        .get("/api/v3/datarefs?fields=name&start=1&limit=2")
+        .await;
+    assert_eq!(names.as_array().unwrap().len(), 2);
+    assert_eq!(names[0].as_object().unwrap().len(), 1, "{names}");
+
+    let id = latitude["id"].as_u64().unwrap();
+    let value = format!("/api/v3/datarefs/{id}/value");
+    let (status, body) = running
+        .request("PATCH", &value, &json!({ "data": 50.0 }))
+        .await;
+    assert_eq!(
+        (status, body["error_code"].as_str()),
+        (403, Some("dataref_is_readonly"))
+    );
+
+    let clouds = "sim/weather/region/cloud_base_msl_m";
+    let id = running.id("datarefs", clouds).await;
+    let element = format!("/api/v3/datarefs/{id}/value?index=1");
+    let (status, body) = running
+        .request("PATCH", &element, &json!({ "data": 600.5 }))
+        .await;
+    assert_eq!((status, body), (200, Value::Null));
+    assert_eq!(running.get(&element).await, json!(600.5));
+    let whole = format!("/api/v3/datarefs/{id}/value");
+    assert_eq!(running.get(&whole).await, json!([0.0, 600.5, 0.0]));
+    running
+        .request("PATCH", &whole, &json!({ "data": [1.0, 2.0, 3.0] }))
+        .await;
+    assert_eq!(running.get(&whole).await, json!([1.0, 2.0, 3.0]));
+    let (status, _) = running
+        .request("PATCH", &whole, &json!({ "data": 7.0 }))
+        .await;
+    assert_eq!(status, 400, "a list set like a number");
+
+    // A text, in base 64.
+    let file = running.value("sim/aircraft/view/acf_relative_path").await;
+    assert_eq!(file, "QWlyY3JhZnQvU3RhbmQtaW4vYWlybGluZXIuYWNm");
+
+    let id = running.id("commands", "sim/operation/pause_on").await;
+    let activate = format!("/api/v3/command/{id}/activate");
+    let (status, body) = running
+        .request("POST", &activate, &json!({ "duration": 0.0 }))
+        .await;
+    assert_eq!((status, body), (200, Value::Null));
+    assert_eq!(running.value("sim/time/paused").await, json!(1));
+    let (status, _) = running
+        .request("GET", "/api/v1/commands", &Value::Null)
+        .await;
+    assert_eq!(status, 404, "commands came with v2");
+}
+
+#[tokio::test]
+async fn with_incoming_traffic_off_everything_is_refused_and_eleven_has_no_web_api() {
+    let deaf = start(ServerOptions {
+        incoming: false,
+        ..options()
+    })
+    .await;
+    for path in ["/api/capabilities", "/api/v2/datarefs"] {
+        let (status, _) = deaf.request("GET", path, &Value::Null).await;
+        assert_eq!(status, 403, "{path}");
+    }
+    let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+    udp.connect(deaf.addresses.udp).await.unwrap();
+    let ask = ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 50 });
+    udp.send(&ask.encode().unwrap()).await.unwrap();
+    let answer = timeout(Duration::from_millis(300), udp.recv(&mut [0; 128])).await;
+    assert!(answer.is_err(), "an answer over UDP");
+
+    let eleven = start(ServerOptions {
+        generation: Generation::XPlane11,
+        ..options()
+    })
+    .await;
+    assert_eq!(eleven.addresses.web_api, None);
+}
+
+#[tokio::test]
+async fn numbers_of_datarefs_do_not_survive_a_restart_and_neither_do_connections() {
+    let running = start(ServerOptions {
+        faults: "restart=3:0.3".parse().unwrap(),
+        ..options()
+    })
+    .await;
+    let name = "sim/time/zulu_time_sec";
+    let id = running.id("datarefs", name).await;
+    let mut socket = connect(&running).await;
+    let closed = timeout(Duration::from_secs(10), async {
+        while let Some(Ok(_)) = socket.next().await {}
+    });
+    assert!(closed.await.is_ok(), "the WebSocket survived");
+    let count = "/api/v3/datarefs/count";
+    let back = timeout(Duration::from_secs(10), async {
+        while running
+            .try_request("GET", count, &Value::Null)
+            .await
+            .is_none()
+        {
+            sleep(Duration::from_millis(50)).await;
+        }
+    });
+    back.await.unwrap();
+    assert_ne!(running.id("datarefs", name).await, id);
+    let old = format!("/api/v3/datarefs/{id}/value");
+    let (status, body) = running.request("GET", &old, &Value::Null).await;
+    assert_eq!(
+        (status, body["error_code"].as_str()),
+        (404, Some("invalid_dataref_id"))
+    );
+}
+
+async fn connect(running: &Running) -> WebSocketStream<TcpStream> {
+    let stream = TcpStream::connect(running.web()).await.unwrap();
+    let (socket, _) = client_async("ws://localhost/api/v3", stream).await.unwrap();
+    socket
+}
+
+async fn send(socket: &mut WebSocketStream<TcpStream>, message: &Value) {
+    socket
+        .send(Message::Text(message.to_string().into()))
+        .await
+        .unwrap();
+}
+
+/// The next message of a type.
+async fn receive(socket: &mut WebSocketStream<TcpStream>, kind: &str) -> Value {
+    let found = timeout(Duration::from_secs(10), async {
+        loop {
+            let message = socket.next().await.unwrap().unwrap();
+            let value: Value = serde_json::from_str(message.to_text().unwrap()).unwrap();
+            if value["type"] == kind {
+                return value;
+            }
+        }
+    });
+    found.await.unwrap()
+}
+
+#[tokio::test]
+async fn a_websocket_subscribes_sets_commands_and_hears_what_changes() {
+    let running = start(options()).await;
+    let clouds = running
+        .id("datarefs", "sim/weather/region/cloud_base_msl_m")
+        .await;
+    let paused = running.id("datarefs", "sim/time/paused").await;
+    let pause = running.id("commands", "sim/operation/pause_on").await;
+    let mut socket = connect(&running).await;
+
+    send(
+        &mut socket,
+        &json!({ "req_id": 1, "type": "dataref_subscribe_values", "params": {
+            "datarefs": [{ "id": clouds, "index": [2, 0] }, { "id": paused }],
+        }}),
+    )
+    .await;
+    let result = receive(&mut socket, "result").await;
+    assert_eq!(
+        (&result["req_id"], &result["success"]),
+        (&json!(1), &json!(true))
+    );
+    let update = receive(&mut socket, "dataref_update_values").await;
+    assert_eq!(update["data"][clouds.to_string()], json!([0.0, 0.0]));
+    assert_eq!(update["data"][paused.to_string()], json!(0));
+
+    send(
+        &mut socket,
+        &json!({ "req_id": 2, "type": "dataref_set_values", "params": {
+            "datarefs": [{ "id": clouds, "index": 2, "value": 900.5 }],
+        }}),
+    )
+    .await;
+    let update = receive(&mut socket, "dataref_update_values").await;
+    // In the order of the numbers, and only what has changed.
+    assert_eq!(update["data"], json!({ clouds.to_string(): [0.0, 900.5] }));
+
+    send(
+        &mut socket,
+        &json!({ "req_id": 3, "type": "command_subscribe_is_active", "params": {
+            "commands": [{ "id": pause }],
+        }}),
+    )
+    .await;
+    let update = receive(&mut socket, "command_update_is_active").await;
+    assert_eq!(update["data"], json!({ pause.to_string(): false }));
+    send(
+        &mut socket,
+        &json!({ "req_id": 4, "type": "command_set_is_active", "params": {
+            "commands": [{ "id": pause, "is_active": true }],
+        }}),
+    )
+    .await;
+    let update = receive(&mut socket, "dataref_update_values").await;
+    assert_eq!(update["data"], json!({ paused.to_string(): 1 }));
+    let update = receive(&mut socket, "command_update_is_active").await;
+    assert_eq!(update["data"], json!({ pause.to_string(): true }));
+
+    send(&mut socket, &json!({ "req_id": 5, "type": "dataref_unsubscribe_values", "params": { "datarefs": "all" } })).await;
+    assert_eq!(receive(&mut socket, "result").await["success"], json!(true));
+    send(&mut socket, &json!({ "req_id": 6, "type": "dataref_subscribe_values", "params": { "datarefs": [{ "id": 3 }] } })).await;
+    let refusal = receive(&mut socket, "result").await;
+    assert_eq!(refusal["success"], json!(false));
+    assert_eq!(refusal["error_code"], "invalid_dataref_id");
+}

@@ -1,0 +1,75 @@
+//! Ctrl-C and SIGTERM: what a person, a scheduler or a container's end says to a run that shall stop.
+//!
+//! A verb that can stop in good order lends its switch to [`in_good_order`]; the first signal turns it. Without a switch, and at
+//! the second signal, the process ends at once with the exit code for "try again": everything that `dtd` writes is written so
+//! that an end at any moment does no harm.
+
+use std::io;
+use std::process;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+
+use generator::generate::Cancel;
+use tokio::runtime::Builder;
+use tokio::signal::unix::{SignalKind, signal};
+
+use crate::failure::TRY_AGAIN;
+
+/// The switch of the verb that is at work, if it has one.
+static SWITCH: Mutex<Option<Cancel>> = Mutex::new(None);
+
+fn switch() -> MutexGuard<'static, Option<Cancel>> {
+    SWITCH.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Takes over Ctrl-C and SIGTERM for the rest of the process.
+pub(crate) fn watch() -> io::Result<()> {
+    let runtime = Builder::new_current_thread().enable_io().build()?;
+    // Before the thread runs, so that not even a signal that comes at once has its usual effect.
+    let (mut interrupt, mut terminate) = {
+        let _inside = runtime.enter();
+        (
+            signal(SignalKind::interrupt())?,
+            signal(SignalKind::terminate())?,
+        )
+    };
+    thread::Builder::new()
+        .name("signals".into())
+        .spawn(move || {
+            runtime.block_on(async {
+                loop {
+                    tokio::select! {
+                        _ = interrupt.recv() => {}
+                        _ = terminate.recv() => {}
+                    }
+                    react();
+                }
+            });
+        })?;
+    Ok(())
+}
+
+fn react() {
+    match switch().take() {
+        Some(cancel) => {
+            eprintln!("stopping in good order; a second signal ends at once");
+            cancel.cancel();
+        }
+        None => {
+            eprintln!("interrupted: run the same command again");
+            process::exit(TRY_AGAIN.into());
+        }
+    }
+}
+
+/// As long as the returned value lives, the first signal turns `cancel`.
+pub(crate) fn in_good_order(cancel: &Cancel) -> impl Drop {
+    struct Lent;
+    impl Drop for Lent {
+        fn drop(&mut self) {
+            switch().take();
+        }
+    }
+    *switch() = Some(cancel.clone());
+    Lent
+}

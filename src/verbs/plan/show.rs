@@ -1,0 +1,188 @@
+//! A plan as a person reads it.
+
+use std::collections::BTreeMap;
+
+use generator::plan::{Estimate, PlannedScenario, Standing};
+
+use super::{Compared, Report};
+use crate::verbs::output::print_table;
+
+/// More rows than these nobody reads: then conditions are shown instead of scenarios.
+const MOST_ROWS: usize = 200;
+/// So many changed or removed scenarios are listed.
+const MOST_DIFFERENCES: usize = 10;
+
+impl Report<'_> {
+    /// Prints the plan: rows, then totals, then the difference.
+    pub(super) fn show(&self, all: bool) {
+        if all || self.plan.scenarios.len() <= MOST_ROWS {
+            self.show_scenarios();
+        } else {
+            self.show_conditions();
+        }
+        println!();
+        self.show_totals();
+        if let Some(compared) = self.compared {
+            self.show_difference(compared);
+        }
+    }
+
+    fn show_scenarios(&self) {
+        let mut heading = vec![
+            "scenario",
+            "time",
+            "weather",
+            "flight",
+            "from NM",
+            "visibility km",
+            "ticks",
+        ];
+        if self.compared.is_some() {
+            heading.push("standing");
+        }
+        let scenarios = self.plan.scenarios.iter().enumerate();
+        let rows: Vec<Vec<String>> = scenarios
+            .map(|(index, scenario)| {
+                let mut row = self.row(scenario);
+                if let Some(compared) = self.compared {
+                    row.push(in_words(compared.against.standings[index]).into());
+                }
+                row
+            })
+            .collect();
+        print_table(&heading, &rows);
+    }
+
+    fn row(&self, scenario: &PlannedScenario) -> Vec<String> {
+        let parameters = &scenario.parameters;
+        let start_nm = parameters.start_dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+        let visibility_km = parameters.conditions.weather.visibility_m / 1_000.0;
+        vec![
+            scenario.id.clone(),
+            scenario.time_of_day.clone(),
+            scenario.weather.clone(),
+            flight(scenario).to_owned(),
+            format!("{start_nm:.2}"),
+            format!("{visibility_km:.1}"),
+            scenario.ticks.to_string(),
+        ]
+    }
+
+    fn show_conditions(&self) {
+        let mut conditions: BTreeMap<[&str; 3], (usize, u64)> = BTreeMap::new();
+        for scenario in &self.plan.scenarios {
+            let key = [
+                scenario.time_of_day.as_str(),
+                scenario.weather.as_str(),
+                flight(scenario),
+            ];
+            let (count, ticks) = conditions.entry(key).or_default();
+            *count += 1;
+            *ticks += u64::from(scenario.ticks);
+        }
+        let hidden = conditions.len().saturating_sub(MOST_ROWS);
+        let rows: Vec<Vec<String>> = conditions
+            .into_iter()
+            .take(MOST_ROWS)
+            .map(|([time, weather, flight], (count, ticks))| {
+                let [time, weather, flight] = [time, weather, flight].map(str::to_owned);
+                vec![time, weather, flight, count.to_string(), ticks.to_string()]
+            })
+            .collect();
+        print_table(&["time", "weather", "flight", "scenarios", "ticks"], &rows);
+        if hidden > 0 {
+            println!("and {hidden} conditions more");
+        }
+        println!("--all shows every scenario");
+    }
+
+    fn show_totals(&self) {
+        let plan = self.plan;
+        let scenarios = plan.scenarios.len();
+        let live = plan.scenarios.iter().filter(|s| s.flight == "live").count();
+        println!("plan      {} of {}", plan.plan_hash, plan.corpus);
+        println!(
+            "holds     {scenarios} scenarios ({live} live, {} recorded)",
+            scenarios - live
+        );
+        let common = &plan.common;
+        let estimate = &self.estimate;
+        println!(
+            "flight    {:.1} h: {} ticks at {} a second, {} cameras, {} pictures",
+            estimate.flight_h,
+            estimate.ticks,
+            common.picture.frame_rate,
+            common.cameras.len(),
+            estimate.pictures
+        );
+        show_cost("making", estimate);
+        println!("size      {} ({})", size(estimate), estimate.bytes_basis);
+    }
+
+    fn show_difference(&self, compared: &Compared) {
+        let against = &compared.against;
+        println!();
+        println!("against   {}", compared.corpus.root().display());
+        for (standing, note) in [
+            (Standing::Whole, "whole already"),
+            (Standing::ToMake, "planned there, not yet made"),
+            (Standing::New, "new"),
+            (Standing::Changed, "changed"),
+        ] {
+            let count = against.standing(self.plan, standing).count();
+            println!("          {count:>6} {note}");
+        }
+        let (changed, removed) = (&against.difference.changed, &against.difference.removed);
+        println!("          {:>6} removed", removed.len());
+        if let Some(left) = &self.left {
+            show_cost("left", left);
+            println!("          {} to write", size(left));
+        }
+        for change in changed.iter().take(MOST_DIFFERENCES) {
+            println!("changed   {}: {}", change.id, change.what);
+        }
+        for id in removed.iter().take(MOST_DIFFERENCES) {
+            println!("removed   {id}");
+        }
+        let hidden = changed.len().saturating_sub(MOST_DIFFERENCES)
+            + removed.len().saturating_sub(MOST_DIFFERENCES);
+        if hidden > 0 {
+            println!("          and {hidden} more; --json lists them all");
+        }
+        if !(changed.is_empty() && removed.is_empty()) {
+            println!(
+                "A corpus only grows: `dtd generate` refuses this sweep there. Use another folder for it, or give what is new a name of its own."
+            );
+        }
+    }
+}
+
+fn flight(scenario: &PlannedScenario) -> &str {
+    match &scenario.parameters.live {
+        Some(live) => &live.profile_name,
+        None => &scenario.flight,
+    }
+}
+
+fn in_words(standing: Standing) -> &'static str {
+    match standing {
+        Standing::Whole => "whole",
+        Standing::ToMake => "to make",
+        Standing::New => "new",
+        Standing::Changed => "changed",
+    }
+}
+
+fn show_cost(name: &str, estimate: &Estimate) {
+    println!(
+        "{name:<9} {:.1} h ({})",
+        estimate.making_h, estimate.making_basis
+    );
+}
+
+fn size(estimate: &Estimate) -> String {
+    match estimate.bytes {
+        Some(bytes) => format!("{:.1} GB", bytes as f64 / 1e9),
+        None => "unknown".into(),
+    }
+}

@@ -1,0 +1,294 @@
+//! Clients that other people wrote for X-Plane, unmodified, against `dtd mock-xplane` as a process.
+//!
+//! What they were written against is X-Plane itself: where the stand-in differs, they fail. The Python ones are in
+//! `tests/clients/` and run in the environment that `scripts/setup.sh` makes for them.
+
+use std::io::{BufRead, BufReader};
+use std::net::{Ipv4Addr, UdpSocket};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+use mock_xplane::server::Addresses;
+use tokio::sync::Mutex;
+use tokio::time::{Instant, timeout_at};
+use xpudpc::{Beacon, PlacementConfig, Pose, Response, SituationOp, StartType, XPlaneClient};
+
+/// Clients listen to the beacon's port in ways that exclude each other.
+static BEACON_PORT: Mutex<()> = Mutex::const_new(());
+
+/// As X-Plane listens. These clients join the beacon's group on the default interface, which a simulator that is bound to the
+/// loopback interface does not reach.
+const EVERYWHERE: [&str; 2] = ["--bind", "0.0.0.0"];
+
+/// How long anything may take on a busy computer.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+struct StandIn {
+    process: Child,
+    addresses: Addresses,
+}
+
+impl Drop for StandIn {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn stand_in(options: &[&str]) -> StandIn {
+    let mut process = Command::new(env!("CARGO_BIN_EXE_dtd"))
+        .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
+        .args(options)
+        // Without one the capture link is not opened to everybody.
+        .env("DTD_LINK_TOKEN", "clients")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    let stdout = process.stdout.take().unwrap();
+    BufReader::new(stdout).read_line(&mut line).unwrap();
+    let mut addresses: Addresses = serde_json::from_str(&line).unwrap();
+    addresses.udp.set_ip(Ipv4Addr::LOCALHOST.into());
+    StandIn { process, addresses }
+}
+
+/// Python with the clients, and whether it is new enough (3.12) for those that ask for it.
+fn python() -> (&'static str, bool) {
+    const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/.venv-clients/bin/python");
+    assert!(
+        Path::new(PYTHON).exists(),
+        "{PYTHON} is missing: run scripts/setup.sh"
+    );
+    let new_enough = Command::new(PYTHON)
+        .args(["-c", "import sys; sys.exit(sys.version_info < (3, 12))"])
+        .status()
+        .unwrap();
+    (PYTHON, new_enough.success())
+}
+
+fn run(python: &str, script: &str, arguments: &[String]) {
+    let script = format!("{}/tests/clients/{script}", env!("CARGO_MANIFEST_DIR"));
+    let output = Command::new(python)
+        .arg(script)
+        .args(arguments)
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(
+        output.status.success() && said.trim_end().ends_with("ok"),
+        "{said}\n{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+}
+
+#[test]
+fn pyxpudpserver_discovers_subscribes_reads_writes_commands_and_takes_the_data_output() {
+    let _alone = BEACON_PORT.blocking_lock();
+    let (python, _) = python();
+    // A port that is free now. The client wants to be told one.
+    let data_to = UdpSocket::bind("127.0.0.1:0")
+        .unwrap()
+        .local_addr()
+        .unwrap();
+    let name = format!("tower-{}", std::process::id());
+    let data_to_option = data_to.to_string();
+    let options = ["--beacon-name", &name, "--data-to", &data_to_option];
+    let stand_in = stand_in(&[&EVERYWHERE[..], &options].concat());
+    run(
+        python,
+        "pyxpudpserver_client.py",
+        &[
+            stand_in.addresses.udp.port().to_string(),
+            name,
+            data_to.port().to_string(),
+        ],
+    );
+}
+
+#[test]
+fn pyxpudp_subscribes_reads_writes_and_commands() {
+    let (python, new_enough) = python();
+    if !new_enough {
+        eprintln!("skipped: pyXPUDP wants Python 3.12, and scripts/setup.sh found none");
+        return;
+    }
+    let stand_in = stand_in(&["--no-beacon"]);
+    let port = stand_in.addresses.udp.port().to_string();
+    run(python, "pyxpudp_client.py", &[port]);
+}
+
+#[test]
+fn xpwebapi_discovers_and_speaks_udp_rest_and_websocket() {
+    let (python, new_enough) = python();
+    if !new_enough {
+        eprintln!("skipped: xpwebapi wants Python 3.12, and scripts/setup.sh found none");
+        return;
+    }
+    let _alone = BEACON_PORT.blocking_lock();
+    let stand_in = stand_in(&EVERYWHERE);
+    let web_api = stand_in.addresses.web_api.unwrap();
+    let ports = [stand_in.addresses.udp.port(), web_api.port()].map(|port| port.to_string());
+    run(python, "xpwebapi_client.py", &ports);
+}
+
+/// Receives until `wanted` finds what it looks for.
+async fn receive<T>(
+    client: &XPlaneClient,
+    what: &str,
+    mut wanted: impl FnMut(Response) -> Option<T>,
+) -> T {
+    let end = Instant::now() + PATIENCE;
+    loop {
+        let response = timeout_at(end, client.recv())
+            .await
+            .unwrap_or_else(|_| panic!("{what} did not come"))
+            .unwrap();
+        if let Some(found) = wanted(response) {
+            return found;
+        }
+    }
+}
+
+async fn value(client: &XPlaneClient, wanted: f32) {
+    receive(
+        client,
+        &format!("the value {wanted}"),
+        |response| match response {
+            Response::DatarefValues(values) => {
+                values.iter().any(|v| v.value == wanted).then_some(())
+            }
+            _ => None,
+        },
+    )
+    .await;
+}
+
+#[tokio::test]
+async fn xpudpc_discovers_the_stand_in_with_and_without_a_name() {
+    let _alone = BEACON_PORT.lock().await;
+    for options in [&[][..], &["--beacon-nameless"], &["--xplane", "11"]] {
+        let stand_in = stand_in(&[&EVERYWHERE[..], options].concat());
+        let end = Instant::now() + PATIENCE;
+        // Other simulators may run on this computer.
+        let beacon = loop {
+            let beacon = timeout_at(end, Beacon::find(None)).await.unwrap().unwrap();
+            if beacon.port == stand_in.addresses.udp.port() {
+                break beacon;
+            }
+        };
+        let version = if options.contains(&"11") {
+            115_501
+        } else {
+            120_400
+        };
+        assert_eq!(beacon.version_number, version);
+        let client = XPlaneClient::connect((beacon.ip, beacon.port))
+            .await
+            .unwrap();
+        client
+            .subscribe_dataref(20, 1, "sim/version/xplane_internal_version")
+            .await
+            .unwrap();
+        value(&client, version as f32).await;
+    }
+}
+
+#[tokio::test]
+async fn xpudpc_subscribes_reads_writes_commands_and_moves_the_aircraft() {
+    let stand_in = stand_in(&["--no-beacon"]);
+    let client = XPlaneClient::connect(stand_in.addresses.udp).await.unwrap();
+    let frequency = "sim/cockpit/radios/nav1_freq_hz";
+    client.subscribe_dataref(20, 7, frequency).await.unwrap();
+    value(&client, 11_030.0).await;
+    client.set_dataref(frequency, 11_090.0).await.unwrap();
+    value(&client, 11_090.0).await;
+    client.unsubscribe_dataref(7).await.unwrap();
+    client
+        .subscribe_dataref(20, 8, "sim/time/paused")
+        .await
+        .unwrap();
+    client.send_command("sim/operation/pause_on").await.unwrap();
+    value(&client, 1.0).await;
+    client
+        .send_command("sim/operation/pause_off")
+        .await
+        .unwrap();
+    value(&client, 0.0).await;
+    client.unsubscribe_dataref(8).await.unwrap();
+
+    // Everything that moves the aircraft shows in its position.
+    client.request_position(30).await.unwrap();
+    let latitude = async |client: &XPlaneClient, wanted: f64| {
+        receive(
+            client,
+            &format!("latitude {wanted}"),
+            |response| match response {
+                Response::Position(position) => {
+                    ((position.latitude - wanted).abs() < 1e-9).then_some(position)
+                }
+                _ => None,
+            },
+        )
+        .await
+    };
+    let pose = |lat: f64| Pose {
+        lat,
+        lon: 103.9,
+        ele: 762.0,
+        heading: 23.0,
+        pitch: 5.25,
+        roll: -0.5,
+    };
+    client.drive_visuals(0, pose(1.25)).await.unwrap();
+    let position = latitude(&client, 1.25).await;
+    assert_eq!((position.pitch, position.roll), (5.25, -0.5));
+    assert_eq!(position.elevation, 762.0);
+    client.move_aircraft(0, pose(1.26)).await.unwrap();
+    latitude(&client, 1.26).await;
+    client
+        .situation(SituationOp::SaveSituation, "here.sit")
+        .await
+        .unwrap();
+    client.drive_visuals(0, pose(1.27)).await.unwrap();
+    latitude(&client, 1.27).await;
+    client
+        .situation(SituationOp::LoadSituation, "here.sit")
+        .await
+        .unwrap();
+    latitude(&client, 1.26).await;
+    client
+        .load_aircraft(0, "Aircraft/other.acf", 0)
+        .await
+        .unwrap();
+    client.alert("a", "b", "c", "d").await.unwrap();
+
+    // A flight that begins flies, and its rates are not zero.
+    let start = PlacementConfig {
+        start_type: StartType::SpecifyLatLonEle,
+        latitude: 1.1,
+        longitude: 103.9,
+        elevation: 762.0,
+        heading: 23.0,
+        speed: 80.0,
+        ..PlacementConfig::default()
+    };
+    client.place_aircraft(&start).await.unwrap();
+    receive(&client, "a flying aircraft", |response| match response {
+        Response::Position(position) => {
+            let flies = position.speed_south < -70.0 && position.latitude > 1.1;
+            (flies && position.roll_rate != 0.0 && position.roll_rate.abs() < 0.1).then_some(())
+        }
+        _ => None,
+    })
+    .await;
+
+    // The stream of positions may be stopped from another socket.
+    let other = XPlaneClient::connect(stand_in.addresses.udp).await.unwrap();
+    other.stop_position().await.unwrap();
+    tokio::time::sleep(Duration::from_millis(200)).await;
+    while client.recv_timeout(Duration::from_millis(20)).await.is_ok() {}
+    let silence = client.recv_timeout(Duration::from_millis(300)).await;
+    assert!(silence.is_err(), "positions after their end");
+}

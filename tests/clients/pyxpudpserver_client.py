@@ -1,0 +1,52 @@
+"""Drives the stand-in with `pyxpudpserver`, unmodified. Arguments: UDP port, name in the beacon, port for the data output.
+
+The client sends `0` as the fifth byte, pads paths with spaces, appends [0] to scalars, opens a socket per dataref, sends
+commands without a NUL, and knows that the simulator lives by the name in its beacon.
+"""
+
+import sys
+import time
+
+from pyxpudpserver import pyXPUDPServer as client
+
+PAUSED = "sim/time/paused"
+FREQUENCY = "sim/cockpit/radios/nav1_freq_hz"
+
+
+def wait_until(what, condition, seconds=15.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            sys.exit(f"{what} did not come within {seconds} s")
+        time.sleep(0.02)
+
+
+udp_port, beacon_name, data_port = int(sys.argv[1]), sys.argv[2], int(sys.argv[3])
+client.initialiseUDP(("127.0.0.1", data_port), ("127.0.0.1", udp_port), beacon_name)
+client.start()
+try:
+    # Discover: another simulator's beacon must not count.
+    wait_until("the beacon", lambda: client.XPalive)
+
+    # Subscribe and read.
+    client.requestXPDref("sim/version/xplane_internal_version")
+    client.requestXPDref(FREQUENCY)
+    client.requestXPDref(PAUSED)
+    version = lambda: client.getData("sim/version/xplane_internal_version")
+    wait_until("the version", lambda: version() == 120400.0)
+    wait_until("a frequency", lambda: client.getData(FREQUENCY) == 11030.0)
+
+    # Write; the client makes nav1_freq_hz[0] of it.
+    client.sendXPDref(FREQUENCY, 0, 11090)
+    wait_until("the written frequency", lambda: client.getData(FREQUENCY) == 11090.0)
+
+    # Command.
+    client.sendXPCmd("sim/operation/pause_on")
+    wait_until("the pause", lambda: client.getData(PAUSED) == 1.0)
+
+    # Data output: row 17 is pitch, roll, true heading; row 20 begins with latitude and longitude.
+    wait_until("the data output", lambda: abs(client.getData((17, 2)) - 23.02) < 0.01)
+    wait_until("latitude", lambda: abs(client.getData((20, 0)) - 1.349) < 0.001)
+finally:
+    client.quit()
+print("ok")

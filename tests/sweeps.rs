@@ -1,0 +1,354 @@
+//! Sweeps as their authors meet them: what is wrong with one is said by the command with file, line and column, and the schema that editors
+//! and checkers read says the same as far as a schema can.
+
+use std::fmt::Write;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+/// A sound sweep; the cases change a line of it.
+const SOUND: &str = r#"#:schema ./sweep.schema.json
+[corpus]
+name = "small"
+seed = 0
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "pair"
+
+[grid]
+times = ["06:00", { from = "10:00", to = "12:00", every_min = 60 }]
+weathers = ["clear", "foggy"]
+repeats = 2
+day_of_year = 172
+utc_offset_h = 8
+
+[picture]
+width_px = 96
+height_px = 64
+frame_rate = "1/2"
+
+[video]
+crf = 12
+
+[start]
+dtd_nm = { mean = 10.0, sd = 0.05 }
+speed_mps = { mean = 80, sd = 5, min = 72, max = 88 }
+cross_track_m = { one_of = [-40, 0, 40] }
+profiles = ["step-down", "mine"]
+
+[split]
+train = 0.6
+validation = 0.1
+test = 0.3
+
+[[exclude]]
+times = ["06:00"]
+weathers = ["foggy"]
+
+[[include]]
+times = ["20:00"]
+weathers = ["foggy"]
+repeats = [1]
+
+[[recorded]]
+files = "flights/*_ils.csv"
+times = ["12:00"]
+
+[weather.clear]
+visibility_m = { min = 30000, max = 80000 }
+
+[weather.foggy]
+visibility_m = 9260
+clouds = [{ kind = "stratus", cover_ratio = 0.9, base_msl_m = 300, top_msl_m = 900 }]
+rain_ratio = 0.1
+wind_speed_mps = 3
+wind_from_true_deg = 60
+turbulence_ratio = 0.1
+
+[profile.mine]
+kind = "glide_path"
+level_altitude_msl_m = 914.4
+
+[[rig.pair.cameras]]
+id = "left"
+beyond_touchdown_m = 1500
+right_m = -300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+
+[[rig.pair.cameras]]
+id = "right"
+beyond_threshold_m = 1840
+right_m = 300
+height_m = 10
+heading_true_deg = 208
+pitch_deg = 1.6
+hfov_deg = 10
+
+[airport.WSSS.runway.02L]
+touchdown_past_threshold_m = 617.7
+"#;
+
+/// Who can find a fault: a schema knows forms and ranges of numbers; names, files and sums only the command knows.
+#[derive(PartialEq)]
+enum By {
+    Schema,
+    CommandOnly,
+}
+use By::{CommandOnly, Schema};
+
+/// What stands in the sound sweep, what is written instead, what the message has to point at (the first place of these words in the
+/// changed sweep), words that have to be in it, and who finds it.
+type Case = (&'static str, &'static str, &'static str, &'static str, By);
+
+#[rustfmt::skip]
+const CASES: &[Case] = &[
+    // Form.
+    ("[corpus]", "[corpus", "\nname", "expected", Schema),
+    ("seed = 0", "seed = 0\ncolour = 1", "colour", "unknown field `colour`", Schema),
+    ("seed = 0", "seed = -1", "-1", "expected u64", Schema),
+    ("seed = 0", "seed = \"zero\"", "\"zero\"", "expected u64", Schema),
+    ("name = \"small\"\n", "", "[corpus]", "missing field `name`", Schema),
+    ("name = \"small\"", "name = \"\"", "\"\"", "name is empty", Schema),
+    ("seed = 0", "seed = 0\nseed = 1", "seed = 1", "duplicate key", Schema),
+    // Approach.
+    ("\"WSSS\"", "\"XXXX\"", "\"XXXX\"", "airport \"XXXX\" is not known; known are WSSS 02L", CommandOnly),
+    ("\"02L\"", "\"20C\"", "\"20C\"", "runway \"20C\" of WSSS is not known", CommandOnly),
+    ("B737-800", "A380", "\"A380\"", "known are B737-800", Schema),
+    ("rig = \"pair\"", "rig = \"trio\"", "\"trio\"", "defined are pair, seed, wide-baseline", CommandOnly),
+    // Grid.
+    ("\"06:00\", {", "\"24:00\", {", "\"24:00\"", "expected HH:MM", Schema),
+    ("\"06:00\", {", "\"11:00\", {", "{ from", "11:00 is listed twice", CommandOnly),
+    ("to = \"12:00\"", "to = \"09:00\"", "\"09:00\"", "09:00 is before 10:00", CommandOnly),
+    ("every_min = 60", "every_min = 0", "0 }]", "expected 1 to 1439 minutes", Schema),
+    ("every_min = 60", "every_minute = 60", "every_minute", "unknown field `every_minute`", Schema),
+    ("[\"clear\", \"foggy\"]", "[\"clear\", \"fogy\"]", "\"fogy\"", "defined are clear, foggy; add a table [weather.fogy]", CommandOnly),
+    ("[\"clear\", \"foggy\"]", "[\"foggy\", \"foggy\"]", "\"foggy\"]\nrepeats", "foggy is listed twice", Schema),
+    ("[\"clear\", \"foggy\"]", "[]", "grid]", "the grid is empty", Schema),
+    ("repeats = 2", "repeats = 0", "grid]", "the grid is empty", Schema),
+    ("repeats = 2", "repeats = 999999", "999999", "at most 1000000", CommandOnly),
+    ("repeats = 2", "repeats = 2\nprofiles = [\"mine\"]", "[\"step-down\"", "either grid.profiles", CommandOnly),
+    ("repeats = 2", "repeats = 2\nprofiles = [\"dive\"]", "\"dive\"", "profile \"dive\" is not defined", CommandOnly),
+    ("day_of_year = 172", "day_of_year = 400", "400", "from 1 to 365", Schema),
+    ("utc_offset_h = 8", "utc_offset_h = 80", "80\n\n[picture]", "from -12 to 14", Schema),
+    ("times = [\"06:00\"]\n", "times = [\"07:00\"]\n", "\"07:00\"", "there is no time 07:00 in the sweep; there are 06:00", CommandOnly),
+    ("times = [\"06:00\"]\nweathers = [\"foggy\"]\n", "", "exclude]]", "every combination", Schema),
+    ("times = [\"20:00\"]\nweathers = [\"foggy\"]", "times = [\"12:00\"]", "[[include]]", "includes nothing", CommandOnly),
+    ("repeats = [1]", "repeats = [0]", "0]\n\n[[recorded", "0 is no repeat", Schema),
+    // Picture and video.
+    ("width_px = 96", "width_px = 97", "97", "even number", Schema),
+    ("width_px = 96", "width_px = 0", "0\nheight", "from 64 to 8192", Schema),
+    ("\"1/2\"", "-30", "-30", "expected frames per second", Schema),
+    ("\"1/2\"", "\"30/0\"", "\"30/0\"", "expected frames per second", Schema),
+    ("\"1/2\"", "500", "500", "at most 240", Schema),
+    ("crf = 12", "crf = 99", "99", "expected 0 (best) to 51", Schema),
+    ("crf = 12", "preset = \"warp\"", "\"warp\"", "superfast", Schema),
+    // Start.
+    ("sd = 0.05", "sd = -1", "{ mean = 10.0", "sd >= 0", Schema),
+    ("sd = 0.05", "sd = 5", "dtd_nm", "can give -20 to 40, which is out of range", CommandOnly),
+    ("mean = 10.0", "mean = 200.0", "dtd_nm", "nautical miles from 0.5 to 40", Schema),
+    ("min = 72, max = 88", "min = 82, max = 88", "{ mean = 80", "min <= mean <= max", CommandOnly),
+    ("one_of = [-40, 0, 40]", "one_of = []", "{ one_of", "at least one value", Schema),
+    ("one_of = [-40, 0, 40]", "one_of = [-40, 0, 9000]", "cross_track_m", "from -5000 to 5000", Schema),
+    ("\"mine\"]", "\"dive\"]", "\"dive\"", "profile \"dive\" is not defined", CommandOnly),
+    ("test = 0.3", "test = 0.5", "split]", "add up to 1.2", CommandOnly),
+    ("test = 0.3\n", "", "[split]", "missing field", Schema),
+    // Weather.
+    ("visibility_m = 9260", "visibility_m = 3", "3\nclouds", "from 50 to 200000", Schema),
+    ("visibility_m = 9260", "visibility_m = 9260\nsnow = 1", "snow", "unknown field `snow`", Schema),
+    ("min = 30000", "min = 90000", "{ min = 90000", "min <= max", CommandOnly),
+    ("cover_ratio = 0.9", "cover_ratio = 9", "9, base", "from 0 to 1", Schema),
+    ("top_msl_m = 900", "top_msl_m = 200", "200 }", "above the base", CommandOnly),
+    ("\"stratus\"", "\"fluffy\"", "\"fluffy\"", "unknown variant `fluffy`", Schema),
+    ("wind_from_true_deg = 60", "wind_from_true_deg = 361", "361", "from 0 to 360", Schema),
+    ("turbulence_ratio = 0.1", "turbulence_ratio = 1.1", "1.1", "from 0 to 1", Schema),
+    ("[weather.foggy]", "[weather.\"fog gy\"]", "\"fog gy\"", "letters, digits", Schema),
+    // Profiles, rigs, airports, recordings.
+    ("level_altitude_msl_m = 914.4", "level_altitude_msl_m = 20", "20\n\n[[rig", "above the runway", CommandOnly),
+    ("kind = \"glide_path\"", "kind = \"loop\"", "\"loop\"", "unknown variant `loop`", Schema),
+    ("id = \"left\"", "id = \"le/ft\"", "\"le/ft\"", "letters, digits", Schema),
+    ("id = \"left\"", "id = \"right\"", "\"right\"\nbeyond_threshold", "two cameras", CommandOnly),
+    ("beyond_touchdown_m = 1500\n", "", "[[rig.pair", "either beyond_touchdown_m or beyond_threshold_m", Schema),
+    ("inward_deg = 5.3", "inward_deg = 5.3\nheading_true_deg = 200", "[[rig.pair", "either inward_deg or heading_true_deg", Schema),
+    ("hfov_deg = 10\n\n[[rig", "hfov_deg = 0\n\n[[rig", "0\n\n[[rig", "field of view", Schema),
+    ("touchdown_past_threshold_m = 617.7", "touchdown_past_threshold_m = -1", "-1", "from 0 to 3000", Schema),
+    ("[airport.WSSS", "[airport.WSSS.runway.20C]\ncourse_true_deg = 400\n\n[airport.WSSS", "400", "from 0 to 360", Schema),
+    ("*_ils.csv", "*_lost.csv", "\"flights", "no file matches", CommandOnly),
+    ("*_ils.csv", "README.md", "\"flights", "README.md", CommandOnly),
+    ("times = [\"12:00\"]\n\n[weather", "times = [\"12:00\"]\nweathers = [\"hail\"]\n\n[weather", "\"hail\"", "there is no weather hail", CommandOnly),
+];
+
+fn repository() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+fn dtd(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_dtd"))
+        .args(arguments)
+        .current_dir(repository())
+        .output()
+        .unwrap()
+}
+
+/// Runs a program of the virtual environment that `scripts/setup.sh` makes.
+fn judge(program: &str, folder: &Path, arguments: &[&str]) -> Output {
+    let path = repository().join(".venv/bin").join(program);
+    Command::new(&path)
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .unwrap_or_else(|e| panic!("{}: {e}; run scripts/setup.sh", path.display()))
+}
+
+fn said(output: &Output) -> String {
+    let [out, err] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+    format!("{out}{err}")
+}
+
+/// A folder with the schema, the recorded flights, `sound.toml` and a file per case.
+fn sweeps() -> (tempfile::TempDir, Vec<(PathBuf, String)>) {
+    let folder = tempfile::tempdir().unwrap();
+    let flights = folder.path().join("flights");
+    fs::create_dir(&flights).unwrap();
+    for name in ["01_calm_ils.csv", "README.md"] {
+        let from = repository().join("tests/data/flights").join(name);
+        fs::copy(from, flights.join(name)).unwrap();
+    }
+    let schema = repository().join("schema/sweep.schema.json");
+    fs::copy(schema, folder.path().join("sweep.schema.json")).unwrap();
+    fs::write(folder.path().join("sound.toml"), SOUND).unwrap();
+    let mut files = Vec::new();
+    for (number, (from, to, ..)) in CASES.iter().enumerate() {
+        assert!(SOUND.contains(from), "the sound sweep has no {from:?}");
+        let text = SOUND.replacen(from, to, 1);
+        let path = folder.path().join(format!("bad{number:02}.toml"));
+        fs::write(&path, &text).unwrap();
+        files.push((path, text));
+    }
+    (folder, files)
+}
+
+fn line_and_column(text: &str, words: &str) -> (usize, usize) {
+    let offset = text.find(words).unwrap_or_else(|| panic!("{words:?}"));
+    let before = &text[..offset];
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    let line = before.matches('\n').count() + 1;
+    (line, text[line_start..offset].chars().count() + 1)
+}
+
+#[test]
+fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
+    let (folder, files) = sweeps();
+    let sound = folder.path().join("sound.toml");
+    let output = dtd(&["plan", sound.to_str().unwrap()]);
+    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    let mut wrong = String::new();
+    for ((path, text), (_, to, place, words, _)) in files.iter().zip(CASES) {
+        let output = dtd(&["plan", path.to_str().unwrap()]);
+        let message = said(&output);
+        let (line, column) = line_and_column(text, place);
+        let start = format!("error: {}:{line}:{column}: ", path.display());
+        let good = output.status.code() == Some(2)
+            && message.starts_with(&start)
+            && message.contains(words)
+            && message.trim_end().lines().count() == 1;
+        if !good {
+            let code = output.status.code();
+            writeln!(wrong, "{to:?}: expected {line}:{column} and {words:?}, exit 2; found exit {code:?}: {message}").unwrap();
+        }
+    }
+    assert!(wrong.is_empty(), "\n{wrong}");
+    assert!(CASES.len() >= 20);
+}
+
+#[test]
+fn the_committed_schema_is_what_the_command_prints() {
+    let output = dtd(&["schema"]);
+    assert!(output.status.success());
+    let committed = fs::read(repository().join("schema/sweep.schema.json")).unwrap();
+    assert!(
+        output.stdout == committed,
+        "schema/sweep.schema.json is old: run `dtd schema > schema/sweep.schema.json`"
+    );
+}
+
+const OURS: [&str; 5] = [
+    "scenarios.toml",
+    "demo.toml",
+    "detector.toml",
+    "tests/data/chain.toml",
+    "tests/data/recorded.toml",
+];
+
+#[test]
+fn taplo_accepts_our_sweeps_and_refuses_what_a_schema_can_refuse() {
+    let output = judge("taplo", repository(), &[&["check"], &OURS[..]].concat());
+    assert!(output.status.success(), "{}", said(&output));
+    for ours in OURS {
+        let text = fs::read_to_string(repository().join(ours)).unwrap();
+        assert!(
+            text.starts_with("#:schema ./") || text.starts_with("#:schema ../"),
+            "{ours}"
+        );
+    }
+    let (folder, files) = sweeps();
+    let output = judge("taplo", folder.path(), &["check", "sound.toml"]);
+    assert!(output.status.success(), "{}", said(&output));
+    for ((path, _), (_, to, _, _, by)) in files.iter().zip(CASES) {
+        let output = judge("taplo", folder.path(), &["check", path.to_str().unwrap()]);
+        assert_eq!(
+            output.status.success(),
+            *by == CommandOnly,
+            "{to:?}: {}",
+            said(&output)
+        );
+    }
+}
+
+#[test]
+fn check_jsonschema_agrees_with_taplo() {
+    let schema = repository().join("schema/sweep.schema.json");
+    let meta = ["--check-metaschema", schema.to_str().unwrap()];
+    let output = judge("check-jsonschema", repository(), &meta);
+    assert!(output.status.success(), "{}", said(&output));
+
+    let (folder, files) = sweeps();
+    let mut arguments = vec![
+        "--schemafile",
+        schema.to_str().unwrap(),
+        "--output-format",
+        "json",
+        "sound.toml",
+    ];
+    arguments.extend(
+        files
+            .iter()
+            .map(|(path, _)| path.file_name().unwrap().to_str().unwrap()),
+    );
+    let output = judge("check-jsonschema", folder.path(), &arguments);
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let refused: Vec<&str> = ["errors", "parse_errors"]
+        .iter()
+        .flat_map(|kind| report[kind].as_array().into_iter().flatten())
+        .filter_map(|error| error["filename"].as_str())
+        .collect();
+    assert!(!refused.contains(&"sound.toml"), "{report:#}");
+    for ((path, _), (_, to, _, _, by)) in files.iter().zip(CASES) {
+        let name = path.file_name().unwrap().to_str().unwrap();
+        assert_eq!(refused.contains(&name), *by == Schema, "{to:?}");
+    }
+
+    let ours: Vec<&str> = ["--schemafile", schema.to_str().unwrap()]
+        .into_iter()
+        .chain(OURS)
+        .collect();
+    let output = judge("check-jsonschema", repository(), &ours);
+    assert!(output.status.success(), "{}", said(&output));
+}

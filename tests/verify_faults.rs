@@ -1,0 +1,639 @@
+//! `dtd verify` against every fault that it promises to find, in a corpus that the stand-in recorded. A fault that its hash would give
+//! away is injected a second time with the seal made anew, so that what was recorded has to give it away.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+use dataset::columns::{Table, TableWriter};
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::frames::Frames;
+use dataset::json_file::{read_json, write_json};
+use dataset::scenario::ScenarioRecord;
+use dataset::seal::seal_folder;
+use dataset::verify::{Finding, VerifyReport, verify};
+use dataset::video::{VideoReader, VideoSettings, VideoWriter};
+use serde_json::Value;
+
+/// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog.
+const SWEEP: &str = r#"
+[corpus]
+name = "faults"
+seed = 0
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "pair"
+
+[grid]
+times = ["12:00"]
+weathers = ["clear", "foggy"]
+repeats = 1
+day_of_year = 172
+utc_offset_h = 8
+
+[picture]
+width_px = 384
+height_px = 256
+frame_rate = "2"
+
+[start]
+dtd_nm = 2.4
+cross_track_m = { mean = 0, sd = 20 }
+speed_mps = 72
+
+[[recorded]]
+files = "flights/01_calm_ils.csv"
+
+[weather.clear]
+visibility_m = 80000
+wind_speed_mps = 2
+wind_from_true_deg = 20
+
+[weather.foggy]
+visibility_m = 5000
+
+[[rig.pair.cameras]]
+id = "left"
+beyond_touchdown_m = 1500
+right_m = -300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+
+[[rig.pair.cameras]]
+id = "right"
+beyond_touchdown_m = 1500
+right_m = 300
+height_m = 10
+inward_deg = 5.3
+pitch_deg = 1.6
+hfov_deg = 10
+"#;
+const CLEAR: &str = "1200-clear-r1";
+const FOGGY: &str = "1200-foggy-r1";
+/// A tick in which the aircraft is near enough to be seen moving: one before the end of the recording by so many.
+const FROM_THE_END: usize = 30;
+
+fn dtd(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_dtd"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// The sound corpus, made once per run of the tests.
+fn sound() -> &'static Path {
+    static CORPUS: OnceLock<tempfile::TempDir> = OnceLock::new();
+    let folder = CORPUS.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let sweep = folder.path().join("sweep.toml");
+        fs::write(&sweep, SWEEP).unwrap();
+        fs::create_dir(folder.path().join("flights")).unwrap();
+        let flight = "01_calm_ils.csv";
+        let flights = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flights");
+        fs::copy(
+            flights.join(flight),
+            folder.path().join("flights").join(flight),
+        )
+        .unwrap();
+        let corpus = folder.path().join("corpus");
+        for arguments in [
+            &["generate", text(&sweep), "--out", text(&corpus)][..],
+            &["label", text(&corpus)][..],
+        ] {
+            let output = dtd(arguments);
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(output.status.success(), "{arguments:?}: {said}");
+        }
+        folder
+    });
+    Box::leak(folder.path().join("corpus").into_boxed_path())
+}
+
+/// A copy of the sound corpus to be damaged.
+struct Copy {
+    _folder: tempfile::TempDir,
+    corpus: Corpus,
+}
+
+impl Copy {
+    fn new() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        copy_tree(sound(), folder.path());
+        let corpus = Corpus::open(folder.path()).unwrap();
+        Self {
+            _folder: folder,
+            corpus,
+        }
+    }
+
+    fn clear(&self) -> ScenarioFolder {
+        self.corpus.scenario(CLEAR)
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.clear().root().join(name)
+    }
+
+    /// Seals the damaged scenario, as somebody would who trusts hashes alone.
+    fn seal(&self) {
+        let seal = self.clear().seal().unwrap().unwrap();
+        seal_folder(self.clear().root(), &seal.config_hash).unwrap();
+    }
+
+    /// Labels the scenario again, which seals it too.
+    fn label(&self) {
+        self.seal();
+        let outcome = labeller::label_corpus(&self.corpus, &|_| {}).unwrap();
+        assert_eq!(outcome.labelled, [CLEAR], "{outcome:?}");
+    }
+
+    fn findings(&self) -> Vec<Finding> {
+        verify(&self.corpus).findings
+    }
+
+    fn change_record(&self, change: impl FnOnce(&mut ScenarioRecord)) {
+        let mut record = self.clear().record().unwrap();
+        change(&mut record);
+        record.write(&self.clear().record_path()).unwrap();
+    }
+
+    fn change_frames(&self, change: impl FnOnce(&mut Frames)) {
+        let mut frames = self.clear().frames().unwrap();
+        change(&mut frames);
+        frames.write(&self.clear().frames_path()).unwrap();
+    }
+
+    /// Decodes a video, changes its pictures, and encodes them again.
+    fn change_pictures(&self, view: &str, change: impl FnOnce(&mut Vec<Vec<u8>>)) {
+        let path = self.clear().video_path(view);
+        let mut reader = VideoReader::open(&path).unwrap();
+        let (width_px, height_px) = (reader.width(), reader.height());
+        let mut pictures = Vec::new();
+        let mut rgb = Vec::new();
+        while reader.next_frame(&mut rgb).unwrap().is_some() {
+            pictures.push(rgb.clone());
+        }
+        change(&mut pictures);
+        let rate = self.clear().record().unwrap().frame_rate;
+        let settings = VideoSettings::default();
+        let mut writer = VideoWriter::create(&path, &settings, width_px, height_px, rate).unwrap();
+        for picture in &pictures {
+            writer.write(picture).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+}
+
+fn copy_tree(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let path = entry.unwrap().path();
+        let target = to.join(path.file_name().unwrap());
+        if path.is_dir() {
+            copy_tree(&path, &target);
+        } else {
+            fs::copy(&path, &target).unwrap();
+        }
+    }
+}
+
+fn listed(findings: &[Finding]) -> String {
+    findings
+        .iter()
+        .map(|finding| format!("{finding}\n"))
+        .collect()
+}
+
+/// That a fault of the clear scenario is found in this file, row and view, in these words.
+fn assert_found(
+    findings: &[Finding],
+    file: &str,
+    row: Option<u64>,
+    view: Option<&str>,
+    words: &str,
+) {
+    let found = findings.iter().any(|finding| {
+        finding.scenario.as_deref() == Some(CLEAR)
+            && finding.file == file
+            && finding.row == row
+            && finding.view.as_deref() == view
+            && finding.message.contains(words)
+    });
+    assert!(
+        found,
+        "expected {file} row {row:?} view {view:?} {words:?} in:\n{}",
+        listed(findings)
+    );
+    assert_only_the_clear_one(findings);
+}
+
+fn assert_only_the_clear_one(findings: &[Finding]) {
+    for finding in findings {
+        assert_ne!(finding.scenario.as_deref(), Some(FOGGY), "{finding}");
+    }
+}
+
+fn flip_a_byte(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn a_sound_corpus_has_no_findings_and_its_pictures_prove_that_views_and_tables_are_in_step() {
+    let report: VerifyReport = verify(&Corpus::open(sound()).unwrap());
+    assert_eq!(listed(&report.findings), "");
+    assert_eq!(
+        (report.scenarios, report.labelled, report.views.len()),
+        (2, 2, 4)
+    );
+    assert_eq!(report.missing, Vec::<String>::new());
+    println!("{:#?}", report.views);
+    for proof in report.views.iter().filter(|proof| proof.scenario == CLEAR) {
+        assert!(proof.clear_boxes > 30, "{proof:?}");
+        assert!(
+            proof.filled_boxes * 10 >= proof.clear_boxes * 9,
+            "{proof:?}"
+        );
+        assert!(proof.offset_px.unwrap() < 3.0, "{proof:?}");
+        assert!(proof.lag_ticks.unwrap().abs() < 0.3, "{proof:?}");
+        assert!(proof.lag_error_ticks.unwrap() < 0.25, "{proof:?}");
+    }
+}
+
+#[test]
+fn the_command_lists_faults_as_text_and_as_json_and_fails() {
+    let sound_one = dtd(&["verify", text(sound()), "--complete"]);
+    let said = String::from_utf8_lossy(&sound_one.stdout);
+    assert_eq!(sound_one.status.code(), Some(0), "{said}");
+    assert!(said.contains(": 0 faults"), "{said}");
+
+    let copy = Copy::new();
+    flip_a_byte(&copy.path("calibration.json"));
+    fs::remove_dir_all(copy.corpus.scenario(FOGGY).root()).unwrap();
+    let output = dtd(&["verify", text(copy.corpus.root()), "--quick"]);
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("calibration.json is not what was sealed"));
+    assert!(said.contains("1 planned scenario is missing"), "{said}");
+
+    let arguments = ["verify", text(copy.corpus.root()), "--complete", "--json"];
+    let output = dtd(&arguments);
+    assert_eq!(output.status.code(), Some(1));
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let of = |id: &str| {
+        let findings = report["findings"].as_array().unwrap().iter();
+        findings.filter(|finding| finding["scenario"] == id).count()
+    };
+    assert_eq!(of(FOGGY), 1, "{report}");
+    assert!(of(CLEAR) >= 1);
+    assert_eq!(report["missing"], serde_json::json!([FOGGY]));
+}
+
+#[test]
+fn b3sum_finds_a_sound_scenario_sound_and_a_damaged_one_damaged() {
+    let judge = |folder: &Path| {
+        Command::new("b3sum")
+            .args(["--check", "MANIFEST.b3"])
+            .current_dir(folder)
+            .output()
+            .expect("b3sum is installed by scripts/setup.sh")
+    };
+    let copy = Copy::new();
+    let sound = judge(copy.clear().root());
+    let said = String::from_utf8_lossy(&sound.stdout);
+    assert!(sound.status.success(), "{said}");
+    assert_eq!(said.matches(": OK").count(), said.lines().count(), "{said}");
+    for file in ["frames.parquet", "views/left.mp4", "boxes_truth.parquet"] {
+        assert!(said.contains(&format!("{file}: OK")), "{said}");
+    }
+    flip_a_byte(&copy.path("views/left.mp4"));
+    let damaged = judge(copy.clear().root());
+    let said = String::from_utf8_lossy(&damaged.stdout);
+    assert!(!damaged.status.success(), "{said}");
+    assert!(said.contains("views/left.mp4: FAILED"), "{said}");
+}
+
+#[test]
+fn a_flipped_byte_is_found_in_every_file() {
+    for file in [
+        "scenario.json",
+        "calibration.json",
+        "frames.parquet",
+        "boxes_truth.parquet",
+        "views/left.mp4",
+        "views/right.mp4",
+    ] {
+        let copy = Copy::new();
+        flip_a_byte(&copy.path(file));
+        let words = format!("{file} is not what was sealed");
+        assert_found(&copy.findings(), "MANIFEST.b3", None, None, &words);
+    }
+}
+
+#[test]
+fn a_dropped_picture_is_found_by_the_number_and_if_that_is_right_by_what_the_pictures_show() {
+    let copy = Copy::new();
+    copy.change_pictures("left", |pictures| drop(pictures.remove(pictures.len() / 2)));
+    copy.seal();
+    let ticks = copy.clear().record().unwrap().ticks;
+    let words = format!("has {} pictures, but scenario.json says {ticks}", ticks - 1);
+    assert_found(
+        &copy.findings(),
+        "views/left.mp4",
+        None,
+        Some("left"),
+        &words,
+    );
+
+    let copy = Copy::new();
+    let mut dropped = 0;
+    copy.change_pictures("left", |pictures| {
+        dropped = pictures.len() / 2;
+        pictures.remove(dropped);
+        pictures.push(pictures.last().unwrap().clone());
+    });
+    copy.seal();
+    let findings = copy.findings();
+    let near = findings.iter().find(|finding| {
+        finding.file == "views/left.mp4"
+            && finding
+                .row
+                .is_some_and(|row| row.abs_diff(dropped as u64) <= 8)
+            && finding.message.contains("ticks later")
+    });
+    assert!(near.is_some(), "dropped {dropped}: {}", listed(&findings));
+    assert_only_the_clear_one(&findings);
+}
+
+#[test]
+fn a_doubled_picture_and_a_frozen_video_are_found_in_their_rows() {
+    let copy = Copy::new();
+    let mut doubled = 0;
+    copy.change_pictures("right", |pictures| {
+        doubled = pictures.len() - FROM_THE_END;
+        pictures[doubled] = pictures[doubled - 1].clone();
+    });
+    copy.seal();
+    assert_found(
+        &copy.findings(),
+        "views/right.mp4",
+        Some(doubled as u64),
+        Some("right"),
+        "frozen or doubled",
+    );
+
+    let copy = Copy::new();
+    let mut frozen = 0;
+    copy.change_pictures("right", |pictures| {
+        frozen = pictures.len() / 2;
+        let last = pictures[frozen].clone();
+        pictures[frozen..].fill(last);
+    });
+    copy.seal();
+    let findings = copy.findings();
+    assert!(
+        findings
+            .iter()
+            .any(|finding| finding.file == "views/right.mp4"
+                && finding
+                    .row
+                    .is_some_and(|row| row > frozen as u64 && row <= frozen as u64 + 4)
+                && finding.message.contains("frozen or doubled")),
+        "frozen from {frozen}: {}",
+        listed(&findings)
+    );
+}
+
+#[test]
+fn swapped_views_are_found_though_all_hashes_are_right() {
+    let copy = Copy::new();
+    let [left, right, aside] = ["left.mp4", "right.mp4", "aside.mp4"]
+        .map(|name| copy.clear().root().join("views").join(name));
+    fs::rename(&left, &aside).unwrap();
+    fs::rename(&right, &left).unwrap();
+    fs::rename(&aside, &right).unwrap();
+    let found = copy.findings();
+    let words = "views/left.mp4 is not what was sealed";
+    assert_found(&found, "MANIFEST.b3", None, None, words);
+    copy.seal();
+    let found = copy.findings();
+    for (view, other) in [("left", "right"), ("right", "left")] {
+        let words = format!("boxes of view {other}: are the views swapped?");
+        assert_found(
+            &found,
+            &format!("views/{view}.mp4"),
+            None,
+            Some(view),
+            &words,
+        );
+    }
+}
+
+#[test]
+fn a_pose_shifted_by_one_tick_is_found_even_if_all_tables_agree_on_it() {
+    let copy = Copy::new();
+    copy.change_frames(|frames| frames.rows[20].pose = frames.rows[21].pose);
+    copy.seal();
+    assert_found(
+        &copy.findings(),
+        "frames.parquet",
+        Some(20),
+        Some("left"),
+        "pose drawn is not the tick's",
+    );
+
+    // Every pose is that of the next tick, in step with velocities, echoes, labels and boxes: only the pictures know better.
+    let copy = Copy::new();
+    copy.change_frames(|frames| {
+        let rows = &mut frames.rows;
+        for row in 0..rows.len() - 1 {
+            let next = rows[row + 1].clone();
+            let this = &mut rows[row];
+            this.pose = next.pose;
+            this.velocity_ned_mps = next.velocity_ned_mps;
+            this.true_airspeed_mps = next.true_airspeed_mps;
+            this.controls = next.controls;
+            this.on_ground = next.on_ground;
+            for stamp in &mut this.views {
+                stamp.echoed_pose = next.pose;
+            }
+        }
+        // The last one is a straight continuation.
+        let [before, last] = [rows.len() - 2, rows.len() - 1];
+        let step = rows[before].pose;
+        let earlier = rows[before - 1].pose;
+        let last = &mut rows[last];
+        last.pose = step;
+        last.pose.latitude_deg += step.latitude_deg - earlier.latitude_deg;
+        last.pose.longitude_deg += step.longitude_deg - earlier.longitude_deg;
+        last.pose.altitude_msl_m += step.altitude_msl_m - earlier.altitude_msl_m;
+        for stamp in &mut last.views {
+            stamp.echoed_pose = last.pose;
+        }
+        rows.iter_mut().for_each(|row| row.labels = None);
+    });
+    fs::remove_file(copy.path("boxes_truth.parquet")).unwrap();
+    copy.label();
+    let findings = copy.findings();
+    for view in ["left", "right"] {
+        let file = format!("views/{view}.mp4");
+        let found = findings
+            .iter()
+            .find(|finding| finding.file == file && finding.message.contains("ticks earlier"));
+        assert!(found.is_some(), "{file}: {}", listed(&findings));
+    }
+    assert!(
+        findings
+            .iter()
+            .all(|finding| finding.file.starts_with("views/")),
+        "{}",
+        listed(&findings)
+    );
+}
+
+#[test]
+fn a_wrong_touchdown_is_found_even_if_labels_follow_it() {
+    let copy = Copy::new();
+    copy.change_record(|record| record.touchdown.latitude_deg += 0.001);
+    copy.label();
+    let words = "touchdown is 110.";
+    assert_found(&copy.findings(), "scenario.json", None, None, words);
+
+    // With a threshold that fits, only the plan knows better.
+    let copy = Copy::new();
+    copy.change_record(|record| {
+        record.runway.touchdown_past_threshold_m += 50.0;
+        record.touchdown = record.runway.touchdown_target();
+    });
+    copy.label();
+    let words = "runway was planned as";
+    assert_found(&copy.findings(), "scenario.json", None, None, words);
+}
+
+#[test]
+fn a_value_that_is_no_number_is_found_in_its_row() {
+    let copy = Copy::new();
+    copy.change_frames(|frames| frames.rows[7].pose.altitude_msl_m = f64::NAN);
+    copy.seal();
+    assert_found(
+        &copy.findings(),
+        "frames.parquet",
+        Some(7),
+        None,
+        "not a number: altitude_msl_m",
+    );
+}
+
+#[test]
+fn a_missing_column_is_named() {
+    let copy = Copy::new();
+    let path = copy.clear().frames_path();
+    let table = Table::read(&path).unwrap();
+    let mut without = TableWriter::new();
+    for name in table.column_names().filter(|name| *name != "pitch_deg") {
+        without = if let Ok(values) = table.optional_f64(name) {
+            without.optional_f64(name, values)
+        } else if let Ok(values) = table.i64(name) {
+            without.i64(name, values)
+        } else if let Ok(values) = table.u32(name) {
+            without.u32(name, values)
+        } else if let Ok(values) = table.u64(name) {
+            without.u64(name, values)
+        } else {
+            without.bool(name, table.bool(name).unwrap())
+        };
+    }
+    without.write(&path).unwrap();
+    copy.seal();
+    let words = "has no column pitch_deg";
+    assert_found(&copy.findings(), "frames.parquet", None, None, words);
+}
+
+#[test]
+fn a_truncated_video_is_found() {
+    let copy = Copy::new();
+    let path = copy.path("views/right.mp4");
+    let bytes = fs::read(&path).unwrap();
+    fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+    copy.seal();
+    assert_found(
+        &copy.findings(),
+        "views/right.mp4",
+        None,
+        Some("right"),
+        "cannot open it",
+    );
+}
+
+#[test]
+fn a_changed_scenario_record_is_found_by_its_hash_and_by_the_plan() {
+    let copy = Copy::new();
+    copy.change_record(|record| record.conditions.weather.wind_speed_mps = 7.0);
+    let words = "scenario.json is not what was sealed";
+    assert_found(&copy.findings(), "MANIFEST.b3", None, None, words);
+    copy.seal();
+    let words = "conditions was planned as";
+    assert_found(&copy.findings(), "scenario.json", None, None, words);
+}
+
+#[test]
+fn a_leaked_split_is_found() {
+    let copy = Copy::new();
+    let path = copy.corpus.splits_path();
+    let mut splits: Value = read_json(&path, "split").unwrap();
+    splits["scenarios"][CLEAR]["side"] = "train".into();
+    splits["scenarios"][FOGGY]["side"] = "test".into();
+    write_json(&path, &splits).unwrap();
+    let findings = copy.findings();
+    let found = findings
+        .iter()
+        .find(|finding| finding.file == "splits.json" && finding.message.contains("two sides"));
+    let message = &found.expect("the leak is found").message;
+    assert!(
+        message.contains(CLEAR) && message.contains(FOGGY),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_foreign_schema_version_is_found() {
+    for (version, words) in [(99, "has schema version 99"), (0, "schema version is 0")] {
+        let copy = Copy::new();
+        copy.change_record(|record| record.schema_version = version);
+        copy.seal();
+        assert_found(&copy.findings(), "scenario.json", None, None, words);
+    }
+}
+
+#[test]
+fn a_box_that_is_not_where_the_aircraft_is_is_found_in_its_row() {
+    let copy = Copy::new();
+    let path = copy.clear().truth_boxes_path();
+    let mut boxes = dataset::pixel_box::read_truth_boxes(&path).unwrap();
+    // In the middle of the flight, where the aircraft is whole in the picture.
+    let row = boxes.len() / 2;
+    assert_eq!(boxes[row].truncation, 0.0);
+    boxes[row].pixel_box.cy_px += 20.0;
+    dataset::pixel_box::write_truth_boxes(&path, &boxes).unwrap();
+    copy.seal();
+    let view = boxes[row].view.as_str();
+    assert_found(
+        &copy.findings(),
+        "boxes_truth.parquet",
+        Some(row as u64),
+        Some(view),
+        "is not around the aircraft's centre of gravity",
+    );
+}

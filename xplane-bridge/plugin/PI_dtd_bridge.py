@@ -1,0 +1,110 @@
+"""dtd bridge: serves the capture link of `dtd` inside X-Plane 11 (XPPython3 3.1) and 12 (XPPython3 4).
+
+Installed by ``dtd install-plugin``. Everything that thinks lies in ``dtd_bridge``; this file only connects it to X-Plane.
+Whatever goes wrong is written to XPPython3's log and told to the client; nothing is raised into X-Plane.
+"""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+try:
+    import xp  # XPPython3 4, X-Plane 12
+except ImportError:
+    from XPPython3 import xp  # XPPython3 3, X-Plane 11
+
+HERE = Path(__file__).resolve().parent
+if str(HERE) not in sys.path:
+    sys.path.insert(0, str(HERE))
+
+from dtd_bridge import NAME, VERSION  # noqa: E402
+from dtd_bridge import datarefs as names  # noqa: E402
+from dtd_bridge.bridge import Bridge  # noqa: E402
+from dtd_bridge.settings import read_settings  # noqa: E402
+
+EVERY_FRAME = -1.0
+
+
+class PythonInterface:
+    """What XPPython3 calls."""
+
+    def __init__(self) -> None:
+        self._bridge: Bridge | None = None
+        self._settle_s = 0.0
+        self._flight_loop: Any = None
+        self._accessors: list[Any] = []
+
+    def XPluginStart(self) -> tuple[str, str, str]:
+        """X-Plane has loaded the plugin: name, signature, description."""
+        try:
+            for name, read in (
+                (names.PUBLISHED_PORT, self._read_port),
+                (names.PUBLISHED_WEATHER_SETTLE_S, self._read_settle_s),
+            ):
+                accessor = xp.registerDataAccessor(
+                    name,
+                    dataType=xp.Type_Int | xp.Type_Float,
+                    writable=0,
+                    readInt=lambda refcon, read=read: int(read()),
+                    readFloat=lambda refcon, read=read: float(read()),
+                )
+                self._accessors.append(accessor)
+        except Exception:
+            self._log_failure("cannot publish its datarefs")
+        return f"{NAME} {VERSION}", "dtd.bridge", "Serves poses and pictures to dtd over the capture link"
+
+    def XPluginEnable(self) -> int:
+        """Begins to listen. A plugin that cannot is still enabled: its log says why, and its port reads 0."""
+        try:
+            settings = read_settings(HERE / "dtd_bridge.ini")
+            self._settle_s = settings.weather_settle_s
+            self._bridge = Bridge(xp, settings)
+            self._flight_loop = xp.createFlightLoop(self._on_frame, xp.FlightLoop_Phase_AfterFlightModel, None)
+            xp.scheduleFlightLoop(self._flight_loop, EVERY_FRAME)
+        except Exception:
+            self._log_failure("cannot serve the capture link")
+        return 1
+
+    def XPluginDisable(self) -> None:
+        """Gives everything back."""
+        try:
+            if self._flight_loop is not None:
+                xp.destroyFlightLoop(self._flight_loop)
+                self._flight_loop = None
+            if self._bridge is not None:
+                self._bridge.close()
+                self._bridge = None
+        except Exception:
+            self._log_failure("cannot stop cleanly")
+
+    def XPluginStop(self) -> None:
+        """X-Plane unloads the plugin."""
+        try:
+            while self._accessors:
+                xp.unregisterDataAccessor(self._accessors.pop())
+        except Exception:
+            self._log_failure("cannot withdraw its datarefs")
+
+    def XPluginReceiveMessage(self, _from_who: int, _message: int, _param: Any) -> None:
+        """Nothing is needed: scenery loads are seen by their dataref, and no local coordinate is kept."""
+
+    def _on_frame(self, _since_last: float, _since_loop: float, _counter: int, _refcon: Any) -> float:
+        try:
+            if self._bridge is not None:
+                self._bridge.step()
+        except Exception:
+            self._log_failure("failed in a frame")
+        return EVERY_FRAME
+
+    def _read_port(self) -> float:
+        return self._bridge.port if self._bridge is not None else 0
+
+    def _read_settle_s(self) -> float:
+        return self._settle_s
+
+    @staticmethod
+    def _log_failure(what: str) -> None:
+        xp.log(f"{NAME} {what}:\n{traceback.format_exc()}")

@@ -1,0 +1,17 @@
+"""X-Plane's end of the capture link (docs/capture-link.md), as an XPPython3 plugin.
+
+Which module answers which question:
+
+``wire``           bytes <-> messages; ``messages``: headers <-> typed requests. Neither knows X-Plane.
+``server``         sockets, in threads of their own. Nothing there calls ``xp``.
+``bridge``         one step per simulator frame, in X-Plane's main thread: takes requests, runs them, sends answers.
+``stage``          freezing, and the one callback that writes pose and camera of a tick; reads both back.
+``capture``        settle frames, the frame that counts, its pixels.
+``flight``         air start, flying by the autopilot, the log; ``approach``: what to dial when. ``approach`` is pure.
+``local_frame``    WGS-84 poses <-> X-Plane's local OpenGL coordinates. Pure, given the two conversions of ``xp``.
+``opengl``         the few OpenGL calls; ``check_pattern``: the picture that proves a screen grab.
+``datarefs``       typed access by name, and all names. ``settings``: the file beside the plugin.
+"""
+
+NAME = "dtd_bridge"
+VERSION = "0.1.0"

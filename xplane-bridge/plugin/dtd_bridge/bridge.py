@@ -1,0 +1,271 @@
+"""The bridge: one step per simulator frame, in X-Plane's main thread.
+
+Requests come from the sockets' threads through a queue, are run one after the other in their order, and answered. A request that takes
+frames is a generator; each step of the bridge lets it run to its next ``yield``.
+"""
+
+from __future__ import annotations
+
+import queue
+from collections import deque
+from typing import Any, Generator
+
+from . import NAME, VERSION, capture, flight, messages
+from . import datarefs as names
+from .capture import Answer
+from .datarefs import Datarefs
+from .local_frame import LocalFrame
+from .messages import Refusal
+from .pixels import Pixels
+from .server import Asked, Closed, Connection, LinkServer, Note, Opened
+from .settings import Settings
+from .stage import Stage
+from .wire import Header
+
+# Frames that the check pattern may take to be drawn, and a pause to take hold.
+FRAMES_LIMIT = 600
+
+Task = Generator[None, None, Answer]
+
+
+class Bridge:
+    """Everything between the sockets and X-Plane, from enabling to disabling."""
+
+    def __init__(self, xp: Any, settings: Settings, gl_library: Any = None) -> None:
+        self._xp = xp
+        self._settings = settings
+        self._datarefs = Datarefs(xp)
+        self._frame = LocalFrame(xp.worldToLocal, xp.localToWorld)
+        self._stage = Stage(xp, self._datarefs, self._frame)
+        self._pixels = Pixels(xp, self._datarefs, gl_library)
+        self._probe: Any = None
+        self._settle_frames = 1
+        self._client: Connection | None = None
+        self._waiting: deque[Asked] = deque()
+        self._task: Task | None = None
+        self._server = LinkServer(settings)
+        self._pixels.register()
+        xp.log(f"capture link on {settings.bind}, port {self._server.port}")
+
+    @property
+    def port(self) -> int:
+        """Where the link listens."""
+        return self._server.port
+
+    def close(self) -> None:
+        """Gives X-Plane everything back."""
+        self._server.close()
+        self._leave()
+        self._pixels.unregister()
+        if self._probe is not None:
+            self._xp.destroyProbe(self._probe)
+            self._probe = None
+
+    def step(self) -> None:
+        """One frame."""
+        self._take_events()
+        if self._task is None:
+            self._begin_next()
+        # A request that takes no frame must not keep the next one waiting for one; a pose written now is still drawn in this frame.
+        while self._task is not None:
+            answer = self._advance(self._task)
+            if answer is None:
+                return
+            self._task = None
+            self._send(answer)
+            self._take_events()
+            self._begin_next()
+
+    def _send(self, answer: Answer) -> None:
+        if self._client is None:
+            return
+        try:
+            self._client.answer(*answer)
+        except ValueError as error:
+            # JSON has no NaN: X-Plane gave us one.
+            self._client.answer(*_error(f"X-Plane has no sound numbers for this answer: {error}"))
+
+    def _take_events(self) -> None:
+        while True:
+            try:
+                event = self._server.events.get_nowait()
+            except queue.Empty:
+                return
+            if isinstance(event, Opened):
+                self._leave()
+                self._client = event.connection
+            elif isinstance(event, Asked):
+                self._waiting.append(event)
+            elif isinstance(event, Closed):
+                if event.connection is self._client:
+                    self._leave()
+            elif isinstance(event, Note):
+                self._xp.log(event.text)
+
+    def _leave(self) -> None:
+        """The client is gone: nothing of what it wanted is left."""
+        self._client = None
+        self._waiting.clear()
+        if self._task is not None:
+            self._task.close()
+            self._task = None
+        self._pixels.pattern_code = None
+        self._pixels.want_frame(False)
+        self._stage.release()
+
+    def _begin_next(self) -> None:
+        if self._waiting:
+            asked = self._waiting.popleft()
+            self._task = self._run(asked.header)
+
+    def _advance(self, task: Task) -> Answer | None:
+        """Runs a request on; its answer when it has one."""
+        try:
+            next(task)
+            return None
+        except StopIteration as ended:
+            return ended.value
+        except Refusal as refusal:
+            return _error(str(refusal))
+        except Exception as error:  # A mistake of ours must not take X-Plane along.
+            self._xp.log(f"a request failed: {error!r}")
+            return _error(f"the plugin failed: {error!r}")
+
+    def _run(self, header: Header) -> Task:
+        """A request as a generator, so that whatever it refuses is caught in one place."""
+        return (yield from self._task_of(header))
+
+    def _task_of(self, header: Header) -> Task:
+        message = header["message"]
+        if message == "hello":
+            self._xp.log(f"client {header.get('client')}")
+            return self._hello()
+        if message == "capture":
+            return self._capture(header)
+        if message == "fly":
+            self._stage.release()
+            return flight.fly(messages.fly(header), self._stage, self._datarefs, self._frame, self._xp)
+        if message == "freeze":
+            return self._freeze(header)
+        if message == "release":
+            self._leave_stage()
+            return _at_once({"message": "released"})
+        if message == "probe_terrain":
+            return self._probe_terrain(header)
+        if message == "check_pattern":
+            return self._check_pattern(header)
+        raise Refusal(f"the plugin knows no message {message!r}")
+
+    def _hello(self) -> Task:
+        pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
+        return _at_once(
+            {
+                "message": "hello",
+                "name": "X-Plane",
+                "version": self._version(),
+                "plugin": f"{NAME} {VERSION}",
+                "pixels": pixels,
+                "window": self._window(),
+            }
+        )
+
+    def _version(self) -> str:
+        """X-Plane's version as people write it: 11.55, 12.4.0."""
+        version = int(self._datarefs.get_or(names.VERSION, 0.0))
+        major, minor, patch = version // 10_000, version // 100 % 100, version % 100
+        return f"{major}.{minor}" if major < 12 else f"{major}.{minor}.{patch}"
+
+    def _window(self) -> dict[str, Any] | None:
+        """Where on the desktop X-Plane draws. A plugin learns that only for a full screen; a window must be found from outside."""
+        bounds: list[tuple[int, int, int, int]] = []
+        inside: list[tuple[int, int, int, int]] = []
+        self._xp.getAllMonitorBoundsGlobal(lambda _i, *edges: inside.append(edges[:4]), None)
+        self._xp.getAllMonitorBoundsOS(lambda _i, *edges: bounds.append(edges[:4]), None)
+        if len(inside) != 1 or len(bounds) != 1:
+            return None
+        left, top, right, bottom = bounds[0]
+        width, height = abs(right - left), abs(top - bottom)
+        across = abs(inside[0][2] - inside[0][0])
+        if not width or not height or not across:
+            return None
+        return {
+            "title": "X-System",
+            "x_px": left,
+            "y_px": min(top, bottom),
+            "width_px": width,
+            "height_px": height,
+            "scale": width / across,
+        }
+
+    def _freeze(self, header: Header) -> Task:
+        messages.runway(messages.part(header, "runway"))
+        self._settle_frames = messages.whole(header, "settle_frames", 1, 600)
+        self._stage.freeze()
+        for _ in range(FRAMES_LIMIT):
+            if self._stage.paused():
+                return {"message": "frozen"}, b""
+            yield
+        self._stage.release()
+        raise Refusal("X-Plane does not pause (sim/time/paused stays 0)")
+
+    def _capture(self, header: Header) -> Task:
+        request = messages.capture(header)
+        if not self._stage.frozen:
+            raise Refusal("a capture needs a frozen simulator: send freeze first")
+        if self._pixels.pattern_code is not None:
+            raise Refusal("the check pattern covers the window: take it away before capturing")
+        if not self._stage.paused():
+            raise Refusal("X-Plane was taken out of its pause while frozen: nothing stands still. Freeze again")
+        return (yield from capture.take(
+            request, self._stage, self._pixels, self._datarefs, self._settle_frames, self._xp
+        ))
+
+    def _check_pattern(self, header: Header) -> Task:
+        code = header.get("code")
+        if code is not None:
+            code = messages.whole(header, "code", 0, 2**32 - 1)
+        self._pixels.error = None
+        self._pixels.pattern_code, self._pixels.pattern_drawn_in = code, None
+        for _ in range(FRAMES_LIMIT):
+            cycle = self._xp.getCycleNumber()
+            yield
+            if self._pixels.error:
+                self._pixels.pattern_code = None
+                raise Refusal(self._pixels.error)
+            if code is None or self._pixels.pattern_drawn_in is not None:
+                drawn = cycle if code is None else self._pixels.pattern_drawn_in
+                return {"message": "check_pattern_shown", "sim_frame": drawn}, b""
+        self._pixels.pattern_code = None
+        raise Refusal("X-Plane called no draw callback: it cannot show the check pattern")
+
+    def _probe_terrain(self, header: Header) -> Task:
+        latitude, longitude = messages.place(header)
+        xp = self._xp
+        if self._probe is None:
+            self._probe = xp.createProbe(xp.ProbeY)
+        altitude = 0.0
+        # A probe looks along the local y axis, which leans away from the vertical with distance from the local origin: the second look
+        # starts where the first one landed and hits below the place itself.
+        for _ in range(2):
+            hit = xp.probeTerrainXYZ(self._probe, *xp.worldToLocal(latitude, longitude, altitude))
+            if hit.result != xp.ProbeHitTerrain:
+                raise Refusal(
+                    f"X-Plane has no ground loaded at latitude {latitude}, longitude {longitude}: "
+                    "move the aircraft there first"
+                )
+            _, _, altitude = xp.localToWorld(hit.locationX, hit.locationY, hit.locationZ)
+        return _at_once({"message": "terrain", "elevation_msl_m": altitude})
+
+    def _leave_stage(self) -> None:
+        self._pixels.pattern_code = None
+        self._stage.release()
+
+
+def _at_once(header: Header, payload: bytes = b"") -> Task:
+    """An answer that takes no frame."""
+    return (header, payload)
+    yield
+
+
+def _error(text: str) -> Answer:
+    return {"message": "error", "text": text}, b""

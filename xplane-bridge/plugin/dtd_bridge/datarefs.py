@@ -1,0 +1,130 @@
+"""Access to X-Plane's datarefs by name, whatever their type, and the names that the plugin uses."""
+
+from __future__ import annotations
+
+import re
+from typing import Any, Sequence
+
+from .messages import Refusal
+
+POSITION = "sim/flightmodel/position/"
+LOCAL_XYZ = (POSITION + "local_x", POSITION + "local_y", POSITION + "local_z")
+LOCAL_VELOCITY = (POSITION + "local_vx", POSITION + "local_vy", POSITION + "local_vz")
+ATTITUDE = (POSITION + "psi", POSITION + "theta", POSITION + "phi")
+ROTATION_RATES = (POSITION + "P", POSITION + "Q", POSITION + "R")
+QUATERNION = POSITION + "q"
+TRUE_AIRSPEED = POSITION + "true_airspeed"
+INDICATED_AIRSPEED = POSITION + "indicated_airspeed"
+ON_GROUND = "sim/flightmodel/failures/onground_any"
+HAS_CRASHED = "sim/flightmodel2/misc/has_crashed"
+
+OVERRIDE_FLIGHT_MODEL = "sim/operation/override/override_planepath[0]"
+PAUSED = "sim/time/paused"
+FRAME_PERIOD_S = "sim/operation/misc/frame_rate_period"
+SCENERY_LOADING = "sim/graphics/scenery/async_scenery_load_in_progress"
+
+VIEW = "sim/graphics/view/"
+VIEW_POSE = tuple(VIEW + name for name in ("view_x", "view_y", "view_z", "view_heading", "view_pitch", "view_roll"))
+FIELD_OF_VIEW = VIEW + "field_of_view_deg"
+WINDOW_SIZE = (VIEW + "window_width", VIEW + "window_height")
+MODERN_DRIVER = VIEW + "using_modern_driver"
+VERSION = "sim/version/xplane_internal_version"
+
+# Where flaps and gear are now, to be read; and what sets them at once or asks for them: X-Plane 12's first, then 11's.
+FLAPS_NOW = ("sim/flightmodel2/controls/flap1_deploy_ratio", "sim/flightmodel/controls/flaprat")
+GEAR_NOW = ("sim/flightmodel2/gear/deploy_ratio[0]", "sim/aircraft/parts/acf_gear_deploy[0]")
+FLAPS_WANTED = ("sim/cockpit2/controls/flap_handle_request_ratio", "sim/cockpit2/controls/flap_ratio")
+FLAPS_DRAWN = ("sim/flightmodel/controls/flaprat", "sim/flightmodel/controls/flap2rat")
+GEAR_WANTED = ("sim/cockpit2/controls/gear_handle_down", "sim/cockpit/switches/gear_handle_status")
+GEAR_DRAWN = "sim/aircraft/parts/acf_gear_deploy"
+
+NAV1_FREQUENCY_10KHZ = "sim/cockpit/radios/nav1_freq_hz"
+NAV1_COURSE_MAGNETIC = "sim/cockpit/radios/nav1_obs_degm"
+AUTOPILOT_MODE = "sim/cockpit/autopilot/autopilot_mode"
+AIRSPEED_DIAL_KT = "sim/cockpit2/autopilot/airspeed_dial_kts"
+ALTITUDE_DIAL_FT = "sim/cockpit/autopilot/altitude"
+VERTICAL_SPEED_FPM = "sim/cockpit/autopilot/vertical_velocity"
+
+PUBLISHED_PORT = "dtd/bridge/capture_port"
+PUBLISHED_WEATHER_SETTLE_S = "dtd/bridge/weather_settle_s"
+
+_ELEMENT = re.compile(r"^(.*)\[(\d+)\]$")
+
+
+class Datarefs:
+    """Reads and writes by name; ``name[3]`` is one element of an array. Handles are looked up once."""
+
+    def __init__(self, xp: Any) -> None:
+        self._xp = xp
+        self._known: dict[str, tuple[Any, int, int | None]] = {}
+
+    def has(self, name: str) -> bool:
+        """Whether this X-Plane has it."""
+        return self._find(name) is not None
+
+    def first(self, names: Sequence[str]) -> str | None:
+        """The first of several names that this X-Plane has."""
+        return next((name for name in names if self.has(name)), None)
+
+    def get(self, name: str) -> float:
+        """Its value with all the bits it has; refuses a name that X-Plane lacks."""
+        xp, (ref, kinds, index) = self._xp, self._must(name)
+        if index is not None:
+            values: list[float] = []
+            (xp.getDatavf if kinds & xp.Type_FloatArray else xp.getDatavi)(ref, values, index, 1)
+            return float(values[0])
+        if kinds & xp.Type_Double:
+            return float(xp.getDatad(ref))
+        if kinds & xp.Type_Float:
+            return float(xp.getDataf(ref))
+        return float(xp.getDatai(ref))
+
+    def get_or(self, name: str, default: float) -> float:
+        """Its value, or another where X-Plane lacks it."""
+        return self.get(name) if self.has(name) else default
+
+    def set(self, name: str, value: float) -> None:
+        """Writes it; refuses a name that X-Plane lacks."""
+        xp, (ref, kinds, index) = self._xp, self._must(name)
+        if index is not None:
+            self._set_array(ref, kinds, [value], index)
+        elif kinds & xp.Type_Double:
+            xp.setDatad(ref, float(value))
+        elif kinds & xp.Type_Float:
+            xp.setDataf(ref, float(value))
+        else:
+            xp.setDatai(ref, int(value))
+
+    def set_if_there(self, names: Sequence[str], value: float) -> None:
+        """Writes those of several names that X-Plane has."""
+        for name in names:
+            if self.has(name):
+                self.set(name, value)
+
+    def set_array(self, name: str, values: Sequence[float]) -> None:
+        """Writes the first elements of an array, if X-Plane has it."""
+        if self.has(name):
+            ref, kinds, _ = self._must(name)
+            self._set_array(ref, kinds, list(values), 0)
+
+    def _set_array(self, ref: Any, kinds: int, values: list[float], offset: int) -> None:
+        if kinds & self._xp.Type_FloatArray:
+            self._xp.setDatavf(ref, [float(v) for v in values], offset, len(values))
+        else:
+            self._xp.setDatavi(ref, [int(v) for v in values], offset, len(values))
+
+    def _must(self, name: str) -> tuple[Any, int, int | None]:
+        found = self._find(name)
+        if found is None:
+            raise Refusal(f"this X-Plane has no dataref {name}")
+        return found
+
+    def _find(self, name: str) -> tuple[Any, int, int | None] | None:
+        if name not in self._known:
+            match = _ELEMENT.match(name)
+            ref = self._xp.findDataRef(match.group(1) if match else name)
+            if not ref:
+                # Not remembered: other plugins' datarefs come and go.
+                return None
+            self._known[name] = (ref, self._xp.getDataRefTypes(ref), int(match.group(2)) if match else None)
+        return self._known[name]

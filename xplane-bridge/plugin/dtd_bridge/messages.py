@@ -1,0 +1,209 @@
+"""Headers of the link as typed values, checked: what a client asks, and why it is refused. Pure."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Mapping
+
+MAX_PICTURE_SIDE_PX = 8192
+
+
+class Refusal(Exception):
+    """Why a request is answered by ``error``: a sentence for a person."""
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a body is and how it is turned: WGS-84, metres above sea level, degrees true, nose up, right wing down."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_msl_m: float
+    heading_true_deg: float
+    pitch_deg: float
+    roll_deg: float
+
+    def header(self) -> dict[str, float]:
+        """As the link has it."""
+        return dict(vars(self))
+
+
+@dataclass(frozen=True)
+class Runway:
+    """What of a runway an approach needs."""
+
+    name: str
+    latitude_deg: float
+    longitude_deg: float
+    altitude_msl_m: float
+    course_true_deg: float
+    glide_path_deg: float
+    touchdown_past_threshold_m: float
+    ils_frequency_mhz: float | None
+    course_magnetic_deg: float | None
+
+
+@dataclass(frozen=True)
+class Capture:
+    """One view of one tick."""
+
+    tick: int
+    view: int
+    pose: Pose
+    flap_ratio: float
+    gear_ratio: float
+    camera: Pose
+    hfov_deg: float
+    width_px: int
+    height_px: int
+    wants_picture: bool
+
+
+@dataclass(frozen=True)
+class Profile:
+    """The vertical plan: ``kind`` and its altitudes, metres above sea level."""
+
+    kind: str
+    start_altitude_msl_m: float
+    lower_altitude_msl_m: float | None = None
+    step_from_threshold_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Fly:
+    """A live approach."""
+
+    start: Pose
+    speed_mps: float
+    runway: Runway
+    profile: Profile
+    time_limit_s: float
+    already_started: bool
+
+
+def number(header: Mapping[str, Any], key: str, low: float = -math.inf, high: float = math.inf) -> float:
+    """A finite number within bounds."""
+    value = header.get(key)
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise Refusal(f"{key} is {value!r}, expected a number")
+    if not low <= value <= high:
+        raise Refusal(f"{key} is {value}, expected {low} to {high}")
+    return float(value)
+
+
+def whole(header: Mapping[str, Any], key: str, low: int, high: int) -> int:
+    """A whole number within bounds."""
+    value = header.get(key)
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise Refusal(f"{key} is {value!r}, expected a whole number from {low} to {high}")
+    return value
+
+
+def part(header: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """An object within the header."""
+    value = header.get(key)
+    if not isinstance(value, dict):
+        raise Refusal(f"{key} is {value!r}, expected an object")
+    return value
+
+
+def place(header: Mapping[str, Any]) -> tuple[float, float]:
+    """Latitude and longitude."""
+    return number(header, "latitude_deg", -90, 90), number(header, "longitude_deg", -360, 360)
+
+
+def pose(header: Mapping[str, Any]) -> Pose:
+    """A pose on earth."""
+    latitude, longitude = place(header)
+    return Pose(
+        latitude,
+        longitude,
+        number(header, "altitude_msl_m", -1e6, 1e6),
+        number(header, "heading_true_deg"),
+        number(header, "pitch_deg"),
+        number(header, "roll_deg"),
+    )
+
+
+def capture(header: Mapping[str, Any]) -> Capture:
+    """A ``capture`` request."""
+    camera, controls = part(header, "camera"), part(header, "controls")
+    deliver = header.get("deliver", "picture")
+    if deliver not in ("picture", "drawn"):
+        raise Refusal(f"deliver is {deliver!r}, expected picture or drawn")
+    hfov_deg = number(camera, "hfov_deg")
+    if not 0 < hfov_deg < 180:
+        raise Refusal(f"hfov_deg is {hfov_deg}, expected more than 0 and less than 180")
+    return Capture(
+        tick=whole(header, "tick", 0, 2**32 - 1),
+        view=whole(header, "view", 0, 2**32 - 1),
+        pose=pose(part(header, "pose")),
+        flap_ratio=number(controls, "flap_ratio", 0, 1),
+        gear_ratio=number(controls, "gear_ratio", 0, 1),
+        camera=pose(camera),
+        hfov_deg=hfov_deg,
+        width_px=whole(header, "width_px", 1, MAX_PICTURE_SIDE_PX),
+        height_px=whole(header, "height_px", 1, MAX_PICTURE_SIDE_PX),
+        wants_picture=deliver == "picture",
+    )
+
+
+def runway(header: Mapping[str, Any]) -> Runway:
+    """A runway."""
+    threshold = part(header, "threshold")
+    latitude, longitude = place(threshold)
+    optional = {
+        key: None if header.get(key) is None else number(header, key)
+        for key in ("ils_frequency_mhz", "course_magnetic_deg")
+    }
+    return Runway(
+        name=f"{header.get('airport')} {header.get('name')}",
+        latitude_deg=latitude,
+        longitude_deg=longitude,
+        altitude_msl_m=number(threshold, "altitude_msl_m"),
+        course_true_deg=number(header, "course_true_deg"),
+        glide_path_deg=number(header, "glide_path_deg", 0.5, 15),
+        touchdown_past_threshold_m=number(header, "touchdown_past_threshold_m"),
+        **optional,
+    )
+
+
+def profile(header: Mapping[str, Any]) -> Profile:
+    """The vertical plan of an approach."""
+    kind = header.get("kind")
+    if kind == "glide_path":
+        return Profile(kind, number(header, "level_altitude_msl_m"))
+    if kind == "step_down":
+        return Profile(
+            kind,
+            number(header, "upper_altitude_msl_m"),
+            number(header, "lower_altitude_msl_m"),
+            number(header, "step_from_threshold_m"),
+        )
+    if kind == "continuous_descent":
+        return Profile(kind, number(header, "start_altitude_msl_m"))
+    raise Refusal(f"profile is {kind!r}, expected glide_path, step_down or continuous_descent")
+
+
+def fly(header: Mapping[str, Any]) -> Fly:
+    """A ``fly`` request. Its seed has no meaning in X-Plane."""
+    start = part(header, "start")
+    position = part(start, "position")
+    latitude, longitude = place(position)
+    return Fly(
+        start=Pose(
+            latitude,
+            longitude,
+            number(position, "altitude_msl_m"),
+            number(start, "heading_true_deg"),
+            0.0,
+            0.0,
+        ),
+        # An aircraft put into the air at rest falls out of it.
+        speed_mps=number(start, "speed_mps", 30, 400),
+        runway=runway(part(header, "runway")),
+        profile=profile(part(header, "profile")),
+        time_limit_s=number(header, "time_limit_s", 1, 86_400),
+        already_started=header.get("already_started", False) is True,
+    )

@@ -1,0 +1,66 @@
+"""The settings file beside the plugin, ``dtd_bridge.ini``. Without it, the defaults.
+
+::
+
+    [link]
+    bind = 127.0.0.1     ; another address opens the link to other machines and wants a token
+    port = 49010         ; 0 takes any free one; clients find it in the dataref dtd/bridge/capture_port
+    token =              ; a secret; clients give it in the environment variable DTD_LINK_TOKEN
+
+    [weather]
+    settle_s = 15        ; how long regenerated weather takes to show
+"""
+
+from __future__ import annotations
+
+import configparser
+import ipaddress
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class SettingsError(Exception):
+    """What is wrong with the file."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Where to listen, and what cannot be measured."""
+
+    bind: str = "127.0.0.1"
+    port: int = 49010
+    token: str | None = None
+    weather_settle_s: float = 15.0
+
+
+KNOWN = {"link": {"bind", "port", "token"}, "weather": {"settle_s"}}
+
+
+def read_settings(path: Path) -> Settings:
+    """Reads the file if it is there. Unknown keys are refused: a mistyped token must not open the link."""
+    if not path.exists():
+        return Settings()
+    parser = configparser.ConfigParser(inline_comment_prefixes=(";",), interpolation=None)
+    try:
+        parser.read_string(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, configparser.Error) as error:
+        raise SettingsError(f"{path}: {error}") from error
+    for section in parser.sections():
+        for key in parser[section]:
+            if key not in KNOWN.get(section, ()):
+                raise SettingsError(f"{path}: unknown key {key} in [{section}], known are {KNOWN}")
+    try:
+        settings = Settings(
+            bind=parser.get("link", "bind", fallback=Settings.bind),
+            port=parser.getint("link", "port", fallback=Settings.port),
+            token=parser.get("link", "token", fallback="") or None,
+            weather_settle_s=parser.getfloat("weather", "settle_s", fallback=Settings.weather_settle_s),
+        )
+        loopback = ipaddress.ip_address(settings.bind).is_loopback
+    except ValueError as error:
+        raise SettingsError(f"{path}: {error}") from error
+    if not loopback and settings.token is None:
+        raise SettingsError(f"{path}: bind = {settings.bind} opens the link to other machines: give a token as well")
+    if not 0 <= settings.port <= 65_535 or not 0 <= settings.weather_settle_s <= 60:
+        raise SettingsError(f"{path}: port is 0 to 65535, settle_s 0 to 60")
+    return settings

@@ -1,0 +1,61 @@
+"""Greeting and framing of the capture link: bytes <-> messages. No sockets, no X-Plane.
+
+A message is two little-endian lengths, a JSON header and a payload. A length is believed only up to a limit.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any, Callable
+
+MAGIC = b"DTDL"
+LINK_VERSION = 2
+GREETING = MAGIC + struct.pack("<I", LINK_VERSION)
+MAX_HEADER_BYTES = 64 << 10
+MAX_PAYLOAD_BYTES = 192 << 20
+
+Header = dict[str, Any]
+# Returns exactly so many bytes, or raises WireError if the other side went away.
+ReadExactly = Callable[[int], bytes]
+
+
+class WireError(Exception):
+    """The other side does not speak this link; the text says how that shows."""
+
+
+def check_greeting(greeting: bytes) -> None:
+    """Raises WireError unless the eight bytes are those of this version."""
+    if greeting[:4] != MAGIC:
+        raise WireError(f"the other side greets with {greeting[:4]!r}, expected {MAGIC!r}: that is no capture link")
+    (version,) = struct.unpack("<I", greeting[4:8])
+    if version != LINK_VERSION:
+        raise WireError(
+            f"the other side speaks version {version} of the capture link, expected {LINK_VERSION}: "
+            "install the plugin and the program of the same release"
+        )
+
+
+def pack(header: Header, payload: bytes = b"") -> bytes:
+    """One message. Numbers keep all their digits; what is no JSON number (NaN) is refused."""
+    text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
+    return struct.pack("<II", len(text), len(payload)) + text + payload
+
+
+def read_message(read_exactly: ReadExactly) -> tuple[Header, bytes]:
+    """The next message."""
+    header_bytes, payload_bytes = struct.unpack("<II", read_exactly(8))
+    for part, announced, limit in (
+        ("header", header_bytes, MAX_HEADER_BYTES),
+        ("payload", payload_bytes, MAX_PAYLOAD_BYTES),
+    ):
+        if announced > limit:
+            raise WireError(f"a {part} of {announced} bytes is announced, expected at most {limit}")
+    text = read_exactly(header_bytes)
+    try:
+        header = json.loads(text)
+    except ValueError as error:
+        raise WireError(f"the header is no JSON: {error}; it begins {text[:80]!r}") from error
+    if not isinstance(header, dict) or not isinstance(header.get("message"), str):
+        raise WireError(f"the header is no object with a message: it begins {text[:80]!r}")
+    return header, read_exactly(payload_bytes)

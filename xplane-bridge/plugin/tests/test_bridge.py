@@ -1,0 +1,463 @@
+"""The whole plugin against the fake ``xp`` on paper, over real sockets: captures, disturbances, flights, refusals."""
+
+import paths  # noqa: F401
+
+import importlib
+import math
+import socket
+import struct
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+from dtd_bridge import wire
+from dtd_bridge.bridge import Bridge
+from dtd_bridge.settings import Settings, SettingsError, read_settings
+from fake_xp import FakeGl, FakeXp, Kind
+from paper_world import GROUND_MSL_M, PaperWorld
+
+RUNWAY = {
+    "airport": "WSSS", "name": "02L",
+    "threshold": {"latitude_deg": 1.34897196, "longitude_deg": 103.97750124, "altitude_msl_m": 6.71},
+    "course_true_deg": 23.02, "glide_path_deg": 3.0, "touchdown_past_threshold_m": 340.1,
+    "ils_frequency_mhz": 110.9, "course_magnetic_deg": None,
+}  # fmt: skip
+FREEZE = {"message": "freeze", "runway": RUNWAY, "settle_frames": 3}
+OVERRIDE = "sim/operation/override/override_planepath"
+
+
+def pose(latitude=1.3, longitude=103.95, altitude=400.0, heading=23.0, pitch=2.5, roll=-0.5):
+    return {
+        "latitude_deg": latitude, "longitude_deg": longitude, "altitude_msl_m": altitude,
+        "heading_true_deg": heading, "pitch_deg": pitch, "roll_deg": roll,
+    }  # fmt: skip
+
+
+def capture(tick=0, deliver="picture", **changes):
+    return {
+        "message": "capture", "tick": tick, "time_ns": tick * 10**9, "view": 0, "pose": pose(latitude=1.3 + tick / 1000),
+        "controls": {"flap_ratio": 0.5, "gear_ratio": 1.0},
+        "camera": {**pose(1.36, 103.98, 16.7, 203.0, 1.6, 0.0), "hfov_deg": 10.0},
+        "width_px": 64, "height_px": 48, "deliver": deliver, **changes,
+    }  # fmt: skip
+
+
+class Client:
+    """A client over a real socket, in the test's own thread; the simulator runs a frame whenever it waits."""
+
+    def __init__(self, bridge: Bridge, xp: FakeXp) -> None:
+        self.xp, self.bridge = xp, bridge
+        self.stream = socket.create_connection(("127.0.0.1", bridge.port))
+        self.stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self.stream.settimeout(0.001)
+        self.stream.sendall(wire.GREETING)
+        self.buffer = b""
+        self.greeting = self.take(8)
+
+    def send(self, header):
+        self.stream.sendall(wire.pack(header))
+
+    def take(self, count):
+        for _ in range(20_000):
+            if len(self.buffer) >= count:
+                taken, self.buffer = self.buffer[:count], self.buffer[count:]
+                return taken
+            try:
+                got = self.stream.recv(1 << 20)
+                if not got:
+                    raise EOFError
+                self.buffer += got
+            except TimeoutError:
+                self.bridge.step_in_frame()
+        raise AssertionError("no answer after 20000 frames")
+
+    def receive(self):
+        return wire.read_message(self.take)
+
+    def ask(self, header):
+        self.send(header)
+        return self.receive()
+
+    def refused(self, header):
+        answer, _ = self.ask(header)
+        assert answer["message"] == "error", answer
+        return answer["text"]
+
+
+class WithBridge(unittest.TestCase):
+    def setUp(self):
+        self.world = PaperWorld()
+        self.xp = FakeXp(self.world)
+        self.gl = FakeGl(self.xp)
+        self.bridge = None
+
+    def start(self, **settings):
+        self.bridge = Bridge(self.xp, Settings(port=0, **settings), self.gl)
+        self.xp.scheduleFlightLoop(self.xp.createFlightLoop(self._loop))
+        self.bridge.step_in_frame = self.xp.frame
+        self.addCleanup(self.bridge.close)
+        return self.another()
+
+    def another(self):
+        client = Client(self.bridge, self.xp)
+        self.addCleanup(client.stream.close)
+        return client
+
+    def _loop(self, *_):
+        self.bridge.step()
+        return -1
+
+    def frozen(self):
+        client = self.start()
+        self.assertEqual(client.ask({"message": "hello", "client": "test"})[0]["message"], "hello")
+        self.assertEqual(client.ask(FREEZE)[0], {"message": "frozen"})
+        return client
+
+    def near(self, found, wanted, metres=0.01, degrees=0.0002):
+        for key in ("latitude_deg", "longitude_deg"):
+            self.assertAlmostEqual(found[key], wanted[key], delta=metres / 111_000, msg=key)
+        self.assertAlmostEqual(found["altitude_msl_m"], wanted["altitude_msl_m"], delta=metres)
+        for key in ("heading_true_deg", "pitch_deg", "roll_deg"):
+            self.assertAlmostEqual(found[key], wanted[key], delta=degrees, msg=key)
+
+
+class Greeting(WithBridge):
+    def test_hello_says_who_serves_and_where_pictures_come_from(self):
+        client = self.start()
+        self.assertEqual(client.greeting, wire.GREETING)
+        answer, payload = client.ask({"message": "hello", "client": "test"})
+        self.assertEqual((answer["name"], answer["version"], payload), ("X-Plane", "11.55", b""))
+        self.assertEqual((answer["pixels"], answer["window"]), (["gl", "screen"], None))
+
+    def test_x_plane_12_and_vulkan_have_no_readback_and_say_so(self):
+        for name, value in [
+            ("sim/version/xplane_internal_version", 120_400), ("sim/graphics/view/using_modern_driver", 1),
+        ]:  # fmt: skip
+            self.setUp()
+            self.world.set(name, 0, value)
+            client = self.frozen()
+            self.assertEqual(client.ask({"message": "hello", "client": "test"})[0]["pixels"], ["screen"])
+            self.assertRegex(client.refused(capture()), "Vulkan or Metal.*--pixels screen")
+            self.assertEqual(client.ask(capture(deliver="drawn"))[0]["message"], "frame")
+
+    def test_a_token_is_demanded_and_a_wrong_one_ends_the_connection(self):
+        client = self.start(token="sesame")
+        self.assertRegex(client.refused({"message": "hello", "client": "test", "token": "Sesame"}), "DTD_LINK_TOKEN")
+        with self.assertRaises(EOFError):
+            client.receive()
+        again = self.another()
+        self.assertEqual(again.ask({"message": "hello", "client": "test", "token": "sesame"})[0]["message"], "hello")
+
+    def test_a_second_client_is_told_that_the_seat_is_taken(self):
+        first = self.frozen()
+        second = self.another()
+        self.assertRegex(second.refused({"message": "hello", "client": "late"}), "another client")
+        self.assertEqual(first.ask(capture())[0]["message"], "frame")
+
+    def test_what_cannot_be_understood_is_said_and_the_link_goes_on(self):
+        client = self.frozen()
+        self.assertRegex(client.refused({"message": "dance"}), "dance")
+        self.assertRegex(client.refused(capture(width_px=0)), "width_px")
+        self.assertEqual(client.ask(capture())[0]["message"], "frame")
+
+
+class Capturing(WithBridge):
+    def test_what_was_drawn_is_read_back_and_is_what_was_asked(self):
+        client = self.frozen()
+        answer, picture = client.ask(capture(7))
+        self.assertEqual((answer["tick"], answer["view"], len(picture)), (7, 0, 64 * 48 * 3))
+        self.near(answer["pose"], capture(7)["pose"], degrees=0.001)
+        self.near(answer["camera"], capture(7)["camera"])
+        # Read back from 32 bits, not copied.
+        self.assertNotEqual(answer["camera"]["latitude_deg"], capture(7)["camera"]["latitude_deg"])
+        # Upright: red grows to the right, green downwards; blue names the frame.
+        self.assertEqual((picture[0], picture[1], picture[2]), (0, 0, answer["sim_frame"] % 256))
+        self.assertEqual(picture[3 * 63], 63)
+        self.assertEqual(picture[3 * 64 * 47 + 1], 47)
+
+    def test_so_many_frames_settle_before_the_one_that_counts(self):
+        client = self.frozen()
+        first = client.ask(capture(0))[0]["sim_frame"]
+        client.send(capture(1))
+        client.send(capture(2))
+        frames = [client.receive()[0]["sim_frame"] for _ in range(2)]
+        self.assertGreater(frames[0], first + 3)
+        # Asked ahead, the second follows at once: three that settle and the one that counts.
+        self.assertEqual(frames[1], frames[0] + 4)
+
+    def test_flaps_gear_and_field_of_view_are_written(self):
+        client = self.frozen()
+        client.ask(capture(controls={"flap_ratio": 0.625, "gear_ratio": 0.25}))
+        self.assertEqual(self.world.get("sim/flightmodel/controls/flaprat"), 0.625)
+        self.assertEqual(self.world.get("sim/aircraft/parts/acf_gear_deploy", 2), 0.25)
+        self.assertEqual(self.world.get("sim/graphics/view/field_of_view_deg"), 10)
+
+    def test_a_stolen_camera_is_taken_back_and_the_disturbed_frames_do_not_count(self):
+        client = self.frozen()
+        thefts = []
+
+        def steal(world):
+            if len(thefts) < 6 and world.cycle % 3 == 0:
+                thefts.append(world.cycle)
+                self.xp.steal_camera()
+
+        self.world.disturb = steal
+        answer, _ = client.ask(capture(3))
+        self.assertEqual(len(thefts), 6)
+        self.assertGreater(answer["sim_frame"], thefts[-1])
+        self.near(answer["camera"], capture(3)["camera"])
+
+    def test_a_camera_that_is_stolen_every_frame_ends_with_a_reason(self):
+        client = self.frozen()
+        self.world.disturb = lambda world: self.xp.steal_camera()
+        import dtd_bridge.capture as module
+
+        limit, module.TIME_LIMIT_S = module.TIME_LIMIT_S, 0.2
+        self.addCleanup(setattr, module, "TIME_LIMIT_S", limit)
+        self.assertRegex(client.refused(capture()), "camera was not to be had")
+
+    def test_a_moving_origin_does_not_move_the_picture(self):
+        client = self.frozen()
+        origins = [(1.0, 104.0), (1.4, 103.9), (1.1, 103.7), (1.3, 104.0)]
+
+        def move(world):
+            if world.cycle % 5 == 0:
+                world.move_origin(*origins[world.cycle // 5 % len(origins)])
+
+        self.world.disturb = move
+        for tick in range(8):
+            answer, _ = client.ask(capture(tick))
+            self.near(answer["pose"], capture(tick)["pose"], degrees=0.001)
+            self.near(answer["camera"], capture(tick)["camera"])
+
+    def test_frames_while_scenery_loads_do_not_count(self):
+        client = self.frozen()
+        begin = self.world.cycle
+        loading = "sim/graphics/scenery/async_scenery_load_in_progress"
+        self.world.disturb = lambda world: world.set(loading, 0, float(world.cycle < begin + 40))
+        self.assertGreaterEqual(client.ask(capture())[0]["sim_frame"], begin + 40 + 3)
+
+    def test_a_window_of_another_shape_or_size_is_refused(self):
+        client = self.frozen()
+        self.assertRegex(client.refused(capture(width_px=64, height_px=40)), "shape")
+        self.assertRegex(client.refused(capture(width_px=128, height_px=96)), "64x48 pixels, 128x96 are wanted")
+
+    def test_nothing_is_captured_without_freeze_or_out_of_pause(self):
+        client = self.start()
+        client.ask({"message": "hello", "client": "test"})
+        self.assertRegex(client.refused(capture()), "freeze first")
+        client.ask(FREEZE)
+        self.world.command("sim/operation/pause_off")
+        self.assertRegex(client.refused(capture()), "taken out of its pause")
+
+    def test_a_release_and_a_lost_client_give_everything_back(self):
+        for leave in ("release", "close"):
+            with self.subTest(leave):
+                self.setUp()
+                client = self.frozen()
+                client.ask(capture())
+                self.assertEqual(self.world.get(OVERRIDE), 1)
+                if leave == "release":
+                    self.assertEqual(client.ask({"message": "release"})[0], {"message": "released"})
+                client.stream.close()
+                for _ in range(2_000):
+                    self.xp.frame()
+                    if self.world.get(OVERRIDE) == 0:
+                        break
+                self.assertEqual(self.world.get(OVERRIDE), 0)
+                self.assertEqual(self.world.get("sim/time/paused"), 0)
+                self.assertEqual(self.world.get("sim/graphics/view/field_of_view_deg"), 60)
+
+    def test_an_x_plane_without_pause_on_is_paused_by_the_toggle(self):
+        self.world.known_commands -= {"sim/operation/pause_on", "sim/operation/pause_off"}
+        client = self.frozen()
+        self.assertEqual(self.world.get("sim/time/paused"), 1)
+        client.ask({"message": "release"})
+        self.assertEqual(self.world.get("sim/time/paused"), 0)
+
+
+class SettingUp(WithBridge):
+    def test_the_check_pattern_is_drawn_over_the_window_and_captures_wait_for_its_end(self):
+        client = self.frozen()
+        answer, _ = client.ask({"message": "check_pattern", "code": 305419896})
+        self.assertEqual(answer["message"], "check_pattern_shown")
+        # From the bottom left: the first fill is the whole window, the third the cell that the golden pattern names.
+        self.assertEqual(self.gl.filled[0], (0, 0, 64, 48, (255, 0, 255)))
+        self.assertEqual(self.gl.filled[2], (25, 38, 32, 44, (255, 255, 255)))
+        self.assertRegex(client.refused(capture()), "check pattern covers")
+        client.ask({"message": "check_pattern", "code": None})
+        count = len(self.gl.filled)
+        self.assertEqual(client.ask(capture())[0]["message"], "frame")
+        self.assertEqual(len(self.gl.filled), count)
+
+    def test_terrain_is_probed_below_the_place_itself_far_from_the_origin_too(self):
+        client = self.start()
+        client.ask({"message": "hello", "client": "test"})
+        for latitude, longitude in [(1.0, 104.0), (1.35, 103.98), (1.5, 103.6)]:
+            answer, _ = client.ask({"message": "probe_terrain", "latitude_deg": latitude, "longitude_deg": longitude})
+            self.assertAlmostEqual(answer["elevation_msl_m"], GROUND_MSL_M, places=3)
+        self.world.ground_is_loaded = False
+        self.assertRegex(
+            client.refused({"message": "probe_terrain", "latitude_deg": 1.0, "longitude_deg": 104.0}), "no ground loaded"
+        )
+
+
+class Flying(WithBridge):
+    def fly(self, **changes):
+        # 3 km before the threshold on a slope of 3 degrees.
+        course = math.radians(23.02)
+        start = {
+            "latitude_deg": 1.34897196 - 3_000 * math.cos(course) / 110_575,
+            "longitude_deg": 103.97750124 - 3_000 * math.sin(course) / 111_290,
+            "altitude_msl_m": 6.71 + 3_340 * math.tan(math.radians(3)),
+        }
+        return {
+            "message": "fly", "start": {"position": start, "heading_true_deg": 23.02, "speed_mps": 70.0},
+            "runway": RUNWAY, "profile": {"kind": "glide_path", "level_altitude_msl_m": 200.0}, "seed": 1,
+            "time_limit_s": 300.0, "already_started": False, **changes,
+        }  # fmt: skip
+
+    def begin(self):
+        client = self.start()
+        client.ask({"message": "hello", "client": "test"})
+        return client
+
+    def test_an_approach_is_started_in_the_air_logged_each_frame_and_ends_behind_the_touchdown(self):
+        client = self.begin()
+        self.world.disturb = lambda w: w.move_origin(1.2, 103.9) if w.cycle == 130 else None
+        answer, payload = client.ask(self.fly())
+        self.assertEqual(answer["message"], "flown", answer)
+        rows = list(struct.iter_unpack("<14d", payload))
+        self.assertEqual(len(rows), answer["rows"])
+        self.assertGreater(len(rows), 150)
+        first, last = rows[0], rows[-1]
+        self.assertAlmostEqual(first[4], 23.02, delta=0.001)
+        self.assertAlmostEqual(first[7], 70 * math.cos(math.radians(23.02)), delta=0.01)
+        self.assertAlmostEqual(first[8], 70 * math.sin(math.radians(23.02)), delta=0.01)
+        self.assertEqual((first[13], last[13]), (0.0, 1.0))
+        self.assertEqual([b[0] - a[0] for a, b in zip(rows, rows[1:])], [0.25] * (len(rows) - 1))
+        # It moved as fast as it says, also where the local origin jumped.
+        for a, b in zip(rows[:-20], rows[1:-20]):
+            north = (b[1] - a[1]) * 110_575
+            self.assertAlmostEqual(north, a[7] * 0.25, delta=0.2)
+        self.assertEqual(self.world.get("sim/cockpit/radios/nav1_freq_hz"), 11_090)
+        self.assertEqual(self.world.get(OVERRIDE), 0)
+        for command in ("fix_all_systems", "servos_on", "approach", "glide_slope"):
+            self.assertIn(command, [path.rsplit("/", 1)[1] for path in self.world.commands])
+        self.assertEqual(self.world.get("sim/cockpit2/controls/flap_ratio"), 0.75)
+        self.assertEqual(self.world.get("sim/cockpit2/autopilot/airspeed_dial_kts"), 138)
+
+    def test_a_flight_that_does_not_land_in_time_or_not_here_is_given_up_with_its_place(self):
+        client = self.begin()
+        self.assertRegex(client.refused(self.fly(time_limit_s=5.0)), "not landed within 5 s")
+        self.setUp()
+        elsewhere = self.fly()
+        elsewhere["start"]["position"]["latitude_deg"] += 0.2
+        self.assertRegex(self.begin().refused(elsewhere), "came down -?[0-9]+ m before the threshold")
+
+    def test_a_crash_is_a_reason(self):
+        self.world.kinds["sim/flightmodel2/misc/has_crashed"] = Kind("int", None, False)
+        self.world.values["sim/flightmodel2/misc/has_crashed"] = [0.0]
+        client = self.begin()
+        self.world.disturb = lambda w: w.set("sim/flightmodel2/misc/has_crashed", 0, float(w.cycle > 200))
+        self.assertRegex(client.refused(self.fly()), "crashed")
+
+    def test_a_flight_that_x_plane_started_is_not_moved_but_waited_for(self):
+        client = self.begin()
+        import dtd_bridge.flight as module
+
+        limit, module.LOADING_LIMIT_S = module.LOADING_LIMIT_S, 0.2
+        self.addCleanup(setattr, module, "LOADING_LIMIT_S", limit)
+        self.assertRegex(client.refused(self.fly(already_started=True)), "airspeed is still 0 kt")
+        self.assertNotIn("sim/operation/fix_all_systems", self.world.commands)
+
+    def test_a_client_that_leaves_ends_the_flight(self):
+        client = self.begin()
+        client.send(self.fly())
+        for _ in range(50):
+            self.xp.frame()
+        client.stream.close()
+        for _ in range(2_000):
+            self.xp.frame()
+        self.assertEqual(self.world.get(OVERRIDE), 0)
+        again = self.another()
+        self.assertEqual(again.ask({"message": "hello", "client": "test"})[0]["message"], "hello")
+
+
+class SettingsFile(unittest.TestCase):
+    def read(self, text):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "dtd_bridge.ini"
+            path.write_text(text)
+            return read_settings(path)
+
+    def test_without_a_file_the_link_is_for_this_machine(self):
+        self.assertEqual(read_settings(Path("/no/such/file")), Settings("127.0.0.1", 49010, None, 15.0))
+
+    def test_values_are_read_and_mistakes_refused(self):
+        text = "[link]\nbind = 0.0.0.0 ; all\nport = 50000\ntoken = sesame\n[weather]\nsettle_s = 5\n"
+        self.assertEqual(self.read(text), Settings("0.0.0.0", 50_000, "sesame", 5.0))
+        for wrong, words in [
+            ("[link]\nbind = 0.0.0.0\n", "give a token"), ("[link]\ntokne = x\n", "tokne"), ("[link]\nport = x\n", "x"),
+            ("[link]\nport = 70000\n", "65535"), ("nonsense", "dtd_bridge.ini"), ("[link]\nbind = tower\n", "tower"),
+        ]:  # fmt: skip
+            with self.subTest(wrong), self.assertRaisesRegex(SettingsError, words):
+                self.read(wrong)
+
+
+class AsXPPython3Loads(unittest.TestCase):
+    """The entry file itself, with ``xp`` where XPPython3 4 and 3 have it."""
+
+    def load(self, modules):
+        for name in ("xp", "XPPython3", "PI_dtd_bridge"):
+            sys.modules.pop(name, None)
+        sys.modules.update(modules)
+        self.addCleanup(lambda: [sys.modules.pop(name, None) for name in (*modules, "PI_dtd_bridge")])
+        return importlib.import_module("PI_dtd_bridge")
+
+    def run_through(self, modules, xp):
+        module = self.load(modules)
+        interface = module.PythonInterface()
+        name, signature, _ = interface.XPluginStart()
+        self.assertEqual((name.split()[0], signature), ("dtd_bridge", "dtd.bridge"))
+        module.read_settings = lambda path: Settings(port=0)
+        self.assertEqual(interface.XPluginEnable(), 1)
+        xp.frame()
+        self.assertGreater(xp.world.published["dtd/bridge/capture_port"], 0)
+        self.assertEqual(xp.world.published["dtd/bridge/weather_settle_s"], 15.0)
+        interface.XPluginReceiveMessage(0, 104, 0)
+        interface.XPluginDisable()
+        xp.frame()
+        self.assertEqual(xp.world.published["dtd/bridge/capture_port"], 0)
+        interface.XPluginStop()
+
+    def test_under_x_plane_12(self):
+        xp = FakeXp(PaperWorld())
+        self.run_through({"xp": xp}, xp)
+
+    def test_under_x_plane_11(self):
+        xp = FakeXp(PaperWorld())
+        package = type(sys)("XPPython3")
+        package.xp = xp
+        self.run_through({"XPPython3": package, "xp": None}, xp)
+
+    def test_a_failure_is_logged_and_never_raised(self):
+        xp = FakeXp(PaperWorld())
+        module = self.load({"xp": xp})
+        interface = module.PythonInterface()
+        interface.XPluginStart()
+
+        def broken(path):
+            raise SettingsError("no good")
+
+        module.read_settings = broken
+        self.assertEqual(interface.XPluginEnable(), 1)
+        self.assertIn("no good", xp.lines[-1])
+        xp.frame()
+        self.assertEqual(xp.world.published["dtd/bridge/capture_port"], 0)
+        interface.XPluginDisable()
+
+
+if __name__ == "__main__":
+    unittest.main()

@@ -1,0 +1,252 @@
+//! Puts our plugin into an X-Plane folder: what is there is looked at first, and what cannot work is refused with its reason.
+//!
+//! In: the folder of X-Plane. Out: the files in `Resources/plugins/PythonPlugins`, and what a person still has to switch on. Done
+//! again, it writes only what differs; the settings file beside the plugin is the user's and never touched.
+
+mod found;
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+pub use found::{Found, Version};
+
+/// A file of `plugin/`: its name and its text.
+macro_rules! plugin_file {
+    ($name:literal) => {
+        ($name, include_str!(concat!("../plugin/", $name)))
+    };
+}
+
+/// The plugin as this program carries it: path below `PythonPlugins`, text.
+const FILES: [(&str, &str); 17] = [
+    plugin_file!("PI_dtd_bridge.py"),
+    plugin_file!("dtd_bridge/__init__.py"),
+    plugin_file!("dtd_bridge/approach.py"),
+    plugin_file!("dtd_bridge/bridge.py"),
+    plugin_file!("dtd_bridge/capture.py"),
+    plugin_file!("dtd_bridge/check_pattern.py"),
+    plugin_file!("dtd_bridge/datarefs.py"),
+    plugin_file!("dtd_bridge/flight.py"),
+    plugin_file!("dtd_bridge/local_frame.py"),
+    plugin_file!("dtd_bridge/messages.py"),
+    plugin_file!("dtd_bridge/opengl.py"),
+    plugin_file!("dtd_bridge/pixels.py"),
+    plugin_file!("dtd_bridge/server.py"),
+    plugin_file!("dtd_bridge/settings.py"),
+    plugin_file!("dtd_bridge/stage.py"),
+    plugin_file!("dtd_bridge/wire.py"),
+    // For whoever opens the folder.
+    ("dtd_bridge/README.txt", README),
+];
+
+const README: &str = "This folder and PI_dtd_bridge.py beside it belong to dtd and are written by `dtd install-plugin`.\n\
+    Settings go into dtd_bridge.ini beside PI_dtd_bridge.py; dtd_bridge/settings.py says which there are.\n";
+
+/// Why the plugin is not installed.
+#[derive(Debug, thiserror::Error)]
+pub enum InstallError {
+    /// Another folder.
+    #[error(
+        "{} is not X-Plane's folder: it has no {missing}. Give the folder that X-Plane was installed into", folder.display()
+    )]
+    NotXPlane {
+        /// The folder.
+        folder: PathBuf,
+        /// What X-Plane's has.
+        missing: &'static str,
+    },
+    /// X-Plane was never started.
+    #[error(
+        "cannot tell the version of X-Plane in {}: {} does not begin with \"Log.txt for X-Plane ...\". Start X-Plane once, then \
+         try again", folder.display(), Found::LOG
+    )]
+    UnknownVersion {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// Too old.
+    #[error(
+        "X-Plane {found} is too old: the plugin needs XPPython3, which needs X-Plane {} or newer",
+        Found::OLDEST_XPLANE
+    )]
+    OldXPlane {
+        /// Its version.
+        found: Version,
+    },
+    /// XPPython3 is missing.
+    #[error(
+        "X-Plane {xplane} in {} has no XPPython3, in which the plugin runs: {} is missing. Install XPPython3 {wanted} \
+         (https://xppython3.readthedocs.io), start X-Plane once, then try again", folder.display(), Found::XPPYTHON3
+    )]
+    NoXpPython3 {
+        /// The folder.
+        folder: PathBuf,
+        /// Version of X-Plane.
+        xplane: Version,
+        /// Which XPPython3 fits.
+        wanted: &'static str,
+    },
+    /// XPPython3 of another X-Plane.
+    #[error("XPPython3 {found} does not go with X-Plane {xplane}: install XPPython3 {wanted}")]
+    OtherXpPython3 {
+        /// Its version.
+        found: Version,
+        /// Version of X-Plane.
+        xplane: Version,
+        /// Which would go.
+        wanted: &'static str,
+    },
+    /// A file cannot be read or written.
+    #[error("cannot {action} {}: {source}", path.display())]
+    Io {
+        /// What was being done.
+        action: &'static str,
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: io::Error,
+    },
+}
+
+/// What became of a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum FileChange {
+    /// New, or other than before.
+    Written,
+    /// As it was.
+    Unchanged,
+    /// Of an older plugin.
+    Removed,
+}
+
+/// One file of the plugin.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct InstalledFile {
+    /// Path below X-Plane's folder.
+    pub path: String,
+    /// What became of it.
+    pub change: FileChange,
+}
+
+/// What was done, and what is left to do.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct InstallReport {
+    /// Version of X-Plane.
+    pub xplane: String,
+    /// Version of XPPython3; `None` if it has never run.
+    pub xppython3: Option<String>,
+    /// The plugin's files.
+    pub files: Vec<InstalledFile>,
+    /// What a person still has to do, in this order.
+    pub next_steps: Vec<String>,
+}
+
+/// Installs the plugin into X-Plane's folder.
+///
+/// # Errors
+/// See [`InstallError`]; nothing is written unless the plugin can work there.
+pub fn install_plugin(folder: &Path) -> Result<InstallReport, InstallError> {
+    let found = Found::look(folder)?;
+    let python_plugins = folder.join(PYTHON_PLUGINS);
+    let mut files = Vec::new();
+    for (name, text) in FILES {
+        let change = put(&python_plugins.join(name), text)?;
+        files.push(InstalledFile {
+            path: format!("{PYTHON_PLUGINS}/{name}"),
+            change,
+        });
+    }
+    files.extend(remove_stale(&python_plugins)?);
+    let changed = files
+        .iter()
+        .any(|file| file.change != FileChange::Unchanged);
+    Ok(InstallReport {
+        xplane: found.xplane.to_string(),
+        xppython3: found.xppython3.as_ref().map(ToString::to_string),
+        next_steps: found.next_steps(changed),
+        files,
+    })
+}
+
+/// Where XPPython3 looks for plugins.
+const PYTHON_PLUGINS: &str = "Resources/plugins/PythonPlugins";
+
+/// Writes a file whole or not at all, if it is not so already.
+fn put(path: &Path, text: &str) -> Result<FileChange, InstallError> {
+    if fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes()) {
+        return Ok(FileChange::Unchanged);
+    }
+    let fresh = path.with_extension("new");
+    let write = || {
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent)?;
+        }
+        fs::write(&fresh, text)?;
+        fs::rename(&fresh, path)
+    };
+    write().map_err(|source| InstallError::Io {
+        action: "write",
+        path: path.to_owned(),
+        source,
+    })?;
+    Ok(FileChange::Written)
+}
+
+/// A module that an older plugin had would still be imported by nobody, but would puzzle everybody.
+fn remove_stale(python_plugins: &Path) -> Result<Vec<InstalledFile>, InstallError> {
+    let folder = python_plugins.join("dtd_bridge");
+    let failed = |action, path: &Path| {
+        let path = path.to_owned();
+        move |source| InstallError::Io {
+            action,
+            path,
+            source,
+        }
+    };
+    let mut removed = Vec::new();
+    for entry in fs::read_dir(&folder).map_err(failed("list", &folder))? {
+        let path = entry.map_err(failed("list", &folder))?.path();
+        let name = format!(
+            "dtd_bridge/{}",
+            path.file_name().unwrap_or_default().to_string_lossy()
+        );
+        let is_module = path.extension().is_some_and(|extension| extension == "py");
+        if is_module && !FILES.iter().any(|(ours, _)| *ours == name) {
+            fs::remove_file(&path).map_err(failed("remove", &path))?;
+            removed.push(InstalledFile {
+                path: format!("{PYTHON_PLUGINS}/{name}"),
+                change: FileChange::Removed,
+            });
+        }
+    }
+    Ok(removed)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_module_of_the_plugin_is_carried() {
+        let plugin = Path::new(env!("CARGO_MANIFEST_DIR")).join("plugin");
+        let mut modules: Vec<String> = fs::read_dir(plugin.join("dtd_bridge"))
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+            .filter(|name| name.ends_with(".py"))
+            .map(|name| format!("dtd_bridge/{name}"))
+            .collect();
+        modules.push("PI_dtd_bridge.py".into());
+        modules.sort();
+        let mut carried: Vec<&str> = FILES
+            .iter()
+            .map(|(name, _)| *name)
+            .filter(|name| name.ends_with(".py"))
+            .collect();
+        carried.sort_unstable();
+        assert_eq!(carried, modules);
+    }
+}

@@ -1,0 +1,171 @@
+//! What an X-Plane folder holds: X-Plane's version, and XPPython3's.
+
+use std::fmt;
+use std::fs;
+use std::path::Path;
+
+use super::InstallError;
+
+/// Numbers of a version, compared from the left.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Version(Vec<u32>);
+
+impl Version {
+    /// The version that a text begins with, e.g. `12.4.0` of `12.4.0-r2-9b69b91a`.
+    pub fn at_start_of(text: &str) -> Option<Self> {
+        let end = text
+            .find(|c: char| !c.is_ascii_digit() && c != '.')
+            .unwrap_or(text.len());
+        let numbers = text[..end].trim_end_matches('.').split('.');
+        let numbers: Option<Vec<u32>> = numbers.map(|number| number.parse().ok()).collect();
+        numbers.filter(|numbers| numbers.len() > 1).map(Self)
+    }
+
+    fn major(&self) -> u32 {
+        self.0[0]
+    }
+
+    fn is_below(&self, numbers: &[u32]) -> bool {
+        self.0.as_slice() < numbers
+    }
+}
+
+impl fmt::Display for Version {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let numbers: Vec<String> = self.0.iter().map(ToString::to_string).collect();
+        f.write_str(&numbers.join("."))
+    }
+}
+
+/// An X-Plane in which the plugin can work.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Found {
+    /// Version of X-Plane.
+    pub xplane: Version,
+    /// Version of XPPython3, if it has ever run.
+    pub xppython3: Option<Version>,
+}
+
+impl Found {
+    /// X-Plane's log, rewritten at each start. Its first line holds the version.
+    pub(super) const LOG: &str = "Log.txt";
+    /// XPPython3's log, beside X-Plane's.
+    const XPPYTHON3_LOG: &str = "XPPython3Log.txt";
+    /// Where XPPython3 lies.
+    pub(super) const XPPYTHON3: &str = "Resources/plugins/XPPython3";
+    /// The oldest that any XPPython3 of ours runs in.
+    pub(super) const OLDEST_XPLANE: &str = "11.52";
+
+    /// Looks into a folder.
+    ///
+    /// # Errors
+    /// If it is not X-Plane's, or the plugin cannot work there.
+    pub fn look(folder: &Path) -> Result<Self, InstallError> {
+        for missing in ["Resources/plugins", "Resources/default scenery"] {
+            if !folder.join(missing).is_dir() {
+                return Err(InstallError::NotXPlane {
+                    folder: folder.to_owned(),
+                    missing,
+                });
+            }
+        }
+        let xplane = version_in(&folder.join(Self::LOG), "for X-Plane ").ok_or_else(|| {
+            InstallError::UnknownVersion {
+                folder: folder.to_owned(),
+            }
+        })?;
+        if xplane.is_below(&[11, 52]) {
+            return Err(InstallError::OldXPlane { found: xplane });
+        }
+        let wanted = match xplane.major() {
+            11 => "3.1.5",
+            _ => "4.7 or newer",
+        };
+        if !folder.join(Self::XPPYTHON3).is_dir() {
+            return Err(InstallError::NoXpPython3 {
+                folder: folder.to_owned(),
+                xplane,
+                wanted,
+            });
+        }
+        let xppython3 = version_in(&folder.join(Self::XPPYTHON3_LOG), "[XPPython3] Version ");
+        if let Some(found) = &xppython3 {
+            // The module `xp` came with 3.1; 4.7 dropped X-Plane 11.
+            let too_old = found.is_below(&[3, 1]);
+            let too_new = xplane.major() == 11 && !found.is_below(&[4, 7]);
+            if too_old || too_new {
+                return Err(InstallError::OtherXpPython3 {
+                    found: found.clone(),
+                    xplane,
+                    wanted,
+                });
+            }
+        }
+        Ok(Self { xplane, xppython3 })
+    }
+
+    /// What a person still has to do, after files have `changed` or not.
+    pub(super) fn next_steps(&self, changed: bool) -> Vec<String> {
+        let mut steps = Vec::new();
+        if changed {
+            steps.push("Restart X-Plane, or use Plugins > XPPython3 > Reload scripts.".to_owned());
+        }
+        if self.xppython3.is_none() {
+            steps.push(format!(
+                "XPPython3 has never run here ({} is missing): look there after the start for the line \"capture link on ...\".",
+                Self::XPPYTHON3_LOG
+            ));
+        }
+        match self.xplane.major() {
+            11 => {
+                steps.push("Settings > Network: leave the UDP port at 49000, or give yours to dtd as HOST:PORT.".into());
+                steps.push(
+                    "Settings > Graphics: switch the Vulkan/Metal driver off to have pixels read back (gl); with it, pictures \
+                     come off the screen."
+                        .into(),
+                );
+            }
+            _ => steps.push(
+                "Settings > Network: switch \"Accept incoming connections\" on. X-Plane 12 comes with it off and is silent until then."
+                    .into(),
+            ),
+        }
+        steps.push(
+            "Settings > Graphics: give X-Plane's window the size of your pictures, e.g. 1920x1280, at a display scale of 100 %."
+                .into(),
+        );
+        steps.push("Then: dtd generate SWEEP.toml --out CORPUS --sim 127.0.0.1:49000".into());
+        steps
+    }
+}
+
+/// The version behind some words in the first lines of a log.
+fn version_in(log: &Path, words: &str) -> Option<Version> {
+    let bytes = fs::read(log).ok()?;
+    let text = String::from_utf8_lossy(&bytes);
+    let found = text
+        .lines()
+        .take(10)
+        .find_map(|line| line.split_once(words));
+    found.and_then(|(_, behind)| Version::at_start_of(behind))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn versions_are_read_and_compared_number_by_number() {
+        let version = |text: &str| Version::at_start_of(text).unwrap();
+        assert_eq!(
+            version("12.4.0-r2-9b69b91a (build 124210)").to_string(),
+            "12.4.0"
+        );
+        assert_eq!(version("11.55r2 (build 115502)").to_string(), "11.55");
+        assert_eq!(version("4.0.0 - for Python 3.11").to_string(), "4.0.0");
+        assert!(version("11.9.1") < version("11.52") && version("4.10") > version("4.7.3"));
+        for none in ["", "twelve", "12", ".", "r2"] {
+            assert_eq!(Version::at_start_of(none), None, "{none}");
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Who serves a capture link: its plugin, where its pictures may come from, and the window that shows them.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+/// A way from a drawn frame to its pixels.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PixelKind {
+    /// The simulator draws them for the link: the stand-in.
+    Link,
+    /// The plugin reads the frame back through OpenGL: X-Plane 11 in OpenGL mode.
+    Gl,
+    /// The client grabs the simulator's window off the screen.
+    Screen,
+}
+
+/// The window that shows what the simulator draws.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SimulatorWindow {
+    /// Its title, as the window manager has it.
+    pub title: String,
+    /// Left edge of what is drawn on the desktop, physical pixels.
+    pub x_px: i32,
+    /// Top edge of what is drawn on the desktop, physical pixels.
+    pub y_px: i32,
+    /// Width of what is drawn, physical pixels.
+    pub width_px: u32,
+    /// Height of what is drawn, physical pixels.
+    pub height_px: u32,
+    /// Physical pixels per unit of the desktop's coordinates: 1, or 1.5, 2, ... on a scaled display.
+    pub scale: f64,
+}
+
+impl fmt::Display for SimulatorWindow {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            title,
+            x_px,
+            y_px,
+            width_px,
+            height_px,
+            ..
+        } = self;
+        write!(f, "{title:?}, {width_px}x{height_px} at ({x_px}, {y_px})")
+    }
+}

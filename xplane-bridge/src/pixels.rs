@@ -1,0 +1,53 @@
+//! Where the pixels of a drawn frame come from, and how it is proven that they are those of that frame.
+//!
+//! Three ways ([`PixelKind`]): the stand-in sends its pictures over the capture link (`link`); the plugin reads X-Plane's frame
+//! back from OpenGL and sends it (`gl`); or the simulator only says that the frame is drawn, and the picture is grabbed from the screen
+//! (`screen`). To the client's core they are one trait, [`PixelSource`]. The first two come as they are; for the third, [`ScreenSource`]
+//! proves by a check pattern, before the first picture and after the last, that what is grabbed is the window, whole and unscaled, and
+//! never an older frame than the one asked for.
+
+pub mod check_pattern;
+mod choice;
+mod error;
+mod payload;
+mod picture;
+mod screen;
+
+use std::fmt::Debug;
+use std::pin::Pin;
+
+pub use choice::PixelChoice;
+pub use error::PixelError;
+pub use payload::Payload;
+pub use picture::{Rectangle, RgbPicture};
+pub use screen::{FfmpegScreen, Grab, Lag, Screen, ScreenSource};
+
+use crate::error::BridgeError;
+pub use crate::link::PixelKind;
+
+/// A picture that is still to come.
+pub type ComingPicture<'a> = Pin<Box<dyn Future<Output = Result<Vec<u8>, PixelError>> + Send + 'a>>;
+
+/// A proof that is still to come.
+pub type Confirmed<'a> = Pin<Box<dyn Future<Output = Result<(), BridgeError>> + Send + 'a>>;
+
+/// Shows check patterns: the simulator at the other end of the link.
+pub trait PatternDisplay: Send {
+    /// Shows the pattern of a code over the window, or takes it away; done when the simulator says that it is drawn.
+    fn show(&mut self, code: Option<u32>) -> Confirmed<'_>;
+}
+
+/// Gives the pictures of frames that the simulator says it has drawn.
+pub trait PixelSource: Debug + Send {
+    /// Which it is.
+    fn kind(&self) -> PixelKind;
+
+    /// Captures that may be outstanding at once. A frame that has to stay on the screen until it is grabbed allows one.
+    fn most_outstanding(&self) -> usize;
+
+    /// The picture of the frame just drawn. `payload` is what came with the simulator's answer: the picture, or memory for it.
+    fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_>;
+
+    /// Proves after the last picture that what was proven before the first one still holds.
+    fn confirm<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> Confirmed<'a>;
+}

@@ -1,0 +1,160 @@
+//! Why there are no pictures, with what a person can do about it.
+
+use std::time::Duration;
+
+use super::check_pattern::Unreadable;
+use super::{PixelChoice, PixelKind, Rectangle};
+
+/// Why pictures cannot be had, or cannot be trusted.
+#[derive(Debug, thiserror::Error)]
+pub enum PixelError {
+    /// The simulator has no such source.
+    #[error("--pixels {wanted}: the simulator offers {}", offer(.offered))]
+    NotOffered {
+        /// What was asked for.
+        wanted: PixelChoice,
+        /// What there is.
+        offered: Vec<PixelKind>,
+    },
+    /// Nobody knows how to grab the screen of this system.
+    #[error(
+        "the screen of this system cannot be grabbed: Linux (X11), Windows and macOS can; use --pixels gl or run X-Plane there"
+    )]
+    NoScreenHere,
+    /// FFmpeg was built without the device.
+    #[error(
+        "the FFmpeg of this machine was built without its input device {device}; install one that has it"
+    )]
+    NoDevice {
+        /// The device.
+        device: &'static str,
+    },
+    /// The screen cannot be opened.
+    #[error("cannot grab the screen {input:?} with FFmpeg's {device}: {source}; {advice}")]
+    Open {
+        /// The device.
+        device: &'static str,
+        /// Which screen.
+        input: String,
+        /// What FFmpeg said.
+        source: ffmpeg_next::Error,
+        /// What to look at.
+        advice: &'static str,
+    },
+    /// A picture of the screen did not come.
+    #[error(
+        "no picture of the screen: {what}. Was the window closed, resized or the screen locked?"
+    )]
+    Grab {
+        /// What happened instead.
+        what: String,
+    },
+    /// The screen has another form of pixels than 8 bits of red, green, blue.
+    #[error(
+        "the screen has pixels of the form {found}, expected 8 bits each of red, green, blue: set it to 24-bit colour"
+    )]
+    PixelForm {
+        /// What it has.
+        found: String,
+    },
+    /// The pattern does not appear.
+    #[error(
+        "the simulator says that it shows the check pattern {code:08x}, but after {waited:.1?} the screen {screen} shows {found}. Is its \
+         window open on this screen, in front of all others, not minimised and not reaching over the edge?"
+    )]
+    PatternNotSeen {
+        /// The code that should be there.
+        code: u32,
+        /// How long we looked.
+        waited: Duration,
+        /// Where we looked.
+        screen: String,
+        /// What was there last.
+        found: Unreadable,
+    },
+    /// An older pattern stays.
+    #[error(
+        "the simulator says that it shows the check pattern {code:08x}, but after {waited:.1?} the screen still shows {found:08x}: \
+         it is drawn late or not at all, and pictures would show earlier ticks. Is the simulator paused or its window frozen?"
+    )]
+    StalePattern {
+        /// The code that should be there.
+        code: u32,
+        /// How long we looked.
+        waited: Duration,
+        /// The code that was there last.
+        found: u32,
+    },
+    /// The window is not as large as the pictures.
+    #[error("the simulator's window is {} on the screen, the pictures shall be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
+    WrongSize {
+        /// Where it is.
+        window: Rectangle,
+        /// Its size as the simulator reports it, if it does.
+        reported_px: Option<(u32, u32)>,
+        /// Width of the pictures, pixels.
+        width_px: u32,
+        /// Height of the pictures, pixels.
+        height_px: u32,
+    },
+    /// The window is no longer where it was.
+    #[error(
+        "the simulator's window has moved or changed: the check pattern fills {found} of what is grabbed, expected {expected}. Leave it alone while recording"
+    )]
+    Moved {
+        /// Where it should be.
+        expected: Rectangle,
+        /// Where it is.
+        found: Rectangle,
+    },
+    /// The pattern is in a picture of the recording.
+    #[error(
+        "the check pattern is still on the screen where a picture should be: the simulator did not remove it, or draws late"
+    )]
+    PatternStays,
+    /// After the recording, frames appeared later than before it.
+    #[error(
+        "frames took {found:.1?} to appear on the screen after the recording, more than the {allowed:.1?} waited for during it: \
+         its pictures may show earlier ticks. Close what else draws on this machine"
+    )]
+    Slower {
+        /// Measured after.
+        found: Duration,
+        /// Waited during the recording.
+        allowed: Duration,
+    },
+}
+
+impl PixelError {
+    /// Whether the caller asked for what this simulator does not have: the same call will fail again.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(self, Self::NotOffered { .. })
+    }
+}
+
+fn offer(offered: &[PixelKind]) -> String {
+    match offered {
+        [] => "no source of pixels: it can neither send nor show pictures".into(),
+        kinds => {
+            let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
+            format!("only {}", names.join(", "))
+        }
+    }
+}
+
+fn size(window: &Rectangle) -> String {
+    format!("{}x{}", window.width_px, window.height_px)
+}
+
+fn size_advice(window: &Rectangle, reported_px: &Option<(u32, u32)>) -> String {
+    match reported_px {
+        Some(reported) if *reported != (window.width_px, window.height_px) => {
+            let percent = 100.0 * f64::from(window.width_px) / f64::from(reported.0.max(1));
+            format!(
+                "the simulator draws {}x{}, and the desktop scales it to {percent:.0} %. Set the display's scaling to 100 %",
+                reported.0, reported.1
+            )
+        }
+        _ => "give the window exactly this size (X-Plane: Settings > Graphics, or --window=WIDTHxHEIGHT on its command line), or change [picture] in the sweep".into(),
+    }
+}

@@ -1,0 +1,26 @@
+//! Pictures that come with the simulator's answer: nothing is left to do.
+
+use super::{ComingPicture, Confirmed, PatternDisplay, PixelKind, PixelSource};
+use crate::link::MAX_OUTSTANDING_CAPTURES;
+
+/// The source `link` or `gl`: the answer's payload is the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Payload(pub PixelKind);
+
+impl PixelSource for Payload {
+    fn kind(&self) -> PixelKind {
+        self.0
+    }
+
+    fn most_outstanding(&self) -> usize {
+        MAX_OUTSTANDING_CAPTURES
+    }
+
+    fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
+        Box::pin(std::future::ready(Ok(payload)))
+    }
+
+    fn confirm<'a>(&'a mut self, _: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
+        Box::pin(std::future::ready(Ok(())))
+    }
+}

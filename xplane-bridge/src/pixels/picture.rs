@@ -1,0 +1,101 @@
+//! Pictures in memory and places in them.
+
+use std::fmt;
+
+/// A place in a picture or on a screen, pixels from its top left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rectangle {
+    /// Its leftmost column.
+    pub x_px: u32,
+    /// Its topmost row.
+    pub y_px: u32,
+    /// Number of columns.
+    pub width_px: u32,
+    /// Number of rows.
+    pub height_px: u32,
+}
+
+impl Rectangle {
+    /// The rectangle from its top left pixel to just before another.
+    pub(super) fn between(x_px: u32, y_px: u32, right_px: u32, bottom_px: u32) -> Self {
+        Self {
+            x_px,
+            y_px,
+            width_px: right_px.saturating_sub(x_px),
+            height_px: bottom_px.saturating_sub(y_px),
+        }
+    }
+
+    /// The column after the last.
+    pub(super) fn right_px(self) -> u32 {
+        self.x_px + self.width_px
+    }
+
+    /// The row after the last.
+    pub(super) fn bottom_px(self) -> u32 {
+        self.y_px + self.height_px
+    }
+
+    /// What is left without a margin all around.
+    pub(super) fn inside(self, margin_px: u32) -> Self {
+        Self {
+            x_px: self.x_px + margin_px,
+            y_px: self.y_px + margin_px,
+            width_px: self.width_px.saturating_sub(2 * margin_px),
+            height_px: self.height_px.saturating_sub(2 * margin_px),
+        }
+    }
+}
+
+impl fmt::Display for Rectangle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            x_px,
+            y_px,
+            width_px,
+            height_px,
+        } = self;
+        write!(f, "{width_px}x{height_px} at ({x_px}, {y_px})")
+    }
+}
+
+/// A picture: red, green, blue, one byte each, row by row from the top left.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct RgbPicture {
+    /// Number of columns.
+    pub width_px: u32,
+    /// Number of rows.
+    pub height_px: u32,
+    /// The bytes, rows without gaps.
+    pub rgb: Vec<u8>,
+}
+
+impl RgbPicture {
+    /// A black picture.
+    pub fn black(width_px: u32, height_px: u32) -> Self {
+        Self {
+            width_px,
+            height_px,
+            rgb: vec![0; crate::link::rgb_bytes(width_px, height_px)],
+        }
+    }
+
+    /// Gives it another size; what it shows is undefined until it is filled.
+    pub(super) fn resize(&mut self, width_px: u32, height_px: u32) {
+        (self.width_px, self.height_px) = (width_px, height_px);
+        self.rgb
+            .resize(crate::link::rgb_bytes(width_px, height_px), 0);
+    }
+
+    /// Pixels of a row from one column to just before another.
+    pub(super) fn pixels(&self, from_px: u32, to_px: u32, y_px: u32) -> &[[u8; 3]] {
+        let row = (y_px * self.width_px) as usize;
+        &self.rgb.as_chunks().0[row + from_px as usize..row + to_px as usize]
+    }
+
+    /// The same, to be written.
+    pub(super) fn pixels_mut(&mut self, from_px: u32, to_px: u32, y_px: u32) -> &mut [[u8; 3]] {
+        let row = (y_px * self.width_px) as usize;
+        &mut self.rgb.as_chunks_mut().0[row + from_px as usize..row + to_px as usize]
+    }
+}

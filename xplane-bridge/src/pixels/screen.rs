@@ -1,0 +1,325 @@
+//! The source `screen`: the simulator's window, grabbed from the screen, with the proof that each picture is the frame asked for.
+//!
+//! Set-up: the simulator shows a check pattern with a code of ours; the whole screen is grabbed until that code is read, which gives
+//! the window's rectangle, and so its size. From then on only this rectangle is grabbed. More codes measure the lag: how many grabs
+//! and how long it takes from "it is drawn" until it is seen. While recording, every grab waits twice the longest lag and skips as many
+//! grabs; the frame stays on the screen until the next request, so waiting is always right. After the recording [`ScreenSource::confirm`]
+//! measures again: a window that moved, or a screen that has become slower than what was waited for, ends the attempt.
+
+mod device;
+mod ffmpeg_screen;
+mod grabber;
+mod pixel_form;
+#[cfg(test)]
+mod tests;
+
+use std::fmt;
+use std::sync::Arc;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use tokio::time::{Instant, sleep};
+
+use super::ComingPicture;
+use super::check_pattern::{Sighting, Unreadable, covers};
+use super::{Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle, RgbPicture};
+use crate::error::BridgeError;
+use crate::link::SimulatorWindow;
+pub use ffmpeg_screen::FfmpegScreen;
+use grabber::Grabber;
+
+/// How long a pattern may take to be seen.
+const PATIENCE: Duration = match cfg!(test) {
+    // A made-up screen does nothing while one waits.
+    true => Duration::from_millis(200),
+    false => Duration::from_secs(2),
+};
+/// Codes with which the lag is measured.
+const TRIALS: u32 = 8;
+/// While recording, so many times the longest lag is waited for.
+const LAG_MARGIN: u32 = 2;
+
+/// A screen that can be grabbed: that of this machine, or one that a test makes up.
+pub trait Screen: fmt::Debug + Send + Sync {
+    /// What to call it.
+    fn name(&self) -> String;
+
+    /// Begins to grab a part of it, or all of it.
+    ///
+    /// # Errors
+    /// If it cannot be grabbed.
+    fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError>;
+}
+
+/// Takes pictures of a part of a screen.
+pub trait Grab: Send {
+    /// Takes the next picture. What it shows may be older than this call: how old is measured, never assumed.
+    ///
+    /// # Errors
+    /// If there is none.
+    fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError>;
+}
+
+/// From the simulator's word that a frame is drawn until the frame is seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Lag {
+    /// Grabs that still showed something older.
+    pub grabs: u32,
+    /// Time until the grab began that showed it; zero if it was the first.
+    pub time: Duration,
+}
+
+impl Lag {
+    fn or_longer(self, other: Self) -> Self {
+        Self {
+            grabs: self.grabs.max(other.grabs),
+            time: self.time.max(other.time),
+        }
+    }
+}
+
+/// A window that is grabbed, and what was measured about it.
+pub struct ScreenSource {
+    grabber: Grabber,
+    screen: String,
+    window: Rectangle,
+    lag: Lag,
+    codes: Codes,
+}
+
+impl ScreenSource {
+    /// Finds the simulator's window on `screen`, proves that it is seen whole, unscaled and in the size of the pictures, and
+    /// measures the lag. `reported`: the window as the simulator reports it, for messages.
+    ///
+    /// # Errors
+    /// If any of it is not so; the message says what to change. The pattern is taken away in any case.
+    pub async fn set_up(
+        screen: &Arc<dyn Screen>,
+        (width_px, height_px): (u32, u32),
+        reported: Option<&SimulatorWindow>,
+        display: &mut dyn PatternDisplay,
+    ) -> Result<Self, BridgeError> {
+        let result = async {
+            let mut codes = Codes::fresh();
+            let window = find(screen, &mut codes, reported, display).await?;
+            if (window.width_px, window.height_px) != (width_px, height_px) {
+                return Err(BridgeError::Pixels(PixelError::WrongSize {
+                    window,
+                    reported_px: reported.map(|window| (window.width_px, window.height_px)),
+                    width_px,
+                    height_px,
+                }));
+            }
+            let mut source = Self {
+                grabber: Grabber::open(screen, Some(window)).await?,
+                screen: screen.name(),
+                window,
+                lag: Lag::default(),
+                codes,
+            };
+            source.lag = source.measure(display).await?;
+            Ok(source)
+        };
+        let source = clearing(result.await, display).await?;
+        source.wait_until_gone().await?;
+        tracing::info!(window = %source.window, lag = ?source.lag, "the simulator's window is grabbed");
+        Ok(source)
+    }
+
+    /// Where the window lies on the screen.
+    pub fn window(&self) -> Rectangle {
+        self.window
+    }
+
+    /// The longest lag of the set-up.
+    pub fn lag(&self) -> Lag {
+        self.lag
+    }
+
+    /// What is waited for, and how many grabs are skipped, before each picture.
+    fn allowed(&self) -> Lag {
+        Lag {
+            grabs: self.lag.grabs,
+            time: self.lag.time * LAG_MARGIN,
+        }
+    }
+
+    /// The longest lag over some codes, each of which must fill the window.
+    async fn measure(&mut self, display: &mut dyn PatternDisplay) -> Result<Lag, BridgeError> {
+        let mut longest = Lag::default();
+        for trial in 0..=TRIALS {
+            let code = self.codes.next();
+            display.show(Some(code)).await?;
+            let (seen, lag) = wait_for(&self.grabber, &self.screen, code).await?;
+            let expected = self.grabbed();
+            if seen.rectangle != expected {
+                let found = seen.rectangle;
+                return Err(PixelError::Moved { expected, found }.into());
+            }
+            // The first one empties the queue that a device may have filled while nobody grabbed.
+            if trial > 0 {
+                longest = longest.or_longer(lag);
+            }
+        }
+        Ok(longest)
+    }
+
+    /// The window in the pictures that are grabbed: all of them.
+    fn grabbed(&self) -> Rectangle {
+        Rectangle {
+            x_px: 0,
+            y_px: 0,
+            ..self.window
+        }
+    }
+
+    /// Waits until no pattern is seen any more.
+    async fn wait_until_gone(&self) -> Result<(), PixelError> {
+        let began = Instant::now();
+        while !matches!(
+            self.grabber.look().await?,
+            Err(Unreadable::Absent | Unreadable::Covered(_))
+        ) {
+            if began.elapsed() > PATIENCE {
+                return Err(PixelError::PatternStays);
+            }
+        }
+        Ok(())
+    }
+
+    async fn measure_again(&mut self, display: &mut dyn PatternDisplay) -> Result<(), BridgeError> {
+        let measured = self.measure(display).await;
+        let lag = clearing(measured, display).await?;
+        self.wait_until_gone().await?;
+        let allowed = self.allowed();
+        if lag.grabs > allowed.grabs || lag.time > allowed.time {
+            let (found, allowed) = (lag.time, allowed.time);
+            return Err(PixelError::Slower { found, allowed }.into());
+        }
+        Ok(())
+    }
+}
+
+impl PixelSource for ScreenSource {
+    fn kind(&self) -> PixelKind {
+        PixelKind::Screen
+    }
+
+    fn most_outstanding(&self) -> usize {
+        1
+    }
+
+    fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
+        Box::pin(async move {
+            let wait = self.allowed();
+            if !wait.time.is_zero() {
+                sleep(wait.time).await;
+            }
+            let memory = RgbPicture {
+                rgb: payload,
+                ..RgbPicture::default()
+            };
+            let picture = self.grabber.grab(memory, wait.grabs).await?;
+            match covers(&picture) {
+                true => Err(PixelError::PatternStays),
+                false => Ok(picture.rgb),
+            }
+        })
+    }
+
+    fn confirm<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> Confirmed<'a> {
+        Box::pin(self.measure_again(display))
+    }
+}
+
+impl fmt::Debug for ScreenSource {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ScreenSource")
+            .field("screen", &self.screen)
+            .field("window", &self.window)
+            .field("lag", &self.lag)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The rectangle of the simulator's window on the whole screen.
+async fn find(
+    screen: &Arc<dyn Screen>,
+    codes: &mut Codes,
+    reported: Option<&SimulatorWindow>,
+    display: &mut dyn PatternDisplay,
+) -> Result<Rectangle, BridgeError> {
+    let whole = Grabber::open(screen, None).await?;
+    let code = codes.next();
+    display.show(Some(code)).await?;
+    let place = match reported {
+        Some(window) => format!("{} (the simulator's window is {window})", screen.name()),
+        None => screen.name(),
+    };
+    let (seen, _) = wait_for(&whole, &place, code).await?;
+    Ok(seen.rectangle)
+}
+
+/// Grabs until a code is seen.
+async fn wait_for(
+    grabber: &Grabber,
+    screen: &str,
+    code: u32,
+) -> Result<(Sighting, Lag), PixelError> {
+    let shown = Instant::now();
+    let mut lag = Lag::default();
+    loop {
+        let found = grabber.look().await?;
+        if let Ok(seen) = found
+            && seen.code == code
+        {
+            return Ok((seen, lag));
+        }
+        let waited = shown.elapsed();
+        if waited > PATIENCE {
+            return Err(match found {
+                Ok(seen) => PixelError::StalePattern {
+                    code,
+                    waited,
+                    found: seen.code,
+                },
+                Err(found) => PixelError::PatternNotSeen {
+                    code,
+                    waited,
+                    screen: screen.to_owned(),
+                    found,
+                },
+            });
+        }
+        lag = Lag {
+            grabs: lag.grabs + 1,
+            time: waited,
+        };
+    }
+}
+
+/// Takes the pattern away, also after a failure, which is then what is told.
+async fn clearing<T>(
+    result: Result<T, BridgeError>,
+    display: &mut dyn PatternDisplay,
+) -> Result<T, BridgeError> {
+    let cleared = display.show(None).await;
+    let done = result?;
+    cleared.map(|()| done)
+}
+
+/// Codes that differ from each other, and from those of any client before.
+#[derive(Debug, Clone, Copy)]
+struct Codes(u32);
+
+impl Codes {
+    fn fresh() -> Self {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH);
+        Self(now.map_or(1, |since| since.as_nanos() as u32))
+    }
+
+    fn next(&mut self) -> u32 {
+        // An odd step passes through all 2^32 codes; this one changes about half of the cells each time.
+        self.0 = self.0.wrapping_add(0x9e37_79b9);
+        self.0
+    }
+}

@@ -1,0 +1,176 @@
+//! Which of FFmpeg's input devices grabs the screen of which system, and with which options: plain values.
+
+use crate::pixels::Rectangle;
+
+/// A system's way to grab its screen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Platform {
+    /// Linux and other systems with X11 (or XWayland's windows).
+    X11,
+    /// Windows.
+    Gdi,
+    /// macOS.
+    AvFoundation,
+}
+
+/// What FFmpeg is asked to open.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct DeviceCall {
+    /// Name of the input device.
+    pub(super) device: &'static str,
+    /// Which screen.
+    pub(super) input: String,
+    /// Options of the device.
+    pub(super) options: Vec<(&'static str, String)>,
+    /// The part of its pictures to keep, where the device itself cannot be told.
+    pub(super) crop: Option<Rectangle>,
+}
+
+/// Grabs are made on demand; the device shall not wait between them.
+const UNPACED_HZ: &str = "1000";
+/// macOS pushes pictures at a rate that its displays have.
+const PUSHED_HZ: &str = "60";
+
+impl Platform {
+    /// That of this machine, if it has one that we know.
+    pub(super) fn here() -> Option<Self> {
+        if cfg!(windows) {
+            Some(Self::Gdi)
+        } else if cfg!(target_os = "macos") {
+            Some(Self::AvFoundation)
+        } else if cfg!(unix) {
+            Some(Self::X11)
+        } else {
+            None
+        }
+    }
+
+    /// What to check if the screen cannot be opened.
+    pub(super) fn advice(self) -> &'static str {
+        match self {
+            Self::X11 => {
+                "is DISPLAY that of X-Plane's X server (under Wayland: XWayland), and may this user connect to it?"
+            }
+            Self::Gdi => {
+                "is this the desktop session that X-Plane runs in, not a service or a remote shell?"
+            }
+            Self::AvFoundation => {
+                "has the terminal the right to record the screen (System Settings > Privacy & Security)?"
+            }
+        }
+    }
+
+    /// How to open a part of the screen, or all of it. `display` is X11's; the other systems have but one.
+    pub(super) fn call(self, display: &str, part: Option<Rectangle>) -> DeviceCall {
+        let option = |name, value: &dyn ToString| (name, value.to_string());
+        let region = |x: &'static str, y: &'static str| {
+            part.map(|part| {
+                let size = format!("{}x{}", part.width_px, part.height_px);
+                vec![
+                    option("video_size", &size),
+                    option(x, &part.x_px),
+                    option(y, &part.y_px),
+                ]
+            })
+            .unwrap_or_default()
+        };
+        match self {
+            Self::X11 => {
+                let mut options = region("grab_x", "grab_y");
+                options.extend([option("draw_mouse", &0), option("framerate", &UNPACED_HZ)]);
+                DeviceCall {
+                    device: "x11grab",
+                    input: display.to_owned(),
+                    options,
+                    crop: None,
+                }
+            }
+            Self::Gdi => {
+                let mut options = region("offset_x", "offset_y");
+                options.extend([option("draw_mouse", &0), option("framerate", &UNPACED_HZ)]);
+                DeviceCall {
+                    device: "gdigrab",
+                    input: "desktop".into(),
+                    options,
+                    crop: None,
+                }
+            }
+            Self::AvFoundation => DeviceCall {
+                device: "avfoundation",
+                input: "Capture screen 0:none".into(),
+                options: vec![
+                    option("capture_cursor", &0),
+                    option("framerate", &PUSHED_HZ),
+                    option("pixel_format", &"bgr0"),
+                ],
+                crop: part,
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PART: Rectangle = Rectangle {
+        x_px: 10,
+        y_px: 20,
+        width_px: 1_920,
+        height_px: 1_280,
+    };
+
+    fn text(call: &DeviceCall) -> String {
+        let options: Vec<String> = call
+            .options
+            .iter()
+            .map(|(name, value)| format!("-{name} {value}"))
+            .collect();
+        format!("{} -f {} -i {}", options.join(" "), call.device, call.input)
+    }
+
+    #[test]
+    fn x11_is_asked_for_the_part_of_the_display_without_the_mouse() {
+        let call = Platform::X11.call(":7", Some(PART));
+        assert_eq!(
+            text(&call),
+            "-video_size 1920x1280 -grab_x 10 -grab_y 20 -draw_mouse 0 -framerate 1000 -f x11grab -i :7"
+        );
+        assert_eq!(call.crop, None);
+        let whole = Platform::X11.call(":7", None);
+        assert_eq!(
+            text(&whole),
+            "-draw_mouse 0 -framerate 1000 -f x11grab -i :7"
+        );
+    }
+
+    #[test]
+    fn windows_is_asked_for_a_part_of_the_desktop() {
+        let call = Platform::Gdi.call("", Some(PART));
+        assert_eq!(
+            text(&call),
+            "-video_size 1920x1280 -offset_x 10 -offset_y 20 -draw_mouse 0 -framerate 1000 -f gdigrab -i desktop"
+        );
+        assert_eq!(call.crop, None);
+    }
+
+    #[test]
+    fn macos_gives_the_whole_screen_which_is_cut_afterwards() {
+        let call = Platform::AvFoundation.call("", Some(PART));
+        assert_eq!(
+            text(&call),
+            "-capture_cursor 0 -framerate 60 -pixel_format bgr0 -f avfoundation -i Capture screen 0:none"
+        );
+        assert_eq!(call.crop, Some(PART));
+    }
+
+    #[test]
+    fn this_system_is_known() {
+        let expected = match std::env::consts::OS {
+            "windows" => Platform::Gdi,
+            "macos" => Platform::AvFoundation,
+            _ => Platform::X11,
+        };
+        assert_eq!(Platform::here(), Some(expected));
+    }
+}

@@ -1,0 +1,153 @@
+//! The screen of this machine, grabbed through FFmpeg's input devices.
+
+use std::env;
+use std::sync::Once;
+
+use ffmpeg_next::codec::context::Context;
+use ffmpeg_next::format::context::Input;
+use ffmpeg_next::{Dictionary, Format, Packet, decoder, device, format, frame, media};
+
+use super::device::{DeviceCall, Platform};
+use super::pixel_form;
+use super::{Grab, Screen};
+use crate::pixels::{PixelError, Rectangle, RgbPicture};
+
+/// The screen that X-Plane draws on.
+#[derive(Debug, Clone)]
+pub struct FfmpegScreen {
+    platform: Option<Platform>,
+    display: String,
+}
+
+impl FfmpegScreen {
+    /// This machine's; with X11, the one that `DISPLAY` names.
+    pub fn here() -> Self {
+        Self::of_display(env::var("DISPLAY").unwrap_or_default())
+    }
+
+    /// With X11, a certain display, e.g. `:0`.
+    pub fn of_display(display: impl Into<String>) -> Self {
+        Self {
+            platform: Platform::here(),
+            display: display.into(),
+        }
+    }
+}
+
+impl Screen for FfmpegScreen {
+    fn name(&self) -> String {
+        let call = self
+            .platform
+            .map(|platform| platform.call(&self.display, None));
+        call.map(|call| call.input).unwrap_or_default()
+    }
+
+    fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError> {
+        start_ffmpeg();
+        let platform = self.platform.ok_or(PixelError::NoScreenHere)?;
+        let call = platform.call(&self.display, part);
+        let format = input_device(call.device)?;
+        let mut options = Dictionary::new();
+        for (name, value) in &call.options {
+            options.set(name, value);
+        }
+        let failed = |source| PixelError::Open {
+            device: call.device,
+            input: call.input.clone(),
+            source,
+            advice: platform.advice(),
+        };
+        let input = format::open_with(&call.input, &format, options).map_err(failed)?;
+        let input = input.input();
+        let stream = input
+            .streams()
+            .best(media::Type::Video)
+            .ok_or_else(|| failed(ffmpeg_next::Error::StreamNotFound))?;
+        let index = stream.index();
+        let decoder = Context::from_parameters(stream.parameters())
+            .and_then(|context| context.decoder().video())
+            .map_err(failed)?;
+        Ok(Box::new(FfmpegGrab {
+            input,
+            stream: index,
+            decoder,
+            frame: frame::Video::empty(),
+            packet: Packet::empty(),
+            call,
+        }))
+    }
+}
+
+/// A part of the screen that is being grabbed.
+struct FfmpegGrab {
+    input: Input,
+    stream: usize,
+    decoder: decoder::Video,
+    frame: frame::Video,
+    packet: Packet,
+    call: DeviceCall,
+}
+
+impl Grab for FfmpegGrab {
+    fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError> {
+        let device = self.call.device;
+        let failed = |error: ffmpeg_next::Error| PixelError::Grab {
+            what: format!("{device} says: {error}"),
+        };
+        loop {
+            self.packet.read(&mut self.input).map_err(failed)?;
+            if self.packet.stream() == self.stream {
+                break;
+            }
+        }
+        // Screens are not compressed: one packet is one picture.
+        self.decoder.send_packet(&self.packet).map_err(failed)?;
+        self.decoder
+            .receive_frame(&mut self.frame)
+            .map_err(failed)?;
+        pixel_form::copy(&self.frame, self.call.crop, picture)
+    }
+}
+
+/// FFmpeg's input device of this name.
+fn input_device(name: &'static str) -> Result<Format, PixelError> {
+    let is_it = |format: &Format| format.name() == name;
+    device::input::video()
+        .find(is_it)
+        .ok_or(PixelError::NoDevice { device: name })
+}
+
+fn start_ffmpeg() {
+    static START: Once = Once::new();
+    START.call_once(|| {
+        // It fails only if FFmpeg lacks memory for its tables; opening a device reports that too.
+        let _ = ffmpeg_next::init();
+        // Errors come back as values; its own lines on stderr would tear progress bars.
+        ffmpeg_next::log::set_level(ffmpeg_next::log::Level::Fatal);
+    });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_device_of_this_system_is_in_this_ffmpeg() {
+        start_ffmpeg();
+        let device = Platform::here().unwrap().call("", None).device;
+        assert_eq!(input_device(device).ok().unwrap().name(), device);
+        let message = input_device("telepathy").err().unwrap().to_string();
+        assert!(message.contains("telepathy"), "{message}");
+    }
+
+    #[cfg(all(unix, not(target_os = "macos")))]
+    #[test]
+    fn a_display_that_is_not_there_is_named_with_what_to_check() {
+        let screen = FfmpegScreen::of_display(":54321");
+        let message = screen.open(None).err().unwrap().to_string();
+        assert!(
+            message.contains(":54321") && message.contains("DISPLAY"),
+            "{message}"
+        );
+    }
+}

@@ -1,0 +1,122 @@
+//! From the bytes of a screen's pixels to red, green, blue. Only forms that hold exactly these are taken: nothing is converted.
+
+use ffmpeg_next::format::Pixel;
+use ffmpeg_next::frame;
+
+use crate::pixels::{PixelError, Rectangle, RgbPicture};
+
+/// Bytes of a pixel, and which of them are red, green and blue.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct PixelForm {
+    bytes: usize,
+    rgb: [usize; 3],
+}
+
+impl PixelForm {
+    fn of(pixel: Pixel) -> Result<Self, PixelError> {
+        let (bytes, rgb) = match pixel {
+            Pixel::BGRZ | Pixel::BGRA => (4, [2, 1, 0]),
+            Pixel::RGBZ | Pixel::RGBA => (4, [0, 1, 2]),
+            Pixel::ZRGB | Pixel::ARGB => (4, [1, 2, 3]),
+            Pixel::ZBGR | Pixel::ABGR => (4, [3, 2, 1]),
+            Pixel::RGB24 => (3, [0, 1, 2]),
+            Pixel::BGR24 => (3, [2, 1, 0]),
+            other => {
+                return Err(PixelError::PixelForm {
+                    found: format!("{other:?}"),
+                });
+            }
+        };
+        Ok(Self { bytes, rgb })
+    }
+}
+
+/// Copies a part of a grabbed frame, or all of it, into a picture.
+pub(super) fn copy(
+    frame: &frame::Video,
+    part: Option<Rectangle>,
+    picture: &mut RgbPicture,
+) -> Result<(), PixelError> {
+    let form = PixelForm::of(frame.format())?;
+    let (width_px, height_px) = (frame.width(), frame.height());
+    let part = part.unwrap_or(Rectangle::between(0, 0, width_px, height_px));
+    if part.right_px() > width_px || part.bottom_px() > height_px {
+        return Err(PixelError::Grab {
+            what: format!("{part} lies outside the screen, {width_px}x{height_px}"),
+        });
+    }
+    picture.resize(part.width_px, part.height_px);
+    let (stride, data) = (frame.stride(0), frame.data(0));
+    let left = part.x_px as usize * form.bytes;
+    let length = part.width_px as usize * form.bytes;
+    for y in 0..part.height_px {
+        let row = &data[(part.y_px + y) as usize * stride + left..][..length];
+        copy_row(form, row, picture.pixels_mut(0, part.width_px, y));
+    }
+    Ok(())
+}
+
+fn copy_row(form: PixelForm, row: &[u8], pixels: &mut [[u8; 3]]) {
+    match form {
+        // The form of X11 and Windows, spelled out for the compiler's sake: a third of the time.
+        PixelForm {
+            bytes: 4,
+            rgb: [2, 1, 0],
+        } => {
+            for ([blue, green, red, _], pixel) in row.as_chunks().0.iter().zip(pixels) {
+                *pixel = [*red, *green, *blue];
+            }
+        }
+        PixelForm { bytes, rgb } => {
+            for (source, pixel) in row.chunks_exact(bytes).zip(pixels) {
+                *pixel = rgb.map(|at| source[at]);
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_form_gives_the_same_picture_and_the_part_is_cut_out() {
+        let forms = [
+            (Pixel::BGRZ, vec![3, 2, 1, 0]),
+            (Pixel::RGBA, vec![1, 2, 3, 255]),
+            (Pixel::ZRGB, vec![0, 1, 2, 3]),
+            (Pixel::ABGR, vec![255, 3, 2, 1]),
+            (Pixel::RGB24, vec![1, 2, 3]),
+            (Pixel::BGR24, vec![3, 2, 1]),
+        ];
+        for (pixel, bytes) in forms {
+            let mut frame = frame::Video::new(pixel, 5, 4);
+            frame.data_mut(0).fill(77);
+            let at = 2 * frame.stride(0) + 3 * bytes.len();
+            frame.data_mut(0)[at..at + bytes.len()].copy_from_slice(&bytes);
+            let mut picture = RgbPicture::default();
+            let part = Rectangle::between(2, 1, 4, 3);
+            copy(&frame, Some(part), &mut picture).unwrap();
+            assert_eq!((picture.width_px, picture.height_px), (2, 2));
+            assert_eq!(
+                picture.rgb,
+                [77, 77, 77, 77, 77, 77, 77, 77, 77, 1, 2, 3],
+                "{pixel:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn forms_without_eight_bits_of_each_colour_and_parts_outside_are_refused() {
+        let mut picture = RgbPicture::default();
+        let coarse = frame::Video::new(Pixel::RGB565LE, 4, 4);
+        let message = copy(&coarse, None, &mut picture).unwrap_err().to_string();
+        assert!(
+            message.contains("RGB565LE") && message.contains("24-bit"),
+            "{message}"
+        );
+        let small = frame::Video::new(Pixel::BGRZ, 4, 4);
+        let outside = Some(Rectangle::between(2, 0, 6, 4));
+        assert!(copy(&small, outside, &mut picture).is_err());
+    }
+}

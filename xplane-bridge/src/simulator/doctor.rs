@@ -1,0 +1,343 @@
+//! Examines a live connection point by point, for a person who wants to know what to fix.
+//!
+//! In: where the simulator should be. Out: one [`Check`] after the other, each with what was found and, where it is not well,
+//! what to do. A check that needs an earlier one that failed is skipped and says so. Whatever is changed on the way is put back:
+//! one course, the pause, and the aircraft's place for the time of the lockstep test.
+
+mod announcement;
+mod lockstep;
+mod talk;
+mod web;
+
+use std::fmt;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::time::Duration;
+
+use serde::Serialize;
+
+use self::talk::Talk;
+use crate::datarefs::{CAPTURE_PORT, Generation};
+use crate::error::BridgeError;
+use crate::link::PixelKind;
+use crate::{Simulator, SimulatorDescription};
+
+/// Where X-Plane is if nobody says anything else.
+const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
+/// How long the capture link may take to open.
+const LINK_TIMEOUT: Duration = Duration::from_secs(5);
+
+/// How a check came out.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// Well.
+    Ok,
+    /// Recording is possible, but somebody should look.
+    Warning,
+    /// Recording is impossible or would be wrong.
+    Failed,
+    /// Not tried, for the reason that is given.
+    Skipped,
+}
+
+impl fmt::Display for Verdict {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Ok => "ok",
+            Self::Warning => "warning",
+            Self::Failed => "failed",
+            Self::Skipped => "skipped",
+        })
+    }
+}
+
+/// One point of the examination.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Check {
+    /// What was looked at.
+    pub name: &'static str,
+    /// How it came out.
+    pub verdict: Verdict,
+    /// What was found.
+    pub found: String,
+    /// What to do, unless it is well.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hint: Option<String>,
+}
+
+impl Check {
+    fn ok(name: &'static str, found: impl Into<String>) -> Self {
+        Self {
+            name,
+            verdict: Verdict::Ok,
+            found: found.into(),
+            hint: None,
+        }
+    }
+
+    fn bad(
+        name: &'static str,
+        verdict: Verdict,
+        found: impl Into<String>,
+        hint: impl Into<String>,
+    ) -> Self {
+        Self {
+            name,
+            verdict,
+            found: found.into(),
+            hint: Some(hint.into()),
+        }
+    }
+
+    fn failed(name: &'static str, found: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::bad(name, Verdict::Failed, found, hint)
+    }
+
+    fn warning(name: &'static str, found: impl Into<String>, hint: impl Into<String>) -> Self {
+        Self::bad(name, Verdict::Warning, found, hint)
+    }
+
+    fn skipped(name: &'static str, reason: impl Into<String>) -> Self {
+        Self {
+            name,
+            verdict: Verdict::Skipped,
+            found: reason.into(),
+            hint: None,
+        }
+    }
+}
+
+/// What to examine.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Patient {
+    /// Where it takes UDP packets; by default where the beacon says, or X-Plane's usual address.
+    pub address: Option<SocketAddr>,
+    /// Where its Web API is.
+    pub web_api: SocketAddr,
+    /// How long to listen for the beacon. X-Plane sends one a second.
+    pub listen: Duration,
+    /// How long to wait for values over UDP.
+    pub wait: Duration,
+}
+
+impl Patient {
+    /// The simulator there, or whichever there is.
+    pub fn at(address: Option<SocketAddr>) -> Self {
+        let host = address.map_or(Ipv4Addr::LOCALHOST.into(), |address| address.ip());
+        Self {
+            address,
+            web_api: SocketAddr::new(host, 8_086),
+            listen: Duration::from_millis(2_500),
+            wait: Duration::from_secs(4),
+        }
+    }
+}
+
+/// Names of the checks behind a UDP answer, for saying that they were skipped.
+const OVER_UDP: [&str; 6] = [
+    "version",
+    "web api",
+    "datarefs readable",
+    "datarefs writable",
+    "commands",
+    "frame rate",
+];
+/// Names of the checks behind a capture link.
+const OVER_LINK: [&str; 5] = ["pixels", "window", "terrain", "lockstep", "release"];
+
+/// Examines everything, and calls `on_check` with each point as it is known.
+pub async fn examine(patient: &Patient, on_check: &mut (dyn FnMut(&Check) + Send)) -> Vec<Check> {
+    let mut examination = Examination {
+        checks: Vec::new(),
+        on_check,
+    };
+    examination.run(patient).await;
+    examination.checks
+}
+
+struct Examination<'a> {
+    checks: Vec<Check>,
+    on_check: &'a mut (dyn FnMut(&Check) + Send),
+}
+
+impl Examination<'_> {
+    fn note(&mut self, check: Check) {
+        (self.on_check)(&check);
+        self.checks.push(check);
+    }
+
+    fn skip(&mut self, names: &[&'static str], reason: &str) {
+        for name in names {
+            self.note(Check::skipped(name, reason));
+        }
+    }
+
+    async fn run(&mut self, patient: &Patient) {
+        let (check, announced) = announcement::listen(patient).await;
+        let heard = check.verdict == Verdict::Ok;
+        self.note(check);
+        let usual = patient
+            .address
+            .or(announced)
+            .unwrap_or(USUAL_ADDRESS.into());
+        let mut talk = match Talk::begin(usual, patient.wait).await {
+            Ok(talk) => talk,
+            Err(error) => {
+                let hint = "Is this the simulator's address, and is a network there?";
+                self.note(Check::failed("udp", error.to_string(), hint));
+                return self.skip_all("there is no UDP socket");
+            }
+        };
+        let Some(version) = talk.version().await else {
+            let hint = if heard {
+                "It is there, since its beacon is heard, but takes nothing: switch on Settings > Network > \"Accept incoming connections\" \
+                 in X-Plane (a fresh X-Plane 12 has it off), and look at firewalls"
+            } else {
+                "Start X-Plane and load a flight; switch on Settings > Network > \"Accept incoming connections\"; name the right \
+                 address with --sim HOST:PORT. Without X-Plane: dtd mock-xplane"
+            };
+            let found = format!("nothing from {usual} within {:.1?}", patient.wait);
+            self.note(Check::failed("udp", found, hint));
+            return self.skip_all("the simulator does not answer over UDP");
+        };
+        self.note(Check::ok("udp", format!("{usual} answers")));
+        let generation = Generation::of_version(version);
+        self.note(talk::version_check(version));
+        self.note(match generation {
+            Generation::XPlane11 => Check::skipped("web api", "X-Plane 11 has none"),
+            Generation::XPlane12 => web::check(patient.web_api).await,
+        });
+        let readable = talk.readable(generation).await;
+        let writable = talk.writable().await;
+        let commands = talk.commands().await;
+        let frame_rate = talk.frame_rate().await;
+        for check in [readable, writable, commands, frame_rate] {
+            self.note(check);
+        }
+        let place = talk.place().await;
+        talk.end().await;
+        match Simulator::connect(usual, LINK_TIMEOUT).await {
+            Err(error) => {
+                self.note(no_link(&error));
+                self.skip(&OVER_LINK, "there is no capture link");
+            }
+            Ok(simulator) => self.over_link(simulator, place).await,
+        }
+    }
+
+    fn skip_all(&mut self, reason: &str) {
+        self.skip(&OVER_UDP, reason);
+        self.skip(&["plugin"], reason);
+        self.skip(&OVER_LINK, reason);
+    }
+
+    async fn over_link(&mut self, mut simulator: Simulator, place: Option<talk::PlaceOnGround>) {
+        let description = simulator.description().clone();
+        self.note(plugin(&description));
+        self.note(pixels(&description));
+        self.note(window(&description));
+        let Some(place) = place else {
+            self.skip(
+                &["terrain", "lockstep"],
+                "the simulator does not say where its aircraft is",
+            );
+            let released = simulator.release().await;
+            self.note(release(released));
+            return;
+        };
+        self.note(lockstep::terrain(&mut simulator, &place).await);
+        self.note(lockstep::lockstep(&mut simulator, &place).await);
+        let released = simulator.release().await;
+        self.note(release(released));
+    }
+}
+
+fn no_link(error: &BridgeError) -> Check {
+    let hint = match error {
+        BridgeError::NoPlugin { .. } => {
+            "Put the plugin in place with `dtd install-plugin XPLANE_DIR`, restart X-Plane, and look for dtd in its Log.txt and \
+             XPPython3Log.txt"
+        }
+        BridgeError::CannotOpenLink { .. } => {
+            "A firewall may be between, or the plugin listens on its own machine only: run dtd there, or give the plugin a token and an \
+             address (docs/x-plane.md)"
+        }
+        BridgeError::Refused { .. } => "Set DTD_LINK_TOKEN to the secret that the plugin was given",
+        _ => "Install plugin and program of the same release: `dtd install-plugin XPLANE_DIR`",
+    };
+    Check::failed("plugin", error.to_string(), hint)
+}
+
+fn plugin(description: &SimulatorDescription) -> Check {
+    let SimulatorDescription {
+        name,
+        version,
+        capture_link,
+        ..
+    } = description;
+    let served_by = match &description.plugin {
+        Some(plugin) => plugin.clone(),
+        None => "the simulator itself".into(),
+    };
+    Check::ok(
+        "plugin",
+        format!("capture link version {capture_link} of {name} {version}, served by {served_by}"),
+    )
+}
+
+fn pixels(description: &SimulatorDescription) -> Check {
+    let names: Vec<&str> = description
+        .pixels
+        .iter()
+        .map(|kind| match kind {
+            PixelKind::Link => "link",
+            PixelKind::Gl => "gl",
+            PixelKind::Screen => "screen",
+        })
+        .collect();
+    if names.is_empty() {
+        let hint = "X-Plane 11: choose OpenGL in Settings > Graphics; X-Plane 12: run it in a window on this desktop, with XPPython3 able to draw";
+        return Check::failed(
+            "pixels",
+            format!("no way to get at pictures is offered ({CAPTURE_PORT} is)"),
+            hint,
+        );
+    }
+    Check::ok("pixels", format!("pictures come by: {}", names.join(", ")))
+}
+
+fn window(description: &SimulatorDescription) -> Check {
+    const NAME: &str = "window";
+    let Some(window) = &description.window else {
+        return if description.pixels.contains(&PixelKind::Link) {
+            Check::skipped(NAME, "pictures do not come from a window")
+        } else {
+            Check::failed(
+                NAME,
+                "the plugin knows of no window",
+                "Run X-Plane in a window or full screen on this desktop",
+            )
+        };
+    };
+    let found = format!(
+        "{:?}, {} x {} pixels at {}, {}, scale {}",
+        window.title, window.width_px, window.height_px, window.x_px, window.y_px, window.scale
+    );
+    if window.scale == 1.0 {
+        Check::ok(NAME, found)
+    } else {
+        let hint = "The desktop is scaled: pictures are resampled. Set its scale to 100 %, or check sizes with care";
+        Check::warning(NAME, found, hint)
+    }
+}
+
+fn release(released: Result<(), BridgeError>) -> Check {
+    match released {
+        Ok(()) => Check::ok("release", "the simulator runs again"),
+        Err(error) => Check::failed(
+            "release",
+            error.to_string(),
+            "Restart the flight in X-Plane: it may still be frozen",
+        ),
+    }
+}

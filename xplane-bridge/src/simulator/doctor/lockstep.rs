@@ -1,0 +1,285 @@
+//! The capture link at work: is the ground where it should be, and is every picture the one that was asked for?
+
+use std::time::{Duration, Instant};
+
+use dataset::camera::CameraPose;
+use dataset::echo::{aircraft_mismatch, camera_mismatch};
+use dataset::pose::{Controls, Pose};
+use dataset::runway::Runway;
+
+use super::Check;
+use super::talk::PlaceOnGround;
+use crate::Simulator;
+use crate::error::BridgeError;
+use crate::link::{CaptureRequest, CapturedFrame, Deliver, PixelKind};
+
+/// Metres to a degree of latitude, nearly.
+const METERS_PER_DEGREE: f64 = 111_320.0;
+/// A probe may be so far from what the datarefs say: they have 32 bits, and wheels are not the centre of gravity.
+const GROUND_TOLERANCE_M: f64 = 10.0;
+/// How high above its place the aircraft is shown, so that nothing hides it.
+const SHOWN_ABOVE_M: f64 = 300.0;
+/// From where the camera looks at it.
+const CAMERA_BEHIND_M: f64 = 150.0;
+/// How far it is moved between pictures that must differ.
+const MOVED_M: f64 = 15.0;
+/// Pictures of the same pose may differ by so much on the average, of 255: film grain and temporal smoothing.
+const SAME: f64 = 1.0;
+const SIZE_PX: (u32, u32) = (320, 214);
+/// A picture that takes longer than this makes a scenario take hours.
+const SLOW: Duration = Duration::from_secs(1);
+
+pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) -> Check {
+    const NAME: &str = "terrain";
+    let hint =
+        "Scenery may be missing or still loading there; wait until it is loaded and try again";
+    match simulator
+        .probe_terrain(place.latitude_deg, place.longitude_deg)
+        .await
+    {
+        Err(error) => Check::failed(NAME, error.to_string(), hint),
+        Ok(probed) => {
+            let found = format!(
+                "{probed:.1} m below the aircraft by probe, {:.1} m by its height above ground",
+                place.ground_msl_m
+            );
+            if (probed - place.ground_msl_m).abs() <= GROUND_TOLERANCE_M {
+                Check::ok(NAME, found)
+            } else {
+                Check::warning(NAME, found, hint)
+            }
+        }
+    }
+}
+
+/// Takes pictures A A B A: all as asked, A the same each time, B another, frame numbers growing.
+pub(super) async fn lockstep(simulator: &mut Simulator, place: &PlaceOnGround) -> Check {
+    const NAME: &str = "lockstep";
+    let began = Instant::now();
+    let frames = match pictures(simulator, place).await {
+        Ok(frames) => frames,
+        Err(error) => {
+            return Check::failed(
+                NAME,
+                error.to_string(),
+                "Look into the plugin's log (XPPython3Log.txt) at this moment",
+            );
+        }
+    };
+    let each = began.elapsed() / frames.len() as u32;
+    if let Err(found) = judge(&frames) {
+        let hint = "Do not record like this. More settle frames may help; a plugin that moves the camera or the aircraft must go";
+        return Check::failed(NAME, found, hint);
+    }
+    let found = format!(
+        "{} pictures, each {:.0} ms, all as asked",
+        frames.len(),
+        each.as_secs_f64() * 1e3
+    );
+    if each > SLOW {
+        Check::warning(
+            NAME,
+            found,
+            "Each picture takes long: lower the graphics settings, or the settle frames",
+        )
+    } else {
+        Check::ok(NAME, found)
+    }
+}
+
+async fn pictures(
+    simulator: &mut Simulator,
+    place: &PlaceOnGround,
+) -> Result<Vec<(CaptureRequest, CapturedFrame)>, BridgeError> {
+    // Pictures off the screen are another program's business here; where they are, is known anyway.
+    let deliver = match simulator.description().pixels.first() {
+        Some(PixelKind::Screen) | None => Deliver::Drawn,
+        Some(PixelKind::Link | PixelKind::Gl) => Deliver::Picture,
+    };
+    simulator.freeze(&runway(place)).await?;
+    let mut frames = Vec::new();
+    for (tick, moved_m) in [0.0, 0.0, MOVED_M, 0.0].into_iter().enumerate() {
+        let request = request(place, tick as u32, moved_m, deliver);
+        simulator.send_capture(&request).await?;
+        frames.push((request, simulator.receive_frame().await?));
+    }
+    Ok(frames)
+}
+
+fn request(place: &PlaceOnGround, tick: u32, moved_m: f64, deliver: Deliver) -> CaptureRequest {
+    let pose = Pose {
+        latitude_deg: place.latitude_deg,
+        longitude_deg: place.longitude_deg + moved_m / METERS_PER_DEGREE,
+        altitude_msl_m: place.altitude_msl_m + SHOWN_ABOVE_M,
+        heading_true_deg: 0.0,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    };
+    CaptureRequest {
+        tick,
+        // The same moment each time: nothing that moves by itself may tell the pictures apart.
+        time_ns: 0,
+        view: 0,
+        pose,
+        controls: Controls::default(),
+        camera: CameraPose {
+            pose: Pose {
+                latitude_deg: place.latitude_deg - CAMERA_BEHIND_M / METERS_PER_DEGREE,
+                longitude_deg: place.longitude_deg,
+                ..pose
+            },
+            hfov_deg: 40.0,
+        },
+        width_px: SIZE_PX.0,
+        height_px: SIZE_PX.1,
+        deliver,
+    }
+}
+
+/// The words of an error say what is not in step.
+fn judge(frames: &[(CaptureRequest, CapturedFrame)]) -> Result<(), String> {
+    for (asked, frame) in frames {
+        let aircraft = aircraft_mismatch(&frame.pose, &asked.pose);
+        let camera = camera_mismatch(&frame.camera, &asked.camera);
+        for (what, mismatch) in [("aircraft", aircraft), ("camera", camera)] {
+            if let Some(mismatch) = mismatch {
+                return Err(format!(
+                    "tick {}: the {what} was drawn at {mismatch}",
+                    asked.tick
+                ));
+            }
+        }
+    }
+    for pair in frames.windows(2) {
+        let [(_, before), (_, after)] = pair else {
+            continue;
+        };
+        if after.sim_frame <= before.sim_frame {
+            return Err(format!(
+                "frame number {} comes after {}",
+                after.sim_frame, before.sim_frame
+            ));
+        }
+    }
+    let [(_, first), (_, again), (_, moved), (_, back)] = frames else {
+        return Err(format!("{} pictures instead of 4", frames.len()));
+    };
+    if first.rgb.is_empty() {
+        return Ok(());
+    }
+    for (name, same) in [("at once", again), ("after another one", back)] {
+        let difference = difference(&first.rgb, &same.rgb);
+        if difference > SAME {
+            return Err(format!(
+                "the same pose {name} gives another picture: {difference:.2} of 255 on the average"
+            ));
+        }
+    }
+    if largest_difference(&first.rgb, &moved.rgb) <= largest_difference(&first.rgb, &again.rgb) {
+        return Err(format!(
+            "an aircraft that is {MOVED_M} m away gives the same picture"
+        ));
+    }
+    Ok(())
+}
+
+fn difference(one: &[u8], other: &[u8]) -> f64 {
+    let sum: u64 = one
+        .iter()
+        .zip(other)
+        .map(|(a, b)| u64::from(a.abs_diff(*b)))
+        .sum();
+    sum as f64 / one.len().max(1) as f64
+}
+
+fn largest_difference(one: &[u8], other: &[u8]) -> u8 {
+    one.iter()
+        .zip(other)
+        .map(|(a, b)| a.abs_diff(*b))
+        .max()
+        .unwrap_or(0)
+}
+
+/// A runway at the aircraft's place: the plugin wants to know what surroundings to load.
+fn runway(place: &PlaceOnGround) -> Runway {
+    let ground = Pose {
+        latitude_deg: place.latitude_deg,
+        longitude_deg: place.longitude_deg,
+        altitude_msl_m: place.ground_msl_m,
+        heading_true_deg: 0.0,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    };
+    Runway {
+        airport: "HERE".into(),
+        name: "00".into(),
+        threshold: ground.position(),
+        course_true_deg: 0.0,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 300.0,
+        ils_frequency_mhz: None,
+        course_magnetic_deg: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PLACE: PlaceOnGround = PlaceOnGround {
+        latitude_deg: 1.35,
+        longitude_deg: 103.98,
+        altitude_msl_m: 10.0,
+        ground_msl_m: 7.0,
+    };
+
+    /// Pictures A A B A as a sound simulator gives them.
+    fn sound() -> Vec<(CaptureRequest, CapturedFrame)> {
+        let frame = |tick: u32, moved_m: f64| {
+            let request = request(&PLACE, tick, moved_m, Deliver::Picture);
+            let frame = CapturedFrame {
+                tick,
+                view: 0,
+                sim_frame: u64::from(tick) + 7,
+                pose: request.pose,
+                camera: request.camera,
+                width_px: request.width_px,
+                height_px: request.height_px,
+                rgb: vec![if moved_m > 0.0 { 200 } else { 100 }; 64],
+            };
+            (request, frame)
+        };
+        vec![
+            frame(0, 0.0),
+            frame(1, 0.0),
+            frame(2, MOVED_M),
+            frame(3, 0.0),
+        ]
+    }
+
+    #[test]
+    fn a_sound_simulator_passes_and_every_fault_is_named() {
+        assert_eq!(judge(&sound()), Ok(()));
+        type Fault = fn(&mut [(CaptureRequest, CapturedFrame)]);
+        let faults: [(&str, Fault); 5] = [
+            ("tick 2: the aircraft", |frames| {
+                frames[2].1.pose.latitude_deg += 1e-6;
+            }),
+            ("tick 1: the camera", |frames| {
+                frames[1].1.camera.hfov_deg += 0.01;
+            }),
+            ("frame number 7 comes after 8", |frames| {
+                frames[2].1.sim_frame = 7;
+            }),
+            ("the same pose at once", |frames| frames[1].1.rgb.fill(90)),
+            ("gives the same picture", |frames| frames[2].1.rgb.fill(100)),
+        ];
+        for (words, fault) in faults {
+            let mut frames = sound();
+            fault(&mut frames);
+            let found = judge(&frames).unwrap_err();
+            // Frame 8 is the second; the third then comes after it.
+            assert!(found.contains(words), "{words}: {found}");
+        }
+    }
+}

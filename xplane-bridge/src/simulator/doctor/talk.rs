@@ -1,0 +1,256 @@
+//! What can be found out over UDP: version, datarefs, commands, frame rate.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::Check;
+use crate::datarefs::{
+    self, AUTOPILOT_MODE, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DATE_DAYS, DatarefWrite, Generation,
+    NAV1_COURSE_MAGNETIC, NAV1_FREQUENCY, OVERRIDE_FLIGHT_MODEL, USE_SYSTEM_TIME, VERSION,
+    ZULU_TIME_S,
+};
+use crate::error::BridgeError;
+use crate::simulator::udp::UdpClient;
+
+/// Read by X-Plane as 1 while its time stands.
+const PAUSED: &str = "sim/time/paused";
+/// How long a frame takes, seconds.
+const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
+/// Oldest version on which XPPython3 runs: 11.52.
+const OLDEST: f32 = 115_200.0;
+/// Frames a second below which recording is a patience game.
+const SLOW_HZ: f32 = 20.0;
+
+/// Where the aircraft is and how high the ground is below it, as the datarefs say.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct PlaceOnGround {
+    pub(super) latitude_deg: f64,
+    pub(super) longitude_deg: f64,
+    pub(super) altitude_msl_m: f64,
+    pub(super) ground_msl_m: f64,
+}
+
+/// A conversation over UDP.
+pub(super) struct Talk {
+    udp: UdpClient,
+    wait: Duration,
+}
+
+impl Talk {
+    pub(super) async fn begin(address: SocketAddr, wait: Duration) -> Result<Self, BridgeError> {
+        Ok(Self {
+            udp: UdpClient::bind(address).await?,
+            wait,
+        })
+    }
+
+    pub(super) async fn end(mut self) {
+        self.udp.unsubscribe_all().await;
+    }
+
+    /// All values, as far as they come; none if the socket fails, which is the same to a reader.
+    async fn read(&mut self, names: &[&str]) -> Vec<Option<f32>> {
+        let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
+        let read = self
+            .udp
+            .read_until(names, Instant::now() + self.wait, all)
+            .await;
+        read.unwrap_or_else(|_| vec![None; names.len()])
+    }
+
+    /// One value, once it is as expected, or the last that came.
+    async fn read_expecting(&mut self, name: &str, expected: impl Fn(f32) -> bool) -> Option<f32> {
+        let met = |values: &[Option<f32>]| values[0].is_some_and(&expected);
+        let read = self
+            .udp
+            .read_until(&[name], Instant::now() + self.wait, met)
+            .await;
+        read.ok()?.first().copied()?
+    }
+
+    pub(super) async fn version(&mut self) -> Option<f32> {
+        self.read(&[VERSION]).await[0]
+    }
+
+    pub(super) async fn readable(&mut self, generation: Generation) -> Check {
+        const NAME: &str = "datarefs readable";
+        let visibility = match generation {
+            Generation::XPlane11 => "sim/weather/visibility_reported_m",
+            Generation::XPlane12 => datarefs::VISIBILITY_SM,
+        };
+        let names = [
+            ZULU_TIME_S,
+            DATE_DAYS,
+            USE_SYSTEM_TIME,
+            PAUSED,
+            OVERRIDE_FLIGHT_MODEL,
+            AUTOPILOT_MODE,
+            NAV1_FREQUENCY,
+            NAV1_COURSE_MAGNETIC,
+            visibility,
+            FRAME_PERIOD_S,
+        ];
+        let values = self.read(&names).await;
+        let missing = names
+            .iter()
+            .zip(&values)
+            .filter(|(_, value)| value.is_none());
+        let missing: Vec<&str> = missing.map(|(name, _)| *name).collect();
+        if missing.is_empty() {
+            Check::ok(NAME, format!("{} of {} asked", names.len(), names.len()))
+        } else {
+            let found = format!("no value of {}", missing.join(", "));
+            Check::failed(
+                NAME,
+                found,
+                "Packets get lost, or other clients ask for too much: X-Plane takes some 140 requests a frame",
+            )
+        }
+    }
+
+    /// Turns the course of the first receiver by a degree and back.
+    pub(super) async fn writable(&mut self) -> Check {
+        const NAME: &str = "datarefs writable";
+        let Some(before) = self.read(&[NAV1_COURSE_MAGNETIC]).await[0] else {
+            return Check::skipped(NAME, format!("{NAV1_COURSE_MAGNETIC} could not be read"));
+        };
+        let turned = DatarefWrite::new(NAV1_COURSE_MAGNETIC, f64::from((before + 1.0) % 360.0));
+        let restored = DatarefWrite::new(NAV1_COURSE_MAGNETIC, f64::from(before));
+        for (write, doing) in [(turned, "written"), (restored, "put back")] {
+            // A write may be lost.
+            let mut found = None;
+            for _ in 0..3 {
+                let _ = self.udp.write([(write.name.as_str(), write.value)]).await;
+                found = self
+                    .read_expecting(&write.name, |value| write.is_met_by(value))
+                    .await;
+                if found.is_some_and(|value| write.is_met_by(value)) {
+                    break;
+                }
+            }
+            if !found.is_some_and(|value| write.is_met_by(value)) {
+                let found = format!(
+                    "{} was {doing} as {}, and reads {found:?}",
+                    write.name, write.value
+                );
+                return Check::failed(
+                    NAME,
+                    found,
+                    "Does another plugin hold it? Are packets to the simulator filtered by length?",
+                );
+            }
+        }
+        Check::ok(
+            NAME,
+            format!(
+                "{NAV1_COURSE_MAGNETIC} took {} and {before} again",
+                (before + 1.0) % 360.0
+            ),
+        )
+    }
+
+    /// Pauses and resumes, or the other way round if it is paused.
+    pub(super) async fn commands(&mut self) -> Check {
+        const NAME: &str = "commands";
+        let Some(before) = self.read(&[PAUSED]).await[0] else {
+            return Check::skipped(NAME, format!("{PAUSED} could not be read"));
+        };
+        let is_paused = |value: f32| value != 0.0;
+        let order = match is_paused(before) {
+            true => [(COMMAND_PAUSE_OFF, false), (COMMAND_PAUSE_ON, true)],
+            false => [(COMMAND_PAUSE_ON, true), (COMMAND_PAUSE_OFF, false)],
+        };
+        for (command, paused) in order {
+            let mut found = None;
+            for _ in 0..3 {
+                let _ = self.udp.command(command).await;
+                found = self
+                    .read_expecting(PAUSED, |value| is_paused(value) == paused)
+                    .await;
+                if found.is_some_and(|value| is_paused(value) == paused) {
+                    break;
+                }
+            }
+            if found.is_none_or(|value| is_paused(value) != paused) {
+                let found = format!("after {command}, {PAUSED} reads {found:?}");
+                return Check::failed(
+                    NAME,
+                    found,
+                    "Close menus and dialogs in X-Plane, and load a flight",
+                );
+            }
+        }
+        Check::ok(NAME, "pause and resume were taken")
+    }
+
+    pub(super) async fn frame_rate(&mut self) -> Check {
+        const NAME: &str = "frame rate";
+        match self.read(&[FRAME_PERIOD_S]).await[0] {
+            Some(period_s) if period_s > 0.0 => {
+                let rate = 1.0 / period_s;
+                let found = format!("{rate:.0} frames a second");
+                if rate >= SLOW_HZ {
+                    Check::ok(NAME, found)
+                } else {
+                    Check::warning(
+                        NAME,
+                        found,
+                        "Recording takes several frames a picture: lower the graphics settings",
+                    )
+                }
+            }
+            found => Check::warning(
+                NAME,
+                format!("{FRAME_PERIOD_S} reads {found:?}"),
+                "Is a flight loaded?",
+            ),
+        }
+    }
+
+    pub(super) async fn place(&mut self) -> Option<PlaceOnGround> {
+        let names = ["latitude", "longitude", "elevation", "y_agl"]
+            .map(|name| format!("sim/flightmodel/position/{name}"));
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let values: Option<Vec<f32>> = self.read(&names).await.into_iter().collect();
+        let [latitude, longitude, altitude, above_ground] = values?[..] else {
+            return None;
+        };
+        Some(PlaceOnGround {
+            latitude_deg: latitude.into(),
+            longitude_deg: longitude.into(),
+            altitude_msl_m: altitude.into(),
+            ground_msl_m: f64::from(altitude) - f64::from(above_ground),
+        })
+    }
+}
+
+/// What the version means.
+pub(super) fn version_check(version: f32) -> Check {
+    const NAME: &str = "version";
+    let generation = match Generation::of_version(version) {
+        Generation::XPlane11 => "X-Plane 11",
+        Generation::XPlane12 => "X-Plane 12",
+    };
+    let found = format!("{generation}, internal version {version}");
+    if version >= OLDEST {
+        Check::ok(NAME, found)
+    } else {
+        Check::failed(NAME, found, "XPPython3 needs 11.52 or newer")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulator::doctor::Verdict;
+
+    #[test]
+    fn versions_are_told_apart() {
+        assert!(version_check(120_400.0).found.contains("X-Plane 12"));
+        let eleven = version_check(115_501.0);
+        assert!(eleven.found.contains("X-Plane 11") && eleven.verdict == Verdict::Ok);
+        assert_eq!(version_check(105_000.0).verdict, Verdict::Failed);
+    }
+}

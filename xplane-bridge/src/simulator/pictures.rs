@@ -1,0 +1,72 @@
+//! Where this client's pictures come from: chosen after connecting, proven before the first picture and after the last.
+
+use std::sync::Arc;
+
+use super::Simulator;
+use super::link_client::LinkClient;
+use super::setup::show_check_pattern;
+use crate::error::BridgeError;
+use crate::link::Deliver;
+use crate::pixels::{
+    Confirmed, PatternDisplay, Payload, PixelChoice, PixelKind, Screen, ScreenSource,
+};
+
+impl Simulator {
+    /// Chooses where pictures come from, and proves that they can: for those of the screen, that the simulator's window is seen on
+    /// `screen`, whole, and in the size of the pictures, width and height in pixels. Without this, pictures come over the link.
+    ///
+    /// # Errors
+    /// If the simulator does not offer the choice, or the proof fails; the message says what to change.
+    pub async fn use_pixels(
+        &mut self,
+        choice: PixelChoice,
+        picture_px: (u32, u32),
+        screen: &Arc<dyn Screen>,
+    ) -> Result<PixelKind, BridgeError> {
+        let kind = choice.among(&self.description.pixels)?;
+        self.pixels = match kind {
+            PixelKind::Screen => {
+                let reported = self.description.window.as_ref();
+                let display = &mut LinkDisplay(&mut self.link);
+                Box::new(ScreenSource::set_up(screen, picture_px, reported, display).await?)
+            }
+            kind => Box::new(Payload(kind)),
+        };
+        Ok(kind)
+    }
+
+    /// Proves after the last picture that what was proven before the first one still holds.
+    ///
+    /// # Errors
+    /// If it does not: the pictures in between may be wrong.
+    pub async fn confirm_pixels(&mut self) -> Result<(), BridgeError> {
+        self.pixels.confirm(&mut LinkDisplay(&mut self.link)).await
+    }
+
+    /// Where pictures come from.
+    pub fn pixels(&self) -> PixelKind {
+        self.pixels.kind()
+    }
+
+    /// How captures have to ask for their pictures.
+    pub fn deliver(&self) -> Deliver {
+        match self.pixels.kind() {
+            PixelKind::Screen => Deliver::Drawn,
+            PixelKind::Link | PixelKind::Gl => Deliver::Picture,
+        }
+    }
+
+    /// Captures that may be outstanding at once.
+    pub fn most_outstanding(&self) -> usize {
+        self.pixels.most_outstanding()
+    }
+}
+
+/// The simulator at the other end of the link, as one that shows check patterns.
+struct LinkDisplay<'a>(&'a mut LinkClient);
+
+impl PatternDisplay for LinkDisplay<'_> {
+    fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
+        Box::pin(async move { show_check_pattern(self.0, code).await.map(|_| ()) })
+    }
+}

@@ -1,0 +1,56 @@
+//! What a client asks over the capture link while it sets up: the ground's height, and proof of the window.
+
+use super::link_client::LinkClient;
+use super::{SWITCH_TIMEOUT, Simulator, wrong};
+use crate::error::BridgeError;
+use crate::link::{Answer, Request};
+
+impl Simulator {
+    /// Height of the ground that the simulator shows at a place, above mean sea level, metres. Airport data can be tens of metres
+    /// off it.
+    ///
+    /// # Errors
+    /// If the simulator has no ground there, or the link is broken.
+    pub async fn probe_terrain(
+        &mut self,
+        latitude_deg: f64,
+        longitude_deg: f64,
+    ) -> Result<f64, BridgeError> {
+        let request = Request::ProbeTerrain {
+            latitude_deg,
+            longitude_deg,
+        };
+        match self
+            .link
+            .ask("probing terrain", &request, SWITCH_TIMEOUT)
+            .await?
+        {
+            Answer::Terrain { elevation_msl_m } => Ok(elevation_msl_m),
+            other => Err(wrong("terrain", &other)),
+        }
+    }
+
+    /// Draws the check pattern with a code over the simulator's window, or takes it away. Returns the number of the first frame
+    /// that shows it so. While it shows, captures are refused.
+    ///
+    /// # Errors
+    /// If the simulator cannot draw it, or the link is broken.
+    pub async fn check_pattern(&mut self, code: Option<u32>) -> Result<u64, BridgeError> {
+        show_check_pattern(&mut self.link, code).await
+    }
+}
+
+/// Has the check pattern drawn or taken away by the other side of a link.
+pub(super) async fn show_check_pattern(
+    link: &mut LinkClient,
+    code: Option<u32>,
+) -> Result<u64, BridgeError> {
+    let request = Request::CheckPattern { code };
+    match link
+        .ask("the check pattern", &request, SWITCH_TIMEOUT)
+        .await?
+    {
+        Answer::CheckPatternShown { sim_frame } => Ok(sim_frame),
+        other => Err(wrong("check_pattern_shown", &other)),
+    }
+}

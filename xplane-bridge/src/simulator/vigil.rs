@@ -1,0 +1,210 @@
+//! Watching, while a scenario is recorded, that the simulator is still the one that was set up.
+//!
+//! Every setting that was confirmed stays subscribed, and so does the time for which the simulator runs. A restarted
+//! simulator runs for less time than before and has settings of its own; both end the attempt with an error that says so,
+//! before a picture under other conditions can pass for one of the scenario.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use crate::datarefs::{DatarefWrite, RUNNING_TIME_S};
+use crate::error::BridgeError;
+use crate::subscription::{Reading, SILENCE, Subscription};
+
+/// Values per second of every dataref: a tenth of what SILENCE calls silence may get lost.
+const FREQUENCY_HZ: i32 = 4;
+/// Datagrams overtake each other by less than this. An older value is no sign of anything.
+const OVERTAKING: Duration = Duration::from_secs(1);
+
+/// The watch over a simulator.
+#[derive(Debug)]
+pub(super) struct Vigil {
+    subscription: Subscription,
+    judge: Judge,
+}
+
+/// What is compared with what. Pure.
+#[derive(Debug)]
+struct Judge {
+    address: SocketAddr,
+    /// The datarefs in the order of the readings; the first is [`RUNNING_TIME_S`].
+    names: Vec<String>,
+    expected: BTreeMap<String, DatarefWrite>,
+    /// Readings from before this may show what was before the settings.
+    expected_from: Instant,
+    running: Option<Reading>,
+}
+
+impl Vigil {
+    /// Begins to watch the datarefs of `writes`, though nothing is expected of them yet.
+    pub(super) async fn begin(
+        address: SocketAddr,
+        writes: &[DatarefWrite],
+    ) -> Result<Self, BridgeError> {
+        let names: Vec<String> = std::iter::once(RUNNING_TIME_S.to_owned())
+            .chain(writes.iter().map(|write| write.name.clone()))
+            .collect();
+        Ok(Self {
+            subscription: Subscription::start(address, names.clone(), FREQUENCY_HZ).await?,
+            judge: Judge::new(address, names),
+        })
+    }
+
+    /// From now on these settings, which have just been confirmed, must hold; any other may change.
+    pub(super) fn expect(&mut self, writes: impl IntoIterator<Item = DatarefWrite>) {
+        self.judge.expect(writes, Instant::now());
+    }
+
+    /// What is expected.
+    pub(super) fn expected(&self) -> Vec<DatarefWrite> {
+        self.judge.expected.values().cloned().collect()
+    }
+
+    /// Compares what came since the last time. Costs nothing if nothing came.
+    ///
+    /// # Errors
+    /// [`BridgeError::Restarted`], [`BridgeError::SettingLost`].
+    pub(super) fn check(&mut self) -> Result<(), BridgeError> {
+        match self.subscription.has_changed() {
+            true => self.judge.check(&self.subscription.readings()),
+            false => Ok(()),
+        }
+    }
+
+    /// Ends the watch.
+    pub(super) async fn end(self) {
+        self.subscription.end().await;
+    }
+}
+
+impl Judge {
+    fn new(address: SocketAddr, names: Vec<String>) -> Self {
+        Self {
+            address,
+            names,
+            expected: BTreeMap::new(),
+            expected_from: Instant::now(),
+            running: None,
+        }
+    }
+
+    fn expect(&mut self, writes: impl IntoIterator<Item = DatarefWrite>, now: Instant) {
+        self.expected = writes
+            .into_iter()
+            .map(|write| (write.name.clone(), write))
+            .collect();
+        self.expected_from = now + OVERTAKING;
+    }
+
+    fn check(&mut self, readings: &[Option<Reading>]) -> Result<(), BridgeError> {
+        if let Some(Some(running)) = readings.first() {
+            self.check_running(*running)?;
+        }
+        for (name, reading) in self.names.iter().zip(readings) {
+            if let (Some(write), Some(reading)) = (self.expected.get(name), reading)
+                && reading.at >= self.expected_from
+                && !write.is_met_by(reading.value)
+            {
+                return Err(BridgeError::SettingLost {
+                    name: name.clone(),
+                    wanted: write.value,
+                    found: Some(reading.value),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    fn check_running(&mut self, now: Reading) -> Result<(), BridgeError> {
+        if let Some(before) = self.running {
+            // After a silence nothing overtakes any more: then the smallest step back is a restart.
+            let tolerance_s = match now.at.duration_since(before.at) >= SILENCE {
+                true => 0.0,
+                false => OVERTAKING.as_secs_f32(),
+            };
+            if now.value < before.value - tolerance_s {
+                return Err(BridgeError::Restarted {
+                    address: self.address,
+                    before_s: before.value,
+                    found_s: now.value,
+                });
+            }
+            if now.value < before.value {
+                return Ok(());
+            }
+        }
+        self.running = Some(now);
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const WIND: &str = "sim/weather/region/wind_speed_msc[0]";
+
+    fn judge(begin: Instant) -> Judge {
+        let names = vec![RUNNING_TIME_S.to_owned(), WIND.to_owned()];
+        let mut judge = Judge::new(([127, 0, 0, 1], 49_000).into(), names);
+        judge.expect([DatarefWrite::new(WIND, 5.0)], begin);
+        judge
+    }
+
+    /// The running time and the wind, both of them this much after the beginning.
+    fn readings(begin: Instant, after_s: f32, running_s: f32, wind: f32) -> [Option<Reading>; 2] {
+        let at = begin + Duration::from_secs_f32(after_s);
+        [running_s, wind].map(|value| Some(Reading { value, at }))
+    }
+
+    #[test]
+    fn a_setting_that_changes_is_named_but_not_one_from_before_it_was_set() {
+        let begin = Instant::now();
+        let mut judge = judge(begin);
+        assert!(judge.check(&readings(begin, 0.5, 100.0, 0.0)).is_ok());
+        assert!(judge.check(&readings(begin, 2.0, 101.5, 5.0)).is_ok());
+        let error = judge
+            .check(&readings(begin, 2.5, 102.0, 0.0))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains(WIND) && error.contains("set to 5") && error.contains("reads 0"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_value_that_was_overtaken_is_no_restart_and_one_from_long_ago_is() {
+        let begin = Instant::now();
+        let mut judge = judge(begin);
+        assert!(judge.check(&readings(begin, 2.0, 100.0, 5.0)).is_ok());
+        assert!(judge.check(&readings(begin, 2.1, 99.5, 5.0)).is_ok());
+        let error = judge.check(&readings(begin, 2.2, 3.0, 5.0)).unwrap_err();
+        assert!(
+            matches!(
+                error,
+                BridgeError::Restarted {
+                    before_s: 100.0,
+                    found_s: 3.0,
+                    ..
+                }
+            ),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn after_a_silence_a_simulator_that_runs_a_little_less_long_was_restarted() {
+        let begin = Instant::now();
+        let mut judge = judge(begin);
+        assert!(judge.check(&readings(begin, 0.0, 3.0, 5.0)).is_ok());
+        let later = readings(begin, 3.0, 2.8, 5.0);
+        assert!(matches!(
+            judge.check(&later),
+            Err(BridgeError::Restarted { .. })
+        ));
+    }
+}

@@ -1,0 +1,197 @@
+//! Who is subscribed, who has answered, and whom to ask next. Pure: takes the time and values, returns requests.
+
+use std::time::Duration;
+
+use tokio::time::Instant;
+
+use super::{BATCH, BATCH_PAUSE, Reading, SILENCE};
+use crate::packet::{DatarefValue, SubscribeDataref};
+
+/// Until a request that brought no value is sent again.
+const REPEAT_AFTER: Duration = Duration::from_millis(500);
+/// Our numbers count from here; never 0, which clients use for "all".
+const FIRST_INDEX: i32 = 1;
+
+/// The datarefs of a subscription.
+#[derive(Debug)]
+pub(super) struct Roll {
+    names: Vec<String>,
+    readings: Vec<Option<Reading>>,
+    asked_at: Vec<Option<Instant>>,
+    frequency_hz: i32,
+    batch_from: Option<Instant>,
+    ended: bool,
+}
+
+impl Roll {
+    pub(super) fn new(names: impl IntoIterator<Item = String>, frequency_hz: i32) -> Self {
+        let names: Vec<String> = names.into_iter().collect();
+        Self {
+            readings: vec![None; names.len()],
+            asked_at: vec![None; names.len()],
+            names,
+            frequency_hz,
+            batch_from: None,
+            ended: false,
+        }
+    }
+
+    pub(super) fn readings(&self) -> &[Option<Reading>] {
+        &self.readings
+    }
+
+    /// What to ask for now: never more than X-Plane takes in a frame.
+    pub(super) fn due(&mut self, now: Instant) -> Vec<SubscribeDataref> {
+        if self.ended || self.batch_from.is_some_and(|from| now < from) {
+            return Vec::new();
+        }
+        let due: Vec<usize> = (0..self.names.len())
+            .filter(|&at| self.asks_from(at).is_none_or(|from| from <= now))
+            .take(BATCH)
+            .collect();
+        if !due.is_empty() {
+            self.batch_from = Some(now + BATCH_PAUSE);
+        }
+        due.into_iter()
+            .map(|at| {
+                self.asked_at[at] = Some(now);
+                SubscribeDataref {
+                    frequency_hz: self.frequency_hz,
+                    index: FIRST_INDEX + at as i32,
+                    path: self.names[at].clone(),
+                }
+            })
+            .collect()
+    }
+
+    /// When to look again whether something is due.
+    pub(super) fn wake_at(&self, now: Instant) -> Instant {
+        let soonest = (0..self.names.len())
+            .map(|at| self.asks_from(at).unwrap_or(now))
+            .min()
+            .unwrap_or(now + SILENCE);
+        soonest.max(self.batch_from.unwrap_or(now)).max(now)
+    }
+
+    /// Takes a value; says whether somebody wants it.
+    pub(super) fn take(&mut self, value: DatarefValue, now: Instant) -> bool {
+        let at = value
+            .index
+            .checked_sub(FIRST_INDEX)
+            .and_then(|at| usize::try_from(at).ok());
+        let Some(reading) = at
+            .filter(|_| !self.ended)
+            .and_then(|at| self.readings.get_mut(at))
+        else {
+            return false;
+        };
+        *reading = Some(Reading {
+            value: value.value,
+            at: now,
+        });
+        true
+    }
+
+    /// Nothing is wanted any more: the numbers to end, empty if that was said already.
+    pub(super) fn end(&mut self) -> Vec<i32> {
+        if std::mem::replace(&mut self.ended, true) {
+            return Vec::new();
+        }
+        (0..self.names.len())
+            .filter(|&at| self.asked_at[at].is_some())
+            .map(|at| FIRST_INDEX + at as i32)
+            .collect()
+    }
+
+    /// From when on a dataref is asked for: when its value stopped, but not too soon after the last time; `None` for at once.
+    fn asks_from(&self, at: usize) -> Option<Instant> {
+        let silent = self.readings[at].map(|reading| reading.at + SILENCE);
+        let again = self.asked_at[at].map(|asked| asked + REPEAT_AFTER);
+        silent.max(again)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answer(roll: &mut Roll, requests: &[SubscribeDataref], now: Instant) {
+        for request in requests {
+            let value = DatarefValue {
+                index: request.index,
+                value: 1.0,
+            };
+            assert!(roll.take(value, now));
+        }
+    }
+
+    fn roll_of(names: usize) -> Roll {
+        Roll::new((0..names).map(|i| format!("dataref/{i}")), 5)
+    }
+
+    #[test]
+    fn a_long_roll_is_asked_in_batches_with_pauses() {
+        let mut roll = roll_of(250);
+        let mut now = Instant::now();
+        let mut sizes = Vec::new();
+        while sizes.len() < 3 {
+            let due = roll.due(now);
+            assert!(roll.due(now).is_empty(), "a second batch in the same frame");
+            answer(&mut roll, &due, now);
+            sizes.push(due.len());
+            now = roll.wake_at(now);
+        }
+        assert_eq!(sizes, [100, 100, 50]);
+        assert!(roll.due(now - Duration::from_millis(1)).is_empty());
+    }
+
+    #[test]
+    fn what_brought_no_value_is_asked_again_and_nothing_else() {
+        let mut roll = roll_of(3);
+        let begin = Instant::now();
+        let due = roll.due(begin);
+        answer(&mut roll, &due[..2], begin);
+        assert!(roll.due(begin + Duration::from_millis(400)).is_empty());
+        let again = roll.due(begin + REPEAT_AFTER);
+        assert_eq!(again.len(), 1);
+        assert_eq!(again[0], due[2]);
+    }
+
+    #[test]
+    fn a_simulator_that_falls_silent_is_asked_anew_until_it_answers() {
+        let mut roll = roll_of(2);
+        let begin = Instant::now();
+        let due = roll.due(begin);
+        answer(&mut roll, &due, begin);
+        assert_eq!(roll.wake_at(begin), begin + SILENCE);
+        assert!(
+            roll.due(begin + SILENCE - Duration::from_millis(1))
+                .is_empty()
+        );
+        let mut now = begin + SILENCE;
+        for _ in 0..5 {
+            assert_eq!(roll.due(now), due);
+            now = roll.wake_at(now);
+        }
+        answer(&mut roll, &due, now);
+        assert!(roll.due(now + REPEAT_AFTER).is_empty());
+    }
+
+    #[test]
+    fn values_that_nobody_asked_for_or_no_longer_wants_are_refused() {
+        let mut roll = roll_of(1);
+        let now = Instant::now();
+        let value = |index| DatarefValue { index, value: 1.0 };
+        assert!(
+            !roll.take(value(0), now)
+                && !roll.take(value(2), now)
+                && !roll.take(value(i32::MIN), now)
+        );
+        roll.due(now);
+        assert!(roll.take(value(1), now));
+        assert_eq!(roll.end(), [1]);
+        assert!(roll.end().is_empty(), "said twice");
+        assert!(!roll.take(value(1), now));
+        assert!(roll.due(now + SILENCE * 2).is_empty());
+    }
+}

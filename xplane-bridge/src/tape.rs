@@ -1,0 +1,22 @@
+//! The tape: a whole X-Plane session as one MCAP file, for replay, for tests without a simulator and for looking into.
+//!
+//! [`record`] is a proxy between any clients and one simulator: UDP in both directions, and the capture link. Everything
+//! that passes is written with the moment at which it passed, byte for byte, before it is passed on. [`TapeReader`] gives
+//! it back in that order, also from a tape whose recorder was killed. `dtd mock-xplane --tape` answers clients from it.
+//!
+//! What is on it ([`format`](self::format) says it in code, `docs/tape.md` for other readers): a channel per client and
+//! direction, one datagram or one message of the link to a message of MCAP.
+
+mod error;
+mod format;
+mod link_message;
+mod reader;
+mod recorder;
+mod writer;
+
+pub use error::TapeError;
+pub use format::{Channel, Direction, FramesKept, METADATA_NAME, PROFILE, TapeInfo};
+pub use link_message::{LinkMessage, MAGIC, ReferencedMessage};
+pub use reader::{Entry, Place, TapeReader};
+pub use recorder::{RecordOptions, RecorderAddresses, record};
+pub use writer::{TapeSummary, TapeWriter};

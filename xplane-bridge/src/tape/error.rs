@@ -1,0 +1,79 @@
+//! What can go wrong with a tape, and with recording one.
+
+use std::io;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+
+/// Why a tape cannot be written or read.
+#[derive(Debug, thiserror::Error)]
+pub enum TapeError {
+    /// The file cannot be made, written or read.
+    #[error("tape {}: cannot {doing}: {source}", path.display())]
+    Io {
+        /// The tape.
+        path: PathBuf,
+        /// What was being done.
+        doing: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A recording never overwrites another one.
+    #[error("tape {}: there is a file of that name already; move it away or name another one", path.display())]
+    Exists {
+        /// The tape.
+        path: PathBuf,
+    },
+    /// MCAP refused.
+    #[error("tape {}: cannot {doing}: {source}", path.display())]
+    Mcap {
+        /// The tape.
+        path: PathBuf,
+        /// What was being done.
+        doing: &'static str,
+        /// Why not.
+        source: Box<mcap::McapError>,
+    },
+    /// The file is no tape, or one of another version.
+    #[error("{} is no tape that this version reads: {found}; expected an MCAP file of `dtd record`", path.display())]
+    NoTape {
+        /// The file.
+        path: PathBuf,
+        /// What was found.
+        found: String,
+    },
+    /// A message on the tape is damaged.
+    #[error("tape {}: message {sequence} on {topic}: {found}", path.display())]
+    BadMessage {
+        /// The tape.
+        path: PathBuf,
+        /// Its number, counted from 0 over the whole tape.
+        sequence: u32,
+        /// The topic of its channel.
+        topic: String,
+        /// What is wrong with it.
+        found: String,
+    },
+    /// An address cannot be had.
+    #[error(
+        "cannot listen on {address} ({what}): {source}. Does X-Plane run there? --port 0 takes any free port"
+    )]
+    Bind {
+        /// Which.
+        address: SocketAddr,
+        /// For what.
+        what: &'static str,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A socket failed while recording.
+    #[error("{what} failed: {source}")]
+    Socket {
+        /// Which.
+        what: &'static str,
+        /// How.
+        source: io::Error,
+    },
+    /// The thread that writes the tape ended by itself, which is a mistake in it.
+    #[error("the tape's writer stopped")]
+    WriterStopped,
+}

@@ -1,0 +1,271 @@
+//! The words of the tape: topics, encodings, metadata.
+//!
+//! | topic | encoding | one message is |
+//! |---|---|---|
+//! | `/udp/N/to_simulator`, `/udp/N/from_simulator` | `xplane-udp` | a datagram of client N |
+//! | `/link/N/to_simulator`, `/link/N/from_simulator` | `dtd-link` | a message of link connection N, with lengths, header, payload |
+//! | `/link/N/from_simulator/reference` | `dtd-link-reference` | the same without its payload; in its place the payload's BLAKE3 hash (32 bytes), or nothing |
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+
+/// Profile in the header of the MCAP file.
+pub const PROFILE: &str = "dtd-tape";
+/// Name of the metadata record.
+pub const METADATA_NAME: &str = "dtd-tape";
+/// Key in the metadata of a link's channel: the version that its two sides speak.
+pub(super) const LINK_VERSION_KEY: &str = "link_version";
+/// Version of what is described here. A change that an older reader would misread raises it.
+const FORMAT: &str = "1";
+
+/// Which way a message went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Direction {
+    /// From a client.
+    ToSimulator,
+    /// To a client.
+    FromSimulator,
+}
+
+impl Direction {
+    fn word(self) -> &'static str {
+        match self {
+            Self::ToSimulator => "to_simulator",
+            Self::FromSimulator => "from_simulator",
+        }
+    }
+}
+
+/// What becomes of the pictures, by far the largest part of a session.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum FramesKept {
+    /// They are on the tape, compressed without loss.
+    #[default]
+    Inline,
+    /// Their BLAKE3 hashes are: enough to prove that a picture drawn again is the same.
+    Reference,
+    /// Nothing of them is.
+    None,
+}
+
+impl FromStr for FramesKept {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "inline" => Ok(Self::Inline),
+            "reference" => Ok(Self::Reference),
+            "none" => Ok(Self::None),
+            _ => Err(format!(
+                "no way to keep frames: {text:?}; expected inline, reference or none"
+            )),
+        }
+    }
+}
+
+impl fmt::Display for FramesKept {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Inline => "inline",
+            Self::Reference => "reference",
+            Self::None => "none",
+        })
+    }
+}
+
+/// A channel of the tape.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Channel {
+    /// Datagrams of one client.
+    Udp {
+        /// The client, counted from 1 in the order of appearance.
+        client: u32,
+        /// Which way.
+        direction: Direction,
+    },
+    /// Messages of one connection of the capture link.
+    Link {
+        /// The connection, counted from 1.
+        connection: u32,
+        /// Which way.
+        direction: Direction,
+        /// Whether the payloads were left out.
+        reference: bool,
+    },
+}
+
+impl Channel {
+    /// Its topic.
+    pub fn topic(&self) -> String {
+        match self {
+            Self::Udp { client, direction } => format!("/udp/{client}/{}", direction.word()),
+            Self::Link {
+                connection,
+                direction,
+                reference,
+            } => {
+                let end = if *reference { "/reference" } else { "" };
+                format!("/link/{connection}/{}{end}", direction.word())
+            }
+        }
+    }
+
+    /// The encoding of its messages.
+    pub fn encoding(&self) -> &'static str {
+        match self {
+            Self::Udp { .. } => "xplane-udp",
+            Self::Link {
+                reference: false, ..
+            } => "dtd-link",
+            Self::Link {
+                reference: true, ..
+            } => "dtd-link-reference",
+        }
+    }
+
+    /// The channel of a topic; `None` for one that is not ours.
+    pub fn of_topic(topic: &str) -> Option<Self> {
+        let mut words = topic.strip_prefix('/')?.split('/');
+        let (kind, number) = (words.next()?, words.next()?.parse().ok()?);
+        let direction = match words.next()? {
+            "to_simulator" => Direction::ToSimulator,
+            "from_simulator" => Direction::FromSimulator,
+            _ => return None,
+        };
+        match (kind, words.next(), words.next()) {
+            ("udp", None, None) => Some(Self::Udp {
+                client: number,
+                direction,
+            }),
+            ("link", end @ (None | Some("reference")), None) => Some(Self::Link {
+                connection: number,
+                direction,
+                reference: end.is_some(),
+            }),
+            _ => None,
+        }
+    }
+}
+
+/// What a tape says about itself, in a metadata record before everything else.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TapeInfo {
+    /// Version of the format.
+    pub format: String,
+    /// Version of the program that recorded.
+    pub dtd: String,
+    /// Where the simulator took UDP packets.
+    pub simulator: String,
+    /// When recording began, RFC 3339 in UTC.
+    pub began: String,
+    /// What became of the pictures: `inline`, `reference` or `none`.
+    pub frames: String,
+}
+
+impl TapeInfo {
+    /// About a recording of this version.
+    pub fn new(simulator: String, began: String, frames: FramesKept) -> Self {
+        Self {
+            format: FORMAT.into(),
+            dtd: env!("CARGO_PKG_VERSION").into(),
+            simulator,
+            began,
+            frames: frames.to_string(),
+        }
+    }
+
+    pub(super) fn to_metadata(&self) -> BTreeMap<String, String> {
+        let pairs = [
+            ("format", &self.format),
+            ("dtd", &self.dtd),
+            ("simulator", &self.simulator),
+            ("began", &self.began),
+            ("frames", &self.frames),
+        ];
+        pairs
+            .map(|(key, value)| (key.to_owned(), value.clone()))
+            .into()
+    }
+
+    /// The text of an error says what is missing or of another version.
+    pub(super) fn of_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
+        let take = |key: &str| {
+            let value = metadata.get(key).cloned();
+            value.ok_or_else(|| format!("its metadata {METADATA_NAME} has no {key:?}"))
+        };
+        let info = Self {
+            format: take("format")?,
+            dtd: take("dtd")?,
+            simulator: take("simulator")?,
+            began: take("began")?,
+            frames: take("frames")?,
+        };
+        if info.format == FORMAT {
+            Ok(info)
+        } else {
+            Err(format!(
+                "it is of format {}, written by dtd {}; expected format {FORMAT}",
+                info.format, info.dtd
+            ))
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_channel_is_found_by_its_topic_and_foreign_ones_are_not() {
+        use Direction::{FromSimulator, ToSimulator};
+        let channels = [
+            Channel::Udp {
+                client: 12,
+                direction: ToSimulator,
+            },
+            Channel::Link {
+                connection: 1,
+                direction: FromSimulator,
+                reference: false,
+            },
+            Channel::Link {
+                connection: 3,
+                direction: FromSimulator,
+                reference: true,
+            },
+        ];
+        for channel in channels {
+            assert_eq!(Channel::of_topic(&channel.topic()), Some(channel));
+        }
+        for foreign in [
+            "",
+            "/udp",
+            "/udp/x/to_simulator",
+            "/udp/1/to",
+            "/udp/1/to_simulator/reference",
+            "/odometry/1/to_simulator",
+        ] {
+            assert_eq!(Channel::of_topic(foreign), None, "{foreign}");
+        }
+    }
+
+    #[test]
+    fn a_tape_of_another_format_is_refused_with_both_versions() {
+        let mut metadata = TapeInfo::new(
+            "127.0.0.1:49000".into(),
+            "2026-01-01T00:00:00Z".into(),
+            FramesKept::None,
+        )
+        .to_metadata();
+        assert_eq!(TapeInfo::of_metadata(&metadata).unwrap().frames, "none");
+        metadata.insert("format".into(), "9".into());
+        let error = TapeInfo::of_metadata(&metadata).unwrap_err();
+        assert!(
+            error.contains("format 9") && error.contains("expected format 1"),
+            "{error}"
+        );
+    }
+}

@@ -1,0 +1,246 @@
+//! Messages of the capture link as bytes, whatever they say: what a recorder needs that must not change them.
+
+use serde_json::Value;
+use tokio::io::{AsyncRead, AsyncReadExt};
+
+use crate::link::{LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES};
+
+/// First bytes of a greeting of the link.
+pub const MAGIC: [u8; 4] = *b"DTDL";
+/// Bytes of the two lengths before a header.
+const LENGTHS: usize = 8;
+/// Bytes of a BLAKE3 hash.
+const HASH: usize = 32;
+/// What stands on a tape where a token stood.
+const TOKEN_LEFT_OUT: &str = "left out of the tape";
+
+/// One message: lengths, header and payload, as on the wire.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LinkMessage {
+    bytes: Vec<u8>,
+    header_end: usize,
+}
+
+impl LinkMessage {
+    /// Of the bytes of a whole message. The text of an error says what does not fit.
+    pub fn parse(bytes: Vec<u8>) -> Result<Self, String> {
+        let (header, payload) = lengths(&bytes)?;
+        let expected = LENGTHS + header + payload;
+        if bytes.len() != expected {
+            return Err(format!("{expected} bytes announced, {} found", bytes.len()));
+        }
+        Ok(Self {
+            bytes,
+            header_end: LENGTHS + header,
+        })
+    }
+
+    /// Of its parts.
+    pub fn new(header: &[u8], payload: &[u8]) -> Self {
+        let mut bytes = Vec::with_capacity(LENGTHS + header.len() + payload.len());
+        bytes.extend((header.len() as u32).to_le_bytes());
+        bytes.extend((payload.len() as u32).to_le_bytes());
+        bytes.extend(header);
+        bytes.extend(payload);
+        Self {
+            bytes,
+            header_end: LENGTHS + header.len(),
+        }
+    }
+
+    /// Reads the next one; `None` if the other side has closed the connection between two messages.
+    pub async fn read(stream: &mut (impl AsyncRead + Unpin)) -> Result<Option<Self>, LinkError> {
+        let mut bytes = vec![0; LENGTHS];
+        if stream.read(&mut bytes[..1]).await? == 0 {
+            return Ok(None);
+        }
+        exactly(stream, &mut bytes[1..], "the lengths of a message").await?;
+        let number = |at: usize| {
+            let four = bytes[at..].first_chunk::<4>().copied().unwrap_or_default();
+            u32::from_le_bytes(four) as usize
+        };
+        let (header, payload) = (number(0), number(4));
+        for (part, announced, limit) in [
+            ("header", header, MAX_HEADER_BYTES),
+            ("payload", payload, MAX_PAYLOAD_BYTES),
+        ] {
+            if announced > limit {
+                return Err(LinkError::TooLong {
+                    part,
+                    announced,
+                    limit,
+                });
+            }
+        }
+        let whole = LENGTHS + header + payload;
+        bytes.reserve_exact(whole - LENGTHS);
+        let mut rest = stream.take((whole - LENGTHS) as u64);
+        while bytes.len() < whole {
+            if rest.read_buf(&mut bytes).await? == 0 {
+                return Err(LinkError::Ended {
+                    inside: "a message",
+                });
+            }
+        }
+        Ok(Some(Self {
+            bytes,
+            header_end: LENGTHS + header,
+        }))
+    }
+
+    /// All of it.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// All of it.
+    pub fn into_bytes(self) -> Vec<u8> {
+        self.bytes
+    }
+
+    /// Its header, which should be JSON.
+    pub fn header(&self) -> &[u8] {
+        &self.bytes[LENGTHS..self.header_end]
+    }
+
+    /// Its payload.
+    pub fn payload(&self) -> &[u8] {
+        &self.bytes[self.header_end..]
+    }
+
+    /// Whether it carries a picture.
+    pub(super) fn is_picture(&self) -> bool {
+        !self.payload().is_empty() && message_of(self.header()).as_deref() == Some("frame")
+    }
+
+    /// As it may be kept: a token is a secret, and a tape is passed on.
+    pub(super) fn without_token(&self) -> Option<Self> {
+        let mut header: Value = serde_json::from_slice(self.header()).ok()?;
+        let token = header.get_mut("token")?;
+        *token = TOKEN_LEFT_OUT.into();
+        Some(Self::new(header.to_string().as_bytes(), self.payload()))
+    }
+
+    /// As it is kept without its payload: lengths and header as they were, then the payload's hash, or nothing.
+    pub(super) fn reference(&self, with_hash: bool) -> Vec<u8> {
+        let mut kept = self.bytes[..self.header_end].to_vec();
+        if with_hash {
+            kept.extend(blake3::hash(self.payload()).as_bytes());
+        }
+        kept
+    }
+}
+
+/// A message whose payload was left out of the tape.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ReferencedMessage {
+    /// Its header, which should be JSON.
+    pub header: Vec<u8>,
+    /// Length of its payload, bytes.
+    pub payload_bytes: usize,
+    /// BLAKE3 hash of its payload; `None` if not even that was kept.
+    pub hash: Option<blake3::Hash>,
+}
+
+impl ReferencedMessage {
+    /// Of the bytes on the tape. The text of an error says what does not fit.
+    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
+        let (header, payload_bytes) = lengths(bytes)?;
+        let end = LENGTHS + header;
+        let hash = match bytes.get(end..) {
+            Some([]) => None,
+            Some(hash) if hash.len() == HASH => blake3::Hash::from_slice(hash).ok(),
+            _ => {
+                return Err(format!(
+                    "{end} bytes and perhaps a hash of {HASH} expected, {} found",
+                    bytes.len()
+                ));
+            }
+        };
+        Ok(Self {
+            header: bytes[LENGTHS..end].to_vec(),
+            payload_bytes,
+            hash,
+        })
+    }
+}
+
+/// What a header says it is.
+fn message_of(header: &[u8]) -> Option<String> {
+    let header: Value = serde_json::from_slice(header).ok()?;
+    Some(header.get("message")?.as_str()?.to_owned())
+}
+
+fn lengths(bytes: &[u8]) -> Result<(usize, usize), String> {
+    match bytes {
+        [h0, h1, h2, h3, p0, p1, p2, p3, ..] => Ok((
+            u32::from_le_bytes([*h0, *h1, *h2, *h3]) as usize,
+            u32::from_le_bytes([*p0, *p1, *p2, *p3]) as usize,
+        )),
+        _ => Err(format!("{} bytes are too few for two lengths", bytes.len())),
+    }
+}
+
+async fn exactly(
+    stream: &mut (impl AsyncRead + Unpin),
+    buffer: &mut [u8],
+    inside: &'static str,
+) -> Result<(), LinkError> {
+    match stream.read_exact(buffer).await {
+        Ok(_) => Ok(()),
+        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
+            Err(LinkError::Ended { inside })
+        }
+        Err(error) => Err(error.into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[tokio::test]
+    async fn a_message_is_read_byte_for_byte() {
+        let message = LinkMessage::new(br#"{"message":"frame" }"#, &[1, 2, 3]);
+        assert!(message.is_picture());
+        let mut stream = message.bytes();
+        let read = LinkMessage::read(&mut stream).await.unwrap().unwrap();
+        assert_eq!(read, message);
+        assert_eq!(LinkMessage::parse(read.into_bytes()), Ok(message.clone()));
+        assert!(LinkMessage::read(&mut stream).await.unwrap().is_none());
+        let error = LinkMessage::read(&mut &message.bytes()[..12])
+            .await
+            .unwrap_err();
+        assert!(matches!(error, LinkError::Ended { .. }), "{error}");
+        let error = LinkMessage::read(&mut &[0xff; 8][..]).await.unwrap_err();
+        assert!(matches!(error, LinkError::TooLong { .. }), "{error}");
+    }
+
+    #[test]
+    fn a_payload_left_out_leaves_its_length_and_its_hash() {
+        let message = LinkMessage::new(b"{}", &[7; 100]);
+        let kept = ReferencedMessage::parse(&message.reference(true)).unwrap();
+        assert_eq!(
+            (kept.header.as_slice(), kept.payload_bytes),
+            (&b"{}"[..], 100)
+        );
+        assert_eq!(kept.hash, Some(blake3::hash(&[7; 100])));
+        let kept = ReferencedMessage::parse(&message.reference(false)).unwrap();
+        assert_eq!(kept.hash, None);
+        assert!(ReferencedMessage::parse(message.bytes()).is_err());
+        assert!(ReferencedMessage::parse(&[1, 2]).is_err());
+    }
+
+    #[test]
+    fn a_token_does_not_reach_the_tape() {
+        let hello = LinkMessage::new(br#"{"message":"hello","client":"x","token":"secret"}"#, &[]);
+        let kept = hello.without_token().unwrap();
+        let text = String::from_utf8_lossy(kept.header()).into_owned();
+        assert!(
+            !text.contains("secret") && text.contains("left out"),
+            "{text}"
+        );
+        let hello = LinkMessage::new(br#"{"message":"hello","client":"x"}"#, &[]);
+        assert_eq!(hello.without_token(), None);
+    }
+}

@@ -1,0 +1,411 @@
+//! Reading a tape from its beginning, and single messages of it again.
+//!
+//! Reads what is there: a tape whose recorder was killed ends with its last whole chunk. Nothing but one chunk is kept in
+//! memory, since tapes hold pictures.
+
+use std::collections::{HashMap, VecDeque};
+use std::fs::File;
+use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use mcap::MAGIC;
+use mcap::read::{ChunkReader, parse_record};
+use mcap::records::{MessageHeader, Record, op};
+
+use super::error::TapeError;
+use super::format::{Channel, LINK_VERSION_KEY, METADATA_NAME, PROFILE, TapeInfo};
+
+/// Longest record that is believed, bytes: a chunk with the largest picture, and ample.
+const MAX_RECORD_BYTES: u64 = 1 << 30;
+
+/// Where a message lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Place {
+    chunk_at: u64,
+    sequence: u32,
+}
+
+impl Place {
+    /// The message's number, counted from 0 over the whole tape.
+    pub fn sequence(&self) -> u32 {
+        self.sequence
+    }
+}
+
+/// One message of a tape.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Entry {
+    /// Where to find it again.
+    pub place: Place,
+    /// Its channel.
+    pub channel: Channel,
+    /// When it passed the recorder, nanoseconds since 1970 in UTC.
+    pub time_ns: u64,
+    /// Its bytes.
+    pub data: Vec<u8>,
+}
+
+/// A tape that is being read.
+pub struct TapeReader {
+    path: PathBuf,
+    file: BufReader<File>,
+    info: TapeInfo,
+    /// Channels so far, by MCAP's number; foreign ones are left out.
+    channels: HashMap<u16, Channel>,
+    link_version: Option<u32>,
+    ready: VecDeque<Entry>,
+    whole: bool,
+    /// The chunk that was read again last.
+    kept: Option<(u64, HashMap<u32, Vec<u8>>)>,
+}
+
+impl TapeReader {
+    /// Opens a tape.
+    ///
+    /// # Errors
+    /// If it cannot be read, or is none, or of another version.
+    pub fn open(path: &Path) -> Result<Self, TapeError> {
+        let file = File::open(path).map_err(|source| TapeError::Io {
+            path: path.into(),
+            doing: "open it",
+            source,
+        })?;
+        let no_tape = |found: String| TapeError::NoTape {
+            path: path.into(),
+            found,
+        };
+        let mut file = BufReader::new(file);
+        let mut magic = [0; MAGIC.len()];
+        match file.read_exact(&mut magic) {
+            Ok(()) if magic == *MAGIC => {}
+            _ => return Err(no_tape("it does not begin as MCAP does".into())),
+        }
+        let mut profile = None;
+        loop {
+            let Some((_, op, body)) = next_record(&mut file, path)? else {
+                return Err(no_tape(format!("its metadata has no {METADATA_NAME}")));
+            };
+            match parse(op, &body, path)? {
+                Record::Header(header) => profile = Some(header.profile),
+                Record::Metadata(metadata) if metadata.name == METADATA_NAME => {
+                    if profile.as_deref() != Some(PROFILE) {
+                        return Err(no_tape(format!("its profile is {profile:?}")));
+                    }
+                    let info = TapeInfo::of_metadata(&metadata.metadata).map_err(no_tape)?;
+                    return Ok(Self {
+                        path: path.to_owned(),
+                        file,
+                        info,
+                        channels: HashMap::new(),
+                        link_version: None,
+                        ready: VecDeque::new(),
+                        whole: false,
+                        kept: None,
+                    });
+                }
+                Record::Chunk { .. } | Record::DataEnd(_) => {
+                    return Err(no_tape(format!("its metadata has no {METADATA_NAME}")));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// What the tape says about itself.
+    pub fn info(&self) -> &TapeInfo {
+        &self.info
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether its recorder came to the end. Known once [`TapeReader::next_entry`] has given the last message.
+    pub fn is_whole(&self) -> bool {
+        self.whole
+    }
+
+    /// Version of the capture link that the clients so far spoke; `None` if none came.
+    pub fn link_version(&self) -> Option<u32> {
+        self.link_version
+    }
+
+    /// The next message in the order of recording; `None` at the end, or where the recorder was killed.
+    ///
+    /// # Errors
+    /// If the file cannot be read, or a chunk is damaged.
+    pub fn next_entry(&mut self) -> Result<Option<Entry>, TapeError> {
+        while self.ready.is_empty() && !self.whole {
+            let Some((at, op, body)) = next_record(&mut self.file, &self.path)? else {
+                return Ok(None);
+            };
+            match op {
+                op::CHUNK => {
+                    let mut ready = std::mem::take(&mut self.ready);
+                    for record in chunk_records(&body, &self.path)? {
+                        match record {
+                            Record::Channel(channel) => {
+                                let version = channel.metadata.get(LINK_VERSION_KEY);
+                                let version = version.and_then(|version| version.parse().ok());
+                                self.link_version = version.or(self.link_version);
+                                if let Some(known) = Channel::of_topic(&channel.topic) {
+                                    self.channels.insert(channel.id, known);
+                                }
+                            }
+                            Record::Message { header, data } => {
+                                ready.extend(self.entry(at, &header, data.into_owned()));
+                            }
+                            _ => {}
+                        }
+                    }
+                    self.ready = ready;
+                }
+                op::DATA_END => self.whole = true,
+                _ => {}
+            }
+        }
+        Ok(self.ready.pop_front())
+    }
+
+    fn entry(&self, chunk_at: u64, header: &MessageHeader, data: Vec<u8>) -> Option<Entry> {
+        Some(Entry {
+            place: Place {
+                chunk_at,
+                sequence: header.sequence,
+            },
+            channel: *self.channels.get(&header.channel_id)?,
+            time_ns: header.log_time,
+            data,
+        })
+    }
+
+    /// The bytes of a message that was read before. Cheap for messages of the same chunk one after the other.
+    ///
+    /// # Errors
+    /// If the file cannot be read any more, or was changed.
+    pub fn read_again(&mut self, place: Place) -> Result<Vec<u8>, TapeError> {
+        let position = |source| TapeError::Io {
+            path: self.path.clone(),
+            doing: "read a message again",
+            source,
+        };
+        if self
+            .kept
+            .as_ref()
+            .is_none_or(|(at, _)| *at != place.chunk_at)
+        {
+            let back = self.file.stream_position().map_err(position)?;
+            self.file
+                .seek(SeekFrom::Start(place.chunk_at))
+                .map_err(position)?;
+            let record = next_record(&mut self.file, &self.path)?;
+            self.file.seek(SeekFrom::Start(back)).map_err(position)?;
+            let mut messages = HashMap::new();
+            if let Some((_, op::CHUNK, body)) = record {
+                for record in chunk_records(&body, &self.path)? {
+                    if let Record::Message { header, data } = record {
+                        messages.insert(header.sequence, data.into_owned());
+                    }
+                }
+            }
+            self.kept = Some((place.chunk_at, messages));
+        }
+        let found = self
+            .kept
+            .as_ref()
+            .and_then(|(_, messages)| messages.get(&place.sequence));
+        found.cloned().ok_or_else(|| {
+            position(std::io::Error::new(
+                ErrorKind::InvalidData,
+                "it is not where it was: the file was changed",
+            ))
+        })
+    }
+}
+
+/// The records in a chunk, whose checksum is checked.
+fn chunk_records(body: &[u8], path: &Path) -> Result<Vec<Record<'static>>, TapeError> {
+    let Record::Chunk { header, data } = parse(op::CHUNK, body, path)? else {
+        return Ok(Vec::new());
+    };
+    let records = ChunkReader::new(header, &data).map_err(|source| damaged(path, source))?;
+    records
+        .map(|record| match record {
+            Ok(record) => Ok(record.into_owned()),
+            Err(source) => Err(damaged(path, source)),
+        })
+        .collect()
+}
+
+fn parse<'a>(op: u8, body: &'a [u8], path: &Path) -> Result<Record<'a>, TapeError> {
+    parse_record(op, body).map_err(|source| damaged(path, source))
+}
+
+fn damaged(path: &Path, source: mcap::McapError) -> TapeError {
+    TapeError::Mcap {
+        path: path.into(),
+        doing: "read a record",
+        source: Box::new(source),
+    }
+}
+
+/// The next record of the file with its place; `None` at the end, which a kill may have put anywhere.
+fn next_record(
+    file: &mut BufReader<File>,
+    path: &Path,
+) -> Result<Option<(u64, u8, Vec<u8>)>, TapeError> {
+    let failed = |source| TapeError::Io {
+        path: path.into(),
+        doing: "read it",
+        source,
+    };
+    let at = file.stream_position().map_err(failed)?;
+    let mut head = [0; 9];
+    match file.read_exact(&mut head) {
+        Ok(()) => {}
+        Err(error) if error.kind() == ErrorKind::UnexpectedEof => return Ok(None),
+        Err(error) => return Err(failed(error)),
+    }
+    let [op, length @ ..] = head;
+    let length = u64::from_le_bytes(length);
+    // What a chunk announces until it is closed: the recorder is still at it, or was killed.
+    if length == u64::MAX {
+        return Ok(None);
+    }
+    if length > MAX_RECORD_BYTES {
+        return Err(failed(std::io::Error::new(
+            ErrorKind::InvalidData,
+            format!(
+                "a record of {length} bytes at byte {at} is announced, expected at most {MAX_RECORD_BYTES}"
+            ),
+        )));
+    }
+    let mut body = Vec::new();
+    file.take(length).read_to_end(&mut body).map_err(failed)?;
+    Ok((body.len() as u64 == length).then_some((at, op, body)))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+    use crate::tape::{Direction, FramesKept, TapeWriter};
+
+    const CHANNEL: Channel = Channel::Udp {
+        client: 1,
+        direction: Direction::ToSimulator,
+    };
+
+    fn info() -> TapeInfo {
+        TapeInfo::new(
+            "127.0.0.1:49000".into(),
+            "2026-01-01T00:00:00Z".into(),
+            FramesKept::Inline,
+        )
+    }
+
+    fn datagram(number: u32) -> Vec<u8> {
+        // Long enough for several chunks, and not to be compressed to nothing.
+        (0..50_000_u32)
+            .map(|i| (i.wrapping_mul(2_654_435_761) >> (number % 24)) as u8)
+            .collect()
+    }
+
+    fn tape_of(path: &Path, messages: u32) {
+        let mut tape = TapeWriter::create(path, &info()).unwrap();
+        for number in 0..messages {
+            tape.write(CHANNEL, u64::from(number), &datagram(number))
+                .unwrap();
+        }
+        let summary = tape.finish().unwrap();
+        assert_eq!(
+            (summary.messages, summary.bytes),
+            (messages, fs::metadata(path).unwrap().len())
+        );
+    }
+
+    fn read_all(path: &Path) -> (Vec<Entry>, bool) {
+        let mut tape = TapeReader::open(path).unwrap();
+        let mut entries = Vec::new();
+        while let Some(entry) = tape.next_entry().unwrap() {
+            entries.push(entry);
+        }
+        (entries, tape.is_whole())
+    }
+
+    #[test]
+    fn what_was_written_is_read_in_order_and_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        tape_of(&path, 100);
+        let (entries, whole) = read_all(&path);
+        assert!(whole);
+        assert_eq!(entries.len(), 100);
+        let mut tape = TapeReader::open(&path).unwrap();
+        assert_eq!(tape.info(), &info());
+        for (number, entry) in entries.iter().enumerate().rev().step_by(7) {
+            assert_eq!((entry.time_ns, entry.channel), (number as u64, CHANNEL));
+            assert_eq!(entry.data, datagram(number as u32));
+            assert_eq!(tape.read_again(entry.place).unwrap(), entry.data);
+        }
+        // Reading again does not lose the place in the order.
+        assert_eq!(tape.next_entry().unwrap().unwrap().time_ns, 0);
+    }
+
+    #[test]
+    fn a_tape_cut_anywhere_is_read_up_to_there() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        tape_of(&path, 100);
+        let bytes = fs::read(&path).unwrap();
+        let cut = folder.path().join("cut.mcap");
+        for part in [3, 5, 9] {
+            fs::write(&cut, &bytes[..bytes.len() * part / 10]).unwrap();
+            let (entries, whole) = read_all(&cut);
+            assert!(!whole);
+            assert!(
+                (1..100).contains(&entries.len()),
+                "{} of 100",
+                entries.len()
+            );
+            let last = entries.last().unwrap();
+            assert_eq!(last.data, datagram(entries.len() as u32 - 1));
+        }
+    }
+
+    #[test]
+    fn damage_other_files_and_overwriting_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        tape_of(&path, 100);
+        let error = TapeWriter::create(&path, &info()).err().unwrap();
+        assert!(matches!(error, TapeError::Exists { .. }), "{error}");
+
+        let mut bytes = fs::read(&path).unwrap();
+        let middle = bytes.len() / 2;
+        bytes[middle] ^= 0x55;
+        let damaged = folder.path().join("damaged.mcap");
+        fs::write(&damaged, &bytes).unwrap();
+        let mut tape = TapeReader::open(&damaged).unwrap();
+        let error = loop {
+            match tape.next_entry() {
+                Ok(Some(_)) => {}
+                Ok(None) => panic!("the damage was not noticed"),
+                Err(error) => break error,
+            }
+        };
+        assert!(error.to_string().contains("damaged.mcap"), "{error}");
+
+        for other in [&b"hello, this is no MCAP file"[..], b""] {
+            fs::write(&damaged, other).unwrap();
+            let error = TapeReader::open(&damaged).err().unwrap();
+            assert!(matches!(error, TapeError::NoTape { .. }), "{error}");
+        }
+        let error = TapeReader::open(&folder.path().join("lost.mcap"))
+            .err()
+            .unwrap();
+        assert!(error.to_string().contains("lost.mcap"), "{error}");
+    }
+}

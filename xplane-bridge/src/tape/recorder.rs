@@ -1,0 +1,159 @@
+//! The recorder: a proxy that clients take for the simulator.
+//!
+//! ```text
+//! client 1 --UDP--> | recorder | --UDP, a socket per client--> simulator
+//! client 2 --TCP--> |          | --TCP-----------------------> its capture link
+//!                        \--> a thread that writes the tape
+//! ```
+//!
+//! Every message is handed to the tape before it is passed on, so the tape holds a request before its answer. One thing is
+//! changed on the way to clients: the value of the dataref that tells the port of the capture link, which becomes the
+//! recorder's own (the tape has what the simulator said). X-Plane's Web API does not pass here.
+
+mod deck;
+mod link;
+mod udp;
+
+use std::future::Future;
+use std::io;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU16, Ordering};
+
+use chrono::{SecondsFormat, Utc};
+use serde::{Deserialize, Serialize};
+use tokio::net::{TcpListener, UdpSocket};
+
+use super::error::TapeError;
+use super::format::{FramesKept, TapeInfo};
+use super::writer::{TapeSummary, TapeWriter};
+use deck::Deck;
+
+/// The recorder's capture link listens so much above its UDP port, as the stand-in's does.
+const LINK_PORT_OFFSET: u16 = 10;
+
+/// What to record, and where.
+#[derive(Debug, Clone)]
+pub struct RecordOptions {
+    /// Where the simulator takes UDP packets.
+    pub simulator: SocketAddr,
+    /// Address to listen on. Only the loopback one is safe: whoever reaches the recorder commands the simulator.
+    pub bind: IpAddr,
+    /// UDP port to listen on; 0 takes any free one. The capture link is 10 above it, or any free one.
+    pub port: u16,
+    /// The tape.
+    pub out: PathBuf,
+    /// What becomes of the pictures.
+    pub frames: FramesKept,
+}
+
+impl RecordOptions {
+    /// Of that simulator, on any free port of this machine, with its pictures.
+    pub fn new(simulator: SocketAddr, out: PathBuf) -> Self {
+        Self {
+            simulator,
+            bind: Ipv4Addr::LOCALHOST.into(),
+            port: 0,
+            out,
+            frames: FramesKept::default(),
+        }
+    }
+}
+
+/// Where clients find the recorder; as JSON, the line that `dtd record` prints.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct RecorderAddresses {
+    /// X-Plane's UDP protocol.
+    pub udp: SocketAddr,
+    /// The capture link, TCP.
+    pub capture_link: SocketAddr,
+}
+
+/// Records until `stop` comes; calls `ready` once clients may come.
+///
+/// # Errors
+/// If a port or the tape cannot be had, or the tape cannot be written on: what is not on the tape is not passed on.
+pub async fn record(
+    options: RecordOptions,
+    ready: impl FnOnce(RecorderAddresses),
+    stop: impl Future<Output = ()>,
+) -> Result<TapeSummary, TapeError> {
+    let (udp, udp_address) = listen_udp(SocketAddr::new(options.bind, options.port)).await?;
+    let link_port = match options.port {
+        0 => 0,
+        port => port.checked_add(LINK_PORT_OFFSET).unwrap_or(0),
+    };
+    let (listener, link_address) = listen_tcp(SocketAddr::new(options.bind, link_port)).await?;
+    let began = Utc::now().to_rfc3339_opts(SecondsFormat::Secs, true);
+    let info = TapeInfo::new(options.simulator.to_string(), began, options.frames);
+    let (deck, mut writing) = Deck::start(TapeWriter::create(&options.out, &info)?, options.frames);
+    let route = Arc::new(Route {
+        simulator: options.simulator,
+        our_link_port: link_address.port(),
+        simulators_link_port: AtomicU16::new(0),
+        deck,
+    });
+    ready(RecorderAddresses {
+        udp: udp_address,
+        capture_link: link_address,
+    });
+    let ended = tokio::select! {
+        () = stop => Ok(()),
+        ended = udp::run(Arc::new(udp), route.clone()) => ended,
+        ended = link::run(listener, route.clone()) => ended,
+        // Before its time only if the tape cannot be written.
+        summary = &mut writing => return deck::ended(summary),
+    };
+    // Clients' tasks have ended with the futures above; what they handed over is still written.
+    route.deck.stop().await;
+    let summary = deck::ended(writing.await)?;
+    ended.map(|()| summary)
+}
+
+/// What the proxies share.
+struct Route {
+    simulator: SocketAddr,
+    our_link_port: u16,
+    /// As the simulator told it last; 0 before.
+    simulators_link_port: AtomicU16,
+    deck: Deck,
+}
+
+impl Route {
+    /// Where the simulator's capture link listens, if it has said so.
+    fn simulators_link(&self) -> Option<SocketAddr> {
+        match self.simulators_link_port.load(Ordering::Relaxed) {
+            0 => None,
+            port => Some(SocketAddr::new(self.simulator.ip(), port)),
+        }
+    }
+}
+
+async fn listen_udp(address: SocketAddr) -> Result<(UdpSocket, SocketAddr), TapeError> {
+    let bound = UdpSocket::bind(address)
+        .await
+        .and_then(|socket| Ok((socket.local_addr()?, socket)));
+    match bound {
+        Ok((found, socket)) => Ok((socket, found)),
+        Err(source) => Err(bind_error(address, "UDP", source)),
+    }
+}
+
+async fn listen_tcp(address: SocketAddr) -> Result<(TcpListener, SocketAddr), TapeError> {
+    let bound = TcpListener::bind(address)
+        .await
+        .and_then(|listener| Ok((listener.local_addr()?, listener)));
+    match bound {
+        Ok((found, listener)) => Ok((listener, found)),
+        Err(source) => Err(bind_error(address, "capture link", source)),
+    }
+}
+
+fn bind_error(address: SocketAddr, what: &'static str, source: io::Error) -> TapeError {
+    TapeError::Bind {
+        address,
+        what,
+        source,
+    }
+}

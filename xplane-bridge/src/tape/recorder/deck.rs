@@ -1,0 +1,163 @@
+//! The thread that writes the tape, and the short queue to it: compressing a picture takes longer than a datagram may wait.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use tokio::sync::mpsc;
+use tokio::task::{JoinError, JoinHandle, spawn_blocking};
+use tokio::time::interval;
+
+use crate::tape::error::TapeError;
+use crate::tape::format::{Channel, Direction, FramesKept};
+use crate::tape::link_message::LinkMessage;
+use crate::tape::writer::{TapeSummary, TapeWriter};
+
+/// Messages that may wait to be written. When they are so many, clients and simulator wait too.
+const QUEUE: usize = 32;
+/// How often an idle tape is looked at.
+const LOOK_EVERY: Duration = Duration::from_millis(500);
+
+enum Job {
+    AddChannel(Channel, BTreeMap<String, String>),
+    Datagram(Channel, u64, Vec<u8>),
+    /// With its channel for a payload that is kept.
+    LinkMessage(Channel, u64, LinkMessage),
+    Look,
+    Stop,
+}
+
+/// Takes what is to be on the tape.
+pub(super) struct Deck {
+    jobs: mpsc::Sender<Job>,
+}
+
+impl Deck {
+    /// Starts the thread. It ends on an error, or when told to.
+    pub(super) fn start(
+        tape: TapeWriter,
+        frames: FramesKept,
+    ) -> (Self, JoinHandle<Result<TapeSummary, TapeError>>) {
+        let (jobs, waiting) = mpsc::channel(QUEUE);
+        let writing = spawn_blocking(move || write(tape, frames, waiting));
+        let look = jobs.downgrade();
+        tokio::spawn(async move {
+            let mut often = interval(LOOK_EVERY);
+            loop {
+                often.tick().await;
+                let Some(jobs) = look.upgrade() else { return };
+                if jobs.send(Job::Look).await.is_err() {
+                    return;
+                }
+            }
+        });
+        (Self { jobs }, writing)
+    }
+
+    /// Makes a channel known, with what may be said about it.
+    pub(super) async fn add_channel(&self, channel: Channel, about: &[(&str, String)]) {
+        let about = about
+            .iter()
+            .map(|(key, value)| ((*key).to_owned(), value.clone()));
+        self.hand_over(Job::AddChannel(channel, about.collect()))
+            .await;
+    }
+
+    pub(super) async fn datagram(&self, client: u32, direction: Direction, datagram: &[u8]) {
+        let channel = Channel::Udp { client, direction };
+        self.hand_over(Job::Datagram(channel, now_ns(), datagram.to_owned()))
+            .await;
+    }
+
+    pub(super) async fn link_message(
+        &self,
+        connection: u32,
+        direction: Direction,
+        message: &LinkMessage,
+    ) {
+        let channel = Channel::Link {
+            connection,
+            direction,
+            reference: false,
+        };
+        self.hand_over(Job::LinkMessage(channel, now_ns(), message.clone()))
+            .await;
+    }
+
+    /// Ends the tape behind everything that was handed over.
+    pub(super) async fn stop(&self) {
+        self.hand_over(Job::Stop).await;
+    }
+
+    /// If the thread has ended, the recorder is ending too and says why.
+    async fn hand_over(&self, job: Job) {
+        let _ = self.jobs.send(job).await;
+    }
+}
+
+/// How the thread ended.
+pub(super) fn ended(
+    joined: Result<Result<TapeSummary, TapeError>, JoinError>,
+) -> Result<TapeSummary, TapeError> {
+    joined.unwrap_or(Err(TapeError::WriterStopped))
+}
+
+fn write(
+    mut tape: TapeWriter,
+    frames: FramesKept,
+    mut jobs: mpsc::Receiver<Job>,
+) -> Result<TapeSummary, TapeError> {
+    while let Some(job) = jobs.blocking_recv() {
+        match job {
+            Job::AddChannel(channel, about) => tape.add_channel(channel, &about)?,
+            Job::Datagram(channel, time_ns, datagram) => tape.write(channel, time_ns, &datagram)?,
+            Job::LinkMessage(channel, time_ns, message) => {
+                write_link_message(&mut tape, frames, channel, time_ns, &message)?;
+            }
+            Job::Look => tape.flush_if_due()?,
+            Job::Stop => break,
+        }
+    }
+    tape.finish()
+}
+
+fn write_link_message(
+    tape: &mut TapeWriter,
+    frames: FramesKept,
+    channel: Channel,
+    time_ns: u64,
+    message: &LinkMessage,
+) -> Result<(), TapeError> {
+    let with_hash = match frames {
+        FramesKept::Inline => None,
+        FramesKept::Reference => Some(true),
+        FramesKept::None => Some(false),
+    };
+    match (with_hash, channel) {
+        (
+            Some(with_hash),
+            Channel::Link {
+                connection,
+                direction,
+                ..
+            },
+        ) if message.is_picture() => {
+            let channel = Channel::Link {
+                connection,
+                direction,
+                reference: true,
+            };
+            tape.write(channel, time_ns, &message.reference(with_hash))
+        }
+        _ => match message.without_token() {
+            Some(safe) => tape.write(channel, time_ns, safe.bytes()),
+            None => tape.write(channel, time_ns, message.bytes()),
+        },
+    }
+}
+
+fn now_ns() -> u64 {
+    let since = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}

@@ -1,0 +1,183 @@
+//! The UDP proxy. Each client gets a socket of its own towards the simulator, which tells clients apart by their address.
+
+use std::collections::{BTreeSet, HashMap};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use tokio::net::UdpSocket;
+use tokio::sync::mpsc;
+use tokio::task::JoinSet;
+use tokio::time::timeout;
+
+use super::Route;
+use crate::datarefs::CAPTURE_PORT;
+use crate::packet::ToSimulator;
+use crate::tape::error::TapeError;
+use crate::tape::format::{Channel, Direction};
+
+/// A client from and to whom nothing came for so long is forgotten. If it comes back, it is a new one.
+const FORGET_AFTER: Duration = Duration::from_secs(600);
+/// Datagrams of a client that may wait; more are lost, as UDP's are.
+const WAITING: usize = 1_000;
+/// Largest datagram.
+const DATAGRAM_BYTES: usize = 65_536;
+/// Bytes before the values of an `RREF` reply, and bytes of one value.
+const REPLY_HEAD: usize = 5;
+const VALUE: usize = 8;
+
+/// Serves until dropped.
+pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), TapeError> {
+    let mut clients: HashMap<SocketAddr, mpsc::Sender<Vec<u8>>> = HashMap::new();
+    let mut tasks = JoinSet::new();
+    let mut count = 0;
+    let mut buffer = vec![0; DATAGRAM_BYTES];
+    loop {
+        let (length, from) = match ours.recv_from(&mut buffer).await {
+            Ok(received) => received,
+            // Some systems report here that an earlier datagram met a closed port.
+            Err(error) if error.kind() == std::io::ErrorKind::ConnectionReset => continue,
+            Err(source) => return Err(socket_failed(source)),
+        };
+        while tasks.try_join_next().is_some() {}
+        clients.retain(|_, client| !client.is_closed());
+        let client = match clients.get(&from) {
+            Some(known) => known,
+            None => {
+                count += 1;
+                let (sender, datagrams) = mpsc::channel(WAITING);
+                let client = Client::open(count, from, ours.clone(), route.clone()).await?;
+                tasks.spawn(client.serve(datagrams));
+                clients.entry(from).or_insert(sender)
+            }
+        };
+        if client.try_send(buffer[..length].to_vec()).is_err() {
+            tracing::warn!(%from, "datagram lost: the tape cannot follow");
+        }
+    }
+}
+
+struct Client {
+    number: u32,
+    address: SocketAddr,
+    ours: Arc<UdpSocket>,
+    towards_simulator: UdpSocket,
+    route: Arc<Route>,
+    /// Under which numbers this client has asked for the port of the capture link.
+    link_port_indices: BTreeSet<i32>,
+}
+
+impl Client {
+    async fn open(
+        number: u32,
+        address: SocketAddr,
+        ours: Arc<UdpSocket>,
+        route: Arc<Route>,
+    ) -> Result<Self, TapeError> {
+        let any: SocketAddr = match route.simulator {
+            SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+            SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
+        };
+        let towards_simulator = UdpSocket::bind(any).await.map_err(socket_failed)?;
+        for direction in [Direction::ToSimulator, Direction::FromSimulator] {
+            let channel = Channel::Udp {
+                client: number,
+                direction,
+            };
+            route
+                .deck
+                .add_channel(channel, &[("client", address.to_string())])
+                .await;
+        }
+        tracing::info!(%address, number, "client");
+        Ok(Self {
+            number,
+            address,
+            ours,
+            towards_simulator,
+            route,
+            link_port_indices: BTreeSet::new(),
+        })
+    }
+
+    async fn serve(mut self, mut datagrams: mpsc::Receiver<Vec<u8>>) {
+        let mut buffer = vec![0; DATAGRAM_BYTES];
+        loop {
+            let next = async {
+                tokio::select! {
+                    // In the order of things: what the simulator has said is older than what it has not yet heard.
+                    biased;
+                    received = self.towards_simulator.recv_from(&mut buffer) => Some(Err(received)),
+                    datagram = datagrams.recv() => datagram.map(Ok),
+                }
+            };
+            match timeout(FORGET_AFTER, next).await {
+                Ok(Some(Ok(datagram))) => self.pass_to_simulator(&datagram).await,
+                Ok(Some(Err(Ok((length, from))))) if from.ip() == self.route.simulator.ip() => {
+                    self.pass_to_client(&mut buffer[..length]).await;
+                }
+                // From a stranger, or the news that nobody listens, maybe not yet.
+                Ok(Some(Err(_))) => {}
+                Ok(None) | Err(_) => return,
+            }
+        }
+    }
+
+    async fn pass_to_simulator(&mut self, datagram: &[u8]) {
+        self.route
+            .deck
+            .datagram(self.number, Direction::ToSimulator, datagram)
+            .await;
+        if let Ok(ToSimulator::SubscribeDataref(request)) = ToSimulator::decode(datagram) {
+            // Values may still come after the end of a subscription, so only another use of the number counts.
+            if request.path.trim_end_matches("[0]") == CAPTURE_PORT {
+                self.link_port_indices.insert(request.index);
+            } else if !request.is_end() {
+                self.link_port_indices.remove(&request.index);
+            }
+        }
+        if let Err(error) = self
+            .towards_simulator
+            .send_to(datagram, self.route.simulator)
+            .await
+        {
+            tracing::warn!(%error, "cannot send to the simulator");
+        }
+    }
+
+    async fn pass_to_client(&mut self, datagram: &mut [u8]) {
+        self.route
+            .deck
+            .datagram(self.number, Direction::FromSimulator, datagram)
+            .await;
+        if datagram.starts_with(b"RREF") && !self.link_port_indices.is_empty() {
+            let head = REPLY_HEAD.min(datagram.len());
+            for pair in datagram[head..].as_chunks_mut::<VALUE>().0 {
+                self.redirect(pair);
+            }
+        }
+        if let Err(error) = self.ours.send_to(datagram, self.address).await {
+            tracing::debug!(%error, address = %self.address, "cannot send to the client");
+        }
+    }
+
+    /// Puts the recorder's own link port in the place of the simulator's.
+    fn redirect(&self, [i0, i1, i2, i3, value @ ..]: &mut [u8; VALUE]) {
+        let index = i32::from_le_bytes([*i0, *i1, *i2, *i3]);
+        let port = f32::from_le_bytes(*value);
+        if self.link_port_indices.contains(&index) && (1.0..=f32::from(u16::MAX)).contains(&port) {
+            self.route
+                .simulators_link_port
+                .store(port as u16, Ordering::Relaxed);
+            *value = f32::from(self.route.our_link_port).to_le_bytes();
+        }
+    }
+}
+
+fn socket_failed(source: std::io::Error) -> TapeError {
+    TapeError::Socket {
+        what: "the recorder's UDP socket",
+        source,
+    }
+}

@@ -1,0 +1,159 @@
+//! Writing a tape so that whatever stops the recorder leaves it readable up to the last second.
+
+use std::collections::{BTreeMap, HashMap};
+use std::fs::File;
+use std::io::{BufWriter, ErrorKind};
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use mcap::records::{MessageHeader, Metadata};
+use mcap::{Compression, WriteOptions, Writer};
+use serde::Serialize;
+
+use super::error::TapeError;
+use super::format::{Channel, METADATA_NAME, PROFILE, TapeInfo};
+
+/// Uncompressed size at which a chunk is closed.
+const CHUNK_BYTES: u64 = 1 << 20;
+/// How old an open chunk gets: so much a kill costs at most.
+const FLUSH_AFTER: Duration = Duration::from_secs(1);
+
+/// What became of a recording.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct TapeSummary {
+    /// The tape.
+    pub path: PathBuf,
+    /// Messages on it.
+    pub messages: u32,
+    /// Its length, bytes.
+    pub bytes: u64,
+}
+
+/// A tape that is being written.
+pub struct TapeWriter {
+    path: PathBuf,
+    writer: Writer<BufWriter<File>>,
+    channels: HashMap<Channel, u16>,
+    messages: u32,
+    flushed: Instant,
+}
+
+impl TapeWriter {
+    /// Begins a tape. Never overwrites a file.
+    ///
+    /// # Errors
+    /// If there is such a file, or it cannot be written.
+    pub fn create(path: &Path, info: &TapeInfo) -> Result<Self, TapeError> {
+        let file = File::create_new(path).map_err(|source| match source.kind() {
+            ErrorKind::AlreadyExists => TapeError::Exists { path: path.into() },
+            _ => TapeError::Io {
+                path: path.into(),
+                doing: "make it",
+                source,
+            },
+        })?;
+        let failed = failed_to(path, "begin it");
+        let mut writer = WriteOptions::new()
+            .profile(PROFILE)
+            .library(concat!("dtd ", env!("CARGO_PKG_VERSION")))
+            .compression(Some(Compression::Zstd))
+            .chunk_size(Some(CHUNK_BYTES))
+            .create(BufWriter::new(file))
+            .map_err(&failed)?;
+        let metadata = Metadata {
+            name: METADATA_NAME.into(),
+            metadata: info.to_metadata(),
+        };
+        writer.write_metadata(&metadata).map_err(&failed)?;
+        writer.flush().map_err(&failed)?;
+        Ok(Self {
+            path: path.to_owned(),
+            writer,
+            channels: HashMap::new(),
+            messages: 0,
+            flushed: Instant::now(),
+        })
+    }
+
+    /// Makes a channel known. `about` is for whoever looks into the tape.
+    ///
+    /// # Errors
+    /// If there are 65,534 already, or the file cannot be written.
+    pub fn add_channel(
+        &mut self,
+        channel: Channel,
+        about: &BTreeMap<String, String>,
+    ) -> Result<(), TapeError> {
+        let added = self
+            .writer
+            .add_channel(0, &channel.topic(), channel.encoding(), about);
+        let id = added.map_err(failed_to(&self.path, "add a channel"))?;
+        self.channels.insert(channel, id);
+        Ok(())
+    }
+
+    /// Adds a message to a channel. `time_ns` counts from 1970 in UTC.
+    ///
+    /// # Errors
+    /// If the channel is not known, or the file cannot be written.
+    pub fn write(&mut self, channel: Channel, time_ns: u64, data: &[u8]) -> Result<(), TapeError> {
+        if !self.channels.contains_key(&channel) {
+            self.add_channel(channel, &BTreeMap::new())?;
+        }
+        let header = MessageHeader {
+            channel_id: self.channels[&channel],
+            sequence: self.messages,
+            log_time: time_ns,
+            publish_time: time_ns,
+        };
+        let written = self.writer.write_to_known_channel(&header, data);
+        written.map_err(failed_to(&self.path, "write a message"))?;
+        self.messages += 1;
+        self.flush_if_due()
+    }
+
+    /// Closes the open chunk if it is old enough. To be called now and then when nothing is written.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn flush_if_due(&mut self) -> Result<(), TapeError> {
+        if self.flushed.elapsed() >= FLUSH_AFTER {
+            let flushed = self.writer.flush();
+            flushed.map_err(failed_to(&self.path, "flush it"))?;
+            self.flushed = Instant::now();
+        }
+        Ok(())
+    }
+
+    /// Ends the tape with MCAP's summary.
+    ///
+    /// # Errors
+    /// If the file cannot be written.
+    pub fn finish(mut self) -> Result<TapeSummary, TapeError> {
+        let finished = self.writer.finish();
+        finished.map_err(failed_to(&self.path, "finish it"))?;
+        let failed = |source| TapeError::Io {
+            path: self.path.clone(),
+            doing: "finish it",
+            source,
+        };
+        let file = self.writer.into_inner().into_inner();
+        let file = file.map_err(|error| failed(error.into_error()))?;
+        file.sync_all().map_err(failed)?;
+        let bytes = file.metadata().map_err(failed)?.len();
+        Ok(TapeSummary {
+            path: self.path.clone(),
+            messages: self.messages,
+            bytes,
+        })
+    }
+}
+
+fn failed_to(path: &Path, doing: &'static str) -> impl Fn(mcap::McapError) -> TapeError {
+    let path = path.to_owned();
+    move |source| TapeError::Mcap {
+        path: path.clone(),
+        doing,
+        source: Box::new(source),
+    }
+}

@@ -1,0 +1,459 @@
+//! X-Plane 12's own Web API: HTTP with JSON on the simulator's computer, since 12.1.1.
+//!
+//! In: an address (X-Plane answers on 127.0.0.1:8086 only). Out: datarefs read and written, commands done, flights begun; all
+//! of them with an answer, which UDP does not give. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0)
+//! flights. Identifiers are valid for one session of the simulator, so that every call looks its own up.
+
+mod flight;
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::time::Duration;
+
+use reqwest::{Client, Method, RequestBuilder, StatusCode};
+use serde::Deserialize;
+use serde::de::DeserializeOwned;
+use serde_json::{Value, json};
+
+pub use flight::{AirStart, flight_body};
+
+/// Where X-Plane serves it, unless started with another `--web_server_port`.
+pub const DEFAULT_ADDRESS: SocketAddr =
+    SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8086);
+/// How long an answer may take.
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
+/// How long the answer to beginning a flight may take: X-Plane loads the aircraft and the scenery first.
+const FLIGHT_TIMEOUT: Duration = Duration::from_secs(180);
+
+/// Why the Web API did not do something.
+#[derive(Debug, thiserror::Error)]
+pub enum WebApiError {
+    /// Nobody serves HTTP there, or not in time.
+    #[error("no Web API at {address}, while {doing}: {source}")]
+    NotReached {
+        /// Where we asked.
+        address: SocketAddr,
+        /// What for.
+        doing: String,
+        /// Why not.
+        source: reqwest::Error,
+    },
+    /// X-Plane refuses all of it.
+    #[error(
+        "X-Plane refuses its Web API at {address}: switch on Settings > Network > \"Accept incoming connections\""
+    )]
+    Forbidden {
+        /// Where we asked.
+        address: SocketAddr,
+    },
+    /// A dataref or command that the simulator does not have now.
+    #[error(
+        "the simulator at {address} has no {what} {name}. Before a flight is loaded it has none at all"
+    )]
+    Unknown {
+        /// Where we asked.
+        address: SocketAddr,
+        /// `dataref` or `command`.
+        what: &'static str,
+        /// Its name.
+        name: String,
+    },
+    /// A version of the API that this simulator is too old for.
+    #[error(
+        "{doing} needs Web API {needed}, the simulator at {address} is X-Plane {found}: {since}"
+    )]
+    TooOld {
+        /// Where we asked.
+        address: SocketAddr,
+        /// What for.
+        doing: &'static str,
+        /// Version of the API.
+        needed: &'static str,
+        /// Version of the simulator.
+        found: String,
+        /// Since when it would do.
+        since: &'static str,
+    },
+    /// It answered that it cannot.
+    #[error("the Web API at {address} answered {status} to {doing}: {text}")]
+    Refused {
+        /// Where we asked.
+        address: SocketAddr,
+        /// The HTTP status.
+        status: u16,
+        /// What for.
+        doing: String,
+        /// What it said.
+        text: String,
+    },
+    /// An answer of another form.
+    #[error("the Web API at {address} answered {found} to {doing}, expected {expected}")]
+    WrongAnswer {
+        /// Where we asked.
+        address: SocketAddr,
+        /// What for.
+        doing: String,
+        /// What would do.
+        expected: &'static str,
+        /// What came.
+        found: String,
+    },
+}
+
+/// A dataref or command as the simulator lists it.
+#[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
+pub struct Entry {
+    /// Its number in this session of the simulator.
+    pub id: u64,
+    /// Its name.
+    pub name: String,
+    /// Of a dataref: `int`, `float`, `double`, `int_array`, `float_array` or `data`.
+    #[serde(default)]
+    pub value_type: String,
+}
+
+/// X-Plane's Web API.
+#[derive(Debug, Clone)]
+pub struct WebApi {
+    http: Client,
+    address: SocketAddr,
+    capabilities: Capabilities,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Capabilities {
+    api: Versions,
+    #[serde(rename = "x-plane")]
+    simulator: SimulatorVersion,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct Versions {
+    versions: Vec<String>,
+}
+
+#[derive(Debug, Clone, Deserialize)]
+struct SimulatorVersion {
+    version: String,
+}
+
+/// What every answer has around it.
+#[derive(Deserialize)]
+struct Data<T> {
+    data: T,
+}
+
+/// What an error looks like.
+#[derive(Deserialize)]
+struct Problem {
+    error_message: Option<String>,
+    error_code: Option<String>,
+}
+
+impl WebApi {
+    /// Asks who is there, waiting at most `timeout`.
+    ///
+    /// # Errors
+    /// [`WebApiError::NotReached`] if nobody is, [`WebApiError::Forbidden`] if X-Plane is but takes no connections.
+    pub async fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, WebApiError> {
+        let doing = "asking for its capabilities";
+        let http = Client::builder()
+            .connect_timeout(timeout)
+            .build()
+            .map_err(|source| not_reached(address, doing, source))?;
+        // No version in the path. The first version of the API, 12.1.1, has no such page.
+        let request = http
+            .get(format!("http://{address}/api/capabilities"))
+            .timeout(timeout);
+        let capabilities = match send(address, doing, request).await {
+            Ok(capabilities) => capabilities,
+            Err(WebApiError::Refused { status: 404, .. }) => Capabilities {
+                api: Versions {
+                    versions: vec!["v1".into()],
+                },
+                simulator: SimulatorVersion {
+                    version: "12.1.1".into(),
+                },
+            },
+            Err(error) => return Err(error),
+        };
+        Ok(Self {
+            http,
+            address,
+            capabilities,
+        })
+    }
+
+    /// The simulator's version, e.g. `12.4.0`.
+    pub fn simulator_version(&self) -> &str {
+        &self.capabilities.simulator.version
+    }
+
+    /// Whether commands can be done (since X-Plane 12.1.4).
+    pub fn has_commands(&self) -> bool {
+        self.has("v2")
+    }
+
+    /// Whether flights can be begun (since X-Plane 12.4.0).
+    pub fn has_flights(&self) -> bool {
+        self.has("v3")
+    }
+
+    fn has(&self, version: &str) -> bool {
+        let versions = &self.capabilities.api.versions;
+        versions.iter().any(|found| found == version)
+    }
+
+    /// The newest version that both sides know.
+    fn newest(&self) -> &'static str {
+        if self.has_flights() {
+            "v3"
+        } else if self.has_commands() {
+            "v2"
+        } else {
+            "v1"
+        }
+    }
+
+    /// Looks a dataref up.
+    ///
+    /// # Errors
+    /// [`WebApiError::Unknown`] if the simulator does not have it, now or at all.
+    pub async fn dataref(&self, name: &str) -> Result<Entry, WebApiError> {
+        self.look_up("dataref", "datarefs", name).await
+    }
+
+    /// Reads a dataref: a number, a list of them, or text in base64.
+    ///
+    /// # Errors
+    /// If the simulator does not have it, or does not answer.
+    pub async fn read(&self, name: &str) -> Result<Value, WebApiError> {
+        let entry = self.dataref(name).await?;
+        let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
+        let found: Data<Value> = self
+            .send(&format!("reading {name}"), Method::GET, &path, |r| r)
+            .await?;
+        Ok(found.data)
+    }
+
+    /// Reads a dataref that is one number.
+    ///
+    /// # Errors
+    /// As [`WebApi::read`], and if it is no number.
+    pub async fn read_number(&self, name: &str) -> Result<f64, WebApiError> {
+        let found = self.read(name).await?;
+        found.as_f64().ok_or_else(|| WebApiError::WrongAnswer {
+            address: self.address,
+            doing: format!("reading {name}"),
+            expected: "a number",
+            found: found.to_string(),
+        })
+    }
+
+    /// Writes a dataref, or the element of an array that `name[3]` names. A whole number is sent as one only to a dataref of
+    /// whole numbers: an integer is refused for a float.
+    ///
+    /// # Errors
+    /// If the simulator does not have it, or it cannot be written.
+    pub async fn write(&self, name: &str, value: f64) -> Result<(), WebApiError> {
+        let (array, index) = match name.strip_suffix(']').and_then(|name| name.split_once('[')) {
+            Some((array, index)) => (array, index.parse::<u32>().ok()),
+            None => (name, None),
+        };
+        let entry = self.dataref(array).await?;
+        let value = if entry.value_type.starts_with("int") {
+            json!(value.round() as i64)
+        } else {
+            json!(value)
+        };
+        let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
+        self.send_unit(
+            &format!("writing {name}"),
+            Method::PATCH,
+            &path,
+            |request| {
+                let request = match index {
+                    Some(index) => request.query(&[("index", index)]),
+                    None => request,
+                };
+                request.json(&json!({ "data": value }))
+            },
+        )
+        .await
+    }
+
+    /// Does a command once.
+    ///
+    /// # Errors
+    /// If the simulator is older than 12.1.4 or does not have it.
+    pub async fn command(&self, name: &str) -> Result<(), WebApiError> {
+        if !self.has_commands() {
+            return Err(self.too_old("a command", "v2", "12.1.4 and newer have it"));
+        }
+        let entry = self.look_up("command", "commands", name).await?;
+        let path = format!("{}/command/{}/activate", self.newest(), entry.id);
+        self.send_unit(&format!("command {name}"), Method::POST, &path, |request| {
+            request.json(&json!({ "duration": 0.0 }))
+        })
+        .await
+    }
+
+    /// Begins a flight; see [`flight_body`]. Returns when the simulator says that it has begun.
+    ///
+    /// # Errors
+    /// If the simulator is older than 12.4.0 or refuses.
+    pub async fn start_flight(&self, flight: &Value) -> Result<(), WebApiError> {
+        if !self.has_flights() {
+            return Err(self.too_old("beginning a flight", "v3", "12.4.0 and newer have it"));
+        }
+        self.send_unit("beginning a flight", Method::POST, "v3/flight", |request| {
+            request
+                .timeout(FLIGHT_TIMEOUT)
+                .json(&json!({ "data": flight }))
+        })
+        .await
+    }
+
+    async fn look_up(
+        &self,
+        what: &'static str,
+        list: &str,
+        name: &str,
+    ) -> Result<Entry, WebApiError> {
+        let unknown = || WebApiError::Unknown {
+            address: self.address,
+            what,
+            name: name.to_owned(),
+        };
+        let found = self
+            .send::<Data<Vec<Entry>>>(
+                &format!("looking for {what} {name}"),
+                Method::GET,
+                &format!("{}/{list}", self.newest()),
+                |request| request.query(&[("filter[name]", name)]),
+            )
+            .await;
+        match found {
+            Ok(found) => found
+                .data
+                .into_iter()
+                .find(|entry| entry.name == name)
+                .ok_or_else(unknown),
+            Err(WebApiError::Refused { status: 404, .. }) => Err(unknown()),
+            Err(error) => Err(error),
+        }
+    }
+
+    async fn send<T: DeserializeOwned>(
+        &self,
+        doing: &str,
+        method: Method,
+        path: &str,
+        build: impl FnOnce(RequestBuilder) -> RequestBuilder,
+    ) -> Result<T, WebApiError> {
+        send(self.address, doing, self.request(method, path, build)).await
+    }
+
+    /// For calls whose answer says nothing.
+    async fn send_unit(
+        &self,
+        doing: &str,
+        method: Method,
+        path: &str,
+        build: impl FnOnce(RequestBuilder) -> RequestBuilder,
+    ) -> Result<(), WebApiError> {
+        answer(self.address, doing, self.request(method, path, build))
+            .await
+            .map(drop)
+    }
+
+    fn request(
+        &self,
+        method: Method,
+        path: &str,
+        build: impl FnOnce(RequestBuilder) -> RequestBuilder,
+    ) -> RequestBuilder {
+        let url = format!("http://{}/api/{path}", self.address);
+        build(self.http.request(method, url).timeout(ANSWER_TIMEOUT))
+    }
+
+    fn too_old(
+        &self,
+        doing: &'static str,
+        needed: &'static str,
+        since: &'static str,
+    ) -> WebApiError {
+        WebApiError::TooOld {
+            address: self.address,
+            doing,
+            needed,
+            found: self.simulator_version().to_owned(),
+            since,
+        }
+    }
+}
+
+/// Sends a request and reads what comes back.
+async fn send<T: DeserializeOwned>(
+    address: SocketAddr,
+    doing: &str,
+    request: RequestBuilder,
+) -> Result<T, WebApiError> {
+    let text = answer(address, doing, request).await?;
+    serde_json::from_str(&text).map_err(|error| WebApiError::WrongAnswer {
+        address,
+        doing: doing.to_owned(),
+        expected: "the form that X-Plane's Web API documents",
+        found: format!("{error} in {}", shortened(&text)),
+    })
+}
+
+/// The text of an answer that is no error.
+async fn answer(
+    address: SocketAddr,
+    doing: &str,
+    request: RequestBuilder,
+) -> Result<String, WebApiError> {
+    let response = request
+        .header("Accept", "application/json")
+        .send()
+        .await
+        .map_err(|source| not_reached(address, doing, source))?;
+    let status = response.status();
+    let text = response
+        .text()
+        .await
+        .map_err(|source| not_reached(address, doing, source))?;
+    match status {
+        status if status.is_success() => Ok(text),
+        StatusCode::FORBIDDEN => Err(WebApiError::Forbidden { address }),
+        status => {
+            let said = serde_json::from_str::<Problem>(&text)
+                .ok()
+                .and_then(|problem| problem.error_message.or(problem.error_code));
+            Err(WebApiError::Refused {
+                address,
+                status: status.as_u16(),
+                doing: doing.to_owned(),
+                text: said.unwrap_or_else(|| shortened(&text).to_owned()),
+            })
+        }
+    }
+}
+
+fn not_reached(address: SocketAddr, doing: &str, source: reqwest::Error) -> WebApiError {
+    WebApiError::NotReached {
+        address,
+        doing: doing.to_owned(),
+        // The address is in the message already.
+        source: source.without_url(),
+    }
+}
+
+/// Enough of an answer to recognise it by.
+fn shortened(text: &str) -> &str {
+    let end = text
+        .char_indices()
+        .nth(200)
+        .map_or(text.len(), |(at, _)| at);
+    &text[..end]
+}

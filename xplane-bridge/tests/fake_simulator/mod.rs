@@ -1,0 +1,219 @@
+//! A simulator for the client's tests: remembers what it was told, sends what is subscribed, and says yes to everything.
+
+use std::collections::BTreeMap;
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::time::Duration;
+
+use tokio::net::{TcpListener, TcpStream, UdpSocket};
+use tokio::time::interval;
+use xplane_bridge::datarefs::{
+    AIRCRAFT_ICAO, CAPTURE_PORT, COMMANDS_APPROACH, PAUSED, VERSION, WEATHER_SETTLE_S,
+};
+use xplane_bridge::link::{
+    Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
+};
+use xplane_bridge::packet::{
+    DatarefValue, DatarefValues, FromSimulator, LoadAircraft, PlaceAtStart, Position, ToSimulator,
+};
+use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, Simulator};
+
+/// What it was told, in order.
+#[derive(Debug, Default)]
+pub(crate) struct Told {
+    pub(crate) datarefs: BTreeMap<String, f32>,
+    pub(crate) writes: Vec<(String, f32)>,
+    pub(crate) commands: Vec<String>,
+    pub(crate) starts: Vec<PlaceAtStart>,
+    pub(crate) loads: Vec<LoadAircraft>,
+    pub(crate) requests: Vec<Request>,
+    subscribed: BTreeMap<(SocketAddr, i32), String>,
+}
+
+impl Told {
+    pub(crate) fn wrote(&self, name: &str) -> Option<f32> {
+        let last = self
+            .writes
+            .iter()
+            .rev()
+            .find(|(written, _)| written == name);
+        last.map(|(_, value)| *value)
+    }
+
+    pub(crate) fn set(&mut self, name: &str, value: f32) {
+        self.datarefs.insert(name.to_owned(), value);
+    }
+
+    fn set_icao(&mut self, icao: &str) {
+        for (at, character) in icao.bytes().enumerate() {
+            self.set(&format!("{AIRCRAFT_ICAO}[{at}]"), f32::from(character));
+        }
+    }
+
+    /// How many datarefs are subscribed by anybody.
+    pub(crate) fn subscriptions(&self) -> usize {
+        self.subscribed.len()
+    }
+}
+
+pub(crate) struct Fake {
+    address: SocketAddr,
+    told: Arc<Mutex<Told>>,
+}
+
+impl Fake {
+    /// A simulator of this version, with this aircraft loaded, whose link is served by a plugin or by itself.
+    pub(crate) async fn start(version: f32, icao: &str, plugin: Option<&str>) -> Self {
+        let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
+        let link = TcpListener::bind("127.0.0.1:0").await.unwrap();
+        let address = udp.local_addr().unwrap();
+        let mut told = Told::default();
+        told.set(VERSION, version);
+        told.set(CAPTURE_PORT, f32::from(link.local_addr().unwrap().port()));
+        told.set(WEATHER_SETTLE_S, 0.0);
+        told.set_icao(icao);
+        let told = Arc::new(Mutex::new(told));
+        tokio::spawn(serve_udp(udp, told.clone()));
+        tokio::spawn(serve_link(link, told.clone(), plugin.map(str::to_owned)));
+        Self { address, told }
+    }
+
+    pub(crate) fn told(&self) -> MutexGuard<'_, Told> {
+        self.told.lock().unwrap()
+    }
+
+    pub(crate) async fn connect(&self) -> Simulator {
+        Simulator::connect_with(self.address, CONNECT_TIMEOUT, ConnectOptions::default())
+            .await
+            .unwrap()
+    }
+}
+
+async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<Told>>) {
+    let mut frames = interval(Duration::from_millis(20));
+    let mut buffer = [0; 2048];
+    loop {
+        let replies = tokio::select! {
+            _ = frames.tick() => due(&told.lock().unwrap()),
+            received = socket.recv_from(&mut buffer) => match received {
+                Ok((length, from)) => obey(&mut told.lock().unwrap(), &buffer[..length], from),
+                Err(_) => Vec::new(),
+            },
+        };
+        for (to, packet) in replies {
+            let _ = socket.send_to(&packet.encode().unwrap(), to).await;
+        }
+    }
+}
+
+/// Every subscribed value, every frame.
+fn due(told: &Told) -> Vec<(SocketAddr, FromSimulator)> {
+    let value = |(&(client, index), name): (&(SocketAddr, i32), &String)| {
+        let value = told.datarefs.get(name).copied().unwrap_or_default();
+        let values = vec![DatarefValue { index, value }];
+        (
+            client,
+            FromSimulator::DatarefValues(DatarefValues { values }),
+        )
+    };
+    told.subscribed.iter().map(value).collect()
+}
+
+fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, FromSimulator)> {
+    match ToSimulator::decode(datagram).unwrap() {
+        ToSimulator::SubscribeDataref(request) if request.is_end() => {
+            told.subscribed.remove(&(from, request.index));
+        }
+        ToSimulator::SubscribeDataref(request) => {
+            told.subscribed.insert((from, request.index), request.path);
+        }
+        ToSimulator::WriteDataref(write) => {
+            told.set(&write.path, write.value);
+            told.writes.push((write.path, write.value));
+        }
+        ToSimulator::Command(command) => {
+            match command.path.as_str() {
+                "sim/operation/pause_on" => told.set(PAUSED, 1.0),
+                "sim/operation/pause_off" => told.set(PAUSED, 0.0),
+                path => {
+                    if let Some((_, state)) =
+                        COMMANDS_APPROACH.iter().find(|(name, _)| *name == path)
+                    {
+                        told.set(state, 2.0);
+                    }
+                }
+            }
+            told.commands.push(command.path);
+        }
+        ToSimulator::PlaceAtStart(start) => told.starts.push(start),
+        ToSimulator::LoadAircraft(load) => {
+            told.set_icao("B738");
+            told.loads.push(load);
+        }
+        ToSimulator::SubscribePosition(request) if request.frequency_hz > 0 => {
+            return told
+                .starts
+                .last()
+                .map(|start| (from, FromSimulator::Position(position(start))))
+                .into_iter()
+                .collect();
+        }
+        _ => {}
+    }
+    Vec::new()
+}
+
+fn position(start: &PlaceAtStart) -> Position {
+    Position {
+        longitude_deg: start.longitude_deg,
+        latitude_deg: start.latitude_deg,
+        elevation_msl_m: start.elevation_msl_m,
+        height_agl_m: 0.0,
+        pitch_deg: 0.0,
+        heading_true_deg: start.heading_true_deg as f32,
+        roll_deg: 0.0,
+        velocity_east_mps: 0.0,
+        velocity_up_mps: 0.0,
+        velocity_south_mps: 0.0,
+        roll_rate_rad_s: 0.0,
+        pitch_rate_rad_s: 0.0,
+        yaw_rate_rad_s: 0.0,
+    }
+}
+
+async fn serve_link(listener: TcpListener, told: Arc<Mutex<Told>>, plugin: Option<String>) {
+    while let Ok((stream, _)) = listener.accept().await {
+        let _ = talk(stream, &told, plugin.as_ref()).await;
+    }
+}
+
+async fn talk(
+    mut stream: TcpStream,
+    told: &Mutex<Told>,
+    plugin: Option<&String>,
+) -> Result<(), xplane_bridge::link::LinkError> {
+    exchange_greetings(&mut stream).await?;
+    while let Some((request, _)) = read_header::<Request>(&mut stream).await? {
+        let answer = match &request {
+            Request::Hello { .. } => Answer::Hello {
+                name: "fake".into(),
+                version: "0".into(),
+                plugin: plugin.cloned(),
+                pixels: vec![PixelKind::Link],
+                window: None,
+            },
+            Request::Freeze { .. } => Answer::Frozen,
+            Request::Release => Answer::Released,
+            Request::Fly(_) => Answer::Flown {
+                columns: FLIGHT_COLUMNS.map(str::to_owned).to_vec(),
+                rows: 0,
+            },
+            other => Answer::Error {
+                text: format!("{other:?} is not part of this test"),
+            },
+        };
+        told.lock().unwrap().requests.push(request);
+        write_message(&mut stream, &answer, &[]).await?;
+    }
+    Ok(())
+}

@@ -1,0 +1,28 @@
+//! The plugin's own Python tests (`plugin/tests/`), run by the system's Python with its standard library only.
+//!
+//! They read the golden messages as Python means them, and drive the whole plugin against the fake `xp` module on paper.
+
+use std::path::Path;
+use std::process::Command;
+
+#[test]
+fn the_plugins_python_tests_pass() {
+    let plugin = Path::new(env!("CARGO_MANIFEST_DIR")).join("plugin");
+    let output = Command::new("python3")
+        // Nothing but the standard library: neither the user's packages nor a virtual environment's.
+        .args(["-I", "-S", "-B", "-c", RUN])
+        .arg(plugin.join("tests"))
+        .output()
+        .unwrap_or_else(|error| panic!("python3 is needed for this test: {error}"));
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let ran = said
+        .lines()
+        .find_map(|line| line.strip_prefix("Ran ")?.split(' ').next())
+        .and_then(|count| count.parse::<u32>().ok());
+    assert!(ran.is_some_and(|count| count >= 30), "{said}");
+}
+
+/// Finds and runs the tests of a folder.
+const RUN: &str = "import sys, unittest; sys.path.insert(0, sys.argv[1]); \
+    unittest.main(module=None, argv=['plugin', 'discover', '-s', sys.argv[1], '-t', sys.argv[1]])";

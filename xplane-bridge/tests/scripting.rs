@@ -1,0 +1,279 @@
+//! What goes out over the wire for a scenario, to X-Plane 11 and to X-Plane 12, and what happens when it does not hold.
+
+mod fake_simulator;
+
+use std::time::Duration;
+
+use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
+use dataset::geodesy::Geodetic;
+use dataset::runway::Runway;
+use fake_simulator::Fake;
+use tokio::time::{Instant, sleep};
+use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::link::Request;
+use xplane_bridge::{BridgeError, Simulator};
+
+const ELEVEN: f32 = 115_501.0;
+const TWELVE: f32 = 120_100.0;
+const REGENERATE: &str = "sim/operation/regen_weather";
+const CLOUD_BASE_12: &str = "sim/weather/region/cloud_base_msl_m[0]";
+const APPROACH: [&str; 5] = [
+    "sim/autopilot/servos_on",
+    "sim/autopilot/autothrottle_on",
+    "sim/autopilot/NAV",
+    "sim/autopilot/glide_slope",
+    "sim/autopilot/approach",
+];
+
+fn conditions() -> Conditions {
+    Conditions {
+        time_of_day: "12:00".into(),
+        clock: Clock {
+            day_of_year: 172,
+            zulu_time_s: 14_400.0,
+        },
+        weather_name: "cloudy".into(),
+        weather: Weather {
+            visibility_m: 16_093.44,
+            clouds: vec![CloudLayer {
+                kind: CloudKind::Stratus,
+                cover_ratio: 0.75,
+                base_msl_m: 600.0,
+                top_msl_m: 1_200.0,
+            }],
+            rain_ratio: 0.25,
+            wind_speed_mps: 5.144_444_4,
+            wind_from_true_deg: 340.0,
+            turbulence_ratio: 0.2,
+        },
+    }
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: Geodetic {
+            latitude_deg: 1.348_971_96,
+            longitude_deg: 103.977_501_24,
+            altitude_msl_m: 6.71,
+        },
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: Some(22.7),
+    }
+}
+
+fn flight() -> FlyRequest {
+    FlyRequest {
+        start: FlightStart {
+            position: Geodetic {
+                latitude_deg: 1.194_827_667,
+                longitude_deg: 103.912_427_524,
+                altitude_msl_m: 762.0,
+            },
+            heading_true_deg: 23.0,
+            speed_mps: 80.0,
+        },
+        runway: runway(),
+        profile: ApproachProfile::charted_step_down(),
+        seed: 1,
+        time_limit_s: 600.0,
+        already_started: false,
+    }
+}
+
+async fn set_up_and_fly(fake: &Fake) -> Simulator {
+    let mut simulator = fake.connect().await;
+    simulator.set_aircraft("B737-800");
+    simulator.set_conditions(&conditions()).await.unwrap();
+    simulator.fly(&flight()).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    simulator
+}
+
+#[tokio::test]
+async fn x_plane_11_is_told_its_own_datarefs_in_its_own_units() {
+    let fake = Fake::start(ELEVEN, "C172", Some("dtd plugin")).await;
+    set_up_and_fly(&fake).await.release().await.unwrap();
+    let told = fake.told();
+    for (name, value) in [
+        ("sim/time/use_system_time", 0.0),
+        ("sim/time/local_date_days", 171.0),
+        ("sim/time/zulu_time_sec", 14_400.0),
+        ("sim/weather/use_real_weather_bool", 0.0),
+        ("sim/weather/visibility_reported_m", 16_093.44),
+        ("sim/weather/cloud_type[0]", 5.0),
+        ("sim/weather/cloud_coverage[0]", 3.0),
+        ("sim/weather/cloud_base_msl_m[0]", 600.0),
+        ("sim/weather/cloud_type[2]", 0.0),
+        ("sim/weather/rain_percent", 0.25),
+        ("sim/weather/thunderstorm_percent", 0.0),
+        ("sim/weather/wind_speed_kt[2]", 10.0),
+        ("sim/weather/wind_direction_degt[0]", 340.0),
+        ("sim/cockpit/radios/nav1_freq_hz", 11_090.0),
+        ("sim/cockpit/radios/nav1_obs_degm", 22.7),
+    ] {
+        let found = told
+            .wrote(name)
+            .unwrap_or_else(|| panic!("{name} was not written"));
+        assert!(
+            (found - value).abs() < 1e-3,
+            "{name}: {found}, expected {value}"
+        );
+    }
+    let foreign = told
+        .writes
+        .iter()
+        .find(|(name, _)| name.contains("/region/"));
+    assert_eq!(foreign, None, "a dataref of X-Plane 12");
+    let commands: Vec<&str> = told.commands.iter().map(String::as_str).collect();
+    assert_eq!(commands[0], "sim/operation/pause_off");
+    assert_eq!(
+        commands[1..],
+        APPROACH,
+        "weather of X-Plane 11 needs no command"
+    );
+    assert_eq!(told.loads.len(), 1);
+    assert_eq!(
+        told.loads[0].path,
+        "Aircraft/Laminar Research/Boeing B737-800/b738.acf"
+    );
+    assert_eq!(told.starts, [], "the plugin puts the aircraft there");
+}
+
+#[tokio::test]
+async fn x_plane_12_is_told_its_clouds_again_after_the_weather_was_regenerated() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    set_up_and_fly(&fake).await.release().await.unwrap();
+    let told = fake.told();
+    for (name, value) in [
+        ("sim/time/use_system_time", 0.0),
+        ("sim/time/local_date_days", 171.0),
+        ("sim/weather/region/change_mode", 3.0),
+        ("sim/weather/region/variability_pct", 0.0),
+        ("sim/weather/region/update_immediately", 1.0),
+        ("sim/weather/region/visibility_reported_sm", 10.0),
+        ("sim/weather/region/rain_percent", 0.25),
+        ("sim/weather/region/cloud_type[0]", 1.0),
+        ("sim/weather/region/cloud_coverage_percent[0]", 0.75),
+        ("sim/weather/region/cloud_coverage_percent[2]", 0.0),
+        (CLOUD_BASE_12, 600.0),
+        ("sim/weather/region/wind_speed_msc[12]", 5.144_444_4),
+        ("sim/weather/region/wind_direction_degt[12]", 340.0),
+        ("sim/cockpit/radios/nav1_freq_hz", 11_090.0),
+    ] {
+        let found = told
+            .wrote(name)
+            .unwrap_or_else(|| panic!("{name} was not written"));
+        assert!(
+            (found - value).abs() < 1e-3,
+            "{name}: {found}, expected {value}"
+        );
+    }
+    let old = told.writes.iter().find(|(name, _)| {
+        name.starts_with("sim/weather/") && !name.starts_with("sim/weather/region/")
+    });
+    assert_eq!(old, None, "a dataref of X-Plane 11");
+    let bases = told
+        .writes
+        .iter()
+        .filter(|(name, _)| name == CLOUD_BASE_12)
+        .count();
+    assert!(bases >= 2, "clouds were told {bases} times");
+    // Often, since nothing shows that it arrived, and before the autopilot.
+    let regenerated = told
+        .commands
+        .iter()
+        .take_while(|command| *command == REGENERATE)
+        .count();
+    assert_eq!(regenerated, 5, "{:?}", told.commands);
+    let then: Vec<&str> = told.commands[5..].iter().map(String::as_str).collect();
+    assert_eq!(
+        (then[0], &then[1..]),
+        ("sim/operation/pause_off", &APPROACH[..])
+    );
+    assert_eq!(told.loads, [], "the aircraft is loaded already");
+    // No plugin: the client puts the aircraft into the air.
+    let [start] = &told.starts[..] else {
+        panic!("{:?}", told.starts);
+    };
+    assert_eq!(
+        (start.start_type, start.plane, start.speed_mps),
+        (6, 0, 80.0)
+    );
+    assert_eq!(
+        (start.latitude_deg, start.longitude_deg),
+        (1.194_827_667, 103.912_427_524)
+    );
+    let flown = told.requests.iter().find_map(|request| match request {
+        Request::Fly(flight) => Some(flight.already_started),
+        _ => None,
+    });
+    assert_eq!(flown, Some(false));
+}
+
+#[tokio::test]
+async fn time_is_stopped_and_runs_again() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    let mut simulator = fake.connect().await;
+    simulator.pause().await.unwrap();
+    simulator.resume().await.unwrap();
+    assert_eq!(
+        fake.told().commands,
+        ["sim/operation/pause_on", "sim/operation/pause_off"]
+    );
+}
+
+#[tokio::test]
+async fn a_setting_that_is_lost_while_recording_is_noticed() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    let mut simulator = set_up_and_fly(&fake).await;
+    simulator.confirm_conditions().await.unwrap();
+    fake.told().set(CLOUD_BASE_12, 0.0);
+    let error = simulator.confirm_conditions().await.unwrap_err();
+    let text = error.to_string();
+    assert!(
+        text.contains(CLOUD_BASE_12) && text.contains("set to 600") && text.contains("reads 0"),
+        "{text}"
+    );
+}
+
+#[tokio::test]
+async fn a_restarted_simulator_is_noticed_although_its_settings_are_the_same() {
+    const RUNNING: &str = "sim/time/total_running_time_sec";
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    fake.told().set(RUNNING, 500.0);
+    let mut simulator = set_up_and_fly(&fake).await;
+    let deadline = Instant::now() + Duration::from_secs(10);
+    // The time it runs is known once it came for the first time.
+    sleep(Duration::from_millis(200)).await;
+    simulator.confirm_conditions().await.unwrap();
+    fake.told().set(RUNNING, 4.0);
+    let error = loop {
+        match simulator.confirm_conditions().await {
+            Err(error) => break error,
+            Ok(()) => assert!(Instant::now() < deadline, "never noticed"),
+        }
+    };
+    assert!(matches!(error, BridgeError::Restarted { .. }), "{error}");
+}
+
+#[tokio::test]
+async fn whoever_leaves_leaves_nothing_subscribed() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    let simulator = set_up_and_fly(&fake).await;
+    assert!(
+        fake.told().subscriptions() > 100,
+        "the settings are watched"
+    );
+    simulator.release().await.unwrap();
+    sleep(Duration::from_millis(50)).await;
+    assert_eq!(fake.told().subscriptions(), 0);
+    // And whoever fails, too.
+    drop(set_up_and_fly(&fake).await);
+    sleep(Duration::from_millis(100)).await;
+    assert_eq!(fake.told().subscriptions(), 0);
+}

@@ -1,0 +1,219 @@
+//! The Web API's requests, and what is made of answers as X-Plane 12 documents them.
+
+use std::net::SocketAddr;
+use std::sync::{Arc, Mutex};
+use std::time::Duration;
+
+use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
+use tokio::net::{TcpListener, TcpStream};
+use xplane_bridge::web_api::{WebApi, WebApiError};
+
+const CAPABILITIES: &str =
+    r#"{"api":{"versions":["v1","v2","v3"]},"x-plane":{"version":"12.4.0"}}"#;
+const VISIBILITY: &str = "sim/weather/region/visibility_reported_sm";
+const SECOND: Duration = Duration::from_secs(1);
+
+/// What came: method and path, and the body.
+type Requests = Arc<Mutex<Vec<(String, String)>>>;
+
+/// A server that answers with the first entry whose beginning fits "METHOD /path".
+async fn server(answers: &'static [(&'static str, u16, &'static str)]) -> (SocketAddr, Requests) {
+    let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+    let address = listener.local_addr().unwrap();
+    let requests = Requests::default();
+    let kept = requests.clone();
+    tokio::spawn(async move {
+        while let Ok((stream, _)) = listener.accept().await {
+            answer(stream, answers, &kept).await;
+        }
+    });
+    (address, requests)
+}
+
+async fn answer(stream: TcpStream, answers: &[(&str, u16, &str)], requests: &Requests) {
+    let mut stream = BufReader::new(stream);
+    let mut line = String::new();
+    stream.read_line(&mut line).await.unwrap();
+    let request = line.trim_end().trim_end_matches(" HTTP/1.1").to_owned();
+    let mut length = 0;
+    loop {
+        let mut header = String::new();
+        stream.read_line(&mut header).await.unwrap();
+        let header = header.to_ascii_lowercase();
+        if let Some(value) = header.strip_prefix("content-length:") {
+            length = value.trim().parse().unwrap();
+        }
+        if header.trim().is_empty() {
+            break;
+        }
+    }
+    let mut body = vec![0; length];
+    stream.read_exact(&mut body).await.unwrap();
+    let found = answers
+        .iter()
+        .find(|(begins, ..)| request.starts_with(begins));
+    let (_, status, text) = found.unwrap_or(&("", 404, r#"{"error_code":"not_found"}"#));
+    requests
+        .lock()
+        .unwrap()
+        .push((request, String::from_utf8(body).unwrap()));
+    let head = format!(
+        "HTTP/1.1 {status} X\r\nConnection: close\r\nContent-Length: {}\r\n\r\n",
+        text.len()
+    );
+    stream.write_all(head.as_bytes()).await.unwrap();
+    stream.write_all(text.as_bytes()).await.unwrap();
+}
+
+#[tokio::test]
+async fn datarefs_are_looked_up_read_and_written_with_their_own_kind_of_number() {
+    let (address, requests) = server(&[
+        ("GET /api/capabilities", 200, CAPABILITIES),
+        (
+            "GET /api/v3/datarefs?filter%5Bname%5D=sim%2Ftime%2Fuse_system_time",
+            200,
+            r#"{"data":[{"id":7,"is_writable":true,"name":"sim/time/use_system_time","value_type":"int"}]}"#,
+        ),
+        (
+            "GET /api/v3/datarefs?filter%5Bname%5D=sim%2Fweather%2Fregion%2Fvisibility_reported_sm",
+            200,
+            r#"{"data":[{"id":8,"is_writable":true,"name":"sim/weather/region/visibility_reported_sm","value_type":"float"}]}"#,
+        ),
+        (
+            "GET /api/v3/datarefs?filter%5Bname%5D=sim%2Fweather%2Fregion%2Fwind_speed_msc",
+            200,
+            r#"{"data":[{"id":9,"is_writable":true,"name":"sim/weather/region/wind_speed_msc","value_type":"float_array"}]}"#,
+        ),
+        ("GET /api/v3/datarefs/8/value", 200, r#"{"data":21.5}"#),
+        ("PATCH /api/v3/datarefs/", 200, ""),
+    ])
+    .await;
+    let api = WebApi::connect(address, SECOND).await.unwrap();
+    assert_eq!(
+        (api.simulator_version(), api.has_flights()),
+        ("12.4.0", true)
+    );
+    assert_eq!(api.read_number(VISIBILITY).await.unwrap(), 21.5);
+    api.write("sim/time/use_system_time", 0.0).await.unwrap();
+    api.write(VISIBILITY, 10.0).await.unwrap();
+    api.write("sim/weather/region/wind_speed_msc[3]", 5.0)
+        .await
+        .unwrap();
+    let written: Vec<(String, String)> = requests
+        .lock()
+        .unwrap()
+        .iter()
+        .filter(|(request, _)| request.starts_with("PATCH"))
+        .cloned()
+        .collect();
+    let expected = [
+        ("PATCH /api/v3/datarefs/7/value", r#"{"data":0}"#),
+        ("PATCH /api/v3/datarefs/8/value", r#"{"data":10.0}"#),
+        ("PATCH /api/v3/datarefs/9/value?index=3", r#"{"data":5.0}"#),
+    ];
+    let expected = expected.map(|(request, body)| (request.to_owned(), body.to_owned()));
+    assert_eq!(written, expected);
+}
+
+#[tokio::test]
+async fn a_command_is_looked_up_and_done_once() {
+    let (address, requests) = server(&[
+        (
+            "GET /api/capabilities",
+            200,
+            r#"{"api":{"versions":["v1","v2"]},"x-plane":{"version":"12.1.4"}}"#,
+        ),
+        (
+            "GET /api/v2/commands?filter%5Bname%5D=sim%2Foperation%2Fregen_weather",
+            200,
+            r#"{"data":[{"id":1033,"name":"sim/operation/regen_weather","description":"Regenerate weather."}]}"#,
+        ),
+        ("POST /api/v2/command/1033/activate", 200, "null"),
+    ])
+    .await;
+    let api = WebApi::connect(address, SECOND).await.unwrap();
+    api.command("sim/operation/regen_weather").await.unwrap();
+    let last = requests.lock().unwrap().last().cloned().unwrap();
+    assert_eq!(last.0, "POST /api/v2/command/1033/activate");
+    assert_eq!(last.1, r#"{"duration":0.0}"#);
+    // 12.1.4 cannot begin flights, and that is said without asking it.
+    let error = api.start_flight(&serde_json::json!({})).await.unwrap_err();
+    assert!(matches!(error, WebApiError::TooOld { .. }), "{error}");
+    assert!(error.to_string().contains("12.1.4"), "{error}");
+}
+
+#[tokio::test]
+async fn a_flight_is_begun_with_its_body_in_a_data_field_and_a_refusal_is_passed_on() {
+    let (address, requests) = server(&[
+        ("GET /api/capabilities", 200, CAPABILITIES),
+        (
+            "POST /api/v3/flight",
+            400,
+            r#"{"error_code":"invalid_flight","error_message":"weather.definition is incomplete"}"#,
+        ),
+    ])
+    .await;
+    let api = WebApi::connect(address, SECOND).await.unwrap();
+    let error = api
+        .start_flight(&serde_json::json!({ "speed": 10.0 }))
+        .await
+        .unwrap_err();
+    assert!(
+        error.to_string().contains("400") && error.to_string().contains("is incomplete"),
+        "{error}"
+    );
+    let last = requests.lock().unwrap().last().cloned().unwrap();
+    assert_eq!(
+        last,
+        (
+            "POST /api/v3/flight".into(),
+            r#"{"data":{"speed":10.0}}"#.into()
+        )
+    );
+}
+
+#[tokio::test]
+async fn what_is_not_there_is_told_apart_nobody_forbidden_no_flight_loaded_and_the_first_version() {
+    let free = TcpListener::bind("127.0.0.1:0")
+        .await
+        .unwrap()
+        .local_addr()
+        .unwrap();
+    let error = WebApi::connect(free, SECOND).await.unwrap_err();
+    assert!(matches!(error, WebApiError::NotReached { .. }), "{error}");
+
+    let (address, _) = server(&[("GET /api/capabilities", 403, "")]).await;
+    let error = WebApi::connect(address, SECOND).await.unwrap_err();
+    assert!(
+        error.to_string().contains("Accept incoming connections"),
+        "{error}"
+    );
+
+    let (address, _) = server(&[
+        ("GET /api/capabilities", 200, CAPABILITIES),
+        ("GET /api/v3/datarefs?", 200, r#"{"data":[]}"#),
+    ])
+    .await;
+    let api = WebApi::connect(address, SECOND).await.unwrap();
+    let error = api.read(VISIBILITY).await.unwrap_err();
+    assert!(matches!(error, WebApiError::Unknown { .. }), "{error}");
+    assert!(
+        error.to_string().contains("Before a flight is loaded"),
+        "{error}"
+    );
+
+    // 12.1.1 has no capabilities to ask for.
+    let (address, _) = server(&[(
+        "GET /api/v1/datarefs?",
+        200,
+        r#"{"data":[{"id":8,"name":"sim/weather/region/visibility_reported_sm","value_type":"float"}]}"#,
+    )])
+    .await;
+    let api = WebApi::connect(address, SECOND).await.unwrap();
+    assert!(!api.has_commands());
+    assert_eq!(api.dataref(VISIBILITY).await.unwrap().id, 8);
+
+    let (address, _) = server(&[("GET /api/capabilities", 200, "<html>")]).await;
+    let error = WebApi::connect(address, SECOND).await.unwrap_err();
+    assert!(matches!(error, WebApiError::WrongAnswer { .. }), "{error}");
+}
