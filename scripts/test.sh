@@ -7,4 +7,5 @@ cd "$(dirname "$0")/.."
 bash scripts/setup.sh
 cargo fmt --all --check
 cargo clippy --release --locked --workspace --all-targets -- -D warnings
-cargo test --release --locked --workspace "$@"
+# One failure does not hide the others.
+cargo test --release --locked --workspace --no-fail-fast "$@"

@@ -99,10 +99,14 @@ pub(crate) struct GenerateArgs {
     /// Folder of the corpus; made if it is not there. Scenarios that are already whole are skipped
     #[arg(long, value_name = "CORPUS")]
     pub(crate) out: PathBuf,
-    /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, HOST:PORT is X-Plane's UDP address,
-    /// tape:FILE a session recorded with `dtd record`. Several,
-    /// with commas between, share the work
-    #[arg(long, value_name = "mock[:N]|HOST:PORT,..", default_value = "mock")]
+    /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, HOST:PORT is X-Plane's UDP address, `auto`
+    /// the X-Plane that announces itself on the network, tape:FILE a session recorded with `dtd record`. Several, with commas between,
+    /// share the work
+    #[arg(
+        long,
+        value_name = "mock[:N]|auto|HOST:PORT|tape:FILE,..",
+        default_value = "mock"
+    )]
     pub(crate) sim: Simulators,
     /// Where the pictures come from: `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's
     /// window on this machine; `auto` takes the first of them that the simulator offers
@@ -279,6 +283,9 @@ pub(crate) struct MockXplaneArgs {
     /// come from --xplane 11, which can read them back
     #[arg(long, value_name = "DIR", conflicts_with = "window")]
     pub(crate) plugin: Option<PathBuf>,
+    /// Be an X-Plane without our plugin: no capture link, so that nothing can be recorded
+    #[arg(long, conflicts_with_all = ["plugin", "window", "tape"])]
+    pub(crate) no_plugin: bool,
     /// Size of the window that the plugin sees: that of the pictures
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
     pub(crate) plugin_window: WindowSize,

@@ -27,11 +27,9 @@ use crate::signals;
 /// What every verb returns.
 pub(crate) type Outcome = Result<Ending, Failure>;
 
-/// Runs a verb. All but the stand-in, which is stopped by a signal as a matter of course, say "try again" when they are.
+/// Runs a verb. A signal ends it in good order if it can, see [`signals`], or else with "try again".
 pub(crate) fn run(verb: Verb) -> Outcome {
-    if !matches!(verb, Verb::MockXplane(_)) {
-        signals::watch()?;
-    }
+    signals::watch()?;
     match verb {
         Verb::Plan(args) => plan::run(&args),
         Verb::Schema => schema::run(),

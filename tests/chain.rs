@@ -248,14 +248,13 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
         serde_json::from_slice(&fs::read(run.join("metrics.json")).unwrap()).unwrap();
     assert_eq!(metrics, written);
     let mape = |name: &str| metrics["estimators"][name]["mape_pct"].as_f64().unwrap();
-    // Of the few dozen frames here a single false detection moves a mean by percents; figures that count come from the demo.
     assert!(
-        mape("triangulation") < 5.0,
+        mape("triangulation") < 1.0,
         "triangulation {}",
         mape("triangulation")
     );
     assert!(
-        mape("paper_lstm") < 10.0,
+        mape("paper_lstm") < 5.0,
         "paper_lstm {}",
         mape("paper_lstm")
     );

@@ -225,9 +225,10 @@ fn a_simulator_that_is_not_there_is_a_failure_that_says_what_to_do() {
 fn x_plane_folder() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    for name in ["plugins/XPPython3", "default scenery"] {
-        fs::create_dir_all(path("Resources").join(name)).unwrap();
-    }
+    fs::create_dir_all(path("Resources/default scenery")).unwrap();
+    let xppython3 = path("Resources/plugins/XPPython3/lin_x64");
+    fs::create_dir_all(&xppython3).unwrap();
+    fs::write(xppython3.join("XPPython3.xpl"), "").unwrap();
     fs::write(
         path("Log.txt"),
         "Log.txt for X-Plane 12.4.0-r2-9b69b91a (build 124210)\n",

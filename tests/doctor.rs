@@ -118,6 +118,26 @@ fn a_simulator_that_takes_nothing_fails_with_what_to_switch_on_and_skips_the_res
 }
 
 #[test]
+fn a_simulator_without_our_plugin_is_told_how_to_get_it_and_the_rest_of_udp_is_examined() {
+    let simulator = StandIn::start(&["--no-plugin"]);
+    let (code, checks) = examined(&simulator.udp);
+    assert_eq!(code, Some(1));
+    let plugin = checks.iter().find(|check| check["name"] == "plugin");
+    let plugin = plugin.unwrap();
+    assert_eq!(plugin["verdict"], "failed");
+    assert!(
+        plugin["hint"].as_str().unwrap().contains("install-plugin"),
+        "{plugin}"
+    );
+    for name in ["udp", "version", "datarefs readable", "commands"] {
+        assert_eq!(verdict(&checks, name), "ok", "{checks:#?}");
+    }
+    for name in ["terrain", "lockstep", "release"] {
+        assert_eq!(verdict(&checks, name), "skipped", "{checks:#?}");
+    }
+}
+
+#[test]
 fn every_point_that_is_not_well_comes_with_a_hint() {
     let simulator = StandIn::start(&["--faults", "loss=0.2,seed=3"]);
     let (_, checks) = examined(&simulator.udp);

@@ -26,7 +26,7 @@ seed = 0
 airport = "WSSS"
 runway = "02L"
 aircraft = "B737-800"
-rig = "pair"
+rig = "wide-baseline"
 
 [grid]
 times = ["12:00"]
@@ -55,24 +55,6 @@ wind_from_true_deg = 20
 
 [weather.foggy]
 visibility_m = 5000
-
-[[rig.pair.cameras]]
-id = "left"
-beyond_touchdown_m = 1500
-right_m = -300
-height_m = 10
-inward_deg = 5.3
-pitch_deg = 1.6
-hfov_deg = 10
-
-[[rig.pair.cameras]]
-id = "right"
-beyond_touchdown_m = 1500
-right_m = 300
-height_m = 10
-inward_deg = 5.3
-pitch_deg = 1.6
-hfov_deg = 10
 "#;
 const CLEAR: &str = "1200-clear-r1";
 const FOGGY: &str = "1200-foggy-r1";

@@ -33,6 +33,19 @@ pub struct CloudLayer {
     pub top_msl_m: f64,
 }
 
+/// Koschmieder's constant: contrast falls to 2 % over the visibility, and `-ln 0.02` is 3.912.
+const KOSCHMIEDER: f64 = 3.912;
+
+/// Extinction coefficient of air, 1/m, that has a meteorological visibility. Contrast falls with the distance r as `exp(-beta r)`.
+pub fn extinction_per_m(visibility_m: f64) -> f64 {
+    KOSCHMIEDER / visibility_m
+}
+
+/// Share of contrast that the air leaves over a distance, 0 to 1.
+pub fn transmission(range_m: f64, visibility_m: f64) -> f64 {
+    (-KOSCHMIEDER * range_m / visibility_m).exp()
+}
+
 /// The weather of a scenario, the same everywhere and at all times of the scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

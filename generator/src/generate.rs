@@ -203,6 +203,7 @@ async fn open_sessions(
         return Err(match sessions.swap_remove(0).1 {
             Some(ScenarioError::Bridge(error)) => error.into(),
             Some(ScenarioError::StandIn(error)) => error.into(),
+            Some(ScenarioError::Tape { tape, message }) => GenerateError::Tape { tape, message },
             _ => GenerateError::Cancelled,
         });
     }

@@ -21,7 +21,7 @@ seed = 3
 airport = "WSSS"
 runway = "02L"
 aircraft = "B737-800"
-rig = "pair"
+rig = "wide-baseline"
 
 [grid]
 times = ["12:00"]
@@ -51,24 +51,6 @@ wind_speed_mps = 6
 wind_from_true_deg = 60
 turbulence_ratio = 0.3
 clouds = [{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 1500 }]
-
-[[rig.pair.cameras]]
-id = "left"
-beyond_touchdown_m = 1500
-right_m = -300
-height_m = 10
-inward_deg = 5.3
-pitch_deg = 1.6
-hfov_deg = 10
-
-[[rig.pair.cameras]]
-id = "right"
-beyond_touchdown_m = 1500
-right_m = 300
-height_m = 10
-inward_deg = 5.3
-pitch_deg = 1.6
-hfov_deg = 10
 "#;
 
 /// Makes the sweep's scenario with a stand-in that has these faults; says what happened and how often it was begun.

@@ -82,6 +82,8 @@ async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
     let both = vec![SimulatorTarget::Address(dying), stand_in().await];
     let mut options = options(both, &[]);
     options.patience.simulator = Duration::from_millis(50);
+    // On a busy machine it may take a second connection before it is dead, and that costs its scenario another attempt.
+    options.patience.attempts = 4;
     let mut gone = Vec::new();
     let made = run_until(small_sweep(), corpus.path(), &options, |event| {
         match event {
@@ -289,7 +291,7 @@ async fn two_runs_at_once_into_one_corpus_make_each_scenario_once() {
     }
     let mut made = [one.committed.clone(), other.committed.clone()].concat();
     made.sort();
-    assert_eq!(made, IDS);
+    assert_eq!(made, sorted_ids());
     assert!(!one.committed.is_empty() && !other.committed.is_empty());
     same_tables(corpus.path(), undisturbed().await);
 }

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use airframe::{Configuration, Mesh, boeing_737_800};
 use dataset::camera::Camera;
+use dataset::conditions::transmission;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::frames::Frames;
 use dataset::pixel_box::{TruthBox, read_truth_boxes, write_truth_boxes};
@@ -19,7 +20,7 @@ use serde::Serialize;
 use crate::error::{Error, Result};
 use crate::outcome::{Failure, Progress};
 use crate::track::labels_of;
-use crate::truth_box::{project, transmission};
+use crate::truth_box::project;
 
 /// Class of every true box.
 pub const AIRCRAFT_CLASS: &str = "aircraft";

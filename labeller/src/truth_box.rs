@@ -15,8 +15,6 @@ use crate::silhouette::{HalfSpace, SampleGrid};
 const NEAR_M: f64 = 0.1;
 /// Samples along the longer side of the box when the visible part of a silhouette is counted: at 21 pixels a grid of 1/24 pixel.
 const SAMPLES: usize = 512;
-/// Koschmieder: contrast falls to 2 % over the visibility, and `-ln 0.02` is 3.912.
-const EXTINCTION_OVER_VISIBILITY: f64 = 3.912;
 
 /// What a camera sees of the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -50,11 +48,6 @@ pub fn project(mesh: &Mesh, pose: &Pose, camera: &Camera, ground_msl_m: f64) -> 
         truncation: truncation.max(0.0),
         range_m: body.range_m,
     })
-}
-
-/// Share of contrast that the air leaves over a distance, 0 to 1.
-pub fn transmission(range_m: f64, visibility_m: f64) -> f64 {
-    (-EXTINCTION_OVER_VISIBILITY * range_m / visibility_m).exp()
 }
 
 /// The mesh in camera axes, metres.

@@ -73,8 +73,20 @@ pub struct ServerOptions {
     pub token: Option<String>,
     /// The window that shows what is drawn, if there is one.
     pub stage: Option<Arc<dyn Stage>>,
-    /// Serve the capture link by our plugin's own Python instead of the built-in one.
-    pub plugin: Option<PluginOptions>,
+    /// Who serves the capture link.
+    pub link: LinkServer,
+}
+
+/// Who serves the capture link.
+#[derive(Debug, Clone, Default)]
+pub enum LinkServer {
+    /// The stand-in itself.
+    #[default]
+    BuiltIn,
+    /// Our plugin's own Python.
+    Plugin(PluginOptions),
+    /// Nobody: an X-Plane without our plugin.
+    Nobody,
 }
 
 impl Default for ServerOptions {
@@ -93,7 +105,7 @@ impl Default for ServerOptions {
             faults: Faults::default(),
             token: None,
             stage: None,
-            plugin: None,
+            link: LinkServer::default(),
         }
     }
 }
@@ -103,7 +115,7 @@ impl Default for ServerOptions {
 pub struct Addresses {
     /// X-Plane's UDP protocol.
     pub udp: SocketAddr,
-    /// The capture link, TCP.
+    /// The capture link, TCP; nobody listens there under [`LinkServer::Nobody`].
     pub capture_link: SocketAddr,
     /// X-Plane 12's Web API, TCP on this computer only; X-Plane 11 has none.
     pub web_api: Option<SocketAddr>,
@@ -183,7 +195,7 @@ pub async fn serve_with(
         });
     }
     let mut ports = Ports::take(options.bind, options.port).await?;
-    if options.plugin.is_some() {
+    if !matches!(options.link, LinkServer::BuiltIn) {
         ports.leave_capture_link().await?;
     }
     let web_port = options.web_port.unwrap_or(match options.port {
@@ -311,7 +323,7 @@ impl Server {
     fn begin_session(&self, number: u64) -> JoinSet<Result<(), MockError>> {
         let options = &self.options;
         let mut world = world::World::new(options.generation, options.flight_loaded);
-        if options.plugin.is_none() {
+        if matches!(options.link, LinkServer::BuiltIn) {
             world.publish_capture_port(self.addresses.capture_link.port());
         }
         let version = world.version();
@@ -324,8 +336,8 @@ impl Server {
             options.clone(),
             outages(),
         ));
-        match options.plugin.clone() {
-            Some(plugin) => {
+        match options.link.clone() {
+            LinkServer::Plugin(plugin) => {
                 let link = plugin_host::LinkAddress {
                     bind: options.bind,
                     port: self.addresses.capture_link.port(),
@@ -336,17 +348,20 @@ impl Server {
                     link,
                     world.clone(),
                     self.engine.clone(),
-                ))
+                ));
             }
-            None => session.spawn(capture_link::run(
-                self.capture_link.clone(),
-                world.clone(),
-                self.engine.clone(),
-                outages(),
-                options.token.clone(),
-                options.stage.clone(),
-            )),
-        };
+            LinkServer::BuiltIn => {
+                session.spawn(capture_link::run(
+                    self.capture_link.clone(),
+                    world.clone(),
+                    self.engine.clone(),
+                    outages(),
+                    options.token.clone(),
+                    options.stage.clone(),
+                ));
+            }
+            LinkServer::Nobody => {}
+        }
         if let Some(listener) = &self.web_api {
             session.spawn(web_api::run(
                 listener.clone(),

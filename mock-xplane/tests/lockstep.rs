@@ -27,14 +27,15 @@ use xplane_bridge::{
 #[derive(Default)]
 struct Scribe {
     prepared: Mutex<Vec<(Weather, Clock)>>,
-    flown: Mutex<Vec<Weather>>,
+    flown: Mutex<Vec<(FlyRequest, Weather)>>,
 }
 
 struct Page;
 
 impl Engine for Scribe {
     fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
-        self.flown.lock().unwrap().push(weather.clone());
+        let flight = (request.clone(), weather.clone());
+        self.flown.lock().unwrap().push(flight);
         if request.seed == 13 {
             return Err("thirteen is unlucky".into());
         }
@@ -240,7 +241,7 @@ async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
     // To the last bit: a flight does not go through 32-bit datarefs.
     assert_eq!(states[500].pose, pose(500));
     assert!(nearly(
-        &scribe.flown.lock().unwrap()[0],
+        &scribe.flown.lock().unwrap()[0].1,
         &conditions().weather
     ));
 
@@ -253,6 +254,35 @@ async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
     assert!(nearly(&weather, &conditions().weather), "{weather:?}");
     assert_eq!(clock, conditions().clock);
     simulator.release().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_flight_is_begun_by_the_web_api_of_the_same_simulator_and_without_it_by_udp_and_link() {
+    let scribe = Arc::new(Scribe::default());
+    let running = start(scribe.clone()).await;
+    let other = start(Arc::new(Scribe::default())).await;
+    // With the Web API, without one, and with that of another simulator, which must not be commanded by mistake.
+    for web_api in [running.addresses.web_api, None, other.addresses.web_api] {
+        let options = ConnectOptions {
+            token: None,
+            web_api,
+        };
+        let mut simulator =
+            Simulator::connect_with(running.addresses.udp, CONNECT_TIMEOUT, options)
+                .await
+                .unwrap();
+        simulator.set_aircraft("B737-800");
+        simulator.set_conditions(&conditions()).await.unwrap();
+        let states = simulator.fly(&fly_request(1)).await.unwrap();
+        assert_eq!(states[500].pose, pose(500));
+        simulator.release().await.unwrap();
+    }
+    let flown = scribe.flown.lock().unwrap();
+    let begun_already: Vec<bool> = flown.iter().map(|(fly, _)| fly.already_started).collect();
+    assert_eq!(begun_already, [true, false, false]);
+    for (_, weather) in flown.iter() {
+        assert!(nearly(weather, &conditions().weather), "{weather:?}");
+    }
 }
 
 #[tokio::test]

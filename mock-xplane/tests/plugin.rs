@@ -10,7 +10,7 @@ use dataset::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::geodesy::Geodetic;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{PluginOptions, ServerOptions, serve};
+use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
 use tokio::sync::oneshot;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
@@ -29,13 +29,13 @@ fn plugin() -> PluginOptions {
     }
 }
 
-async fn connected(generation: Generation, plugin: Option<PluginOptions>) -> Simulator {
+async fn connected(generation: Generation, link: LinkServer) -> Simulator {
     let options = ServerOptions {
         bind: Ipv4Addr::LOCALHOST.into(),
         port: 0,
         beacon: false,
         generation,
-        plugin,
+        link,
         ..ServerOptions::default()
     };
     let (tell, told) = oneshot::channel();
@@ -150,7 +150,7 @@ fn difference(a: &[u8], b: &[u8]) -> (f64, u8) {
 #[tokio::test(flavor = "multi_thread")]
 async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and_under_disturbance()
 {
-    let mut built_in = connected(Generation::XPlane11, None).await;
+    let mut built_in = connected(Generation::XPlane11, LinkServer::BuiltIn).await;
     let wanted = pictures(&mut built_in).await;
     let disturbed = PluginOptions {
         steal_camera_every_frames: Some(7),
@@ -158,7 +158,8 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
         ..plugin()
     };
     for options in [plugin(), disturbed] {
-        let mut simulator = connected(Generation::XPlane11, Some(options.clone())).await;
+        let mut simulator =
+            connected(Generation::XPlane11, LinkServer::Plugin(options.clone())).await;
         let description = simulator.description().clone();
         assert_eq!(description.name, "X-Plane");
         assert!(description.plugin.unwrap().starts_with("dtd_bridge "));
@@ -187,7 +188,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
 
 #[tokio::test(flavor = "multi_thread")]
 async fn x_plane_12_has_no_readback_but_draws_probes_and_shows_the_check_pattern() {
-    let mut simulator = connected(Generation::XPlane12, Some(plugin())).await;
+    let mut simulator = connected(Generation::XPlane12, LinkServer::Plugin(plugin())).await;
     assert_eq!(simulator.description().version, "12.4.0");
     assert_eq!(simulator.description().pixels, [PixelKind::Screen]);
     let ground = simulator.probe_terrain(1.35, 103.98).await.unwrap();
@@ -234,8 +235,8 @@ async fn a_live_approach_through_the_plugin_lands_where_the_built_in_one_does() 
         ..plugin()
     };
     let mut flown = Vec::new();
-    for plugin in [None, Some(coarse)] {
-        let mut simulator = connected(Generation::XPlane12, plugin).await;
+    for link in [LinkServer::BuiltIn, LinkServer::Plugin(coarse)] {
+        let mut simulator = connected(Generation::XPlane12, link).await;
         simulator.set_conditions(&noon()).await.unwrap();
         let states = simulator.fly(&request).await.unwrap();
         assert!(states.last().unwrap().on_ground);
@@ -275,7 +276,7 @@ async fn a_folder_without_the_plugin_is_named() {
     let options = ServerOptions {
         port: 0,
         beacon: false,
-        plugin: Some(PluginOptions::new("/no/such/folder")),
+        link: LinkServer::Plugin(PluginOptions::new("/no/such/folder")),
         ..ServerOptions::default()
     };
     let error = serve(options, |_| ()).await.unwrap_err();

@@ -12,6 +12,7 @@ use generator::generate::{
 };
 use generator::shard::Shard;
 use generator::sweep::Sweep;
+use indicatif::DecimalBytes;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 use super::Outcome;
@@ -89,6 +90,12 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
 /// How a run that ended so ends for the shell; says on stderr what a person has to know.
 pub(crate) fn ending_of(generated: &Generated) -> Outcome {
     match &generated.stopped {
+        Some(Stopped::Interrupted)
+            if generated.committed.is_empty() && generated.not_made.is_empty() =>
+        {
+            eprintln!("interrupted before anything was made; run the same command again");
+            Ok(Ending::Interrupted)
+        }
         Some(Stopped::Interrupted) => {
             eprintln!(
                 "interrupted: {} made, {} to go; run the same command again to go on",
@@ -197,9 +204,9 @@ impl ShowEvents {
                 "{id} failed in an earlier run and is tried again: {reason}"
             )),
             Event::LittleSpace { free, needed } => self.bar.say(&format!(
-                "warning: {:.1} GB are free, and about {:.1} GB will be needed",
-                free as f64 / 1e9,
-                needed as f64 / 1e9
+                "warning: {} are free, and about {} will be needed",
+                DecimalBytes(free),
+                DecimalBytes(needed)
             )),
             Event::Waiting { scenarios, holder } => self.bar.say(&format!(
                 "waiting for {} that others make ({holder})",

@@ -2,7 +2,10 @@
 
 use std::sync::Arc;
 
-use mock_xplane::server::{Addresses, PluginOptions, ServerOptions, serve, serve_tape};
+use generator::generate::Cancel;
+use mock_xplane::server::{
+    Addresses, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
+};
 use mock_xplane::window::{Stage, X11Window};
 use xplane_bridge::LINK_TOKEN_VARIABLE;
 
@@ -11,6 +14,7 @@ use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
 use crate::args::{MockXplaneArgs, WindowSize};
 use crate::failure::{Ending, Failure};
+use crate::signals;
 
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
@@ -28,8 +32,10 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         faults: args.faults.clone(),
         token: std::env::var(LINK_TOKEN_VARIABLE).ok(),
         stage,
-        plugin: plugin(args),
+        link: link(args),
     };
+    let stop = Cancel::new();
+    let _in_good_order = signals::in_good_order(&stop);
     let runtime = async_runtime()?;
     let ending = runtime.block_on(async {
         let ready = |addresses: Addresses| match serde_json::to_string(&addresses) {
@@ -43,8 +49,11 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
             }
         };
         tokio::select! {
-            result = serving => result?,
-            signal = tokio::signal::ctrl_c() => signal?,
+            result = serving => result.map_err(|error| match error {
+                MockError::Tape(error) if error.is_bad_input() => Failure::bad_input(error),
+                error => error.into(),
+            })?,
+            () = stop.turned() => {}
             () = stdin_ended(), if args.until_stdin_ends => {}
         }
         Ok(Ending::Done)
@@ -54,17 +63,23 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     ending
 }
 
-fn plugin(args: &MockXplaneArgs) -> Option<PluginOptions> {
+fn link(args: &MockXplaneArgs) -> LinkServer {
+    if args.no_plugin {
+        return LinkServer::Nobody;
+    }
     let WindowSize {
         width_px,
         height_px,
     } = args.plugin_window;
-    args.plugin.as_ref().map(|folder| PluginOptions {
-        window_px: (width_px, height_px),
-        steal_camera_every_frames: args.steal_camera_every,
-        move_origin_every_frames: args.move_origin_every,
-        ..PluginOptions::new(folder)
-    })
+    match &args.plugin {
+        None => LinkServer::BuiltIn,
+        Some(folder) => LinkServer::Plugin(PluginOptions {
+            window_px: (width_px, height_px),
+            steal_camera_every_frames: args.steal_camera_every,
+            move_origin_every_frames: args.move_origin_every,
+            ..PluginOptions::new(folder)
+        }),
+    }
 }
 
 fn open_window(size: WindowSize) -> Result<Arc<dyn Stage>, Failure> {

@@ -1,7 +1,7 @@
 //! `dtd record`: a session with X-Plane on a tape.
 
 use generator::generate::Cancel;
-use xplane_bridge::tape::{RecordOptions, TapeError, record};
+use xplane_bridge::tape::{RecordOptions, record};
 
 use super::Outcome;
 use super::address::address;
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         record(options, ready, stop).await
     });
     let summary = recorded.map_err(|error| match error {
-        TapeError::Exists { .. } => Failure::bad_input(error),
+        error if error.is_bad_input() => Failure::bad_input(error),
         error => error.into(),
     })?;
     eprintln!(

@@ -3,6 +3,9 @@
 //! Needs two views; a tick that one view missed gets no answer, and the number of samples says so. A box's centre is not the centre
 //! of gravity: tail and gear pull it up or down by a part of the box's size, and a detector may be off by a constant. Both are
 //! corrected by a fit on the training side: per view and axis, `offset = constant + part * size`.
+//!
+//! A detector also finds things that are no aircraft. The fit leaves out boxes that are away from where the aircraft is, or a single
+//! one of them would move the centre of all; and boxes of two things give rays that do not meet, which is no answer either.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;
@@ -11,6 +14,9 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::samples::Sample;
+
+/// Rays that pass each other farther than this are not of one aircraft, metres: its length.
+const MEET_WITHIN_M: f64 = 40.0;
 
 /// Where in a view's box the centre of gravity is.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -22,8 +28,8 @@ pub struct CentreOffset {
 }
 
 impl CentreOffset {
-    /// Fits the offset of one view. Each sample weighs by the inverse square of its box's size, because a detector's errors grow with
-    /// it. Too few samples leave the centre where it is.
+    /// Fits the offset of one view to the boxes that hold the aircraft. Each sample weighs by the inverse square of its box's size,
+    /// because a detector's errors grow with it. Too few samples leave the centre where it is.
     pub fn fit(view: usize, camera: &Camera, training: &[&Sample]) -> Self {
         let mut fitted = Self::default();
         for axis in 0..2 {
@@ -33,7 +39,9 @@ impl CentreOffset {
                     let seen = sample.boxes[view]?;
                     let truth = camera.project(sample.position.to_ecef())?;
                     let (centre, size) = centre_and_size(&seen);
-                    (size[axis] > 0.0).then(|| [size[axis], truth[axis] - centre[axis]])
+                    // Its centre is within a box's size of the aircraft's, or it is the box of something else.
+                    let holds_it = (truth - centre).abs().cmple(size).all();
+                    (holds_it && size[axis] > 0.0).then(|| [size[axis], truth[axis] - centre[axis]])
                 })
                 .collect();
             if let Some((constant, part)) = weighted_line(&rows) {
@@ -109,7 +117,7 @@ pub fn nearest_point(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     point
 }
 
-/// Distance to touchdown of a sample, metres; `None` if fewer than two views saw it.
+/// Distance to touchdown of a sample, metres; `None` if fewer than two views saw it, or not the same thing.
 pub fn predict(
     offsets: &[CentreOffset],
     cameras: &[Camera],
@@ -127,11 +135,15 @@ pub fn predict(
             ))
         })
         .collect();
-    Some(
-        Geodetic::from_ecef(nearest_point(&rays)?)
+    let point = nearest_point(&rays)?;
+    let passes_by_m =
+        |&(origin, direction): &(DVec3, DVec3)| (point - origin).cross(direction).length();
+    let meet = rays.iter().map(passes_by_m).fold(0.0, f64::max) <= MEET_WITHIN_M / 2.0;
+    meet.then(|| {
+        Geodetic::from_ecef(point)
             .lat_lon()
-            .distance_m(touchdown.lat_lon()),
-    )
+            .distance_m(touchdown.lat_lon())
+    })
 }
 
 #[cfg(test)]
@@ -188,6 +200,69 @@ mod tests {
             }
         }
         assert!(dual > 50, "{dual}");
+    }
+
+    #[test]
+    fn a_box_of_something_else_neither_moves_the_fit_nor_gives_an_answer() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus {
+            centre_noise_px: 0.0,
+            size_noise_px: 0.0,
+            ..SyntheticCorpus::tiny()
+        }
+        .write(folder.path())
+        .unwrap();
+        let range = DistanceRange {
+            min_nm: 0.05,
+            max_nm: None,
+        };
+        let mut samples = Samples::read(&corpus, None, range).unwrap();
+        let fit = |samples: &Samples| -> Vec<CentreOffset> {
+            let training = samples.of_side(Side::Train);
+            let cameras = samples.cameras.iter().enumerate();
+            cameras
+                .map(|(view, camera)| CentreOffset::fit(view, camera, &training))
+                .collect()
+        };
+        let undisturbed = fit(&samples);
+        let both = |sample: &Sample| sample.boxes.iter().all(Option::is_some);
+        let index = samples.samples.iter().position(both).unwrap();
+        let touchdown = samples.scenarios[samples.samples[index].scenario].touchdown;
+        assert!(
+            predict(
+                &undisturbed,
+                &samples.cameras,
+                &samples.samples[index],
+                touchdown
+            )
+            .is_some()
+        );
+        for sample in samples
+            .samples
+            .iter_mut()
+            .filter(|sample| both(sample))
+            .take(3)
+        {
+            let elsewhere = sample.boxes[1].as_mut().unwrap();
+            elsewhere.cx_px += 300.0;
+            elsewhere.cy_px += 200.0;
+        }
+        for (fitted, before) in fit(&samples).iter().zip(&undisturbed) {
+            for axis in 0..2 {
+                let constant_px = fitted.constant_px[axis] - before.constant_px[axis];
+                let part = fitted.part_of_size[axis] - before.part_of_size[axis];
+                assert!(constant_px.abs() < 1e-9 && part.abs() < 1e-9, "{fitted:?}");
+            }
+        }
+        assert_eq!(
+            predict(
+                &undisturbed,
+                &samples.cameras,
+                &samples.samples[index],
+                touchdown
+            ),
+            None
+        );
     }
 
     #[test]

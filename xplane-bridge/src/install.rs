@@ -78,7 +78,7 @@ pub enum InstallError {
     },
     /// XPPython3 is missing.
     #[error(
-        "X-Plane {xplane} in {} has no XPPython3, in which the plugin runs: {} is missing. Install XPPython3 {wanted} \
+        "X-Plane {xplane} in {} has no XPPython3, in which the plugin runs: {} is missing, or has no .xpl file. Install XPPython3 {wanted} \
          (https://xppython3.readthedocs.io), start X-Plane once, then try again", folder.display(), Found::XPPYTHON3
     )]
     NoXpPython3 {

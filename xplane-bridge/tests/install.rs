@@ -17,7 +17,9 @@ fn x_plane_folder(log: &str, xppython3_log: Option<&str>) -> tempfile::TempDir {
     fs::create_dir_all(path("Resources/default scenery")).unwrap();
     fs::write(path("Log.txt"), log).unwrap();
     if let Some(text) = xppython3_log {
-        fs::create_dir_all(path("Resources/plugins/XPPython3/lin_x64")).unwrap();
+        let xppython3 = path("Resources/plugins/XPPython3/lin_x64");
+        fs::create_dir_all(&xppython3).unwrap();
+        fs::write(xppython3.join("XPPython3.xpl"), "").unwrap();
         fs::write(path("XPPython3Log.txt"), text).unwrap();
     }
     folder

@@ -7,6 +7,7 @@ use glam::DVec2;
 
 use super::{Faults, close};
 use crate::calibration::Calibration;
+use crate::conditions::transmission;
 use crate::corpus::ScenarioFolder;
 use crate::frames::{Frame, Frames};
 use crate::pixel_box::TruthBox;
@@ -20,8 +21,6 @@ const TIME_TOLERANCE_S: f64 = 1e-6;
 
 /// A distance to touchdown may grow by this much between ticks before the target is passed, metres: hardly more than rounding.
 const GROWTH_TOLERANCE_M: f64 = 0.01;
-/// Koschmieder: contrast falls to 2 % over the visibility, and `-ln 0.02` is 3.912.
-const EXTINCTION_OVER_VISIBILITY: f64 = 3.912;
 const SHARE_TOLERANCE: f64 = 1e-6;
 
 /// Checks the distances of a scenario; returns whether it has some.
@@ -177,7 +176,7 @@ pub(super) fn check_boxes(
         let centre_ecef_m = frame.pose.position().to_ecef();
         let range_m = centre_ecef_m.distance(camera.center_ecef_m);
         let visibility_m = record.conditions.weather.visibility_m;
-        let transmission = (-EXTINCTION_OVER_VISIBILITY * range_m / visibility_m).exp();
+        let transmission = transmission(range_m, visibility_m);
         if !close(truth.transmission, transmission, SHARE_TOLERANCE) {
             let message = format!(
                 "is {}, distance and visibility give {transmission}",

@@ -60,7 +60,12 @@ impl Claim {
         let folder = corpus.root().join(FOLDER);
         let path = folder.join(name);
         for _ in 0..ATTEMPTS {
-            fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+            match fs::create_dir_all(&folder) {
+                Ok(()) => {}
+                // Another holder took it away at that moment; whether it is there now shows when the file is opened.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(Error::io("create", &folder)(error)),
+            }
             let opened = OpenOptions::new()
                 .read(true)
                 .write(true)

@@ -71,9 +71,25 @@ pub enum GenerateError {
     /// The stand-in does not start.
     #[error(transparent)]
     StandIn(#[from] StandInError),
+    /// The tape has no session to make scenarios from.
+    #[error("{}", no_session(tape, message))]
+    Tape {
+        /// The tape.
+        tape: PathBuf,
+        /// How that shows.
+        message: String,
+    },
     /// The corpus cannot be read or written.
     #[error(transparent)]
     Corpus(#[from] dataset::Error),
+}
+
+fn no_session(tape: &Path, message: &str) -> String {
+    format!(
+        "tape {}: it gives no session to make scenarios from ({message}); a tape is as long as its recorder ran: record the session \
+         again with `dtd record`, to its end",
+        tape.display()
+    )
 }
 
 impl GenerateError {
@@ -83,6 +99,7 @@ impl GenerateError {
             Self::OtherPlan { .. }
             | Self::UnknownScenario { .. }
             | Self::ForeignFolder { .. }
+            | Self::Tape { .. }
             | Self::NotAFolder { .. } => true,
             // A place where no corpus can be begun.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
@@ -124,6 +141,14 @@ pub enum ScenarioError {
     /// The stand-in does not start again.
     #[error(transparent)]
     StandIn(#[from] StandInError),
+    /// The tape that plays the simulator does not even greet.
+    #[error("{}", no_session(tape, message))]
+    Tape {
+        /// The tape.
+        tape: PathBuf,
+        /// How that shows.
+        message: String,
+    },
     /// The simulator flew something that is no approach.
     #[error("the flight {message}")]
     Flight {
@@ -178,7 +203,7 @@ impl ScenarioError {
         match self {
             Self::Cancelled => Blame::Nobody,
             Self::Corpus(error) if space::is_storage_failure(error, corpus) => Blame::Storage,
-            Self::Frozen { .. } | Self::StandIn(_) => Blame::Simulator,
+            Self::Frozen { .. } | Self::StandIn(_) | Self::Tape { .. } => Blame::Simulator,
             Self::Bridge(error) => match error {
                 BridgeError::Refused { .. }
                 | BridgeError::BadConditions { .. }

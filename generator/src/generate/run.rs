@@ -8,6 +8,8 @@ use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use indicatif::DecimalBytes;
+
 use super::all::all;
 use super::attempt::Attempt;
 use super::cancel::Cancel;
@@ -353,13 +355,15 @@ impl<'a> Run<'a> {
     fn storage(&self, error: &dataset::Error) -> Stopped {
         let root = self.work.corpus.root();
         let needed = space::needed_bytes(&self.work.plan.common, lock(&self.queue).left());
-        let free = space::free_bytes(root).map_or("an unknown amount".into(), space::in_words);
+        let free = space::free_bytes(root).map_or("an unknown amount".into(), |free| {
+            DecimalBytes(free).to_string()
+        });
         Stopped::Storage {
             reason: format!(
                 "{error}. {} has {free} free, and about {} more are needed; nothing that is whole is lost: make room, or move the \
                  corpus, and run the same command again",
                 root.display(),
-                space::in_words(needed)
+                DecimalBytes(needed)
             ),
         }
     }

@@ -7,7 +7,9 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
-use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
+use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::tape::TapeReader;
+use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, Simulator};
 
 use super::error::ScenarioError;
 use super::pictures::Pictures;
@@ -20,6 +22,8 @@ pub enum SimulatorTarget {
     StandIn,
     /// One that runs already and takes UDP packets there.
     Address(SocketAddr),
+    /// The one that announces itself by X-Plane's beacon.
+    Announced,
     /// A session recorded with `dtd record`, served for this run.
     Tape(PathBuf),
 }
@@ -31,13 +35,16 @@ impl FromStr for SimulatorTarget {
         if text == "mock" {
             return Ok(Self::StandIn);
         }
+        if text == "auto" {
+            return Ok(Self::Announced);
+        }
         if let Some(tape) = text.strip_prefix("tape:") {
-            return match Path::new(tape).is_file() {
-                true => Ok(Self::Tape(tape.into())),
-                false => Err(format!("no tape: there is no file {tape:?}")),
+            return match TapeReader::open(Path::new(tape)) {
+                Ok(_) => Ok(Self::Tape(tape.into())),
+                Err(error) => Err(error.to_string()),
             };
         }
-        let expected = "expected `mock`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
+        let expected = "expected `mock`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
         let mut found = text
             .to_socket_addrs()
             .map_err(|e| format!("no simulator address: {text:?}: {e}; {expected}"))?;
@@ -56,6 +63,7 @@ impl fmt::Display for SimulatorTarget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::StandIn => f.write_str("stand-in"),
+            Self::Announced => f.write_str("auto"),
             Self::Address(address) => address.fmt(f),
             Self::Tape(tape) => write!(f, "tape {}", tape.display()),
         }
@@ -115,13 +123,27 @@ impl Session {
         if let Some(ready) = self.ready.take() {
             return Ok(ready);
         }
+        let simulator = match (self.connect_to_target().await, &self.target) {
+            (Err(error), SimulatorTarget::Tape(tape)) => {
+                return Err(ScenarioError::Tape {
+                    tape: tape.clone(),
+                    message: why_no_session(&error),
+                });
+            }
+            (connected, _) => connected?,
+        };
+        Ok(self.pictures.set_up(simulator).await?)
+    }
+
+    async fn connect_to_target(&mut self) -> Result<Simulator, ScenarioError> {
         let address = match &self.target {
             SimulatorTarget::Address(address) => *address,
+            // Asked anew each time: one that was restarted may have another address.
+            SimulatorTarget::Announced => the_announced(DISCOVERY_TIMEOUT).await?.address,
             SimulatorTarget::StandIn => self.own_address(None).await?,
             SimulatorTarget::Tape(tape) => self.own_address(Some(tape.clone())).await?,
         };
-        let simulator = Simulator::connect(address, CONNECT_TIMEOUT).await?;
-        Ok(self.pictures.set_up(simulator).await?)
+        Ok(Simulator::connect(address, CONNECT_TIMEOUT).await?)
     }
 
     /// Where the process of our own listens that plays the simulator, or plays it from a tape.
@@ -175,6 +197,16 @@ impl Session {
     }
 }
 
+/// What a tape lacks, where a simulator would be advised to switch something on.
+fn why_no_session(error: &ScenarioError) -> String {
+    match error {
+        ScenarioError::Bridge(BridgeError::NobodyAnswers { .. } | BridgeError::NoPlugin { .. }) => {
+            "no client was answered and greeted on it".into()
+        }
+        other => other.to_string(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -183,14 +215,23 @@ mod tests {
     fn a_tape_is_a_target_if_there_is_one() {
         let lost = "tape:no/such.mcap".parse::<SimulatorTarget>().unwrap_err();
         assert!(lost.contains("no/such.mcap"), "{lost}");
-        let tape = tempfile::NamedTempFile::new().unwrap();
-        let text = format!("tape:{}", tape.path().display());
-        assert_eq!(text.parse(), Ok(SimulatorTarget::Tape(tape.path().into())));
+        let stored = concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/../tests/data/tape/session.mcap"
+        );
+        assert_eq!(
+            format!("tape:{stored}").parse(),
+            Ok(SimulatorTarget::Tape(stored.into()))
+        );
+        let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/../demo.toml");
+        let none = format!("tape:{sweep}").parse::<SimulatorTarget>();
+        assert!(none.unwrap_err().contains("no tape"));
     }
 
     #[test]
     fn targets_are_read_and_wrong_ones_explained() {
         assert_eq!("mock".parse(), Ok(SimulatorTarget::StandIn));
+        assert_eq!("auto".parse(), Ok(SimulatorTarget::Announced));
         assert_eq!(
             "127.0.0.1:49000".parse(),
             Ok(SimulatorTarget::Address(([127, 0, 0, 1], 49_000).into()))

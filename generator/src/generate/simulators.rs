@@ -48,7 +48,11 @@ impl FromStr for Simulators {
                 continue;
             }
             let target: SimulatorTarget = part.parse()?;
-            if matches!(target, SimulatorTarget::Address(_)) && targets.contains(&target) {
+            let runs_already = matches!(
+                target,
+                SimulatorTarget::Address(_) | SimulatorTarget::Announced
+            );
+            if runs_already && targets.contains(&target) {
                 return Err(format!(
                     "{part} is named twice; a simulator makes one scenario at a time"
                 ));
@@ -80,6 +84,7 @@ mod tests {
             ("mock:0", "from 1"),
             ("mock:many", "mock:N"),
             ("127.0.0.1:49000,127.0.0.1:49000", "twice"),
+            ("auto,auto", "twice"),
             ("127.0.0.1:49000,", "HOST:PORT"),
             ("mok", "HOST:PORT"),
         ] {

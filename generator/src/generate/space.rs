@@ -69,33 +69,9 @@ pub(super) fn is_storage_failure(error: &dataset::Error, corpus: &Path) -> bool 
     said_so || free_bytes(corpus).is_some_and(|free| free < NOTHING_BYTES)
 }
 
-/// A number of bytes for people.
-pub(super) fn in_words(bytes: u64) -> String {
-    let mut value = bytes as f64;
-    let mut unit = "B";
-    for larger in ["kB", "MB", "GB", "TB"] {
-        if value < 1_000.0 {
-            break;
-        }
-        value /= 1_000.0;
-        unit = larger;
-    }
-    if value < 10.0 && unit != "B" {
-        format!("{value:.1} {unit}")
-    } else {
-        format!("{value:.0} {unit}")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn sizes_are_read_easily() {
-        let said = [0, 999, 1_500, 72_000_000, 123_456_789_012].map(in_words);
-        assert_eq!(said, ["0 B", "999 B", "1.5 kB", "72 MB", "123 GB"]);
-    }
 
     #[test]
     fn a_folder_that_is_not_there_yet_has_the_space_of_where_it_will_be() {

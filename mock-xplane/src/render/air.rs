@@ -4,13 +4,12 @@
 //! `beta = 3.912 / visibility`. The airlight `A` of a direction is the clear sky's own luminance there, so contrast against the
 //! sky falls exactly as `t`, equally for every colour.
 
+use dataset::conditions::extinction_per_m;
 use glam::{DVec3, Vec3};
 
 use crate::render::curves::luminance;
 use crate::render::light::Light;
 
-/// Contrast threshold of meteorological visibility: 2 %, so -ln(0.02).
-const KOSCHMIEDER: f64 = 3.912;
 /// Height over which haze thins out, metres. Only shapes the sky; objects see the same haze at all heights.
 const HAZE_HEIGHT_M: f64 = 1_500.0;
 /// Radius of the solar disc, radians.
@@ -29,7 +28,7 @@ pub(crate) struct Air {
 /// Extinction coefficient (1/m) of a meteorological visibility.
 pub(crate) fn beta_per_m(visibility_m: f64) -> f64 {
     // A visibility of zero would make the world a wall; one metre is opaque enough.
-    KOSCHMIEDER / visibility_m.max(1.0)
+    extinction_per_m(visibility_m.max(1.0))
 }
 
 impl Air {

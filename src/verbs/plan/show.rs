@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use generator::plan::{Estimate, PlannedScenario, Standing};
+use indicatif::DecimalBytes;
 
 use super::{Compared, Report};
 use crate::verbs::output::print_table;
@@ -182,7 +183,7 @@ fn show_cost(name: &str, estimate: &Estimate) {
 
 fn size(estimate: &Estimate) -> String {
     match estimate.bytes {
-        Some(bytes) => format!("{:.1} GB", bytes as f64 / 1e9),
+        Some(bytes) => DecimalBytes(bytes).to_string(),
         None => "unknown".into(),
     }
 }

@@ -81,7 +81,7 @@ impl Found {
             11 => "3.1.5",
             _ => "4.7 or newer",
         };
-        if !folder.join(Self::XPPYTHON3).is_dir() {
+        if !holds_a_plugin(&folder.join(Self::XPPYTHON3)) {
             return Err(InstallError::NoXpPython3 {
                 folder: folder.to_owned(),
                 xplane,
@@ -137,6 +137,14 @@ impl Found {
         steps.push("Then: dtd generate SWEEP.toml --out CORPUS --sim 127.0.0.1:49000".into());
         steps
     }
+}
+
+/// Whether X-Plane finds a plugin there: a file `*.xpl` in the folder of a platform, e.g. `lin_x64`.
+fn holds_a_plugin(folder: &Path) -> bool {
+    let files_in = |folder: &Path| fs::read_dir(folder).into_iter().flatten().flatten();
+    files_in(folder)
+        .flat_map(|platform| files_in(&platform.path()))
+        .any(|file| file.path().extension() == Some("xpl".as_ref()))
 }
 
 /// The version behind some words in the first lines of a log.

@@ -37,6 +37,8 @@ const PATIENCE: Duration = match cfg!(test) {
 const TRIALS: u32 = 8;
 /// While recording, so many times the longest lag is waited for.
 const LAG_MARGIN: u32 = 2;
+/// A screen that is late at all is waited for at least one refresh at 60 Hz: less than that, the machine's other work decides.
+const REFRESH: Duration = Duration::from_micros(16_667);
 
 /// A screen that can be grabbed: that of this machine, or one that a test makes up.
 pub trait Screen: fmt::Debug + Send + Sync {
@@ -139,7 +141,10 @@ impl ScreenSource {
     fn allowed(&self) -> Lag {
         Lag {
             grabs: self.lag.grabs,
-            time: self.lag.time * LAG_MARGIN,
+            time: match self.lag.time {
+                Duration::ZERO => Duration::ZERO,
+                late => (late * LAG_MARGIN).max(REFRESH),
+            },
         }
     }
 

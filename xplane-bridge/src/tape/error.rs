@@ -1,6 +1,6 @@
 //! What can go wrong with a tape, and with recording one.
 
-use std::io;
+use std::io::{self, ErrorKind};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
@@ -76,4 +76,26 @@ pub enum TapeError {
     /// The thread that writes the tape ended by itself, which is a mistake in it.
     #[error("the tape's writer stopped")]
     WriterStopped,
+}
+
+impl TapeError {
+    /// Whether the caller has to name another file, or mend it, first: the same call will fail again.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::Exists { .. }
+            | Self::NoTape { .. }
+            | Self::Mcap { .. }
+            | Self::BadMessage { .. } => true,
+            Self::Io { source, .. } => matches!(
+                source.kind(),
+                ErrorKind::NotFound
+                    | ErrorKind::NotADirectory
+                    | ErrorKind::IsADirectory
+                    | ErrorKind::PermissionDenied
+                    | ErrorKind::ReadOnlyFilesystem
+                    | ErrorKind::InvalidData
+            ),
+            Self::Bind { .. } | Self::Socket { .. } | Self::WriterStopped => false,
+        }
+    }
 }

@@ -355,6 +355,22 @@ mod tests {
     }
 
     #[test]
+    fn log_times_keep_to_the_order_on_the_tape_whatever_was_stamped_first() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("a.mcap");
+        let mut tape = TapeWriter::create(&path, &info()).unwrap();
+        for stamped_ns in [10, 30, 20, 40] {
+            tape.write(CHANNEL, stamped_ns, &datagram(stamped_ns as u32))
+                .unwrap();
+        }
+        tape.finish().unwrap();
+        let (entries, _) = read_all(&path);
+        let times: Vec<u64> = entries.iter().map(|entry| entry.time_ns).collect();
+        assert_eq!(times, [10, 30, 30, 40]);
+        assert_eq!(entries[2].data, datagram(20));
+    }
+
+    #[test]
     fn a_tape_cut_anywhere_is_read_up_to_there() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.mcap");

@@ -35,6 +35,8 @@ pub struct TapeWriter {
     writer: Writer<BufWriter<File>>,
     channels: HashMap<Channel, u16>,
     messages: u32,
+    /// Of the last message. Log times never go back, see [`TapeWriter::write`].
+    last_log_time_ns: u64,
     flushed: Instant,
 }
 
@@ -71,6 +73,7 @@ impl TapeWriter {
             writer,
             channels: HashMap::new(),
             messages: 0,
+            last_log_time_ns: 0,
             flushed: Instant::now(),
         })
     }
@@ -94,16 +97,20 @@ impl TapeWriter {
 
     /// Adds a message to a channel. `time_ns` counts from 1970 in UTC.
     ///
+    /// The order on the tape is the order of these calls, and log times keep to it: a message that was stamped before the one
+    /// in front of it (two connections, or a clock that was set back) gets that one's log time. Its own stays its publish time.
+    ///
     /// # Errors
     /// If the channel is not known, or the file cannot be written.
     pub fn write(&mut self, channel: Channel, time_ns: u64, data: &[u8]) -> Result<(), TapeError> {
         if !self.channels.contains_key(&channel) {
             self.add_channel(channel, &BTreeMap::new())?;
         }
+        self.last_log_time_ns = self.last_log_time_ns.max(time_ns);
         let header = MessageHeader {
             channel_id: self.channels[&channel],
             sequence: self.messages,
-            log_time: time_ns,
+            log_time: self.last_log_time_ns,
             publish_time: time_ns,
         };
         let written = self.writer.write_to_known_channel(&header, data);

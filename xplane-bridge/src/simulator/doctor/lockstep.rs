@@ -40,7 +40,7 @@ pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) ->
         Err(error) => Check::failed(NAME, error.to_string(), hint),
         Ok(probed) => {
             let found = format!(
-                "{probed:.1} m below the aircraft by probe, {:.1} m by its height above ground",
+                "{probed:.1} m below the aircraft by probe, {:.1} m by its height above ground (they may differ by {GROUND_TOLERANCE_M} m)",
                 place.ground_msl_m
             );
             if (probed - place.ground_msl_m).abs() <= GROUND_TOLERANCE_M {

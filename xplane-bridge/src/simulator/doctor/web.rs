@@ -9,7 +9,8 @@ use crate::web_api::WebApi;
 const NAME: &str = "web api";
 const TIMEOUT: Duration = Duration::from_secs(2);
 const HINT: &str = "Needed only to begin flights with weather in one request (X-Plane 12.4); UDP does without. X-Plane serves it on its \
-                    own computer, port 8086, if \"Accept incoming connections\" is on; --web-api HOST:PORT names another place";
+                    own computer, port 8086, if \"Accept incoming connections\" is on. Another place: --web-api HOST:PORT here, the \
+                    environment variable DTD_WEB_API=HOST:PORT for `dtd generate`";
 
 pub(super) async fn check(address: SocketAddr) -> Check {
     match WebApi::connect(address, TIMEOUT).await {
