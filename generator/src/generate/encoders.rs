@@ -67,13 +67,20 @@ impl Encoders {
     }
 
     /// Hands over the next picture of a view; waits while the encoder is behind.
-    pub(super) async fn write(&mut self, view: usize, rgb: Vec<u8>) -> Result<(), ScenarioError> {
-        let encoder = &mut self.views[view];
-        match encoder.pictures.send(Message::Picture(rgb)).await {
-            Ok(()) => Ok(()),
-            // The thread ended: its result says why.
-            Err(_) => Err(encoder.failure().await),
-        }
+    ///
+    /// # Errors
+    /// If the encoder has ended; why, [`Encoders::abandon`] tells.
+    pub(super) async fn write(
+        &mut self,
+        view: usize,
+        rgb: Vec<u8>,
+    ) -> Result<(), ScenarioError> {
+        let encoder = &self.views[view];
+        let sent = encoder.pictures.send(Message::Picture(rgb)).await;
+        sent.map_err(|_| ScenarioError::Encoder {
+            view: encoder.view.clone(),
+            message: "it ended before the last picture".into(),
+        })
     }
 
     /// Memory of a picture that has been written.
@@ -95,28 +102,20 @@ impl Encoders {
         all.into_iter().collect()
     }
 
-    /// Stops all threads and waits for them, so that nobody writes into the folder any more.
-    pub(super) async fn abandon(self) {
+    /// Stops all threads and waits for them, so that nobody writes into the folder any more. Returns the first failure of an encoder:
+    /// the reason, if it was one of them that ended the scenario.
+    pub(super) async fn abandon(self) -> Option<ScenarioError> {
+        let mut first = None;
         for Encoder {
-            pictures, thread, ..
+            view,
+            pictures,
+            thread,
         } in self.views
         {
             drop(pictures);
-            // Whatever it says, the files are thrown away.
-            let _ = thread.await;
+            first = first.or(joined(&view, thread.await).err());
         }
-    }
-}
-
-impl Encoder {
-    async fn failure(&mut self) -> ScenarioError {
-        match joined(&self.view, (&mut self.thread).await) {
-            Err(error) => error,
-            Ok(_) => ScenarioError::Encoder {
-                view: self.view.clone(),
-                message: "it ended early".into(),
-            },
-        }
+        first
     }
 }
 
@@ -154,4 +153,67 @@ fn encode(
         }
     }
     Ok(pts)
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::corpus::Corpus;
+    use dataset::frame_rate::FrameRate;
+
+    use super::*;
+
+    const SMALL: Picture = Picture {
+        width_px: 64,
+        height_px: 32,
+        frame_rate: FrameRate {
+            numerator: 30,
+            denominator: 1,
+        },
+    };
+
+    /// Two encoders of a scenario whose folder has one folder.
+    fn start(folder: &std::path::Path, has: &str) -> Encoders {
+        let scenario = Corpus::create(folder).unwrap().scenario("a");
+        std::fs::create_dir_all(scenario.root().join(has)).unwrap();
+        Encoders::start(
+            &scenario,
+            ["left", "right"],
+            SMALL,
+            &VideoSettings::default(),
+        )
+    }
+
+    /// Writes black pictures, a view after the other, until an encoder refuses or there are `ticks` of them.
+    async fn write(encoders: &mut Encoders, ticks: u32) -> Result<(), ScenarioError> {
+        for _ in 0..ticks {
+            for view in 0..2 {
+                encoders.write(view, vec![0; 64 * 32 * 3]).await?;
+            }
+        }
+        Ok(())
+    }
+
+    #[tokio::test]
+    async fn an_encoder_that_cannot_write_ends_the_scenario_with_the_file_and_the_reason() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut encoders = start(folder.path(), "not-views");
+        let refused = write(&mut encoders, 1_000).await.unwrap_err();
+        assert!(
+            matches!(&refused, ScenarioError::Encoder { message, .. } if message.contains("ended before")),
+            "{refused}"
+        );
+        let reason = encoders.abandon().await.unwrap().to_string();
+        assert!(
+            reason.contains("left") && reason.contains("No such file"),
+            "{reason}"
+        );
+    }
+
+    #[tokio::test]
+    async fn encoders_that_were_stopped_in_good_order_have_no_failure_to_tell() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut encoders = start(folder.path(), "views");
+        write(&mut encoders, 3).await.unwrap();
+        assert!(encoders.abandon().await.is_none());
+    }
 }

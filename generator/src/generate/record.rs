@@ -128,10 +128,8 @@ async fn record_into(
     .await
     {
         Ok(drawn) => drawn,
-        Err(error) => {
-            encoders.abandon().await;
-            return Err(error);
-        }
+        // If an encoder broke down, that is the reason, and `error` only what came of it.
+        Err(error) => return Err(encoders.abandon().await.unwrap_or(error)),
     };
     let pts = encoders.finish().await?;
     // Nothing is sealed that a simulator with other settings may have drawn.
