@@ -1,6 +1,7 @@
 //! Our encoder against the `ffmpeg` program: the same raw pictures, the same settings, one after the other in one run.
 //!
-//! `benches/encoder.sh` runs it. Both read the same file of raw pictures from the page cache, convert them to BT.709 with the same
+//! `benches/encoder.sh` runs it. Wall-clock rates are compared, best of all rounds, and processor time, which says the same on a busy
+//! machine. Both read the same file of raw pictures from the page cache, convert them to BT.709 with the same
 //! switches of swscale, encode on one thread and write the same fragments; ours adds the index at the end. Rounds alternate, so
 //! that a busy machine is busy for both.
 
@@ -11,7 +12,7 @@ use std::fs::File;
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
 use std::process::Command;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use dataset::frame_rate::FrameRate;
 use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
@@ -32,18 +33,29 @@ fn main() {
     write_pictures(&raw, pictures);
     println!("{pictures} pictures of {WIDTH_PX}x{HEIGHT_PX}, {ROUNDS} rounds, best of each");
     println!(
-        "| codec | ours, pictures/s | ffmpeg, pictures/s | ratio of the bests | ratios of the rounds | bytes, ours and ffmpeg's |"
+        "| codec | ours, pictures/s | ffmpeg, pictures/s | ratio of the bests | ratios of the rounds | CPU ms a picture, ours and ffmpeg's | ratio | bytes, ours and ffmpeg's |"
     );
-    println!("|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|");
     for codec in [VideoCodec::H264, VideoCodec::H264Lossless] {
         let settings = VideoSettings::of(codec);
         let ours = folder.path().join("ours.mp4");
         let theirs = folder.path().join("theirs.mp4");
         let (mut best_ours, mut best_theirs) = (0.0_f64, 0.0_f64);
         let mut ratios = Vec::new();
+        let mut cpu = [Duration::ZERO; 2];
         for round in 0..ROUNDS {
-            let first = |path: &Path| encode(&raw, pictures, &settings, path);
-            let second = |path: &Path| run_ffmpeg(&raw, pictures, &settings, path);
+            let mut first = |path: &Path| {
+                let before = cpu_so_far()[0];
+                let rate = encode(&raw, pictures, &settings, path);
+                cpu[0] += cpu_so_far()[0] - before;
+                rate
+            };
+            let mut second = |path: &Path| {
+                let before = cpu_so_far()[1];
+                let rate = run_ffmpeg(&raw, pictures, &settings, path);
+                cpu[1] += cpu_so_far()[1] - before;
+                rate
+            };
             // Who begins changes from round to round.
             let (a, b) = if round % 2 == 0 {
                 let a = first(&ours);
@@ -57,12 +69,17 @@ fn main() {
             ratios.push(format!("{:.2}", a / b));
         }
         check_same(&ours, &theirs);
+        let cpu_ms =
+            |cpu: Duration| cpu.as_secs_f64() * 1e3 / (ROUNDS as f64 * f64::from(pictures));
         let bytes = |path: &Path| std::fs::metadata(path).expect("the video is there").len();
         let ratio = best_ours / best_theirs;
         println!(
-            "| {codec:?} {} | {best_ours:.1} | {best_theirs:.1} | {ratio:.3} | {} | {}, {} |",
+            "| {codec:?} {} | {best_ours:.1} | {best_theirs:.1} | {ratio:.3} | {} | {:.1}, {:.1} | {:.3} | {}, {} |",
             settings.preset,
             ratios.join(" "),
+            cpu_ms(cpu[0]),
+            cpu_ms(cpu[1]),
+            cpu[1].as_secs_f64() / cpu[0].as_secs_f64(),
             bytes(&ours),
             bytes(&theirs)
         );
@@ -130,6 +147,22 @@ fn run_ffmpeg(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) 
     let elapsed_s = began.elapsed().as_secs_f64();
     assert!(status.success(), "ffmpeg ended with {status}");
     f64::from(pictures) / elapsed_s
+}
+
+/// Processor time so far of this process, and of programs that it ran.
+fn cpu_so_far() -> [Duration; 2] {
+    const TICKS_PER_S: f64 = 100.0;
+    let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux's /proc");
+    // From field 14 on: user and system time, then those of children.
+    let after_name = stat.rsplit(") ").next().unwrap_or_default();
+    let ticks: Vec<f64> = after_name
+        .split(' ')
+        .skip(11)
+        .take(4)
+        .map(|ticks| ticks.parse().expect("a number of ticks"))
+        .collect();
+    [ticks[0] + ticks[1], ticks[2] + ticks[3]]
+        .map(|ticks| Duration::from_secs_f64(ticks / TICKS_PER_S))
 }
 
 /// The comparison is fair only if both made the same pictures.

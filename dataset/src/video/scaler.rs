@@ -1,16 +1,29 @@
 //! Conversion between RGB and the coded pixel format, in BT.709.
 //!
 //! FFmpeg's converter assumes BT.601 unless it is told otherwise, whatever the frames are tagged with, and `ffmpeg-next` does
-//! not wrap the call that tells it. That call is the only unsafe code of this project.
+//! not wrap the call that tells it. Nor does it wrap a conversion from memory that is no frame of FFmpeg's, without which every picture
+//! would be copied once more (`docs/video.md` has what that costs).
 #![allow(unsafe_code)]
+
+use std::os::raw::c_int;
+use std::ptr;
 
 use ffmpeg_next::ffi;
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::frame;
 use ffmpeg_next::software::scaling::{Context, Flags};
 
+use super::BYTES_PER_PIXEL;
+
 /// Converts pictures of one size from one pixel format to another.
 pub(super) struct Scaler(Context);
+
+/// swscale reads whole vectors: some bytes behind what it was given, but never so many.
+const READ_BEHIND_BYTES: usize = 256;
+
+/// The end of a picture, with readable memory behind it.
+#[derive(Default)]
+pub(super) struct PaddedEnd(Vec<u8>);
 
 // SAFETY: the context is owned by this value alone, and swscale keeps no state per thread.
 unsafe impl Send for Scaler {}
@@ -69,6 +82,58 @@ impl Scaler {
         output: &mut frame::Video,
     ) -> Result<(), ffmpeg_next::Error> {
         self.0.run(input, output)
+    }
+
+    /// Converts one picture of RGB whose rows lie in memory without gaps, from where it lies: only its last rows are copied, to `end`, since
+    /// nobody knows what comes behind them.
+    pub(super) fn run_rgb(
+        &mut self,
+        rgb: &[u8],
+        end: &mut PaddedEnd,
+        output: &mut frame::Video,
+    ) -> Result<(), ffmpeg_next::Error> {
+        let from = *self.0.input();
+        let (width, height) = (from.width as usize, from.height as usize);
+        let row_bytes = width * BYTES_PER_PIXEL;
+        let fits = (output.format(), output.width(), output.height())
+            == (self.0.output().format, from.width, from.height);
+        if from.format != Pixel::RGB24 || rgb.len() != row_bytes * height || !fits {
+            return Err(ffmpeg_next::Error::InvalidData);
+        }
+        // Pairs of rows, since two rows share their colours in the output.
+        let end_rows = READ_BEHIND_BYTES.div_ceil(row_bytes).next_multiple_of(2);
+        let end_rows = end_rows.min(height);
+        let end_at = (height - end_rows) * row_bytes;
+        end.0.clear();
+        end.0.extend_from_slice(&rgb[end_at..]);
+        end.0.resize(rgb.len() - end_at + READ_BEHIND_BYTES, 0);
+        for (rows, first, count) in [
+            (rgb.as_ptr(), 0, height - end_rows),
+            (end.0.as_ptr(), height - end_rows, end_rows),
+        ] {
+            if count == 0 {
+                continue;
+            }
+            // SAFETY: the context is valid and not shared, and takes RGB of this size (checked above), which has one plane. From `rows` on
+            // `count` rows can be read, and READ_BEHIND_BYTES behind them: the rest of the picture, or the padding. The output is a
+            // writable frame of the size and format that the context gives (checked above), and swscale writes only to its rows.
+            let done = unsafe {
+                let output = &mut *output.as_mut_ptr();
+                ffi::sws_scale(
+                    self.0.as_mut_ptr(),
+                    [rows, ptr::null(), ptr::null(), ptr::null()].as_ptr(),
+                    [row_bytes as c_int, 0, 0, 0].as_ptr(),
+                    first as c_int,
+                    count as c_int,
+                    output.data.as_ptr(),
+                    output.linesize.as_ptr(),
+                )
+            };
+            if done < 0 {
+                return Err(ffmpeg_next::Error::from(done));
+            }
+        }
+        Ok(())
     }
 
     /// Makes a picture's pixels its own again, in case the encoder still holds them.

@@ -10,7 +10,7 @@ use ffmpeg_next::format::{self, Pixel};
 use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
 
-use super::scaler::{Matrix, Scaler};
+use super::scaler::{Matrix, PaddedEnd, Scaler};
 use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, index, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::frame_rate::FrameRate;
@@ -26,9 +26,10 @@ pub struct VideoWriter {
     container: &'static str,
     output: format::context::Output,
     encoder: encoder::Video,
+    /// As the encoder takes it.
+    coded: frame::Video,
     /// Absent if the encoder takes RGB.
     conversion: Option<Conversion>,
-    rgb: frame::Video,
     packet: Packet,
     frame_rate: FrameRate,
     ticks: u32,
@@ -36,7 +37,7 @@ pub struct VideoWriter {
 
 struct Conversion {
     scaler: Scaler,
-    coded: frame::Video,
+    end: PaddedEnd,
 }
 
 impl VideoWriter {
@@ -148,7 +149,7 @@ impl VideoWriter {
             .map_err(|e| fault(path, "prepare the colour conversion", e))?;
             Some(Conversion {
                 scaler,
-                coded: frame::Video::new(pixel, width_px, height_px),
+                end: PaddedEnd::default(),
             })
         };
         Ok(Self {
@@ -156,8 +157,8 @@ impl VideoWriter {
             container: codec.extension(),
             output,
             encoder,
+            coded: frame::Video::new(pixel, width_px, height_px),
             conversion,
-            rgb: frame::Video::new(Pixel::RGB24, width_px, height_px),
             packet: Packet::empty(),
             frame_rate,
             ticks: 0,
@@ -167,43 +168,34 @@ impl VideoWriter {
     /// Writes the picture of the next tick, rows of RGB from top to bottom without gaps, and returns its timestamp in units of the
     /// time base.
     pub fn write(&mut self, rgb: &[u8]) -> Result<i64> {
-        let row_bytes = self.rgb.width() as usize * BYTES_PER_PIXEL;
-        let expected = row_bytes * self.rgb.height() as usize;
+        let Self {
+            path,
+            coded,
+            conversion,
+            ..
+        } = self;
+        let row_bytes = coded.width() as usize * BYTES_PER_PIXEL;
+        let expected = row_bytes * coded.height() as usize;
         if rgb.len() != expected {
-            return Err(self.fault(
-                "take a picture",
-                format!("it has {} bytes, expected {expected}", rgb.len()),
-            ));
+            let found = format!("it has {} bytes, expected {expected}", rgb.len());
+            return Err(fault(path, "take a picture", found));
         }
-        if self.conversion.is_none() {
-            Scaler::make_writable(&mut self.rgb).map_err(|e| self.fault("hold a picture", e))?;
-        }
-        let stride = self.rgb.stride(0);
-        for (row, line) in self
-            .rgb
-            .data_mut(0)
-            .chunks_exact_mut(stride)
-            .zip(rgb.chunks_exact(row_bytes))
-        {
-            row[..row_bytes].copy_from_slice(line);
+        Scaler::make_writable(coded).map_err(|e| fault(path, "hold a picture", e))?;
+        match conversion {
+            Some(Conversion { scaler, end }) => scaler
+                .run_rgb(rgb, end, coded)
+                .map_err(|e| fault(path, "convert a picture", e))?,
+            None => copy_rows(rgb, row_bytes, coded),
         }
         let pts = self.frame_rate.pts_of_tick(self.ticks);
-        let path = &self.path;
-        let sent = match &mut self.conversion {
-            None => {
-                self.rgb.set_pts(Some(pts));
-                self.encoder.send_frame(&self.rgb)
-            }
-            Some(Conversion { scaler, coded }) => {
-                Scaler::make_writable(coded).map_err(|e| fault(path, "hold a picture", e))?;
-                scaler
-                    .run(&self.rgb, coded)
-                    .map_err(|e| fault(path, "convert a picture", e))?;
-                coded.set_pts(Some(pts));
-                self.encoder.send_frame(coded)
-            }
-        };
-        sent.map_err(|e| self.fault(&format!("encode the picture of tick {}", self.ticks), e))?;
+        coded.set_pts(Some(pts));
+        self.encoder.send_frame(coded).map_err(|e| {
+            fault(
+                path,
+                &format!("encode the picture of tick {}", self.ticks),
+                e,
+            )
+        })?;
         self.ticks += 1;
         self.write_ready_packets()?;
         Ok(pts)
@@ -247,6 +239,15 @@ impl VideoWriter {
 
     fn fault(&self, action: &str, cause: impl std::fmt::Display) -> Error {
         fault(&self.path, action, cause)
+    }
+}
+
+/// Copies rows without gaps into a frame of RGB, which may have some.
+fn copy_rows(rgb: &[u8], row_bytes: usize, frame: &mut frame::Video) {
+    let stride = frame.stride(0);
+    let rows = frame.data_mut(0).chunks_exact_mut(stride);
+    for (row, line) in rows.zip(rgb.chunks_exact(row_bytes)) {
+        row[..row_bytes].copy_from_slice(line);
     }
 }
 
