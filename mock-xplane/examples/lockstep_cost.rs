@@ -2,8 +2,8 @@
 //!
 //! 30 ticks a second, two views of 1920x1280 each, against a stand-in that draws nothing and in the same process runs on
 //! threads of its own. The client, with everything it does besides (it watches 110 datarefs), has one thread, whose processor
-//! time the kernel counts. Once with the pictures over the link (442 MB a second through the loopback), once without, as when
-//! they are grabbed from the screen. Linux only.
+//! time the kernel counts. Once with the pictures in memory that both share, once over the link (442 MB a second through the
+//! loopback), as from a simulator on another computer. Linux only.
 
 use std::error::Error;
 use std::fs;
@@ -18,7 +18,7 @@ use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Engine, Picture, ServerOptions, serve_with};
 use xplane_bridge::fly::FlyRequest;
-use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
+use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, ConnectOptions, Deliver, Simulator};
 
 const TICKS: u32 = 300;
 const TICK: Duration = Duration::from_nanos(1_000_000_000 / 30);
@@ -51,15 +51,15 @@ struct Cost {
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
-    for (what, deliver) in [
-        ("pictures over the link", Deliver::Picture),
-        ("no pictures", Deliver::Drawn),
+    for (what, no_shared_memory) in [
+        ("pictures in shared memory", false),
+        ("pictures over the link", true),
     ] {
         let Cost {
             client_s,
             wall_s,
             late,
-        } = cost(deliver)?;
+        } = cost(no_shared_memory)?;
         println!(
             "{what}: {:.1} % of one core in the client, {TICKS} ticks of {VIEWS} views in {wall_s:.2} s, {late} late",
             100.0 * client_s / wall_s
@@ -68,7 +68,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn cost(deliver: Deliver) -> Result<Cost, Box<dyn Error>> {
+fn cost(no_shared_memory: bool) -> Result<Cost, Box<dyn Error>> {
     let server = tokio::runtime::Runtime::new()?;
     let (tell, told) = std::sync::mpsc::channel();
     let options = ServerOptions {
@@ -86,7 +86,7 @@ fn cost(deliver: Deliver) -> Result<Cost, Box<dyn Error>> {
             .build()
             .map_err(|error| error.to_string())?;
         runtime
-            .block_on(drive(address, deliver))
+            .block_on(drive(address, no_shared_memory))
             .map_err(|error| error.to_string())
     });
     let cost = client.join().map_err(|_| "the client panicked")??;
@@ -94,16 +94,20 @@ fn cost(deliver: Deliver) -> Result<Cost, Box<dyn Error>> {
     Ok(cost)
 }
 
-async fn drive(address: SocketAddr, deliver: Deliver) -> Result<Cost, Box<dyn Error>> {
-    let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await?;
+async fn drive(address: SocketAddr, no_shared_memory: bool) -> Result<Cost, Box<dyn Error>> {
+    let options = ConnectOptions {
+        no_shared_memory,
+        ..ConnectOptions::default()
+    };
+    let mut simulator = Simulator::connect_with(address, CONNECT_TIMEOUT, options).await?;
     simulator.set_conditions(&conditions()).await?;
     simulator.freeze(&runway()).await?;
     // The first tick prepares memory and scene.
-    tick(&mut simulator, 0, deliver).await?;
+    tick(&mut simulator, 0).await?;
     let (begin, begin_s) = (Instant::now(), thread_time_s()?);
     let mut late = 0;
     for number in 1..=TICKS {
-        tick(&mut simulator, number, deliver).await?;
+        tick(&mut simulator, number).await?;
         let next = begin + TICK * number;
         late += u32::from(Instant::now() > next);
         tokio::time::sleep_until(next.into()).await;
@@ -117,15 +121,9 @@ async fn drive(address: SocketAddr, deliver: Deliver) -> Result<Cost, Box<dyn Er
     Ok(cost)
 }
 
-async fn tick(
-    simulator: &mut Simulator,
-    tick: u32,
-    deliver: Deliver,
-) -> Result<(), Box<dyn Error>> {
+async fn tick(simulator: &mut Simulator, tick: u32) -> Result<(), Box<dyn Error>> {
     for view in 0..VIEWS {
-        simulator
-            .send_capture(&capture(tick, view, deliver))
-            .await?;
+        simulator.send_capture(&capture(tick, view)).await?;
     }
     for _ in 0..VIEWS {
         let frame = simulator.receive_frame().await?;
@@ -152,7 +150,7 @@ fn pose() -> Pose {
     }
 }
 
-fn capture(tick: u32, view: u32, deliver: Deliver) -> CaptureRequest {
+fn capture(tick: u32, view: u32) -> CaptureRequest {
     CaptureRequest {
         tick,
         time_ns: i64::from(tick) * TICK.as_nanos() as i64,
@@ -165,7 +163,7 @@ fn capture(tick: u32, view: u32, deliver: Deliver) -> CaptureRequest {
         },
         width_px: 1_920,
         height_px: 1_280,
-        deliver,
+        deliver: Deliver::Picture,
     }
 }
 

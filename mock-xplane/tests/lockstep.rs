@@ -11,15 +11,18 @@ use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve, serve_with};
 use mock_xplane::window::{Stage, WindowError};
-use tokio::net::UdpSocket;
+use tokio::net::{TcpStream, UdpSocket};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
-use xplane_bridge::link::{PixelKind, SimulatorWindow};
+use xplane_bridge::link::{
+    Answer, LinkError, PictureBytes, PixelKind, Request, SharedPictures, SimulatorWindow,
+    exchange_greetings, read_header, write_message,
+};
 use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator};
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 use xplane_bridge::{
-    BridgeError, CONNECT_TIMEOUT, CaptureRequest, ConnectOptions, Deliver, Simulator,
+    BridgeError, CONNECT_TIMEOUT, CaptureRequest, CapturedFrame, ConnectOptions, Deliver, Simulator,
 };
 
 /// Writes the picture's time into every byte, slower for even ticks so that pictures finish out of order, and remembers
@@ -432,6 +435,105 @@ async fn nothing_is_captured_under_the_check_pattern() {
 }
 
 #[tokio::test]
+async fn pictures_for_a_client_on_this_computer_are_drawn_into_its_memory_and_travel_when_that_is_full()
+ {
+    let running = start(Arc::new(Scribe::default())).await;
+    let mut simulator = connected(&running).await;
+    simulator.freeze(&runway()).await.unwrap();
+    let larger = CaptureRequest {
+        width_px: 640,
+        height_px: 400,
+        ..capture(3, 0)
+    };
+    // Nobody gives a picture back, so the memory for 16 is all in use in the end; a larger size gets memory of its own.
+    let requests: Vec<_> = (0..20)
+        .map(|tick| capture(1 + 2 * tick, 0))
+        .chain([larger])
+        .collect();
+    let mut frames = Vec::new();
+    for request in &requests {
+        simulator.send_capture(request).await.unwrap();
+        frames.push(simulator.receive_frame().await.unwrap());
+    }
+    let shared = |frame: &CapturedFrame| matches!(frame.rgb, PictureBytes::Shared(_));
+    assert!(frames[..16].iter().all(shared), "{:?}", frames[0].rgb);
+    assert!(!frames[16..20].iter().any(shared), "{:?}", frames[16].rgb);
+    assert!(shared(&frames[20]));
+    for (frame, request) in frames.iter().zip(&requests) {
+        assert_eq!(frame.rgb.len(), request.rgb_bytes());
+        assert!(frame.rgb.iter().all(|&byte| byte == request.tick as u8));
+    }
+    drop(frames);
+    simulator.send_capture(&capture(9, 0)).await.unwrap();
+    let frame = simulator.receive_frame().await.unwrap();
+    assert!(shared(&frame) && frame.rgb.iter().all(|&byte| byte == 9));
+    simulator.release().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_client_that_wants_its_pictures_over_the_link_gets_them_there() {
+    let running = start(Arc::new(Scribe::default())).await;
+    let options = ConnectOptions {
+        no_shared_memory: true,
+        ..ConnectOptions::default()
+    };
+    let udp = running.addresses.udp;
+    let mut simulator = Simulator::connect_with(udp, CONNECT_TIMEOUT, options)
+        .await
+        .unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    simulator.send_capture(&capture(3, 0)).await.unwrap();
+    let frame = simulator.receive_frame().await.unwrap();
+    assert!(matches!(&frame.rgb, PictureBytes::Own(rgb) if *rgb == vec![3; 40 * 30 * 3]));
+}
+
+#[tokio::test]
+async fn memory_that_cannot_be_drawn_into_is_refused_and_the_conversation_goes_on() {
+    let running = start(Arc::new(Scribe::default())).await;
+    let mut stream = TcpStream::connect(running.addresses.capture_link)
+        .await
+        .unwrap();
+    exchange_greetings(&mut stream).await.unwrap();
+    let slot = |number| {
+        Request::Capture(CaptureRequest {
+            deliver: Deliver::Slot(number),
+            ..capture(1, 0)
+        })
+    };
+    let small = SharedPictures::new(2, 1_000).unwrap();
+    let mut lost = small.offer().clone();
+    lost.secret = "0".repeat(32);
+    let freeze = Request::Freeze {
+        runway: runway(),
+        settle_frames: 0,
+    };
+    let mut tall = capture(1, 0);
+    (tall.height_px, tall.deliver) = (30 * 40, Deliver::Slot(0));
+    for (request, expected) in [
+        (freeze, "Frozen"),
+        (slot(0), "send share_memory first"),
+        (Request::ShareMemory(lost), "secret"),
+        (slot(0), "send share_memory first"),
+        (Request::ShareMemory(small.offer().clone()), "MemoryShared"),
+        (slot(2), "no slot 2"),
+        (Request::Capture(tall), "does not fit slot 0"),
+        (slot(1), "Frame"),
+    ] {
+        let answer = asked(&mut stream, &request).await.unwrap();
+        let found = format!("{answer:?}");
+        assert!(found.contains(expected), "{found}, expected {expected}");
+    }
+}
+
+/// What the simulator answers, without a payload.
+async fn asked(stream: &mut TcpStream, request: &Request) -> Result<Answer, LinkError> {
+    write_message(stream, request, &[]).await?;
+    let (answer, payload_bytes) = read_header(stream).await?.unwrap();
+    assert_eq!(payload_bytes, 0, "{answer:?}");
+    Ok(answer)
+}
+
+#[tokio::test]
 async fn a_frame_that_is_only_drawn_has_no_payload() {
     let wall = Arc::new(Wall::default());
     let running = start_on(wall.clone()).await;
@@ -467,6 +569,7 @@ async fn a_link_with_a_token_admits_who_knows_it_and_refuses_all_others() {
             ConnectOptions {
                 token,
                 web_api: None,
+                no_shared_memory: false,
             },
         )
     };

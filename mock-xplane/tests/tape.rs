@@ -12,6 +12,7 @@ use mock_xplane::server::{Addresses, ServerOptions, serve, serve_tape};
 use tokio::net::UdpSocket;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
+use xplane_bridge::link::PictureBytes;
 use xplane_bridge::packet::{SubscribePosition, ToSimulator};
 use xplane_bridge::tape::{FramesKept, RecordOptions, record};
 use xplane_bridge::{BridgeError, CaptureRequest, CapturedFrame, Deliver, Simulator};
@@ -113,6 +114,10 @@ async fn session(address: SocketAddr) -> (Vec<CapturedFrame>, Vec<u8>) {
             .await
             .unwrap(),
         );
+    }
+    // Whether the simulator could draw into our memory or not: what does not pass the recorder is not on the tape.
+    for frame in &frames {
+        assert!(matches!(frame.rgb, PictureBytes::Own(_)), "{:?}", frame.rgb);
     }
     let position = position(address).await;
     simulator.release().await.unwrap();

@@ -6,8 +6,6 @@
 //! link for poses and pictures), [`pixels`] (where the pixels of a drawn frame come from) and [`fly`] (what a live flight is
 //! asked to be).
 
-#![forbid(unsafe_code)]
-
 pub mod datarefs;
 pub mod discovery;
 mod error;
@@ -26,6 +24,6 @@ pub use error::BridgeError;
 pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{
-    CONNECT_TIMEOUT, ConnectOptions, LINK_TOKEN_VARIABLE, SETTLE_FRAMES, Simulator,
-    SimulatorDescription, WEB_API_VARIABLE,
+    CONNECT_TIMEOUT, ConnectOptions, LINK_TOKEN_VARIABLE, SETTLE_FRAMES, SHARED_MEMORY_VARIABLE,
+    Simulator, SimulatorDescription, WEB_API_VARIABLE,
 };

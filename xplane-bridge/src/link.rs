@@ -8,6 +8,8 @@ mod capture;
 mod description;
 mod flight;
 mod message;
+mod picture_bytes;
+mod shared_memory;
 mod wire;
 
 pub(crate) use capture::rgb_bytes;
@@ -15,6 +17,8 @@ pub use capture::{CaptureRequest, CapturedFrame, Deliver, FrameHeader, MAX_PICTU
 pub use description::{PixelKind, SimulatorWindow};
 pub use flight::{FLIGHT_COLUMNS, decode_flight, encode_flight};
 pub use message::{Answer, Request};
+pub use picture_bytes::PictureBytes;
+pub use shared_memory::{DrawingSlot, DrawingSlots, SharedMemory, SharedPicture, SharedPictures};
 pub use wire::{
     LINK_VERSION, LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings, read_header,
     read_payload, write_message,

@@ -10,6 +10,7 @@ mod flight_start;
 mod link_client;
 mod pictures;
 mod setup;
+mod sharing;
 mod udp;
 mod vigil;
 
@@ -26,12 +27,13 @@ use crate::datarefs::{self, Generation};
 use crate::error::BridgeError;
 use crate::fly::FlyRequest;
 use crate::link::{
-    Answer, CaptureRequest, CapturedFrame, LINK_VERSION, MAX_OUTSTANDING_CAPTURES, PixelKind,
-    Request, SimulatorWindow, decode_flight,
+    Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
+    PictureBytes, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
 };
 use crate::pixels::{Payload, PixelSource};
 use crate::web_api::{self, WebApi};
 use link_client::LinkClient;
+use sharing::Sharing;
 use udp::UdpClient;
 use vigil::Vigil;
 
@@ -55,6 +57,9 @@ pub const SETTLE_FRAMES: u32 = 3;
 /// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to do without it.
 pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
 
+/// Environment variable that, when it is `off`, has every picture travel over the capture link.
+pub const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
+
 /// What to know of a simulator besides its address.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ConnectOptions {
@@ -62,10 +67,12 @@ pub struct ConnectOptions {
     pub token: Option<String>,
     /// Where X-Plane 12's Web API is, if it may be used. It is used if the same simulator answers there.
     pub web_api: Option<SocketAddr>,
+    /// Whether every picture has to travel over the link, although the simulator could draw it into memory of ours.
+    pub no_shared_memory: bool,
 }
 
 impl ConnectOptions {
-    /// What the environment says ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`]), or else what X-Plane does: it serves its Web
+    /// What the environment says ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`], [`SHARED_MEMORY_VARIABLE`]), or else what X-Plane does: it serves its Web
     /// API on its own computer only, so that it is looked for if `address` is this one.
     pub fn from_environment(address: SocketAddr) -> Self {
         let web_api = match std::env::var(WEB_API_VARIABLE) {
@@ -78,6 +85,7 @@ impl ConnectOptions {
         Self {
             token: std::env::var(LINK_TOKEN_VARIABLE).ok(),
             web_api,
+            no_shared_memory: std::env::var(SHARED_MEMORY_VARIABLE).is_ok_and(|word| word == "off"),
         }
     }
 }
@@ -118,7 +126,9 @@ pub struct Simulator {
     vigil: Option<Vigil>,
     /// The aircraft that flies, as sweeps name it.
     aircraft: Option<String>,
-    outstanding: VecDeque<CaptureRequest>,
+    /// With the memory that was lent for the picture, if it does not travel.
+    outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
+    sharing: Sharing,
     spare_buffers: Vec<Vec<u8>>,
 }
 
@@ -143,7 +153,11 @@ impl Simulator {
         timeout: Duration,
         options: ConnectOptions,
     ) -> Result<Self, BridgeError> {
-        let ConnectOptions { token, web_api } = options;
+        let ConnectOptions {
+            token,
+            web_api,
+            no_shared_memory,
+        } = options;
         let deadline = Instant::now() + timeout;
         let mut udp = UdpClient::bind(address).await?;
         let waited = timeout.mul_f64(1.0 - LINK_SHARE);
@@ -176,9 +190,14 @@ impl Simulator {
             plugin,
             pixels,
             window,
+            shares_memory_with,
         } = answer
         else {
             return Err(wrong("hello", &answer));
+        };
+        let sharing = match no_shared_memory {
+            true => Sharing::Impossible,
+            false => Sharing::with(shares_memory_with, link.local_address()),
         };
         let description = SimulatorDescription {
             name,
@@ -212,6 +231,7 @@ impl Simulator {
             vigil: None,
             aircraft: None,
             outstanding: VecDeque::new(),
+            sharing,
             spare_buffers: Vec::new(),
         })
     }
@@ -304,10 +324,17 @@ impl Simulator {
                 text: reason,
             });
         }
+        let lent = self.lend_memory(request).await?;
+        let asked = CaptureRequest {
+            deliver: lent
+                .as_ref()
+                .map_or(request.deliver, |picture| Deliver::Slot(picture.number())),
+            ..*request
+        };
         self.link
-            .send("a capture", &Request::Capture(*request), SWITCH_TIMEOUT)
+            .send("a capture", &Request::Capture(asked), SWITCH_TIMEOUT)
             .await?;
-        self.outstanding.push_back(*request);
+        self.outstanding.push_back((asked, lent));
         Ok(())
     }
 
@@ -317,7 +344,7 @@ impl Simulator {
     /// If nothing is outstanding, nothing comes for a minute, the simulator refuses, it does not have the conditions any more
     /// that were set, or what comes is no answer to that capture. Whether the drawn pose is the asked one is left to the caller, who records it.
     pub async fn receive_frame(&mut self) -> Result<CapturedFrame, BridgeError> {
-        let request = self
+        let (request, lent) = self
             .outstanding
             .pop_front()
             .ok_or(BridgeError::NothingOutstanding)?;
@@ -347,21 +374,31 @@ impl Simulator {
                 ),
             });
         }
-        let mut rgb = self.spare_buffers.pop().unwrap_or_default();
-        self.link
-            .take_payload("a frame", &mut rgb, FRAME_TIMEOUT)
-            .await?;
-        if request.deliver == self.deliver() {
-            rgb = self.pixels.picture(rgb).await?;
-        }
+        let rgb = match lent {
+            Some(picture) => PictureBytes::Shared(picture),
+            None => {
+                let mut rgb = self.spare_buffers.pop().unwrap_or_default();
+                self.link
+                    .take_payload("a frame", &mut rgb, FRAME_TIMEOUT)
+                    .await?;
+                if request.deliver == self.deliver() {
+                    rgb = self.pixels.picture(rgb).await?;
+                }
+                rgb.into()
+            }
+        };
         self.check_vigil()?;
         Ok(CapturedFrame::new(header, rgb))
     }
 
     /// Gives a picture's memory back for the next frames. Optional: fresh memory costs milliseconds a frame.
-    pub fn recycle(&mut self, rgb: Vec<u8>) {
-        if self.spare_buffers.len() < MAX_OUTSTANDING_CAPTURES {
-            self.spare_buffers.push(rgb);
+    pub fn recycle(&mut self, rgb: PictureBytes) {
+        match rgb {
+            PictureBytes::Own(rgb) if self.spare_buffers.len() < MAX_OUTSTANDING_CAPTURES => {
+                self.spare_buffers.push(rgb);
+            }
+            // Shared memory is free again once nobody holds it.
+            PictureBytes::Own(_) | PictureBytes::Shared(_) => {}
         }
     }
 

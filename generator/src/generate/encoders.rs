@@ -7,6 +7,7 @@ use dataset::corpus::ScenarioFolder;
 use dataset::video::{VideoSettings, VideoWriter};
 use tokio::sync::mpsc;
 use tokio::task::{JoinHandle, spawn_blocking};
+use xplane_bridge::link::PictureBytes;
 
 use super::error::ScenarioError;
 use crate::sweep::Picture;
@@ -17,7 +18,7 @@ const WAITING_PICTURES: usize = 2;
 /// The encoders of a scenario. Dropped without [`Encoders::finish`], they stop and leave unfinished files.
 pub(super) struct Encoders {
     views: Vec<Encoder>,
-    written: mpsc::UnboundedReceiver<Vec<u8>>,
+    written: mpsc::UnboundedReceiver<PictureBytes>,
 }
 
 struct Encoder {
@@ -27,7 +28,7 @@ struct Encoder {
 }
 
 enum Message {
-    Picture(Vec<u8>),
+    Picture(PictureBytes),
     Finish,
 }
 
@@ -73,7 +74,7 @@ impl Encoders {
     pub(super) async fn write(
         &mut self,
         view: usize,
-        rgb: Vec<u8>,
+        rgb: PictureBytes,
     ) -> Result<(), ScenarioError> {
         let encoder = &self.views[view];
         let sent = encoder.pictures.send(Message::Picture(rgb)).await;
@@ -84,7 +85,7 @@ impl Encoders {
     }
 
     /// Memory of a picture that has been written.
-    pub(super) fn take_written(&mut self) -> Option<Vec<u8>> {
+    pub(super) fn take_written(&mut self) -> Option<PictureBytes> {
         self.written.try_recv().ok()
     }
 
@@ -136,7 +137,7 @@ fn joined(
 fn encode(
     mut writer: VideoWriter,
     mut inbox: mpsc::Receiver<Message>,
-    give_back: &mpsc::UnboundedSender<Vec<u8>>,
+    give_back: &mpsc::UnboundedSender<PictureBytes>,
 ) -> dataset::Result<Vec<i64>> {
     let mut pts = Vec::new();
     while let Some(message) = inbox.blocking_recv() {
@@ -187,7 +188,7 @@ mod tests {
     async fn write(encoders: &mut Encoders, ticks: u32) -> Result<(), ScenarioError> {
         for _ in 0..ticks {
             for view in 0..2 {
-                encoders.write(view, vec![0; 64 * 32 * 3]).await?;
+                encoders.write(view, vec![0; 64 * 32 * 3].into()).await?;
             }
         }
         Ok(())

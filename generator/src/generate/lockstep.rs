@@ -216,7 +216,7 @@ mod tests {
             camera,
             width_px,
             height_px,
-            rgb: vec![0; 24],
+            rgb: vec![0; 24].into(),
         }
     }
 
@@ -242,7 +242,7 @@ mod tests {
             ("the camera stood with hfov_deg 10.1", |f| {
                 f.camera.hfov_deg = 10.1;
             }),
-            ("size of the picture", |f| f.rgb.truncate(23)),
+            ("size of the picture", |f| f.rgb = vec![0; 23].into()),
             ("frame number is 99, expected \"more than 99\"", |f| {
                 f.sim_frame = 99;
             }),

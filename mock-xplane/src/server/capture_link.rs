@@ -1,9 +1,10 @@
 //! The capture link, simulator's side: takes requests, flies, draws, and answers in order.
 //!
-//! Pictures are drawn on threads of their own, as many at a time as there are processors, while further requests are read.
+//! Pictures are drawn into the client's memory if it shares some, else into our own and sent. That happens on threads of their own, as many at a time as there are processors, while further requests are read.
 //! A queue of answers to come keeps their order and, being short, keeps the memory small: when it is full, requests wait in
 //! the socket. One client at a time: there is one aircraft.
 
+use std::net::SocketAddr;
 use std::sync::{Arc, Mutex as StdMutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -15,8 +16,9 @@ use tokio::task::{JoinError, JoinHandle, JoinSet, spawn_blocking};
 use tokio::time::timeout;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::{
-    Answer, CaptureRequest, Deliver, FLIGHT_COLUMNS, FrameHeader, LinkError, PixelKind, Request,
-    encode_flight, exchange_greetings, read_header, write_message,
+    Answer, CaptureRequest, Deliver, DrawingSlot, DrawingSlots, FLIGHT_COLUMNS, FrameHeader,
+    LinkError, PixelKind, Request, SharedMemory, encode_flight, exchange_greetings, read_header,
+    write_message,
 };
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
@@ -66,7 +68,7 @@ pub(super) async fn run(
                     .map_err(|source| MockError::Socket { what: "the capture link", source })?;
                 let studio = studio.clone();
                 clients.spawn(async move {
-                    match studio.serve(stream).await {
+                    match studio.serve(stream, from).await {
                         Ok(()) => tracing::debug!(%from, "capture link closed"),
                         Err(error) => tracing::warn!(%from, %error, "capture link closed"),
                     }
@@ -93,6 +95,14 @@ struct Studio {
     seat: Mutex<()>,
 }
 
+/// A client's connection.
+struct Client {
+    /// Where it is.
+    address: SocketAddr,
+    /// The memory that it shares, if it does.
+    memory: Option<DrawingSlots>,
+}
+
 /// An answer and its payload.
 type Reply = (Answer, Vec<u8>);
 
@@ -103,7 +113,11 @@ enum Pending {
 }
 
 impl Studio {
-    async fn serve(self: Arc<Self>, mut stream: TcpStream) -> Result<(), LinkError> {
+    async fn serve(
+        self: Arc<Self>,
+        mut stream: TcpStream,
+        from: SocketAddr,
+    ) -> Result<(), LinkError> {
         stream.set_nodelay(true)?;
         self.outages.over().await;
         timeout(GREETING_TIMEOUT, exchange_greetings(&mut stream))
@@ -120,7 +134,11 @@ impl Studio {
         // When no more requests come, the writer still has answers to write, and then ends because the queue has. When
         // the client takes no more answers, reading its requests is pointless.
         let read_then_wait = async {
-            if let Err(error) = self.read_requests(from_client, order).await {
+            let client = Client {
+                address: from,
+                memory: None,
+            };
+            if let Err(error) = self.read_requests(from_client, client, order).await {
                 tracing::warn!(%error, "no more requests are taken");
             }
             std::future::pending().await
@@ -139,6 +157,7 @@ impl Studio {
     async fn read_requests(
         self: &Arc<Self>,
         mut stream: impl AsyncRead + Unpin,
+        mut client: Client,
         order: mpsc::Sender<Pending>,
     ) -> Result<(), LinkError> {
         let mut admitted = self.token.is_none();
@@ -165,7 +184,7 @@ impl Studio {
                 let _ = order.send(refusal(text.into())).await;
                 return Ok(());
             }
-            let pending = self.answer(request).await;
+            let pending = self.answer(&mut client, request).await;
             if order.send(pending).await.is_err() {
                 return Ok(());
             }
@@ -196,7 +215,7 @@ impl Studio {
         matches!(request, Request::Hello { token, .. } if token.is_some() && *token == self.token)
     }
 
-    async fn answer(self: &Arc<Self>, request: Request) -> Pending {
+    async fn answer(self: &Arc<Self>, from: &mut Client, request: Request) -> Pending {
         if matches!(request, Request::Capture(_)) {
             self.outages.count_capture();
         }
@@ -217,8 +236,10 @@ impl Studio {
                     plugin: None,
                     pixels,
                     window,
+                    shares_memory_with: DrawingSlots::POSSIBLE.then_some(from.address),
                 })
             }
+            Request::ShareMemory(offer) => share_memory(from, &offer),
             // What is drawn here is drawn at once: no frame needs to settle.
             Request::Freeze { runway, .. } => {
                 self.world.lock().freeze(runway);
@@ -242,7 +263,7 @@ impl Studio {
                 ready(Answer::Released)
             }
             Request::Fly(request) => self.fly(request).await,
-            Request::Capture(request) => self.capture(request).await,
+            Request::Capture(request) => self.capture(from, request).await,
         }
     }
 
@@ -276,10 +297,22 @@ impl Studio {
     }
 
     /// Starts drawing. What is to be seen is fixed here, in the order of the requests; drawing takes its time.
-    async fn capture(self: &Arc<Self>, request: CaptureRequest) -> Pending {
+    async fn capture(self: &Arc<Self>, from: &Client, request: CaptureRequest) -> Pending {
         if let Err(text) = request.check() {
             return refusal(text);
         }
+        let slot = match (request.deliver, &from.memory) {
+            (Deliver::Slot(number), Some(memory)) => {
+                match memory.borrow(number, request.rgb_bytes()) {
+                    Ok(slot) => Some(slot),
+                    Err(text) => return refusal(text),
+                }
+            }
+            (Deliver::Slot(_), None) => {
+                return refusal("no memory is shared: send share_memory first".into());
+            }
+            (Deliver::Picture | Deliver::Drawn, _) => None,
+        };
         let (key, sim_frame) = {
             let mut world = self.world.lock();
             let Some(runway) = world.frozen_runway().cloned() else {
@@ -304,10 +337,10 @@ impl Studio {
         let studio = self.clone();
         let drawing = spawn_blocking(move || {
             let _permit = permit;
-            studio.draw(&request, &key, sim_frame)
+            studio.draw(&request, &key, sim_frame, slot)
         });
         match request.deliver {
-            Deliver::Picture => Pending::Drawing(drawing),
+            Deliver::Picture | Deliver::Slot(_) => Pending::Drawing(drawing),
             // The window shows one picture: the next one is not begun before this one is there.
             Deliver::Drawn => {
                 let (answer, rgb) = drawing.await.unwrap_or_else(failed);
@@ -358,13 +391,32 @@ impl Studio {
         result.map_err(|error| error.to_string())
     }
 
-    fn draw(&self, request: &CaptureRequest, key: &SceneKey, sim_frame: u64) -> Reply {
-        let mut rgb = self.lock_buffers().pop().unwrap_or_default();
-        rgb.resize(request.rgb_bytes(), 0);
-        let time_s = SimTime(request.time_ns).seconds();
-        self.scenes.with(self.engine.as_ref(), key, |picture| {
-            picture.draw(&request.pose, &request.controls, time_s, &mut rgb);
-        });
+    /// Draws into the slot, or into memory of our own that becomes the payload.
+    fn draw(
+        &self,
+        request: &CaptureRequest,
+        key: &SceneKey,
+        sim_frame: u64,
+        slot: Option<DrawingSlot>,
+    ) -> Reply {
+        let draw = |rgb: &mut [u8]| {
+            let time_s = SimTime(request.time_ns).seconds();
+            self.scenes.with(self.engine.as_ref(), key, |picture| {
+                picture.draw(&request.pose, &request.controls, time_s, rgb);
+            });
+        };
+        let payload = match slot {
+            Some(mut slot) => {
+                draw(&mut slot);
+                Vec::new()
+            }
+            None => {
+                let mut rgb = self.lock_buffers().pop().unwrap_or_default();
+                rgb.resize(request.rgb_bytes(), 0);
+                draw(&mut rgb);
+                rgb
+            }
+        };
         let header = FrameHeader {
             tick: request.tick,
             view: request.view,
@@ -374,11 +426,22 @@ impl Studio {
             width_px: key.width_px,
             height_px: key.height_px,
         };
-        (Answer::Frame(header), rgb)
+        (Answer::Frame(header), payload)
     }
 
     fn lock_buffers(&self) -> MutexGuard<'_, Vec<Vec<u8>>> {
         self.buffers.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Takes the memory that a client shares, in the place of what it shared before.
+fn share_memory(from: &mut Client, offer: &SharedMemory) -> Pending {
+    match DrawingSlots::open(offer) {
+        Ok(memory) => {
+            from.memory = Some(memory);
+            ready(Answer::MemoryShared)
+        }
+        Err(text) => refusal(text),
     }
 }
 

@@ -4,6 +4,8 @@ use dataset::camera::CameraPose;
 use dataset::pose::{Controls, Pose};
 use serde::{Deserialize, Serialize};
 
+use super::PictureBytes;
+
 /// Longest side of a picture, pixels. Bounds what a request can make the other side allocate.
 pub const MAX_PICTURE_SIDE_PX: u32 = 8_192;
 
@@ -16,6 +18,8 @@ pub enum Deliver {
     Picture,
     /// It stays on the screen until the next request; the client grabs it there. The payload is empty.
     Drawn,
+    /// Its pixels are drawn into a slot of the memory that the client shares ([`crate::link::SharedMemory`]). The payload is empty.
+    Slot(u32),
 }
 
 /// What to draw.
@@ -53,7 +57,7 @@ impl CaptureRequest {
     pub fn payload_bytes(&self) -> usize {
         match self.deliver {
             Deliver::Picture => self.rgb_bytes(),
-            Deliver::Drawn => 0,
+            Deliver::Drawn | Deliver::Slot(_) => 0,
         }
     }
 
@@ -125,12 +129,12 @@ pub struct CapturedFrame {
     /// Height of the picture, pixels.
     pub height_px: u32,
     /// Red, green, blue, one byte each, row by row from the top left. Empty if the picture was only drawn.
-    pub rgb: Vec<u8>,
+    pub rgb: PictureBytes,
 }
 
 impl CapturedFrame {
     /// Joins what the two parts of the answer say.
-    pub fn new(header: FrameHeader, rgb: Vec<u8>) -> Self {
+    pub fn new(header: FrameHeader, rgb: PictureBytes) -> Self {
         Self {
             tick: header.tick,
             view: header.view,

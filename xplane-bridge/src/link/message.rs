@@ -1,9 +1,11 @@
 //! The headers of the capture link's messages: what a client asks, what a simulator answers.
 
+use std::net::SocketAddr;
+
 use dataset::runway::Runway;
 use serde::{Deserialize, Serialize};
 
-use super::{CaptureRequest, FrameHeader, PixelKind, SimulatorWindow};
+use super::{CaptureRequest, FrameHeader, PixelKind, SharedMemory, SimulatorWindow};
 use crate::fly::FlyRequest;
 
 /// From client to simulator. None has a payload.
@@ -18,6 +20,8 @@ pub enum Request {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token: Option<String>,
     },
+    /// Draw pictures into this memory from now on, when a capture lends a slot of it. Only to a simulator that offered it in its hello.
+    ShareMemory(SharedMemory),
     /// Stop the flight model, the clock and the clouds: poses come from captures now.
     Freeze {
         /// The runway of the scenario, whose surroundings the pictures show.
@@ -62,7 +66,13 @@ pub enum Answer {
         pixels: Vec<PixelKind>,
         /// The window that shows what is drawn, if there is one.
         window: Option<SimulatorWindow>,
+        /// The client's address as the simulator sees it, if it can draw into memory that a client shares. A client that does not know this
+        /// address for its own speaks through somebody, a recorder or a tunnel, who has to see the pictures pass.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shares_memory_with: Option<SocketAddr>,
     },
+    /// To [`Request::ShareMemory`].
+    MemoryShared,
     /// To [`Request::Freeze`].
     Frozen,
     /// To [`Request::ProbeTerrain`].
@@ -98,6 +108,7 @@ impl Answer {
     pub fn name(&self) -> &'static str {
         match self {
             Self::Hello { .. } => "hello",
+            Self::MemoryShared => "memory_shared",
             Self::Frozen => "frozen",
             Self::Terrain { .. } => "terrain",
             Self::CheckPatternShown { .. } => "check_pattern_shown",

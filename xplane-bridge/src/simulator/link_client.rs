@@ -20,6 +20,8 @@ pub(super) struct LinkClient {
     /// Buffered for the small reads of headers; a payload goes past the buffer into its own memory.
     stream: Option<BufReader<TcpStream>>,
     payload_bytes: usize,
+    /// Our own address.
+    local: SocketAddr,
 }
 
 impl LinkClient {
@@ -29,8 +31,9 @@ impl LinkClient {
             Ok(connected) => connected,
             Err(_) => Err(std::io::ErrorKind::TimedOut.into()),
         };
-        let stream = connected
+        let (local, stream) = connected
             .and_then(|stream| stream.set_nodelay(true).map(|()| stream))
+            .and_then(|stream| Ok((stream.local_addr()?, stream)))
             .map_err(|source| BridgeError::CannotOpenLink { address, source })?;
         let mut stream = BufReader::new(stream);
         let limit = deadline.saturating_duration_since(Instant::now());
@@ -38,7 +41,13 @@ impl LinkClient {
         Ok(Self {
             stream: Some(stream),
             payload_bytes: 0,
+            local,
         })
+    }
+
+    /// Our own address, as the other side sees it unless somebody stands between.
+    pub(super) fn local_address(&self) -> SocketAddr {
+        self.local
     }
 
     /// Sends a request and waits for its answer.

@@ -201,6 +201,7 @@ async fn talk(
                 plugin: plugin.cloned(),
                 pixels: vec![PixelKind::Link],
                 window: None,
+                shares_memory_with: None,
             },
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,

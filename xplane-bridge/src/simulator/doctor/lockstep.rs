@@ -245,7 +245,7 @@ mod tests {
                 camera: request.camera,
                 width_px: request.width_px,
                 height_px: request.height_px,
-                rgb: vec![if moved_m > 0.0 { 200 } else { 100 }; 64],
+                rgb: vec![if moved_m > 0.0 { 200 } else { 100 }; 64].into(),
             };
             (request, frame)
         };
@@ -271,8 +271,12 @@ mod tests {
             ("frame number 7 comes after 8", |frames| {
                 frames[2].1.sim_frame = 7;
             }),
-            ("the same pose at once", |frames| frames[1].1.rgb.fill(90)),
-            ("gives the same picture", |frames| frames[2].1.rgb.fill(100)),
+            ("the same pose at once", |frames| {
+                frames[1].1.rgb = vec![90; 64].into()
+            }),
+            ("gives the same picture", |frames| {
+                frames[2].1.rgb = vec![100; 64].into()
+            }),
         ];
         for (words, fault) in faults {
             let mut frames = sound();

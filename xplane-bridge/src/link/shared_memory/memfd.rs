@@ -1,0 +1,51 @@
+//! Linux: files in memory without a name, whose size is sealed.
+
+use std::fs::File;
+use std::io;
+use std::os::unix::fs::OpenOptionsExt;
+
+use rustix::fs::{
+    MemfdFlags, OFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, ftruncate, memfd_create,
+};
+
+/// Whether there are such files.
+pub(super) const POSSIBLE: bool = true;
+
+/// With these a file keeps its size for good.
+const SIZE_SEALS: SealFlags = SealFlags::SHRINK
+    .union(SealFlags::GROW)
+    .union(SealFlags::SEAL);
+
+/// A file of so many bytes, which take memory only once they are written.
+pub(super) fn create(bytes: u64) -> io::Result<File> {
+    let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
+    let file = File::from(memfd_create("dtd-pictures", flags)?);
+    ftruncate(&file, bytes)?;
+    fcntl_add_seals(&file, SIZE_SEALS)?;
+    Ok(file)
+}
+
+/// Opens the file of another process. The text of an error says why it is not one that [`create`] made with so many bytes.
+pub(super) fn open(process: u32, descriptor: i32, bytes: u64) -> Result<File, String> {
+    let path = format!("/proc/{process}/fd/{descriptor}");
+    let file = File::options()
+        .read(true)
+        .write(true)
+        // Opening something else must not wait for somebody.
+        .custom_flags(OFlags::NONBLOCK.bits() as i32)
+        .open(&path)
+        .map_err(|error| format!("{path}: {error}"))?;
+    // Whatever else a client might name, it cannot be sealed, and is left alone.
+    let sealed = fcntl_get_seals(&file).is_ok_and(|seals| seals.contains(SIZE_SEALS));
+    if !sealed {
+        return Err(format!("{path} is no sealed memory"));
+    }
+    match file.metadata() {
+        Ok(found) if found.len() == bytes => Ok(file),
+        Ok(found) => Err(format!(
+            "{path} has {} bytes, expected {bytes}",
+            found.len()
+        )),
+        Err(error) => Err(format!("{path}: {error}")),
+    }
+}

@@ -1,0 +1,89 @@
+//! Memory for pictures that client and simulator share: offered with the first capture, if the simulator is on this computer.
+//!
+//! Where it cannot be had, or is all in use, pictures travel over the link.
+
+use std::net::SocketAddr;
+
+use super::{SWITCH_TIMEOUT, Simulator, wrong};
+use crate::error::BridgeError;
+use crate::link::{Answer, CaptureRequest, Deliver, Request, SharedPicture, SharedPictures};
+
+/// Pictures that can be on their way at once without travelling: a few being drawn, and those that wait for two encoders.
+const SLOTS: u32 = 16;
+
+/// Where it stands.
+#[derive(Debug)]
+pub(super) enum Sharing {
+    /// There is none to be had.
+    Impossible,
+    /// The simulator can; what size is wanted is not known yet.
+    Possible,
+    /// The simulator draws into it.
+    Shared(SharedPictures),
+}
+
+impl Sharing {
+    /// What can be done with a simulator that shares memory with the client at `with`, for the client at `local`.
+    pub(super) fn with(with: Option<SocketAddr>, local: SocketAddr) -> Self {
+        match with {
+            Some(with) if with == local => Self::Possible,
+            Some(with) => {
+                tracing::debug!(%with, %local, "somebody stands between: pictures travel");
+                Self::Impossible
+            }
+            None => Self::Impossible,
+        }
+    }
+}
+
+impl Simulator {
+    /// Memory to lend for the picture that a request asks for, unless it has to travel.
+    pub(super) async fn lend_memory(
+        &mut self,
+        request: &CaptureRequest,
+    ) -> Result<Option<SharedPicture>, BridgeError> {
+        if request.deliver != Deliver::Picture {
+            return Ok(None);
+        }
+        let bytes = request.rgb_bytes();
+        let has_room = match &self.sharing {
+            Sharing::Impossible => return Ok(None),
+            Sharing::Possible => false,
+            Sharing::Shared(pictures) => pictures.largest_picture_bytes() >= bytes,
+        };
+        // The answer to an offer must not come behind those to captures.
+        if !has_room && self.outstanding.is_empty() {
+            self.sharing = self.share_memory(bytes).await?;
+        }
+        Ok(match &self.sharing {
+            Sharing::Shared(pictures) if pictures.largest_picture_bytes() >= bytes => {
+                pictures.lend(bytes)
+            }
+            _ => None,
+        })
+    }
+
+    async fn share_memory(&mut self, picture_bytes: usize) -> Result<Sharing, BridgeError> {
+        let pictures = match SharedPictures::new(SLOTS, picture_bytes) {
+            Ok(pictures) => pictures,
+            Err(error) => {
+                tracing::info!(%error, "no memory to share: pictures travel");
+                return Ok(Sharing::Impossible);
+            }
+        };
+        let offer = Request::ShareMemory(pictures.offer().clone());
+        match self
+            .link
+            .ask("sharing memory", &offer, SWITCH_TIMEOUT)
+            .await
+        {
+            Ok(Answer::MemoryShared) => Ok(Sharing::Shared(pictures)),
+            Ok(other) => Err(wrong("memory_shared", &other)),
+            Err(BridgeError::Refused { text, .. }) => {
+                tracing::info!(text, "the simulator shares no memory: pictures travel");
+                Ok(Sharing::Impossible)
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
