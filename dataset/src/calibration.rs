@@ -7,8 +7,11 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, CameraPose};
+use crate::distortion::Distortion;
 use crate::error::Result;
+use crate::imaging::{Degradation, Imaging, is_zero};
 use crate::json_file::{read_json, write_json};
+use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION};
 
 /// All cameras of a scenario by their identifiers, in the order of the identifiers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -49,8 +52,15 @@ pub struct CameraEntry {
     pub height_px: u32,
     /// Intrinsics, row-major.
     pub k: [[f64; 3]; 3],
-    /// OpenCV distortion coefficients; empty for a pure pinhole.
+    /// OpenCV distortion coefficients k1, k2, p1, p2, k3; empty for a pure pinhole.
     pub distortion: Vec<f64>,
+    /// Coefficient of terrestrial refraction: things at a distance d appear lifted by `k d^2 / (2 R)`, with R = 6,371,008.8 m. Missing
+    /// where light goes straight.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub refraction_coefficient: f64,
+    /// Blur, seeing and noise of the pictures, which move no truth. Missing where there are none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub degradation: Option<Degradation>,
     /// Extrinsics.
     pub ecef_from_camera: RigidTransform,
     /// The same placement as it was asked of the simulator.
@@ -75,6 +85,8 @@ impl CameraEntry {
             height_px,
             k: camera.k(),
             distortion: Vec::new(),
+            refraction_coefficient: 0.0,
+            degradation: None,
             ecef_from_camera: RigidTransform {
                 rotation: camera.ecef_from_camera.transpose().to_cols_array_2d(),
                 translation_m: camera.center_ecef_m.to_array(),
@@ -83,8 +95,57 @@ impl CameraEntry {
         }
     }
 
+    /// The entry with the lens, the air and the sensor of its pictures.
+    #[must_use]
+    pub fn with_imaging(self, imaging: &Imaging) -> Self {
+        Self {
+            distortion: imaging
+                .distortion
+                .map_or_else(Vec::new, |lens| lens.coefficients().to_vec()),
+            refraction_coefficient: imaging.refraction_coefficient,
+            degradation: imaging.degradation,
+            ..self
+        }
+    }
+
+    /// Lens, air and sensor of its pictures.
+    pub fn imaging(&self) -> Imaging {
+        Imaging {
+            distortion: Distortion::from_coefficients(&self.distortion),
+            refraction_coefficient: self.refraction_coefficient,
+            degradation: self.degradation,
+        }
+    }
+
+    /// Why nothing can be projected with this camera, if so: a matrix or a lens that this software does not know.
+    pub fn fault(&self) -> Option<String> {
+        let k = &self.k;
+        if k[0][0] != k[1][1] || k[0][1] != 0.0 {
+            return Some("has skew or non-square pixels; expected square ones".into());
+        }
+        if self.distortion.is_empty() {
+            return None;
+        }
+        let Some(lens) = Distortion::from_coefficients(&self.distortion) else {
+            return Some(format!(
+                "has {} distortion coefficients; expected none or k1, k2, p1, p2, k3",
+                self.distortion.len()
+            ));
+        };
+        lens.check(self.camera().corner()).err()
+    }
+
+    /// Whether a reader that knows pinholes and straight light only would misread it.
+    pub fn bends_light(&self) -> bool {
+        !self.distortion.is_empty() || self.refraction_coefficient != 0.0
+    }
+
     /// The camera for projecting.
     pub fn camera(&self) -> Camera {
+        self.pinhole().seen_through(&self.imaging())
+    }
+
+    fn pinhole(&self) -> Camera {
         Camera {
             width_px: self.width_px,
             height_px: self.height_px,
@@ -93,6 +154,8 @@ impl CameraEntry {
             ecef_from_camera: DMat3::from_cols_array_2d(&self.ecef_from_camera.rotation)
                 .transpose(),
             center_ecef_m: DVec3::from_array(self.ecef_from_camera.translation_m),
+            distortion: None,
+            refraction: None,
         }
     }
 }
@@ -119,6 +182,16 @@ impl Calibration {
         }
     }
 
+    /// Version of the form in which a scenario with these cameras is written: the first, unless a reader of the first would
+    /// project wrongly.
+    pub fn schema_version(&self) -> u32 {
+        if self.cameras.values().any(CameraEntry::bends_light) {
+            SCHEMA_VERSION
+        } else {
+            PINHOLE_SCHEMA_VERSION
+        }
+    }
+
     /// Reads `calibration.json`.
     pub fn read(path: &Path) -> Result<Self> {
         read_json(path, "calibration")
@@ -134,6 +207,60 @@ impl Calibration {
 mod tests {
     use super::*;
     use crate::pose::Pose;
+
+    #[test]
+    fn a_pinhole_is_written_as_it_always_was_and_a_lens_comes_back() {
+        let pose = Pose {
+            latitude_deg: 1.36,
+            longitude_deg: 103.98,
+            altitude_msl_m: 16.7,
+            heading_true_deg: 203.0,
+            pitch_deg: 1.5,
+            roll_deg: 0.0,
+        };
+        let placed = CameraPose {
+            pose,
+            hfov_deg: 60.0,
+        };
+        let plain = Calibration::from_poses([("left", placed)], 1920, 1280);
+        let text = serde_json::to_string(&plain).unwrap();
+        assert!(
+            text.contains(r#""distortion":[],"ecef_from_camera""#),
+            "{text}"
+        );
+        assert_eq!(plain.schema_version(), 1);
+
+        let imaging = Imaging {
+            distortion: Some(Distortion {
+                k1: -0.2,
+                k2: 0.03,
+                p1: 0.001,
+                p2: -0.002,
+                k3: 0.004,
+            }),
+            refraction_coefficient: 0.13,
+            degradation: Some(Degradation {
+                blur_sigma_px: 0.7,
+                seed: 5,
+                ..Degradation::default()
+            }),
+        };
+        let mut lens = plain.clone();
+        let entry = lens.cameras["left"].clone().with_imaging(&imaging);
+        lens.cameras.insert("left".into(), entry);
+        assert_eq!(lens.schema_version(), 2);
+        let text = serde_json::to_string(&lens).unwrap();
+        assert!(text.contains("[-0.2,0.03,0.001,-0.002,0.004]"), "{text}");
+        let back: Calibration = serde_json::from_str(&text).unwrap();
+        assert_eq!(back.cameras["left"].imaging(), imaging);
+        assert_eq!(back.cameras["left"].fault(), None);
+        let [bent, straight] = [&back, &plain].map(|c| c.cameras["left"].camera());
+        let corner = DVec2::new(20.0, 30.0);
+        let point = bent.center_ecef_m + bent.ray(corner) * 100.0;
+        // Light bends by a tenth of a millimetre on its way.
+        assert!(bent.project(point).unwrap().distance(corner) < 0.01);
+        assert!(straight.project(point).unwrap().distance(corner) > 30.0);
+    }
 
     #[test]
     fn a_camera_read_back_from_json_projects_to_the_same_pixel() {

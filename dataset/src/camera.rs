@@ -1,4 +1,5 @@
-//! Pinhole cameras: where they stand, and where a point of the world falls in their picture.
+//! Cameras: where they stand, and where a point of the world falls in their picture. Pinholes, unless a calibration says how their
+//! lens distorts or how the air bends the light on its way.
 //!
 //! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so a picture
 //! covers -0.5 to width - 0.5.
@@ -6,7 +7,10 @@
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::distortion::{Distortion, FIELD_OVER_HALF_DIAGONAL};
+use crate::imaging::Imaging;
 use crate::pose::Pose;
+use crate::refraction::Refraction;
 
 /// A camera as it is placed: a pose whose forward axis is the optical axis, and a horizontal field of view.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -18,7 +22,7 @@ pub struct CameraPose {
     pub hfov_deg: f64,
 }
 
-/// Intrinsics and extrinsics of a camera without lens distortion.
+/// Intrinsics and extrinsics of a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Camera {
     /// Width of the picture, pixels.
@@ -33,6 +37,10 @@ pub struct Camera {
     pub ecef_from_camera: DMat3,
     /// The projection centre in ECEF, metres.
     pub center_ecef_m: DVec3,
+    /// Distortion of its lens; `None` is a pinhole.
+    pub distortion: Option<Distortion>,
+    /// How the air bends light on its way; `None` if it goes straight.
+    pub refraction: Option<Refraction>,
 }
 
 impl Camera {
@@ -51,26 +59,86 @@ impl Camera {
             ),
             ecef_from_camera: placed.pose.ecef_from_body() * body_from_camera,
             center_ecef_m: placed.pose.position().to_ecef(),
+            distortion: None,
+            refraction: None,
         }
     }
 
-    /// Coordinates of an ECEF point in camera axes (right, down, forward), metres.
+    /// The camera with the lens and the refraction of `imaging`.
+    #[must_use]
+    pub fn seen_through(self, imaging: &Imaging) -> Self {
+        Self {
+            distortion: imaging.distortion,
+            refraction: Refraction::new(imaging.refraction_coefficient, self.center_ecef_m),
+            ..self
+        }
+    }
+
+    /// Where an ECEF point appears to be, in camera axes (right, down, forward), metres: where it is, unless the air bends light.
     pub fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
-        self.ecef_from_camera.transpose() * (ecef_m - self.center_ecef_m)
+        let seen_m = ecef_m - self.center_ecef_m;
+        let appears_m = match self.refraction {
+            None => seen_m,
+            Some(refraction) => seen_m + refraction.lift(seen_m),
+        };
+        self.ecef_from_camera.transpose() * appears_m
     }
 
     /// Where an ECEF point falls in the picture, pixels; `None` if it is not in front of the camera.
     /// The pixel may lie outside the picture.
     pub fn project(&self, ecef_m: DVec3) -> Option<DVec2> {
         let point = self.to_camera(ecef_m);
-        (point.z > 0.0)
-            .then(|| DVec2::new(point.x, point.y) * (self.focal_px / point.z) + self.principal_px)
+        (point.z > 0.0).then(|| self.pixel_of(point))
     }
 
-    /// Unit vector in ECEF from the camera through a pixel.
+    /// Where a point in camera axes falls; it has to be in front of the camera.
+    pub fn pixel_of(&self, camera_m: DVec3) -> DVec2 {
+        match self.distortion {
+            None => {
+                DVec2::new(camera_m.x, camera_m.y) * (self.focal_px / camera_m.z)
+                    + self.principal_px
+            }
+            Some(lens) => {
+                let ideal = camera_m.truncate() / camera_m.z;
+                lens.distort_within(ideal, self.field()) * self.focal_px + self.principal_px
+            }
+        }
+    }
+
+    /// What a pixel sees, right and down of the optical axis per depth: the distortion of the lens undone.
+    pub fn image_of(&self, pixel: DVec2) -> DVec2 {
+        let seen = (pixel - self.principal_px) / self.focal_px;
+        match self.distortion {
+            None => seen,
+            Some(lens) => lens.undistort_within(seen, self.field()),
+        }
+    }
+
+    /// Unit vector in ECEF from the camera through a pixel: the direction in which light arrives.
     pub fn ray(&self, pixel: DVec2) -> DVec3 {
-        let image = (pixel - self.principal_px) / self.focal_px;
-        (self.ecef_from_camera * image.extend(1.0)).normalize()
+        (self.ecef_from_camera * self.image_of(pixel).extend(1.0)).normalize()
+    }
+
+    /// Unit vector in ECEF from the camera to what is seen at a pixel and is so far away: below the arriving light, if the air bends it.
+    pub fn ray_to(&self, pixel: DVec2, distance_m: f64) -> DVec3 {
+        let arrives = self.ray(pixel);
+        match self.refraction {
+            None => arrives,
+            Some(refraction) => {
+                let appears_m = arrives * distance_m;
+                (appears_m - refraction.lift(appears_m)).normalize()
+            }
+        }
+    }
+
+    /// Distance of the picture's corners from its middle, in image coordinates.
+    pub fn corner(&self) -> f64 {
+        f64::from(self.width_px).hypot(f64::from(self.height_px)) / 2.0 / self.focal_px
+    }
+
+    /// Up to this radius, in image coordinates, the lens follows its polynomials.
+    fn field(&self) -> f64 {
+        FIELD_OVER_HALF_DIAGONAL * self.corner()
     }
 
     /// The 3x3 matrix of intrinsics, row-major.
@@ -154,6 +222,45 @@ mod tests {
         let pixel = DVec2::new(123.25, 1_000.75);
         let point = camera.center_ecef_m + camera.ray(pixel) * 12_345.0;
         assert!(camera.project(point).unwrap().abs_diff_eq(pixel, 1e-6));
+    }
+
+    #[test]
+    fn a_ray_through_a_lens_and_bent_light_goes_back_to_its_point() {
+        let (placed, camera) = camera();
+        let camera = camera.seen_through(&Imaging {
+            distortion: Some(Distortion {
+                k1: -2.0,
+                p2: 0.003,
+                ..Distortion::default()
+            }),
+            refraction_coefficient: 0.13,
+            degradation: None,
+        });
+        let point = placed
+            .pose
+            .body_point_to_ecef(DVec3::new(18_520.0, 1_400.0, -700.0));
+        let pixel = camera.project(point).unwrap();
+        let distance_m = point.distance(camera.center_ecef_m);
+        let back = camera.center_ecef_m + camera.ray_to(pixel, distance_m) * distance_m;
+        assert!(back.distance(point) < 1e-3, "{}", back.distance(point));
+        let straight = camera.center_ecef_m + camera.ray(pixel) * distance_m;
+        let above_m = straight.distance(point);
+        assert!((above_m - 3.51).abs() < 0.03, "{above_m}");
+    }
+
+    #[test]
+    fn refraction_lifts_an_aircraft_at_ten_miles_by_two_pixels_of_ten_degrees() {
+        let (placed, camera) = camera();
+        let bent = camera.seen_through(&Imaging {
+            refraction_coefficient: 0.13,
+            ..Imaging::default()
+        });
+        let point = placed
+            .pose
+            .body_point_to_ecef(DVec3::new(18_520.0, 0.0, 0.0));
+        let [plain, lifted] = [camera, bent].map(|camera| camera.project(point).unwrap());
+        let off = lifted - plain;
+        assert!((off.y + 2.07).abs() < 0.02 && off.x.abs() < 1e-9, "{off}");
     }
 
     #[test]

@@ -11,8 +11,11 @@ use crate::geodesy::Geodetic;
 use crate::json_file::{read_json, write_json};
 use crate::runway::Runway;
 
-/// Version of the on-disk form. A reader refuses a larger one.
-pub const SCHEMA_VERSION: u32 = 1;
+/// Latest version of the on-disk form. A reader refuses a larger one.
+pub const SCHEMA_VERSION: u32 = 2;
+/// The version of scenarios whose cameras are pinholes that see along straight lines: what readers of version 1 know.
+/// [`crate::calibration::Calibration::schema_version`] says which one a scenario has.
+pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
 
 /// Where a flight comes from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -32,7 +35,7 @@ pub enum Flight {
 /// The record of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScenarioRecord {
-    /// [`SCHEMA_VERSION`] when this was written.
+    /// Version of the form: [`PINHOLE_SCHEMA_VERSION`], or [`SCHEMA_VERSION`] if a lens or the air bends light.
     pub schema_version: u32,
     /// Identifier and folder name, e.g. `1700-foggy-r3`.
     pub id: String,

@@ -10,7 +10,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use dataset::camera::Camera;
-use dataset::conditions::Conditions;
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -50,7 +49,7 @@ fn main() {
         let mut cells = Vec::new();
         for ((weather, time), parameters) in &kinds {
             let name = format!("{weather}-{}-{distance_nm}nm", time.replace(':', ""));
-            let (picture, crop) = look(&name, &plan.common, &parameters.conditions, distance_nm);
+            let (picture, crop) = look(&name, &plan.common, parameters, distance_nm);
             save(&picture, &folder.join(format!("{name}.png")));
             save(&crop, &folder.join(format!("{name}-crop.png")));
             cells.push(cell(&picture, &crop));
@@ -64,12 +63,13 @@ fn main() {
 fn look(
     name: &str,
     common: &Common,
-    conditions: &Conditions,
+    parameters: &Parameters,
     distance_nm: f64,
 ) -> (RgbImage, RgbImage) {
     let (width, height) = (common.picture.width_px, common.picture.height_px);
-    let placed = rig::place(&common.cameras[0], &common.runway);
-    let camera = Camera::from_pose(&placed, width, height);
+    let (conditions, views) = (&parameters.conditions, rig::views(common, parameters));
+    let (placed, imaging) = (&views[0].camera, &views[0].imaging);
+    let camera = Camera::from_pose(placed, width, height).seen_through(imaging);
     let started = Instant::now();
     let scene = Scene::new(
         &camera,
@@ -77,6 +77,10 @@ fn look(
         &conditions.weather,
         &conditions.clock,
     );
+    let scene = match &imaging.degradation {
+        None => scene,
+        Some(degradation) => scene.degraded(degradation),
+    };
     let prepared_ms = started.elapsed().as_secs_f64() * 1e3;
     let pose = on_glide_path(&common.runway, distance_nm * METERS_PER_NAUTICAL_MILE);
     let controls = Controls {

@@ -12,10 +12,12 @@ mod expand;
 mod split;
 mod summary;
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
 use dataset::conditions::Conditions;
+use dataset::imaging::Imaging;
 use dataset::json_file::{read_json, write_atomically};
 use dataset::runway::Runway;
 use dataset::scenario::Flight;
@@ -23,7 +25,7 @@ use dataset::video::VideoSettings;
 use serde::{Deserialize, Serialize};
 use xplane_bridge::fly::ApproachProfile;
 
-use crate::sweep::{Camera, Picture};
+use crate::sweep::{Aim, Camera, Jitter, Picture};
 
 pub use against::{Against, Standing};
 pub use difference::{Change, Difference};
@@ -101,6 +103,15 @@ pub struct Parameters {
     pub flight: Flight,
     /// How a live flight begins; absent for recordings.
     pub live: Option<LiveStart>,
+    /// Where the cameras look; absent if where the rig has them look.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aim: Option<Aim>,
+    /// How far each camera is off from where the rig has it, by its identifier; absent if none is.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub jitter: BTreeMap<String, Jitter>,
+    /// Lens, air and sensor of the cameras, by their identifiers; cameras without are ideal.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub imaging: BTreeMap<String, Imaging>,
 }
 
 /// How a live flight begins, as drawn from the sweep's spreads.

@@ -1,11 +1,101 @@
 //! From a rig as it is measured out on an airfield to cameras on the earth.
 
 use dataset::camera::CameraPose;
+use dataset::geodesy::Geodetic;
+use dataset::imaging::Imaging;
 use dataset::pose::Pose;
 use dataset::runway::Runway;
-use dataset::units::Degrees;
+use dataset::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
-use crate::sweep::Camera;
+use crate::plan::{Common, Parameters};
+use crate::sweep::{Aim, Camera, Jitter};
+
+/// A camera of one scenario.
+#[derive(Debug, Clone, PartialEq)]
+pub struct View {
+    /// Its identifier.
+    pub id: String,
+    /// Where it stands and looks.
+    pub camera: CameraPose,
+    /// Its lens, its sensor and the air before it.
+    pub imaging: Imaging,
+}
+
+/// The cameras of a scenario, in the order of the rig.
+pub fn views(common: &Common, parameters: &Parameters) -> Vec<View> {
+    let view = |camera: &Camera| {
+        let jitter = parameters
+            .jitter
+            .get(&camera.id)
+            .copied()
+            .unwrap_or_default();
+        View {
+            id: camera.id.clone(),
+            camera: place_in(camera, &common.runway, parameters.aim, &jitter),
+            imaging: parameters
+                .imaging
+                .get(&camera.id)
+                .copied()
+                .unwrap_or_default(),
+        }
+    };
+    common.cameras.iter().map(view).collect()
+}
+
+/// Where a camera of a scenario stands and looks: as in its rig, or turned elsewhere; and then so far off.
+pub fn place_in(camera: &Camera, runway: &Runway, aim: Option<Aim>, jitter: &Jitter) -> CameraPose {
+    let moved = Camera {
+        beyond_touchdown_m: camera.beyond_touchdown_m.map(|m| m + jitter.along_m),
+        beyond_threshold_m: camera.beyond_threshold_m.map(|m| m + jitter.along_m),
+        right_m: camera.right_m + jitter.right_m,
+        height_m: camera.height_m + jitter.height_m,
+        ..camera.clone()
+    };
+    let mut placed = place(&moved, runway);
+    // Which way a camera turns inwards is said of the rig: jitter that takes a mast over the runway's axis turns nothing round.
+    placed.pose.heading_true_deg = place(camera, runway).pose.heading_true_deg;
+    if let Some(aim) = aim {
+        // Aimed from where the rig has it: what is off is off for a camera that was set up by the plan.
+        (placed.pose.heading_true_deg, placed.pose.pitch_deg) =
+            direction(aim, place(camera, runway).pose.position(), runway);
+    }
+    let Pose {
+        heading_true_deg,
+        pitch_deg,
+        roll_deg,
+        ..
+    } = &mut placed.pose;
+    if jitter.heading_deg != 0.0 {
+        *heading_true_deg = Degrees(*heading_true_deg + jitter.heading_deg)
+            .wrapped_360()
+            .0;
+    }
+    *pitch_deg += jitter.pitch_deg;
+    *roll_deg += jitter.roll_deg;
+    placed.hfov_deg += jitter.hfov_deg;
+    placed
+}
+
+/// True direction and elevation, degrees, in which a camera in this place looks.
+fn direction(aim: Aim, from: Geodetic, runway: &Runway) -> (f64, f64) {
+    match aim {
+        Aim::Direction {
+            heading_true_deg,
+            pitch_deg,
+        } => (heading_true_deg, pitch_deg),
+        Aim::GlidePath { dtd_nm } => {
+            let dtd_m = dtd_nm * METERS_PER_NAUTICAL_MILE;
+            let height_m = dtd_m * runway.glide_path_deg.to_radians().tan();
+            let at = runway
+                .point_on_approach(dtd_m, 0.0)
+                .at_altitude_m(runway.touchdown_target().altitude_msl_m + height_m);
+            let seen = from.ecef_from_ned().transpose() * (at.to_ecef() - from.to_ecef());
+            let heading_deg = seen.y.atan2(seen.x).to_degrees();
+            let pitch_deg = (-seen.z).atan2(seen.truncate().length()).to_degrees();
+            (Degrees(heading_deg).wrapped_360().0, pitch_deg)
+        }
+    }
+}
 
 /// Where a camera of a rig stands and looks.
 pub fn place(camera: &Camera, runway: &Runway) -> CameraPose {
@@ -64,7 +154,88 @@ mod tests {
             heading_true_deg: None,
             pitch_deg: 1.6,
             hfov_deg: 10.0,
+            distortion: None,
         }
+    }
+
+    #[test]
+    fn a_camera_that_is_aimed_at_the_glide_path_has_that_point_in_the_middle_of_its_picture() {
+        let runway = airports::bundled("WSSS", "02L").unwrap();
+        for dtd_nm in [0.5, 3.0, 9.0] {
+            let aim = Some(Aim::GlidePath { dtd_nm });
+            let placed = place_in(&mast("left", -300.0), &runway, aim, &Jitter::default());
+            let dtd_m = dtd_nm * METERS_PER_NAUTICAL_MILE;
+            let at = runway.point_on_approach(dtd_m, 0.0).at_altitude_m(
+                runway.touchdown_target().altitude_msl_m + dtd_m * 3.0_f64.to_radians().tan(),
+            );
+            let pixel = Pinhole::from_pose(&placed, 1920, 1280)
+                .project(at.to_ecef())
+                .unwrap();
+            assert!(
+                pixel.distance(glam::DVec2::new(959.5, 639.5)) < 1e-3,
+                "{pixel}"
+            );
+        }
+        let direction = Aim::Direction {
+            heading_true_deg: 190.0,
+            pitch_deg: 2.5,
+        };
+        let placed = place_in(
+            &mast("left", -300.0),
+            &runway,
+            Some(direction),
+            &Jitter::default(),
+        );
+        assert_eq!(
+            (placed.pose.heading_true_deg, placed.pose.pitch_deg),
+            (190.0, 2.5)
+        );
+    }
+
+    #[test]
+    fn jitter_moves_and_turns_a_camera_by_what_was_drawn_and_none_changes_nothing() {
+        let runway = airports::bundled("WSSS", "02L").unwrap();
+        let camera = mast("left", -300.0);
+        let rig = place(&camera, &runway);
+        assert_eq!(place_in(&camera, &runway, None, &Jitter::default()), rig);
+        let jitter = Jitter {
+            along_m: 1.0,
+            right_m: -2.0,
+            height_m: 0.5,
+            heading_deg: -0.2,
+            pitch_deg: 0.1,
+            roll_deg: 0.3,
+            hfov_deg: -0.05,
+        };
+        let off = place_in(&camera, &runway, None, &jitter);
+        let moved_m = off
+            .pose
+            .position()
+            .to_ecef()
+            .distance(rig.pose.position().to_ecef());
+        assert!((moved_m - 5.25_f64.sqrt()).abs() < 1e-3, "{moved_m}");
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert!(close(
+            off.pose.heading_true_deg,
+            rig.pose.heading_true_deg - 0.2
+        ));
+        assert!(close(off.pose.pitch_deg, 1.7) && close(off.pose.roll_deg, 0.3));
+        assert!(close(off.hfov_deg, 9.95));
+    }
+
+    #[test]
+    fn a_mast_that_jitter_takes_over_the_axis_keeps_looking_where_it_did() {
+        let runway = airports::bundled("WSSS", "02L").unwrap();
+        let camera = mast("near", 1.0);
+        let jitter = Jitter {
+            right_m: -3.0,
+            ..Jitter::default()
+        };
+        let [rig, off] = [
+            place(&camera, &runway),
+            place_in(&camera, &runway, None, &jitter),
+        ];
+        assert_eq!(rig.pose.heading_true_deg, off.pose.heading_true_deg);
     }
 
     #[test]

@@ -3,12 +3,15 @@
 //! In goes the file, out comes a [`Sweep`] whose every value has been checked, or one message with file, line and column.
 //! What a sweep expands to is the business of [`crate::plan`].
 
+mod aim;
 mod check;
 mod document;
 mod error;
 mod fault;
 mod frame_rate_text;
 mod grid;
+mod imaging;
+mod jitter;
 mod limits;
 mod locate;
 mod picture;
@@ -30,9 +33,12 @@ use dataset::runway::Runway;
 use dataset::video::VideoSettings;
 use xplane_bridge::fly::ApproachProfile;
 
+pub use aim::{Aim, AimTable};
 pub use document::Corpus;
 pub use error::SweepError;
 pub use grid::Combination;
+pub use imaging::{ImagingTable, SeeingTable, SensorTable};
+pub use jitter::{Jitter, JitterTable};
 pub use picture::Picture;
 pub use recorded::{RecordedFlights, RecordedRule};
 pub use rigs::Camera;
@@ -55,6 +61,12 @@ pub struct Sweep {
     pub rig_name: String,
     /// Its cameras.
     pub cameras: Vec<Camera>,
+    /// Where each scenario turns its cameras, if not where the rig has them.
+    pub aim: Option<AimTable>,
+    /// How far each scenario's cameras are off.
+    pub jitter: Option<JitterTable>,
+    /// Air and sensor of the pictures.
+    pub imaging: Option<ImagingTable>,
     /// What is combined, in the order in which it is made; never empty, all different.
     pub combinations: Vec<Combination>,
     /// Day of the year, 1 to 365.

@@ -11,6 +11,7 @@ use std::time::Duration;
 
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use generator::generate::{
@@ -186,10 +187,11 @@ impl Engine for FaultyEngine {
         runway: &Runway,
         weather: &Weather,
         clock: &Clock,
+        degradation: Option<&Degradation>,
     ) -> Box<dyn Picture> {
         Box::new(FaultyPicture {
             faults: self.0.clone(),
-            picture: BuiltIn.picture(camera, runway, weather, clock),
+            picture: BuiltIn.picture(camera, runway, weather, clock, degradation),
         })
     }
 }

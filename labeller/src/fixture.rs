@@ -13,7 +13,7 @@ use dataset::geodesy::Geodetic;
 use dataset::pixel_box::PixelBox;
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
-use dataset::scenario::{Flight, SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::{commit_folder, seal_folder};
 use dataset::video::{VideoSettings, VideoWriter};
 
@@ -168,7 +168,7 @@ fn frames() -> Frames {
 fn record(id: &str) -> ScenarioRecord {
     let runway = runway();
     ScenarioRecord {
-        schema_version: SCHEMA_VERSION,
+        schema_version: PINHOLE_SCHEMA_VERSION,
         id: id.into(),
         trajectory: format!("trajectory-of-{id}"),
         seed: 7,

@@ -139,11 +139,11 @@ fn cameras(folder: &ScenarioFolder, record: &ScenarioRecord) -> Result<Vec<Camer
                 format!("calibration.json has no camera {view}; it has {known}"),
             )
         })?;
-        if !entry.distortion.is_empty() || entry.k[0][0] != entry.k[1][1] || entry.k[0][1] != 0.0 {
-            let message = format!(
-                "camera {view} has distortion, skew or non-square pixels; expected a pure pinhole"
-            );
-            return Err(Error::scenario(&record.id, message));
+        if let Some(fault) = entry.fault() {
+            return Err(Error::scenario(
+                &record.id,
+                format!("camera {view} of calibration.json {fault}"),
+            ));
         }
         Ok(entry.camera())
     };

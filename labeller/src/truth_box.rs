@@ -85,7 +85,11 @@ impl<'a> BodyInCamera<'a> {
                 normal: up,
                 offset_m: up.dot(camera.to_camera(foot.to_ecef())),
             },
-            range_m: origin.length(),
+            // Bent light makes the aircraft appear elsewhere, not farther.
+            range_m: match camera.refraction {
+                None => origin.length(),
+                Some(_) => camera.center_ecef_m.distance(pose.position().to_ecef()),
+            },
         }
     }
 
@@ -100,7 +104,7 @@ impl<'a> BodyInCamera<'a> {
     fn outline(&self, camera: &Camera) -> Option<PixelBox> {
         let mut extremes: Option<(DVec2, DVec2)> = None;
         let mut include = |point: DVec3| {
-            let pixel = pixel_of(point, camera);
+            let pixel = camera.pixel_of(point);
             let (low, high) = extremes.unwrap_or((pixel, pixel));
             extremes = Some((low.min(pixel), high.max(pixel)));
         };
@@ -130,7 +134,7 @@ impl<'a> BodyInCamera<'a> {
             let pixels = |polygon: &[DVec3]| {
                 polygon
                     .iter()
-                    .map(|point| pixel_of(*point, camera))
+                    .map(|point| camera.pixel_of(*point))
                     .collect::<Vec<_>>()
             };
             grid.fill(&pixels(&front), WHOLE);
@@ -150,11 +154,6 @@ impl<'a> BodyInCamera<'a> {
             (seen as f64 / whole as f64).min(1.0)
         }
     }
-}
-
-/// Where a point in camera axes falls; it has to be in front of the camera.
-fn pixel_of(point: DVec3, camera: &Camera) -> DVec2 {
-    DVec2::new(point.x, point.y) * (camera.focal_px / point.z) + camera.principal_px
 }
 
 fn is_inside(outline: &PixelBox, camera: &Camera) -> bool {

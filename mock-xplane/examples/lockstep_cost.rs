@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Engine, Picture, ServerOptions, serve_with};
@@ -31,7 +32,14 @@ impl Engine for Blank {
         Err("a blank simulator does not fly".into())
     }
 
-    fn picture(&self, _: &Camera, _: &Runway, _: &Weather, _: &Clock) -> Box<dyn Picture> {
+    fn picture(
+        &self,
+        _: &Camera,
+        _: &Runway,
+        _: &Weather,
+        _: &Clock,
+        _: Option<&Degradation>,
+    ) -> Box<dyn Picture> {
         Box::new(Self)
     }
 }

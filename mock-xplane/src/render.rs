@@ -3,10 +3,14 @@
 //! In: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Out: 8-bit sRGB pictures. Everything
 //! behind the aircraft is computed once per [`Scene`] and copied; the aircraft's patch is drawn with up to 256 samples per
 //! pixel and composited in linear light. The same inputs give the same bytes, whatever the number of threads.
+//!
+//! Distortion and refraction are the camera's: rays and projections know them, so nothing is drawn first and warped then. Blur, seeing and
+//! noise are a [`Degradation`], and cost nothing where there is none.
 
 mod air;
 mod aircraft;
 mod backdrop;
+mod blur;
 mod clouds;
 mod curves;
 mod ground;
@@ -15,6 +19,8 @@ mod light;
 mod noise;
 mod rain;
 mod raster;
+mod seeing;
+mod sensor;
 mod ships;
 mod site_lamps;
 mod tone;
@@ -25,6 +31,7 @@ use std::sync::{Mutex, PoisonError};
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
 use glam::{DVec2, DVec3, Vec3};
@@ -32,11 +39,14 @@ use glam::{DVec2, DVec3, Vec3};
 use air::Air;
 use aircraft::Placed;
 use backdrop::{Backdrop, SkyGrid, Surroundings};
+use blur::Blur;
 use clouds::{CloudLight, Clouds};
 use ground::Ground;
 use lamps::Spot;
 use light::Light;
 use raster::{Patch, Scratch};
+use seeing::Turbulence;
+use sensor::SensorNoise;
 use tone::Tone;
 use view::View;
 
@@ -50,6 +60,33 @@ pub struct Scene {
     rain_grey: [f32; 3],
     rain_seed: u32,
     scratch: Mutex<Vec<Scratch>>,
+    spoiled: Spoiled,
+}
+
+/// What spoils the pictures; nothing, by default.
+#[derive(Default)]
+struct Spoiled {
+    blur_sigma_px: f64,
+    turbulence: Option<Turbulence>,
+    noise: Option<SensorNoise>,
+}
+
+impl Spoiled {
+    /// Blur of something at a distance, if there is any.
+    fn blur(&self, distance_m: f64) -> Option<Blur> {
+        let seeing_px = self
+            .turbulence
+            .as_ref()
+            .map_or(0.0, |air| air.blur_px(distance_m));
+        Blur::new(self.blur_sigma_px.hypot(seeing_px))
+    }
+
+    /// How far seeing moves the image of something at a distance, pixels.
+    fn shift_px(&self, distance_m: f64, time_s: f64) -> Option<DVec2> {
+        self.turbulence
+            .as_ref()
+            .map(|air| air.shift_px(distance_m, time_s))
+    }
 }
 
 /// The light of a patch of pixels, row by row, with the rectangle that it covers.
@@ -99,7 +136,31 @@ impl Scene {
             rain_grey,
             rain_seed,
             scratch: Mutex::default(),
+            spoiled: Spoiled::default(),
         }
+    }
+
+    /// The same, spoiled by optics, air and sensor.
+    #[must_use]
+    pub fn degraded(mut self, degradation: &Degradation) -> Self {
+        let focal_px = self.world.view.camera.focal_px;
+        let turbulence = degradation
+            .seeing
+            .map(|seeing| Turbulence::new(&seeing, focal_px, degradation.seed));
+        let backdrop_px = turbulence
+            .as_ref()
+            .map_or(0.0, Turbulence::backdrop_blur_px);
+        if let Some(blur) = Blur::new(degradation.blur_sigma_px.hypot(backdrop_px)) {
+            self.backdrop.blur(&blur);
+        }
+        self.spoiled = Spoiled {
+            blur_sigma_px: degradation.blur_sigma_px,
+            turbulence,
+            noise: degradation
+                .sensor
+                .map(|sensor| SensorNoise::new(&sensor, degradation.seed)),
+        };
+        self
     }
 
     /// Draws one frame. `time_s` moves clouds, rain and flashing lamps; `rgb` holds `width * height * 3` bytes, row by row.
@@ -131,13 +192,20 @@ impl Scene {
         let placed = Placed::new(&self.world.view, pose, controls);
         if placed.is_ahead() {
             let clouds = CloudsBefore::new(&self.world, &placed, time_s);
-            let patch = self.draw_airframe(&placed);
-            let lamps = if with_lamps {
+            let distance_m = placed.distance_m();
+            let shift_px = self.spoiled.shift_px(distance_m, time_s);
+            let patch = self.draw_airframe(&placed, shift_px);
+            let mut lamps = if with_lamps {
                 self.visible_lamps(&placed, &clouds, time_s)
             } else {
                 vec![]
             };
-            if let Some(canvas) = self.composite(patch.as_ref(), &lamps, &clouds, &sky) {
+            if let Some(shift_px) = shift_px {
+                lamps.iter_mut().for_each(|lamp| lamp.pixel += shift_px);
+            }
+            let blur = self.spoiled.blur(distance_m);
+            let canvas = self.composite(patch.as_ref(), &lamps, &clouds, &sky, blur.as_ref());
+            if let Some(canvas) = canvas {
                 canvas.write(rgb, size.0);
             }
         }
@@ -151,6 +219,9 @@ impl Scene {
                 self.rain_seed,
             );
         }
+        if let Some(noise) = &self.spoiled.noise {
+            noise.add(rgb, size.0, time_s);
+        }
     }
 
     /// Width and height of the picture, pixels.
@@ -161,15 +232,21 @@ impl Scene {
         )
     }
 
-    fn draw_airframe(&self, placed: &Placed) -> Option<Patch> {
+    fn draw_airframe(&self, placed: &Placed, shift_px: Option<DVec2>) -> Option<Patch> {
         let world = &self.world;
-        let triangles = placed.triangles(
+        let mut triangles = placed.triangles(
             &placed.mesh(),
             &world.view,
             &world.air,
             &self.light,
             &world.tone,
         );
+        if let Some(shift_px) = shift_px {
+            let corners = triangles
+                .iter_mut()
+                .flat_map(|triangle| &mut triangle.pixels);
+            corners.for_each(|corner| *corner += shift_px);
+        }
         let mut scratch = self
             .scratch
             .lock()
@@ -199,8 +276,10 @@ impl Scene {
         lamps: &[Spot],
         clouds: &CloudsBefore,
         sky: &SkyGrid,
+        blur: Option<&Blur>,
     ) -> Option<Canvas> {
-        let mut canvas = Canvas::around(patch, lamps, self.size())?;
+        let margin_px = blur.map_or(0, Blur::reach_px);
+        let mut canvas = Canvas::around(patch, lamps, margin_px, self.size())?;
         for index in 0..canvas.light.len() {
             let (x, y) = (
                 canvas.x + index % canvas.width,
@@ -227,6 +306,9 @@ impl Scene {
             canvas.light[index] = light + glow;
             canvas.touched[index] = covered.is_some() || glow.max_element() > 0.0;
         }
+        if let Some(blur) = blur {
+            canvas.blur(blur, |x, y| self.backdrop.light(sky, x, y));
+        }
         Some(canvas)
     }
 }
@@ -245,10 +327,11 @@ impl Patch {
 }
 
 impl Canvas {
-    /// An empty canvas that holds a patch and the reach of all lamps.
+    /// An empty canvas that holds a patch and the reach of all lamps, and a margin around them.
     fn around(
         patch: Option<&Patch>,
         lamps: &[Spot],
+        margin_px: usize,
         (width, height): (usize, usize),
     ) -> Option<Self> {
         let mut min = DVec2::INFINITY;
@@ -265,8 +348,9 @@ impl Canvas {
                 max = max.max(spot.pixel + reach);
             }
         }
-        let min = min.ceil().max(DVec2::ZERO);
-        let max = max
+        let margin_px = margin_px as f64;
+        let min = (min - margin_px).ceil().max(DVec2::ZERO);
+        let max = (max + margin_px)
             .floor()
             .min(DVec2::new(width as f64 - 1.0, height as f64 - 1.0));
         (min.x <= max.x && min.y <= max.y).then(|| {
@@ -279,6 +363,24 @@ impl Canvas {
                 touched: vec![false; columns * rows],
             }
         })
+    }
+
+    /// Blurs what aircraft and lamps change; the backdrop has been blurred before.
+    fn blur(&mut self, blur: &Blur, behind: impl Fn(usize, usize) -> Vec3) {
+        let behind: Vec<Vec3> = (0..self.light.len())
+            .map(|i| behind(self.x + i % self.width, self.y + i / self.width))
+            .collect();
+        let mut changes: Vec<Vec3> = self
+            .light
+            .iter()
+            .zip(&behind)
+            .map(|(a, b)| *a - *b)
+            .collect();
+        blur.apply(&mut changes, self.width);
+        for (index, change) in changes.into_iter().enumerate() {
+            self.light[index] = (behind[index] + change).max(Vec3::ZERO);
+            self.touched[index] |= change != Vec3::ZERO;
+        }
     }
 
     /// Writes the pixels that differ from the backdrop.
@@ -308,9 +410,7 @@ impl CloudsBefore {
     fn new(world: &Surroundings, placed: &Placed, time_s: f64) -> Self {
         let camera = &world.view.camera;
         let distance_m = placed.distance_m();
-        let center = camera
-            .project(placed.pose.position().to_ecef())
-            .unwrap_or(camera.principal_px);
+        let center = placed.center_px(&world.view);
         // Half a span and a little, as it appears.
         let spacing_px = (20.0 * camera.focal_px / distance_m).max(1.0);
         let origin = center - spacing_px;

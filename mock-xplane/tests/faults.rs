@@ -6,6 +6,7 @@ use std::time::Duration;
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Faults, Picture, ServerOptions, serve_with};
@@ -27,7 +28,14 @@ impl Engine for Blank {
         Err("no flight model".into())
     }
 
-    fn picture(&self, _: &Camera, _: &Runway, _: &Weather, _: &Clock) -> Box<dyn Picture> {
+    fn picture(
+        &self,
+        _: &Camera,
+        _: &Runway,
+        _: &Weather,
+        _: &Clock,
+        _: Option<&Degradation>,
+    ) -> Box<dyn Picture> {
         Box::new(Self)
     }
 }

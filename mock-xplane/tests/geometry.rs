@@ -7,7 +7,9 @@ use std::process::Command;
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
+use dataset::distortion::Distortion;
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Imaging;
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
 use mock_xplane::render::Scene;
@@ -19,6 +21,25 @@ const HEIGHT_PX: u32 = 192;
 const FOCAL_PX: f64 = 10_972.8;
 /// Poses at each distance and from each side, each at another fraction of a pixel.
 const STEPS: u32 = 16;
+
+const DISTANCES_NM: [f64; 4] = [1.0, 3.0, 6.0, 9.0];
+/// The same through a lens and bent light.
+const BENT_DISTANCES_NM: [f64; 2] = [3.0, 9.0];
+
+/// A lens that moves the aircraft by pixels, and the usual refraction.
+fn bent() -> Imaging {
+    Imaging {
+        distortion: Some(Distortion {
+            k1: -250.0,
+            k2: 9_000.0,
+            p1: 0.4,
+            p2: -0.3,
+            k3: 100.0,
+        }),
+        refraction_coefficient: 0.13,
+        degradation: None,
+    }
+}
 
 const LANDING: Controls = Controls {
     flap_ratio: 0.75,
@@ -89,17 +110,24 @@ fn draw_scenes(folder: &Path) {
         zulu_time_s: 4.0 * 3_600.0,
     };
     let mut frames: Vec<Value> = vec![];
-    for distance_nm in [1.0, 3.0, 6.0, 9.0] {
+    let ideal = DISTANCES_NM.map(|distance_nm| (distance_nm, "", Imaging::default()));
+    let bent = BENT_DISTANCES_NM.map(|distance_nm| (distance_nm, ", bent", bent()));
+    for (distance_nm, through, imaging) in ideal.into_iter().chain(bent) {
         let distance_m = distance_nm * 1_852.0;
-        let (pose, camera) = placed(distance_m);
-        let pinhole = Camera::from_pose(&camera, WIDTH_PX, HEIGHT_PX);
+        let (pose, mut camera) = placed(distance_m);
+        if !imaging.is_ideal() {
+            // Off the middle, where a lens does nothing.
+            camera.pose.heading_true_deg += 0.5;
+            camera.pose.pitch_deg += 0.2;
+        }
+        let pinhole = Camera::from_pose(&camera, WIDTH_PX, HEIGHT_PX).seen_through(&imaging);
         let scene = Scene::new(&pinhole, &changi_02l(), &weather, &noon);
         let draw = |name: &str, pose: &Pose| {
             let mut rgb = vec![0; (WIDTH_PX * HEIGHT_PX * 3) as usize];
             scene.render(pose, &LANDING, 0.0, &mut rgb);
             fs::write(folder.join(name), rgb).unwrap();
         };
-        let empty = format!("{distance_nm}-empty.rgb");
+        let empty = format!("{distance_nm}{through}-empty.rgb");
         let elsewhere = Pose {
             latitude_deg: pose.latitude_deg + 1.0,
             ..pose
@@ -117,7 +145,7 @@ fn draw_scenes(folder: &Path) {
                     heading_true_deg: pose.heading_true_deg + turn_deg,
                     ..pose
                 };
-                let picture = format!("{distance_nm}-{seen_from}-{step}.rgb");
+                let picture = format!("{distance_nm}{through}-{seen_from}-{step}.rgb");
                 draw(&picture, &pose);
                 let camera = json!({
                     "latitude_deg": camera.pose.latitude_deg,
@@ -127,9 +155,11 @@ fn draw_scenes(folder: &Path) {
                     "pitch_deg": camera.pose.pitch_deg,
                     "roll_deg": camera.pose.roll_deg,
                     "hfov_deg": camera.hfov_deg,
+                    "distortion": imaging.distortion.unwrap_or_default().coefficients(),
+                    "refraction_coefficient": imaging.refraction_coefficient,
                 });
                 frames.push(json!({
-                    "distance_nm": distance_nm, "seen_from": seen_from, "picture": picture, "empty": empty,
+                    "distance_nm": distance_nm, "through": through, "seen_from": seen_from, "picture": picture, "empty": empty,
                     "pose": pose, "camera": camera,
                 }));
             }
@@ -163,5 +193,6 @@ fn wheels_wing_tips_and_nose_lie_where_an_independent_camera_model_puts_them() {
         String::from_utf8_lossy(&output.stderr)
     );
     let verdict: Value = serde_json::from_str(&said).unwrap();
-    assert_eq!(verdict["frames"], 4 * 3 * STEPS);
+    let scenes = (DISTANCES_NM.len() + BENT_DISTANCES_NM.len()) as u32;
+    assert_eq!(verdict["frames"], scenes * 3 * STEPS);
 }

@@ -7,6 +7,7 @@ use std::time::Duration;
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve, serve_with};
@@ -61,6 +62,7 @@ impl Engine for Scribe {
         _: &Runway,
         weather: &Weather,
         clock: &Clock,
+        _: Option<&Degradation>,
     ) -> Box<dyn Picture> {
         self.prepared
             .lock()

@@ -6,8 +6,10 @@ use std::time::Duration;
 
 use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::distortion::Distortion;
 use dataset::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::geodesy::Geodetic;
+use dataset::imaging::{Degradation, Imaging, Sensor};
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
@@ -145,6 +147,100 @@ fn difference(a: &[u8], b: &[u8]) -> (f64, u8) {
     let each = || a.iter().zip(b).map(|(a, b)| a.abs_diff(*b));
     let sum: f64 = each().map(f64::from).sum();
     (sum / a.len() as f64, each().max().unwrap_or(0))
+}
+
+/// A lens, bent light and noise.
+fn imaging() -> Imaging {
+    Imaging {
+        distortion: Some(Distortion {
+            k1: -0.5,
+            ..Distortion::default()
+        }),
+        refraction_coefficient: 0.13,
+        degradation: Some(Degradation {
+            sensor: Some(Sensor {
+                full_well_electrons: 5_000.0,
+                read_noise_electrons: 4.0,
+            }),
+            seed: 9,
+            ..Degradation::default()
+        }),
+    }
+}
+
+async fn picture(simulator: &mut Simulator) -> Vec<u8> {
+    simulator.send_capture(&capture(1)).await.unwrap();
+    simulator.receive_frame().await.unwrap().rgb
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() {
+    let mut simulator = connected(Generation::XPlane11, None).await;
+    simulator.set_conditions(&noon()).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let ideal = picture(&mut simulator).await;
+    simulator
+        .freeze_imaging(&runway(), &[imaging()])
+        .await
+        .unwrap();
+    let drawn = picture(&mut simulator).await;
+    assert!(difference(&drawn, &ideal).0 > 1.0);
+    assert!(
+        drawn == picture(&mut simulator).await,
+        "noise is not that of its seed and instant"
+    );
+    // Another view than the one with the lens is ideal.
+    simulator
+        .freeze_imaging(&runway(), &[Imaging::default(), imaging()])
+        .await
+        .unwrap();
+    assert!(picture(&mut simulator).await == ideal);
+
+    let folding = Imaging {
+        distortion: Some(Distortion {
+            k1: -40.0,
+            ..Distortion::default()
+        }),
+        ..Imaging::default()
+    };
+    simulator
+        .freeze_imaging(&runway(), &[folding])
+        .await
+        .unwrap();
+    simulator.send_capture(&capture(1)).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err().to_string();
+    assert!(error.contains("folds the picture over"), "{error}");
+    let endless = Imaging {
+        degradation: Some(Degradation {
+            blur_sigma_px: 1e9,
+            ..Degradation::default()
+        }),
+        ..Imaging::default()
+    };
+    let error = simulator.freeze_imaging(&runway(), &[endless]).await;
+    let error = error.unwrap_err().to_string();
+    assert!(
+        error.contains("blur_sigma_px is 1000000000, expected 0 to 20"),
+        "{error}"
+    );
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn x_plane_behind_its_plugin_refuses_what_it_cannot_draw() {
+    let mut simulator = connected(Generation::XPlane11, Some(plugin())).await;
+    assert!(!simulator.description().imaging);
+    let error = simulator
+        .freeze_imaging(&runway(), &[Imaging::default(), imaging()])
+        .await;
+    let error = error.unwrap_err().to_string();
+    assert!(
+        error.contains("X-Plane draws the pictures of ideal pinholes") && error.contains("view 1"),
+        "{error}"
+    );
+    simulator
+        .freeze_imaging(&runway(), &[Imaging::default()])
+        .await
+        .unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]

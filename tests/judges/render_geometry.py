@@ -8,6 +8,9 @@ The wing tips carry lamps whose glow reaches beyond them; against the noon sky t
 got darker. A pixel changes when the outline crosses any part of it, so one edge lies up to half a pixel off the true one; over poses at
 sixteen fractions of a pixel that averages out.
 
+Some pictures are drawn through a lens and air that bends light. The lens is OpenCV's model, written out here from OpenCV's documentation; bent light is an
+arc of a circle of the earth's radius over the coefficient, whose tangent at the camera is what is seen.
+
 usage: render_geometry.py FOLDER     of scenes.json and the raw pictures that it names; prints JSON; exit 1 beyond 0.3 px
 """
 
@@ -18,6 +21,7 @@ import sys
 import numpy as np
 
 A, F = 6378137.0, 1 / 298.257223563
+EARTH_RADIUS = 6371000.0
 E2 = F * (2 - F)
 LIMIT_PX = 0.3
 
@@ -48,13 +52,32 @@ def forward_right_down(pose):
     return ned_axes(pose["latitude_deg"], pose["longitude_deg"]) @ yaw @ pitch @ roll
 
 
+def bent(seen, up, coefficient):
+    """The chords of arcs of light, turned upwards into the arcs' tangents."""
+    length = np.linalg.norm(seen, axis=1, keepdims=True)
+    along = seen / length
+    upwards = up - along * (along @ up)[:, None]
+    upwards /= np.linalg.norm(upwards, axis=1, keepdims=True)
+    angle = np.arcsin(length * coefficient / (2 * EARTH_RADIUS))
+    return length * (along * np.cos(angle) + upwards * np.sin(angle))
+
+
+def distorted(x, y, coefficients):
+    k1, k2, p1, p2, k3 = coefficients
+    r2 = x * x + y * y
+    radial = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    return x * radial + 2 * p1 * x * y + p2 * (r2 + 2 * x * x), y * radial + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+
+
 def project(camera, width, height, points):
     """Pixels of ECEF points; the centre of the upper left pixel is (0, 0)."""
     forward, right, down = forward_right_down(camera).T
     focal = width / 2 / np.tan(np.radians(camera["hfov_deg"]) / 2)
-    seen = np.asarray(points) - ecef(camera)
+    up = -ned_axes(camera["latitude_deg"], camera["longitude_deg"])[:, 2]
+    seen = bent(np.asarray(points) - ecef(camera), up, camera["refraction_coefficient"])
     depth = seen @ forward
-    return np.stack([(width - 1) / 2 + focal * (seen @ right) / depth, (height - 1) / 2 + focal * (seen @ down) / depth], axis=1)
+    x, y = distorted((seen @ right) / depth, (seen @ down) / depth, camera["distortion"])
+    return np.stack([(width - 1) / 2 + focal * x, (height - 1) / 2 + focal * y], axis=1)
 
 
 def main(folder: pathlib.Path) -> int:
@@ -68,7 +91,7 @@ def main(folder: pathlib.Path) -> int:
         darker = np.flatnonzero(((picture - empty).sum(axis=2) < 0).any(axis=0))
         axes, centre = forward_right_down(scene["pose"]), ecef(scene["pose"])
         pixels = lambda marks: project(scene["camera"], width, height, centre + np.array(marks) @ axes.T)
-        note = lambda mark, offset: offsets.setdefault(f"{mark} at {scene['distance_nm']} NM", []).append(offset)
+        note = lambda mark, offset: offsets.setdefault(f"{mark} at {scene['distance_nm']} NM{scene['through']}", []).append(offset)
         if scene["seen_from"] == "ahead":
             tips = pixels(WING_TIPS)[:, 0]
             note("left edge, wing tip", darker[0] - tips.min())

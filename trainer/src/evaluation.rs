@@ -1,8 +1,9 @@
 //! How good a run is on trajectories that it has never seen: `metrics.json`, `predictions.parquet` and `report.html`.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use burn::tensor::Device;
+use dataset::calibration::CameraEntry;
 use dataset::columns::TableWriter;
 use dataset::corpus::Corpus;
 use dataset::json_file::write_json;
@@ -15,7 +16,7 @@ use crate::metrics::{EstimatorMetrics, Metrics, Outcome, SideCount, SplitSummary
 use crate::mono_network::MonoInputs;
 use crate::normalisation::TARGET_UNIT_M;
 use crate::progress::Progress;
-use crate::run_folder::{RunFolder, TrainedRun};
+use crate::run_folder::{RunFolder, RunSummary, TrainedRun};
 use crate::samples::{DistanceRange, Sample, Samples};
 use crate::{paper_lstm, pinhole, report, triangulation};
 
@@ -160,7 +161,7 @@ fn check_fit(
     trained: &TrainedRun,
     samples: &Samples,
 ) -> Result<()> {
-    if samples.calibration != trained.summary.cameras {
+    if !same_rig(&trained.summary, samples) {
         let names =
             |ids: &mut dyn Iterator<Item = &String>| ids.cloned().collect::<Vec<_>>().join(", ");
         return Err(Error::Corpus {
@@ -192,6 +193,33 @@ fn check_fit(
             scenario: scenario.id.clone(),
         }),
     }
+}
+
+/// Whether the networks of a run may be asked about these samples: the very same cameras, or, where a sweep jitters or turns them,
+/// the same views of the same rig.
+fn same_rig(run: &RunSummary, samples: &Samples) -> bool {
+    if !run.cameras_vary && !samples.cameras_vary {
+        let placed = |cameras: &BTreeMap<String, CameraEntry>| -> Vec<_> {
+            let placed = |(view, entry): (&String, &CameraEntry)| {
+                (
+                    view.clone(),
+                    CameraEntry {
+                        degradation: None,
+                        ..entry.clone()
+                    },
+                )
+            };
+            cameras.iter().map(placed).collect()
+        };
+        return placed(&run.cameras) == placed(&samples.calibration);
+    }
+    let form = |cameras: &BTreeMap<String, CameraEntry>| -> Vec<_> {
+        let form = |(view, entry): (&String, &CameraEntry)| {
+            (view.clone(), entry.width_px, entry.height_px)
+        };
+        cameras.iter().map(form).collect()
+    };
+    run.rig.as_deref() == Some(&samples.rig) && form(&run.cameras) == form(&samples.calibration)
 }
 
 fn predict_all(
@@ -241,7 +269,7 @@ fn predict_all(
                 .map(|s| {
                     triangulation::predict(
                         &run.baselines.centre_offsets,
-                        &samples.cameras,
+                        &samples.scenarios[s.scenario].cameras,
                         s,
                         touchdown(s),
                     )

@@ -110,8 +110,14 @@ pub struct RunSummary {
     pub dtd: String,
     /// Hash of the detection model whose boxes were learned from.
     pub model_hash: String,
-    /// The cameras by view. The networks know these and no others.
+    /// Name of the rig; missing in runs made before there were jittered cameras.
+    #[serde(default)]
+    pub rig: Option<String>,
+    /// The cameras by view, of the first scenario if they vary. The networks know these and no others.
     pub cameras: BTreeMap<String, CameraEntry>,
+    /// Whether other scenarios had the cameras of the rig in other places or turned elsewhere.
+    #[serde(default)]
+    pub cameras_vary: bool,
     /// Trajectories on the training side.
     pub training_trajectories: BTreeSet<String>,
     /// Trajectories on the validation side.

@@ -80,6 +80,8 @@ pub struct ScenarioSummary {
     pub runway: Runway,
     /// The touchdown target.
     pub touchdown: Geodetic,
+    /// Its cameras, in the order of the views: where this scenario had them.
+    pub cameras: Vec<Camera>,
     /// Ticks within the distance range, seen or not.
     pub ticks: usize,
     /// Ticks within the distance range at which each view saw the aircraft, in the order of the views.
@@ -91,10 +93,12 @@ pub struct ScenarioSummary {
 pub struct Samples {
     /// Identifiers of the views, sorted.
     pub views: Vec<String>,
-    /// The calibration of each view: the same in all scenarios.
+    /// The calibration of each view in the first scenario.
     pub calibration: BTreeMap<String, CameraEntry>,
-    /// The same as cameras, in the order of the views.
-    pub cameras: Vec<Camera>,
+    /// Whether the cameras of other scenarios are others: jittered or turned.
+    pub cameras_vary: bool,
+    /// Name of the rig that they belong to.
+    pub rig: String,
     /// Hash of the detection model.
     pub model_hash: String,
     /// The scenarios, sorted by identifier.
@@ -111,11 +115,16 @@ impl Samples {
         let splits = Splits::read(&corpus.splits_path())?;
         let folders = corpus.scenarios()?;
         let model_hash = choose_model(corpus, &folders, model_hash)?;
-        let calibration = common_calibration(&folders)?;
+        let CommonRig {
+            rig,
+            calibration,
+            cameras_vary,
+        } = common_rig(corpus, &folders)?;
         let mut found = Self {
             views: calibration.keys().cloned().collect(),
-            cameras: calibration.values().map(CameraEntry::camera).collect(),
             calibration,
+            cameras_vary,
+            rig,
             model_hash,
             scenarios: Vec::new(),
             absent_scenarios: absent(&splits, &folders),
@@ -167,6 +176,12 @@ impl Samples {
             time_of_day: record.conditions.time_of_day,
             runway: record.runway,
             touchdown: record.touchdown,
+            cameras: folder
+                .calibration()?
+                .cameras
+                .values()
+                .map(CameraEntry::camera)
+                .collect(),
             ticks: 0,
             detected_ticks: vec![0; self.views.len()],
         };
@@ -305,29 +320,74 @@ fn models_of(detections_folder: &Path) -> Result<Vec<String>> {
     Ok(hashes)
 }
 
-/// The cameras by view. A network learns one camera, so a view must be the same camera in all scenarios.
-fn common_calibration(folders: &[ScenarioFolder]) -> Result<BTreeMap<String, CameraEntry>> {
-    let mut cameras: BTreeMap<String, (CameraEntry, String)> = BTreeMap::new();
+/// What all scenarios have in common.
+struct CommonRig {
+    rig: String,
+    /// The cameras of the first scenario by view.
+    calibration: BTreeMap<String, CameraEntry>,
+    cameras_vary: bool,
+}
+
+/// The rig of all scenarios. Its cameras may be off or turned from scenario to scenario (each scenario's calibration says where they were),
+/// but a network learns one rig: other views, other pictures or another rig are refused.
+fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> {
+    let mut first: Option<(CommonRig, String)> = None;
     for folder in folders {
-        for (view, entry) in folder.calibration()?.cameras {
-            let (first, first_id) = cameras
-                .entry(view.clone())
-                .or_insert_with(|| (entry.clone(), folder.id()));
-            if *first != entry {
-                return Err(Error::Corpus {
-                    path: folder.root().to_owned(),
-                    message: format!(
-                        "camera {view} differs from the one of scenario {first_id}; a view must be the same camera in all \
-                         scenarios of a training, train on one rig at a time"
-                    ),
-                });
-            }
+        let fault = |message: String| Error::Corpus {
+            path: folder.root().to_owned(),
+            message,
+        };
+        let (rig, cameras) = (folder.record()?.rig, folder.calibration()?.cameras);
+        if let Some((view, unknown)) = cameras
+            .iter()
+            .find_map(|(view, entry)| Some((view, entry.fault()?)))
+        {
+            return Err(fault(format!(
+                "camera {view} of calibration.json {unknown}"
+            )));
         }
+        let Some((common, id)) = &mut first else {
+            let common = CommonRig {
+                rig,
+                calibration: cameras,
+                cameras_vary: false,
+            };
+            first = Some((common, folder.id()));
+            continue;
+        };
+        let form = |cameras: &BTreeMap<String, CameraEntry>| -> Vec<(String, u32, u32)> {
+            let form = |(view, entry): (&String, &CameraEntry)| {
+                (view.clone(), entry.width_px, entry.height_px)
+            };
+            cameras.iter().map(form).collect()
+        };
+        if common.rig != rig || form(&common.calibration) != form(&cameras) {
+            return Err(fault(format!(
+                "its rig {rig} with views and picture sizes {:?} is not that of scenario {id}, {} with {:?}; a network learns one rig: \
+                 train on one at a time",
+                form(&cameras),
+                common.rig,
+                form(&common.calibration)
+            )));
+        }
+        let same_place = |(a, b): (&CameraEntry, &CameraEntry)| {
+            CameraEntry {
+                degradation: a.degradation,
+                ..b.clone()
+            } == *a
+        };
+        common.cameras_vary |= !common
+            .calibration
+            .values()
+            .zip(cameras.values())
+            .all(same_place);
     }
-    Ok(cameras
-        .into_iter()
-        .map(|(view, (entry, _))| (view, entry))
-        .collect())
+    first
+        .map(|(common, _)| common)
+        .ok_or_else(|| Error::Corpus {
+            path: corpus.root().to_owned(),
+            message: "has no whole scenario; make some with `dtd generate`".into(),
+        })
 }
 
 #[cfg(test)]
@@ -376,6 +436,31 @@ mod tests {
             "half of each view missed at random leaves 3/4, found {seen}"
         );
         assert!(samples.samples.iter().all(|s| s.detections() >= 1));
+    }
+
+    #[test]
+    fn every_scenario_keeps_its_own_cameras_and_another_rig_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus {
+            turned_deg: 0.3,
+            ..SyntheticCorpus::tiny()
+        }
+        .write(folder.path())
+        .unwrap();
+        let samples = Samples::read(&corpus, None, ALL).unwrap();
+        assert!(samples.cameras_vary);
+        let [first, second] = [0, 1].map(|scenario| samples.scenarios[scenario].cameras[0]);
+        assert_ne!(first.ecef_from_camera, second.ecef_from_camera);
+
+        let other = corpus.scenarios().unwrap().remove(1);
+        let mut record = other.record().unwrap();
+        record.rig = "another".into();
+        record.write(&other.record_path()).unwrap();
+        let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+        assert!(
+            message.contains("rig another") && message.contains("one rig"),
+            "{message}"
+        );
     }
 
     #[test]

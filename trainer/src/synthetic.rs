@@ -17,10 +17,11 @@ use dataset::error::{Error, Result};
 use dataset::frame_rate::FrameRate;
 use dataset::frames::{Frame, FrameLabels, Frames, ViewStamp};
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Imaging;
 use dataset::pixel_box::{Detection, PixelBox, write_detections};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::{Runway, RunwayCoordinates};
-use dataset::scenario::{Flight, SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::seal_folder;
 use dataset::splits::{Assignment, Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -53,6 +54,10 @@ pub struct SyntheticCorpus {
     pub size_noise_px: f64,
     /// Chance that a view misses the aircraft at a tick.
     pub miss_ratio: f64,
+    /// Every scenario's cameras are turned by up to so much to either side, degrees.
+    pub turned_deg: f64,
+    /// Lens and air of all cameras.
+    pub imaging: Imaging,
     /// Seed.
     pub seed: u64,
 }
@@ -71,6 +76,8 @@ impl SyntheticCorpus {
             centre_noise_px: 0.4,
             size_noise_px: 0.8,
             miss_ratio: 0.08,
+            turned_deg: 0.0,
+            imaging: Imaging::default(),
             seed: 0,
         }
     }
@@ -127,7 +134,7 @@ impl SyntheticCorpus {
         let mut random = ChaCha12Rng::seed_from_u64(self.seed);
         random.set_stream(number as u64);
         let runway = changi_02l();
-        let calibration = Calibration::from_poses(wide_baseline(&runway), 1920, 1280);
+        let calibration = self.calibration(number, &runway);
         calibration.write(&folder.calibration_path())?;
         let frames = self.fly(&runway, &calibration, &mut random);
         frames.write(&folder.frames_path())?;
@@ -138,6 +145,21 @@ impl SyntheticCorpus {
         self.record(number, id, trajectory, &runway, &frames)
             .write(&folder.record_path())?;
         seal_folder(folder.root(), "synthetic").map(|_| ())
+    }
+
+    /// The rig, turned a little further in each scenario, from one side to the other.
+    fn calibration(&self, number: usize, runway: &Runway) -> Calibration {
+        let count = self.train + self.validation + self.test;
+        let part = 2.0 * number as f64 / (count - 1).max(1) as f64 - 1.0;
+        let rig = wide_baseline(runway).map(|(id, mut placed)| {
+            placed.pose.heading_true_deg += part * self.turned_deg;
+            (id, placed)
+        });
+        let mut calibration = Calibration::from_poses(rig, 1920, 1280);
+        for entry in calibration.cameras.values_mut() {
+            *entry = entry.clone().with_imaging(&self.imaging);
+        }
+        calibration
     }
 
     /// An approach that captures the localizer from a random side and flies level before the glide path.
@@ -249,7 +271,7 @@ impl SyntheticCorpus {
         let weathers = ["clear", "cloudy", "foggy", "stormy"];
         let times = ["06:00", "08:00", "12:00", "17:00", "18:00"];
         ScenarioRecord {
-            schema_version: SCHEMA_VERSION,
+            schema_version: PINHOLE_SCHEMA_VERSION,
             id: id.into(),
             trajectory: trajectory.into(),
             seed: self.seed,

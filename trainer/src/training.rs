@@ -128,7 +128,9 @@ pub fn train(
         summary: RunSummary {
             dtd: env!("CARGO_PKG_VERSION").into(),
             model_hash: samples.model_hash.clone(),
+            rig: Some(samples.rig.clone()),
             cameras: samples.calibration.clone(),
+            cameras_vary: samples.cameras_vary,
             training_trajectories: samples.trajectories(Side::Train),
             validation_trajectories: samples.trajectories(Side::Validation),
             training_samples: training.len(),
@@ -197,16 +199,7 @@ fn mixed_samples(
         augmentation.extrapolation,
         augmentation.extrapolation_together,
     ]
-    .map(|extrapolation| {
-        mix(
-            training,
-            &samples.scenarios,
-            &samples.cameras,
-            extrapolation,
-            count,
-            random,
-        )
-    })
+    .map(|extrapolation| mix(training, &samples.scenarios, extrapolation, count, random))
 }
 
 fn baselines(samples: &Samples, training: &[&Sample]) -> Baselines {
@@ -215,11 +208,8 @@ fn baselines(samples: &Samples, training: &[&Sample]) -> Baselines {
         pinholes: (0..samples.views.len())
             .map(|view| Pinhole::fit(view, training))
             .collect(),
-        centre_offsets: samples
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(view, camera)| CentreOffset::fit(view, camera, training))
+        centre_offsets: (0..samples.views.len())
+            .map(|view| CentreOffset::fit(view, &samples.scenarios, training))
             .collect(),
     }
 }

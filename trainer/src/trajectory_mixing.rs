@@ -52,7 +52,6 @@ impl Track {
 pub fn mix(
     training: &[&Sample],
     scenarios: &[ScenarioSummary],
-    cameras: &[Camera],
     extrapolation: f64,
     count: usize,
     random: &mut ChaCha12Rng,
@@ -89,7 +88,6 @@ pub fn mix(
         mixed.extend(moved(
             sample,
             &scenarios[sample.scenario],
-            cameras,
             along_track_m,
             cross_track_m,
             altitude_msl_m,
@@ -105,7 +103,6 @@ const SPACING_M: f64 = 75.0;
 fn moved(
     sample: &Sample,
     scenario: &ScenarioSummary,
-    cameras: &[Camera],
     along_track_m: f64,
     cross_track_m: f64,
     altitude_msl_m: f64,
@@ -120,7 +117,7 @@ fn moved(
     let boxes: Vec<_> = sample
         .boxes
         .iter()
-        .zip(cameras)
+        .zip(&scenario.cameras)
         .map(|(seen, camera)| moved_box(seen.as_ref()?, camera, sample.position, position))
         .collect();
     boxes.iter().any(Option::is_some).then(|| Sample {
@@ -189,14 +186,7 @@ mod tests {
         .unwrap();
         let training = samples.of_side(Side::Train);
         let mut random = ChaCha12Rng::seed_from_u64(1);
-        let mixed = mix(
-            &training,
-            &samples.scenarios,
-            &samples.cameras,
-            0.3,
-            200,
-            &mut random,
-        );
+        let mixed = mix(&training, &samples.scenarios, 0.3, 200, &mut random);
         assert_eq!(mixed.len(), 200);
         let mut moved_sideways = 0;
         for sample in &mixed {
@@ -206,7 +196,8 @@ mod tests {
                 .unwrap();
             moved_sideways +=
                 usize::from((origin.cross_track_m - sample.cross_track_m).abs() > 1.0);
-            for (seen, camera) in sample.boxes.iter().zip(&samples.cameras) {
+            let cameras = &samples.scenarios[sample.scenario].cameras;
+            for (seen, camera) in sample.boxes.iter().zip(cameras) {
                 let Some(seen) = seen else { continue };
                 let expected = crate::synthetic::perfect_box(camera, sample.position.to_ecef());
                 // Boxes of this stand-in are centred on the projected position but for a part of their height.

@@ -13,7 +13,7 @@ use dataset::pixel_box::PixelBox;
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::samples::Sample;
+use crate::samples::{Sample, ScenarioSummary};
 
 /// Rays that pass each other farther than this are not of one aircraft, metres: its length.
 const MEET_WITHIN_M: f64 = 40.0;
@@ -30,13 +30,14 @@ pub struct CentreOffset {
 impl CentreOffset {
     /// Fits the offset of one view to the boxes that hold the aircraft. Each sample weighs by the inverse square of its box's size,
     /// because a detector's errors grow with it. Too few samples leave the centre where it is.
-    pub fn fit(view: usize, camera: &Camera, training: &[&Sample]) -> Self {
+    pub fn fit(view: usize, scenarios: &[ScenarioSummary], training: &[&Sample]) -> Self {
         let mut fitted = Self::default();
         for axis in 0..2 {
             let rows: Vec<[f64; 2]> = training
                 .iter()
                 .filter_map(|sample| {
                     let seen = sample.boxes[view]?;
+                    let camera = &scenarios[sample.scenario].cameras[view];
                     let truth = camera.project(sample.position.to_ecef())?;
                     let (centre, size) = centre_and_size(&seen);
                     // Its centre is within a box's size of the aircraft's, or it is the box of something else.
@@ -124,18 +125,26 @@ pub fn predict(
     sample: &Sample,
     touchdown: Geodetic,
 ) -> Option<f64> {
-    let rays: Vec<_> = sample
+    let seen: Vec<(&Camera, DVec2)> = sample
         .boxes
         .iter()
         .zip(cameras.iter().zip(offsets))
         .filter_map(|(seen, (camera, offset))| {
-            Some((
-                camera.center_ecef_m,
-                camera.ray(offset.centre_of_gravity_px(seen.as_ref()?)),
-            ))
+            Some((camera, offset.centre_of_gravity_px(seen.as_ref()?)))
         })
         .collect();
-    let point = nearest_point(&rays)?;
+    let along = |ray: &dyn Fn(&Camera, DVec2) -> DVec3| -> Vec<(DVec3, DVec3)> {
+        seen.iter()
+            .map(|(camera, pixel)| (camera.center_ecef_m, ray(camera, *pixel)))
+            .collect()
+    };
+    let mut rays = along(&|camera, pixel| camera.ray(pixel));
+    let mut point = nearest_point(&rays)?;
+    if cameras.iter().any(|camera| camera.refraction.is_some()) {
+        // How far bent light leads below where it arrives depends on the distance, which the first point says well enough.
+        rays = along(&|camera, pixel| camera.ray_to(pixel, camera.center_ecef_m.distance(point)));
+        point = nearest_point(&rays)?;
+    }
     let passes_by_m =
         |&(origin, direction): &(DVec3, DVec3)| (point - origin).cross(direction).length();
     let meet = rays.iter().map(passes_by_m).fold(0.0, f64::max) <= MEET_WITHIN_M / 2.0;
@@ -151,6 +160,8 @@ mod tests {
     use super::*;
     use crate::samples::{DistanceRange, Samples};
     use crate::synthetic::SyntheticCorpus;
+    use dataset::distortion::Distortion;
+    use dataset::imaging::Imaging;
     use dataset::splits::Side;
 
     #[test]
@@ -173,11 +184,8 @@ mod tests {
         )
         .unwrap();
         let training = samples.of_side(Side::Train);
-        let offsets: Vec<_> = samples
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(v, camera)| CentreOffset::fit(v, camera, &training))
+        let offsets: Vec<_> = (0..samples.views.len())
+            .map(|view| CentreOffset::fit(view, &samples.scenarios, &training))
             .collect();
         // The stand-in's boxes are centred 1 m above the centre of gravity of a 12.5 m high aircraft.
         assert!(
@@ -186,8 +194,8 @@ mod tests {
         );
         let mut dual = 0;
         for sample in samples.of_side(Side::Test) {
-            let touchdown = samples.scenarios[sample.scenario].touchdown;
-            match predict(&offsets, &samples.cameras, sample, touchdown) {
+            let scenario = &samples.scenarios[sample.scenario];
+            match predict(&offsets, &scenario.cameras, sample, scenario.touchdown) {
                 Some(found) => {
                     dual += 1;
                     assert!(
@@ -200,6 +208,67 @@ mod tests {
             }
         }
         assert!(dual > 50, "{dual}");
+    }
+
+    #[test]
+    fn lenses_bent_light_and_turned_cameras_leave_the_distance_of_noise_free_boxes_exact() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus {
+            centre_noise_px: 0.0,
+            size_noise_px: 0.0,
+            turned_deg: 0.2,
+            imaging: Imaging {
+                distortion: Some(Distortion {
+                    k1: -2.0,
+                    p1: 0.002,
+                    ..Distortion::default()
+                }),
+                refraction_coefficient: 0.13,
+                degradation: None,
+            },
+            ..SyntheticCorpus::tiny()
+        }
+        .write(folder.path())
+        .unwrap();
+        let range = DistanceRange {
+            min_nm: 0.5,
+            max_nm: None,
+        };
+        let samples = Samples::read(&corpus, None, range).unwrap();
+        let training = samples.of_side(Side::Train);
+        let offsets: Vec<_> = (0..samples.views.len())
+            .map(|view| CentreOffset::fit(view, &samples.scenarios, &training))
+            .collect();
+        let straight = |camera: &Camera| Camera {
+            refraction: None,
+            ..*camera
+        };
+        let pinhole = |camera: &Camera| Camera {
+            distortion: None,
+            ..*camera
+        };
+        let worst = |change: &dyn Fn(&Camera) -> Camera| {
+            let mut worst_m: f64 = 0.0;
+            for sample in samples.of_side(Side::Test) {
+                let scenario = &samples.scenarios[sample.scenario];
+                let cameras: Vec<Camera> = scenario.cameras.iter().map(change).collect();
+                if let Some(found) = predict(&offsets, &cameras, sample, scenario.touchdown) {
+                    worst_m = worst_m.max((found - sample.dtd_m).abs());
+                }
+            }
+            worst_m
+        };
+        let (exact_m, no_refraction_m, no_lens_m) =
+            (worst(&|camera| *camera), worst(&straight), worst(&pinhole));
+        println!(
+            "worst: {exact_m:.3} m; without refraction {no_refraction_m:.3} m, without the lens {no_lens_m:.0} m"
+        );
+        assert!(exact_m < 0.5, "{exact_m}");
+        // Distance comes from directions to the sides, which bent light leaves alone; a lens does not.
+        assert!(
+            no_refraction_m < 5.0 && no_lens_m > 100.0,
+            "{no_refraction_m} {no_lens_m}"
+        );
     }
 
     #[test]
@@ -219,24 +288,19 @@ mod tests {
         let mut samples = Samples::read(&corpus, None, range).unwrap();
         let fit = |samples: &Samples| -> Vec<CentreOffset> {
             let training = samples.of_side(Side::Train);
-            let cameras = samples.cameras.iter().enumerate();
-            cameras
-                .map(|(view, camera)| CentreOffset::fit(view, camera, &training))
+            (0..samples.views.len())
+                .map(|view| CentreOffset::fit(view, &samples.scenarios, &training))
                 .collect()
         };
         let undisturbed = fit(&samples);
         let both = |sample: &Sample| sample.boxes.iter().all(Option::is_some);
         let index = samples.samples.iter().position(both).unwrap();
-        let touchdown = samples.scenarios[samples.samples[index].scenario].touchdown;
-        assert!(
-            predict(
-                &undisturbed,
-                &samples.cameras,
-                &samples.samples[index],
-                touchdown
-            )
-            .is_some()
-        );
+        let answer = |samples: &Samples| {
+            let sample = &samples.samples[index];
+            let scenario = &samples.scenarios[sample.scenario];
+            predict(&undisturbed, &scenario.cameras, sample, scenario.touchdown)
+        };
+        assert!(answer(&samples).is_some());
         for sample in samples
             .samples
             .iter_mut()
@@ -254,15 +318,7 @@ mod tests {
                 assert!(constant_px.abs() < 1e-9 && part.abs() < 1e-9, "{fitted:?}");
             }
         }
-        assert_eq!(
-            predict(
-                &undisturbed,
-                &samples.cameras,
-                &samples.samples[index],
-                touchdown
-            ),
-            None
-        );
+        assert_eq!(answer(&samples), None);
     }
 
     #[test]

@@ -49,6 +49,19 @@ pub enum BridgeError {
         /// Why not.
         source: std::io::Error,
     },
+    /// The simulator draws ideal pictures only.
+    #[error(
+        "{simulator} draws the pictures of ideal pinholes along straight lines, but view {view} is to have {wanted}. Only the stand-in \
+         (--sim mock) can: take [imaging] and the cameras' distortion out of the sweep"
+    )]
+    NoImaging {
+        /// Which one it is.
+        simulator: String,
+        /// Number of the view, from 0.
+        view: usize,
+        /// What it cannot draw, as the link has it.
+        wanted: String,
+    },
     /// The simulator is not the one that was set up.
     #[error(
         "the simulator at {address} was restarted: it runs for {found_s:.1} s, and ran for {before_s:.1} s before. What was set \

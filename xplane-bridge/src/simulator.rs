@@ -19,6 +19,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use dataset::conditions::Conditions;
+use dataset::imaging::Imaging;
 use dataset::pose::FlightState;
 use dataset::runway::Runway;
 use tokio::time::{Instant, timeout_at};
@@ -105,6 +106,8 @@ pub struct SimulatorDescription {
     pub pixels: Vec<PixelKind>,
     /// The window that shows what is drawn, if there is one.
     pub window: Option<SimulatorWindow>,
+    /// Whether it can draw through lenses, bent and turbulent air and with noise.
+    pub imaging: bool,
 }
 
 /// A connected simulator.
@@ -191,6 +194,7 @@ impl Simulator {
             pixels,
             window,
             shares_memory_with,
+            imaging,
         } = answer
         else {
             return Err(wrong("hello", &answer));
@@ -206,6 +210,7 @@ impl Simulator {
             plugin,
             pixels,
             window,
+            imaging,
         };
         let generation = Generation::of_version(version);
         let web_api = match (generation, web_api) {
@@ -297,15 +302,45 @@ impl Simulator {
     /// # Errors
     /// If the simulator refuses, or its clock does not take the time.
     pub async fn freeze(&mut self, runway: &Runway) -> Result<(), BridgeError> {
+        self.freeze_imaging(runway, &[]).await
+    }
+
+    /// [`Simulator::freeze`] for views that are seen through lenses, air and sensors, in the order of the views.
+    ///
+    /// # Errors
+    /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal pictures only.
+    pub async fn freeze_imaging(
+        &mut self,
+        runway: &Runway,
+        views: &[Imaging],
+    ) -> Result<(), BridgeError> {
+        self.check_imaging(views)?;
+        let ideal = views.iter().all(Imaging::is_ideal);
         let request = Request::Freeze {
             runway: runway.clone(),
             settle_frames: self.settle_frames,
+            imaging: if ideal { vec![] } else { views.to_vec() },
         };
         match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
             Answer::Frozen => {}
             other => return Err(wrong("frozen", &other)),
         }
         self.set_clock_exactly().await
+    }
+
+    /// Whether this simulator can draw such views; nothing is sent.
+    ///
+    /// # Errors
+    /// [`BridgeError::NoImaging`] if it draws ideal pictures only and a view is none.
+    pub fn check_imaging(&self, views: &[Imaging]) -> Result<(), BridgeError> {
+        match views.iter().position(|view| !view.is_ideal()) {
+            Some(view) if !self.description.imaging => Err(BridgeError::NoImaging {
+                simulator: self.description.name.clone(),
+                view,
+                wanted: serde_json::to_string(&views[view]).unwrap_or_default(),
+            }),
+            _ => Ok(()),
+        }
     }
 
     /// Asks for one view of one tick. Several may be outstanding; [`Simulator::receive_frame`] returns them in this order.

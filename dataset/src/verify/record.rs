@@ -7,7 +7,7 @@ use crate::calibration::{Calibration, CameraEntry};
 use crate::conditions::Conditions;
 use crate::corpus::ScenarioFolder;
 use crate::runway::RunwayCoordinates;
-use crate::scenario::{SCHEMA_VERSION, ScenarioRecord};
+use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION, ScenarioRecord};
 use crate::seal;
 
 const RECORD: &str = "scenario.json";
@@ -33,11 +33,12 @@ pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &m
             ),
         );
     }
-    if record.schema_version != SCHEMA_VERSION {
+    let known = PINHOLE_SCHEMA_VERSION..=SCHEMA_VERSION;
+    if !known.contains(&record.schema_version) {
         faults.file(
             RECORD,
             format!(
-                "schema version is {}, expected {SCHEMA_VERSION}",
+                "schema version is {}, expected {PINHOLE_SCHEMA_VERSION} to {SCHEMA_VERSION}",
                 record.schema_version
             ),
         );
@@ -154,7 +155,23 @@ pub(super) fn check_calibration(
             format!("has cameras {found:?}, but scenario.json has views {expected:?}"),
         );
     }
+    if calibration.schema_version() > record.schema_version {
+        let (found, expected) = (record.schema_version, calibration.schema_version());
+        faults.file(
+            RECORD,
+            format!(
+                "schema version is {found}, but calibration.json has cameras that distort or light that bends, which readers of {found} \
+                 would overlook; expected {expected}"
+            ),
+        );
+    }
     for (id, entry) in &calibration.cameras {
+        if let Some(fault) = entry.fault() {
+            faults.file(CALIBRATION, format!("camera {id} {fault}"));
+        }
+        if let Err(fault) = entry.imaging().check() {
+            faults.file(CALIBRATION, format!("camera {id}: {fault}"));
+        }
         if let Some(what) = difference(entry) {
             faults.file(
                 CALIBRATION,
@@ -187,8 +204,6 @@ fn difference(entry: &CameraEntry) -> Option<&'static str> {
         Some("rotation")
     } else if !scaled.all(|same| same) {
         Some("k")
-    } else if !entry.distortion.is_empty() {
-        Some("distortion")
     } else {
         None
     }

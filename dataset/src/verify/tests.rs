@@ -11,7 +11,7 @@ use crate::json_file::write_json;
 use crate::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
 use crate::pose::{Controls, Pose};
 use crate::runway::{Runway, RunwayCoordinates};
-use crate::scenario::{Flight, SCHEMA_VERSION, Versions};
+use crate::scenario::{Flight, PINHOLE_SCHEMA_VERSION, Versions};
 use crate::splits::{Assignment, Side, Splits};
 use crate::video::{VideoSettings, VideoWriter};
 
@@ -113,7 +113,7 @@ fn frames() -> Frames {
 
 fn record(id: &str) -> ScenarioRecord {
     ScenarioRecord {
-        schema_version: SCHEMA_VERSION,
+        schema_version: PINHOLE_SCHEMA_VERSION,
         id: id.into(),
         trajectory: format!("live-{id}"),
         seed: 1,

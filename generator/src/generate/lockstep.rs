@@ -15,19 +15,11 @@ use super::attempt::Attempt;
 use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
+use crate::rig::View;
 use crate::sweep::Picture;
 
 /// Requests under way at once: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
 const UNDER_WAY: usize = 4;
-
-/// A camera of the rig.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct View {
-    /// Its identifier.
-    pub(super) id: String,
-    /// Where it stands.
-    pub(super) camera: CameraPose,
-}
 
 /// What the simulator says about one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]

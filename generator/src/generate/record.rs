@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use dataset::calibration::Calibration;
+use dataset::calibration::{Calibration, CameraEntry, Conventions};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::frames::{Frame, Frames, ViewStamp};
+use dataset::imaging::Imaging;
 use dataset::pose::FlightState;
-use dataset::scenario::{Flight, SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::{commit_folder, seal_folder};
 use dataset::units::Degrees;
 use tokio::task::spawn_blocking;
@@ -18,11 +19,11 @@ use super::claim::Claim;
 use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
-use super::lockstep::{Drawn, View, capture};
+use super::lockstep::{Drawn, capture};
 use super::session::Session;
 use super::workplace::Workplace;
 use crate::plan::{Common, LiveStart, Plan, PlannedScenario};
-use crate::rig;
+use crate::rig::{self, View};
 use crate::sweep::{Picture, Sweep};
 use crate::trajectory::Trajectory;
 
@@ -105,6 +106,10 @@ async fn record_into(
     cancel
         .or(simulator.set_conditions(&parameters.conditions))
         .await?;
+    let views = rig::views(common, parameters);
+    let imaging: Vec<Imaging> = views.iter().map(|view| view.imaging).collect();
+    // Before minutes are spent on a flight that cannot be drawn.
+    simulator.check_imaging(&imaging)?;
     let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
     let window = trajectory
         .approach(&common.runway, parameters.start_dtd_m)
@@ -115,8 +120,9 @@ async fn record_into(
         ticks: states.len() as u32,
     });
 
-    cancel.or(simulator.freeze(&common.runway)).await?;
-    let views = views(common);
+    cancel
+        .or(simulator.freeze_imaging(&common.runway, &imaging))
+        .await?;
     let ids = views.iter().map(|view| view.id.as_str());
     let mut encoders = Encoders::start(folder, ids, picture, &common.video);
     let drawn = match capture(
@@ -136,27 +142,33 @@ async fn record_into(
     cancel.or(simulator.confirm_conditions()).await?;
 
     frames(&views, &states, &drawn, &pts, picture).write(&folder.frames_path())?;
-    let placed = views.iter().map(|view| (view.id.as_str(), view.camera));
-    Calibration::from_poses(placed, picture.width_px, picture.height_px)
-        .write(&folder.calibration_path())?;
-    scenario_record(
+    let calibration = calibration(&views, picture);
+    calibration.write(&folder.calibration_path())?;
+    let record = scenario_record(
         work.plan,
         scenario,
         &trajectory,
         &views,
         states.len(),
         &simulator,
-    )
-    .write(&folder.record_path())?;
+    );
+    let record = ScenarioRecord {
+        schema_version: calibration.schema_version(),
+        ..record
+    };
+    record.write(&folder.record_path())?;
     Ok((states.len() as u32, simulator))
 }
 
-fn views(common: &Common) -> Vec<View> {
-    let place = |camera: &crate::sweep::Camera| View {
-        id: camera.id.clone(),
-        camera: rig::place(camera, &common.runway),
+fn calibration(views: &[View], picture: Picture) -> Calibration {
+    let entry = |view: &View| {
+        let entry = CameraEntry::from_pose(view.camera, picture.width_px, picture.height_px);
+        (view.id.clone(), entry.with_imaging(&view.imaging))
     };
-    common.cameras.iter().map(place).collect()
+    Calibration {
+        conventions: Conventions::default(),
+        cameras: views.iter().map(entry).collect(),
+    }
 }
 
 /// The flight of a scenario: read with the sweep, or flown now.
@@ -277,7 +289,7 @@ fn scenario_record(
 ) -> ScenarioRecord {
     let (common, parameters) = (&plan.common, &scenario.parameters);
     ScenarioRecord {
-        schema_version: SCHEMA_VERSION,
+        schema_version: PINHOLE_SCHEMA_VERSION,
         id: scenario.id.clone(),
         trajectory: scenario.trajectory.clone(),
         seed: scenario.seed,

@@ -1,6 +1,9 @@
 //! From a sweep to its plan.
 
+use std::collections::BTreeMap;
+
 use dataset::conditions::Conditions;
+use dataset::imaging::Imaging;
 use dataset::scenario::Flight;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
@@ -8,7 +11,7 @@ use super::{Common, LiveStart, PLAN_VERSION, Parameters, Plan, PlannedScenario};
 use crate::recording::Recording;
 use crate::seed;
 use crate::spread::Spread;
-use crate::sweep::{Combination, Sweep};
+use crate::sweep::{Combination, Jitter, JitterTable, Sweep};
 use crate::trajectory::AlongCourse;
 
 /// Mean speed over ground of a jet on its last ten miles, metres per second: enough to say how long a live flight will take.
@@ -114,6 +117,9 @@ fn decide(
         start_dtd_m,
         flight,
         live,
+        aim: sweep.aim.as_ref().and_then(|aim| aim.draw(seed)),
+        jitter: jitter(sweep, seed),
+        imaging: imaging(sweep, seed),
     };
     PlannedScenario {
         time_of_day,
@@ -131,6 +137,26 @@ fn decide(
 /// A value of a scenario. Each has a generator of its own, so that no value depends on which others are drawn.
 fn draw(scenario_seed: u64, name: &str, spread: &Spread) -> f64 {
     spread.draw(&mut seed::of_value(scenario_seed, name))
+}
+
+fn jitter(sweep: &Sweep, seed: u64) -> BTreeMap<String, Jitter> {
+    let cameras = sweep.cameras.iter();
+    let drawn = |table: &JitterTable| {
+        cameras
+            .map(|camera| (camera.id.clone(), table.draw(seed, &camera.id)))
+            .collect()
+    };
+    sweep.jitter.as_ref().map(drawn).unwrap_or_default()
+}
+
+/// Only what differs from an ideal picture is said.
+fn imaging(sweep: &Sweep, seed: u64) -> BTreeMap<String, Imaging> {
+    let table = sweep.imaging.clone().unwrap_or_default();
+    let cameras = sweep.cameras.iter();
+    cameras
+        .map(|camera| (camera.id.clone(), table.draw(seed, camera)))
+        .filter(|(_, imaging)| !imaging.is_ideal())
+        .collect()
 }
 
 fn live_start(sweep: &Sweep, combination: &Combination, seed: u64) -> LiveStart {

@@ -56,6 +56,59 @@ fn a_plan_does_not_change_from_version_to_version_or_machine_to_machine() {
 }
 
 #[test]
+fn cameras_and_pictures_are_drawn_from_generators_of_their_own_and_leave_all_else_as_it_was() {
+    let plain = expand(&sweep_of(&rich()));
+    let tables = "\n[aim]\ndtd_nm = { min = 3, max = 7 }\n[jitter]\nheading_deg = { mean = 0, sd = 0.1 }\n[imaging]\nrefraction_coefficient = { min = 0.1, max = 0.16 }\nblur_sigma_px = { min = 0.5, max = 0.9 }\n[imaging.seeing]\ntilt_rms_arcsec = 5\n";
+    let changed = expand(&sweep_of(&(rich() + tables)));
+    let mut headings = BTreeSet::new();
+    let mut seeds = BTreeSet::new();
+    for (before, after) in plain.scenarios.iter().zip(&changed.scenarios) {
+        assert_eq!((&before.id, before.seed), (&after.id, after.seed));
+        let Parameters {
+            aim,
+            jitter,
+            imaging,
+            ..
+        } = &after.parameters;
+        let without = Parameters {
+            aim: None,
+            jitter: BTreeMap::new(),
+            imaging: BTreeMap::new(),
+            ..after.parameters.clone()
+        };
+        assert_eq!(before.parameters, without);
+        assert!(matches!(aim, Some(Aim::GlidePath { dtd_nm }) if (3.0..7.0).contains(dtd_nm)));
+        let [left, right] = ["left", "right"].map(|camera| imaging[camera]);
+        // All cameras look through the same air, each with its own lens and its own noise.
+        assert_eq!(left.refraction_coefficient, right.refraction_coefficient);
+        assert!((0.1..0.16).contains(&left.refraction_coefficient));
+        for camera in ["left", "right"] {
+            headings.insert(jitter[camera].heading_deg.to_bits());
+            seeds.insert(imaging[camera].degradation.unwrap().seed);
+        }
+        assert!(seeds.iter().all(|seed| *seed < 1 << 53));
+    }
+    assert_eq!(headings.len(), 2 * plain.scenarios.len());
+    assert_eq!(seeds.len(), 2 * plain.scenarios.len());
+
+    // A value more changes no other.
+    let more = expand(&sweep_of(&(rich() + tables + "correlation_s = 0.1\n")));
+    for (a, b) in changed.scenarios.iter().zip(&more.scenarios) {
+        assert_eq!(a.parameters.jitter, b.parameters.jitter);
+        let seed = |s: &PlannedScenario| s.parameters.imaging["left"].degradation.unwrap().seed;
+        assert_eq!(seed(a), seed(b));
+    }
+    let text = String::from_utf8(changed.to_json().unwrap()).unwrap();
+    assert_eq!(serde_json::from_str::<Plan>(&text).unwrap(), changed);
+    let text = String::from_utf8(plain.to_json().unwrap()).unwrap();
+    assert!(
+        ["aim", "jitter", "imaging"]
+            .iter()
+            .all(|key| !text.contains(&format!("\"{key}\"")))
+    );
+}
+
+#[test]
 fn zero_is_a_seed_like_any_other() {
     let plans = ["seed = 0", "seed = 1", "seed = 18446744073709551615"].map(|seed| {
         let text = rich().replace("seed = 0", seed);

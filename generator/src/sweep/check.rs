@@ -24,6 +24,9 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         mut profile,
         airport,
         recorded,
+        aim,
+        jitter,
+        imaging,
     } = document;
     if corpus.name.is_empty() {
         return fault("corpus.name", "the name is empty; expected one for people");
@@ -52,6 +55,16 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
     };
     let combinations = combinations(&grid, &exclude, &include, &names)?;
     picture.check()?;
+    if let Some(aim) = &aim {
+        aim.check()?;
+    }
+    if let Some(jitter) = &jitter {
+        jitter.check(&cameras)?;
+    }
+    if let Some(imaging) = &imaging {
+        imaging.check()?;
+    }
+    rigs::check_lenses(&rig, picture, jitter.as_ref())?;
     if let Some((setting, message)) = video.fault() {
         return fault(format!("video.{setting}"), message);
     }
@@ -79,6 +92,9 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         aircraft: approach.aircraft,
         rig_name: approach.rig,
         cameras,
+        aim,
+        jitter,
+        imaging,
         combinations,
         day_of_year: grid.day_of_year,
         utc_offset_h: grid.utc_offset_h,

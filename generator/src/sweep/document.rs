@@ -7,8 +7,11 @@ use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use xplane_bridge::fly::ApproachProfile;
 
+use super::aim::AimTable;
 use super::fault::NAME_PATTERN;
 use super::grid::{Exclude, Grid, Include};
+use super::imaging::ImagingTable;
+use super::jitter::JitterTable;
 use super::picture::Picture;
 use super::recorded::RecordedRule;
 use super::rigs::Rig;
@@ -56,6 +59,12 @@ pub(super) struct Document {
     pub(super) airport: BTreeMap<String, AirportTable>,
     #[serde(default)]
     pub(super) recorded: Vec<RecordedRule>,
+    #[serde(default)]
+    pub(super) aim: Option<AimTable>,
+    #[serde(default)]
+    pub(super) jitter: Option<JitterTable>,
+    #[serde(default)]
+    pub(super) imaging: Option<ImagingTable>,
 }
 
 /// `[corpus]`

@@ -3,17 +3,20 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
+use dataset::distortion::Distortion;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fault::{Checked, Fault, NAME_PATTERN, fault, legal_name, list};
+use super::jitter::JitterTable;
 use super::limits::Limits;
+use super::picture::Picture;
 
 const DISTANCE_M: Limits = Limits::new(-50_000.0, 50_000.0, "a distance in metres");
 const HEIGHT_M: Limits = Limits::new(0.0, 5_000.0, "a height over the touchdown target in metres");
 const TURN_DEG: Limits = Limits::new(-180.0, 360.0, "an angle in degrees");
-const PITCH_DEG: Limits = Limits::new(-89.0, 89.0, "an elevation in degrees");
-const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
+pub(super) const PITCH_DEG: Limits = Limits::new(-89.0, 89.0, "an elevation in degrees");
+pub(super) const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
 
 /// `[rig.NAME]`
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -21,7 +24,7 @@ const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
 pub(super) struct Rig {
     /// Any number of cameras, at least one.
     #[schemars(length(min = 1))]
-    cameras: Vec<Camera>,
+    pub(super) cameras: Vec<Camera>,
 }
 
 /// `[[rig.NAME.cameras]]`: a camera on a mast beside the runway.
@@ -63,6 +66,9 @@ pub struct Camera {
     /// Horizontal field of view, degrees.
     #[schemars(transform = HFOV_DEG.in_schema())]
     pub hfov_deg: f64,
+    /// Distortion of its lens, with OpenCV's coefficients; left out, it is a pinhole. Only the stand-in can draw it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Distortion>,
 }
 
 #[derive(Deserialize)]
@@ -94,6 +100,29 @@ pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Ve
             )
         }
     }
+}
+
+/// Refuses lenses that fold the picture over at any field of view that jitter can give.
+pub(super) fn check_lenses(
+    defined: &BTreeMap<String, Rig>,
+    picture: Picture,
+    jitter: Option<&JitterTable>,
+) -> Checked<()> {
+    let widest = jitter.map_or(0.0, |jitter| jitter.hfov_deg.range().1.max(0.0));
+    let (width, height) = (f64::from(picture.width_px), f64::from(picture.height_px));
+    for (name, rig) in defined {
+        for (index, camera) in rig.cameras.iter().enumerate() {
+            let half_hfov = ((camera.hfov_deg + widest) / 2.0).to_radians();
+            let corner = half_hfov.tan() * width.hypot(height) / width;
+            if let Some(Err(message)) = camera.distortion.map(|lens| lens.check(corner)) {
+                return fault(
+                    format!("rig.{name}.cameras.{index}.distortion"),
+                    format!("camera {:?}: {message}", camera.id),
+                );
+            }
+        }
+    }
+    Ok(())
 }
 
 impl Rig {

@@ -85,7 +85,7 @@ type Fault = (
     &'static str,
 );
 
-const FAULTS: [Fault; 34] = [
+const FAULTS: [Fault; 36] = [
     (
         "seed = 0",
         "seed = 0\ncolour = 1",
@@ -245,6 +245,18 @@ const FAULTS: [Fault; 34] = [
         "field of view",
     ),
     (
+        "hfov_deg = 10",
+        "hfov_deg = 10\ndistortion = { k1 = -200 }",
+        Some((41, 1)),
+        "folds the picture over",
+    ),
+    (
+        "hfov_deg = 10",
+        "hfov_deg = 10\ndistortion = { k4 = 1 }",
+        Some((41, 16)),
+        "unknown field `k4`",
+    ),
+    (
         "[picture]",
         "[video]\npreset = \"warp\"\n[picture]",
         Some((19, 10)),
@@ -330,6 +342,51 @@ fn more_faults_of_whole_tables_are_reported() {
         (
             "\n[airport.WSSS.runway.02L]\nthreshold = { latitude_deg = 91, longitude_deg = 0, altitude_msl_m = 0 }\n",
             "from -85 to 85",
+        ),
+        (
+            "\n[imaging]\nblur_sigma_px = -1\n",
+            "-1 is out of range; expected a standard deviation in pixels from 0 to 20",
+        ),
+        (
+            "\n[imaging]\nrefraction_coefficient = 13\n",
+            "expected a coefficient of refraction from -1 to 0.9",
+        ),
+        (
+            "\n[imaging.sensor]\nread_noise_electrons = 5\n",
+            "missing field `full_well_electrons`",
+        ),
+        (
+            "\n[imaging.seeing]\ncorrelation_s = 0\n",
+            "from 0.001 to 100",
+        ),
+        (
+            "\n[imaging]\nvignetting = 1\n",
+            "unknown field `vignetting`",
+        ),
+        (
+            "\n[jitter]\nheading_deg = { mean = 0, sd = 30 }\n",
+            "can give -180 to 180, which is out of range; expected a small angle in degrees from -10 to 10",
+        ),
+        (
+            "\n[jitter]\nright_m = 300\n",
+            "expected a small offset in metres from -50 to 50",
+        ),
+        (
+            "\n[jitter]\nheight_m = -12\n",
+            "can put camera \"left\" 2 m under the ground",
+        ),
+        (
+            "\n[jitter]\nhfov_deg = { min = -10, max = 0 }\n",
+            "can give camera \"left\" a field of view of 0 to 10 degrees",
+        ),
+        ("\n[aim]\n", "expected either dtd_nm"),
+        (
+            "\n[aim]\ndtd_nm = 5\npitch_deg = 1\n",
+            "expected either dtd_nm",
+        ),
+        (
+            "\n[aim]\nheading_true_deg = 203\n",
+            "expected either dtd_nm",
         ),
         (
             "\n[weather.odd]\nvisibility_m = { mean = 9000, sd = 5000 }\n",

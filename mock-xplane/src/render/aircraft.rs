@@ -2,7 +2,7 @@
 
 use airframe::{Configuration, Mesh, boeing_737_800};
 use dataset::pose::{Controls, Pose};
-use glam::{DMat3, DVec3, Vec3};
+use glam::{DMat3, DVec2, DVec3, Vec3};
 
 use crate::render::air::Air;
 use crate::render::curves::smoothstep;
@@ -41,7 +41,7 @@ impl<'a> Placed<'a> {
             pose,
             controls,
             camera_from_body: view.camera.ecef_from_camera.transpose() * ecef_from_body,
-            center_camera_m: view.camera.to_camera(pose.position().to_ecef()),
+            center_camera_m: view.to_camera(pose.position().to_ecef()),
             body_from_site: (view.site_from_ecef * ecef_from_body).transpose(),
         }
     }
@@ -49,6 +49,11 @@ impl<'a> Placed<'a> {
     /// Whether the aircraft is in front of the camera at all.
     pub(crate) fn is_ahead(&self) -> bool {
         self.center_camera_m.z > NEAREST_M
+    }
+
+    /// Where the centre of gravity appears, pixels; it has to be in front of the camera.
+    pub(crate) fn center_px(&self, view: &View) -> DVec2 {
+        view.camera.pixel_of(self.center_camera_m)
     }
 
     /// Distance from the camera, metres.
@@ -99,8 +104,7 @@ impl<'a> Placed<'a> {
                 );
                 let t = air.transmittance(((a + b + c) / 3.0).length());
                 Some(ScreenTriangle {
-                    pixels: corners
-                        .map(|v| v.truncate() * (camera.focal_px / v.z) + camera.principal_px),
+                    pixels: corners.map(|v| camera.pixel_of(v)),
                     // 1/depth relative to the centre of gravity, so that 32 bits suffice.
                     nearness: corners.map(|v| self.center_camera_m.z / v.z - 1.0),
                     light: (tone.expose(luminance) * t).extend(t),

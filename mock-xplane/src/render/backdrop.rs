@@ -11,6 +11,7 @@ use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
 use crate::render::air::Air;
+use crate::render::blur::Blur;
 use crate::render::clouds::Clouds;
 use crate::render::ground::{Ground, HIGHEST_SILHOUETTE_RAD};
 use crate::render::lamps::Spot;
@@ -94,6 +95,25 @@ impl Backdrop {
             instant_s: moves.then(|| (DRIFT_PER_INSTANT_PX / speed_px_per_s).clamp(0.05, 10.0)),
             instants: Mutex::default(),
         }
+    }
+
+    /// Blurs what stands still. The sky has no structure finer than its grid, so it stays.
+    pub(crate) fn blur(&mut self, blur: &Blur) {
+        // Light of the sky's last rows reaches the ground's first.
+        let rim = blur.reach_px().min(self.sky_rows);
+        let first = self.sky_rows - rim;
+        let mut light: Vec<Vec3> = (first * self.width..self.sky_rows * self.width)
+            .map(|i| tone::decode(self.still_sky.at(i % self.width, i / self.width)))
+            .collect();
+        light.extend_from_slice(&self.ground);
+        blur.apply(&mut light, self.width);
+        self.ground.copy_from_slice(&light[rim * self.width..]);
+        self.still[self.sky_rows * self.width * 3..]
+            .par_chunks_mut(3)
+            .zip(&self.ground)
+            .for_each(|(rgb, &light)| {
+                rgb.copy_from_slice(&tone::to_bytes(tone::encode(light)));
+            });
     }
 
     /// Copies the backdrop at a time into a picture and returns its sky, which [`Self::light`] wants.

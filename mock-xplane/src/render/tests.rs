@@ -2,6 +2,8 @@
 
 use dataset::camera::CameraPose;
 use dataset::conditions::{CloudKind, CloudLayer};
+use dataset::distortion::Distortion;
+use dataset::imaging::{Degradation, Imaging, Seeing, Sensor};
 
 use super::*;
 
@@ -114,10 +116,10 @@ fn scene(distance_m: f64, weather: &Weather) -> Scene {
 fn contrast(scene: &Scene, pose: &Pose) -> Vec<(DVec2, f64)> {
     let placed = Placed::new(&scene.world.view, pose, &LANDING);
     let clouds = CloudsBefore::new(&scene.world, &placed, 0.0);
-    let patch = scene.draw_airframe(&placed);
+    let patch = scene.draw_airframe(&placed, None);
     let sky = &scene.backdrop.still_sky();
     let canvas = scene
-        .composite(patch.as_ref(), &[], &clouds, sky)
+        .composite(patch.as_ref(), &[], &clouds, sky, None)
         .expect("the aircraft is in the picture");
     canvas
         .light
@@ -191,14 +193,16 @@ fn projected_box(camera: &Camera, pose: &Pose, controls: &Controls) -> [f64; 4] 
 /// A pixel changes when the outline crosses any part of it, so a first changed column lies between half a pixel left and half a
 /// pixel right of the outline's true end. Over many sub-pixel positions that averages out.
 fn mean_offsets(distance_nm: f64, turn_deg: f64) -> [f64; 4] {
+    mean_offsets_seen_by(&small_camera(distance_nm * NM_M), distance_nm, turn_deg)
+}
+
+fn mean_offsets_seen_by(camera: &Camera, distance_nm: f64, turn_deg: f64) -> [f64; 4] {
     // Air without haze: this is about places, and a far winglet in haze does not change a byte.
-    let scene = scene(
-        distance_nm * NM_M,
-        &Weather {
-            visibility_m: 1e6,
-            ..clear()
-        },
-    );
+    let weather = Weather {
+        visibility_m: 1e6,
+        ..clear()
+    };
+    let scene = Scene::new(camera, &changi_02l(), &weather, &clock_at_local(12.0));
     const STEPS: u32 = 16;
     let mut mean = [0.0; 4];
     for step in 0..STEPS {
@@ -208,7 +212,7 @@ fn mean_offsets(distance_nm: f64, turn_deg: f64) -> [f64; 4] {
         pose.altitude_msl_m += part * pixel_m;
         pose.heading_true_deg += turn_deg;
         let found = changed_box(&scene, &pose, &LANDING);
-        let expected = projected_box(&scene.world.view.camera, &pose, &LANDING);
+        let expected = projected_box(camera, &pose, &LANDING);
         for (mean, (found, expected)) in mean.iter_mut().zip(found.into_iter().zip(expected)) {
             *mean += (found - expected) / f64::from(STEPS);
         }
@@ -241,6 +245,37 @@ fn the_nose_is_drawn_where_the_camera_model_projects_it_from_either_side() {
 }
 
 #[test]
+fn through_a_lens_and_bent_light_the_aircraft_is_drawn_where_the_labels_project_it() {
+    let imaging = Imaging {
+        distortion: Some(Distortion {
+            k1: -250.0,
+            p1: 0.4,
+            p2: -0.3,
+            ..Distortion::default()
+        }),
+        refraction_coefficient: 0.13,
+        degradation: None,
+    };
+    for distance_nm in [3.0, 6.0, 9.0] {
+        let pinhole = small_camera(distance_nm * NM_M);
+        // Turned, so that the aircraft is near a corner, where the lens moves it by pixels.
+        let pinhole = Camera {
+            principal_px: DVec2::new(260.0, 150.0),
+            ..pinhole
+        };
+        let camera = pinhole.seen_through(&imaging);
+        let pose = on_glide_path(distance_nm * NM_M, 0.0).position().to_ecef();
+        let moved = camera.project(pose).unwrap() - pinhole.project(pose).unwrap();
+        assert!(moved.y < -0.5, "{moved}");
+        let offsets = mean_offsets_seen_by(&camera, distance_nm, 0.0);
+        assert!(
+            offsets.iter().all(|offset| offset.abs() < 0.3),
+            "{offsets:?} at {distance_nm} NM"
+        );
+    }
+}
+
+#[test]
 fn contrast_falls_with_distance_as_koschmieder_says() {
     for visibility_m in [5_000.0, 10_000.0, 20_000.0, 40_000.0] {
         let weather = Weather {
@@ -257,7 +292,8 @@ fn contrast_falls_with_distance_as_koschmieder_says() {
             (sum * range_m * range_m, range_m)
         };
         let (near, near_m) = intrinsic(1.0);
-        for distance_nm in [2.0, 4.0, 7.0, 10.0] {
+        for distance_nm in 2..=10 {
+            let distance_nm = f64::from(distance_nm);
             let (far, far_m) = intrinsic(distance_nm);
             let expected = (-3.912 / visibility_m * (far_m - near_m)).exp();
             if expected > 2e-3 {
@@ -332,7 +368,7 @@ fn an_aircraft_moved_by_a_quarter_of_a_pixel_moves_its_centre_by_a_quarter_of_a_
         let centre = |right_m: f64| {
             let pose = on_glide_path(distance_nm * NM_M, right_m);
             let placed = Placed::new(&scene.world.view, &pose, &LANDING);
-            let patch = scene.draw_airframe(&placed).unwrap();
+            let patch = scene.draw_airframe(&placed, None).unwrap();
             let (sum, moment) = patch.coverage.iter().enumerate().fold(
                 (0.0, DVec2::ZERO),
                 |(sum, moment), (i, &share)| {
@@ -382,25 +418,216 @@ fn overcast() -> Weather {
     }
 }
 
+/// Everything that can be switched on.
+fn all_effects() -> Imaging {
+    Imaging {
+        distortion: Some(Distortion {
+            k1: -100.0,
+            ..Distortion::default()
+        }),
+        refraction_coefficient: 0.13,
+        degradation: Some(Degradation {
+            blur_sigma_px: 0.9,
+            sensor: Some(Sensor {
+                full_well_electrons: 8_000.0,
+                read_noise_electrons: 6.0,
+            }),
+            seeing: Some(Seeing {
+                tilt_rms_arcsec: 12.0,
+                blur_sigma_arcsec: 6.0,
+                correlation_s: 0.05,
+            }),
+            seed: 77,
+        }),
+    }
+}
+
+fn imaged_scene(distance_m: f64, weather: &Weather, imaging: &Imaging) -> Scene {
+    let camera = small_camera(distance_m).seen_through(imaging);
+    let scene = Scene::new(&camera, &changi_02l(), weather, &clock_at_local(12.0));
+    match &imaging.degradation {
+        None => scene,
+        Some(degradation) => scene.degraded(degradation),
+    }
+}
+
 #[test]
 fn the_same_inputs_give_the_same_bytes_whatever_the_number_of_threads() {
-    let draw = |threads: usize| {
-        let pool = rayon::ThreadPoolBuilder::new()
-            .num_threads(threads)
-            .build()
-            .unwrap();
-        pool.install(|| {
-            let scene = scene(4.0 * NM_M, &overcast());
-            let mut rgb = vec![0; 320 * 192 * 3];
-            scene.render(&on_glide_path(4.0 * NM_M, 0.0), &LANDING, 12.34, &mut rgb);
-            rgb
-        })
+    for imaging in [Imaging::default(), all_effects()] {
+        let draw = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| {
+                let scene = imaged_scene(4.0 * NM_M, &overcast(), &imaging);
+                let mut rgb = vec![0; 320 * 192 * 3];
+                scene.render(&on_glide_path(4.0 * NM_M, 0.0), &LANDING, 12.34, &mut rgb);
+                rgb
+            })
+        };
+        let one = draw(1);
+        assert!(
+            one == draw(2) && one == draw(5),
+            "pictures differ between thread counts with {imaging:?}"
+        );
+    }
+}
+
+#[test]
+fn effects_that_are_off_change_no_byte_and_each_one_that_is_on_does() {
+    let draw = |imaging: &Imaging| {
+        let scene = imaged_scene(4.0 * NM_M, &overcast(), imaging);
+        let mut rgb = vec![0; 320 * 192 * 3];
+        scene.render(&on_glide_path(4.0 * NM_M, 0.0), &LANDING, 12.34, &mut rgb);
+        rgb
     };
-    let one = draw(1);
-    assert!(
-        one == draw(2) && one == draw(5),
-        "pictures differ between thread counts"
+    let ideal = draw(&Imaging::default());
+    let off = Imaging {
+        distortion: Some(Distortion::default()),
+        degradation: Some(Degradation::default()),
+        ..Imaging::default()
+    };
+    // A lens without coefficients is a pinhole to within rounding.
+    let differing = draw(&off)
+        .iter()
+        .zip(&ideal)
+        .filter(|(a, b)| a.abs_diff(**b) > 1)
+        .count();
+    assert_eq!(differing, 0);
+    let unspoiled = Imaging {
+        degradation: Some(Degradation::default()),
+        ..Imaging::default()
+    };
+    assert!(draw(&unspoiled) == ideal);
+    let all = all_effects();
+    let degradation = all.degradation.unwrap();
+    let only = |change: &dyn Fn(&mut Degradation)| {
+        let mut only = Degradation::default();
+        change(&mut only);
+        Imaging {
+            degradation: Some(only),
+            ..Imaging::default()
+        }
+    };
+    for imaging in [
+        Imaging {
+            distortion: all.distortion,
+            ..Imaging::default()
+        },
+        Imaging {
+            refraction_coefficient: 0.13,
+            ..Imaging::default()
+        },
+        only(&|d| d.blur_sigma_px = degradation.blur_sigma_px),
+        only(&|d| d.sensor = degradation.sensor),
+        only(&|d| d.seeing = degradation.seeing),
+    ] {
+        assert!(draw(&imaging) != ideal, "{imaging:?} changes nothing");
+    }
+}
+
+/// Sum, centre and variance along the columns of what the airframe changes in a picture's linear light.
+fn moments(scene: &Scene, pose: &Pose, time_s: f64) -> (f64, DVec2, f64) {
+    let placed = Placed::new(&scene.world.view, pose, &LANDING);
+    let clouds = CloudsBefore::new(&scene.world, &placed, time_s);
+    let shift_px = scene.spoiled.shift_px(placed.distance_m(), time_s);
+    let patch = scene.draw_airframe(&placed, shift_px);
+    let blur = scene.spoiled.blur(placed.distance_m());
+    let sky = &scene.backdrop.still_sky();
+    let canvas = scene
+        .composite(patch.as_ref(), &[], &clouds, sky, blur.as_ref())
+        .expect("the aircraft is in the picture");
+    let changes: Vec<(DVec2, f64)> = (0..canvas.light.len())
+        .map(|i| {
+            let (x, y) = (canvas.x + i % canvas.width, canvas.y + i / canvas.width);
+            let change = canvas.light[i] - scene.backdrop.light(sky, x, y);
+            (DVec2::new(x as f64, y as f64), f64::from(change.y))
+        })
+        .collect();
+    let sum: f64 = changes.iter().map(|(_, c)| c).sum();
+    let centre = changes.iter().map(|(at, c)| *at * *c).sum::<DVec2>() / sum;
+    let variance = changes
+        .iter()
+        .map(|(at, c)| (at.x - centre.x).powi(2) * c)
+        .sum::<f64>()
+        / sum;
+    (sum, centre, variance)
+}
+
+#[test]
+fn blur_keeps_an_aircrafts_light_and_centre_and_adds_its_variance() {
+    let distance_m = 6.0 * NM_M;
+    let sharp = imaged_scene(distance_m, &clear(), &Imaging::default());
+    let pose = on_glide_path(distance_m, 0.0);
+    let (sum, centre, variance) = moments(&sharp, &pose, 0.0);
+    for sigma_px in [0.4, 0.8, 2.0] {
+        let degradation = Degradation {
+            blur_sigma_px: sigma_px,
+            ..Degradation::default()
+        };
+        let imaging = Imaging {
+            degradation: Some(degradation),
+            ..Imaging::default()
+        };
+        let blurred = imaged_scene(distance_m, &clear(), &imaging);
+        let (found_sum, found_centre, found_variance) = moments(&blurred, &pose, 0.0);
+        assert!((found_sum / sum - 1.0).abs() < 2e-3, "{found_sum} {sum}");
+        assert!(
+            found_centre.distance(centre) < 0.01,
+            "{found_centre} {centre}"
+        );
+        let added = (found_variance - variance).sqrt();
+        assert!(
+            (added / sigma_px - 1.0).abs() < 0.03,
+            "{added} for {sigma_px}"
+        );
+    }
+}
+
+#[test]
+fn seeing_moves_the_aircraft_by_what_the_turbulence_says_and_not_the_backdrop() {
+    let distance_m = 6.0 * NM_M;
+    let seeing = Seeing {
+        tilt_rms_arcsec: 20.0,
+        blur_sigma_arcsec: 0.0,
+        correlation_s: 0.1,
+    };
+    let imaging = Imaging {
+        degradation: Some(Degradation {
+            seeing: Some(seeing),
+            seed: 3,
+            ..Degradation::default()
+        }),
+        ..Imaging::default()
+    };
+    let (still, shaken) = (
+        imaged_scene(distance_m, &clear(), &Imaging::default()),
+        imaged_scene(distance_m, &clear(), &imaging),
     );
+    let pose = on_glide_path(distance_m, 0.0);
+    let (_, centre, _) = moments(&still, &pose, 0.0);
+    let range_m = Placed::new(&still.world.view, &pose, &LANDING).distance_m();
+    let turbulence = Turbulence::new(&seeing, still.world.view.camera.focal_px, 3);
+    let mut farthest: f64 = 0.0;
+    for time_s in [0.0, 0.5, 1.0, 7.3] {
+        let expected = turbulence.shift_px(range_m, time_s);
+        let (_, found, _) = moments(&shaken, &pose, time_s);
+        let error = found - centre - expected;
+        assert!(error.abs().max_element() < 0.05, "{error} of {expected}");
+        farthest = farthest.max(expected.length());
+    }
+    assert!(farthest > 0.5, "{farthest}");
+    let far_away = Pose {
+        latitude_deg: 40.0,
+        ..pose
+    };
+    let draw = |time_s: f64| {
+        let mut rgb = vec![0; 320 * 192 * 3];
+        shaken.render(&far_away, &LANDING, time_s, &mut rgb);
+        rgb
+    };
+    assert!(draw(0.0) == draw(0.5), "the backdrop moves");
 }
 
 #[test]

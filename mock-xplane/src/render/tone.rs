@@ -48,7 +48,8 @@ pub(crate) fn to_bytes(display: Vec3) -> [u8; 3] {
     display.to_array().map(|v| (v + 0.5) as u8)
 }
 
-fn srgb_from_linear(x: f32) -> f32 {
+/// The display value, 0 to 1, of linear light from 0 to 1.
+pub(crate) fn srgb_from_linear(x: f32) -> f32 {
     if x <= 0.003_130_8 {
         12.92 * x
     } else {
@@ -56,7 +57,8 @@ fn srgb_from_linear(x: f32) -> f32 {
     }
 }
 
-fn linear_from_srgb(x: f32) -> f32 {
+/// The inverse of [`srgb_from_linear`].
+pub(crate) fn linear_from_srgb(x: f32) -> f32 {
     if x <= 0.040_45 {
         x / 12.92
     } else {

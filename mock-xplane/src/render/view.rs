@@ -1,7 +1,11 @@
 //! A camera seen from the site: east, north and up about the runway's touchdown target, the frame in which ground, clouds and
 //! fixed lamps have their places, so that two cameras see the same world.
+//!
+//! Where the air bends light, places of the site are where things appear, not where they are: rays stay straight, and what
+//! is far away is lifted (`dataset::refraction`). Heights above the sea know of it; all else need not.
 
 use dataset::camera::Camera;
+use dataset::refraction::lift_m;
 use dataset::runway::Runway;
 use glam::{DMat3, DVec2, DVec3};
 
@@ -12,8 +16,12 @@ const EARTH_RADIUS_M: f64 = 6.36e6;
 /// A camera and the frame of the site around it.
 #[derive(Debug, Clone)]
 pub(crate) struct View {
-    /// The camera itself, in ECEF.
+    /// The camera itself, in ECEF, for places where things appear: its own refraction is taken out.
     pub(crate) camera: Camera,
+    /// The camera for places where things are.
+    true_camera: Camera,
+    /// Coefficient of refraction: curvature of light over that of the earth.
+    refraction: f64,
     /// Position of the camera: east, north, up of the touchdown target, metres.
     pub(crate) position_m: DVec3,
     /// Unit vector of the landing course (horizontal).
@@ -36,7 +44,14 @@ impl View {
         let origin_ecef_m = target.to_ecef();
         let (sin, cos) = runway.course_true_deg.to_radians().sin_cos();
         Self {
-            camera: *camera,
+            camera: Camera {
+                refraction: None,
+                ..*camera
+            },
+            true_camera: *camera,
+            refraction: camera
+                .refraction
+                .map_or(0.0, |refraction| refraction.coefficient),
             position_m: site_from_ecef * (camera.center_ecef_m - origin_ecef_m),
             course: DVec3::new(sin, cos, 0.0),
             threshold_before_target_m: runway.touchdown_past_threshold_m,
@@ -49,8 +64,12 @@ impl View {
 
     /// Unit vector (east, north, up) through a pixel.
     pub(crate) fn ray(&self, pixel: DVec2) -> DVec3 {
-        let image = (pixel - self.camera.principal_px) / self.camera.focal_px;
-        (self.site_from_camera * image.extend(1.0)).normalize()
+        (self.site_from_camera * self.camera.image_of(pixel).extend(1.0)).normalize()
+    }
+
+    /// Where a point of the world (ECEF) appears, in camera axes, metres.
+    pub(crate) fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
+        self.true_camera.to_camera(ecef_m)
     }
 
     /// A point of the site (east, north, up, metres) in the picture; `None` behind the camera.
@@ -61,20 +80,29 @@ impl View {
 
     /// Height above mean sea level of a point of the site, metres.
     pub(crate) fn height_msl_m(&self, site_m: DVec3) -> f64 {
-        self.ground_msl_m + site_m.z + site_m.truncate().length_squared() / (2.0 * EARTH_RADIUS_M)
+        let flat = site_m.truncate();
+        self.ground_msl_m + site_m.z + flat.length_squared() / (2.0 * EARTH_RADIUS_M)
+            - self.lift_m(flat)
+    }
+
+    /// How much higher things appear there than they are, metres.
+    fn lift_m(&self, horizontal_m: DVec2) -> f64 {
+        let distance_m = horizontal_m.distance(self.position_m.truncate());
+        lift_m(self.refraction, distance_m)
     }
 
     /// The point of the site with this height above mean sea level, straight above or below `horizontal_m`.
     pub(crate) fn at_height(&self, horizontal_m: DVec2, height_msl_m: f64) -> DVec3 {
         let curved = horizontal_m.length_squared() / (2.0 * EARTH_RADIUS_M);
-        horizontal_m.extend(height_msl_m - self.ground_msl_m - curved)
+        horizontal_m.extend(height_msl_m - self.ground_msl_m - curved + self.lift_m(horizontal_m))
     }
 
     /// Distances along a ray from the camera to where it passes a height above mean sea level, nearest first.
     pub(crate) fn distances_to_height(&self, ray: DVec3, height_msl_m: f64) -> Option<[f64; 2]> {
         // Height along the ray is a quadratic: a s^2 + b s + c.
         let (position, flat) = (self.position_m.truncate(), ray.truncate());
-        let a = flat.length_squared() / (2.0 * EARTH_RADIUS_M);
+        let a =
+            flat.length_squared() / (2.0 * EARTH_RADIUS_M) - lift_m(self.refraction, flat.length());
         let b = ray.z + position.dot(flat) / EARTH_RADIUS_M;
         let c = self.height_msl_m(self.position_m) - height_msl_m;
         let discriminant = b * b - 4.0 * a * c;
@@ -108,6 +136,9 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use dataset::distortion::Distortion;
+    use dataset::imaging::Imaging;
+
     use crate::render::tests::{changi_02l, small_camera};
 
     #[test]
@@ -129,6 +160,89 @@ mod tests {
             let [_, far] = view.distances_to_height(ray, 900.0).unwrap();
             let height = view.height_msl_m(view.position_m + ray * far);
             assert!((height - 900.0).abs() < 1e-3, "{height}");
+        }
+    }
+
+    /// A camera of ten degrees with a strong lens in air that bends light.
+    fn bent_camera() -> Camera {
+        small_camera(0.0).seen_through(&Imaging {
+            distortion: Some(Distortion {
+                k1: -300.0,
+                p1: 0.5,
+                ..Distortion::default()
+            }),
+            refraction_coefficient: 0.13,
+            degradation: None,
+        })
+    }
+
+    #[test]
+    fn places_appear_in_the_site_where_the_camera_model_of_the_labels_projects_them() {
+        let camera = bent_camera();
+        let view = View::new(&camera, &changi_02l());
+        for distance_m in [3_000.0, 9_000.0, 18_520.0] {
+            let place = changi_02l()
+                .point_on_approach(distance_m, 120.0)
+                .at_altitude_m(500.0);
+            let site = view.site_from_ecef * (place.to_ecef() - view.origin_ecef_m);
+            let appears = view.at_height(site.truncate(), 500.0);
+            let found = view.project(appears).unwrap();
+            let expected = camera.project(place.to_ecef()).unwrap();
+            assert!(found.distance(expected) < 0.15, "{found} {expected}");
+            let [_, far] = view
+                .distances_to_height((appears - view.position_m).normalize(), 500.0)
+                .unwrap();
+            let reached = view.position_m + (appears - view.position_m).normalize() * far;
+            assert!(reached.distance(appears) < 0.5, "{reached} {appears}");
+        }
+    }
+
+    #[test]
+    fn the_horizon_dips_as_on_an_earth_that_bent_light_makes_larger() {
+        for coefficient in [0.0, 0.13, 0.5] {
+            let camera = small_camera(0.0).seen_through(&Imaging {
+                refraction_coefficient: coefficient,
+                ..Imaging::default()
+            });
+            let view = View::new(&camera, &changi_02l());
+            let meets_sea = |elevation_rad: f64| {
+                let ray = DVec3::new(-0.4, -0.9, 0.0).normalize() + DVec3::Z * elevation_rad;
+                view.distances_to_height(ray.normalize(), 0.0)
+                    .is_some_and(|[near_m, _]| near_m > 0.0)
+            };
+            let (mut below, mut above) = (-0.01, 0.005);
+            for _ in 0..60 {
+                let middle = (below + above) / 2.0;
+                *(if meets_sea(middle) {
+                    &mut below
+                } else {
+                    &mut above
+                }) = middle;
+            }
+            let height_m = view.height_msl_m(view.position_m);
+            // Against the camera's own horizontal, which is not that of the touchdown target.
+            let tilt =
+                view.position_m.dot(DVec3::new(-0.4, -0.9, 0.0).normalize()) / EARTH_RADIUS_M;
+            let expected = -(2.0 * height_m * (1.0 - coefficient) / EARTH_RADIUS_M).sqrt() - tilt;
+            assert!(
+                (below - expected).abs() < 5e-6,
+                "{below} {expected} at {coefficient}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_pixel_of_a_lens_sees_what_is_drawn_on_it() {
+        let view = View::new(&bent_camera(), &changi_02l());
+        for pixel in [
+            DVec2::new(-0.5, 0.0),
+            DVec2::new(319.5, 191.5),
+            DVec2::new(12.5, 40.25),
+        ] {
+            let found = view
+                .project(view.position_m + view.ray(pixel) * 5_000.0)
+                .unwrap();
+            assert!(found.abs_diff_eq(pixel, 1e-6), "{found}");
         }
     }
 

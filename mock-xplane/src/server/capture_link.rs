@@ -8,6 +8,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex as StdMutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use dataset::camera::Camera;
 use dataset::units::SimTime;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
@@ -237,12 +238,26 @@ impl Studio {
                     pixels,
                     window,
                     shares_memory_with: DrawingSlots::POSSIBLE.then_some(from.address),
+                    imaging: true,
                 })
             }
             Request::ShareMemory(offer) => share_memory(from, &offer),
             // What is drawn here is drawn at once: no frame needs to settle.
-            Request::Freeze { runway, .. } => {
-                self.world.lock().freeze(runway);
+            Request::Freeze {
+                runway, imaging, ..
+            } => {
+                let faulty = (0..).zip(&imaging).find_map(|(view, imaging): (u32, _)| {
+                    imaging
+                        .check()
+                        .err()
+                        .map(|fault| format!("view {view}: {fault}"))
+                });
+                if let Some(text) = faulty {
+                    return refusal(text);
+                }
+                let mut world = self.world.lock();
+                world.freeze(runway);
+                world.set_imaging(imaging);
                 ready(Answer::Frozen)
             }
             Request::ProbeTerrain {
@@ -323,8 +338,14 @@ impl Studio {
                     "the check pattern covers the window: take it away before capturing".into(),
                 );
             }
+            let imaging = world.imaging(request.view);
+            let camera = Camera::from_pose(&request.camera, request.width_px, request.height_px);
+            if let Some(Err(text)) = imaging.distortion.map(|lens| lens.check(camera.corner())) {
+                return refusal(format!("view {}: {text}", request.view));
+            }
             let key = SceneKey {
                 camera: request.camera,
+                imaging,
                 width_px: request.width_px,
                 height_px: request.height_px,
                 runway,

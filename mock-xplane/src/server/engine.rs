@@ -3,6 +3,7 @@
 
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use xplane_bridge::fly::FlyRequest;
@@ -15,13 +16,14 @@ pub trait Engine: Send + Sync + 'static {
     /// Flies an approach in this weather; the states at the model's own rate. The text of an error says why it cannot.
     fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String>;
 
-    /// Prepares the pictures of one camera in one weather at one time.
+    /// Prepares the pictures of one camera in one weather at one time, spoiled or not.
     fn picture(
         &self,
         camera: &Camera,
         runway: &Runway,
         weather: &Weather,
         clock: &Clock,
+        degradation: Option<&Degradation>,
     ) -> Box<dyn Picture>;
 }
 
@@ -53,8 +55,13 @@ impl Engine for BuiltIn {
         runway: &Runway,
         weather: &Weather,
         clock: &Clock,
+        degradation: Option<&Degradation>,
     ) -> Box<dyn Picture> {
-        Box::new(Scene::new(camera, runway, weather, clock))
+        let scene = Scene::new(camera, runway, weather, clock);
+        Box::new(match degradation {
+            None => scene,
+            Some(degradation) => scene.degraded(degradation),
+        })
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
+use dataset::imaging::Imaging;
 use dataset::runway::Runway;
 
 use super::engine::{Engine, Picture};
@@ -16,6 +17,7 @@ const KEPT: usize = 8;
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SceneKey {
     pub(super) camera: CameraPose,
+    pub(super) imaging: Imaging,
     pub(super) width_px: u32,
     pub(super) height_px: u32,
     pub(super) runway: Runway,
@@ -41,8 +43,10 @@ impl Scenes {
     ) -> T {
         let slot = self.slot(key);
         let picture = slot.get_or_init(|| {
-            let camera = Camera::from_pose(&key.camera, key.width_px, key.height_px);
-            engine.picture(&camera, &key.runway, &key.weather, &key.clock)
+            let camera = Camera::from_pose(&key.camera, key.width_px, key.height_px)
+                .seen_through(&key.imaging);
+            let degradation = key.imaging.degradation.as_ref();
+            engine.picture(&camera, &key.runway, &key.weather, &key.clock, degradation)
         });
         draw(picture.as_ref())
     }

@@ -15,6 +15,7 @@ mod sky;
 use std::collections::HashMap;
 
 use dataset::conditions::{Clock, Weather};
+use dataset::imaging::Imaging;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use xplane_bridge::datarefs::{self as names, Generation};
@@ -35,6 +36,8 @@ pub(super) struct World {
     state: State,
     /// The runway of the scenario while frozen.
     frozen: Option<Runway>,
+    /// Lens, air and sensor of each view while frozen; a view beyond is ideal.
+    imaging: Vec<Imaging>,
     drawn_frames: u64,
     /// Code of the check pattern while it shows.
     check_pattern: Option<u32>,
@@ -68,6 +71,7 @@ impl World {
                 sky,
             },
             frozen: None,
+            imaging: vec![],
             drawn_frames: 0,
             check_pattern: None,
             situations: HashMap::new(),
@@ -257,6 +261,17 @@ impl World {
     pub(super) fn freeze(&mut self, runway: Runway) {
         self.state.datarefs.set(names::OVERRIDE_FLIGHT_MODEL, 1.0);
         self.frozen = Some(runway);
+        self.imaging.clear();
+    }
+
+    /// Sets through what the views are seen until the next freeze.
+    pub(super) fn set_imaging(&mut self, imaging: Vec<Imaging>) {
+        self.imaging = imaging;
+    }
+
+    /// Through what a view is seen.
+    pub(super) fn imaging(&self, view: u32) -> Imaging {
+        self.imaging.get(view as usize).copied().unwrap_or_default()
     }
 
     /// Lets everything run again.

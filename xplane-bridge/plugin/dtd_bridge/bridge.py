@@ -198,6 +198,8 @@ class Bridge:
         }
 
     def _freeze(self, header: Header) -> Task:
+        if header.get("imaging"):
+            raise Refusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
         messages.runway(messages.part(header, "runway"))
         self._settle_frames = messages.whole(header, "settle_frames", 1, 600)
         self._stage.freeze()

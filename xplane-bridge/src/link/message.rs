@@ -2,6 +2,7 @@
 
 use std::net::SocketAddr;
 
+use dataset::imaging::Imaging;
 use dataset::runway::Runway;
 use serde::{Deserialize, Serialize};
 
@@ -28,6 +29,10 @@ pub enum Request {
         runway: Runway,
         /// Frames that X-Plane draws with a new pose and camera before the one that counts, so that everything has followed.
         settle_frames: u32,
+        /// Lens, air and sensor of each view, in their order; missing views, and all if it is missing, are ideal. Only for simulators
+        /// that say in [`Answer::Hello`] that they have them.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        imaging: Vec<Imaging>,
     },
     /// How high is the ground that the simulator shows there?
     ProbeTerrain {
@@ -70,6 +75,9 @@ pub enum Answer {
         /// address for its own speaks through somebody, a recorder or a tunnel, who has to see the pictures pass.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shares_memory_with: Option<SocketAddr>,
+        /// Whether it can draw through lenses, bent and turbulent air and with noise; X-Plane cannot.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        imaging: bool,
     },
     /// To [`Request::ShareMemory`].
     MemoryShared,
@@ -128,6 +136,35 @@ mod tests {
     fn headers_are_flat_objects_that_name_their_message() {
         let text = serde_json::to_string(&Request::Release).unwrap();
         assert_eq!(text, r#"{"message":"release"}"#);
+        let freeze = |imaging| Request::Freeze {
+            runway: Runway {
+                airport: "WSSS".into(),
+                name: "02L".into(),
+                threshold: dataset::geodesy::Geodetic {
+                    latitude_deg: 1.0,
+                    longitude_deg: 104.0,
+                    altitude_msl_m: 7.0,
+                },
+                course_true_deg: 23.0,
+                glide_path_deg: 3.0,
+                touchdown_past_threshold_m: 300.0,
+                ils_frequency_mhz: None,
+                course_magnetic_deg: None,
+            },
+            settle_frames: 3,
+            imaging,
+        };
+        let text = serde_json::to_string(&freeze(vec![])).unwrap();
+        assert!(!text.contains("imaging"), "{text}");
+        let bent = Imaging {
+            refraction_coefficient: 0.13,
+            ..Imaging::default()
+        };
+        let text = serde_json::to_string(&freeze(vec![Imaging::default(), bent])).unwrap();
+        assert!(
+            text.ends_with(r#""imaging":[{},{"refraction_coefficient":0.13}]}"#),
+            "{text}"
+        );
         let text = serde_json::to_string(&Answer::Error { text: "no".into() }).unwrap();
         assert_eq!(text, r#"{"message":"error","text":"no"}"#);
     }

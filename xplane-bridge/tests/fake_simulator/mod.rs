@@ -202,6 +202,7 @@ async fn talk(
                 pixels: vec![PixelKind::Link],
                 window: None,
                 shares_memory_with: None,
+                imaging: false,
             },
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,

@@ -8,6 +8,7 @@ use std::sync::Arc;
 
 use dataset::camera::CameraPose;
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Imaging;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use glam::{DMat3, DQuat, DVec3, EulerRot};
@@ -200,6 +201,8 @@ impl PluginScene {
             };
             let key = SceneKey {
                 camera,
+                // Like X-Plane, whose plugin refuses anything else.
+                imaging: Imaging::default(),
                 width_px,
                 height_px,
                 runway: scenery(),

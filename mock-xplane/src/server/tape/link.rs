@@ -149,7 +149,12 @@ impl Player {
 /// Keeps the stand-in's world in step, for pictures that are drawn again.
 fn follow(playback: &mut Playback, request: &Value) {
     match serde_json::from_value(request.clone()) {
-        Ok(Request::Freeze { runway, .. }) => playback.world.freeze(runway),
+        Ok(Request::Freeze {
+            runway, imaging, ..
+        }) => {
+            playback.world.freeze(runway);
+            playback.world.set_imaging(imaging);
+        }
         Ok(Request::Release | Request::Fly(_) | Request::Hello { .. }) => playback.world.release(),
         _ => {}
     }
@@ -164,6 +169,7 @@ fn scene_key(playback: &Playback, request: &Value) -> Result<(SceneKey, CaptureR
     let runway = runway.ok_or("a capture needs a frozen simulator: send freeze first")?;
     let key = SceneKey {
         camera: request.camera,
+        imaging: playback.world.imaging(request.view),
         width_px: request.width_px,
         height_px: request.height_px,
         runway,

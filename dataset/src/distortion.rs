@@ -1,0 +1,224 @@
+//! Lens distortion: the model of Brown and Conrady (D. C. Brown, "Close-Range Camera Calibration", Photogrammetric Engineering 37, 1971)
+//! in the form and with the coefficients of OpenCV.
+//!
+//! Both sides are image coordinates: what is seen to the right and below the optical axis, divided by its depth. A real lens folds no
+//! picture over; coefficients that do are refused by [`Distortion::check`].
+
+use glam::{DMat2, DVec2};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Coefficients of a lens, each 0 if left out; all 0 is a pinhole.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Distortion {
+    /// Radial, of the squared radius; negative is a barrel.
+    pub k1: f64,
+    /// Radial, of the fourth power of the radius.
+    pub k2: f64,
+    /// Tangential, along y.
+    pub p1: f64,
+    /// Tangential, along x.
+    pub p2: f64,
+    /// Radial, of the sixth power of the radius.
+    pub k3: f64,
+}
+
+/// So much of the picture's half diagonal, from the principal point, the lens has to map without folding.
+pub(crate) const FIELD_OVER_HALF_DIAGONAL: f64 = 1.5;
+/// Where a lens squeezes areas below this share, it is about to fold.
+const LEAST_AREA: f64 = 0.05;
+/// Directions and radii at which a lens is checked.
+const CHECKED: (u32, u32) = (72, 60);
+/// Steps of Newton's method; four suffice for any lens that passes the check well inside its field.
+const MOST_STEPS: u32 = 40;
+/// Image coordinates that agree so far are the same: a billionth of a pixel.
+const SAME: f64 = 1e-14;
+
+impl Distortion {
+    /// In OpenCV's order: k1, k2, p1, p2, k3.
+    pub fn coefficients(&self) -> [f64; 5] {
+        [self.k1, self.k2, self.p1, self.p2, self.k3]
+    }
+
+    /// From OpenCV's order; `None` for another number of coefficients than five.
+    pub fn from_coefficients(coefficients: &[f64]) -> Option<Self> {
+        let &[k1, k2, p1, p2, k3] = coefficients else {
+            return None;
+        };
+        Some(Self { k1, k2, p1, p2, k3 })
+    }
+
+    /// Where the lens puts what a pinhole would put at `ideal`.
+    pub fn distort(&self, ideal: DVec2) -> DVec2 {
+        let Self { k1, k2, p1, p2, k3 } = *self;
+        let DVec2 { x, y } = ideal;
+        let r2 = ideal.length_squared();
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        let tangential = DVec2::new(
+            2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        );
+        ideal * radial + tangential
+    }
+
+    /// Derivative of [`Self::distort`].
+    fn derivative(&self, ideal: DVec2) -> DMat2 {
+        let Self { k1, k2, p1, p2, k3 } = *self;
+        let DVec2 { x, y } = ideal;
+        let r2 = ideal.length_squared();
+        let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
+        // Of `radial` by the squared radius.
+        let growth = k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3);
+        let mixed = 2.0 * x * y * growth + 2.0 * p1 * x + 2.0 * p2 * y;
+        DMat2::from_cols(
+            DVec2::new(
+                radial + 2.0 * x * x * growth + 2.0 * p1 * y + 6.0 * p2 * x,
+                mixed,
+            ),
+            DVec2::new(
+                mixed,
+                radial + 2.0 * y * y * growth + 6.0 * p1 * y + 2.0 * p2 * x,
+            ),
+        )
+    }
+
+    /// [`Self::distort`] inside a field of this radius; beyond it the lens goes on evenly, so that what is far outside the picture
+    /// stays outside, as polynomials do not.
+    pub(crate) fn distort_within(&self, ideal: DVec2, field: f64) -> DVec2 {
+        let rim = ideal.clamp_length_max(field);
+        self.distort(rim) + (ideal - rim)
+    }
+
+    /// Derivative of [`Self::distort_within`].
+    fn derivative_within(&self, ideal: DVec2, field: f64) -> DMat2 {
+        let rim = ideal.clamp_length_max(field);
+        let slope = self.derivative(rim);
+        if rim == ideal {
+            return slope;
+        }
+        // Outwards the lens goes on evenly; along the rim it turns with what it does there.
+        let along = ideal.normalize().perp();
+        let rim_moves =
+            DMat2::from_cols(along * along.x, along * along.y) * (field / ideal.length());
+        DMat2::IDENTITY + (slope - DMat2::IDENTITY) * rim_moves
+    }
+
+    /// What a pinhole would put where [`Self::distort_within`] puts something at `seen` (Newton's method).
+    pub(crate) fn undistort_within(&self, seen: DVec2, field: f64) -> DVec2 {
+        let mut ideal = seen;
+        for _ in 0..MOST_STEPS {
+            let off = self.distort_within(ideal, field) - seen;
+            ideal -= self.derivative_within(ideal, field).inverse() * off;
+            if off.abs().max_element() < SAME {
+                break;
+            }
+        }
+        ideal
+    }
+
+    /// Refuses what is no lens for a picture whose corners are at this radius: numbers that are none, and coefficients that fold
+    /// the picture over or leave its corners empty. The text says why.
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self, corner: f64) -> Result<(), String> {
+        if self.coefficients().iter().any(|c| !c.is_finite()) {
+            return Err(format!("{self:?} has a coefficient that is no number"));
+        }
+        let (directions, radii) = CHECKED;
+        for direction in 0..directions {
+            let towards = DVec2::from_angle(
+                std::f64::consts::TAU * f64::from(direction) / f64::from(directions),
+            );
+            for step in 1..=radii {
+                let radius = FIELD_OVER_HALF_DIAGONAL * f64::from(step) / f64::from(radii);
+                let slope = self.derivative(towards * (radius * corner));
+                let grows = towards.dot(slope * towards);
+                if !(slope.determinant() > LEAST_AREA && grows > 0.0) {
+                    return Err(format!(
+                        "the lens folds the picture over at {radius:.2} of the way from its middle to its corners; expected coefficients under \
+                         which it grows steadily up to {FIELD_OVER_HALF_DIAGONAL}"
+                    ));
+                }
+            }
+            let rim = self
+                .distort(towards * (FIELD_OVER_HALF_DIAGONAL * corner))
+                .length()
+                / corner;
+            if rim < 1.0 {
+                return Err(format!(
+                    "the lens draws {FIELD_OVER_HALF_DIAGONAL} of the picture into {rim:.2} of it and leaves its corners empty; expected weaker \
+                     coefficients"
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// About what a cheap wide-angle lens has.
+    const BARREL: Distortion = Distortion {
+        k1: -0.28,
+        k2: 0.08,
+        p1: 0.0012,
+        p2: -0.0007,
+        k3: -0.008,
+    };
+    const CORNER: f64 = 0.7;
+
+    #[test]
+    fn distortion_is_undone_to_a_billionth_of_a_pixel_up_to_the_corners() {
+        BARREL.check(CORNER).unwrap();
+        let field = CORNER * FIELD_OVER_HALF_DIAGONAL;
+        for i in 0..200 {
+            let ideal = DVec2::from_angle(f64::from(i)) * (field * f64::from(i) / 200.0);
+            let back = BARREL.undistort_within(BARREL.distort_within(ideal, field), field);
+            assert!(back.distance(ideal) < 1e-12, "{ideal} came back as {back}");
+        }
+    }
+
+    #[test]
+    fn the_derivative_is_the_slope_of_the_distortion() {
+        for i in 0..50 {
+            let at = DVec2::from_angle(f64::from(i)) * (0.015 * f64::from(i));
+            let slope = BARREL.derivative(at);
+            for (axis, column) in [(DVec2::X, slope.x_axis), (DVec2::Y, slope.y_axis)] {
+                let step = axis * 1e-6;
+                let measured = (BARREL.distort(at + step) - BARREL.distort(at - step)) / 2e-6;
+                assert!(measured.distance(column) < 1e-8, "{measured} {column}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_far_outside_the_picture_stays_outside() {
+        let field = CORNER * FIELD_OVER_HALF_DIAGONAL;
+        let far = DVec2::new(9.0, 0.5);
+        assert!(BARREL.distort(far).length() > 1e3, "the polynomial itself");
+        let drawn = BARREL.distort_within(far, field);
+        assert!(drawn.length() > CORNER && drawn.x > 1.0, "{drawn}");
+        let back = BARREL.undistort_within(drawn, field);
+        assert!(back.distance(far) < 1e-6, "{back}");
+    }
+
+    #[test]
+    fn a_lens_that_folds_the_picture_is_refused_and_a_strong_one_is_not() {
+        let folding = Distortion {
+            k1: -3.0,
+            ..Distortion::default()
+        };
+        assert!(folding.check(CORNER).unwrap_err().contains("folds"));
+        let nothing = Distortion {
+            p1: f64::NAN,
+            ..Distortion::default()
+        };
+        assert!(nothing.check(CORNER).unwrap_err().contains("no number"));
+        // At ten degrees of view the same coefficient is a weak lens.
+        assert_eq!(folding.check(0.105), Ok(()));
+    }
+}

@@ -1,0 +1,155 @@
+//! What lies between an ideal picture and a real one: the lens, the air that bends and shakes light, the sensor.
+//!
+//! All of it is off by default, because X-Plane has none of it. Lens and refraction move things, so they belong to the calibration
+//! and everything that projects knows them. Blur, seeing and noise spoil the picture and move no truth.
+
+use serde::{Deserialize, Serialize};
+
+use crate::distortion::Distortion;
+
+/// How a camera's pictures are made.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Imaging {
+    /// Distortion of the lens; `None` is a pinhole.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Distortion>,
+    /// Coefficient of terrestrial refraction; 0 is straight light.
+    #[serde(skip_serializing_if = "is_zero")]
+    pub refraction_coefficient: f64,
+    /// What spoils the picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub degradation: Option<Degradation>,
+}
+
+/// What spoils a picture without moving its truth.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Degradation {
+    /// Standard deviation of the optics' Gaussian point spread function, pixels.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub blur_sigma_px: f64,
+    /// Noise of the sensor.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sensor: Option<Sensor>,
+    /// Turbulence between aircraft and camera.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub seeing: Option<Seeing>,
+    /// Seed of noise and seeing: another one for every scenario and view, below 2^53.
+    pub seed: u64,
+}
+
+/// Noise of a sensor: Poisson noise of the light (as a Gaussian of the same variance) and of reading out.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Sensor {
+    /// Electrons of a pixel that is white (255).
+    pub full_well_electrons: f64,
+    /// Standard deviation of reading out, electrons.
+    pub read_noise_electrons: f64,
+}
+
+/// Image motion and blur by turbulent air.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Seeing {
+    /// Root mean square of the image's motion along one axis over 10 km, seconds of arc; grows with the root of the distance.
+    pub tilt_rms_arcsec: f64,
+    /// Standard deviation of the blur of one picture over 10 km, seconds of arc; grows with the distance to the power 3/5.
+    pub blur_sigma_arcsec: f64,
+    /// The motion's correlation with itself falls to 1/e in this time, seconds.
+    pub correlation_s: f64,
+}
+
+/// Limits beyond which a value is a slip of the finger: least, most.
+pub mod limits {
+    /// Coefficient of refraction: at 1 light goes around the earth.
+    pub const REFRACTION_COEFFICIENT: (f64, f64) = (-1.0, 0.9);
+    /// Blur, pixels.
+    pub const BLUR_SIGMA_PX: (f64, f64) = (0.0, 20.0);
+    /// Full well, electrons.
+    pub const FULL_WELL_ELECTRONS: (f64, f64) = (100.0, 1e6);
+    /// Read noise, electrons.
+    pub const READ_NOISE_ELECTRONS: (f64, f64) = (0.0, 1_000.0);
+    /// Motion by seeing, seconds of arc.
+    pub const TILT_RMS_ARCSEC: (f64, f64) = (0.0, 200.0);
+    /// Blur by seeing, seconds of arc.
+    pub const SEEING_BLUR_ARCSEC: (f64, f64) = (0.0, 200.0);
+    /// Time of correlation, seconds.
+    pub const CORRELATION_S: (f64, f64) = (0.001, 100.0);
+}
+
+impl Imaging {
+    /// Refuses what nobody can draw. Whether a lens folds the picture over depends on the picture: [`Distortion::check`].
+    ///
+    /// # Errors
+    /// What is wrong, in words.
+    pub fn check(&self) -> Result<(), String> {
+        let within = |name: &str, value: f64, (least, most): (f64, f64)| {
+            if (least..=most).contains(&value) {
+                Ok(())
+            } else {
+                Err(format!("{name} is {value}, expected {least} to {most}"))
+            }
+        };
+        within(
+            "refraction_coefficient",
+            self.refraction_coefficient,
+            limits::REFRACTION_COEFFICIENT,
+        )?;
+        let Some(degradation) = self.degradation else {
+            return Ok(());
+        };
+        within(
+            "blur_sigma_px",
+            degradation.blur_sigma_px,
+            limits::BLUR_SIGMA_PX,
+        )?;
+        if let Some(sensor) = degradation.sensor {
+            let (well, read) = (sensor.full_well_electrons, sensor.read_noise_electrons);
+            within("full_well_electrons", well, limits::FULL_WELL_ELECTRONS)?;
+            within("read_noise_electrons", read, limits::READ_NOISE_ELECTRONS)?;
+        }
+        if let Some(seeing) = degradation.seeing {
+            let Seeing {
+                tilt_rms_arcsec,
+                blur_sigma_arcsec,
+                correlation_s,
+            } = seeing;
+            within("tilt_rms_arcsec", tilt_rms_arcsec, limits::TILT_RMS_ARCSEC)?;
+            within(
+                "blur_sigma_arcsec",
+                blur_sigma_arcsec,
+                limits::SEEING_BLUR_ARCSEC,
+            )?;
+            within("correlation_s", correlation_s, limits::CORRELATION_S)?;
+        }
+        Ok(())
+    }
+
+    /// Whether these are the pictures of a pinhole in a vacuum, as X-Plane draws them.
+    pub fn is_ideal(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+pub(crate) fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ideal_picture_is_an_empty_object_and_comes_back() {
+        let text = serde_json::to_string(&Imaging::default()).unwrap();
+        assert_eq!(text, "{}");
+        assert!(serde_json::from_str::<Imaging>(&text).unwrap().is_ideal());
+    }
+
+    #[test]
+    fn what_is_not_known_is_refused_rather_than_left_out() {
+        assert!(serde_json::from_str::<Imaging>(r#"{"vignetting":0.2}"#).is_err());
+    }
+}

@@ -1,0 +1,91 @@
+//! `[aim]`: turns all cameras of a scenario, wherever the rig has them look.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::fault::{Checked, fault};
+use super::limits::Limits;
+use super::rigs::PITCH_DEG;
+use crate::seed;
+use crate::spread::Spread;
+
+const DTD_NM: Limits = Limits::new(-0.5, 40.0, "a distance to touchdown in nautical miles");
+const HEADING_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees");
+
+/// `[aim]`: where each scenario turns all its cameras: to a point of the glide path, or in a direction.
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(extend("oneOf" = [
+    { "required": ["dtd_nm"], "not": { "anyOf": [{ "required": ["heading_true_deg"] }, { "required": ["pitch_deg"] }] } },
+    { "required": ["heading_true_deg", "pitch_deg"], "not": { "required": ["dtd_nm"] } },
+]))]
+pub struct AimTable {
+    /// To the point of the glide path over the extended centreline at this distance to the touchdown target, nautical miles. Either
+    /// this or a direction.
+    #[schemars(transform = DTD_NM.in_schema())]
+    pub dtd_nm: Option<Spread>,
+    /// In this direction, degrees true; together with `pitch_deg`.
+    #[schemars(transform = HEADING_DEG.in_schema())]
+    pub heading_true_deg: Option<Spread>,
+    /// At this elevation, degrees, up positive; together with `heading_true_deg`.
+    #[schemars(transform = PITCH_DEG.in_schema())]
+    pub pitch_deg: Option<Spread>,
+}
+
+/// Where the cameras of one scenario look, as drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum Aim {
+    /// At a point of the glide path.
+    GlidePath {
+        /// Its distance to the touchdown target, nautical miles.
+        dtd_nm: f64,
+    },
+    /// In a direction.
+    Direction {
+        /// Degrees true.
+        heading_true_deg: f64,
+        /// Degrees, up positive.
+        pitch_deg: f64,
+    },
+}
+
+impl AimTable {
+    /// The aim of the scenario with this seed.
+    pub(crate) fn draw(&self, scenario_seed: u64) -> Option<Aim> {
+        let draw = |name: &str, spread: &Spread| {
+            spread.draw(&mut seed::of_value(scenario_seed, &format!("aim.{name}")))
+        };
+        match (&self.dtd_nm, &self.heading_true_deg, &self.pitch_deg) {
+            (Some(dtd_nm), ..) => Some(Aim::GlidePath {
+                dtd_nm: draw("dtd_nm", dtd_nm),
+            }),
+            (None, Some(heading_true_deg), Some(pitch_deg)) => Some(Aim::Direction {
+                heading_true_deg: draw("heading_true_deg", heading_true_deg),
+                pitch_deg: draw("pitch_deg", pitch_deg),
+            }),
+            // The sweep has checked that it is one of both.
+            _ => None,
+        }
+    }
+
+    pub(super) fn check(&self) -> Checked<()> {
+        for (field, limits, spread) in [
+            ("dtd_nm", DTD_NM, &self.dtd_nm),
+            ("heading_true_deg", HEADING_DEG, &self.heading_true_deg),
+            ("pitch_deg", PITCH_DEG, &self.pitch_deg),
+        ] {
+            if let Some(spread) = spread {
+                limits.check_spread(format!("aim.{field}"), spread)?;
+            }
+        }
+        let direction = (self.heading_true_deg.is_some(), self.pitch_deg.is_some());
+        match (self.dtd_nm.is_some(), direction) {
+            (true, (false, false)) | (false, (true, true)) => Ok(()),
+            _ => fault(
+                "aim",
+                "expected either dtd_nm (a point of the glide path), or heading_true_deg and pitch_deg (a direction)",
+            ),
+        }
+    }
+}

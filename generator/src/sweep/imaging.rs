@@ -1,0 +1,161 @@
+//! `[imaging]`: air and sensor between an ideal picture and a real one. X-Plane has none of it; the stand-in can draw it.
+
+use dataset::imaging::{Degradation, Imaging, Seeing, Sensor, limits as of};
+use rand::Rng;
+use schemars::JsonSchema;
+use serde::Deserialize;
+
+use super::fault::Checked;
+use super::limits::Limits;
+use super::rigs::Camera;
+use crate::seed;
+use crate::spread::Spread;
+
+const REFRACTION: Limits = within(of::REFRACTION_COEFFICIENT, "a coefficient of refraction");
+const BLUR_PX: Limits = within(of::BLUR_SIGMA_PX, "a standard deviation in pixels");
+const FULL_WELL: Limits = within(of::FULL_WELL_ELECTRONS, "a full well in electrons");
+const READ_NOISE: Limits = within(of::READ_NOISE_ELECTRONS, "a read noise in electrons");
+const TILT_ARCSEC: Limits = within(of::TILT_RMS_ARCSEC, "a motion in seconds of arc");
+const BLUR_ARCSEC: Limits = within(of::SEEING_BLUR_ARCSEC, "a blur in seconds of arc");
+const CORRELATION_S: Limits = within(of::CORRELATION_S, "a time in seconds");
+
+const fn within((least, most): (f64, f64), what: &'static str) -> Limits {
+    Limits::new(least, most, what)
+}
+
+/// `[imaging]`: each value is a number or a spread to draw from; all is off if it is left out.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct ImagingTable {
+    /// Coefficient of terrestrial refraction, the same for all cameras of a scenario: 0 straight light, 0.13 Gauss's mean by day.
+    #[schemars(transform = REFRACTION.in_schema())]
+    pub refraction_coefficient: Spread,
+    /// Standard deviation of the optics' Gaussian point spread function, pixels.
+    #[schemars(transform = BLUR_PX.in_schema())]
+    pub blur_sigma_px: Spread,
+    /// Noise of the sensor.
+    pub sensor: Option<SensorTable>,
+    /// Turbulent air between aircraft and camera.
+    pub seeing: Option<SeeingTable>,
+}
+
+/// `[imaging.sensor]`
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SensorTable {
+    /// Electrons of a white pixel: sets the noise of the light itself.
+    #[schemars(transform = FULL_WELL.in_schema())]
+    pub full_well_electrons: Spread,
+    /// Standard deviation of reading out, electrons.
+    #[serde(default)]
+    #[schemars(transform = READ_NOISE.in_schema())]
+    pub read_noise_electrons: Spread,
+}
+
+/// `[imaging.seeing]`
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct SeeingTable {
+    /// Root mean square of the aircraft's motion along one axis at 10 km, seconds of arc.
+    #[schemars(transform = TILT_ARCSEC.in_schema())]
+    pub tilt_rms_arcsec: Spread,
+    /// Standard deviation of the blur at 10 km, seconds of arc.
+    #[schemars(transform = BLUR_ARCSEC.in_schema())]
+    pub blur_sigma_arcsec: Spread,
+    /// Time in which the motion's correlation falls to 1/e, seconds.
+    #[schemars(transform = CORRELATION_S.in_schema())]
+    pub correlation_s: Spread,
+}
+
+impl Default for SeeingTable {
+    fn default() -> Self {
+        Self {
+            tilt_rms_arcsec: Spread::Fixed(0.0),
+            blur_sigma_arcsec: Spread::Fixed(0.0),
+            correlation_s: Spread::Fixed(0.05),
+        }
+    }
+}
+
+impl ImagingTable {
+    /// What the pictures of a camera are like in the scenario with this seed, its lens included.
+    pub(crate) fn draw(&self, scenario_seed: u64, camera: &Camera) -> Imaging {
+        let draw = |name: &str, spread: &Spread| {
+            spread.draw(&mut seed::of_value(
+                scenario_seed,
+                &format!("imaging.{name}"),
+            ))
+        };
+        let of_camera =
+            |name: &str, spread: &Spread| draw(&format!("{}.{name}", camera.id), spread);
+        let blur_sigma_px = of_camera("blur_sigma_px", &self.blur_sigma_px);
+        let sensor = self.sensor.as_ref().map(|table| Sensor {
+            full_well_electrons: of_camera("full_well_electrons", &table.full_well_electrons),
+            read_noise_electrons: of_camera("read_noise_electrons", &table.read_noise_electrons),
+        });
+        // The strength of turbulence is the air's, its course in time each camera's own.
+        let seeing = self.seeing.as_ref().map(|table| Seeing {
+            tilt_rms_arcsec: draw("tilt_rms_arcsec", &table.tilt_rms_arcsec),
+            blur_sigma_arcsec: draw("blur_sigma_arcsec", &table.blur_sigma_arcsec),
+            correlation_s: draw("correlation_s", &table.correlation_s),
+        });
+        let spoiled = blur_sigma_px > 0.0 || sensor.is_some() || seeing.is_some();
+        // 53 bits, as seeds of scenarios: the readers of some languages hold the numbers of a JSON file as floats.
+        let seed =
+            seed::of_value(scenario_seed, &format!("imaging.{}.seed", camera.id)).next_u64() >> 11;
+        Imaging {
+            distortion: camera.distortion,
+            refraction_coefficient: draw("refraction_coefficient", &self.refraction_coefficient),
+            degradation: spoiled.then_some(Degradation {
+                blur_sigma_px,
+                sensor,
+                seeing,
+                seed,
+            }),
+        }
+    }
+
+    pub(super) fn check(&self) -> Checked<()> {
+        let mut checks = vec![
+            (
+                "refraction_coefficient",
+                REFRACTION,
+                &self.refraction_coefficient,
+            ),
+            ("blur_sigma_px", BLUR_PX, &self.blur_sigma_px),
+        ];
+        if let Some(table) = &self.sensor {
+            checks.extend([
+                (
+                    "sensor.full_well_electrons",
+                    FULL_WELL,
+                    &table.full_well_electrons,
+                ),
+                (
+                    "sensor.read_noise_electrons",
+                    READ_NOISE,
+                    &table.read_noise_electrons,
+                ),
+            ]);
+        }
+        if let Some(table) = &self.seeing {
+            checks.extend([
+                (
+                    "seeing.tilt_rms_arcsec",
+                    TILT_ARCSEC,
+                    &table.tilt_rms_arcsec,
+                ),
+                (
+                    "seeing.blur_sigma_arcsec",
+                    BLUR_ARCSEC,
+                    &table.blur_sigma_arcsec,
+                ),
+                ("seeing.correlation_s", CORRELATION_S, &table.correlation_s),
+            ]);
+        }
+        for (field, limits, spread) in checks {
+            limits.check_spread(format!("imaging.{field}"), spread)?;
+        }
+        Ok(())
+    }
+}

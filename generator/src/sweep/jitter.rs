@@ -1,0 +1,123 @@
+//! `[jitter]`: how far the cameras of each scenario are off from where the rig has them. Each camera of each scenario draws its own.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::fault::{Checked, fault};
+use super::limits::Limits;
+use super::rigs::{Camera, HFOV_DEG};
+use crate::seed;
+use crate::spread::Spread;
+
+/// More is another rig, or centimetres and seconds of arc where metres and degrees belong.
+const OFFSET_M: Limits = Limits::new(-50.0, 50.0, "a small offset in metres");
+const TURN_DEG: Limits = Limits::new(-10.0, 10.0, "a small angle in degrees");
+
+/// `[jitter]`: added to each camera's own values. Each is a number or a spread to draw from.
+#[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+pub struct JitterTable {
+    /// Along the landing course, metres.
+    #[schemars(transform = OFFSET_M.in_schema())]
+    pub along_m: Spread,
+    /// Right of the landing course, metres.
+    #[schemars(transform = OFFSET_M.in_schema())]
+    pub right_m: Spread,
+    /// Up, metres.
+    #[schemars(transform = OFFSET_M.in_schema())]
+    pub height_m: Spread,
+    /// Direction of the optical axis, degrees clockwise.
+    #[schemars(transform = TURN_DEG.in_schema())]
+    pub heading_deg: Spread,
+    /// Elevation of the optical axis, degrees up.
+    #[schemars(transform = TURN_DEG.in_schema())]
+    pub pitch_deg: Spread,
+    /// Turn about the optical axis, degrees, right side down.
+    #[schemars(transform = TURN_DEG.in_schema())]
+    pub roll_deg: Spread,
+    /// Horizontal field of view, degrees.
+    #[schemars(transform = TURN_DEG.in_schema())]
+    pub hfov_deg: Spread,
+}
+
+/// How far one camera of one scenario is off, as drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Jitter {
+    /// Along the landing course, metres.
+    pub along_m: f64,
+    /// Right of the landing course, metres.
+    pub right_m: f64,
+    /// Up, metres.
+    pub height_m: f64,
+    /// Degrees clockwise.
+    pub heading_deg: f64,
+    /// Degrees up.
+    pub pitch_deg: f64,
+    /// Degrees, right side down.
+    pub roll_deg: f64,
+    /// Degrees of the field of view.
+    pub hfov_deg: f64,
+}
+
+impl JitterTable {
+    /// How far a camera of the scenario with this seed is off.
+    pub(crate) fn draw(&self, scenario_seed: u64, camera: &str) -> Jitter {
+        let draw = |name: &str, spread: &Spread| {
+            spread.draw(&mut seed::of_value(
+                scenario_seed,
+                &format!("jitter.{camera}.{name}"),
+            ))
+        };
+        Jitter {
+            along_m: draw("along_m", &self.along_m),
+            right_m: draw("right_m", &self.right_m),
+            height_m: draw("height_m", &self.height_m),
+            heading_deg: draw("heading_deg", &self.heading_deg),
+            pitch_deg: draw("pitch_deg", &self.pitch_deg),
+            roll_deg: draw("roll_deg", &self.roll_deg),
+            hfov_deg: draw("hfov_deg", &self.hfov_deg),
+        }
+    }
+
+    pub(super) fn check(&self, cameras: &[Camera]) -> Checked<()> {
+        for (field, limits, spread) in [
+            ("along_m", OFFSET_M, &self.along_m),
+            ("right_m", OFFSET_M, &self.right_m),
+            ("height_m", OFFSET_M, &self.height_m),
+            ("heading_deg", TURN_DEG, &self.heading_deg),
+            ("pitch_deg", TURN_DEG, &self.pitch_deg),
+            ("roll_deg", TURN_DEG, &self.roll_deg),
+            ("hfov_deg", TURN_DEG, &self.hfov_deg),
+        ] {
+            limits.check_spread(format!("jitter.{field}"), spread)?;
+        }
+        let (narrower_deg, wider_deg) = self.hfov_deg.range();
+        let (lower_m, _) = self.height_m.range();
+        for camera in cameras {
+            let (narrowest, widest) = (camera.hfov_deg + narrower_deg, camera.hfov_deg + wider_deg);
+            if HFOV_DEG.check("", narrowest).is_err() || HFOV_DEG.check("", widest).is_err() {
+                return fault(
+                    "jitter.hfov_deg",
+                    format!(
+                        "{} can give camera {:?} a field of view of {narrowest} to {widest} degrees; expected 0.1 to 150, whatever is drawn",
+                        self.hfov_deg, camera.id
+                    ),
+                );
+            }
+            if camera.height_m + lower_m < 0.0 {
+                return fault(
+                    "jitter.height_m",
+                    format!(
+                        "{} can put camera {:?} {} m under the ground; expected at most its height of {} m down",
+                        self.height_m,
+                        camera.id,
+                        -(camera.height_m + lower_m),
+                        camera.height_m
+                    ),
+                );
+            }
+        }
+        Ok(())
+    }
+}
