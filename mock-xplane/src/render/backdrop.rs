@@ -2,10 +2,11 @@
 //!
 //! Below the first row with a silhouette the picture stands still and is kept whole. Above it the sky is smooth: it is kept as
 //! a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is
-//! computed for each of a series of instants so close together that the clouds drift by no more than a pixel from one to the next.
+//! computed for each of a series of instants so close together that the clouds drift by no more than a pixel from one to the next. An
+//! instant that several pictures show has its rows interpolated once and copied.
 
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
@@ -23,8 +24,8 @@ pub(crate) const CELL_PX: usize = 8;
 /// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would cost
 /// twice as much at the low frame rates at which every picture needs new ones.
 const DRIFT_PER_INSTANT_PX: f64 = 1.0;
-/// Instants kept: frames are asked for in order, sometimes by several threads.
-const KEPT_INSTANTS: usize = 6;
+/// Instants kept: frames are asked for in order, sometimes by several threads. Each may hold 5 MB of rows of a full-size picture.
+const KEPT_INSTANTS: usize = 3;
 /// Samples per pixel of the ground, across and down. Grazing views change faster downwards.
 const GROUND_SAMPLES: (usize, usize) = (2, 4);
 
@@ -50,12 +51,16 @@ pub(crate) struct Backdrop {
     /// Seconds between computed instants; `None` if nothing moves.
     instant_s: Option<f64>,
     instants: Mutex<BTreeMap<i64, Arc<SkyGrid>>>,
+    /// When the last picture was, seconds.
+    last_time_s: Mutex<f64>,
 }
 
 /// Display values (0 to 255) of the sky at every [`CELL_PX`]th pixel.
 pub(crate) struct SkyGrid {
     columns: usize,
     values: Vec<Vec3>,
+    /// The rows that [`Self::paint`] interpolates, if several pictures want them.
+    rows: OnceLock<Vec<u8>>,
 }
 
 impl Backdrop {
@@ -94,6 +99,7 @@ impl Backdrop {
             still_sky,
             instant_s: moves.then(|| (DRIFT_PER_INSTANT_PX / speed_px_per_s).clamp(0.05, 10.0)),
             instants: Mutex::default(),
+            last_time_s: Mutex::new(f64::NEG_INFINITY),
         }
     }
 
@@ -124,9 +130,29 @@ impl Backdrop {
         };
         let sky = self.instant(world, (time_s / instant_s).round() as i64, instant_s);
         let (above, below) = rgb.split_at_mut(self.sky_rows * self.width * 3);
-        sky.paint(self.width, above);
+        let again = self.shows_an_instant_twice(time_s, instant_s);
+        match sky.rows.get() {
+            Some(rows) => above.copy_from_slice(rows),
+            None => {
+                sky.paint(self.width, above);
+                if again {
+                    // Somebody else may have been faster.
+                    let _ = sky.rows.set(above.to_vec());
+                }
+            }
+        }
         below.copy_from_slice(&self.still[self.sky_rows * self.width * 3..]);
         sky
+    }
+
+    /// Whether pictures follow each other so closely that most instants are shown by two at least.
+    fn shows_an_instant_twice(&self, time_s: f64, instant_s: f64) -> bool {
+        let mut last_s = self
+            .last_time_s
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
+        let since_last_s = time_s - std::mem::replace(&mut *last_s, time_s);
+        since_last_s.abs() <= instant_s / 2.0
     }
 
     /// The sky at time 0.
@@ -191,7 +217,11 @@ impl SkyGrid {
                 )
             })
             .collect();
-        Self { columns, values }
+        Self {
+            columns,
+            values,
+            rows: OnceLock::new(),
+        }
     }
 
     /// The display value at a pixel.

@@ -76,15 +76,21 @@ impl NoiseTile {
         let (texels, side) = (&self.levels[level], SIDE >> level);
         // Texels of all levels have their centres half a texel inside.
         let (u, v) = (x * side as f64 - 0.5, y * side as f64 - 0.5);
-        let (u0, v0) = (u.floor(), v.floor());
-        let (fu, fv) = ((u - u0) as f32, (v - v0) as f32);
+        let (u0, v0) = (floor(u), floor(v));
+        let (fu, fv) = ((u - u0 as f64) as f32, (v - v0 as f64) as f32);
         let wrap = |i: i64| i as usize & (side - 1);
-        let (x0, x1) = (wrap(u0 as i64), wrap(u0 as i64 + 1));
-        let (y0, y1) = (wrap(v0 as i64) * side, wrap(v0 as i64 + 1) * side);
+        let (x0, x1) = (wrap(u0), wrap(u0 + 1));
+        let (y0, y1) = (wrap(v0) * side, wrap(v0 + 1) * side);
         let top = texels[y0 + x0] + (texels[y0 + x1] - texels[y0 + x0]) * fu;
         let bottom = texels[y1 + x0] + (texels[y1 + x1] - texels[y1 + x0]) * fu;
         top + (bottom - top) * fv
     }
+}
+
+/// Rounds down, as `f64::floor` does, which without newer instructions than every processor has is a call: clouds make millions of them.
+fn floor(x: f64) -> i64 {
+    let towards_zero = x as i64;
+    towards_zero - i64::from(towards_zero as f64 > x)
 }
 
 /// A well-mixed 32-bit hash of three numbers (finaliser of MurmurHash3).

@@ -639,6 +639,13 @@ fn the_order_in_which_frames_are_asked_for_does_not_matter() {
         rgb
     };
     let first = draw(3.0);
+    // From the second picture of an instant on its rows are kept, from the third on they are copied.
+    for _ in 0..3 {
+        assert!(
+            first == draw(3.0),
+            "kept rows are not those that were drawn"
+        );
+    }
     for time_s in [400.0, 0.0, 77.7, 1_000.0, 5.0, 50.0, 60.0] {
         draw(time_s);
     }
