@@ -269,8 +269,8 @@ async fn a_flight_is_begun_by_the_web_api_of_the_same_simulator_and_without_it_b
     // With the Web API, without one, and with that of another simulator, which must not be commanded by mistake.
     for web_api in [running.addresses.web_api, None, other.addresses.web_api] {
         let options = ConnectOptions {
-            token: None,
             web_api,
+            ..ConnectOptions::default()
         };
         let mut simulator =
             Simulator::connect_with(running.addresses.udp, CONNECT_TIMEOUT, options)
@@ -508,6 +508,7 @@ async fn memory_that_cannot_be_drawn_into_is_refused_and_the_conversation_goes_o
     let freeze = Request::Freeze {
         runway: runway(),
         settle_frames: 0,
+        imaging: Vec::new(),
     };
     let mut tall = capture(1, 0);
     (tall.height_px, tall.deliver) = (30 * 40, Deliver::Slot(0));

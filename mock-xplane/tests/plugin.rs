@@ -170,12 +170,12 @@ fn imaging() -> Imaging {
 
 async fn picture(simulator: &mut Simulator) -> Vec<u8> {
     simulator.send_capture(&capture(1)).await.unwrap();
-    simulator.receive_frame().await.unwrap().rgb
+    simulator.receive_frame().await.unwrap().rgb.to_vec()
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() {
-    let mut simulator = connected(Generation::XPlane11, None).await;
+    let mut simulator = connected(Generation::XPlane11, LinkServer::BuiltIn).await;
     simulator.set_conditions(&noon()).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let ideal = picture(&mut simulator).await;
@@ -227,7 +227,7 @@ async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() 
 
 #[tokio::test(flavor = "multi_thread")]
 async fn x_plane_behind_its_plugin_refuses_what_it_cannot_draw() {
-    let mut simulator = connected(Generation::XPlane11, Some(plugin())).await;
+    let mut simulator = connected(Generation::XPlane11, LinkServer::Plugin(plugin())).await;
     assert!(!simulator.description().imaging);
     let error = simulator
         .freeze_imaging(&runway(), &[Imaging::default(), imaging()])

@@ -211,7 +211,7 @@ async fn captures_of_the_screen_go_through_the_whole_link_and_are_proven_before_
         let asked = capture(tick, simulator.deliver());
         simulator.send_capture(&asked).await.unwrap();
         let frame = simulator.receive_frame().await.unwrap();
-        assert_eq!(frame.rgb, vec![tick as u8; asked.rgb_bytes()]);
+        assert_eq!(frame.rgb, vec![tick as u8; asked.rgb_bytes()].into());
         simulator.recycle(frame.rgb);
     }
     simulator.confirm_pixels().await.unwrap();
