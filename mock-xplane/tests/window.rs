@@ -8,7 +8,6 @@ use std::sync::{Arc, Mutex};
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
 use dataset::geodesy::Geodetic;
-use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve_with};
@@ -92,14 +91,7 @@ impl Engine for Counter {
         Err("nobody flies here".into())
     }
 
-    fn picture(
-        &self,
-        _: &Camera,
-        _: &Runway,
-        _: &Weather,
-        _: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    fn picture(&self, _: &Camera, _: &Runway, _: &Weather, _: &Clock) -> Box<dyn Picture> {
         Box::new(Counter)
     }
 }
@@ -211,7 +203,7 @@ async fn captures_of_the_screen_go_through_the_whole_link_and_are_proven_before_
         let asked = capture(tick, simulator.deliver());
         simulator.send_capture(&asked).await.unwrap();
         let frame = simulator.receive_frame().await.unwrap();
-        assert_eq!(frame.rgb, vec![tick as u8; asked.rgb_bytes()].into());
+        assert_eq!(*frame.rgb, vec![tick as u8; asked.rgb_bytes()]);
         simulator.recycle(frame.rgb);
     }
     simulator.confirm_pixels().await.unwrap();
