@@ -23,7 +23,7 @@ pub use codec::VideoCodec;
 pub use reader::VideoReader;
 pub use writer::VideoWriter;
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// Bytes of a pixel in memory: red, green, blue.
 pub const BYTES_PER_PIXEL: usize = 3;
@@ -145,6 +145,18 @@ fn start_ffmpeg() {
         // Errors come back as values; its own lines on stderr would tear progress bars.
         ffmpeg_next::log::set_level(ffmpeg_next::log::Level::Fatal);
     });
+}
+
+/// A path as FFmpeg takes it. Without the prefix it reads `a:b/x.mp4` as a file of a protocol called `a`.
+fn ffmpeg_path(path: &Path) -> Result<String> {
+    match path.to_str() {
+        Some(text) => Ok(format!("file:{text}")),
+        None => Err(fault(
+            path,
+            "open it",
+            "its path is not UTF-8, and FFmpeg takes no other; rename what is not",
+        )),
+    }
 }
 
 fn fault(path: &Path, action: &str, cause: impl std::fmt::Display) -> Error {

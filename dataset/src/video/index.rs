@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 
 use ffmpeg_next::{Packet, encoder, format, media};
 
-use super::fault;
 use super::writer::{check_time_base, exact_timestamps};
+use super::{fault, ffmpeg_path};
 use crate::error::{Error, Result};
 
 /// Ending of the plain file until it takes the place of the fragments.
@@ -42,13 +42,15 @@ fn beside(path: &Path) -> PathBuf {
 
 /// Copies all packets; returns how many there were.
 fn copy(from: &Path, to: &Path, container: &str) -> Result<u32> {
-    let mut input = format::input(from).map_err(|e| fault(from, "read it back", e))?;
+    let mut input =
+        format::input(&ffmpeg_path(from)?).map_err(|e| fault(from, "read it back", e))?;
     let recorded = input
         .streams()
         .best(media::Type::Video)
         .ok_or_else(|| fault(from, "read it back", "there is no video stream in it"))?;
     let time_base = recorded.time_base();
-    let mut output = format::output_as(to, container).map_err(|e| fault(to, "create it", e))?;
+    let mut output =
+        format::output_as(&ffmpeg_path(to)?, container).map_err(|e| fault(to, "create it", e))?;
     let mut stream = output
         .add_stream(encoder::find(ffmpeg_next::codec::Id::None))
         .map_err(|e| fault(to, "add the stream", e))?;

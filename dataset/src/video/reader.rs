@@ -8,7 +8,7 @@ use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Packet, color, decoder, frame, media};
 
 use super::scaler::{Matrix, Scaler};
-use super::{BYTES_PER_PIXEL, fault, start_ffmpeg};
+use super::{BYTES_PER_PIXEL, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
 
 /// A video that is being read. Pictures are decoded on the calling thread: read several videos on several threads.
@@ -31,7 +31,7 @@ impl VideoReader {
     /// Opens a video file and its first video stream.
     pub fn open(path: &Path) -> Result<Self> {
         start_ffmpeg();
-        let input = format::input(path).map_err(|e| fault(path, "open it", e))?;
+        let input = format::input(&ffmpeg_path(path)?).map_err(|e| fault(path, "open it", e))?;
         let stream = input
             .streams()
             .best(media::Type::Video)

@@ -1,3 +1,5 @@
+use std::ffi::OsStr;
+use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
 
 use super::*;
@@ -236,6 +238,48 @@ fn settings_that_are_not_given_are_those_of_the_codec() {
     }
     assert_eq!(given("{\"codec\": \"h265\", \"crf\": 9}").unwrap().crf, 9);
     assert!(given("{\"quality\": 9}").is_err());
+}
+
+#[test]
+fn any_path_is_a_path_and_no_protocol() {
+    let folder = tempfile::tempdir().unwrap();
+    let rate = FrameRate::new(30, 1).unwrap();
+    for name in [
+        "a:b/view.mp4",
+        "http:/view.mp4",
+        "pipe:1",
+        "file:view.mp4",
+        "50% of 100 %d, \u{e4}#?.mp4",
+    ] {
+        let path = folder.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        record(&path, &VideoSettings::default(), rate, 3);
+        assert!(path.is_file(), "{name}");
+        let mut reader = VideoReader::open(&path).unwrap();
+        let mut pictures = 0;
+        while reader.skip_frame().unwrap().is_some() {
+            pictures += 1;
+        }
+        assert_eq!(pictures, 3, "{name}");
+    }
+}
+
+#[test]
+fn a_relative_path_with_a_colon_names_no_protocol_and_one_that_is_not_utf_8_is_refused() {
+    // Where no folder is, FFmpeg says so, and nothing of protocols.
+    let path = Path::new("no:such/view.mp4");
+    let settings = VideoSettings::default();
+    let rate = FrameRate::new(30, 1).unwrap();
+    let create =
+        |path: &Path| VideoWriter::create(path, &settings, WIDTH, HEIGHT, rate).map(|_| ());
+    let open = |path: &Path| VideoReader::open(path).map(|_| ());
+    for message in [create(path), open(path)].map(|result| result.unwrap_err().to_string()) {
+        assert!(message.contains("No such file"), "{message}");
+    }
+    let path = Path::new(OsStr::from_bytes(b"view\xff.mp4"));
+    for message in [create(path), open(path)].map(|result| result.unwrap_err().to_string()) {
+        assert!(message.contains("UTF-8"), "{message}");
+    }
 }
 
 #[test]

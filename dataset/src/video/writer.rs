@@ -11,7 +11,7 @@ use ffmpeg_next::software::scaling::Flags;
 use ffmpeg_next::{Dictionary, Packet, Rational, color, encoder, frame};
 
 use super::scaler::{Matrix, PaddedEnd, Scaler};
-use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, index, start_ffmpeg};
+use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, ffmpeg_path, index, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::frame_rate::FrameRate;
 
@@ -80,8 +80,8 @@ impl VideoWriter {
             .map_err(|e| fault(path, "use its frame rate", e))?;
         let time_base = Rational(1, time_scale);
 
-        let mut output =
-            format::output_as(path, codec.extension()).map_err(|e| fault(path, "create it", e))?;
+        let mut output = format::output_as(&ffmpeg_path(path)?, codec.extension())
+            .map_err(|e| fault(path, "create it", e))?;
         let mut context = ffmpeg_next::codec::context::Context::new_with_codec(named);
         context.set_threading(threading::Config {
             kind: threading::Type::Slice,
