@@ -7,7 +7,7 @@
 
 use std::fs::{self, File};
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -29,6 +29,42 @@ pub struct Seal {
     pub config_hash: String,
     /// BLAKE3 hash of `MANIFEST.b3`.
     pub manifest_blake3: String,
+}
+
+/// A file that a manifest lists.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SealedFile {
+    /// Name relative to the folder, with forward slashes.
+    pub name: String,
+    /// BLAKE3 hash in hexadecimal digits.
+    pub blake3: String,
+}
+
+/// The files that a manifest lists, if it is the one that `seal` seals; else what is wrong with it, in words.
+pub fn sealed_files(manifest: &str, seal: &Seal) -> std::result::Result<Vec<SealedFile>, String> {
+    if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
+        return Err(format!("{MANIFEST} does not match the hash in {DONE}"));
+    }
+    let file = |line: &str| match line.split_once("  ") {
+        // It becomes a path under the folder, whoever wrote it.
+        Some((blake3, name)) if is_within(Path::new(name)) => Ok(SealedFile {
+            name: name.into(),
+            blake3: blake3.into(),
+        }),
+        Some((_, name)) => Err(format!(
+            "{MANIFEST} names a file outside of the folder: {name}"
+        )),
+        None => Err(format!(
+            "{MANIFEST} has a line that is not `hash  name`: {line}"
+        )),
+    };
+    manifest.lines().map(file).collect()
+}
+
+/// Whether a relative name stays within the folder that it is relative to.
+pub fn is_within(name: &Path) -> bool {
+    let mut parts = name.components().peekable();
+    parts.peek().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
 }
 
 /// BLAKE3 hash of a file, in hexadecimal digits.
@@ -284,6 +320,31 @@ mod tests {
     #[test]
     fn a_sealed_folder_has_no_faults() {
         assert_eq!(faults(sealed().path()).unwrap(), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_manifest_is_read_only_if_it_is_the_sealed_one_and_names_nothing_outside() {
+        let folder = sealed();
+        let seal = read_seal(folder.path()).unwrap().unwrap();
+        let manifest = fs::read_to_string(folder.path().join(MANIFEST)).unwrap();
+        let files = sealed_files(&manifest, &seal).unwrap();
+        let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
+        assert_eq!(names, ["frames.parquet", "views/left.mp4"]);
+        assert_eq!(files[1].blake3, blake3::hash(b"video").to_string());
+        assert!(
+            sealed_files(&manifest.replace("left", "lift"), &seal)
+                .unwrap_err()
+                .contains("does not match")
+        );
+        for name in ["../frames.parquet", "/etc/passwd", "views/../../x", ""] {
+            let evil = format!("00  {name}\n");
+            let seal = Seal {
+                manifest_blake3: blake3::hash(evil.as_bytes()).to_string(),
+                ..seal.clone()
+            };
+            let message = sealed_files(&evil, &seal).unwrap_err();
+            assert!(message.contains("outside of the folder"), "{message}");
+        }
     }
 
     #[test]

@@ -7,6 +7,7 @@
 //!
 //! ```text
 //! generate: plan, what is whole, simulators  ->  run: workers  ->  queue: claims  ->  record: one scenario
+//!                                                      remote: one scenario to the object store  <-
 //! ```
 
 mod all;
@@ -23,6 +24,7 @@ mod patience;
 mod pictures;
 mod queue;
 mod record;
+mod remote;
 mod run;
 mod session;
 mod set_aside;
@@ -30,6 +32,8 @@ mod simulators;
 mod space;
 mod workplace;
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -41,6 +45,7 @@ pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
 pub use outcome::{FailedScenario, Outcome, Stopped};
 pub use patience::Patience;
+pub use remote::Remote;
 pub use session::SimulatorTarget;
 pub use simulators::Simulators;
 pub use space::needed_bytes;
@@ -73,6 +78,8 @@ pub struct GenerateOptions {
     pub shard: Shard,
     /// What is put up with.
     pub patience: Patience,
+    /// The object store that the corpus lies in; its folder is then only the stage.
+    pub remote: Option<Remote>,
 }
 
 /// Makes the scenarios of a sweep in a corpus; see the module.
@@ -89,18 +96,26 @@ pub async fn generate(
 ) -> Result<Outcome, GenerateError> {
     let plan = expand(sweep);
     let wanted = wanted(&plan, options)?;
+    let (split_there, in_store) = match &options.remote {
+        Some(remote) => (remote.look(&plan).await?, remote.committed(&wanted).await?),
+        None => (None, BTreeMap::new()),
+    };
     let frozen = freeze::frozen_plan(corpus_root, &plan)?;
     let mut outcome = Outcome::default();
-    let mut to_make = Vec::new();
+    let (mut to_make, mut staged) = (Vec::new(), Vec::new());
     for scenario in wanted {
-        let whole = match Corpus::open(corpus_root) {
-            Ok(corpus) => freeze::is_whole(&corpus, scenario)?,
-            Err(_) => false,
+        let is_whole = || match Corpus::open(corpus_root) {
+            Ok(corpus) => freeze::is_whole(&corpus, scenario),
+            Err(_) => Ok(false),
         };
-        if whole {
+        if in_store.contains_key(&scenario.id) {
             outcome.skipped.push(scenario.id.clone());
-        } else {
+        } else if !is_whole()? {
             to_make.push(scenario);
+        } else if options.remote.is_some() {
+            staged.push(scenario);
+        } else {
+            outcome.skipped.push(scenario.id.clone());
         }
     }
     let reporter = Reporter::new(on_event);
@@ -109,15 +124,25 @@ pub async fn generate(
         skipped: outcome.skipped.len(),
         ticks: to_make.iter().map(|s| u64::from(s.ticks)).sum(),
     });
-    if to_make.is_empty() && frozen.as_ref() == Some(&plan) {
+    if !staged.is_empty() {
+        reporter.tell(Event::StagedBefore {
+            scenarios: staged.len(),
+        });
+    }
+    if options.remote.is_none() && to_make.is_empty() && frozen.as_ref() == Some(&plan) {
         Claim::tidy(&Corpus::open(corpus_root)?);
         return Ok(outcome);
     }
-    warn_of_little_space(corpus_root, &plan.common, &to_make, &reporter);
+    let on_disk = at_once_on_disk(&to_make, options);
+    warn_of_little_space(corpus_root, &plan.common, &on_disk, &reporter);
     // A simulator that is not there is found out before anything is written.
     let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
     let corpus = Corpus::create(corpus_root)?;
-    freeze::freeze(&corpus, sweep, &plan).await?;
+    freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
+    if let Some(remote) = &options.remote {
+        remote.publish(&corpus, &plan).await?;
+        remote.clear_what_is_sent(&corpus, &in_store);
+    }
     for scenario in &to_make {
         if let Some(before) = SetAside::read(&corpus, &scenario.id) {
             let reason = before.reasons.last().map_or("", String::as_str);
@@ -132,8 +157,8 @@ pub async fn generate(
         plan: &plan,
         corpus: &corpus,
     };
-    Run::new(work, reporter, options.patience, &to_make, outcome)
-        .work_through(sessions, cancel)
+    Run::new(work, reporter, options, &to_make, outcome)
+        .work_through(sessions, &staged, cancel)
         .await
 }
 
@@ -161,6 +186,24 @@ fn wanted<'a>(
     Ok(mine
         .filter(|s| only.is_empty() || only.contains(&s.id))
         .collect())
+}
+
+/// The largest scenarios that may lie on the disk at the same time: all of them, or those on a stage from which they are sent.
+fn at_once_on_disk<'a>(
+    to_make: &[&'a PlannedScenario],
+    options: &GenerateOptions,
+) -> Vec<&'a PlannedScenario> {
+    let mut largest = to_make.to_vec();
+    if options
+        .remote
+        .as_ref()
+        .is_some_and(|remote| !remote.keep_staged)
+    {
+        largest.sort_by_key(|scenario| Reverse(scenario.ticks));
+        // One that is sent, those that wait, and for each simulator one that is made and one that waits to wait.
+        largest.truncate(1 + remote::WAITING + 2 * options.simulators.targets().len());
+    }
+    largest
 }
 
 fn warn_of_little_space(

@@ -13,12 +13,13 @@ mod split;
 mod summary;
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 use dataset::conditions::Conditions;
 use dataset::imaging::Imaging;
-use dataset::json_file::{read_json, write_atomically};
+use dataset::json_file::write_atomically;
 use dataset::runway::Runway;
 use dataset::scenario::Flight;
 use dataset::video::VideoSettings;
@@ -134,6 +135,17 @@ pub struct LiveStart {
 impl Plan {
     /// Reads a `plan.json`.
     pub fn read(path: &Path) -> dataset::Result<Self> {
+        let text = fs::read(path).map_err(dataset::Error::io("read", path))?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads the text of a `plan.json`; messages name it as `path`.
+    pub fn parse(text: &[u8], path: &Path) -> dataset::Result<Self> {
+        let invalid = |source| dataset::Error::Json {
+            what: "plan",
+            path: path.to_owned(),
+            source,
+        };
         #[derive(Deserialize)]
         struct Form {
             #[serde(default = "first_version")]
@@ -142,7 +154,9 @@ impl Plan {
         fn first_version() -> u32 {
             1
         }
-        let found = read_json::<Form>(path, "plan")?.plan_version;
+        let found = serde_json::from_slice::<Form>(text)
+            .map_err(invalid)?
+            .plan_version;
         if found != PLAN_VERSION {
             return Err(dataset::Error::corpus(
                 path,
@@ -151,7 +165,7 @@ impl Plan {
                 ),
             ));
         }
-        read_json(path, "plan")
+        serde_json::from_slice(text).map_err(invalid)
     }
 
     /// Writes a `plan.json`, a line per scenario.

@@ -94,6 +94,7 @@ async fn record(folder: &Path, target: SimulatorTarget) -> Corpus {
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        remote: None,
     };
     let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut |_| {})
         .await

@@ -4,6 +4,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use store::StoreError;
 use xplane_bridge::BridgeError;
 
 use super::space;
@@ -79,6 +80,9 @@ pub enum GenerateError {
         /// How that shows.
         message: String,
     },
+    /// The object store of the corpus cannot be used.
+    #[error(transparent)]
+    Store(#[from] StoreError),
     /// The corpus cannot be read or written.
     #[error(transparent)]
     Corpus(#[from] dataset::Error),
@@ -110,6 +114,7 @@ impl GenerateError {
                     | ErrorKind::ReadOnlyFilesystem
             ),
             Self::Corpus(error) => error.is_bad_content(),
+            Self::Store(error) => error.is_bad_input(),
             Self::Bridge(BridgeError::Pixels(error)) => error.is_bad_input(),
             _ => false,
         }

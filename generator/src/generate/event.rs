@@ -65,6 +65,30 @@ pub enum Event<'a> {
         /// How long it took, seconds.
         seconds: f64,
     },
+    /// Scenarios that an earlier run made, and that are not in the object store yet.
+    StagedBefore {
+        /// How many.
+        scenarios: usize,
+    },
+    /// A scenario is committed in the object store.
+    Uploaded {
+        /// Its identifier.
+        id: &'a str,
+        /// How long it took to send, seconds.
+        seconds: f64,
+    },
+    /// Recording is faster than sending: the run waits before it records on.
+    UploadBehind {
+        /// The scenario that waits.
+        id: &'a str,
+    },
+    /// The object store does not answer and is waited for.
+    StoreAway {
+        /// The scenario that is being sent.
+        id: &'a str,
+        /// Why that is thought.
+        reason: &'a str,
+    },
     /// Somebody else made a scenario in the meantime.
     MadeElsewhere {
         /// Its identifier.

@@ -38,11 +38,13 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
     }
 }
 
-/// Freezes plan and split in the corpus, or adds to those that are there. Runs that begin at once take turns.
+/// Freezes plan and split in the corpus, or adds to those that are there. Runs that begin at once take turns. `split_there`: the split of
+/// an object store for which the corpus is the stage; it has the last word.
 pub(super) async fn freeze(
     corpus: &Corpus,
     sweep: &Sweep,
     plan: &Plan,
+    split_there: Option<&[u8]>,
 ) -> Result<(), GenerateError> {
     let began = Instant::now();
     let _claim = loop {
@@ -61,6 +63,9 @@ pub(super) async fn freeze(
     // Read again: another run may have frozen its plan since this one looked.
     let frozen = frozen_plan(corpus.root(), plan)?;
     let path = corpus.splits_path();
+    if let Some(split) = split_there {
+        write_atomically(&path, split)?;
+    }
     let earlier = if path.exists() {
         Some(Splits::read(&path)?)
     } else {

@@ -5,7 +5,7 @@ use serde::Serialize;
 /// What happened to the scenarios of a run, each list in the order of the plan.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Outcome {
-    /// Made by this run.
+    /// Made by this run; for a corpus in an object store: and sent there.
     pub committed: Vec<String>,
     /// Whole already, or made by others while this run waited.
     pub skipped: Vec<String>,
@@ -13,6 +13,9 @@ pub struct Outcome {
     pub failed: Vec<FailedScenario>,
     /// Neither: the run was stopped before.
     pub not_made: Vec<String>,
+    /// Made, but not sent to the object store yet: the next run on this stage does.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub staged: Vec<String>,
     /// Why the run ended before its time, if it did.
     pub stopped: Option<Stopped>,
 }
@@ -35,6 +38,11 @@ pub enum Stopped {
     /// No simulator is left.
     NoSimulator {
         /// What the last one's failure was.
+        reason: String,
+    },
+    /// The object store does not take what was made.
+    Store {
+        /// What it said, where everything is, how to go on.
         reason: String,
     },
     /// The corpus cannot be written any more.

@@ -15,6 +15,8 @@ pub struct Patience {
     pub answer: Duration,
     /// How long a simulator that does not answer is waited for: somebody, or something, may be starting it again.
     pub simulator: Duration,
+    /// How long an object store that does not answer is waited for.
+    pub store: Duration,
 }
 
 impl Default for Patience {
@@ -26,6 +28,7 @@ impl Default for Patience {
             pause_factor: 5,
             answer: Duration::from_secs(60),
             simulator: Duration::from_secs(300),
+            store: Duration::from_secs(300),
         }
     }
 }

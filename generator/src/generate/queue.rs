@@ -25,8 +25,8 @@ pub(super) struct Task<'a> {
 pub(super) enum Next<'a> {
     /// This one; nobody else can make it.
     Make(Task<'a>, Claim),
-    /// One that somebody else has made meanwhile.
-    MadeElsewhere(&'a PlannedScenario),
+    /// This one is whole in the corpus' folder already: somebody else has made it meanwhile.
+    Whole(Task<'a>, Claim),
     /// Nothing now; something may come back.
     Later(Duration, Option<Elsewhere>),
     /// All are made or set aside.
@@ -75,8 +75,9 @@ impl<'a> Queue<'a> {
             }
             match Claim::take(corpus, &task.scenario.id)? {
                 // Looked at only now that nobody else can commit it.
-                Claimed::Mine(_) if is_whole(corpus, task.scenario)? => {
-                    return Ok(Next::MadeElsewhere(self.waiting.remove(at).scenario));
+                Claimed::Mine(claim) if is_whole(corpus, task.scenario)? => {
+                    self.in_hand += 1;
+                    return Ok(Next::Whole(self.waiting.remove(at), claim));
                 }
                 Claimed::Mine(claim) => {
                     self.in_hand += 1;

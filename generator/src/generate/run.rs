@@ -3,13 +3,17 @@
 //! A failed attempt is repeated after a pause that grows, by whichever worker is free then; after the last one the scenario is set
 //! aside. A simulator that does not answer is waited for; when it does not come back, its worker ends and leaves the rest to the
 //! others. A disk that takes no more ends the run, since nothing else could succeed.
+//!
+//! If the corpus lies in an object store, whole scenarios go to one more worker, which sends them (`remote.rs`).
 
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::DecimalBytes;
+use tokio::sync::mpsc;
 
+use super::GenerateOptions;
 use super::all::all;
 use super::attempt::Attempt;
 use super::cancel::Cancel;
@@ -20,6 +24,7 @@ use super::outcome::{FailedScenario, Outcome, Stopped};
 use super::patience::Patience;
 use super::queue::{Next, Queue, Task};
 use super::record::{Work, record};
+use super::remote::{Job, Remote, WAITING};
 use super::session::Session;
 use super::set_aside::SetAside;
 use super::space;
@@ -33,16 +38,20 @@ pub(super) struct Run<'a> {
     pub(super) work: Work<'a>,
     pub(super) reporter: Reporter<'a>,
     pub(super) patience: Patience,
+    /// Where whole scenarios go, if not into a folder.
+    pub(super) remote: Option<&'a Remote>,
     /// Turned when the run shall end, for whatever reason.
-    halt: Cancel,
+    pub(super) halt: Cancel,
+    /// Takes whole scenarios; gone when nobody makes any more.
+    pub(super) uploads: Mutex<Option<mpsc::Sender<Job<'a>>>>,
     queue: Mutex<Queue<'a>>,
-    tally: Mutex<Tally>,
+    pub(super) tally: Mutex<Tally>,
 }
 
 #[derive(Default)]
-struct Tally {
-    outcome: Outcome,
-    fatal: Option<GenerateError>,
+pub(super) struct Tally {
+    pub(super) outcome: Outcome,
+    pub(super) fatal: Option<GenerateError>,
     /// What was wrong with the simulator that was given up last.
     last_simulator_failure: Option<String>,
     told_of_waiting: bool,
@@ -55,7 +64,7 @@ enum Then {
     Leave,
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -63,14 +72,16 @@ impl<'a> Run<'a> {
     pub(super) fn new(
         work: Work<'a>,
         reporter: Reporter<'a>,
-        patience: Patience,
+        options: &'a GenerateOptions,
         to_make: &[&'a PlannedScenario],
         outcome: Outcome,
     ) -> Self {
         Self {
             work,
             reporter,
-            patience,
+            patience: options.patience,
+            remote: options.remote.as_ref(),
+            uploads: Mutex::new(None),
             halt: Cancel::new(),
             queue: Mutex::new(Queue::new(to_make)),
             tally: Mutex::new(Tally {
@@ -80,10 +91,12 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Lets every session make scenarios; ends when all are made, when nothing works any more, or when `cancel` is turned.
+    /// Lets every session make scenarios, and sends those that are `staged` already; ends when all are made and sent, when nothing works
+    /// any more, or when `cancel` is turned.
     pub(super) async fn work_through(
         self,
         sessions: Vec<(Session, Option<ScenarioError>)>,
+        staged: &[&'a PlannedScenario],
         cancel: &Cancel,
     ) -> Result<Outcome, GenerateError> {
         let workers = sessions
@@ -94,8 +107,14 @@ impl<'a> Run<'a> {
             self.stop(Stopped::Interrupted);
             std::future::pending::<()>().await;
         };
+        let (handed_over, uploads) = mpsc::channel(WAITING);
+        *lock(&self.uploads) = Some(handed_over);
+        let make = async {
+            tokio::join!(all(workers), self.hand_over_staged(staged));
+            lock(&self.uploads).take();
+        };
         tokio::select! {
-            _ = all(workers) => {}
+            _ = async { tokio::join!(make, self.upload_all(uploads)) } => {}
             () = until_cancelled => {}
         }
         Claim::tidy(self.work.corpus);
@@ -129,6 +148,7 @@ impl<'a> Run<'a> {
         outcome.committed.sort_by_key(|id| place(id));
         outcome.skipped.sort_by_key(|id| place(id));
         outcome.not_made.sort_by_key(|id| place(id));
+        outcome.staged.sort_by_key(|id| place(id));
         outcome.failed.sort_by_key(|scenario| place(&scenario.id));
         if outcome.stopped.is_none()
             && !outcome.not_made.is_empty()
@@ -140,7 +160,7 @@ impl<'a> Run<'a> {
     }
 
     /// Ends the run early. The first reason counts.
-    fn stop(&self, reason: Stopped) {
+    pub(super) fn stop(&self, reason: Stopped) {
         lock(&self.tally).outcome.stopped.get_or_insert(reason);
         self.halt.cancel();
     }
@@ -164,12 +184,13 @@ impl<'a> Run<'a> {
                     self.halt.cancel();
                 }
                 Ok(Next::Finished) => break,
-                Ok(Next::MadeElsewhere(scenario)) => {
-                    self.reporter.tell(Event::MadeElsewhere {
-                        id: &scenario.id,
-                        ticks: scenario.ticks,
-                    });
-                    lock(&self.tally).outcome.skipped.push(scenario.id.clone());
+                Ok(Next::Whole(task, claim)) => {
+                    if self.remote.is_some() {
+                        self.hand_over(task.scenario, claim).await;
+                        lock(&self.queue).done_with(task);
+                    } else {
+                        self.made_elsewhere(task);
+                    }
                 }
                 Ok(Next::Later(pause, elsewhere)) => {
                     if let Some(elsewhere) = elsewhere
@@ -181,6 +202,9 @@ impl<'a> Run<'a> {
                         });
                     }
                     self.pause(pause).await;
+                }
+                Ok(Next::Make(task, _claim)) if self.is_in_store(&task).await => {
+                    self.made_elsewhere(task);
                 }
                 Ok(Next::Make(task, claim)) => {
                     let made = self.make(&task, &claim, &mut session).await;
@@ -195,6 +219,28 @@ impl<'a> Run<'a> {
             }
         }
         session.close().await;
+    }
+
+    fn made_elsewhere(&self, task: Task<'a>) {
+        let scenario = task.scenario;
+        self.reporter.tell(Event::MadeElsewhere {
+            id: &scenario.id,
+            ticks: scenario.ticks,
+        });
+        lock(&self.tally).outcome.skipped.push(scenario.id.clone());
+        lock(&self.queue).done_with(task);
+    }
+
+    /// Whether another run has sent a scenario to the object store since this one began. A store that does not answer says so when
+    /// something is sent.
+    async fn is_in_store(&self, task: &Task<'a>) -> bool {
+        match self.remote {
+            Some(remote) => {
+                let seal = remote.store.seal(&task.scenario.id).await;
+                seal.is_ok_and(|seal| seal.is_some())
+            }
+            None => false,
+        }
     }
 
     async fn make(
@@ -238,7 +284,11 @@ impl<'a> Run<'a> {
         let error = match made {
             Ok(()) => {
                 *failures_in_a_row = 0;
-                lock(&self.tally).outcome.committed.push(id.to_owned());
+                if self.remote.is_some() {
+                    self.hand_over(task.scenario, claim).await;
+                } else {
+                    lock(&self.tally).outcome.committed.push(id.to_owned());
+                }
                 lock(&self.queue).done_with(task);
                 return Then::GoOn;
             }

@@ -129,6 +129,7 @@ pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOpti
             simulator: Duration::from_secs(20),
             ..Patience::default()
         },
+        remote: None,
     }
 }
 

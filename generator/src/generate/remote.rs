@@ -1,0 +1,320 @@
+//! A corpus in an object store: the folder is then a stage, where scenarios are recorded and from which whole ones are sent, while the
+//! next ones are recorded. What is committed in the store counts as made; the stage holds what is not there yet.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use dataset::Error;
+use dataset::corpus::Corpus;
+use dataset::seal::Seal;
+use store::{CorpusStore, Keep, OnOther, Pushed, Settled, StoreError, Watch};
+use tokio::sync::mpsc;
+use tokio::time::sleep;
+
+use super::claim::{Claim, Claimed};
+use super::error::GenerateError;
+use super::event::Event;
+use super::freeze::is_whole;
+use super::outcome::{FailedScenario, Stopped};
+use super::run::{Run, lock};
+use crate::plan::{Plan, PlannedScenario};
+
+/// Scenarios that wait while one is sent. With the one that is sent, so many folders lie on the stage besides those that are being made.
+pub(super) const WAITING: usize = 1;
+/// A transfer that is to stop may take so long to take leave of the store.
+const LEAVE_TAKING: Duration = Duration::from_secs(5);
+/// How soon to look again for a staged scenario that another process is sending.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
+
+/// Where whole scenarios go.
+#[derive(Debug, Clone)]
+pub struct Remote {
+    /// The corpus.
+    pub store: CorpusStore,
+    /// Leave what was sent on the stage, too.
+    pub keep_staged: bool,
+}
+
+/// A whole scenario to be sent. Its claim keeps others off until the store has it.
+pub(super) struct Job<'a> {
+    scenario: &'a PlannedScenario,
+    claim: Claim,
+}
+
+impl Remote {
+    /// Looks whether the store lets us in and refuses a corpus that was begun with another plan. The split of that corpus, if it has one.
+    pub(super) async fn look(&self, plan: &Plan) -> Result<Option<Vec<u8>>, GenerateError> {
+        self.store.check().await?;
+        if let Some(theirs) = self.store.read("plan.json").await? {
+            self.agrees(plan, &theirs)?;
+        }
+        Ok(self.store.read("splits.json").await?)
+    }
+
+    /// The plan of the store, if ours may take its place.
+    fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Plan, GenerateError> {
+        let theirs = Plan::parse(theirs, &self.path_of("plan.json"))?;
+        match plan.conflict_with(&theirs) {
+            Some(difference) => Err(GenerateError::OtherPlan {
+                corpus: self.store.name().into(),
+                difference,
+            }),
+            None => Ok(theirs),
+        }
+    }
+
+    /// What of `wanted` is committed, after a look at what it was made from.
+    pub(super) async fn committed(
+        &self,
+        wanted: &[&PlannedScenario],
+    ) -> Result<BTreeMap<String, Seal>, GenerateError> {
+        let there = self.store.committed().await?;
+        let ids = wanted.iter().map(|scenario| scenario.id.clone());
+        let seals = self
+            .store
+            .seals(ids.filter(|id| there.contains(id)))
+            .await?;
+        for scenario in wanted {
+            if let Some(seal) = seals.get(&scenario.id)
+                && seal.config_hash != scenario.config_hash
+            {
+                return Err(GenerateError::ForeignFolder {
+                    folder: self.path_of(&format!("scenarios/{}", scenario.id)),
+                    message: "it was made from other parameters".into(),
+                });
+            }
+        }
+        Ok(seals)
+    }
+
+    /// Sends the files that belong to the whole corpus. The plan goes first: whoever loses a race for it hears so there.
+    pub(super) async fn publish(&self, stage: &Corpus, plan: &Plan) -> Result<(), GenerateError> {
+        let read = |path: &Path| fs::read(path).map_err(Error::io("read", path));
+        let ours = read(&stage.plan_path())?;
+        let settled = self
+            .store
+            .settle("plan.json", &ours, |theirs| {
+                Ok::<_, GenerateError>(match self.agrees(plan, theirs)? == *plan {
+                    true => Keep::Theirs,
+                    false => Keep::Ours,
+                })
+            })
+            .await?;
+        let splits = read(&stage.splits_path())?;
+        self.store
+            .settle("splits.json", &splits, |_| Ok::<_, StoreError>(Keep::Ours))
+            .await?;
+        let sweep = read(&stage.sweep_path())?;
+        self.store
+            .settle("corpus.toml", &sweep, |_| {
+                Ok::<_, StoreError>(match settled {
+                    Settled::Sent => Keep::Ours,
+                    _ => Keep::Theirs,
+                })
+            })
+            .await?;
+        Ok(())
+    }
+
+    /// Takes from the stage what an earlier run sent and was killed before clearing.
+    pub(super) fn clear_what_is_sent(&self, stage: &Corpus, committed: &BTreeMap<String, Seal>) {
+        if self.keep_staged {
+            return;
+        }
+        for (id, theirs) in committed {
+            let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
+            if !(whole.root().exists() || partial.root().exists()) {
+                continue;
+            }
+            let Ok(Claimed::Mine(_claim)) = Claim::take(stage, id) else {
+                continue;
+            };
+            if partial.root().exists() {
+                remove(partial.root());
+            }
+            // Another content is somebody's work: it stays.
+            if whole.seal().is_ok_and(|ours| ours.as_ref() == Some(theirs)) {
+                unstage(stage, id);
+            }
+        }
+    }
+
+    fn path_of(&self, name: &str) -> PathBuf {
+        PathBuf::from(format!("{}/{name}", self.store.name()))
+    }
+}
+
+/// Takes a scenario from the stage, without ever leaving half of one under its name.
+fn unstage(stage: &Corpus, id: &str) {
+    let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
+    match fs::rename(whole.root(), partial.root()) {
+        Ok(()) => remove(partial.root()),
+        Err(error) => tracing::warn!(%error, id, "sent, but still on the stage"),
+    }
+}
+
+fn remove(folder: &Path) {
+    if let Err(error) = fs::remove_dir_all(folder) {
+        tracing::warn!(%error, folder = %folder.display(), "sent, but still on the stage");
+    }
+}
+
+/// Tells the listener of a run about one transfer.
+struct Watching<'r, 'a> {
+    run: &'r Run<'a>,
+    id: &'r str,
+}
+
+impl Watch for Watching<'_, '_> {
+    fn waiting(&self, reason: &StoreError) {
+        self.run.reporter.tell(Event::StoreAway {
+            id: self.id,
+            reason: &reason.to_string(),
+        });
+    }
+
+    fn stopped(&self) -> bool {
+        self.run.halt.is_cancelled()
+    }
+}
+
+impl<'a> Run<'a> {
+    /// Gives a whole scenario to the upload; waits while enough of them wait. If the run ends before, it stays on the stage.
+    pub(super) async fn hand_over(&self, scenario: &'a PlannedScenario, claim: Claim) {
+        let Some(uploads) = lock(&self.uploads).clone() else {
+            return;
+        };
+        let job = match uploads.try_send(Job { scenario, claim }) {
+            Ok(()) => return,
+            Err(mpsc::error::TrySendError::Full(job) | mpsc::error::TrySendError::Closed(job)) => {
+                job
+            }
+        };
+        self.reporter.tell(Event::UploadBehind { id: &scenario.id });
+        let sent = tokio::select! {
+            biased;
+            () = self.halt.turned() => false,
+            sent = uploads.send(job) => sent.is_ok(),
+        };
+        if !sent {
+            self.stays_staged(scenario);
+        }
+    }
+
+    fn stays_staged(&self, scenario: &PlannedScenario) {
+        let staged = &mut lock(&self.tally).outcome.staged;
+        staged.push(scenario.id.clone());
+    }
+
+    /// Gives what earlier runs left on the stage to the upload.
+    pub(super) async fn hand_over_staged(&self, staged: &[&'a PlannedScenario]) {
+        for scenario in staged {
+            match self.claim_staged(scenario).await {
+                Ok(Some(claim)) => self.hand_over(scenario, claim).await,
+                Ok(None) => {}
+                Err(error) => {
+                    lock(&self.tally).fatal.get_or_insert(error);
+                    self.halt.cancel();
+                }
+            }
+        }
+    }
+
+    /// The claim on a staged scenario; `None` if there is nothing to send any more, since another process has sent it, or the run ends.
+    async fn claim_staged(
+        &self,
+        scenario: &'a PlannedScenario,
+    ) -> Result<Option<Claim>, GenerateError> {
+        loop {
+            if self.halt.is_cancelled() {
+                self.stays_staged(scenario);
+                return Ok(None);
+            }
+            match Claim::take(self.work.corpus, &scenario.id)? {
+                Claimed::Mine(claim) if is_whole(self.work.corpus, scenario)? => {
+                    return Ok(Some(claim));
+                }
+                Claimed::Mine(_) => {
+                    lock(&self.tally).outcome.skipped.push(scenario.id.clone());
+                    return Ok(None);
+                }
+                Claimed::Theirs(_) => sleep(LOOK_AGAIN).await,
+            }
+        }
+    }
+
+    /// Sends what is handed over until nobody is left to hand anything over.
+    pub(super) async fn upload_all(&self, mut jobs: mpsc::Receiver<Job<'a>>) {
+        while let Some(job) = jobs.recv().await {
+            match self.remote {
+                Some(remote) if !self.halt.is_cancelled() => self.upload(remote, job).await,
+                _ => self.stays_staged(job.scenario),
+            }
+        }
+    }
+
+    async fn upload(&self, remote: &Remote, job: Job<'a>) {
+        let id = job.scenario.id.as_str();
+        let began = Instant::now();
+        let folder = self.work.corpus.scenario(id);
+        let watching = Watching { run: self, id };
+        let pushing = store::Patience(self.patience.store).with(&watching, async |watch| {
+            remote
+                .store
+                .push_scenario(&folder, OnOther::Keep, watch)
+                .await
+        });
+        let no_longer = async {
+            self.halt.turned().await;
+            sleep(LEAVE_TAKING).await;
+        };
+        let pushed = tokio::select! {
+            pushed = pushing => pushed,
+            () = no_longer => Err(StoreError::Stopped),
+        };
+        match pushed {
+            Ok(pushed) => {
+                if !remote.keep_staged {
+                    unstage(self.work.corpus, id);
+                }
+                let outcome = &mut lock(&self.tally).outcome;
+                match pushed {
+                    Pushed::Committed { .. } => outcome.committed.push(id.to_owned()),
+                    Pushed::Same | Pushed::Other => outcome.skipped.push(id.to_owned()),
+                }
+                self.reporter.tell(Event::Uploaded {
+                    id,
+                    seconds: began.elapsed().as_secs_f64(),
+                });
+            }
+            Err(StoreError::Stopped) => self.stays_staged(job.scenario),
+            // The others have nothing to do with it.
+            Err(error @ StoreError::Damaged { .. }) => {
+                let reason = format!(
+                    "{error}. Move {} away, then the scenario is made anew",
+                    folder.root().display()
+                );
+                self.reporter.tell(Event::Failed {
+                    id,
+                    reason: &reason,
+                });
+                lock(&self.tally).outcome.failed.push(FailedScenario {
+                    id: id.to_owned(),
+                    reason,
+                });
+            }
+            Err(error) => {
+                self.stays_staged(job.scenario);
+                self.stop(Stopped::Store {
+                    reason: format!(
+                        "{error}. Nothing is lost: what is whole and not sent yet stays in {}; run the same command again to go on",
+                        self.work.corpus.root().display()
+                    ),
+                });
+            }
+        }
+        drop(job.claim);
+    }
+}

@@ -1,0 +1,318 @@
+//! A corpus in an object store: what is committed in it, and the files that belong to the whole of it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+use dataset::seal::{DONE, Seal};
+use futures_util::{StreamExt, TryStreamExt, stream};
+use object_store::path::Path as ObjectPath;
+use object_store::{
+    Attribute, Attributes, GetOptions, ObjectStore, ObjectStoreExt, PutMode, PutOptions,
+    UpdateVersion,
+};
+use tokio::time::timeout;
+
+use crate::error::{Result, StoreError};
+use crate::open::{Opened, open};
+use crate::place::StoreUrl;
+
+/// Folder of the scenarios, as on disk.
+const SCENARIOS: &str = "scenarios";
+/// Key of the metadata that holds an object's hash.
+const HASH: &str = "blake3";
+/// Looking for credentials may ask services that are not there; a person waits no longer than this for the first word.
+const FIRST_WORD: Duration = Duration::from_secs(20);
+/// Small questions under way at once.
+const QUESTIONS_AT_ONCE: usize = 16;
+/// Rounds with others who write the same file at the same time.
+const ROUNDS: u32 = 8;
+
+/// A corpus in an object store.
+#[derive(Debug, Clone)]
+pub struct CorpusStore {
+    pub(crate) store: Arc<dyn ObjectStore>,
+    root: ObjectPath,
+    /// Whether objects carry metadata.
+    keeps_metadata: bool,
+    /// The URL, for messages.
+    name: String,
+}
+
+/// Whose form of a file to keep.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Keep {
+    /// The caller's.
+    Ours,
+    /// The one that is there.
+    Theirs,
+}
+
+/// What became of a file of the whole corpus.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Settled {
+    /// It was sent.
+    Sent,
+    /// The same was there.
+    Same,
+    /// Another one was there and stays.
+    Theirs,
+}
+
+impl CorpusStore {
+    /// A corpus to be read or, with `create`, to be written. Nothing is asked of the store yet.
+    ///
+    /// # Errors
+    /// The environment does not say how to reach it.
+    pub fn open(url: &StoreUrl, create: bool) -> Result<Self> {
+        let Opened {
+            store,
+            root,
+            keeps_metadata,
+        } = open(url, create)?;
+        Ok(Self {
+            store,
+            root,
+            keeps_metadata,
+            name: url.to_string(),
+        })
+    }
+
+    /// A store in memory.
+    #[cfg(test)]
+    pub(crate) fn in_memory() -> Self {
+        Self {
+            store: Arc::new(object_store::memory::InMemory::new()),
+            root: ObjectPath::from("corpora/small"),
+            keeps_metadata: true,
+            name: "memory:///corpora/small".into(),
+        }
+    }
+
+    /// The URL, as messages name it.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether the store answers and lets us in, said within seconds.
+    ///
+    /// # Errors
+    /// No such bucket, wrong credentials, no answer: each its own.
+    pub async fn check(&self) -> Result<()> {
+        let look = async {
+            let mut found = self.store.list(Some(&self.root));
+            match found.try_next().await {
+                Ok(_) => Ok(()),
+                Err(error) => Err(self.error("list what is there", &error)),
+            }
+        };
+        match timeout(FIRST_WORD, look).await {
+            Ok(answered) => answered,
+            Err(_) => Err(StoreError::Away {
+                url: self.name.clone(),
+                doing: "list what is there".into(),
+                message: format!(
+                    "no answer within {FIRST_WORD:?} (without credentials in the environment the machine's own are looked for, which \
+                     may take longer)"
+                ),
+            }),
+        }
+    }
+
+    /// Identifiers of all committed scenarios.
+    pub async fn committed(&self) -> Result<BTreeSet<String>> {
+        let folder = self.key(SCENARIOS);
+        let mut found = self.store.list(Some(&folder));
+        let mut ids = BTreeSet::new();
+        while let Some(object) = found
+            .try_next()
+            .await
+            .map_err(|error| self.error("list the scenarios", &error))?
+        {
+            let Some(parts) = object.location.prefix_match(&folder) else {
+                continue;
+            };
+            let parts: Vec<_> = parts.collect();
+            if let [id, file] = parts.as_slice()
+                && file.as_ref() == DONE
+            {
+                ids.insert(id.as_ref().to_owned());
+            }
+        }
+        Ok(ids)
+    }
+
+    /// The seal of a scenario, if it is committed.
+    pub async fn seal(&self, id: &str) -> Result<Option<Seal>> {
+        let name = scenario_file(id, DONE);
+        let Some(text) = self.read(&name).await? else {
+            return Ok(None);
+        };
+        match serde_json::from_slice(&text) {
+            Ok(seal) => Ok(Some(seal)),
+            Err(error) => Err(StoreError::Damaged {
+                place: format!("{}/{name}", self.name),
+                message: format!("is not a valid seal: {error}"),
+            }),
+        }
+    }
+
+    /// The seals of several scenarios; those that are not committed are left out.
+    pub async fn seals(
+        &self,
+        ids: impl IntoIterator<Item = String>,
+    ) -> Result<BTreeMap<String, Seal>> {
+        let seals = ids.into_iter().map(|id| async move {
+            let seal = self.seal(&id).await?;
+            Ok::<_, StoreError>(seal.map(|seal| (id, seal)))
+        });
+        stream::iter(seals)
+            .buffer_unordered(QUESTIONS_AT_ONCE)
+            .try_filter_map(|found| std::future::ready(Ok(found)))
+            .try_collect()
+            .await
+    }
+
+    /// A small file, if it is there; named as in the corpus' folder.
+    pub async fn read(&self, name: &str) -> Result<Option<Vec<u8>>> {
+        Ok(self.read_version(name).await?.map(|(bytes, _)| bytes))
+    }
+
+    async fn read_version(&self, name: &str) -> Result<Option<(Vec<u8>, UpdateVersion)>> {
+        let doing = || format!("read {name}");
+        let got = match self.store.get(&self.key(name)).await {
+            Ok(got) => got,
+            Err(object_store::Error::NotFound { .. }) => return Ok(None),
+            Err(error) => return Err(self.error(&doing(), &error)),
+        };
+        let version = UpdateVersion {
+            e_tag: got.meta.e_tag.clone(),
+            version: got.meta.version.clone(),
+        };
+        let bytes = got
+            .bytes()
+            .await
+            .map_err(|error| self.error(&doing(), &error))?;
+        Ok(Some((bytes.to_vec(), version)))
+    }
+
+    /// Puts a file of the whole corpus there, unless it is there already. Where another one is, `judge` sees it and decides. Of several
+    /// who do this at once one is first, and the others judge its file: the store compares, where it can (If-None-Match, If-Match).
+    pub async fn settle<E: From<StoreError>>(
+        &self,
+        name: &str,
+        ours: &[u8],
+        mut judge: impl FnMut(&[u8]) -> std::result::Result<Keep, E>,
+    ) -> std::result::Result<Settled, E> {
+        // Tried first even if the file is likely to be there: so whoever may not write hears of it now, not after the first scenario.
+        let mut mode = PutMode::Create;
+        for _ in 0..ROUNDS {
+            match self.put(name, ours, mode).await {
+                Ok(()) => return Ok(Settled::Sent),
+                Err(
+                    object_store::Error::AlreadyExists { .. }
+                    | object_store::Error::Precondition { .. }
+                    | object_store::Error::NotImplemented { .. },
+                ) => {}
+                Err(error) => return Err(self.error(&format!("write {name}"), &error).into()),
+            }
+            mode = match self.read_version(name).await? {
+                // Stores without conditions.
+                None => PutMode::Overwrite,
+                Some((theirs, _)) if theirs == ours => return Ok(Settled::Same),
+                Some((theirs, version)) => match judge(&theirs)? {
+                    Keep::Theirs => return Ok(Settled::Theirs),
+                    Keep::Ours if self.keeps_metadata => PutMode::Update(version),
+                    // Folders know no versions.
+                    Keep::Ours => PutMode::Overwrite,
+                },
+            };
+        }
+        Err(StoreError::Away {
+            url: self.name.clone(),
+            doing: format!("write {name}"),
+            message: "others write it all the time".into(),
+        }
+        .into())
+    }
+
+    async fn put(&self, name: &str, bytes: &[u8], mode: PutMode) -> object_store::Result<()> {
+        let options = PutOptions {
+            mode,
+            ..PutOptions::default()
+        };
+        self.store
+            .put_opts(&self.key(name), bytes.to_vec().into(), options)
+            .await?;
+        Ok(())
+    }
+
+    /// Names, within the scenario, and sizes of all objects that a scenario has, committed or not.
+    pub(crate) async fn objects(&self, id: &str) -> Result<BTreeMap<String, u64>> {
+        let folder = self.key(&scenario_file(id, ""));
+        let list = self.store.list(Some(&folder));
+        let named = list.try_filter_map(|object| {
+            let parts = object.location.prefix_match(&folder);
+            let name = parts.map(|parts| {
+                let parts: Vec<_> = parts.map(|part| part.as_ref().to_owned()).collect();
+                parts.join("/")
+            });
+            std::future::ready(Ok(name.map(|name| (name, object.size))))
+        });
+        named
+            .try_collect()
+            .await
+            .map_err(|error| self.error(&format!("list scenario {id}"), &error))
+    }
+
+    /// BLAKE3 hash of an object, if it carries one. A folder's files carry none and are read.
+    pub(crate) async fn hash_of(&self, name: &str) -> Result<Option<String>> {
+        let doing = || format!("look at {name}");
+        let options = GetOptions {
+            head: self.keeps_metadata,
+            ..GetOptions::default()
+        };
+        let got = match self.store.get_opts(&self.key(name), options).await {
+            Ok(got) => got,
+            Err(object_store::Error::NotFound { .. }) => return Ok(None),
+            Err(error) => return Err(self.error(&doing(), &error)),
+        };
+        if self.keeps_metadata {
+            let hash = got.attributes.get(&Attribute::Metadata(HASH.into()));
+            return Ok(hash.map(|hash| (**hash).to_owned()));
+        }
+        let mut hasher = blake3::Hasher::new();
+        let mut stream = got.into_stream();
+        while let Some(bytes) = stream
+            .try_next()
+            .await
+            .map_err(|error| self.error(&doing(), &error))?
+        {
+            hasher.update(&bytes);
+        }
+        Ok(Some(hasher.finalize().to_string()))
+    }
+
+    /// What an object of this hash carries.
+    pub(crate) fn attributes(&self, blake3: &str) -> Attributes {
+        let mut attributes = Attributes::new();
+        if self.keeps_metadata {
+            attributes.insert(Attribute::Metadata(HASH.into()), blake3.to_owned().into());
+        }
+        attributes
+    }
+
+    pub(crate) fn key(&self, name: &str) -> ObjectPath {
+        let parts = name.split('/').filter(|part| !part.is_empty());
+        parts.fold(self.root.clone(), |key, part| key.join(part))
+    }
+
+    pub(crate) fn error(&self, doing: &str, error: &object_store::Error) -> StoreError {
+        StoreError::of(&self.name, doing, error)
+    }
+}
+
+/// Name of a scenario's file in the corpus.
+pub(crate) fn scenario_file(id: &str, file: &str) -> String {
+    format!("{SCENARIOS}/{id}/{file}")
+}

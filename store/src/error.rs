@@ -1,0 +1,253 @@
+//! What can go wrong with a corpus in an object store, told apart by who can mend it.
+
+use std::error::Error;
+
+use object_store::client::{HttpError, HttpErrorKind};
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, StoreError>;
+
+/// An object store that cannot be used, or a corpus in it. Every message says which.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// The text is no URL of an object store.
+    #[error("{text}: {why}; expected {}, or a path", crate::place::SCHEMES)]
+    BadUrl {
+        /// The text.
+        text: String,
+        /// What is wrong with it.
+        why: String,
+    },
+    /// The environment does not say how to reach the store.
+    #[error("{url}: the environment does not say how to reach it: {message}")]
+    NotConfigured {
+        /// The corpus.
+        url: String,
+        /// What is missing or wrong.
+        message: String,
+    },
+    /// There is no such bucket, or nothing at this place.
+    #[error("{url}: {message}")]
+    NotThere {
+        /// The corpus.
+        url: String,
+        /// What was looked for.
+        message: String,
+    },
+    /// The store knows us and says no, or does not know us.
+    #[error("{url}: the store refuses to {doing}: {message}. {HINT}")]
+    Refused {
+        /// The corpus.
+        url: String,
+        /// What was being done.
+        doing: String,
+        /// The store's own words.
+        message: String,
+    },
+    /// The store does not answer, or says that it cannot now.
+    #[error("{url}: the store does not answer, when asked to {doing}: {message}")]
+    Away {
+        /// The corpus.
+        url: String,
+        /// What was being done.
+        doing: String,
+        /// How it failed.
+        message: String,
+    },
+    /// Anything else that the store says.
+    #[error("{url}: cannot {doing}: {message}")]
+    Failed {
+        /// The corpus.
+        url: String,
+        /// What was being done.
+        doing: String,
+        /// The store's own words.
+        message: String,
+    },
+    /// Content that is not what its seal says.
+    #[error("{place}: {message}")]
+    Damaged {
+        /// The folder or URL of the scenario.
+        place: String,
+        /// What differs.
+        message: String,
+    },
+    /// The local side cannot be read or written.
+    #[error(transparent)]
+    Local(#[from] dataset::Error),
+    /// The caller wished to stop.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// Refusals that do not come as 401 or 403: S3 says 400 to a token that has run out and 301 to a wrong region.
+const REFUSALS: [&str; 4] = [
+    "ExpiredToken",
+    "InvalidToken",
+    "AuthorizationHeaderMalformed",
+    "incorrectly configured region",
+];
+/// Where a cloud's own machines find their credentials.
+const OWN_CREDENTIALS: [&str; 3] = [
+    "169.254.169.254",
+    "169.254.170.2",
+    "metadata.google.internal",
+];
+/// What a person with wrong credentials looks for.
+const HINT: &str = "Credentials come from the environment (docs/corpus.md), for S3 AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, \
+                    AWS_REGION; from a profile: eval \"$(aws configure export-credentials --format env)\"";
+
+impl StoreError {
+    /// Whether the caller has to change something first: the same call will fail again.
+    pub fn is_bad_input(&self) -> bool {
+        match self {
+            Self::BadUrl { .. }
+            | Self::NotConfigured { .. }
+            | Self::NotThere { .. }
+            | Self::Refused { .. } => true,
+            Self::Local(error) => error.is_bad_content(),
+            _ => false,
+        }
+    }
+
+    /// Whether the same request may well succeed in a moment.
+    pub fn is_passing(&self) -> bool {
+        matches!(self, Self::Away { .. })
+    }
+
+    /// Sorts what a store said. `doing` completes "cannot ...".
+    pub(crate) fn of(url: &str, doing: &str, error: &object_store::Error) -> Self {
+        let (url, doing) = (url.to_owned(), doing.to_owned());
+        let message = in_short(error);
+        // Without credentials the clients ask services that only machines of the cloud have.
+        if causes(error)
+            .map(ToString::to_string)
+            .any(|said| OWN_CREDENTIALS.iter().any(|service| said.contains(service)))
+        {
+            return Self::NotConfigured {
+                url,
+                message: format!(
+                    "it holds no credentials, and this machine has none of its own ({message}). {HINT}"
+                ),
+            };
+        }
+        match error {
+            object_store::Error::PermissionDenied { .. }
+            | object_store::Error::Unauthenticated { .. } => Self::Refused {
+                url,
+                doing,
+                message,
+            },
+            object_store::Error::NotFound { .. } => Self::NotThere {
+                url,
+                message: format!(
+                    "there is no such bucket or object, when asked to {doing}: {message}"
+                ),
+            },
+            _ if never_answered(error) || is_server_error(&message) => Self::Away {
+                url,
+                doing,
+                message,
+            },
+            _ if REFUSALS.iter().any(|words| message.contains(words)) => Self::Refused {
+                url,
+                doing,
+                message,
+            },
+            _ => Self::Failed {
+                url,
+                doing,
+                message,
+            },
+        }
+    }
+}
+
+fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
+    std::iter::successors(Some(error), |error| (**error).source())
+}
+
+fn never_answered(error: &(dyn Error + 'static)) -> bool {
+    causes(error)
+        .filter_map(|cause| cause.downcast_ref::<HttpError>())
+        .any(|error| {
+            matches!(
+                error.kind(),
+                HttpErrorKind::Connect
+                    | HttpErrorKind::Request
+                    | HttpErrorKind::Timeout
+                    | HttpErrorKind::Interrupted
+            )
+        })
+}
+
+fn is_server_error(message: &str) -> bool {
+    ["status code: 5", "status code: 429", "status code: 408"]
+        .iter()
+        .any(|status| message.contains(status))
+}
+
+/// The last cause says what happened, those above it how often it was tried. A server's answer is a page of XML, of which its code and
+/// message are for people.
+fn in_short(error: &(dyn Error + 'static)) -> String {
+    let last = causes(error)
+        .last()
+        .map_or_else(String::new, ToString::to_string);
+    let element = |name: &str| {
+        let (_, rest) = last.split_once(&format!("<{name}>"))?;
+        Some(rest.split_once("</")?.0.trim().to_owned())
+    };
+    match (element("Code"), element("Message")) {
+        (Some(code), Some(message)) => {
+            let status = last.split_once(": <").map_or("", |(status, _)| status);
+            format!("{code}: {message} ({status})")
+        }
+        _ => last,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An error as the clients build it, without a server.
+    fn said(source: &str) -> object_store::Error {
+        object_store::Error::Generic {
+            store: "S3",
+            source: source.to_owned().into(),
+        }
+    }
+
+    #[test]
+    fn what_passes_what_the_caller_mends_and_the_rest_are_told_apart() {
+        let sort = |source: &str| StoreError::of("s3://b/p", "list", &said(source));
+        for passing in [
+            "Server returned non-2xx status code: 503 Service Unavailable: ",
+            "Server returned non-2xx status code: 429 Too Many Requests: ",
+        ] {
+            assert!(sort(passing).is_passing(), "{passing}");
+        }
+        for mended in [
+            "Server returned non-2xx status code: 400 Bad Request: <Error><Code>ExpiredToken</Code><Message>x</Message></Error>",
+            "Received redirect without LOCATION, this normally indicates an incorrectly configured region",
+            "Error performing PUT http://169.254.169.254/latest/api/token in 3s - HTTP error",
+        ] {
+            let error = sort(mended);
+            assert!(error.is_bad_input() && !error.is_passing(), "{error}");
+            assert!(error.to_string().contains("AWS_REGION"), "{error}");
+        }
+        let rest = sort("something else");
+        assert!(!rest.is_passing() && !rest.is_bad_input());
+    }
+
+    #[test]
+    fn of_a_page_of_xml_people_see_code_and_message() {
+        let page = "Server returned non-2xx status code: 403 Forbidden: <?xml version=\"1.0\"?>\n<Error><Code>AccessDenied</Code>\
+                    <Message>Not you</Message><RequestId>1</RequestId></Error>";
+        assert_eq!(
+            in_short(&said(page)),
+            "AccessDenied: Not you (Server returned non-2xx status code: 403 Forbidden)"
+        );
+        assert_eq!(in_short(&said("plain words")), "plain words");
+    }
+}

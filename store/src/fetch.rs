@@ -1,0 +1,173 @@
+//! One scenario from the store into a folder, whole or not at all, as `dtd generate` makes it: beside its place, then renamed.
+
+use std::fs::{self, File};
+use std::io::Write;
+use std::path::Path;
+
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::json_file::{sync, write_atomically};
+use dataset::seal::{self, DONE, MANIFEST};
+use futures_util::{StreamExt, TryStreamExt, stream};
+use object_store::ObjectStoreExt;
+
+use crate::corpus_store::{CorpusStore, scenario_file};
+use crate::error::{Result, StoreError};
+use crate::patience::Watch;
+
+/// The files that belong to the whole corpus, in the order in which they are written.
+pub const CORPUS_FILES: [&str; 3] = ["plan.json", "splits.json", "corpus.toml"];
+
+/// What a person can do about a scenario that is damaged in the store.
+const MEND: &str = "Delete the scenario's DONE.json in the store; then `dtd push` sends it again, or `dtd generate` makes it anew";
+/// Files on their way at once.
+const FILES_AT_ONCE: usize = 4;
+
+/// What became of a scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fetched {
+    /// It is there now.
+    Whole {
+        /// Files that were brought.
+        brought: usize,
+        /// Files that an earlier, unfinished call had brought.
+        there: usize,
+    },
+    /// It was there already, with this content.
+    Same,
+    /// It was there already, with other content, and was left alone.
+    Other,
+    /// It is not committed in the store.
+    NotCommitted,
+}
+
+impl CorpusStore {
+    /// Brings a committed scenario, or goes on with it. What comes is checked against `MANIFEST.b3`, and that against `DONE.json`.
+    pub async fn fetch_scenario(
+        &self,
+        id: &str,
+        corpus: &Corpus,
+        watch: &dyn Watch,
+    ) -> Result<Fetched> {
+        let damaged = |message: String| StoreError::Damaged {
+            place: format!("{}/scenarios/{id}", self.name()),
+            message,
+        };
+        if !seal::is_within(Path::new(id)) {
+            return Err(damaged("is no name of a scenario".into()));
+        }
+        let Some(theirs) = self.seal(id).await? else {
+            return Ok(Fetched::NotCommitted);
+        };
+        let committed = corpus.scenario(id);
+        match committed.seal()? {
+            Some(ours) if ours == theirs => return Ok(Fetched::Same),
+            None if !committed.root().exists() => {}
+            _ => return Ok(Fetched::Other),
+        }
+        let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
+        let manifest = manifest.ok_or_else(|| damaged(format!("{MANIFEST} is missing")))?;
+        let manifest = String::from_utf8(manifest).map_err(|error| damaged(error.to_string()))?;
+        let files = seal::sealed_files(&manifest, &theirs).map_err(damaged)?;
+
+        let partial = corpus.partial_scenario(id);
+        let jobs = files.iter().map(|file| {
+            let target = partial.root().join(&file.name);
+            let name = scenario_file(id, &file.name);
+            async move {
+                let there = target.is_file() && seal::hash_file(&target)? == file.blake3;
+                if !there {
+                    self.bring(&name, &target, &file.blake3, watch).await?;
+                }
+                Ok::<bool, StoreError>(!there)
+            }
+        });
+        let brought: Vec<bool> = stream::iter(jobs)
+            .buffer_unordered(FILES_AT_ONCE)
+            .try_collect()
+            .await?;
+        write_atomically(&partial.root().join(MANIFEST), manifest.as_bytes())?;
+        dataset::json_file::write_json(&partial.root().join(DONE), &theirs)?;
+        seal::commit_folder(partial.root(), committed.root())?;
+        let brought_files = brought.iter().filter(|brought| **brought).count();
+        Ok(Fetched::Whole {
+            brought: brought_files,
+            there: brought.len() - brought_files,
+        })
+    }
+
+    /// Brings the detections that a committed scenario has and the folder has not; returns how many files that were.
+    pub async fn fetch_detections(
+        &self,
+        folder: &ScenarioFolder,
+        watch: &dyn Watch,
+    ) -> Result<usize> {
+        let mut brought = 0;
+        for (name, bytes) in self.objects(&folder.id()).await? {
+            let target = folder.root().join(&name);
+            let missing = fs::metadata(&target).map_or(true, |there| there.len() != bytes);
+            if Path::new(&name).parent() == Some(Path::new("detections"))
+                && seal::is_within(Path::new(&name))
+                && missing
+            {
+                let name = scenario_file(&folder.id(), &name);
+                if let Some(blake3) = self.hash_of(&name).await? {
+                    self.bring(&name, &target, &blake3, watch).await?;
+                    brought += 1;
+                }
+            }
+        }
+        Ok(brought)
+    }
+
+    /// One file, under another name until it is whole and has its hash.
+    async fn bring(
+        &self,
+        name: &str,
+        target: &Path,
+        blake3: &str,
+        watch: &dyn Watch,
+    ) -> Result<()> {
+        let doing = || format!("read {name}");
+        let folder = target.parent().unwrap_or(target);
+        fs::create_dir_all(folder).map_err(dataset::Error::io("create", folder))?;
+        let mut beside = target.as_os_str().to_owned();
+        beside.push(".tmp");
+        let beside = Path::new(&beside);
+        let mut content = match self.store.get(&self.key(name)).await {
+            Ok(got) => got.into_stream(),
+            Err(object_store::Error::NotFound { .. }) => {
+                return Err(StoreError::Damaged {
+                    place: format!("{}/{name}", self.name()),
+                    message: format!("is missing, though {MANIFEST} lists it. {MEND}"),
+                });
+            }
+            Err(error) => return Err(self.error(&doing(), &error)),
+        };
+        let mut file = File::create(beside).map_err(dataset::Error::io("create", beside))?;
+        let mut hasher = blake3::Hasher::new();
+        while let Some(bytes) = content
+            .try_next()
+            .await
+            .map_err(|error| self.error(&doing(), &error))?
+        {
+            if watch.stopped() {
+                return Err(StoreError::Stopped);
+            }
+            hasher.update(&bytes);
+            file.write_all(&bytes)
+                .map_err(dataset::Error::io("write", beside))?;
+            watch.passed(bytes.len() as u64);
+        }
+        if hasher.finalize().to_string() != blake3 {
+            let _ = fs::remove_file(beside);
+            return Err(StoreError::Damaged {
+                place: format!("{}/{name}", self.name()),
+                message: format!("is not what was sealed: its hash differs. {MEND}"),
+            });
+        }
+        file.sync_all()
+            .map_err(dataset::Error::io("sync", beside))?;
+        fs::rename(beside, target).map_err(dataset::Error::io("rename into place", target))?;
+        Ok(sync(folder)?)
+    }
+}

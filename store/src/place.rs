@@ -1,0 +1,212 @@
+//! Where a corpus lies: in a folder or at a URL.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use url::Url;
+
+use crate::error::{Result, StoreError};
+
+/// The URLs that are understood, for messages.
+pub const SCHEMES: &str =
+    "s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER";
+
+/// Where a corpus lies.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Place {
+    /// In a folder.
+    Folder(PathBuf),
+    /// In an object store.
+    Store(StoreUrl),
+}
+
+/// The URL of a corpus in an object store.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StoreUrl {
+    pub(crate) kind: Kind,
+    pub(crate) url: Url,
+}
+
+/// Whose object store it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Kind {
+    S3,
+    Google,
+    Azure,
+    LocalFiles,
+}
+
+impl Place {
+    /// Tells a folder from a URL: a URL is what begins with a scheme of at least two letters and `://`. So `C:\corpus` and `a:b` are paths.
+    ///
+    /// # Errors
+    /// A URL that names no object store, with those that do.
+    pub fn of(path: &Path) -> Result<Self> {
+        match path.to_str().filter(|text| is_url(text)) {
+            Some(text) => text.parse().map(Self::Store),
+            None => Ok(Self::Folder(path.to_owned())),
+        }
+    }
+}
+
+fn is_url(text: &str) -> bool {
+    text.split_once("://").is_some_and(|(scheme, _)| {
+        scheme.len() > 1
+            && scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+            && scheme
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    })
+}
+
+impl FromStr for StoreUrl {
+    type Err = StoreError;
+
+    fn from_str(text: &str) -> Result<Self> {
+        let bad = |why: &str| StoreError::BadUrl {
+            text: text.into(),
+            why: why.into(),
+        };
+        let mut url = Url::parse(text).map_err(|error| bad(&error.to_string()))?;
+        let kind = match url.scheme() {
+            "s3" | "s3a" => Kind::S3,
+            "gs" => Kind::Google,
+            "az" | "azure" | "abfs" | "abfss" | "adl" => Kind::Azure,
+            "file" => Kind::LocalFiles,
+            other => return Err(bad(&format!("{other}:// is no object store"))),
+        };
+        if url.query().is_some() || url.fragment().is_some() {
+            return Err(bad("it has a ? or #, which no object's name may have here"));
+        }
+        match (kind, url.host_str().is_some_and(|host| !host.is_empty())) {
+            (Kind::LocalFiles, true) => {
+                return Err(bad("a file URL has three slashes and an absolute path"));
+            }
+            (Kind::LocalFiles, false) if url.path() == "/" => {
+                return Err(bad("it names no folder"));
+            }
+            (Kind::LocalFiles, false) | (_, true) => {}
+            (_, false) => return Err(bad("it names no bucket")),
+        }
+        if url.password().is_some() {
+            return Err(bad(
+                "it holds a password; credentials come from the environment",
+            ));
+        }
+        let path = url.path().trim_end_matches('/').to_owned();
+        url.set_path(&path);
+        Ok(Self { kind, url })
+    }
+}
+
+impl fmt::Display for StoreUrl {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.url.as_str().trim_end_matches('/'))
+    }
+}
+
+impl StoreUrl {
+    /// A name for a local folder that belongs to this URL and to no other: what one can read of it, and its hash.
+    pub fn folder_name(&self) -> String {
+        let text = self.to_string();
+        let readable: String = text
+            .chars()
+            .map(|c| match c {
+                'a'..='z' | 'A'..='Z' | '0'..='9' | '.' | '-' => c,
+                _ => '_',
+            })
+            .take(80)
+            .collect();
+        let hash = blake3::hash(text.as_bytes()).to_hex();
+        format!("{readable}-{}", &hash[..8])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn store(text: &str) -> StoreUrl {
+        match Place::of(Path::new(text)) {
+            Ok(Place::Store(url)) => url,
+            other => panic!("{text}: {other:?}"),
+        }
+    }
+
+    #[test]
+    fn paths_stay_paths_whatever_colons_they_have() {
+        for path in [
+            "corpus",
+            "/data/corpus",
+            r"C:\corpus",
+            "C:/corpus",
+            "C://corpus",
+            "a:b",
+            "s3:bucket",
+            "s3:/bucket",
+            "./s3://bucket/x",
+            "run: 12://x",
+            "://x",
+        ] {
+            assert_eq!(
+                Place::of(Path::new(path)).unwrap(),
+                Place::Folder(path.into())
+            );
+        }
+    }
+
+    #[test]
+    fn urls_are_known_by_their_scheme_and_lose_the_last_slash() {
+        for (text, kind, shown) in [
+            ("s3://bucket/a/b/", Kind::S3, "s3://bucket/a/b"),
+            ("s3://bucket", Kind::S3, "s3://bucket"),
+            ("gs://bucket/a", Kind::Google, "gs://bucket/a"),
+            ("az://container/a", Kind::Azure, "az://container/a"),
+            (
+                "abfss://c@account.dfs.core.windows.net/a",
+                Kind::Azure,
+                "abfss://c@account.dfs.core.windows.net/a",
+            ),
+            (
+                "file:///data/corpus/",
+                Kind::LocalFiles,
+                "file:///data/corpus",
+            ),
+        ] {
+            let url = store(text);
+            assert_eq!((url.kind, url.to_string().as_str()), (kind, shown));
+        }
+    }
+
+    #[test]
+    fn other_urls_are_refused_with_those_that_are_known() {
+        for text in [
+            "http://host/corpus",
+            "ftp://host/corpus",
+            "s4://bucket/a",
+            "s3:///prefix",
+            "file://host/a",
+            "file:///",
+            "s3://bucket/a?b=c",
+            "s3://key:secret@bucket/a",
+        ] {
+            let error = Place::of(Path::new(text)).unwrap_err();
+            assert!(error.is_bad_input());
+            let message = error.to_string();
+            assert!(
+                message.contains(text) && message.contains("gs://"),
+                "{message}"
+            );
+        }
+    }
+
+    #[test]
+    fn each_url_has_a_folder_name_of_its_own() {
+        let names = ["s3://bucket/a/b", "s3://bucket/a_b", "gs://bucket/a/b"]
+            .map(|text| store(text).folder_name());
+        assert!(names[0].starts_with("s3___bucket_a_b-"), "{}", names[0]);
+        assert!(names[0] != names[1] && names[0] != names[2]);
+        assert_eq!(names[0], store("s3://bucket/a/b/").folder_name());
+    }
+}

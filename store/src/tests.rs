@@ -1,0 +1,336 @@
+//! A scenario's way into a store and back, in memory and in a folder.
+
+use std::fs;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::seal::{self, DONE, MANIFEST, seal_folder};
+use object_store::ObjectStoreExt;
+use tempfile::TempDir;
+
+use super::*;
+
+const ID: &str = "1200-clear-r1";
+/// More than one part.
+const LARGE: usize = 9 << 20;
+
+/// A corpus with a sealed scenario of a small file and a large one.
+fn corpus_with(table: &str) -> (TempDir, Corpus) {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = Corpus::create(folder.path()).unwrap();
+    let root = corpus.scenario(ID).root().to_owned();
+    fs::create_dir_all(root.join("views")).unwrap();
+    fs::write(root.join("frames.parquet"), table).unwrap();
+    let noise: Vec<u8> = (0..LARGE).map(|i| (i * i / 7) as u8).collect();
+    fs::write(root.join("views/left.mp4"), noise).unwrap();
+    seal_folder(&root, "config").unwrap();
+    (folder, corpus)
+}
+
+fn empty() -> (TempDir, Corpus) {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = Corpus::create(folder.path()).unwrap();
+    (folder, corpus)
+}
+
+/// One store of each kind, and the folder that must outlive the second.
+fn stores() -> (TempDir, [CorpusStore; 2]) {
+    let folder = tempfile::tempdir().unwrap();
+    let url = format!("file://{}/a bucket", folder.path().display());
+    let in_folder = CorpusStore::open(&url.parse().unwrap(), true).unwrap();
+    (folder, [CorpusStore::in_memory(), in_folder])
+}
+
+fn same_files(a: &ScenarioFolder, b: &ScenarioFolder) {
+    for name in ["frames.parquet", "views/left.mp4", MANIFEST, DONE] {
+        let [a, b] = [a, b].map(|folder| fs::read(folder.root().join(name)).unwrap());
+        assert!(a == b, "{name} differs");
+    }
+}
+
+async fn push(store: &CorpusStore, corpus: &Corpus) -> Result<Pushed> {
+    let folder = corpus.scenario(ID);
+    store.push_scenario(&folder, OnOther::Replace, &()).await
+}
+
+/// Stops a transfer once so many bytes have passed.
+struct StopAfter {
+    limit: u64,
+    passed: AtomicU64,
+}
+
+impl Watch for StopAfter {
+    fn passed(&self, bytes: u64) {
+        self.passed.fetch_add(bytes, Ordering::Relaxed);
+    }
+
+    fn stopped(&self) -> bool {
+        self.passed.load(Ordering::Relaxed) >= self.limit
+    }
+}
+
+fn stop_after(limit: u64) -> StopAfter {
+    StopAfter {
+        limit,
+        passed: AtomicU64::new(0),
+    }
+}
+
+#[tokio::test]
+async fn a_scenario_goes_there_and_comes_back_byte_for_byte() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let (_ours, ours) = corpus_with("table");
+        assert!(store.committed().await.unwrap().is_empty());
+        let pushed = push(&store, &ours).await.unwrap();
+        assert_eq!(
+            pushed,
+            Pushed::Committed {
+                sent: 2,
+                there: 0,
+                replaced: false
+            }
+        );
+        assert_eq!(push(&store, &ours).await.unwrap(), Pushed::Same);
+        let committed = store.committed().await.unwrap();
+        assert_eq!(committed.into_iter().collect::<Vec<_>>(), [ID]);
+        let (_theirs, theirs) = empty();
+        let fetch = || store.fetch_scenario(ID, &theirs, &());
+        assert_eq!(
+            fetch().await.unwrap(),
+            Fetched::Whole {
+                brought: 2,
+                there: 0
+            }
+        );
+        assert_eq!(fetch().await.unwrap(), Fetched::Same);
+        same_files(&ours.scenario(ID), &theirs.scenario(ID));
+        assert!(!theirs.partial_scenario(ID).root().exists());
+    }
+}
+
+#[tokio::test]
+async fn an_upload_that_ends_early_commits_nothing_and_is_gone_on_with() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let (_ours, ours) = corpus_with("table");
+        let folder = ours.scenario(ID);
+        // After the table, and in the middle of the video.
+        for (limit, there_then) in [(1, 1), (8 << 20, 1)] {
+            let stopped = store
+                .push_scenario(&folder, OnOther::Keep, &stop_after(limit))
+                .await;
+            assert!(matches!(stopped, Err(StoreError::Stopped)));
+            assert!(store.committed().await.unwrap().is_empty());
+            let there = store.objects(ID).await.unwrap();
+            assert_eq!(there.len(), there_then, "{there:?}");
+        }
+        let (_theirs, theirs) = empty();
+        let fetched = store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+        assert_eq!(fetched, Fetched::NotCommitted);
+        let pushed = push(&store, &ours).await.unwrap();
+        assert_eq!(
+            pushed,
+            Pushed::Committed {
+                sent: 1,
+                there: 1,
+                replaced: false
+            }
+        );
+    }
+}
+
+#[tokio::test]
+async fn what_has_the_right_size_but_another_content_is_sent_again() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let (_other, other) = corpus_with("tafel");
+        let _ = store
+            .push_scenario(&other.scenario(ID), OnOther::Keep, &stop_after(1))
+            .await;
+        let (_ours, ours) = corpus_with("table");
+        push(&store, &ours).await.unwrap();
+        let (_theirs, theirs) = empty();
+        store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+        same_files(&ours.scenario(ID), &theirs.scenario(ID));
+    }
+}
+
+#[tokio::test]
+async fn a_file_that_is_not_what_was_sealed_is_not_sent() {
+    for name in ["frames.parquet", "views/left.mp4"] {
+        let store = CorpusStore::in_memory();
+        let (_ours, ours) = corpus_with("table");
+        let path = ours.scenario(ID).root().join(name);
+        let mut bytes = fs::read(&path).unwrap();
+        bytes[3] ^= 1;
+        fs::write(&path, bytes).unwrap();
+        let error = push(&store, &ours).await.unwrap_err();
+        assert!(matches!(error, StoreError::Damaged { .. }), "{error}");
+        assert!(error.to_string().contains(name), "{error}");
+        assert!(!store.objects(ID).await.unwrap().contains_key(name));
+        assert!(store.committed().await.unwrap().is_empty());
+    }
+}
+
+#[tokio::test]
+async fn other_content_is_kept_or_replaced_and_other_parameters_are_refused() {
+    let store = CorpusStore::in_memory();
+    let (_first, first) = corpus_with("table");
+    push(&store, &first).await.unwrap();
+    let (_second, second) = corpus_with("table with labels");
+    let folder = second.scenario(ID);
+    let kept = store.push_scenario(&folder, OnOther::Keep, &()).await;
+    assert_eq!(kept.unwrap(), Pushed::Other);
+    let replaced = push(&store, &second).await.unwrap();
+    assert_eq!(
+        replaced,
+        Pushed::Committed {
+            sent: 1,
+            there: 1,
+            replaced: true
+        }
+    );
+    // While it is replaced it is not committed.
+    let (_third, third) = corpus_with("more labels");
+    let folder = third.scenario(ID);
+    let stopped = store
+        .push_scenario(&folder, OnOther::Replace, &stop_after(1))
+        .await;
+    assert!(matches!(stopped, Err(StoreError::Stopped)));
+    assert!(store.committed().await.unwrap().is_empty());
+    push(&store, &second).await.unwrap();
+
+    seal_folder(third.scenario(ID).root(), "other config").unwrap();
+    let error = push(&store, &third).await.unwrap_err().to_string();
+    assert!(error.contains("other parameters"), "{error}");
+}
+
+#[tokio::test]
+async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with("table");
+    push(&store, &ours).await.unwrap();
+    let (_theirs, theirs) = empty();
+    let partial = theirs.partial_scenario(ID).root().to_owned();
+    fs::create_dir_all(partial.join("views")).unwrap();
+    fs::write(partial.join("frames.parquet"), "table").unwrap();
+    fs::write(partial.join("views/left.mp4"), "half").unwrap();
+    let fetched = store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+    assert_eq!(
+        fetched,
+        Fetched::Whole {
+            brought: 1,
+            there: 1
+        }
+    );
+    same_files(&ours.scenario(ID), &theirs.scenario(ID));
+
+    let (_labelled, labelled) = corpus_with("table with labels");
+    let fetched = store.fetch_scenario(ID, &labelled, &()).await.unwrap();
+    assert_eq!(fetched, Fetched::Other);
+    let table = labelled.scenario(ID).root().join("frames.parquet");
+    assert_eq!(fs::read(table).unwrap(), b"table with labels");
+}
+
+#[tokio::test]
+async fn what_is_damaged_in_the_store_is_named_and_never_becomes_a_scenario() {
+    for (damage, words) in [
+        (Some("tafel"), "is not what was sealed"),
+        (None, "is missing"),
+    ] {
+        let store = CorpusStore::in_memory();
+        let (_ours, ours) = corpus_with("table");
+        push(&store, &ours).await.unwrap();
+        let key = store.key(&format!("scenarios/{ID}/frames.parquet"));
+        match damage {
+            Some(text) => {
+                store.store.put(&key, text.into()).await.unwrap();
+            }
+            None => store.store.delete(&key).await.unwrap(),
+        }
+        let (_theirs, theirs) = empty();
+        let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
+        let message = error.to_string();
+        assert!(
+            message.contains(words) && message.contains("frames.parquet"),
+            "{message}"
+        );
+        assert!(theirs.scenarios().unwrap().is_empty());
+    }
+}
+
+#[tokio::test]
+async fn a_manifest_that_names_a_file_outside_is_refused() {
+    let store = CorpusStore::in_memory();
+    let manifest = format!("{}  ../../escaped\n", "0".repeat(64));
+    let seal = format!(
+        "{{\"config_hash\": \"\", \"manifest_blake3\": \"{}\"}}",
+        blake3::hash(manifest.as_bytes())
+    );
+    for (name, text) in [(MANIFEST, manifest), (DONE, seal)] {
+        let key = store.key(&format!("scenarios/{ID}/{name}"));
+        store.store.put(&key, text.into()).await.unwrap();
+    }
+    let (_theirs, theirs) = empty();
+    let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
+    assert!(error.to_string().contains("outside"), "{error}");
+}
+
+#[tokio::test]
+async fn detections_go_along_and_only_new_ones_are_sent() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let (_ours, ours) = corpus_with("table");
+        push(&store, &ours).await.unwrap();
+        let detections = ours.scenario(ID).detections_folder();
+        fs::create_dir(&detections).unwrap();
+        for (name, text) in [("abc.parquet", "boxes"), ("abc.json", "{}")] {
+            fs::write(detections.join(name), text).unwrap();
+        }
+        let folder = ours.scenario(ID);
+        assert_eq!(store.push_detections(&folder, &()).await.unwrap(), 2);
+        assert_eq!(store.push_detections(&folder, &()).await.unwrap(), 0);
+        let (_theirs, theirs) = empty();
+        store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+        let folder = theirs.scenario(ID);
+        assert_eq!(store.fetch_detections(&folder, &()).await.unwrap(), 2);
+        assert_eq!(store.fetch_detections(&folder, &()).await.unwrap(), 0);
+        assert_eq!(fs::read(folder.detections_path("abc")).unwrap(), b"boxes");
+        assert!(seal::faults(folder.root()).unwrap().is_empty());
+    }
+}
+
+#[tokio::test]
+async fn the_first_plan_stays_unless_the_one_who_comes_later_may_replace_it() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let settle = async |ours: &str, keep: Keep| {
+            let mut seen = None;
+            let settled = store
+                .settle("plan.json", ours.as_bytes(), |theirs| {
+                    seen = Some(String::from_utf8(theirs.to_vec()).unwrap());
+                    Ok::<_, StoreError>(keep)
+                })
+                .await
+                .unwrap();
+            (settled, seen)
+        };
+        assert_eq!(settle("one", Keep::Ours).await, (Settled::Sent, None));
+        assert_eq!(settle("one", Keep::Theirs).await, (Settled::Same, None));
+        let seen = Some("one".to_owned());
+        let settled = settle("two", Keep::Theirs).await;
+        assert_eq!(settled, (Settled::Theirs, seen.clone()));
+        assert_eq!(settle("two", Keep::Ours).await, (Settled::Sent, seen));
+        assert_eq!(store.read("plan.json").await.unwrap().unwrap(), b"two");
+    }
+}
+
+#[tokio::test]
+async fn a_folder_that_is_not_there_is_said_before_it_is_read() {
+    let url = format!("file://{}/none", Path::new("/no/such").display());
+    let error = CorpusStore::open(&url.parse().unwrap(), false).unwrap_err();
+    assert!(error.is_bad_input());
+    assert!(error.to_string().contains("no such folder"), "{error}");
+}

@@ -1,0 +1,308 @@
+//! One scenario from its folder into the store: all files first, `MANIFEST.b3`, then `DONE.json`.
+//!
+//! An upload that ended early is gone on with by doing it again: what is there with the right size and hash is not sent. A large file is
+//! sent in parts, of which nothing shows until the last one is there.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{self, Read};
+use std::path::Path;
+
+use dataset::corpus::ScenarioFolder;
+use dataset::seal::{self, DONE, MANIFEST, SealedFile};
+use object_store::{ObjectStoreExt, PutMultipartOptions, PutOptions, WriteMultipart};
+use tokio::task::spawn_blocking;
+
+use crate::corpus_store::{CorpusStore, scenario_file};
+use crate::error::{Result, StoreError};
+use crate::patience::Watch;
+
+/// A file up to this size is one request, a larger one is sent in parts of this size. All stores take parts of 5 MiB and more.
+const PART_BYTES: u64 = 8 << 20;
+/// Parts of one file on their way at once: so much memory, and enough to fill a line with some delay.
+const PARTS_AT_ONCE: usize = 4;
+/// No store takes more than 10 000 parts: parts of larger files are larger.
+const MOST_PARTS: u64 = 9_000;
+/// Detections are versioned by themselves and not sealed.
+const DETECTIONS: &str = "detections";
+
+/// What to do where the store has the scenario already, with other content.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OnOther {
+    /// Leave it: it was there first.
+    Keep,
+    /// Put ours in its place. Meanwhile the scenario is not committed.
+    Replace,
+}
+
+/// What became of a scenario.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Pushed {
+    /// It is committed now.
+    Committed {
+        /// Files that were sent.
+        sent: usize,
+        /// Files that were there already.
+        there: usize,
+        /// Whether another content was there before.
+        replaced: bool,
+    },
+    /// It was committed already, with this content.
+    Same,
+    /// It was committed already, with another content, and was left alone.
+    Other,
+}
+
+impl CorpusStore {
+    /// Sends a sealed scenario and commits it.
+    ///
+    /// # Errors
+    /// The folder is not what its seal says, the scenario in the store was made from other parameters, or the store fails; then the same
+    /// call goes on.
+    pub async fn push_scenario(
+        &self,
+        folder: &ScenarioFolder,
+        on_other: OnOther,
+        watch: &dyn Watch,
+    ) -> Result<Pushed> {
+        let id = folder.id();
+        let damaged = |message: String| StoreError::Damaged {
+            place: folder.root().display().to_string(),
+            message,
+        };
+        let ours = folder
+            .seal()?
+            .ok_or_else(|| damaged(format!("has no {DONE}: it was never finished")))?;
+        let path = folder.root().join(MANIFEST);
+        let manifest = fs::read_to_string(&path).map_err(dataset::Error::io("read", &path))?;
+        let files = seal::sealed_files(&manifest, &ours).map_err(damaged)?;
+        let mut replaced = false;
+        match self.seal(&id).await? {
+            Some(theirs) if theirs == ours => return Ok(Pushed::Same),
+            Some(theirs) if theirs.config_hash != ours.config_hash => {
+                return Err(StoreError::Damaged {
+                    place: format!("{}/scenarios/{id}", self.name()),
+                    message: format!(
+                        "is committed, but was made from other parameters than {}; delete one of them first",
+                        folder.root().display()
+                    ),
+                });
+            }
+            Some(_) if on_other == OnOther::Keep => return Ok(Pushed::Other),
+            Some(_) => {
+                self.take_seal_away(&id).await?;
+                replaced = true;
+            }
+            None => {}
+        }
+        let there = self.objects(&id).await?;
+        let (mut sent, mut skipped) = (0, 0);
+        for file in &files {
+            if self.send_if_missing(folder, file, &there, watch).await? {
+                sent += 1;
+            } else {
+                skipped += 1;
+            }
+        }
+        // Only now: nobody looks at a scenario without them.
+        for name in [MANIFEST, DONE] {
+            let path = folder.root().join(name);
+            let bytes = fs::read(&path).map_err(dataset::Error::io("read", &path))?;
+            self.send_bytes(&scenario_file(&id, name), bytes).await?;
+        }
+        Ok(Pushed::Committed {
+            sent,
+            there: skipped,
+            replaced,
+        })
+    }
+
+    /// Sends the detections of a scenario that are not there yet; returns how many files were sent.
+    pub async fn push_detections(
+        &self,
+        folder: &ScenarioFolder,
+        watch: &dyn Watch,
+    ) -> Result<usize> {
+        let detections = folder.detections_folder();
+        if !detections.is_dir() {
+            return Ok(0);
+        }
+        let there = self.objects(&folder.id()).await?;
+        let mut names = Vec::new();
+        for entry in fs::read_dir(&detections).map_err(dataset::Error::io("list", &detections))? {
+            let name = entry
+                .map_err(dataset::Error::io("list", &detections))?
+                .file_name();
+            let name = name.to_string_lossy().into_owned();
+            if name.ends_with(".parquet") || name.ends_with(".json") {
+                names.push(name);
+            }
+        }
+        // The table before the record that describes it.
+        names.sort_by_key(|name| (name.ends_with(".json"), name.clone()));
+        let mut sent = 0;
+        for name in names {
+            let file = SealedFile {
+                blake3: seal::hash_file(&detections.join(&name))?,
+                name: format!("{DETECTIONS}/{name}"),
+            };
+            sent += usize::from(self.send_if_missing(folder, &file, &there, watch).await?);
+        }
+        Ok(sent)
+    }
+
+    async fn take_seal_away(&self, id: &str) -> Result<()> {
+        let name = scenario_file(id, DONE);
+        match self.store.delete(&self.key(&name)).await {
+            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+            Err(error) => Err(self.error(&format!("delete {name}"), &error)),
+        }
+    }
+
+    /// Whether the file had to be sent.
+    async fn send_if_missing(
+        &self,
+        folder: &ScenarioFolder,
+        file: &SealedFile,
+        there: &BTreeMap<String, u64>,
+        watch: &dyn Watch,
+    ) -> Result<bool> {
+        if watch.stopped() {
+            return Err(StoreError::Stopped);
+        }
+        let path = folder.root().join(&file.name);
+        let bytes = fs::metadata(&path)
+            .map_err(dataset::Error::io("read", &path))?
+            .len();
+        let name = scenario_file(&folder.id(), &file.name);
+        if there.get(&file.name) == Some(&bytes)
+            && self.hash_of(&name).await?.as_deref() == Some(file.blake3.as_str())
+        {
+            return Ok(false);
+        }
+        let hash = if bytes <= PART_BYTES {
+            self.send_whole(&path, &name, &file.blake3, watch).await?
+        } else {
+            self.send_in_parts(&path, &name, bytes, &file.blake3, watch)
+                .await?
+        };
+        match hash {
+            Some(()) => Ok(true),
+            None => Err(StoreError::Damaged {
+                place: path.display().to_string(),
+                message: format!("is not what was sealed: its hash differs from {MANIFEST}"),
+            }),
+        }
+    }
+
+    /// `None` if the file has another hash; then nothing is sent.
+    async fn send_whole(
+        &self,
+        path: &Path,
+        name: &str,
+        blake3: &str,
+        watch: &dyn Watch,
+    ) -> Result<Option<()>> {
+        let file = File::open(path).map_err(dataset::Error::io("read", path))?;
+        let (_, bytes) = read_part(file, PART_BYTES)
+            .await
+            .map_err(dataset::Error::io("read", path))?;
+        if blake3::hash(&bytes).to_string() != blake3 {
+            return Ok(None);
+        }
+        let length = bytes.len() as u64;
+        let options = PutOptions {
+            attributes: self.attributes(blake3),
+            ..PutOptions::default()
+        };
+        self.store
+            .put_opts(&self.key(name), bytes.into(), options)
+            .await
+            .map_err(|error| self.error(&format!("write {name}"), &error))?;
+        watch.passed(length);
+        Ok(Some(()))
+    }
+
+    /// The same in parts. Whatever ends it early takes back what the store has of it.
+    async fn send_in_parts(
+        &self,
+        path: &Path,
+        name: &str,
+        bytes: u64,
+        blake3: &str,
+        watch: &dyn Watch,
+    ) -> Result<Option<()>> {
+        let failed = |error: object_store::Error| self.error(&format!("write {name}"), &error);
+        let mut file = File::open(path).map_err(dataset::Error::io("read", path))?;
+        let options = PutMultipartOptions {
+            attributes: self.attributes(blake3),
+            ..PutMultipartOptions::default()
+        };
+        let upload = self
+            .store
+            .put_multipart_opts(&self.key(name), options)
+            .await
+            .map_err(failed)?;
+        let part_bytes = PART_BYTES.max(bytes.div_ceil(MOST_PARTS));
+        let mut parts = WriteMultipart::new_with_chunk_size(upload, part_bytes as usize);
+        let mut hasher = blake3::Hasher::new();
+        let whole = async {
+            loop {
+                let part;
+                (file, part) = read_part(file, part_bytes)
+                    .await
+                    .map_err(dataset::Error::io("read", path))?;
+                if part.is_empty() {
+                    return Ok::<bool, StoreError>(hasher.finalize().to_string() == blake3);
+                }
+                if watch.stopped() {
+                    return Err(StoreError::Stopped);
+                }
+                hasher.update(&part);
+                parts
+                    .wait_for_capacity(PARTS_AT_ONCE)
+                    .await
+                    .map_err(failed)?;
+                let length = part.len() as u64;
+                parts.put(part.into());
+                watch.passed(length);
+            }
+        };
+        let whole = whole.await;
+        match whole {
+            Ok(true) => {
+                parts.finish().await.map_err(failed)?;
+                Ok(Some(()))
+            }
+            other => {
+                if let Err(error) = parts.abort().await {
+                    tracing::debug!(%error, name, "parts are left in the store");
+                }
+                other.map(|_| None)
+            }
+        }
+    }
+
+    async fn send_bytes(&self, name: &str, bytes: Vec<u8>) -> Result<()> {
+        let options = PutOptions {
+            attributes: self.attributes(&blake3::hash(&bytes).to_string()),
+            ..PutOptions::default()
+        };
+        self.store
+            .put_opts(&self.key(name), bytes.into(), options)
+            .await
+            .map_err(|error| self.error(&format!("write {name}"), &error))?;
+        Ok(())
+    }
+}
+
+/// The next bytes of a file, on a thread that may wait for the disk; empty at the end.
+async fn read_part(mut file: File, most: u64) -> io::Result<(File, Vec<u8>)> {
+    spawn_blocking(move || {
+        let mut part = Vec::new();
+        file.by_ref().take(most).read_to_end(&mut part)?;
+        Ok((file, part))
+    })
+    .await
+    .map_err(io::Error::other)?
+}
