@@ -4,10 +4,12 @@ use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::str::FromStr;
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand};
 use generator::generate::Simulators;
 use generator::shard::Shard;
 use mock_xplane::server::Faults;
+use store::{Place, StoreUrl};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
 use xplane_bridge::tape::FramesKept;
@@ -41,6 +43,10 @@ pub(crate) enum Verb {
     Schema,
     /// Record the scenarios of a sweep: videos, 4D trajectory, calibration
     Generate(GenerateArgs),
+    /// Bring a corpus, or some of its scenarios, from an object store into a folder; goes on where it was stopped
+    Fetch(FetchArgs),
+    /// Send a corpus, with labels and detections, from a folder to an object store; goes on where it was stopped
+    Push(PushArgs),
     /// Compute distance-to-touchdown labels and true boxes
     Label(LabelArgs),
     /// Find the aircraft in the decoded videos with a detector
@@ -71,7 +77,7 @@ pub(crate) struct PlanArgs {
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
     /// Compare with this corpus: what is whole, new, changed, removed. Without it, with ./corpus if it has the sweep's name
-    #[arg(long, value_name = "CORPUS")]
+    #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) against: Option<PathBuf>,
     /// How many pictures your simulator gives in a second, all views together, for the hours of making
     #[arg(long, value_name = "N", value_parser = positive)]
@@ -96,9 +102,17 @@ pub(crate) struct GenerateArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
-    /// Folder of the corpus; made if it is not there. Scenarios that are already whole are skipped
-    #[arg(long, value_name = "CORPUS")]
-    pub(crate) out: PathBuf,
+    /// Folder of the corpus; made if it is not there. Or a URL: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX,
+    /// file:///FOLDER, with credentials from the environment (docs/corpus.md). Scenarios that are already whole are skipped
+    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| Place::of(&path)))]
+    pub(crate) out: Place,
+    /// For a URL: folder where scenarios are recorded before they are sent; runs of one machine may share it. Default: one for each URL in
+    /// the user's cache folder
+    #[arg(long, value_name = "DIR", value_parser = folder())]
+    pub(crate) staging: Option<PathBuf>,
+    /// For a URL: leave scenarios in the staging folder when they are sent
+    #[arg(long)]
+    pub(crate) keep_staged: bool,
     /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, HOST:PORT is X-Plane's UDP address, `auto`
     /// the X-Plane that announces itself on the network, tape:FILE a session recorded with `dtd record`. Several, with commas between,
     /// share the work
@@ -119,7 +133,7 @@ pub(crate) struct GenerateArgs {
     /// (SLURM_ARRAY_TASK_ID) or a Kubernetes Indexed Job (JOB_COMPLETION_INDEX and DTD_SHARDS) says, or all
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Shard>,
-    /// How long to wait for a simulator that does not answer any more before going on without it
+    /// How long to wait for a simulator that does not answer any more before going on without it, and for an object store before giving up
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     pub(crate) patience: u64,
     /// Print the outcome as JSON
@@ -128,8 +142,54 @@ pub(crate) struct GenerateArgs {
 }
 
 #[derive(Debug, ClapArgs)]
+pub(crate) struct FetchArgs {
+    /// The corpus: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER
+    pub(crate) url: StoreUrl,
+    /// Folder of the corpus; made if it is not there. Scenarios that it has already are left alone
+    #[arg(long, value_name = "FOLDER", value_parser = folder())]
+    pub(crate) out: PathBuf,
+    /// Bring only these scenarios, with commas between
+    #[arg(long, value_name = "ID,..", value_delimiter = ',')]
+    pub(crate) only: Vec<String>,
+    /// How long to wait for a store that does not answer
+    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) patience: u64,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct PushArgs {
+    /// Folder of the corpus
+    #[arg(value_parser = folder())]
+    pub(crate) corpus: PathBuf,
+    /// Where to: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER. Scenarios that are there with other
+    /// content are replaced
+    pub(crate) url: StoreUrl,
+    /// How long to wait for a store that does not answer
+    #[arg(long, value_name = "SECONDS", default_value_t = 300)]
+    pub(crate) patience: u64,
+    /// Print the outcome as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+/// A folder, for verbs that work on files of this machine: a URL is refused, and not taken for the name of a folder.
+fn folder() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| match Place::of(&path) {
+        Ok(Place::Folder(path)) => Ok(path),
+        Ok(Place::Store(url)) => Err(format!(
+            "expected a folder: bring the corpus here first, with `dtd fetch {url} --out FOLDER`, and send it back with `dtd push FOLDER {url}`"
+        )),
+        Err(error) => Err(error.to_string()),
+    })
+}
+
+#[derive(Debug, ClapArgs)]
 pub(crate) struct LabelArgs {
     /// Folder of the corpus
+    #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Print the outcome as JSON
     #[arg(long)]
@@ -139,6 +199,7 @@ pub(crate) struct LabelArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DetectArgs {
     /// Folder of the corpus
+    #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// The detector, an ONNX file with a YOLO-like output
     #[arg(long, value_name = "M.onnx", default_value = "models/aircraft.onnx")]
@@ -154,9 +215,10 @@ pub(crate) struct DetectArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainArgs {
     /// Folder of the corpus
+    #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Folder for weights, settings and logs
-    #[arg(long, value_name = "RUN")]
+    #[arg(long, value_name = "RUN", value_parser = folder())]
     pub(crate) out: PathBuf,
     /// Narrower layers and fewer steps, as the demo uses: about a minute for a small corpus
     #[arg(long, conflicts_with = "config")]
@@ -178,9 +240,10 @@ pub(crate) struct TrainArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct EvaluateArgs {
     /// Folder of the run, as `dtd train` wrote it
+    #[arg(value_parser = folder())]
     pub(crate) run: PathBuf,
     /// Folder of the corpus
-    #[arg(long, value_name = "CORPUS")]
+    #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Print the metrics as JSON
     #[arg(long)]
@@ -190,6 +253,7 @@ pub(crate) struct EvaluateArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct VerifyArgs {
     /// Folder of the corpus
+    #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Do not decode the videos: hashes, tables and plan only
     #[arg(long)]
@@ -205,9 +269,10 @@ pub(crate) struct VerifyArgs {
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainDetectorArgs {
     /// Folder of a labelled corpus
+    #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// The ONNX file to write; settings, checkpoint and report are written beside it
-    #[arg(long, value_name = "M.onnx")]
+    #[arg(long, value_name = "M.onnx", value_parser = folder())]
     pub(crate) out: PathBuf,
     /// How long to train; the learning rate falls over this time
     #[arg(long, value_name = "MINUTES", default_value_t = 30.0)]
@@ -319,7 +384,7 @@ pub(crate) struct RecordArgs {
     #[arg(long, value_name = "HOST:PORT")]
     pub(crate) sim: String,
     /// The tape to write. A file that is there already is never overwritten
-    #[arg(long, value_name = "FILE.mcap")]
+    #[arg(long, value_name = "FILE.mcap", value_parser = folder())]
     pub(crate) out: PathBuf,
     /// Address to listen on
     #[arg(long, default_value = "127.0.0.1")]
@@ -344,7 +409,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_name = "M.onnx", default_value = "models/aircraft.onnx")]
     pub(crate) model: PathBuf,
     /// Folder for the corpus and the run
-    #[arg(long, value_name = "FOLDER", default_value = "target/demo")]
+    #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = folder())]
     pub(crate) out: PathBuf,
     /// Throw away what an earlier demo left and start anew
     #[arg(long)]

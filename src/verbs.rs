@@ -6,13 +6,16 @@ mod demo;
 mod detect;
 mod doctor;
 mod evaluate;
+mod fetch;
 mod generate;
 mod install_plugin;
 mod label;
 mod mock_xplane;
+mod object_store;
 mod open_corpus;
 mod output;
 mod plan;
+mod push;
 mod record;
 mod schema;
 mod stdin_ended;
@@ -34,6 +37,8 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Plan(args) => plan::run(&args),
         Verb::Schema => schema::run(),
         Verb::Generate(args) => generate::run(&args),
+        Verb::Fetch(args) => fetch::run(&args),
+        Verb::Push(args) => push::run(&args),
         Verb::Label(args) => label::run(&args),
         Verb::Detect(args) => detect::run(&args),
         Verb::Train(args) => train::run(&args),

@@ -2,21 +2,23 @@
 
 use std::collections::BTreeMap;
 use std::env;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
 use generator::generate::{
-    Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Simulators,
-    Stopped, generate as record,
+    Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote,
+    Simulators, Stopped, generate as record,
 };
 use generator::shard::Shard;
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
+use store::{CorpusStore, Place};
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
+use super::object_store::{failure_of, usual_stage};
 use super::output::{count, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
@@ -26,18 +28,22 @@ use crate::signals;
 /// Runs the verb.
 pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
+    let (corpus, remote) = place(args)?;
+    let patience = Duration::from_secs(args.patience);
     let options = GenerateOptions {
         simulators: args.sim.clone(),
         pixels: args.pixels,
         only: args.only.clone(),
         shard: shard(args)?,
         patience: Patience {
-            simulator: Duration::from_secs(args.patience),
+            simulator: patience,
+            store: patience,
             ..Patience::default()
         },
+        remote,
         ..options(args.sim.clone())?
     };
-    let generated = generate(&sweep, &args.out, &options)?;
+    let generated = generate(&sweep, &corpus, &options)?;
     if args.json {
         print_json(&generated)?;
     } else {
@@ -46,17 +52,49 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
             count(generated.committed.len(), "scenario"),
             generated.skipped.len(),
             generated.failed.len(),
-            match generated.not_made.len() {
+            [
+                (generated.staged.len(), "made but not sent yet"),
+                (generated.not_made.len(), "not made"),
+            ]
+            .map(|(number, what)| match number {
                 0 => String::new(),
-                left => format!(", {left} not made"),
-            },
-            args.out.display()
+                number => format!(", {number} {what}"),
+            })
+            .concat(),
+            match &args.out {
+                Place::Folder(folder) => folder.display().to_string(),
+                Place::Store(url) => url.to_string(),
+            }
         );
         for failed in &generated.failed {
             println!("failed: {}: {}", failed.id, failed.reason);
         }
     }
     ending_of(&generated)
+}
+
+/// The folder to record into, and where it goes from there.
+fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
+    match &args.out {
+        Place::Folder(_) if args.staging.is_some() || args.keep_staged => {
+            Err(Failure::bad_input_message(
+                "--staging and --keep-staged are for a corpus at a URL; this one is recorded where it stays",
+            ))
+        }
+        Place::Folder(folder) => Ok((folder.clone(), None)),
+        Place::Store(url) => {
+            let stage = args.staging.clone().unwrap_or_else(|| usual_stage(url));
+            let remote = Remote {
+                store: CorpusStore::open(url, true).map_err(failure_of)?,
+                keep_staged: args.keep_staged,
+            };
+            eprintln!(
+                "generate: recording into {}, sending to {url}",
+                stage.display()
+            );
+            Ok((stage, Some(remote)))
+        }
+    }
 }
 
 /// The part of the plan that is asked for, or that the scheduler's environment names.
@@ -84,6 +122,7 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        remote: None,
     })
 }
 
@@ -112,7 +151,9 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
             );
             Ok(Ending::Interrupted)
         }
-        Some(Stopped::Storage { reason }) => Err(Failure::Failed(anyhow::anyhow!("{reason}"))),
+        Some(Stopped::Storage { reason } | Stopped::Store { reason }) => {
+            Err(Failure::Failed(anyhow::anyhow!("{reason}")))
+        }
         None if generated.failed.is_empty() => Ok(Ending::Done),
         None => Ok(Ending::Losses),
     }
@@ -237,6 +278,19 @@ impl ShowEvents {
                     .say(&format!("{id}: {ticks} ticks in {seconds:.0} s"));
                 self.ended(id, u64::from(ticks));
             }
+            Event::StagedBefore { scenarios } => self.bar.say(&format!(
+                "{} made before, and sent now",
+                count(scenarios, "scenario")
+            )),
+            Event::Uploaded { id, seconds } => {
+                self.bar.say(&format!("{id}: sent in {seconds:.0} s"));
+            }
+            Event::UploadBehind { id } => self.bar.say(&format!(
+                "{id} waits to be sent: recording is faster than the way to the store"
+            )),
+            Event::StoreAway { id, reason } => self.bar.say(&format!(
+                "{id} cannot be sent now; the store is waited for: {reason}"
+            )),
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
                 self.ended(id, u64::from(ticks));

@@ -1,0 +1,37 @@
+//! A corpus in an object store, as a person names it: what its failures mean for the shell, where its stage is, how waiting for it shows.
+
+use std::env;
+use std::path::{Path, PathBuf};
+
+use store::{StoreError, StoreUrl, Watch};
+
+use crate::failure::Failure;
+use crate::progress::Bar;
+
+/// A failure of the store, or what the caller has to mend.
+pub(super) fn failure_of(error: StoreError) -> Failure {
+    match error {
+        error if error.is_bad_input() => Failure::bad_input(error),
+        error => Failure::Failed(error.into()),
+    }
+}
+
+/// The usual stage of a URL: in the user's cache, which outlives a restart, unlike the folder for temporary files.
+pub(super) fn usual_stage(url: &StoreUrl) -> PathBuf {
+    let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
+    let cache = set("XDG_CACHE_HOME")
+        .map(PathBuf::from)
+        .filter(|path| path.is_absolute())
+        .or_else(|| set("HOME").map(|home| Path::new(&home).join(".cache")))
+        .unwrap_or_else(env::temp_dir);
+    cache.join("dtd").join("staging").join(url.folder_name())
+}
+
+/// Says on a bar when the store is waited for.
+pub(super) struct OnBar<'a>(pub(super) &'a Bar);
+
+impl Watch for OnBar<'_> {
+    fn waiting(&self, reason: &StoreError) {
+        self.0.say(&format!("the store is waited for: {reason}"));
+    }
+}
