@@ -144,6 +144,16 @@ impl StoreError {
                     "there is no such bucket or object, when asked to {doing}: {message}"
                 ),
             },
+            // Listing does not tell it from other answers.
+            _ if ["NoSuchBucket", "ContainerNotFound", "status code: 404"]
+                .iter()
+                .any(|words| message.contains(words)) =>
+            {
+                Self::NotThere {
+                    url,
+                    message: format!("there is no such bucket, when asked to {doing}: {message}"),
+                }
+            }
             _ if never_answered(error) || is_server_error(&message) => Self::Away {
                 url,
                 doing,
