@@ -149,6 +149,9 @@ const TURBULENCE_SCALE: f64 = 10.0;
 const RELATIVE_TOLERANCE: f64 = 1e-4;
 /// The clock runs on between writing and reading it back. Freezing stops it and writes it again, exactly.
 const RUNNING_CLOCK_TOLERANCE_S: f64 = 20.0;
+/// A clock that stands still has the time that was set: seconds of a day in 32 bits are rounded by 4 ms at most. More would let a write
+/// that was lost pass for one that was late.
+const STANDING_CLOCK_TOLERANCE_S: f32 = 0.02;
 
 /// One dataref to write, and how closely it must read back.
 #[derive(Debug, Clone, PartialEq)]
@@ -225,7 +228,10 @@ pub fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     vec![
         DatarefWrite::new(USE_SYSTEM_TIME, 0.0),
         DatarefWrite::new(DATE_DAYS, f64::from(clock.day_of_year) - 1.0),
-        DatarefWrite::new(ZULU_TIME_S, clock.zulu_time_s),
+        DatarefWrite {
+            tolerance: STANDING_CLOCK_TOLERANCE_S,
+            ..DatarefWrite::new(ZULU_TIME_S, clock.zulu_time_s)
+        },
     ]
 }
 
