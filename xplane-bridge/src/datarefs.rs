@@ -115,13 +115,15 @@ pub const COMMANDS_APPROACH: [(&str, &str); 5] = [
 
 /// What we write without a source that we could call certain: taken from X-Plane's own list of datarefs, seen nowhere else.
 /// All others are in Laminar's articles or in clients that work. Nothing here was tried on a running X-Plane.
-pub const UNCONFIRMED: [&str; 12] = [
+pub const UNCONFIRMED: [&str; 14] = [
     TEMPERATURE_C,
     PRESSURE_PA,
     THERMALS,
     TURBULENCE,
     SHEAR_SPEED,
     SHEAR_DIRECTION,
+    "sim/weather/thermal_percent",
+    "sim/weather/thermal_rate_ms",
     "sim/weather/cloud_coverage",
     "sim/weather/temperature_sealevel_c",
     "sim/weather/barometer_sealevel_inhg",
@@ -308,6 +310,8 @@ fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
         DatarefWrite::new("sim/weather/visibility_reported_m", weather.visibility_m),
         DatarefWrite::new("sim/weather/rain_percent", weather.rain_ratio),
         DatarefWrite::new("sim/weather/thunderstorm_percent", thunderstorm),
+        DatarefWrite::new("sim/weather/thermal_percent", 0.0),
+        DatarefWrite::new("sim/weather/thermal_rate_ms", 0.0),
         DatarefWrite::new("sim/weather/temperature_sealevel_c", STANDARD_TEMPERATURE_C),
         DatarefWrite::new(
             "sim/weather/barometer_sealevel_inhg",
@@ -552,6 +556,20 @@ mod tests {
         assert_eq!(names[0], (USE_SYSTEM_TIME.into(), 0.0));
         assert_eq!(names[1], (DATE_DAYS.into(), 79.0));
         assert_eq!(names[2], (ZULU_TIME_S.into(), 79_200.0));
+    }
+
+    #[test]
+    fn a_clock_that_stands_must_be_exact_and_one_that_runs_need_not() {
+        let conditions = stormy();
+        let zulu = |writes: Vec<DatarefWrite>| {
+            let zulu = writes.into_iter().find(|write| write.name == ZULU_TIME_S);
+            zulu.unwrap()
+        };
+        let standing = zulu(clock_writes(&conditions.clock));
+        let late = conditions.clock.zulu_time_s as f32 + 0.6;
+        assert!(standing.is_met_by(standing.value) && !standing.is_met_by(late));
+        let running = condition_writes(&conditions, Generation::XPlane12).unwrap();
+        assert!(zulu(running).is_met_by(late));
     }
 
     #[test]

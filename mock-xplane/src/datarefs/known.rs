@@ -154,6 +154,8 @@ const ELEVEN: &[Dataref] = &[
     writable("sim/weather/visibility_reported_m", Float, 32_000.0),
     writable("sim/weather/rain_percent", Float, 0.0),
     writable("sim/weather/thunderstorm_percent", Float, 0.0),
+    writable("sim/weather/thermal_percent", Float, 0.0),
+    writable("sim/weather/thermal_rate_ms", Float, 0.0),
     writable("sim/weather/temperature_sealevel_c", Float, 28.0),
     writable("sim/weather/barometer_sealevel_inhg", Float, 29.92),
     array("sim/weather/cloud_type", Float, CLOUDS, 0.0),
