@@ -114,12 +114,14 @@ impl Datarefs {
     /// If it has no effect, and why.
     pub fn write_exact(&mut self, path: &str, value: f64) -> Result<(), Ignored> {
         let (name, at) = self.locate(path)?;
-        if !value.is_finite() {
-            return Err(Ignored::NotFinite);
-        }
         match self.cells.get_mut(name) {
             Some((dataref, values)) if dataref.writable => {
-                values[at] = dataref.kind.rounded(value);
+                // What is too large for 32 bits is rounded to infinity.
+                let rounded = dataref.kind.rounded(value);
+                if !rounded.is_finite() {
+                    return Err(Ignored::NotFinite);
+                }
+                values[at] = rounded;
                 Ok(())
             }
             _ => Err(Ignored::ReadOnly),
@@ -249,6 +251,7 @@ mod tests {
         datarefs.write("sim/time/local_date_days", 79.9).unwrap();
         assert_eq!(datarefs.read("sim/time/local_date_days"), 79.0);
         assert_eq!(datarefs.write(ZULU, f32::NAN), Err(Ignored::NotFinite));
+        assert_eq!(datarefs.write_exact(ZULU, 1e40), Err(Ignored::NotFinite));
     }
 
     #[test]

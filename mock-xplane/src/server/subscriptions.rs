@@ -86,7 +86,7 @@ impl Subscriptions {
     pub(super) fn due_values(
         &mut self,
         now_s: f64,
-        read: impl Fn(&str) -> f32,
+        read: impl Fn(SocketAddr, &str) -> f32,
     ) -> Vec<(SocketAddr, DatarefValues)> {
         let mut packets = Vec::new();
         for (client, subscriptions) in &mut self.datarefs {
@@ -95,7 +95,7 @@ impl Subscriptions {
                 .filter_map(|(&index, (path, rhythm))| {
                     rhythm.is_due(now_s).then(|| DatarefValue {
                         index,
-                        value: read(path),
+                        value: read(*client, path),
                     })
                 });
             let due: Vec<DatarefValue> = due.collect();
@@ -137,7 +137,7 @@ mod tests {
     }
 
     fn sent(subscriptions: &mut Subscriptions, now_s: f64) -> usize {
-        let packets = subscriptions.due_values(now_s, |_| 1.0);
+        let packets = subscriptions.due_values(now_s, |_, _| 1.0);
         packets.iter().map(|(_, packet)| packet.values.len()).sum()
     }
 
@@ -159,7 +159,7 @@ mod tests {
         subscriptions.subscribe(client(1), request(1, 5, "a"), 0.0);
         subscriptions.subscribe(client(2), request(1, 5, "b"), 0.0);
         subscriptions.subscribe(client(1), request(1, 5, "c"), 0.0);
-        let packets = subscriptions.due_values(0.0, |path| f32::from(path.as_bytes()[0]));
+        let packets = subscriptions.due_values(0.0, |_, path| f32::from(path.as_bytes()[0]));
         let values: Vec<_> = packets
             .iter()
             .map(|(to, packet)| (to.port(), packet.values[0].value))
@@ -180,7 +180,7 @@ mod tests {
             assert!(subscriptions.subscribe(client(1), request(1, index, "a"), 0.0));
         }
         let sizes: Vec<_> = subscriptions
-            .due_values(0.0, |_| 0.0)
+            .due_values(0.0, |_, _| 0.0)
             .iter()
             .map(|(_, packet)| packet.values.len())
             .collect();

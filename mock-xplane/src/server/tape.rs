@@ -17,6 +17,7 @@ mod loading;
 mod positions;
 mod udp;
 
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -101,7 +102,7 @@ struct Player {
 
 /// Where a replay stands.
 struct Playback {
-    histories: Histories,
+    histories: Histories<SocketAddr>,
     positions: Positions,
     conversation: Conversation,
     /// What clients have written since the link was opened.

@@ -173,7 +173,7 @@ impl Server {
             world.advance((now_s - self.last_frame_s).min(MAX_FRAME_S));
             let values = self
                 .subscriptions
-                .due_values(now_s, |path| world.read(path));
+                .due_values(now_s, |_, path| world.read(path));
             (values, world.position())
         };
         self.last_frame_s = now_s;

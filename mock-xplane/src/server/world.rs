@@ -195,11 +195,25 @@ impl World {
         }
     }
 
-    /// `VEHX`, `VEHS`: moves the aircraft, and stops the flight model for the first of them.
+    /// `VEHX`, `VEHS`: moves the aircraft, and stops the flight model for the first of them. A place with a number that is none is ignored.
     pub(super) fn place(&mut self, place: &PlaceAircraft) {
         let State {
             datarefs, aircraft, ..
         } = &mut self.state;
+        let angles = [place.heading_true_deg, place.pitch_deg, place.roll_deg].map(f64::from);
+        let position = [
+            place.latitude_deg,
+            place.longitude_deg,
+            place.elevation_msl_m,
+        ];
+        if !angles
+            .iter()
+            .chain(&position)
+            .all(|number| number.is_finite())
+        {
+            tracing::warn!(?place, "place ignored: expected finite numbers");
+            return;
+        }
         if place.freeze {
             datarefs.set(names::OVERRIDE_FLIGHT_MODEL, 1.0);
         }

@@ -9,22 +9,49 @@
 //! Reading gives the next value, and the last one again and again where the next thing is a write or a command: it takes
 //! the same write or command of a client to get past it. So a client that does what the recorded one did reads what that
 //! one read, however often it reads, and a write that the tape does not have is not acknowledged.
+//!
+//! Where another client of the recording began to read, the history is cut: a later client's readings are not for an earlier one, who has
+//! read on for longer than it did then. It takes another reader to get past the cut.
 
 use std::collections::BTreeMap;
 
-/// All datarefs of a tape.
-#[derive(Debug, Default)]
-pub(super) struct Histories {
-    by_path: BTreeMap<String, History>,
+/// All datarefs of a tape. `C` tells the clients of a replay apart.
+#[derive(Debug)]
+pub(super) struct Histories<C> {
+    by_path: BTreeMap<String, History<C>>,
 }
 
-#[derive(Debug, Default)]
-struct History {
+impl<C> Default for Histories<C> {
+    fn default() -> Self {
+        Self {
+            by_path: BTreeMap::new(),
+        }
+    }
+}
+
+#[derive(Debug)]
+struct History<C> {
     steps: Vec<Step>,
+    /// The client of the recording whose value was added last.
+    recorded_reader: Option<u32>,
+    /// Who read last in the replay.
+    reader: Option<C>,
     /// The step that comes next.
     at: usize,
     /// The value that was read last.
     last: Option<f32>,
+}
+
+impl<C> Default for History<C> {
+    fn default() -> Self {
+        Self {
+            steps: Vec::new(),
+            recorded_reader: None,
+            reader: None,
+            at: 0,
+            last: None,
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq)]
@@ -32,12 +59,22 @@ enum Step {
     Value(f32),
     Write(f32),
     Command(String),
+    /// Another client reads from here on.
+    OtherReader,
 }
 
-impl Histories {
-    /// Of the tape: a value was read. One that repeats the one before it is the same reading.
-    pub(super) fn add_value(&mut self, path: &str, value: f32) {
-        self.history(path).add(Step::Value(value));
+impl<C: PartialEq + Clone> Histories<C> {
+    /// Of the tape: a client read a value. One that repeats the one before it is the same reading.
+    pub(super) fn add_value(&mut self, client: u32, path: &str, value: f32) {
+        let history = self.history(path);
+        if history
+            .recorded_reader
+            .replace(client)
+            .is_some_and(|before| before != client)
+        {
+            history.add(Step::OtherReader);
+        }
+        history.add(Step::Value(value));
     }
 
     /// Of the tape: a client wrote. A write repeated at once is one write.
@@ -52,7 +89,7 @@ impl Histories {
         }
     }
 
-    fn history(&mut self, path: &str) -> &mut History {
+    fn history(&mut self, path: &str) -> &mut History<C> {
         self.by_path.entry(path.to_owned()).or_default()
     }
 
@@ -70,8 +107,13 @@ impl Histories {
     }
 
     /// A client reads.
-    pub(super) fn read(&mut self, path: &str) -> Option<f32> {
-        self.by_path.get_mut(path)?.read()
+    pub(super) fn read(&mut self, reader: &C, path: &str) -> Option<f32> {
+        self.by_path.get_mut(path)?.read(reader)
+    }
+
+    /// The first value that anybody read on the tape.
+    pub(super) fn first_value(&self, path: &str) -> Option<f32> {
+        self.by_path.get(path)?.first_value()
     }
 
     /// A client writes; says whether the tape has this write.
@@ -91,7 +133,7 @@ impl Histories {
     }
 }
 
-impl History {
+impl<C: PartialEq + Clone> History<C> {
     fn add(&mut self, step: Step) {
         if self.steps.last() != Some(&step) {
             self.steps.push(step);
@@ -102,18 +144,36 @@ impl History {
         self.steps.iter().any(|step| matches!(step, Step::Value(_)))
     }
 
-    fn read(&mut self) -> Option<f32> {
+    fn first_value(&self) -> Option<f32> {
+        self.steps.iter().find_map(|step| match step {
+            Step::Value(value) => Some(*value),
+            _ => None,
+        })
+    }
+
+    /// Past what was left for the reader before, if another one reads now and nothing was written in between.
+    fn turn_to(&mut self, reader: &C) {
+        if self.reader.as_ref() == Some(reader) {
+            return;
+        }
+        let is_first = self.reader.replace(reader.clone()).is_none();
+        let left = self.steps[self.at..]
+            .iter()
+            .take_while(|step| matches!(step, Step::Value(_)))
+            .count();
+        if !is_first && self.steps.get(self.at + left) == Some(&Step::OtherReader) {
+            self.at += left + 1;
+        }
+    }
+
+    fn read(&mut self, reader: &C) -> Option<f32> {
+        self.turn_to(reader);
         if let Some(Step::Value(value)) = self.steps.get(self.at) {
             self.at += 1;
             self.last = Some(*value);
         }
         // Nothing read yet, and a write or command comes first: what was found behind it is the nearest there is.
-        self.last.or_else(|| {
-            self.steps.iter().find_map(|step| match step {
-                Step::Value(value) => Some(*value),
-                _ => None,
-            })
-        })
+        self.last.or_else(|| self.first_value())
     }
 
     fn write(&mut self, value: f32) -> bool {
@@ -121,7 +181,7 @@ impl History {
         let (behind, ahead) = self.steps.split_at(self.at);
         let due = ahead
             .iter()
-            .position(|step| !matches!(step, Step::Command(_)));
+            .position(|step| !matches!(step, Step::Command(_) | Step::OtherReader));
         let due = due.filter(|&steps| same(&ahead[steps]));
         // What was read since the write that stands, if it is this one.
         let standing = behind
@@ -185,18 +245,18 @@ impl History {
 mod tests {
     use super::*;
 
-    fn recorded() -> Histories {
+    fn recorded() -> Histories<&'static str> {
         let mut tape = Histories::default();
-        tape.add_value("a", 0.3);
-        tape.add_value("a", 0.3);
+        tape.add_value(1, "a", 0.3);
+        tape.add_value(1, "a", 0.3);
         tape.add_write("a", 0.5);
         tape.add_write("a", 0.5);
-        tape.add_value("a", 0.49);
+        tape.add_value(1, "a", 0.49);
         tape.add_command("go");
-        tape.add_value("a", 0.7);
-        tape.add_value("a", 0.8);
+        tape.add_value(1, "a", 0.7);
+        tape.add_value(1, "a", 0.8);
         tape.add_write("a", 0.5);
-        tape.add_value("a", 0.51);
+        tape.add_value(1, "a", 0.51);
         tape.add_write("b", 1.0);
         tape
     }
@@ -207,34 +267,34 @@ mod tests {
             let mut tape = recorded();
             let mut read = || {
                 let mut last = None;
-                (0..times).for_each(|_| last = tape.read("a"));
+                (0..times).for_each(|_| last = tape.read(&"us", "a"));
                 last
             };
             assert_eq!(read(), Some(0.3));
             assert!(tape.write("a", 0.5));
-            assert_eq!(tape.read("a"), Some(0.49));
+            assert_eq!(tape.read(&"us", "a"), Some(0.49));
             assert_eq!(
-                tape.read("a"),
+                tape.read(&"us", "a"),
                 Some(0.49),
                 "without the command nothing changes"
             );
             assert!(tape.command("go"));
-            assert_eq!(tape.read("a"), Some(0.7));
-            assert_eq!(tape.read("a"), Some(0.8));
-            assert_eq!(tape.read("a"), Some(0.8));
+            assert_eq!(tape.read(&"us", "a"), Some(0.7));
+            assert_eq!(tape.read(&"us", "a"), Some(0.8));
+            assert_eq!(tape.read(&"us", "a"), Some(0.8));
             assert!(tape.write("a", 0.5));
-            assert_eq!(tape.read("a"), Some(0.51));
+            assert_eq!(tape.read(&"us", "a"), Some(0.51));
         }
     }
 
     #[test]
     fn a_write_repeated_before_it_is_read_does_not_run_ahead() {
-        let mut tape = Histories::default();
+        let mut tape = Histories::<&str>::default();
         for later in [10.1, 10.2] {
             tape.add_write("clock", 10.0);
             tape.add_command("regenerate");
             tape.add_write("clock", 10.0);
-            tape.add_value("clock", later);
+            tape.add_value(1, "clock", later);
         }
         for _ in 0..3 {
             assert!(tape.write("clock", 10.0));
@@ -242,21 +302,42 @@ mod tests {
         // Whether the repetition counts as the second write or the first, the command changes nothing that is read.
         tape.command("regenerate");
         assert!(tape.write("clock", 10.0));
-        assert_eq!(tape.read("clock"), Some(10.1));
+        assert_eq!(tape.read(&"us", "clock"), Some(10.1));
         assert!(tape.write("clock", 10.0));
         assert!(tape.command("regenerate"));
         assert!(tape.write("clock", 10.0));
-        assert_eq!(tape.read("clock"), Some(10.2));
+        assert_eq!(tape.read(&"us", "clock"), Some(10.2));
+    }
+
+    #[test]
+    fn what_a_later_client_read_is_for_a_later_client() {
+        let mut tape = Histories::default();
+        tape.add_write("clock", 10.0);
+        for value in [10.0, 10.0, 10.0] {
+            tape.add_value(1, "clock", value);
+        }
+        for value in [12.8, 12.9] {
+            tape.add_value(2, "clock", value);
+        }
+        for pass in ["first", "second"] {
+            assert!(tape.write("clock", 10.0));
+            for _ in 0..20 {
+                assert_eq!(tape.read(&"generate", "clock"), Some(10.0), "{pass}");
+            }
+        }
+        assert_eq!(tape.read(&"doctor", "clock"), Some(12.8));
+        assert_eq!(tape.read(&"doctor", "clock"), Some(12.9));
+        assert_eq!(tape.first_value("clock"), Some(10.0));
     }
 
     #[test]
     fn what_is_not_on_the_tape_is_not_acknowledged() {
         let mut tape = recorded();
         assert!(!tape.write("a", 0.6));
-        assert_eq!(tape.read("a"), Some(0.3));
+        assert_eq!(tape.read(&"us", "a"), Some(0.3));
         assert!(!tape.command("stop"));
         assert!(!tape.has("b"), "written, but never read");
-        assert!(!tape.has("c") && tape.read("c").is_none() && !tape.write("c", 1.0));
+        assert!(!tape.has("c") && tape.read(&"us", "c").is_none() && !tape.write("c", 1.0));
         assert_eq!(tape.count(), 1);
     }
 
@@ -264,12 +345,12 @@ mod tests {
     fn a_second_pass_over_the_tape_finds_its_writes_again() {
         let mut tape = recorded();
         tape.add_write("a", 0.9);
-        tape.add_value("a", 0.9);
+        tape.add_value(1, "a", 0.9);
         assert!(tape.write("a", 0.9));
-        assert_eq!(tape.read("a"), Some(0.9));
+        assert_eq!(tape.read(&"us", "a"), Some(0.9));
         assert!(tape.write("a", 0.9), "again, as after a loss");
-        assert_eq!(tape.read("a"), Some(0.9));
+        assert_eq!(tape.read(&"us", "a"), Some(0.9));
         assert!(tape.write("a", 0.5));
-        assert_eq!(tape.read("a"), Some(0.49));
+        assert_eq!(tape.read(&"us", "a"), Some(0.49));
     }
 }

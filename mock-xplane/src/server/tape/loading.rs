@@ -1,6 +1,7 @@
 //! Reading a tape into what a replay needs. Messages of the link stay in the file; only their places are kept.
 
 use std::collections::{HashMap, VecDeque};
+use std::net::SocketAddr;
 use std::path::Path;
 
 use serde_json::Value;
@@ -22,7 +23,7 @@ const USUAL_VERSION: i32 = 120_400;
 pub(super) struct Loaded {
     pub(super) reader: TapeReader,
     pub(super) info: TapeInfo,
-    pub(super) histories: Histories,
+    pub(super) histories: Histories<SocketAddr>,
     pub(super) positions: Positions,
     pub(super) conversation: Conversation,
     /// Version of the recorded simulator, 120400 for 12.4.0.
@@ -49,9 +50,9 @@ pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
     if !reader.is_whole() {
         tracing::warn!(path = %path.display(), "the tape has no end: its recorder was killed");
     }
-    let mut histories = loading.histories;
+    let histories = loading.histories;
     let version = histories
-        .read(VERSION)
+        .first_value(VERSION)
         .map_or(USUAL_VERSION, |version| version as i32);
     tracing::info!(
         path = %path.display(),
@@ -73,7 +74,7 @@ pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
 
 #[derive(Default)]
 struct Loading {
-    histories: Histories,
+    histories: Histories<SocketAddr>,
     positions: Positions,
     conversation: Conversation,
     context: Context,
@@ -142,7 +143,7 @@ impl Loading {
             let numbers = self.subscribed.entry(client).or_default();
             for value in values.iter() {
                 if let Some(path) = numbers.get(&value.index) {
-                    self.histories.add_value(path, value.value);
+                    self.histories.add_value(client, path, value.value);
                 }
             }
         } else if datagram.starts_with(b"RPOS") {

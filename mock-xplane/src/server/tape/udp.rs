@@ -118,8 +118,11 @@ impl Server {
         self.last_frame_s = now_s;
         let our_port = f32::from(self.player.our_link_port);
         let histories = RefCell::new(&mut playback.histories);
-        let values = self.subscriptions.due_values(now_s, |path| {
-            let value = histories.borrow_mut().read(path).unwrap_or_default();
+        let values = self.subscriptions.due_values(now_s, |reader, path| {
+            let value = histories
+                .borrow_mut()
+                .read(&reader, path)
+                .unwrap_or_default();
             if path == CAPTURE_PORT && value > 0.0 {
                 our_port
             } else {
