@@ -118,7 +118,7 @@ impl Datarefs {
             Some((dataref, values)) if dataref.writable => {
                 // What is too large for 32 bits is rounded to infinity.
                 let rounded = dataref.kind.rounded(value);
-                if !rounded.is_finite() {
+                if !(value.is_finite() && rounded.is_finite()) {
                     return Err(Ignored::NotFinite);
                 }
                 values[at] = rounded;
