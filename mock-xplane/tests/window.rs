@@ -8,6 +8,7 @@ use std::sync::{Arc, Mutex};
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
 use dataset::geodesy::Geodetic;
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve_with};
@@ -91,7 +92,14 @@ impl Engine for Counter {
         Err("nobody flies here".into())
     }
 
-    fn picture(&self, _: &Camera, _: &Runway, _: &Weather, _: &Clock) -> Box<dyn Picture> {
+    fn picture(
+        &self,
+        _: &Camera,
+        _: &Runway,
+        _: &Weather,
+        _: &Clock,
+        _: Option<&Degradation>,
+    ) -> Box<dyn Picture> {
         Box::new(Counter)
     }
 }

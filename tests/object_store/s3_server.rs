@@ -18,7 +18,7 @@ main(['-H', '127.0.0.1', '-p', sys.argv[1]])
 ";
 
 /// A server that runs until this is dropped.
-pub struct S3Server {
+pub(crate) struct S3Server {
     pub address: SocketAddr,
     process: Child,
     _until: Option<ChildStdin>,
@@ -26,7 +26,7 @@ pub struct S3Server {
 
 impl S3Server {
     /// Starts a server; `environment` is moto's.
-    pub fn start(environment: &[(&str, &str)]) -> Self {
+    pub(crate) fn start(environment: &[(&str, &str)]) -> Self {
         let python = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python");
         assert!(
             python.exists(),
@@ -64,7 +64,7 @@ impl S3Server {
     }
 
     /// A request without a body; the answer's status and text.
-    pub fn ask(&self, method: &str, path: &str, body: &str) -> (u16, String) {
+    pub(crate) fn ask(&self, method: &str, path: &str, body: &str) -> (u16, String) {
         let mut connection = TcpStream::connect(self.address).unwrap();
         // Moto looks at the form of the signature only.
         let request = format!(
@@ -81,18 +81,18 @@ impl S3Server {
         (status, answer)
     }
 
-    pub fn make_bucket(&self, name: &str) {
+    pub(crate) fn make_bucket(&self, name: &str) {
         let (status, answer) = self.ask("PUT", &format!("/{name}"), "");
         assert_eq!(status, 200, "{answer}");
     }
 
-    pub fn put(&self, path: &str, body: &str) {
+    pub(crate) fn put(&self, path: &str, body: &str) {
         let (status, answer) = self.ask("PUT", path, body);
         assert_eq!(status, 200, "{answer}");
     }
 
     /// Names of all objects of a bucket.
-    pub fn objects(&self, bucket: &str) -> Vec<String> {
+    pub(crate) fn objects(&self, bucket: &str) -> Vec<String> {
         let (status, answer) = self.ask("GET", &format!("/{bucket}?list-type=2&max-keys=1000"), "");
         assert_eq!(status, 200, "{answer}");
         let keys = answer.split("<Key>").skip(1);
@@ -109,14 +109,14 @@ impl Drop for S3Server {
 }
 
 /// A way to a server that can be cut and mended: connections are passed on, or closed at once.
-pub struct Way {
+pub(crate) struct Way {
     pub address: SocketAddr,
     open: Arc<AtomicBool>,
     passing: Arc<Mutex<Vec<TcpStream>>>,
 }
 
 impl Way {
-    pub fn to(server: SocketAddr) -> Self {
+    pub(crate) fn to(server: SocketAddr) -> Self {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
         let way = Self {
             address: listener.local_addr().unwrap(),
@@ -145,14 +145,14 @@ impl Way {
         way
     }
 
-    pub fn cut(&self) {
+    pub(crate) fn cut(&self) {
         self.open.store(false, Ordering::SeqCst);
         for connection in self.passing.lock().unwrap().drain(..) {
             let _ = connection.shutdown(Shutdown::Both);
         }
     }
 
-    pub fn mend(&self) {
+    pub(crate) fn mend(&self) {
         self.open.store(true, Ordering::SeqCst);
     }
 }
