@@ -179,10 +179,10 @@ const CASES: &[Case] = &[
     ("inward_deg = 5.3", "inward_deg = 5.3\nheading_true_deg = 200", "[[rig.pair", "either inward_deg or heading_true_deg", Schema),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 0\n\n[[rig", "0\n\n[[rig", "field of view", Schema),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k1 = -200 }\n\n[[rig", "distortion", "folds the picture over", CommandOnly),
-    ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k4 = 1 }\n\n[[rig", "{ k4", "unknown field `k4`", Schema),
+    ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k4 = 1 }\n\n[[rig", "k4", "unknown field `k4`", Schema),
     // Cameras that are off, pictures that are not ideal.
     ("[video]", "[aim]\ndtd_nm = 5\npitch_deg = 1\n\n[video]", "aim]", "expected either dtd_nm", Schema),
-    ("[video]", "[aim]\ndtd_nm = { min = 3, max = 70 }\n\n[video]", "{ min = 3", "from -0.5 to 40", Schema),
+    ("[video]", "[aim]\ndtd_nm = { min = 3, max = 70 }\n\n[video]", "dtd_nm = { min = 3", "from -0.5 to 40", Schema),
     ("[video]", "[jitter]\nheading_deg = 20\n\n[video]", "20\n\n[video", "from -10 to 10", Schema),
     ("[video]", "[jitter]\nheight_m = -12\n\n[video]", "-12", "2 m under the ground", CommandOnly),
     ("[video]", "[imaging]\nblur_sigma_px = -0.5\n\n[video]", "-0.5", "from 0 to 20", Schema),

@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
 use dataset::corpus::Corpus;
+use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use dataset::video::{VideoSettings, VideoWriter};
@@ -63,8 +64,10 @@ impl Engine for Remembering {
         runway: &Runway,
         weather: &Weather,
         clock: &Clock,
+        degradation: Option<&Degradation>,
     ) -> Box<dyn Picture> {
-        let scene: Arc<dyn Picture> = BuiltIn.picture(camera, runway, weather, clock).into();
+        let scene = BuiltIn.picture(camera, runway, weather, clock, degradation);
+        let scene: Arc<dyn Picture> = scene.into();
         let mut scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         scenes.push((*camera, scene.clone()));
         Box::new(RememberedScene {
@@ -217,6 +220,7 @@ fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost
         only: Vec::new(),
         shard: Shard::WHOLE,
         patience: Patience::default(),
+        remote: None,
     };
     let mut on_event = |event: Event<'_>| match event {
         Event::Flown { .. } => from = Some(Cost::so_far(began)),

@@ -81,11 +81,14 @@ pub enum StoreError {
 }
 
 /// Refusals that do not come as 401 or 403: S3 says 400 to a token that has run out and 301 to a wrong region.
-const REFUSALS: [&str; 4] = [
+const REFUSALS: [&str; 6] = [
     "ExpiredToken",
     "InvalidToken",
     "AuthorizationHeaderMalformed",
     "incorrectly configured region",
+    // Listing does not tell them from other answers.
+    "status code: 401",
+    "status code: 403",
 ];
 /// Where a cloud's own machines find their credentials.
 const OWN_CREDENTIALS: [&str; 3] = [
@@ -239,6 +242,7 @@ mod tests {
         }
         for mended in [
             "Server returned non-2xx status code: 400 Bad Request: <Error><Code>ExpiredToken</Code><Message>x</Message></Error>",
+            "Server returned non-2xx status code: 403 Forbidden: <Error><Code>InvalidAccessKeyId</Code><Message>x</Message></Error>",
             "Received redirect without LOCATION, this normally indicates an incorrectly configured region",
             "Error performing PUT http://169.254.169.254/latest/api/token in 3s - HTTP error",
         ] {
