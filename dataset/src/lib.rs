@@ -13,6 +13,7 @@ pub mod corpus;
 pub mod distortion;
 pub mod echo;
 pub mod error;
+pub mod flight;
 pub mod frame_rate;
 pub mod frames;
 pub mod geodesy;

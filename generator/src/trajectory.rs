@@ -1,14 +1,12 @@
 //! A flight as states in time, and its states at the ticks of a scenario.
 //!
-//! Positions between two states follow a cubic Hermite curve through both positions with both velocities, in earth-centred metres, so
-//! that path and speed are continuous and a 5 Hz recording is met within millimetres. Angles are interpolated along the shorter way.
+//! What lies between two states is [`dataset::flight`]'s to say.
 
+use dataset::flight::state_at;
 use dataset::frame_rate::FrameRate;
 use dataset::geodesy::Geodetic;
-use dataset::pose::{Controls, FlightState, Pose};
+use dataset::pose::FlightState;
 use dataset::runway::{Runway, RunwayCoordinates};
-use dataset::units::Degrees;
-use glam::DVec3;
 
 /// States may be this far apart, seconds: further apart, an aircraft turns too much for a cubic.
 const LARGEST_GAP_S: f64 = 2.0;
@@ -70,13 +68,19 @@ impl Trajectory {
                     row + 1
                 ));
             }
-            let way = position_ecef(after) - position_ecef(before);
-            let expected = (velocity_ecef(before) + velocity_ecef(after)) * (step_s / 2.0);
+            let way = after.position_ecef() - before.position_ecef();
+            let expected = (before.velocity_ecef() + after.velocity_ecef()) * (step_s / 2.0);
             let off_m = way.distance(expected);
-            if off_m > VELOCITY_TOLERANCE_M + 0.1 * expected.length() {
+            let allowed_m = VELOCITY_TOLERANCE_M + 0.1 * expected.length();
+            if off_m > allowed_m {
                 return Err(format!(
-                    "state {} is {off_m:.1} m from where the velocities put it: is it in m/s over ground?",
-                    row + 1
+                    "has state {} (at {:.3} s) {off_m:.2} m from where the velocities put it, expected at most {allowed_m:.2} m: \
+                     {:.2} m from the state {step_s:.3} s before it, where the velocities of both make {:.2} m. Are velocities in m/s \
+                     over ground, and is each time that of its position?",
+                    row + 1,
+                    after.time_s,
+                    way.length(),
+                    expected.length(),
                 ));
             }
         }
@@ -85,15 +89,8 @@ impl Trajectory {
 
     /// The state at a time, seconds; before the first and after the last state it is that state.
     pub fn at(&self, time_s: f64) -> FlightState {
-        let after = self.states.partition_point(|state| state.time_s <= time_s);
-        match (
-            after.checked_sub(1).and_then(|i| self.states.get(i)),
-            self.states.get(after),
-        ) {
-            (Some(before), Some(after)) => between(before, after, time_s),
-            (Some(only), None) | (None, Some(only)) => *only,
-            (None, None) => unreachable!("a trajectory has at least two states"),
-        }
+        state_at(&self.states, time_s)
+            .unwrap_or_else(|| unreachable!("a trajectory has at least two states"))
     }
 
     /// From the moment at which `start_dtd_m` metres are still to go along the course (or the first state, if that is
@@ -210,61 +207,6 @@ impl AlongCourse<'_> {
     }
 }
 
-fn between(before: &FlightState, after: &FlightState, time_s: f64) -> FlightState {
-    let step_s = after.time_s - before.time_s;
-    let u = (time_s - before.time_s) / step_s;
-    let (p0, p1) = (position_ecef(before), position_ecef(after));
-    let (m0, m1) = (
-        velocity_ecef(before) * step_s,
-        velocity_ecef(after) * step_s,
-    );
-    let way = p1 - p0;
-    // Relative to the first point: a cubic of coordinates of millions of metres would lose digits.
-    let ecef = p0 + u * (m0 + u * (3.0 * way - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * way)));
-    let velocity =
-        (m0 + u * (2.0 * (3.0 * way - 2.0 * m0 - m1) + 3.0 * u * (m0 + m1 - 2.0 * way))) / step_s;
-    let position = Geodetic::from_ecef(ecef);
-    let ned = position.ecef_from_ned().transpose() * velocity;
-    let mix = |a: f64, b: f64| a + (b - a) * u;
-    let turn = |a: f64, b: f64| a + Degrees(b - a).wrapped_180().0 * u;
-    let (a, b) = (&before.pose, &after.pose);
-    FlightState {
-        time_s,
-        pose: Pose {
-            latitude_deg: position.latitude_deg,
-            longitude_deg: position.longitude_deg,
-            altitude_msl_m: position.altitude_msl_m,
-            heading_true_deg: Degrees(turn(a.heading_true_deg, b.heading_true_deg))
-                .wrapped_360()
-                .0,
-            pitch_deg: mix(a.pitch_deg, b.pitch_deg),
-            roll_deg: Degrees(turn(a.roll_deg, b.roll_deg)).wrapped_180().0,
-        },
-        velocity_north_mps: ned.x,
-        velocity_east_mps: ned.y,
-        velocity_down_mps: ned.z,
-        true_airspeed_mps: mix(before.true_airspeed_mps, after.true_airspeed_mps),
-        controls: Controls {
-            flap_ratio: mix(before.controls.flap_ratio, after.controls.flap_ratio),
-            gear_ratio: mix(before.controls.gear_ratio, after.controls.gear_ratio),
-        },
-        on_ground: before.on_ground,
-    }
-}
-
-fn position_ecef(state: &FlightState) -> DVec3 {
-    state.pose.position().to_ecef()
-}
-
-fn velocity_ecef(state: &FlightState) -> DVec3 {
-    let ned = DVec3::new(
-        state.velocity_north_mps,
-        state.velocity_east_mps,
-        state.velocity_down_mps,
-    );
-    state.pose.position().ecef_from_ned() * ned
-}
-
 fn is_finite(state: &FlightState) -> bool {
     let pose = &state.pose;
     [
@@ -288,6 +230,9 @@ fn is_finite(state: &FlightState) -> bool {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use dataset::pose::{Controls, Pose};
+    use dataset::units::Degrees;
+
     use super::*;
     use crate::airports;
 
@@ -351,10 +296,10 @@ pub(crate) mod tests {
         for i in 1..100 {
             let time_s = 0.137 * f64::from(i);
             let (found, truth) = (slow.at(time_s), exact(time_s, 2_000.0));
-            let off_m = position_ecef(&found).distance(position_ecef(&truth));
+            let off_m = found.position_ecef().distance(truth.position_ecef());
             assert!(off_m < 1e-3, "{off_m} m at {time_s} s");
             assert!(
-                velocity_ecef(&found).distance(velocity_ecef(&truth)) < 0.02,
+                found.velocity_ecef().distance(truth.velocity_ecef()) < 0.02,
                 "at {time_s} s"
             );
         }
@@ -431,6 +376,20 @@ pub(crate) mod tests {
         assert!(broken(&|s| s[5].pose.pitch_deg = f64::NAN).contains("state 5"));
         assert!(broken(&|s| s.swap(3, 4)).contains("state 4"));
         assert!(broken(&|s| s[7].pose.latitude_deg += 0.001).contains("state 7"));
+        let hitch = broken(&|s| {
+            for state in &mut s[50..] {
+                state.time_s -= 0.08;
+            }
+        });
+        // 7.5 m in what is said to be 0.02 s, where 75 m/s make 1.5 m.
+        for part in [
+            "has state 50 (at 4.920 s) 6.0",
+            "at most 1.15 m",
+            "7.5",
+            "1.50 m",
+        ] {
+            assert!(hitch.contains(part), "{part}: {hitch}");
+        }
         assert!(broken(&|s| s.truncate(1)).contains("at least 2"));
         assert!(
             broken(&|s| {

@@ -29,6 +29,9 @@ use crate::trajectory::Trajectory;
 
 /// A live flight may take so many times as long as expected, and this many seconds more, before the simulator gives up.
 const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
+/// A frame's pose and its time are the simulator's to keep together; what a person can do when it does not.
+const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulator hitched (scenery that loads, another program), let it \
+     settle, lower its graphics until `dtd doctor` finds 20 frames a second or more, and run the same command again";
 
 /// What a scenario is made from and where it goes.
 pub(super) struct Work<'a> {
@@ -204,7 +207,9 @@ async fn trajectory(
                 .await?;
             Trajectory::new(states)
                 .map(Arc::new)
-                .map_err(|message| ScenarioError::Flight { message })
+                .map_err(|fault| ScenarioError::Flight {
+                    message: format!("{fault} {WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT}"),
+                })
         }
         (Flight::Live, None) => Err(ScenarioError::Flight {
             message: "is live, but the plan does not say how".into(),

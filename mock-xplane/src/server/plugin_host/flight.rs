@@ -1,5 +1,6 @@
 //! A live flight for the plugin: flown whole by the engine when the approach is engaged, then shown frame by frame.
 
+use dataset::flight::state_at;
 use dataset::pose::FlightState;
 use dataset::runway::Runway;
 use dataset::units::METERS_PER_FOOT;
@@ -13,7 +14,6 @@ const LIMIT_S: f64 = 1_800.0;
 pub(super) struct Playback {
     states: Vec<FlightState>,
     time_s: f64,
-    next: usize,
 }
 
 impl Playback {
@@ -22,19 +22,14 @@ impl Playback {
         Self {
             states,
             time_s: 0.0,
-            next: 0,
         }
     }
 
-    /// The state after so much more time; the last one for ever.
+    /// The state after so much more time; the last one for ever. Frames come at other times than the states of the engine: what a
+    /// frame shows lies between two of them, as its time does.
     pub(super) fn advance(&mut self, elapsed_s: f64) -> Option<FlightState> {
         self.time_s += elapsed_s;
-        let due = |state: &FlightState| state.time_s < self.time_s;
-        let last = self.states.len().saturating_sub(1);
-        while self.next < last && self.states.get(self.next).is_some_and(due) {
-            self.next += 1;
-        }
-        self.states.get(self.next).copied()
+        state_at(&self.states, self.time_s)
     }
 }
 
@@ -50,5 +45,65 @@ pub(super) fn request(start: FlightStart, runway: Runway, altitude_dial_ft: f64)
         seed: 0,
         time_limit_s: LIMIT_S,
         already_started: true,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::geodesy::Geodetic;
+    use dataset::pose::{Controls, Pose};
+
+    use super::*;
+
+    const SPEED_MPS: f64 = 72.0;
+
+    /// Along a meridian, 30 states a second as the engine has them.
+    fn states() -> Vec<FlightState> {
+        let mut position = Geodetic {
+            latitude_deg: 1.3,
+            longitude_deg: 103.9,
+            altitude_msl_m: 200.0,
+        };
+        let step_s = 1.0 / 30.0;
+        (0..90)
+            .map(|at| {
+                let here = position;
+                let ahead = here.ecef_from_ned().x_axis * SPEED_MPS * step_s;
+                position = Geodetic::from_ecef(here.to_ecef() + ahead);
+                FlightState {
+                    time_s: f64::from(at) * step_s,
+                    pose: Pose {
+                        latitude_deg: here.latitude_deg,
+                        longitude_deg: here.longitude_deg,
+                        altitude_msl_m: here.altitude_msl_m,
+                        heading_true_deg: 0.0,
+                        pitch_deg: 0.0,
+                        roll_deg: 0.0,
+                    },
+                    velocity_north_mps: SPEED_MPS,
+                    velocity_east_mps: 0.0,
+                    velocity_down_mps: 0.0,
+                    true_airspeed_mps: SPEED_MPS,
+                    controls: Controls::default(),
+                    on_ground: false,
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn frames_twice_as_fast_as_the_states_move_evenly() {
+        let mut playback = Playback::new(states());
+        let period_s = 1.0 / 60.0;
+        let mut last = states()[0];
+        for frame in 1..=170 {
+            let shown = playback.advance(period_s).unwrap();
+            let way_m = shown.position_ecef().distance(last.position_ecef());
+            assert!(
+                (way_m - SPEED_MPS * period_s).abs() < 1e-3,
+                "frame {frame}: {way_m} m"
+            );
+            last = shown;
+        }
     }
 }
