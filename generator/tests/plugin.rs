@@ -1,4 +1,4 @@
-//! A scenario recorded through the plugin's own Python is the one that the built-in link records.
+//! Scenarios recorded through the plugin's own Python: a recorded flight gives what the built-in link gives, live ones are sound.
 
 use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
@@ -7,6 +7,7 @@ use std::time::Duration;
 
 use dataset::corpus::Corpus;
 use dataset::frames::Frame;
+use dataset::scenario::Flight;
 use dataset::verify::verify;
 use dataset::video::VideoReader;
 use generator::generate::{Cancel, GenerateOptions, Patience, SimulatorTarget, generate};
@@ -59,8 +60,56 @@ weathers = ["clear"]
 visibility_m = 30000
 "#;
 
+/// Two live flights from 1.5 NM, one after the other in the same simulator: the second finds the autopilot as the first left it.
+const LIVE_SWEEP: &str = r#"
+[corpus]
+name = "plugin-live"
+seed = 3
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "wide-baseline"
+
+[grid]
+times = ["12:00"]
+weathers = ["clear"]
+repeats = 2
+day_of_year = 172
+utc_offset_h = 8
+
+[picture]
+width_px = 64
+height_px = 64
+frame_rate = "1/4"
+
+[start]
+dtd_nm = { min = 1.5, max = 1.6 }
+cross_track_m = { mean = 0, sd = 20 }
+speed_mps = 72
+profiles = ["short"]
+
+[profile.short]
+kind = "glide_path"
+level_altitude_msl_m = 150
+
+[weather.clear]
+visibility_m = 30000
+wind_speed_mps = 3
+wind_from_true_deg = 60
+"#;
+
 /// By which pictures of the same pose may differ in the mean, of 255.
 const MEAN_LEVELS_APART: f64 = 0.25;
+
+fn plugin(window_px: (u32, u32)) -> LinkServer {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
+    LinkServer::Plugin(PluginOptions {
+        window_px,
+        ..PluginOptions::new(folder)
+    })
+}
 
 async fn stand_in(link: LinkServer) -> SimulatorTarget {
     let (tell, told) = tokio::sync::oneshot::channel();
@@ -83,9 +132,9 @@ async fn stand_in(link: LinkServer) -> SimulatorTarget {
     SimulatorTarget::Address(address)
 }
 
-async fn record(folder: &Path, target: SimulatorTarget) -> Corpus {
+async fn record(folder: &Path, target: SimulatorTarget, sweep: &str, scenarios: usize) -> Corpus {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
-    let sweep = Sweep::parse(Path::new("test.toml"), &data, SWEEP.to_owned()).unwrap();
+    let sweep = Sweep::parse(Path::new("test.toml"), &data, sweep.to_owned()).unwrap();
     let options = GenerateOptions {
         simulators: target.into(),
         stand_in_program: PathBuf::from("unused"),
@@ -100,24 +149,17 @@ async fn record(folder: &Path, target: SimulatorTarget) -> Corpus {
         .await
         .unwrap();
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
-    assert_eq!(outcome.committed.len(), 1);
+    assert_eq!(outcome.committed.len(), scenarios);
     Corpus::open(folder).unwrap()
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link() {
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
-    let plugin = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
-    let plugin = PluginOptions {
-        window_px: (96, 64),
-        ..PluginOptions::new(plugin)
-    };
-    let built_in = record(folders[0].path(), stand_in(LinkServer::BuiltIn).await).await;
-    let plugged = record(
-        folders[1].path(),
-        stand_in(LinkServer::Plugin(plugin)).await,
-    )
-    .await;
+    let built_in = stand_in(LinkServer::BuiltIn).await;
+    let built_in = record(folders[0].path(), built_in, SWEEP, 1).await;
+    let plugged = stand_in(plugin((96, 64))).await;
+    let plugged = record(folders[1].path(), plugged, SWEEP, 1).await;
 
     let report = verify(&plugged);
     assert!(report.is_sound(), "{:#?}", report.findings);
@@ -160,5 +202,30 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
         println!("{view}: pictures are up to {worst:.4} levels apart in the mean");
         assert!(worst < MEAN_LEVELS_APART, "{view}: {worst} levels apart");
         assert_eq!(pictures, a_frames.rows.len());
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn live_flights_through_the_plugin_make_a_sound_corpus() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = stand_in(plugin((64, 64))).await;
+    let corpus = record(folder.path(), target, LIVE_SWEEP, 2).await;
+    let report = verify(&corpus);
+    assert!(report.is_sound(), "{:#?}", report.findings);
+    for scenario in corpus.scenarios().unwrap() {
+        let record = scenario.record().unwrap();
+        assert_eq!(record.flight, Flight::Live);
+        let frames = scenario.frames().unwrap();
+        let [first, .., last] = &frames.rows[..] else {
+            panic!("{} frames", frames.rows.len());
+        };
+        // From 1.5 NM down to the touchdown target, 2.8 km at 72 m/s in pictures of four seconds.
+        assert!(
+            (9..=12).contains(&frames.rows.len()),
+            "{}",
+            frames.rows.len()
+        );
+        let sunk_m = first.pose.altitude_msl_m - last.pose.altitude_msl_m;
+        assert!((110.0..160.0).contains(&sunk_m), "{sunk_m}");
     }
 }

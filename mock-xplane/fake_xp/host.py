@@ -61,6 +61,9 @@ class PipeWorld:
     def ground_below(self, x: float, y: float, z: float) -> tuple[float, float, float] | None:
         return tuple(self._ask("ground_below", x, y, z))
 
+    def place_user(self, latitude: float, longitude: float, altitude: float, heading: float, speed: float) -> None:
+        self._ask("place_user", latitude, longitude, altitude, heading, speed)
+
     def publish(self, name: str, value: float) -> None:
         if self._published.get(name) != value:
             self._published[name] = value

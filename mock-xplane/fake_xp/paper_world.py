@@ -1,10 +1,11 @@
-"""A world on paper for tests of the plugin alone: WGS-84, a local origin that can move, an aircraft that slides down a glide path."""
+"""A world on paper for tests of the plugin alone: WGS-84, a local origin that can move, an aircraft with an autopilot that slides down a
+glide path once localizer and glide slope are on, and else flies level."""
 
 from __future__ import annotations
 
 import math
 
-from fake_xp import Kind
+from fake_xp import Kind, as_float32
 
 A, F = 6_378_137.0, 1 / 298.257223563
 E2 = F * (2 - F)
@@ -14,7 +15,9 @@ PERIOD_S = 0.25
 DATAREFS = {
     "sim/version/xplane_internal_version": (Kind("int", None, False), 115_501),
     "sim/time/paused": (Kind("int", None, False), 0),
-    "sim/operation/misc/frame_rate_period": (Kind("float", None, False), PERIOD_S),
+    # Not what time passes in a frame, as in an X-Plane whose frames are slow: whoever adds it up is wrong.
+    "sim/operation/misc/frame_rate_period": (Kind("float", None, False), 0.8 * PERIOD_S),
+    "sim/time/total_flight_time_sec": (Kind("float", None, False), 5_000),
     "sim/operation/override/override_planepath": (Kind("int", 20), 0),
     "sim/graphics/scenery/async_scenery_load_in_progress": (Kind("int", None, False), 0),
     "sim/graphics/view/using_modern_driver": (Kind("int", None, False), 0),
@@ -38,6 +41,15 @@ DATAREFS = {
     "sim/aircraft/parts/acf_gear_deploy": (Kind("float", 10), 0),
     "sim/cockpit/radios/nav1_freq_hz": (Kind("int"), 0),
     "sim/cockpit/radios/nav1_obs_degm": (Kind("float"), 0),
+    "sim/aircraft/engine/acf_num_engines": (Kind("int", None, False), 2),
+    # Parked, cold and dark.
+    "sim/flightmodel/engine/ENGN_running": (Kind("int", 8, False), 0),
+    "sim/cockpit/autopilot/autopilot_mode": (Kind("int"), 0),
+    "sim/cockpit2/autopilot/autothrottle_enabled": (Kind("int"), 0),
+    **{
+        f"sim/cockpit2/autopilot/{mode}_status": (Kind("int", None, False), 0)
+        for mode in ("nav", "glideslope", "approach", "altitude_hold", "vvi")
+    },
     "sim/cockpit2/autopilot/airspeed_dial_kts": (Kind("float"), 0),
     "sim/cockpit/autopilot/altitude": (Kind("float"), 0),
     "sim/cockpit/autopilot/vertical_velocity": (Kind("float"), 0),
@@ -66,6 +78,15 @@ def geodetic(x: float, y: float, z: float) -> tuple[float, float, float]:
     return math.degrees(latitude), math.degrees(math.atan2(y, x)), altitude
 
 
+# Buttons: on if off, off if on.
+TOGGLES = {
+    "NAV": "nav_status", "glide_slope": "glideslope_status", "altitude_hold": "altitude_hold_status", "vertical_speed": "vvi_status",
+}  # fmt: skip
+# Of the vertical modes one is engaged at a time.
+EXCLUDES = {"altitude_hold": "vvi_status", "vertical_speed": "altitude_hold_status"}
+STATUS = "sim/cockpit2/autopilot/"
+
+
 class PaperWorld:
     """Implements ``fake_xp.World``."""
 
@@ -77,6 +98,9 @@ class PaperWorld:
         self.published: dict[str, float] = {}
         self.cycle = 100
         self.known_commands = set(COMMANDS)
+        # Buttons of the autopilot that do nothing, engines that do not start.
+        self.dead_buttons: set[str] = set()
+        self.dead_engines: set[int] = set()
         self.ground_is_loaded = True
         self.rendered: list[tuple[float, ...]] = []
         # Called at the beginning of each frame, to disturb.
@@ -100,6 +124,49 @@ class PaperWorld:
         name = path.rsplit("/", 1)[1]
         if name in paused:
             self.set("sim/time/paused", 0, paused[name])
+        # Harsher than X-Plane is known to be: on the ground, or stopped, the autopilot takes nothing.
+        if path.startswith("sim/autopilot/") and self._is_flying() and name not in self.dead_buttons:
+            self._autopilot(name)
+
+    def status(self, mode: str) -> bool:
+        """Whether a mode of the autopilot is armed or captured."""
+        return self.get(f"{STATUS}{mode}_status") > 0
+
+    def _autopilot(self, name: str) -> None:
+        if name == "servos_on":
+            self.set("sim/cockpit/autopilot/autopilot_mode", 0, 2)
+        elif name == "autothrottle_on":
+            self.set(STATUS + "autothrottle_enabled", 0, 1)
+        elif name in TOGGLES:
+            on = not self.get(STATUS + TOGGLES[name])
+            self.set(STATUS + TOGGLES[name], 0, float(on))
+            if on and name in EXCLUDES:
+                self.set(STATUS + EXCLUDES[name], 0, 0)
+            if name == "vertical_speed" and on:
+                self.set("sim/cockpit/autopilot/vertical_velocity", 0, 0)
+        elif name == "approach":
+            on = not self.status("approach")
+            for mode in ("nav", "glideslope"):
+                self.set(f"{STATUS}{mode}_status", 0, float(on))
+        # Armed together they are the approach, however they were.
+        self.set(STATUS + "approach_status", 0, float(self.status("nav") and self.status("glideslope")))
+
+    def _is_flying(self) -> bool:
+        free = self.get("sim/operation/override/override_planepath") == 0 and self.get("sim/time/paused") == 0
+        moving = any(self.get(f"sim/flightmodel/position/local_v{axis}") for axis in "xyz")
+        return free and moving and not self.get("sim/flightmodel/failures/onground_any")
+
+    def place_user(self, latitude: float, longitude: float, altitude: float, heading: float, speed: float) -> None:
+        """X-Plane's air start: another flight, with the engines running."""
+        for axis, value in zip("xyz", self.world_to_local(latitude, longitude, altitude)):
+            self.set(f"sim/flightmodel/position/local_{axis}", 0, value)
+        velocity = (speed * math.sin(math.radians(heading)), 0.0, -speed * math.cos(math.radians(heading)))
+        for axis, value in zip("xyz", velocity):
+            self.set(f"sim/flightmodel/position/local_v{axis}", 0, value)
+        for engine in range(int(self.get("sim/aircraft/engine/acf_num_engines"))):
+            self.set("sim/flightmodel/engine/ENGN_running", engine, float(engine not in self.dead_engines))
+        self.set("sim/flightmodel/failures/onground_any", 0, 0)
+        self.set("sim/time/total_flight_time_sec", 0, 0)
 
     def world_to_local(self, latitude: float, longitude: float, altitude: float) -> tuple[float, float, float]:
         here, origin = ecef(latitude, longitude, altitude), ecef(*self.origin, 0.0)
@@ -133,23 +200,24 @@ class PaperWorld:
     def begin_frame(self) -> int:
         self.cycle += 1
         self.disturb(self)
-        flying = self.get("sim/operation/override/override_planepath") == 0 and self.get("sim/time/paused") == 0
-        if flying and not self.get("sim/flightmodel/failures/onground_any"):
+        if self.get("sim/time/paused") == 0:
+            time = "sim/time/total_flight_time_sec"
+            self.set(time, 0, as_float32(self.get(time) + PERIOD_S))
+        if self._is_flying():
             self._slide()
         return self.cycle
 
     def _slide(self) -> None:
-        """Along the velocity, and down at 3 degrees of it."""
+        """Along the velocity, and down at 3 degrees of it once the autopilot follows localizer and glide slope."""
         position = "sim/flightmodel/position/"
         velocity = [self.get(f"{position}local_v{axis}") for axis in "xyz"]
         speed = math.hypot(*velocity)
-        if speed == 0:
-            return
         x, y, z = (
             self.get(f"{position}local_{axis}") + v * PERIOD_S for axis, v in zip("xyz", velocity)
         )
         latitude, longitude, altitude = self.local_to_world(x, y, z)
-        altitude -= speed * PERIOD_S * math.tan(math.radians(3))
+        if self.get("sim/cockpit/autopilot/autopilot_mode") == 2 and self.status("nav") and self.status("glideslope"):
+            altitude -= speed * PERIOD_S * math.tan(math.radians(3))
         if altitude <= GROUND_MSL_M + 3:
             self.set("sim/flightmodel/failures/onground_any", 0, 1)
         for axis, value in zip("xyz", self.world_to_local(latitude, longitude, altitude)):

@@ -344,26 +344,21 @@ async fn a_live_approach_through_the_plugin_lands_where_the_built_in_one_does() 
         landed.pose.position().lat_lon()
     };
     let apart_m = touchdown(&flown[0]).distance_m(touchdown(&flown[1]));
-    // A frame of the plugin's is 0.1 s, 7 m; the start is rounded to 32 bits.
-    assert!(apart_m < 20.0, "touchdowns {apart_m} m apart");
+    // The plugin engages the autopilot in the air, a frame or two of 0.1 s after the start: 7 m each.
+    assert!(apart_m < 30.0, "touchdowns {apart_m} m apart");
     let begin = flown[1][0]
         .pose
         .position()
         .to_ecef()
         .distance(start.to_ecef());
-    assert!(begin < 20.0, "starts {begin} m off");
-    // Positions move as velocities say, in spite of a local origin that jumps.
+    assert!(begin < 30.0, "starts {begin} m off");
+    // Positions move as velocities say, in spite of a local origin that jumps. What 0.1 s can hold in turns and flare remains.
     for pair in flown[1].windows(2) {
-        let way = pair[1].pose.position().to_ecef() - pair[0].pose.position().to_ecef();
+        let way = pair[1].position_ecef() - pair[0].position_ecef();
         let step_s = pair[1].time_s - pair[0].time_s;
-        let speed = [
-            pair[0].velocity_north_mps,
-            pair[0].velocity_east_mps,
-            pair[0].velocity_down_mps,
-        ];
-        let expected_m = speed.iter().map(|v| v * v).sum::<f64>().sqrt() * step_s;
-        // The stand-in shows the nearest later state of its flight, up to 1/30 s or 2.6 m away.
-        assert!((way.length() - expected_m).abs() < 3.0, "{pair:?}");
+        let expected = (pair[0].velocity_ecef() + pair[1].velocity_ecef()) * (step_s / 2.0);
+        let off_m = way.distance(expected);
+        assert!(off_m < 0.2, "{off_m} m: {pair:?}");
     }
 }
 

@@ -95,22 +95,88 @@ pub const COMMAND_PAUSE_OFF: &str = "sim/operation/pause_off";
 pub const COMMAND_PAUSE_ON: &str = "sim/operation/pause_on";
 /// Engages the autopilot's servos.
 pub const COMMAND_SERVOS_ON: &str = "sim/autopilot/servos_on";
-/// What engages an approach on the autopilot, in order: the command, and the dataref that is not zero once it took effect.
-pub const COMMANDS_APPROACH: [(&str, &str); 5] = [
-    (COMMAND_SERVOS_ON, AUTOPILOT_MODE),
-    (
-        "sim/autopilot/autothrottle_on",
-        "sim/cockpit/autopilot/autothrottle_enabled",
-    ),
-    ("sim/autopilot/NAV", "sim/cockpit2/autopilot/nav_status"),
-    (
-        "sim/autopilot/glide_slope",
-        "sim/cockpit2/autopilot/glideslope_status",
-    ),
-    (
-        "sim/autopilot/approach",
-        "sim/cockpit2/autopilot/approach_status",
-    ),
+/// Engages the autothrottle.
+pub const COMMAND_AUTOTHROTTLE_ON: &str = "sim/autopilot/autothrottle_on";
+/// The autopilot's button for a radio's course, the localizer's among them.
+pub const COMMAND_NAV: &str = "sim/autopilot/NAV";
+/// The autopilot's button for the glide slope.
+pub const COMMAND_GLIDE_SLOPE: &str = "sim/autopilot/glide_slope";
+/// The autopilot's button for localizer and glide slope together.
+pub const COMMAND_APPROACH: &str = "sim/autopilot/approach";
+/// Autothrottle: above zero while it works.
+pub const AUTOTHROTTLE: &str = "sim/cockpit2/autopilot/autothrottle_enabled";
+/// Radio's course: 0 off, 1 armed, 2 captured.
+pub const NAV_STATUS: &str = "sim/cockpit2/autopilot/nav_status";
+/// Glide slope: 0 off, 1 armed, 2 captured.
+pub const GLIDE_SLOPE_STATUS: &str = "sim/cockpit2/autopilot/glideslope_status";
+/// Localizer and glide slope together: 0 off, 1 armed, 2 captured.
+pub const APPROACH_STATUS: &str = "sim/cockpit2/autopilot/approach_status";
+
+/// Something of the autopilot that an approach needs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AutopilotSwitch {
+    /// The command that switches it on. Most are buttons, which switch off what is on.
+    pub command: &'static str,
+    /// On while each dataref of one of these has at least its value.
+    pub on_while: &'static [&'static [(&'static str, f32)]],
+}
+
+impl AutopilotSwitch {
+    /// Whether it is on, by what datarefs read; `None` if too few could be read to say.
+    pub fn is_on(&self, read: impl Fn(&str) -> Option<f32>) -> Option<bool> {
+        let mut all_known = true;
+        for states in self.on_while {
+            let mut holds = Some(true);
+            for (name, least) in *states {
+                match read(name) {
+                    Some(value) if value >= *least => {}
+                    Some(_) => holds = Some(false),
+                    None => holds = holds.filter(|holds| !holds),
+                }
+            }
+            match holds {
+                Some(true) => return Some(true),
+                Some(false) => {}
+                None => all_known = false,
+            }
+        }
+        all_known.then_some(false)
+    }
+
+    /// All datarefs that say whether it is on.
+    pub fn datarefs(&self) -> impl Iterator<Item = &'static str> {
+        self.on_while
+            .iter()
+            .flat_map(|states| states.iter().map(|(name, _)| *name))
+    }
+}
+
+/// What engages an approach on the autopilot, in order: by the button for localizer and glide slope, and whichever of the two does
+/// not show then by its own.
+pub const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
+    AutopilotSwitch {
+        command: COMMAND_SERVOS_ON,
+        on_while: &[&[(AUTOPILOT_MODE, 2.0)]],
+    },
+    AutopilotSwitch {
+        command: COMMAND_AUTOTHROTTLE_ON,
+        on_while: &[&[(AUTOTHROTTLE, 1.0)]],
+    },
+    AutopilotSwitch {
+        command: COMMAND_APPROACH,
+        on_while: &[
+            &[(APPROACH_STATUS, 1.0)],
+            &[(NAV_STATUS, 1.0), (GLIDE_SLOPE_STATUS, 1.0)],
+        ],
+    },
+    AutopilotSwitch {
+        command: COMMAND_NAV,
+        on_while: &[&[(NAV_STATUS, 1.0)], &[(APPROACH_STATUS, 1.0)]],
+    },
+    AutopilotSwitch {
+        command: COMMAND_GLIDE_SLOPE,
+        on_while: &[&[(GLIDE_SLOPE_STATUS, 1.0)]],
+    },
 ];
 
 /// What we write without a source that we could call certain: taken from X-Plane's own list of datarefs, seen nowhere else.
@@ -626,6 +692,23 @@ mod tests {
         for name in UNCONFIRMED {
             assert!(written.contains(name), "{name}");
         }
+    }
+
+    #[test]
+    fn an_approach_is_on_by_its_own_status_or_by_both_of_its_parts_and_unknown_without_them() {
+        let [_, _, approach, ..] = APPROACH_SWITCHES;
+        let with = |values: &[(&str, f32)]| {
+            let values = values.to_vec();
+            approach.is_on(|name| values.iter().find(|v| v.0 == name).map(|v| v.1))
+        };
+        let (own, nav, slope) = (APPROACH_STATUS, NAV_STATUS, GLIDE_SLOPE_STATUS);
+        assert_eq!(with(&[(own, 2.0)]), Some(true));
+        assert_eq!(with(&[(own, 0.0), (nav, 1.0), (slope, 1.0)]), Some(true));
+        assert_eq!(with(&[(own, 0.0), (nav, 1.0), (slope, 0.0)]), Some(false));
+        // One part is off: the other need not be known.
+        assert_eq!(with(&[(own, 0.0), (slope, 0.0)]), Some(false));
+        assert_eq!(with(&[(own, 0.0), (nav, 1.0)]), None);
+        assert_eq!(with(&[]), None);
     }
 
     #[test]

@@ -21,10 +21,11 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as this program carries it: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 17] = [
+const FILES: [(&str, &str); 18] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
+    plugin_file!("dtd_bridge/autopilot.py"),
     plugin_file!("dtd_bridge/bridge.py"),
     plugin_file!("dtd_bridge/capture.py"),
     plugin_file!("dtd_bridge/check_pattern.py"),

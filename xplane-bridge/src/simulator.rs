@@ -259,7 +259,8 @@ impl Simulator {
 
     /// Flies an approach with the simulator's own flight model and the weather it has; the states at its own rate.
     ///
-    /// Begins the flight, tunes the instrument landing system and engages the autopilot first.
+    /// Begins the flight and tunes the instrument landing system first. The autopilot is engaged by our plugin where it serves the
+    /// link, and from here otherwise.
     ///
     /// # Errors
     /// If the aircraft, the radios or the autopilot do not take their settings, the simulator gives up, or it does not have
@@ -272,7 +273,10 @@ impl Simulator {
         };
         let radios = datarefs::approach_writes(&request.runway);
         self.write_until_read_back(&radios).await?;
-        self.engage_approach().await?;
+        // Our plugin engages the autopilot itself, once the aircraft is in the air: two who press its buttons switch it off again.
+        if self.description.plugin.is_none() {
+            self.engage_approach().await?;
+        }
         // X-Plane flies in real time; the margin is for loading scenery around the start.
         let limit = Duration::try_from_secs_f64(request.time_limit_s.clamp(0.0, 86_400.0))
             .unwrap_or_default()

@@ -9,6 +9,7 @@ use dataset::geodesy::Geodetic;
 use dataset::runway::Runway;
 use fake_simulator::Fake;
 use tokio::time::{Instant, sleep};
+use xplane_bridge::datarefs;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::Request;
 use xplane_bridge::{BridgeError, Simulator};
@@ -17,12 +18,12 @@ const ELEVEN: f32 = 115_501.0;
 const TWELVE: f32 = 120_100.0;
 const REGENERATE: &str = "sim/operation/regen_weather";
 const CLOUD_BASE_12: &str = "sim/weather/region/cloud_base_msl_m[0]";
-const APPROACH: [&str; 5] = [
-    "sim/autopilot/servos_on",
-    "sim/autopilot/autothrottle_on",
-    "sim/autopilot/NAV",
-    "sim/autopilot/glide_slope",
-    "sim/autopilot/approach",
+/// Each mode by its own button: this simulator's approach shows as itself, and its glide slope as another.
+const APPROACH: [&str; 4] = [
+    datarefs::COMMAND_SERVOS_ON,
+    datarefs::COMMAND_AUTOTHROTTLE_ON,
+    datarefs::COMMAND_APPROACH,
+    datarefs::COMMAND_GLIDE_SLOPE,
 ];
 
 fn conditions() -> Conditions {
@@ -129,12 +130,10 @@ async fn x_plane_11_is_told_its_own_datarefs_in_its_own_units() {
         .iter()
         .find(|(name, _)| name.contains("/region/"));
     assert_eq!(foreign, None, "a dataref of X-Plane 12");
-    let commands: Vec<&str> = told.commands.iter().map(String::as_str).collect();
-    assert_eq!(commands[0], "sim/operation/pause_off");
     assert_eq!(
-        commands[1..],
-        APPROACH,
-        "weather of X-Plane 11 needs no command"
+        told.commands,
+        ["sim/operation/pause_off"],
+        "the weather of X-Plane 11 needs no command, and the autopilot is the plugin's to engage"
     );
     assert_eq!(told.loads.len(), 1);
     assert_eq!(
@@ -213,6 +212,37 @@ async fn x_plane_12_is_told_its_clouds_again_after_the_weather_was_regenerated()
         _ => None,
     });
     assert_eq!(flown, Some(false));
+}
+
+#[tokio::test]
+async fn modes_of_the_autopilot_that_are_on_are_left_on() {
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    fake.told().set(datarefs::NAV_STATUS, 2.0);
+    fake.told().set(datarefs::AUTOPILOT_MODE, 1.0);
+    let mut simulator = fake.connect().await;
+    // Twice: what the first flight switched on, the second must not switch off.
+    for _ in 0..2 {
+        simulator.fly(&flight()).await.unwrap();
+        let told = fake.told();
+        for mode in [
+            datarefs::NAV_STATUS,
+            datarefs::GLIDE_SLOPE_STATUS,
+            datarefs::APPROACH_STATUS,
+            datarefs::AUTOTHROTTLE,
+        ] {
+            assert!(told.is_on(mode), "{mode}: {:?}", told.commands);
+        }
+        assert_eq!(told.datarefs[datarefs::AUTOPILOT_MODE], 2.0);
+    }
+    let pressed = |button: &str| {
+        let told = fake.told();
+        told.commands.iter().filter(|path| *path == button).count()
+    };
+    assert_eq!(pressed(datarefs::COMMAND_NAV), 0);
+    for button in APPROACH {
+        assert_eq!(pressed(button), 1, "{button}");
+    }
+    simulator.release().await.unwrap();
 }
 
 #[tokio::test]

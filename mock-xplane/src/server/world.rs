@@ -169,7 +169,7 @@ impl World {
             names::COMMAND_REGENERATE_WEATHER,
         ];
         own.into_iter()
-            .chain(autopilot::COMMANDS.iter().map(|&(path, ..)| path))
+            .chain(autopilot::commands())
             .chain(COMMANDS_WITHOUT_EFFECT.iter().copied())
     }
 

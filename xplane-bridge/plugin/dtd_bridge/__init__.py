@@ -7,7 +7,7 @@ Which module answers which question:
 ``bridge``         one step per simulator frame, in X-Plane's main thread: takes requests, runs them, sends answers.
 ``stage``          freezing, and the one callback that writes pose and camera of a tick; reads both back.
 ``capture``        settle frames, the frame that counts, its pixels.
-``flight``         air start, flying by the autopilot, the log; ``approach``: what to dial when. ``approach`` is pure.
+``flight``         air start, the crew's work, the log; ``approach``: what to dial when, pure. ``autopilot``: its switches, read and set.
 ``local_frame``    WGS-84 poses <-> X-Plane's local OpenGL coordinates. Pure, given the two conversions of ``xp``.
 ``opengl``         the few OpenGL calls; ``check_pattern``: the picture that proves a screen grab.
 ``datarefs``       typed access by name, and all names. ``settings``: the file beside the plugin.

@@ -323,6 +323,22 @@ class Flying(WithBridge):
         client.ask({"message": "hello", "client": "test"})
         return client
 
+    def flown(self, client, **changes):
+        """Flies; the rows of the log."""
+        answer, payload = client.ask(self.fly(**changes))
+        self.assertEqual(answer["message"], "flown", answer)
+        return list(struct.iter_unpack("<14d", payload))
+
+    def commands(self):
+        return [path.rsplit("/", 1)[1] for path in self.world.commands]
+
+    def followed(self):
+        """Everything that flies the approach is on."""
+        self.assertEqual(self.world.get("sim/cockpit/autopilot/autopilot_mode"), 2)
+        self.assertEqual(self.world.get("sim/cockpit2/autopilot/autothrottle_enabled"), 1)
+        for mode in ("nav", "glideslope", "approach"):
+            self.assertTrue(self.world.status(mode), mode)
+
     def test_an_approach_is_started_in_the_air_logged_each_frame_and_ends_behind_the_touchdown(self):
         client = self.begin()
         self.world.disturb = lambda w: w.move_origin(1.2, 103.9) if w.cycle == 130 else None
@@ -343,10 +359,79 @@ class Flying(WithBridge):
             self.assertAlmostEqual(north, a[7] * 0.25, delta=0.2)
         self.assertEqual(self.world.get("sim/cockpit/radios/nav1_freq_hz"), 11_090)
         self.assertEqual(self.world.get(OVERRIDE), 0)
-        for command in ("fix_all_systems", "servos_on", "approach", "glide_slope"):
-            self.assertIn(command, [path.rsplit("/", 1)[1] for path in self.world.commands])
+        # Each once: a second time would switch it off again.
+        self.assertEqual(
+            self.commands(), ["fix_all_systems", "servos_on", "autothrottle_on", "NAV", "altitude_hold", "approach"]
+        )
+        self.followed()
         self.assertEqual(self.world.get("sim/cockpit2/controls/flap_ratio"), 0.75)
         self.assertEqual(self.world.get("sim/cockpit2/autopilot/airspeed_dial_kts"), 138)
+
+    def test_modes_that_are_on_already_are_not_switched_off_again(self):
+        for modes in (("nav",), ("nav", "glideslope", "approach"), ("glideslope", "altitude_hold")):
+            with self.subTest(modes):
+                self.setUp()
+                for mode in modes:
+                    self.world.set(f"sim/cockpit2/autopilot/{mode}_status", 0, 2)
+                self.flown(self.begin())
+                self.followed()
+
+    def test_a_second_flight_lands_like_the_first_although_it_finds_everything_on(self):
+        client = self.begin()
+        first = self.flown(client)
+        self.world.commands.clear()
+        second = self.flown(client)
+        self.followed()
+        self.assertNotIn("servos_on", self.commands())
+        self.assertAlmostEqual(len(first), len(second), delta=2)
+        # Within a frame, 17 m.
+        for key in (1, 2):
+            self.assertAlmostEqual(first[-1][key], second[-1][key], delta=20 / 111_000)
+
+    def test_the_glide_slope_that_the_last_flight_left_on_is_off_until_this_one_may_capture_it(self):
+        client = self.begin()
+        self.flown(client)
+        step = {
+            "kind": "step_down", "upper_altitude_msl_m": 200.0, "lower_altitude_msl_m": 180.0, "step_from_threshold_m": 2_500.0,
+        }  # fmt: skip
+        rows = self.flown(client, profile=step)
+        # It flies level as long as the glide slope is off: 500 m at 70 m/s in steps of 0.25 s.
+        level = [row for row in rows if row[3] > rows[0][3] - 1.0]
+        self.assertAlmostEqual(len(level), 500 / (70 * 0.25), delta=4)
+        self.followed()
+
+    def test_an_autopilot_without_servos_is_a_reason_and_one_that_does_not_show_a_mode_is_logged(self):
+        self.world.dead_buttons = {"servos_on"}
+        self.assertRegex(self.begin().refused(self.fly()), "the servos on after sim/autopilot/servos_on: .*autopilot_mode is 0")
+        self.setUp()
+        self.world.dead_buttons = {"NAV"}
+        self.flown(self.begin())
+        self.assertEqual(self.commands().count("NAV"), 1)
+        self.assertRegex("\n".join(self.xp.lines), "does not show the localizer on after sim/autopilot/NAV: .*nav_status is 0")
+        self.followed()
+
+    def test_the_engines_of_a_parked_aircraft_run_after_the_air_start_and_are_waited_for(self):
+        self.flown(self.begin())
+        running = [self.world.get("sim/flightmodel/engine/ENGN_running", engine) for engine in range(8)]
+        self.assertEqual(running, [1, 1, 0, 0, 0, 0, 0, 0])
+        self.setUp()
+        import dtd_bridge.flight as module
+
+        limit, module.ENGINES_LIMIT_S = module.ENGINES_LIMIT_S, 0.2
+        self.addCleanup(setattr, module, "ENGINES_LIMIT_S", limit)
+        self.world.dead_engines = {1}
+        self.assertRegex(self.begin().refused(self.fly()), "of its 2 engines these do not run: 2")
+
+    def test_a_pause_leaves_no_rows_and_no_gap(self):
+        client = self.begin()
+        self.world.disturb = lambda w: w.set("sim/time/paused", 0, float(150 <= w.cycle < 190))
+        rows = self.flown(client)
+        self.assertEqual({b[0] - a[0] for a, b in zip(rows, rows[1:])}, {0.25})
+
+    def test_a_flight_that_is_begun_anew_by_somebody_else_is_a_reason(self):
+        client = self.begin()
+        self.world.disturb = lambda w: w.cycle == 200 and w.set("sim/time/total_flight_time_sec", 0, 0)
+        self.assertRegex(client.refused(self.fly()), "began another flight")
 
     def test_a_flight_that_does_not_land_in_time_or_not_here_is_given_up_with_its_place(self):
         client = self.begin()

@@ -6,7 +6,8 @@ use tokio::time::{Instant, sleep};
 
 use super::Simulator;
 use crate::datarefs::{
-    COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, COMMANDS_APPROACH, DatarefWrite, PAUSED,
+    APPROACH_SWITCHES, AUTOPILOT_MODE, AutopilotSwitch, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON,
+    COMMAND_SERVOS_ON, DatarefWrite, PAUSED,
 };
 use crate::error::BridgeError;
 
@@ -36,40 +37,65 @@ impl Simulator {
             .await
     }
 
-    /// Engages the autopilot on the landing system, command by command. The last ones are switches: sent while already on,
-    /// they would go off again, so that each is only repeated while its own state is off.
+    /// Engages the autopilot on the landing system, command by command, for a simulator whose link is served by itself: our plugin
+    /// does it, too, but once the aircraft is in the air. Most commands are buttons, which switch off what is on. So each is sent
+    /// only while its state is known to be off; a state that does not come is asked for again, not taken for off.
     pub(super) async fn engage_approach(&mut self) -> Result<(), BridgeError> {
-        for (at, (command, state)) in COMMANDS_APPROACH.into_iter().enumerate() {
-            let mut found = None;
+        for switch in APPROACH_SWITCHES {
+            let command = switch.command;
+            let mut found = self.state_of(&switch, false).await?;
             for _ in 0..ATTEMPTS {
-                self.command(command).await?;
-                let deadline = Instant::now() + EFFECT_TIMEOUT;
-                let is_on = |value: Option<f32>| value.is_some_and(|value| value != 0.0);
-                found = self
-                    .udp
-                    .read_until(&[state], deadline, |values| is_on(values[0]))
-                    .await?[0];
-                if is_on(found) {
-                    break;
+                match found.0 {
+                    Some(true) => break,
+                    Some(false) => {
+                        self.command(command).await?;
+                        found = self.state_of(&switch, true).await?;
+                    }
+                    None => found = self.state_of(&switch, false).await?,
                 }
             }
             match found {
-                Some(value) if value != 0.0 => {}
+                (Some(true), _) => {}
                 // The servos are certain; what an aircraft shows of the modes differs. The flight shows whether they are on.
-                _ if at > 0 => {
-                    tracing::warn!(command, state, ?found, "the autopilot does not show it");
+                (_, values) if command != COMMAND_SERVOS_ON => {
+                    tracing::warn!(command, ?values, "the autopilot does not show it");
                 }
-                _ => {
+                (_, values) => {
                     return Err(BridgeError::NotTaken {
-                        name: state.to_owned(),
+                        name: AUTOPILOT_MODE.to_owned(),
                         attempts: ATTEMPTS,
                         wanted: 2.0,
-                        found,
+                        found: values.first().copied().flatten(),
                     });
                 }
             }
         }
         Ok(())
+    }
+
+    /// Whether something of the autopilot is on, as far as can be read, and what was read. With `effect` it may take a moment until
+    /// it is; without, the first values that say it do.
+    async fn state_of(
+        &mut self,
+        switch: &AutopilotSwitch,
+        effect: bool,
+    ) -> Result<(Option<bool>, Vec<Option<f32>>), BridgeError> {
+        let names: Vec<&str> = switch.datarefs().collect();
+        let is_on = |values: &[Option<f32>]| {
+            switch.is_on(|name| {
+                let at = names.iter().position(|known| *known == name)?;
+                values.get(at).copied().flatten()
+            })
+        };
+        let deadline = Instant::now() + EFFECT_TIMEOUT;
+        let values = self
+            .udp
+            .read_until(&names, deadline, |values| match is_on(values) {
+                Some(false) => !effect,
+                on => on.is_some(),
+            })
+            .await?;
+        Ok((is_on(&values), values))
     }
 
     /// Does a command until a dataref shows its effect.

@@ -8,7 +8,9 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::time::interval;
 use xplane_bridge::datarefs::{
-    AIRCRAFT_ICAO, CAPTURE_PORT, COMMANDS_APPROACH, PAUSED, VERSION, WEATHER_SETTLE_S,
+    AIRCRAFT_ICAO, APPROACH_STATUS, AUTOPILOT_MODE, AUTOTHROTTLE, CAPTURE_PORT, COMMAND_APPROACH,
+    COMMAND_AUTOTHROTTLE_ON, COMMAND_GLIDE_SLOPE, COMMAND_NAV, COMMAND_SERVOS_ON,
+    GLIDE_SLOPE_STATUS, NAV_STATUS, PAUSED, VERSION, WEATHER_SETTLE_S,
 };
 use xplane_bridge::link::{
     Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
@@ -42,6 +44,17 @@ impl Told {
 
     pub(crate) fn set(&mut self, name: &str, value: f32) {
         self.datarefs.insert(name.to_owned(), value);
+    }
+
+    /// A button of the autopilot: on if it is off, off if it is on.
+    fn press(&mut self, status: &str) {
+        let on = self.datarefs.get(status).is_some_and(|value| *value > 0.0);
+        self.set(status, if on { 0.0 } else { 1.0 });
+    }
+
+    /// Whether a dataref reads above zero.
+    pub(crate) fn is_on(&self, name: &str) -> bool {
+        self.datarefs.get(name).is_some_and(|value| *value > 0.0)
     }
 
     fn set_icao(&mut self, icao: &str) {
@@ -135,13 +148,12 @@ fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, 
             match command.path.as_str() {
                 "sim/operation/pause_on" => told.set(PAUSED, 1.0),
                 "sim/operation/pause_off" => told.set(PAUSED, 0.0),
-                path => {
-                    if let Some((_, state)) =
-                        COMMANDS_APPROACH.iter().find(|(name, _)| *name == path)
-                    {
-                        told.set(state, 2.0);
-                    }
-                }
+                COMMAND_SERVOS_ON => told.set(AUTOPILOT_MODE, 2.0),
+                COMMAND_AUTOTHROTTLE_ON => told.set(AUTOTHROTTLE, 1.0),
+                COMMAND_NAV => told.press(NAV_STATUS),
+                COMMAND_GLIDE_SLOPE => told.press(GLIDE_SLOPE_STATUS),
+                COMMAND_APPROACH => told.press(APPROACH_STATUS),
+                _ => {}
             }
             told.commands.push(command.path);
         }

@@ -44,7 +44,20 @@ const ON_GROUND: &str = "sim/flightmodel/failures/onground_any";
 const ALTITUDE_DIAL_FT: &str = "sim/cockpit/autopilot/altitude";
 const FRAME_PERIOD: &str = "sim/operation/misc/frame_rate_period";
 const PAUSED: &str = "sim/time/paused";
-const ENGAGE_APPROACH: &str = "sim/autopilot/approach";
+const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
+const ENGINES_RUNNING: &str = "sim/flightmodel/engine/ENGN_running";
+const LOCAL_XYZ: [&str; 3] = [
+    "sim/flightmodel/position/local_x",
+    "sim/flightmodel/position/local_y",
+    "sim/flightmodel/position/local_z",
+];
+const LOCAL_VELOCITY: [&str; 3] = [
+    "sim/flightmodel/position/local_vx",
+    "sim/flightmodel/position/local_vy",
+    "sim/flightmodel/position/local_vz",
+];
+/// Commands of the autopilot begin so.
+const AUTOPILOT: &str = "sim/autopilot/";
 /// An aircraft that is faster flies, metres per second.
 const FLYING_MPS: f64 = 20.0;
 /// Where the local origin moves on demand: the corners of X-Plane's square of one degree are the farthest that it gets from the airport.
@@ -66,7 +79,7 @@ const fn read_only(name: &'static str, kind: Kind) -> Own {
 }
 
 /// Datarefs that are kept here: those in local coordinates, and those that only the plugin touches.
-const OWN: [Own; 22] = [
+const OWN: [Own; 25] = [
     own("sim/flightmodel/position/local_x", Kind::Double),
     own("sim/flightmodel/position/local_y", Kind::Double),
     own("sim/flightmodel/position/local_z", Kind::Double),
@@ -80,6 +93,17 @@ const OWN: [Own; 22] = [
     read_only(TRUE_AIRSPEED, Kind::Float),
     read_only("sim/flightmodel/position/indicated_airspeed", Kind::Float),
     read_only(ON_GROUND, Kind::Int),
+    // The flight's own time: the world's runs by the clock on the wall, frames here by their period.
+    read_only(FLIGHT_TIME_S, Kind::Float),
+    (
+        "sim/aircraft/engine/acf_num_engines",
+        Kind::Int,
+        None,
+        false,
+        2.0,
+    ),
+    // Parked, cold and dark.
+    (ENGINES_RUNNING, Kind::Int, Some(8), false, 0.0),
     read_only("sim/graphics/view/using_modern_driver", Kind::Int),
     read_only(
         "sim/graphics/scenery/async_scenery_load_in_progress",
@@ -102,6 +126,8 @@ pub(super) struct PluginScene {
     frame: LocalFrame,
     own: HashMap<&'static str, (Kind, bool, Vec<f64>)>,
     frames: u64,
+    /// All bits of [`FLIGHT_TIME_S`].
+    flight_time_s: f64,
     flight: Option<Playback>,
     move_origin_every_frames: Option<u32>,
 }
@@ -125,6 +151,7 @@ impl PluginScene {
             frame: LocalFrame::around(ON_THRESHOLD.position()),
             own: own.into(),
             frames: 0,
+            flight_time_s: 0.0,
             flight: None,
             move_origin_every_frames: options.move_origin_every_frames,
         };
@@ -147,10 +174,19 @@ impl PluginScene {
             }
             "command" => {
                 let path = text(0)?;
-                if path == ENGAGE_APPROACH {
-                    self.engage_approach();
+                if path.starts_with(AUTOPILOT) && !self.flies() {
+                    tracing::warn!(
+                        path,
+                        "ignored: the autopilot of an aircraft that does not fly"
+                    );
+                    return Some(json!(false));
                 }
                 json!(self.world.lock().command(path))
+            }
+            "place_user" => {
+                let position = place(vector()?);
+                self.begin_flight(position, number(3)?, number(4)?);
+                Value::Null
             }
             "world_to_local" => {
                 let [x, y, z] = self.frame.local(place(vector()?)).to_array();
@@ -244,19 +280,97 @@ impl PluginScene {
         self.frames
     }
 
-    /// One more frame of the flight, unless the flight model is stopped or there is a pause.
+    /// X-Plane's own start in the air: another flight, with the engines running.
+    fn begin_flight(&mut self, position: Geodetic, heading_true_deg: f64, speed_mps: f64) {
+        let (sin, cos) = heading_true_deg.to_radians().sin_cos();
+        self.flight = None;
+        self.flight_time_s = 0.0;
+        self.put(FLIGHT_TIME_S, 0.0);
+        if let Some((_, _, engines)) = self.own.get_mut(ENGINES_RUNNING) {
+            engines[..2].fill(1.0);
+        }
+        self.show(&FlightState {
+            time_s: 0.0,
+            pose: Pose {
+                latitude_deg: position.latitude_deg,
+                longitude_deg: position.longitude_deg,
+                altitude_msl_m: position.altitude_msl_m,
+                heading_true_deg,
+                pitch_deg: 0.0,
+                roll_deg: 0.0,
+            },
+            velocity_north_mps: speed_mps * cos,
+            velocity_east_mps: speed_mps * sin,
+            velocity_down_mps: 0.0,
+            true_airspeed_mps: speed_mps,
+            controls: self.controls(),
+            on_ground: false,
+        });
+    }
+
+    /// One more frame of the flight, unless the flight model is stopped or there is a pause: down the approach while the autopilot
+    /// flies by the landing system, and straight ahead else.
     fn fly_on(&mut self) {
-        let (period_s, stopped) = {
+        let (period_s, paused, stopped, engaged) = {
             let world = self.world.lock();
             let get = |name: &str| world.datarefs().get(name);
-            let stopped = get(PAUSED) != 0.0 || get(names::OVERRIDE_FLIGHT_MODEL) != 0.0;
-            (get(FRAME_PERIOD), stopped)
+            (
+                get(FRAME_PERIOD),
+                get(PAUSED) != 0.0,
+                get(names::OVERRIDE_FLIGHT_MODEL) != 0.0,
+                world.flies_approach(),
+            )
         };
+        if paused {
+            return;
+        }
+        self.flight_time_s += period_s;
+        self.put(FLIGHT_TIME_S, self.flight_time_s);
         if stopped {
             return;
         }
-        if let Some(state) = self.flight.as_mut().and_then(|f| f.advance(period_s)) {
-            self.show(&state);
+        if !engaged {
+            self.flight = None;
+        } else if self.flight.is_none() && self.flies() {
+            self.flight = Some(self.approach());
+        }
+        match self.flight.as_mut().and_then(|f| f.advance(period_s)) {
+            Some(state) => self.show(&state),
+            None if self.flies() => self.go_straight(period_s),
+            None => {}
+        }
+    }
+
+    /// Whether the aircraft is in the air, fast enough and with its engines running.
+    fn flies(&self) -> bool {
+        let speed_mps = self.vector(LOCAL_VELOCITY).length();
+        let free = self
+            .world
+            .lock()
+            .datarefs()
+            .get(names::OVERRIDE_FLIGHT_MODEL)
+            == 0.0;
+        free && speed_mps >= FLYING_MPS
+            && self.own(ENGINES_RUNNING)[0] != 0.0
+            && self.own(ON_GROUND)[0] == 0.0
+    }
+
+    fn go_straight(&mut self, elapsed_s: f64) {
+        let moved = self.vector(LOCAL_XYZ) + self.vector(LOCAL_VELOCITY) * elapsed_s;
+        for (name, value) in LOCAL_XYZ.into_iter().zip(moved.to_array()) {
+            self.put(name, value);
+        }
+    }
+
+    /// Three datarefs of the aircraft.
+    fn vector(&self, names: [&str; 3]) -> DVec3 {
+        DVec3::from_array(names.map(|name| self.own(name)[0]))
+    }
+
+    /// Sets all elements of a dataref that is kept here.
+    fn put(&mut self, name: &str, value: f64) {
+        if let Some((kind, _, values)) = self.own.get_mut(name) {
+            values.fill(kind.rounded(value));
         }
     }
 
@@ -274,28 +388,23 @@ impl PluginScene {
             flap_ratio,
             gear_ratio,
         } = state.controls;
+        let [east, up, south] = LOCAL_VELOCITY;
         for (name, value) in [
-            ("sim/flightmodel/position/local_vx", v.y),
-            ("sim/flightmodel/position/local_vy", -v.z),
-            ("sim/flightmodel/position/local_vz", -v.x),
+            (east, v.y),
+            (up, -v.z),
+            (south, -v.x),
             (TRUE_AIRSPEED, state.true_airspeed_mps),
             (ON_GROUND, f64::from(u8::from(state.on_ground))),
             ("sim/flightmodel2/controls/flap1_deploy_ratio", flap_ratio),
             ("sim/flightmodel2/gear/deploy_ratio", gear_ratio),
         ] {
-            if let Some((kind, _, values)) = self.own.get_mut(name) {
-                values.fill(kind.rounded(value));
-            }
+            self.put(name, value);
         }
     }
 
-    /// The autopilot takes over, if the aircraft flies.
-    fn engage_approach(&mut self) {
-        let speed = |axis: &str| self.own(&format!("{POSITION}local_v{axis}"))[0];
-        let speed_mps = DVec3::new(speed("x"), speed("y"), speed("z")).length();
-        if self.flight.is_some() || speed_mps < FLYING_MPS {
-            return;
-        }
+    /// The autopilot takes over from here. Without states, if the engine flies no such approach.
+    fn approach(&self) -> Playback {
+        let speed_mps = self.vector(LOCAL_VELOCITY).length();
         let pose = self.aircraft();
         let start = FlightStart {
             position: pose.position(),
@@ -305,10 +414,11 @@ impl PluginScene {
         let altitude_dial_ft = self.own(ALTITUDE_DIAL_FT)[0];
         let weather = self.world.lock().weather();
         let request = flight::request(start, scenery(), altitude_dial_ft);
-        match self.engine.fly(&request, &weather) {
-            Ok(states) => self.flight = Some(Playback::new(states)),
-            Err(reason) => tracing::warn!(reason, "the plugin's approach is not flown"),
-        }
+        let states = self.engine.fly(&request, &weather);
+        Playback::new(states.unwrap_or_else(|reason| {
+            tracing::warn!(reason, "the plugin's approach is not flown");
+            Vec::new()
+        }))
     }
 
     fn kind(&self, name: &str) -> Value {
@@ -342,7 +452,7 @@ impl PluginScene {
     }
 
     fn set(&mut self, name: &str, index: usize, value: f64) {
-        if name == "sim/flightmodel/position/local_x" {
+        if name == LOCAL_XYZ[0] {
             // Put somewhere else: whatever was flown before is over.
             self.flight = None;
         }

@@ -1,4 +1,8 @@
-//! What the autopilot's commands set, and whether it could fly an approach.
+//! The autopilot: what its commands switch, and whether it could fly an approach.
+//!
+//! Its modes are buttons, as in X-Plane: on if they are off, off if they are on. Two things are the stand-in's choice, since no source
+//! says them: that the button for the approach is the buttons for localizer and glide slope at once, and that both of them on, however
+//! they came to be, are the approach.
 
 use xplane_bridge::datarefs as names;
 use xplane_bridge::fly::FlyRequest;
@@ -6,42 +10,100 @@ use xplane_bridge::fly::FlyRequest;
 use super::World;
 use crate::datarefs::Datarefs;
 
-/// Commands, and the dataref that each sets.
-pub(super) const COMMANDS: &[(&str, &str, f64)] = &[
-    (names::COMMAND_SERVOS_ON, names::AUTOPILOT_MODE, 2.0),
-    ("sim/autopilot/servos_off", names::AUTOPILOT_MODE, 0.0),
+/// The altitude that is dialled: 0 off, 1 armed, 2 captured.
+const ALTITUDE_HOLD_STATUS: &str = "sim/cockpit2/autopilot/altitude_hold_status";
+/// The vertical speed that is dialled: 0 off, 1 armed, 2 captured.
+const VERTICAL_SPEED_STATUS: &str = "sim/cockpit2/autopilot/vvi_status";
+
+/// What a command does.
+#[derive(Debug, Clone, Copy)]
+enum Effect {
+    /// Sets a dataref, again and again to the same.
+    Set(&'static str, f64),
+    /// Switches a mode.
+    Toggle(&'static str),
+    /// Switches a mode, of which and another one at most is on.
+    ToggleInsteadOf(&'static str, &'static str),
+    /// Switches localizer and glide slope together.
+    ToggleApproach,
+}
+
+const EFFECTS: &[(&str, Effect)] = &[
     (
-        "sim/autopilot/autothrottle_on",
-        "sim/cockpit/autopilot/autothrottle_enabled",
-        1.0,
+        names::COMMAND_SERVOS_ON,
+        Effect::Set(names::AUTOPILOT_MODE, 2.0),
     ),
     (
-        "sim/autopilot/NAV",
-        "sim/cockpit2/autopilot/nav_status",
-        1.0,
+        "sim/autopilot/servos_off",
+        Effect::Set(names::AUTOPILOT_MODE, 0.0),
     ),
     (
-        "sim/autopilot/glide_slope",
-        "sim/cockpit2/autopilot/glideslope_status",
-        1.0,
+        names::COMMAND_AUTOTHROTTLE_ON,
+        Effect::Set(names::AUTOTHROTTLE, 1.0),
+    ),
+    (names::COMMAND_NAV, Effect::Toggle(names::NAV_STATUS)),
+    (
+        names::COMMAND_GLIDE_SLOPE,
+        Effect::Toggle(names::GLIDE_SLOPE_STATUS),
+    ),
+    (names::COMMAND_APPROACH, Effect::ToggleApproach),
+    (
+        "sim/autopilot/altitude_hold",
+        Effect::ToggleInsteadOf(ALTITUDE_HOLD_STATUS, VERTICAL_SPEED_STATUS),
     ),
     (
-        "sim/autopilot/approach",
-        "sim/cockpit2/autopilot/approach_status",
-        1.0,
+        "sim/autopilot/vertical_speed",
+        Effect::ToggleInsteadOf(VERTICAL_SPEED_STATUS, ALTITUDE_HOLD_STATUS),
     ),
 ];
 
+/// All commands of the autopilot.
+pub(super) fn commands() -> impl Iterator<Item = &'static str> {
+    EFFECTS.iter().map(|&(path, _)| path)
+}
+
 /// Does a command of the autopilot; says whether it is one.
 pub(super) fn command(datarefs: &mut Datarefs, path: &str) -> bool {
-    let known = COMMANDS.iter().find(|(command, ..)| *command == path);
-    if let Some(&(_, dataref, value)) = known {
-        datarefs.set(dataref, value);
+    let Some(&(_, effect)) = EFFECTS.iter().find(|(command, _)| *command == path) else {
+        return false;
+    };
+    let number = |on: bool| if on { 1.0 } else { 0.0 };
+    match effect {
+        Effect::Set(dataref, value) => datarefs.set(dataref, value),
+        Effect::Toggle(mode) => datarefs.set(mode, number(!is_on(datarefs, mode))),
+        Effect::ToggleInsteadOf(mode, other) => {
+            let on = !is_on(datarefs, mode);
+            datarefs.set(mode, number(on));
+            if on {
+                datarefs.set(other, 0.0);
+            }
+        }
+        Effect::ToggleApproach => {
+            let on = number(!follows_landing_system(datarefs));
+            datarefs.set(names::NAV_STATUS, on);
+            datarefs.set(names::GLIDE_SLOPE_STATUS, on);
+        }
     }
-    known.is_some()
+    let approach = number(follows_landing_system(datarefs));
+    datarefs.set(names::APPROACH_STATUS, approach);
+    true
+}
+
+fn is_on(datarefs: &Datarefs, mode: &str) -> bool {
+    datarefs.get(mode) > 0.0
+}
+
+fn follows_landing_system(datarefs: &Datarefs) -> bool {
+    is_on(datarefs, names::NAV_STATUS) && is_on(datarefs, names::GLIDE_SLOPE_STATUS)
 }
 
 impl World {
+    /// Whether the autopilot flies by localizer and glide slope.
+    pub(in crate::server) fn flies_approach(&self) -> bool {
+        let datarefs = self.datarefs();
+        datarefs.get(names::AUTOPILOT_MODE) == 2.0 && follows_landing_system(datarefs)
+    }
+
     /// Refuses a flight that X-Plane's autopilot could not fly: it must be engaged, with the receiver on the landing system.
     pub(in crate::server) fn check_autopilot(&self, request: &FlyRequest) -> Result<(), String> {
         let datarefs = self.datarefs();
@@ -50,6 +112,14 @@ impl World {
             return Err(format!(
                 "the autopilot is off ({} is {mode}, expected 2)",
                 names::AUTOPILOT_MODE
+            ));
+        }
+        if let Some(off) = [names::NAV_STATUS, names::GLIDE_SLOPE_STATUS]
+            .into_iter()
+            .find(|mode| !is_on(datarefs, mode))
+        {
+            return Err(format!(
+                "the autopilot does not follow the landing system ({off} is 0, expected 1 or 2)"
             ));
         }
         let tuned = datarefs.get(names::NAV1_FREQUENCY);

@@ -105,6 +105,9 @@ fn without_autopilot_or_tuned_receiver_nothing_flies() {
             .contains("autopilot is off")
     );
     world.command(names::COMMAND_SERVOS_ON);
+    let modes_off = world.check_autopilot(&request).unwrap_err();
+    assert!(modes_off.contains("nav_status is 0"), "{modes_off}");
+    world.command(names::COMMAND_APPROACH);
     assert!(
         world
             .check_autopilot(&request)
@@ -113,6 +116,50 @@ fn without_autopilot_or_tuned_receiver_nothing_flies() {
     );
     world.write(names::NAV1_FREQUENCY, 11_090.0).unwrap();
     assert_eq!(world.check_autopilot(&request), Ok(()));
+    // Pressed once more, the button switches off.
+    world.command(names::COMMAND_APPROACH);
+    assert!(world.check_autopilot(&request).is_err());
+}
+
+#[test]
+fn buttons_of_the_autopilot_switch_off_what_is_on_and_servos_stay_on() {
+    let mut world = world();
+    let on = |world: &World| {
+        [
+            names::NAV_STATUS,
+            names::GLIDE_SLOPE_STATUS,
+            names::APPROACH_STATUS,
+        ]
+        .map(|mode| world.read(mode) > 0.0)
+    };
+    for _ in 0..2 {
+        world.command(names::COMMAND_SERVOS_ON);
+        world.command(names::COMMAND_AUTOTHROTTLE_ON);
+    }
+    assert_eq!(
+        [names::AUTOPILOT_MODE, names::AUTOTHROTTLE].map(|name| world.read(name)),
+        [2.0, 1.0]
+    );
+    world.command(names::COMMAND_NAV);
+    assert_eq!(on(&world), [true, false, false]);
+    world.command(names::COMMAND_GLIDE_SLOPE);
+    assert_eq!(on(&world), [true, true, true]);
+    world.command(names::COMMAND_NAV);
+    assert_eq!(on(&world), [false, true, false]);
+    world.command(names::COMMAND_APPROACH);
+    assert_eq!(on(&world), [true, true, true]);
+    world.command(names::COMMAND_APPROACH);
+    assert_eq!(on(&world), [false, false, false]);
+    // Of the vertical modes one is on.
+    let vertical = |world: &World| {
+        ["altitude_hold_status", "vvi_status"]
+            .map(|mode| world.read(&format!("sim/cockpit2/autopilot/{mode}")))
+    };
+    world.command("sim/autopilot/altitude_hold");
+    world.command("sim/autopilot/vertical_speed");
+    assert_eq!(vertical(&world), [0.0, 1.0]);
+    world.command("sim/autopilot/vertical_speed");
+    assert_eq!(vertical(&world), [0.0, 0.0]);
 }
 
 fn air_start() -> PlaceAtStart {
