@@ -10,6 +10,7 @@ use generator::generate::Simulators;
 use generator::shard::Shard;
 use mock_xplane::server::Faults;
 use store::{Place, StoreUrl};
+use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
 use xplane_bridge::tape::FramesKept;
@@ -367,12 +368,12 @@ pub(crate) struct MockXplaneArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DoctorArgs {
-    /// X-Plane's UDP address; without it, where its beacon says, or 127.0.0.1:49000
-    #[arg(long, value_name = "HOST:PORT")]
+    /// X-Plane's UDP address; without it or with `auto`, where its beacon says, or 127.0.0.1:49000
+    #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: Option<String>,
-    /// Address of X-Plane 12's Web API; without it, port 8086 of the same computer
-    #[arg(long, value_name = "HOST:PORT")]
-    pub(crate) web_api: Option<SocketAddr>,
+    /// Address of X-Plane 12's Web API; without it, what DTD_WEB_API says, or port 8086 if X-Plane runs on this computer
+    #[arg(long, value_name = "HOST:PORT|off")]
+    pub(crate) web_api: Option<WebApiPlace>,
     /// Print the checks as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -380,8 +381,8 @@ pub(crate) struct DoctorArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RecordArgs {
-    /// X-Plane's UDP address
-    #[arg(long, value_name = "HOST:PORT")]
+    /// X-Plane's UDP address, or `auto` for the X-Plane that announces itself on the network
+    #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: String,
     /// The tape to write. A file that is there already is never overwritten
     #[arg(long, value_name = "FILE.mcap", value_parser = folder())]

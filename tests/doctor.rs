@@ -8,18 +8,19 @@ use serde_json::Value;
 struct StandIn {
     child: Child,
     udp: String,
+    /// Empty of an X-Plane 11.
+    web_api: String,
 }
 
 impl StandIn {
     fn start(arguments: &[&str]) -> Self {
+        Self::announced(&[arguments, &["--no-beacon"]].concat())
+    }
+
+    /// With its beacon.
+    fn announced(arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_dtd"))
-            .args([
-                "mock-xplane",
-                "--port",
-                "0",
-                "--no-beacon",
-                "--until-stdin-ends",
-            ])
+            .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
             .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -30,8 +31,12 @@ impl StandIn {
             .read_line(&mut line)
             .unwrap();
         let ready: Value = serde_json::from_str(&line).unwrap();
-        let udp = ready["udp"].as_str().unwrap().to_owned();
-        Self { child, udp }
+        let address = |key: &str| ready[key].as_str().unwrap_or_default().to_owned();
+        Self {
+            child,
+            udp: address("udp"),
+            web_api: address("web_api"),
+        }
     }
 }
 
@@ -41,22 +46,43 @@ impl Drop for StandIn {
     }
 }
 
-/// Exit code and checks of `dtd doctor`.
-fn examined(sim: &str) -> (Option<i32>, Vec<Value>) {
-    let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(["doctor", "--json", "--sim", sim, "--web-api", "127.0.0.1:9"])
-        .output()
-        .unwrap();
+/// `dtd doctor` with these arguments, on a machine that says nothing of a Web API and has no screen.
+fn doctor(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
+    command
+        .args(["doctor", "--json"])
+        .args(arguments)
+        .env_remove("DTD_WEB_API")
+        .env_remove("DISPLAY");
+    command
+}
+
+/// Exit code and checks of a `dtd doctor`.
+fn outcome(mut command: Command) -> (Option<i32>, Vec<Value>) {
+    let output = command.output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
-    let checks = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}"));
+    let checks = serde_json::from_str(&said).unwrap_or_else(|_| {
+        panic!("{said}{}", String::from_utf8_lossy(&output.stderr));
+    });
     (output.status.code(), checks)
 }
 
-fn verdict<'a>(checks: &'a [Value], name: &str) -> &'a str {
+/// Of a simulator whose Web API is not where it is looked for.
+fn examined(sim: &str) -> (Option<i32>, Vec<Value>) {
+    outcome(doctor(&["--sim", sim, "--web-api", "127.0.0.1:9"]))
+}
+
+fn check<'a>(checks: &'a [Value], name: &str) -> &'a Value {
     let found = checks.iter().find(|check| check["name"] == name);
-    found.unwrap_or_else(|| panic!("no check {name}: {checks:?}"))["verdict"]
-        .as_str()
-        .unwrap()
+    found.unwrap_or_else(|| panic!("no check {name}: {checks:?}"))
+}
+
+fn found<'a>(checks: &'a [Value], name: &str) -> &'a str {
+    check(checks, name)["found"].as_str().unwrap()
+}
+
+fn verdict<'a>(checks: &'a [Value], name: &str) -> &'a str {
+    check(checks, name)["verdict"].as_str().unwrap()
 }
 
 const POINTS: [&str; 9] = [
@@ -149,5 +175,175 @@ fn every_point_that_is_not_well_comes_with_a_hint() {
     for check in &checks {
         let needs_hint = matches!(check["verdict"].as_str().unwrap(), "warning" | "failed");
         assert_eq!(check["hint"].is_string(), needs_hint, "{check}");
+    }
+}
+
+#[test]
+fn our_own_plugin_is_found_well_although_nobody_knows_where_its_window_lies() {
+    // X-Plane 12 has its pictures on the screen only, and there is none here.
+    for (generation, window) in [("11", "ok"), ("12", "warning")] {
+        let simulator = StandIn::start(&[
+            "--xplane",
+            generation,
+            "--plugin",
+            "xplane-bridge/plugin",
+            "--plugin-window",
+            "480x300",
+        ]);
+        let (code, checks) = examined(&simulator.udp);
+        for check in &checks {
+            assert_ne!(
+                check["verdict"], "failed",
+                "X-Plane {generation}: {checks:#?}"
+            );
+        }
+        assert_eq!(code, Some(0));
+        for name in POINTS {
+            assert_eq!(
+                verdict(&checks, name),
+                "ok",
+                "X-Plane {generation}: {checks:#?}"
+            );
+        }
+        assert_eq!(verdict(&checks, "window"), window, "{checks:#?}");
+        assert!(found(&checks, "window").contains("480x300"), "{checks:#?}");
+        let unseen = found(&checks, "lockstep").contains("was not seen");
+        assert_eq!(unseen, generation == "12", "{checks:#?}");
+    }
+}
+
+#[test]
+fn a_web_api_is_well_only_if_it_is_that_of_this_simulator_with_a_flight_loaded() {
+    let one = StandIn::start(&[]);
+    let other = StandIn::start(&[]);
+    let menu = StandIn::start(&["--main-menu"]);
+    for (sim, web_api, expected, words) in [
+        (&one, &one.web_api, "ok", "the same simulator"),
+        (&one, &other.web_api, "warning", "of another simulator"),
+        (&menu, &menu.web_api, "warning", "no flight is loaded"),
+    ] {
+        let (_, checks) = outcome(doctor(&["--sim", &sim.udp, "--web-api", web_api]));
+        assert_eq!(verdict(&checks, "web api"), expected, "{checks:#?}");
+        assert!(found(&checks, "web api").contains(words), "{checks:#?}");
+    }
+}
+
+#[test]
+fn what_reads_zero_is_listed_unless_the_web_api_knows_the_name() {
+    let simulator = StandIn::start(&[]);
+    let (_, checks) = examined(&simulator.udp);
+    let without = found(&checks, "datarefs readable");
+    assert!(
+        without.contains("cannot be told") && without.contains("sim/time/paused"),
+        "{without}"
+    );
+    let (_, checks) = outcome(doctor(&[
+        "--sim",
+        &simulator.udp,
+        "--web-api",
+        &simulator.web_api,
+    ]));
+    let with = found(&checks, "datarefs readable");
+    assert!(
+        with.contains("known to the Web API") && !with.contains("cannot be told"),
+        "{with}"
+    );
+    assert_eq!(verdict(&checks, "datarefs readable"), "ok");
+}
+
+#[test]
+fn the_environment_says_where_the_web_api_is_by_name_too_and_what_it_cannot_say_is_refused() {
+    let simulator = StandIn::start(&[]);
+    let with = |place: &str| {
+        let mut command = doctor(&["--sim", &simulator.udp]);
+        command.env("DTD_WEB_API", place);
+        command
+    };
+    let (_, port) = simulator.web_api.rsplit_once(':').unwrap();
+    let (_, checks) = outcome(with(&format!("localhost:{port}")));
+    assert_eq!(verdict(&checks, "web api"), "ok", "{checks:#?}");
+    let (_, checks) = outcome(with("off"));
+    assert_eq!(verdict(&checks, "web api"), "skipped", "{checks:#?}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let mut generate = Command::new(env!("CARGO_BIN_EXE_dtd"));
+    generate
+        .args(["generate", "demo.toml", "--sim", &simulator.udp, "--out"])
+        .arg(folder.path())
+        .env("DTD_WEB_API", "localhost");
+    for mut command in [with("localhost"), generate] {
+        let output = command.output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        for word in ["DTD_WEB_API", "\"localhost\"", "expected HOST:PORT"] {
+            assert!(said.contains(word), "{said}");
+        }
+    }
+}
+
+#[test]
+fn a_web_api_that_refuses_tells_that_incoming_connections_are_off_without_a_beacon() {
+    let simulator = StandIn::start(&["--incoming-off"]);
+    let (code, checks) = outcome(doctor(&[
+        "--sim",
+        &simulator.udp,
+        "--web-api",
+        &simulator.web_api,
+    ]));
+    assert_eq!(code, Some(1));
+    assert_ne!(verdict(&checks, "beacon"), "ok");
+    assert!(
+        found(&checks, "udp").contains("refuses (403)"),
+        "{checks:#?}"
+    );
+    let hint = check(&checks, "udp")["hint"].as_str().unwrap();
+    assert!(
+        hint.starts_with("It is there, but takes nothing") && hint.contains("Accept incoming"),
+        "{hint}"
+    );
+}
+
+#[test]
+fn auto_is_the_simulator_that_announces_itself_for_the_doctor_and_the_recorder_too() {
+    // Other tests' stand-ins may announce themselves as well: then both say so.
+    let simulator = StandIn::announced(&["--beacon-name", "auto-test"]);
+    let (_, checks) = outcome(doctor(&["--sim", "auto", "--web-api", "off"]));
+    let beacon = found(&checks, "beacon");
+    let (_, port) = simulator.udp.rsplit_once(':').unwrap();
+    assert!(beacon.contains(port), "{beacon}");
+
+    let folder = tempfile::tempdir().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
+        .args(["record", "--sim", "auto", "--port", "0"])
+        .arg("--until-stdin-ends")
+        .arg("--out")
+        .arg(folder.path().join("tape.mcap"))
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(said.contains(port), "{said}");
+    let expected = if said.contains("several simulators") {
+        2
+    } else {
+        0
+    };
+    assert_eq!(output.status.code(), Some(expected), "{said}");
+}
+
+#[test]
+fn what_is_no_simulator_is_refused_with_what_would_do() {
+    for verb in [&["doctor"][..], &["record", "--out", "never.mcap"]] {
+        let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
+            .args(verb)
+            .args(["--sim", "nowhere"])
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(
+            said.contains("neither `auto` nor HOST:PORT") && said.contains("nowhere"),
+            "{said}"
+        );
     }
 }

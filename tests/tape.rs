@@ -254,7 +254,11 @@ fn a_killed_recorder_leaves_a_tape_that_reads() {
         let datagram = ToSimulator::WriteDataref(write).encode().unwrap();
         client.send_to(&datagram, &recorder.udp).unwrap();
         let mut buffer = [0; 1_024];
-        let length = simulator.recv(&mut buffer).unwrap();
+        let mut length = simulator.recv(&mut buffer).unwrap();
+        // The recorder's own question whether anybody is there, which is on no tape.
+        while buffer.starts_with(b"RREF") || buffer.starts_with(b"RPOS") {
+            length = simulator.recv(&mut buffer).unwrap();
+        }
         assert_eq!(buffer[..length], datagram, "not as it was sent");
     }
     // What is on the tape gets into the file within a second or so; the machine may be busy.
@@ -273,4 +277,62 @@ fn a_killed_recorder_leaves_a_tape_that_reads() {
     recorder.child.kill().unwrap();
     recorder.child.wait().unwrap();
     assert_eq!(read(), (WRITES, false));
+}
+
+/// The next line with these words.
+fn line_with(lines: &mut impl BufRead, words: &str) -> String {
+    let mut before = Vec::new();
+    for line in lines.lines().map_while(Result::ok) {
+        if line.contains(words) {
+            return line;
+        }
+        before.push(line);
+    }
+    panic!("no {words:?} in {before:?}")
+}
+
+#[test]
+fn a_recorder_in_front_of_nobody_says_so_at_the_start_and_at_the_end() {
+    let folder = tempfile::tempdir().unwrap();
+    // A port that was free a moment ago.
+    let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr();
+    let free = free.unwrap().to_string();
+    for (client_speaks, at_the_end) in [
+        (false, "the tape is empty: no client spoke to the recorder"),
+        (true, "nothing came back from"),
+    ] {
+        let tape = folder.path().join(format!("{client_speaks}.mcap"));
+        let mut recorder = Command::new(env!("CARGO_BIN_EXE_dtd"))
+            .args(["record", "--sim", &free, "--out", text(&tape)])
+            .args(["--port", "0", "--until-stdin-ends"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut said = BufReader::new(recorder.stdout.take().unwrap());
+        let mut warnings = BufReader::new(recorder.stderr.take().unwrap());
+        let mut line = String::new();
+        said.read_line(&mut line).unwrap();
+        let ready: Value = serde_json::from_str(&line).unwrap();
+        // Still recording: it is ready, and the warning comes later.
+        let early = line_with(&mut warnings, "nobody answers at");
+        assert!(early.contains(&free), "{early}");
+        if client_speaks {
+            let client = UdpSocket::bind("127.0.0.1:0").unwrap();
+            let write = WriteDataref {
+                path: "sim/time/zulu_time_sec".into(),
+                value: 1.0,
+            };
+            let datagram = ToSimulator::WriteDataref(write).encode().unwrap();
+            client
+                .send_to(&datagram, ready["udp"].as_str().unwrap())
+                .unwrap();
+            sleep(Duration::from_millis(500));
+        }
+        drop(recorder.stdin.take());
+        line_with(&mut warnings, at_the_end);
+        assert!(recorder.wait().unwrap().success());
+        assert!(tape.is_file());
+    }
 }

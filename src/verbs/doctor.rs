@@ -1,9 +1,10 @@
 //! `dtd doctor`: a live connection examined point by point.
 
+use xplane_bridge::WebApiPlace;
 use xplane_bridge::doctor::{Check, Patient, Verdict, examine};
 
 use super::Outcome;
-use super::address::address;
+use super::address::simulator;
 use super::async_runtime::async_runtime;
 use super::output::print_json;
 use crate::args::DoctorArgs;
@@ -11,11 +12,19 @@ use crate::failure::{Ending, Failure};
 
 /// Runs the verb. Fails if a check does.
 pub(crate) fn run(args: &DoctorArgs) -> Outcome {
-    let sim = args.sim.as_deref().map(address).transpose()?;
-    let mut patient = Patient::at(sim);
-    if let Some(web_api) = args.web_api {
-        patient.web_api = web_api;
-    }
+    // Without an address, whoever announces itself is examined.
+    let address = match &args.sim {
+        Some(text) => simulator(text)?,
+        None => None,
+    };
+    let web_api = match args.web_api {
+        Some(place) => place,
+        None => WebApiPlace::from_environment().map_err(Failure::bad_input)?,
+    };
+    let patient = Patient {
+        web_api,
+        ..Patient::at(address)
+    };
     let mut show = |check: &Check| {
         if !args.json {
             print(check);

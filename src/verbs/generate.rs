@@ -14,6 +14,7 @@ use generator::shard::Shard;
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
 use store::{CorpusStore, Place};
+use xplane_bridge::WebApiPlace;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 use super::Outcome;
@@ -165,6 +166,8 @@ pub(crate) fn generate(
     corpus: &Path,
     options: &GenerateOptions,
 ) -> Result<Generated, Failure> {
+    // A simulator that cannot be connected to is waited for; a variable that is wrong stays so.
+    WebApiPlace::from_environment().map_err(Failure::bad_input)?;
     let mut show = ShowEvents::new();
     let cancel = Cancel::default();
     let stoppable = signals::in_good_order(&cancel);

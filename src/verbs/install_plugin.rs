@@ -26,6 +26,9 @@ pub(crate) fn run(args: &InstallPluginArgs) -> Outcome {
         count(FileChange::Unchanged),
         count(FileChange::Removed),
     );
+    for warning in &report.warnings {
+        println!("warning: {warning}");
+    }
     for (number, step) in report.next_steps.iter().enumerate() {
         println!("{}. {step}", number + 1);
     }

@@ -1,20 +1,33 @@
 //! `dtd record`: a session with X-Plane on a tape.
 
+use std::net::SocketAddr;
+use std::time::Duration;
+
 use generator::generate::Cancel;
-use xplane_bridge::tape::{RecordOptions, record};
+use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::tape::{RecordOptions, TapeSummary, record};
+use xplane_bridge::{BridgeError, somebody_answers};
 
 use super::Outcome;
-use super::address::address;
+use super::address::simulator;
 use super::async_runtime::async_runtime;
 use super::stdin_ended::stdin_ended;
 use crate::args::RecordArgs;
 use crate::failure::{Ending, Failure};
 use crate::signals;
 
+/// How long a simulator that is there may take to answer.
+const ANSWER_WITHIN: Duration = Duration::from_secs(2);
+
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &RecordArgs) -> Outcome {
+    let runtime = async_runtime()?;
+    let address = match simulator(&args.sim)? {
+        Some(address) => address,
+        None => runtime.block_on(announced())?,
+    };
     let options = RecordOptions {
-        simulator: address(&args.sim)?,
+        simulator: address,
         bind: args.bind,
         port: args.port,
         out: args.out.clone(),
@@ -22,7 +35,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
     };
     let cancel = Cancel::new();
     let _in_good_order = signals::in_good_order(&cancel);
-    let recorded = async_runtime()?.block_on(async {
+    let recorded = runtime.block_on(async {
         let stop = async {
             tokio::select! {
                 () = cancel.turned() => {}
@@ -33,12 +46,19 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
             Ok(line) => println!("{line}"),
             Err(error) => tracing::error!("cannot print the addresses: {error}"),
         };
-        record(options, ready, stop).await
+        let recording = record(options, ready, stop);
+        tokio::pin!(recording);
+        tokio::select! {
+            recorded = &mut recording => return recorded,
+            () = look_for(address) => {}
+        }
+        recording.await
     });
     let summary = recorded.map_err(|error| match error {
         error if error.is_bad_input() => Failure::bad_input(error),
         error => error.into(),
     })?;
+    warn_of_silence(&summary, address);
     eprintln!(
         "recorded {} messages, {:.1} MB: {}",
         summary.messages,
@@ -46,4 +66,39 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         summary.path.display()
     );
     Ok(Ending::Done)
+}
+
+/// Where the one simulator is that announces itself.
+async fn announced() -> Result<SocketAddr, Failure> {
+    match the_announced(DISCOVERY_TIMEOUT).await {
+        Ok(one) => {
+            eprintln!("record: the simulator at {}", one.address);
+            Ok(one.address)
+        }
+        Err(error @ BridgeError::SeveralAnnounced { .. }) => Err(Failure::bad_input(error)),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Says so if nobody answers there: a wrong address would otherwise show in an empty tape only. Asked beside the recorder, so that
+/// the question is on no tape.
+async fn look_for(address: SocketAddr) {
+    if !somebody_answers(address, ANSWER_WITHIN).await {
+        eprintln!(
+            "warning: nobody answers at {address} (UDP) yet. What clients send is recorded, and what comes back once X-Plane runs there with \
+             Settings > Network > \"Accept incoming connections\" on; is it the right address?"
+        );
+    }
+}
+
+fn warn_of_silence(summary: &TapeSummary, address: SocketAddr) {
+    if summary.messages == 0 {
+        eprintln!(
+            "warning: the tape is empty: no client spoke to the recorder. Clients must be given its address, not X-Plane's"
+        );
+    } else if summary.from_simulator == 0 {
+        eprintln!(
+            "warning: nothing came back from {address}: the tape has clients' questions only, and can answer none"
+        );
+    }
 }

@@ -188,6 +188,13 @@ link(
     },
 )
 link(
+    "link_hello_answer_size", "the same, of a plugin that knows how large its window is, but not where it lies",
+    {
+        "message": "hello", "name": "X-Plane", "version": "12.4.0", "plugin": "dtd_bridge 0.1.0", "pixels": ["screen"],
+        "window": None, "drawn_size": {"width_px": 1920, "height_px": 1280},
+    },
+)
+link(
     "link_hello_answer_memory", "the same, of a simulator that can draw into the client's memory",
     {
         "message": "hello", "name": "mock-xplane", "version": "12.4.0", "plugin": None, "pixels": ["link"], "window": None,

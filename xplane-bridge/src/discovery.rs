@@ -68,7 +68,10 @@ pub async fn the_announced(time: Duration) -> Result<Announced, BridgeError> {
 
 /// Of all that were heard, the one that flies. A simulator on this computer may be heard under two of its addresses, each
 /// with the same port and name; the loopback one is preferred.
-fn choose(mut heard: Vec<Announced>, waited: Duration) -> Result<Announced, BridgeError> {
+pub(crate) fn choose(
+    mut heard: Vec<Announced>,
+    waited: Duration,
+) -> Result<Announced, BridgeError> {
     heard.retain(|one| one.beacon.host == HOST_X_PLANE && one.beacon.role == ROLE_MASTER);
     heard.sort_by_key(|one| !one.address.ip().is_loopback());
     let mut different: Vec<Announced> = Vec::new();

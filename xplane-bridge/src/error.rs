@@ -10,6 +10,16 @@ use crate::pixels::PixelError;
 /// Why the simulator could not be made to do something.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
+    /// The environment says something that cannot be understood.
+    #[error("the environment variable {name} is {found:?}: {why}")]
+    BadVariable {
+        /// Which variable.
+        name: &'static str,
+        /// What it is.
+        found: String,
+        /// Why that is nothing, and what would do.
+        why: String,
+    },
     /// Nothing came back over UDP.
     #[error(
         "no simulator answered at {address} (UDP) within {waited:.1?}. Is X-Plane running, is Settings > Network > \

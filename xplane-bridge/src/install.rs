@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-pub use found::{Found, Version};
+pub use found::{Found, Version, XpPython3};
 
 /// A file of `plugin/`: its name and its text.
 macro_rules! plugin_file {
@@ -138,8 +138,10 @@ pub struct InstalledFile {
 pub struct InstallReport {
     /// Version of X-Plane.
     pub xplane: String,
-    /// Version of XPPython3; `None` if it has never run.
+    /// Version of XPPython3; `None` if it has never run, or does not say.
     pub xppython3: Option<String>,
+    /// What may keep the plugin from working.
+    pub warnings: Vec<String>,
     /// The plugin's files.
     pub files: Vec<InstalledFile>,
     /// What a person still has to do, in this order.
@@ -167,7 +169,8 @@ pub fn install_plugin(folder: &Path) -> Result<InstallReport, InstallError> {
         .any(|file| file.change != FileChange::Unchanged);
     Ok(InstallReport {
         xplane: found.xplane.to_string(),
-        xppython3: found.xppython3.as_ref().map(ToString::to_string),
+        xppython3: found.xppython3.version().map(ToString::to_string),
+        warnings: found.warnings(),
         next_steps: found.next_steps(changed),
         files,
     })

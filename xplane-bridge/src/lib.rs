@@ -25,5 +25,5 @@ pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{
     CONNECT_TIMEOUT, ConnectOptions, LINK_TOKEN_VARIABLE, SETTLE_FRAMES, SHARED_MEMORY_VARIABLE,
-    Simulator, SimulatorDescription, WEB_API_VARIABLE,
+    Simulator, SimulatorDescription, WEB_API_VARIABLE, WebApiPlace, somebody_answers,
 };

@@ -14,7 +14,7 @@ mod wire;
 
 pub(crate) use capture::rgb_bytes;
 pub use capture::{CaptureRequest, CapturedFrame, Deliver, FrameHeader, MAX_PICTURE_SIDE_PX};
-pub use description::{PixelKind, SimulatorWindow};
+pub use description::{PictureSize, PixelKind, SimulatorWindow};
 pub use flight::{FLIGHT_COLUMNS, decode_flight, encode_flight};
 pub use message::{Answer, Request};
 pub use picture_bytes::PictureBytes;

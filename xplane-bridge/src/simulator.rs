@@ -5,7 +5,9 @@
 
 mod commands;
 mod conditions;
+mod connect_options;
 pub mod doctor;
+mod find_web_api;
 mod flight_start;
 mod link_client;
 mod pictures;
@@ -29,13 +31,17 @@ use crate::error::BridgeError;
 use crate::fly::FlyRequest;
 use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
-    PictureBytes, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
+    PictureBytes, PictureSize, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
 };
 use crate::pixels::{Payload, PixelSource};
-use crate::web_api::{self, WebApi};
+use crate::web_api::WebApi;
+pub use connect_options::{
+    ConnectOptions, LINK_TOKEN_VARIABLE, SHARED_MEMORY_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
+};
 use link_client::LinkClient;
 use sharing::Sharing;
 use udp::UdpClient;
+pub use udp::somebody_answers;
 use vigil::Vigil;
 
 /// How long [`Simulator::connect`] may reasonably wait.
@@ -49,47 +55,9 @@ const WEATHER_SETTLE_S: f32 = 15.0;
 /// What is left of the time to connect for opening the capture link, once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
 
-/// Environment variable with the token of a capture link that is open to other machines.
-pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
 /// Frames that X-Plane draws with a new pose and camera before the one that counts, unless told otherwise: what is written
 /// in one frame is drawn in the next, and shadows and effects follow one later.
 pub const SETTLE_FRAMES: u32 = 3;
-
-/// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to do without it.
-pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
-
-/// Environment variable that, when it is `off`, has every picture travel over the capture link.
-pub const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
-
-/// What to know of a simulator besides its address.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct ConnectOptions {
-    /// The token that a capture link open to other machines demands.
-    pub token: Option<String>,
-    /// Where X-Plane 12's Web API is, if it may be used. It is used if the same simulator answers there.
-    pub web_api: Option<SocketAddr>,
-    /// Whether every picture has to travel over the link, although the simulator could draw it into memory of ours.
-    pub no_shared_memory: bool,
-}
-
-impl ConnectOptions {
-    /// What the environment says ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`], [`SHARED_MEMORY_VARIABLE`]), or else what X-Plane does: it serves its Web
-    /// API on its own computer only, so that it is looked for if `address` is this one.
-    pub fn from_environment(address: SocketAddr) -> Self {
-        let web_api = match std::env::var(WEB_API_VARIABLE) {
-            Ok(place) => place.parse().ok(),
-            Err(_) => address
-                .ip()
-                .is_loopback()
-                .then_some(web_api::DEFAULT_ADDRESS),
-        };
-        Self {
-            token: std::env::var(LINK_TOKEN_VARIABLE).ok(),
-            web_api,
-            no_shared_memory: std::env::var(SHARED_MEMORY_VARIABLE).is_ok_and(|word| word == "off"),
-        }
-    }
-}
 
 /// Who is at the other end.
 #[derive(Debug, Clone, PartialEq)]
@@ -106,6 +74,8 @@ pub struct SimulatorDescription {
     pub pixels: Vec<PixelKind>,
     /// The window that shows what is drawn, if there is one.
     pub window: Option<SimulatorWindow>,
+    /// The only size that its pictures can have; `None` if they can have any, or it does not say.
+    pub drawn_size: Option<PictureSize>,
     /// Whether it can draw through lenses, bent and turbulent air and with noise.
     pub imaging: bool,
 }
@@ -140,9 +110,9 @@ impl Simulator {
     /// [`ConnectOptions::from_environment`].
     ///
     /// # Errors
-    /// As [`Simulator::connect_with`].
+    /// As [`Simulator::connect_with`], and [`BridgeError::BadVariable`].
     pub async fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, BridgeError> {
-        Self::connect_with(address, timeout, ConnectOptions::from_environment(address)).await
+        Self::connect_with(address, timeout, ConnectOptions::from_environment(address)?).await
     }
 
     /// [`Simulator::connect`] with other options.
@@ -193,6 +163,7 @@ impl Simulator {
             plugin,
             pixels,
             window,
+            drawn_size,
             shares_memory_with,
             imaging,
         } = answer
@@ -210,11 +181,12 @@ impl Simulator {
             plugin,
             pixels,
             window,
+            drawn_size,
             imaging,
         };
         let generation = Generation::of_version(version);
         let web_api = match (generation, web_api) {
-            (Generation::XPlane12, Some(place)) => flight_start::find_web_api(place, port).await,
+            (Generation::XPlane12, Some(place)) => find_web_api::usable(place, port).await,
             _ => None,
         };
         tracing::info!(

@@ -122,7 +122,71 @@ fn an_x_plane_in_which_it_cannot_work_is_refused_with_the_reason_and_left_alone(
 #[test]
 fn an_xppython3_that_has_never_run_is_believed_and_mentioned() {
     let folder = x_plane_folder(X_PLANE_12, Some("nothing yet"));
+    fs::remove_file(folder.path().join("XPPython3Log.txt")).unwrap();
     let report = install_plugin(folder.path()).unwrap();
-    assert_eq!(report.xppython3, None);
+    assert_eq!((report.xppython3, report.warnings), (None, vec![]));
     assert!(report.next_steps.join("\n").contains("has never run here"));
+}
+
+#[test]
+fn a_log_without_a_version_is_not_taken_for_a_missing_one() {
+    let folder = x_plane_folder(X_PLANE_12, Some("something else\n"));
+    let report = install_plugin(folder.path()).unwrap();
+    let [warning] = &report.warnings[..] else {
+        panic!("{:?}", report.warnings)
+    };
+    assert!(
+        warning.contains("XPPython3Log.txt does not say which XPPython3")
+            && warning.contains("4.7 or newer"),
+        "{warning}"
+    );
+    let steps = report.next_steps.join("\n");
+    assert!(
+        !steps.contains("has never run") && !steps.contains("is missing"),
+        "{steps}"
+    );
+}
+
+#[test]
+fn a_pair_that_nobody_has_seen_work_is_installed_with_a_warning_and_a_known_one_without() {
+    for (log, version, words) in [
+        (X_PLANE_12, "3.1.5", Some("3.1.5 is older than what")),
+        (X_PLANE_12, "4.6.0", Some("4.6.0 is older than what")),
+        (X_PLANE_12, "4.7.0", None),
+        (X_PLANE_12, "5.0.1", None),
+        (X_PLANE_11, "4.6.0", Some("4.6.0 is not known to work")),
+        (X_PLANE_11, "4.0.0", Some("install XPPython3 3.1.5")),
+        (X_PLANE_11, "3.1.5", None),
+        (X_PLANE_11, "3.1", None),
+    ] {
+        let said = format!("[XPPython3] Version {version} Started\n");
+        let folder = x_plane_folder(log, Some(&said));
+        let report = install_plugin(folder.path()).unwrap();
+        assert_eq!(report.xppython3.as_deref(), Some(version));
+        match words {
+            None => assert_eq!(report.warnings, Vec::<String>::new(), "{log}{version}"),
+            Some(words) => assert!(
+                report.warnings.len() == 1 && report.warnings[0].contains(words),
+                "{log}{version}: {:?}",
+                report.warnings
+            ),
+        }
+    }
+}
+
+#[test]
+fn the_last_steps_are_the_doctor_and_then_the_recording() {
+    for log in [X_PLANE_11, X_PLANE_12] {
+        let version = if log == X_PLANE_11 { "3.1.5" } else { "4.7.0" };
+        let said = format!("[XPPython3] Version {version} Started\n");
+        let folder = x_plane_folder(log, Some(&said));
+        let steps = install_plugin(folder.path()).unwrap().next_steps;
+        let [.., doctor, generate] = &steps[..] else {
+            panic!("{steps:?}")
+        };
+        assert!(
+            doctor.contains("dtd doctor") && generate.contains("dtd generate"),
+            "{steps:?}"
+        );
+    }
 }

@@ -237,6 +237,7 @@ impl Studio {
                     plugin: None,
                     pixels,
                     window,
+                    drawn_size: None,
                     shares_memory_with: DrawingSlots::POSSIBLE.then_some(from.address),
                     imaging: true,
                 })

@@ -158,6 +158,8 @@ class Bridge:
 
     def _hello(self) -> Task:
         pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
+        # The size is X-Plane's to tell in any case, the window's place on the desktop only sometimes.
+        width, height = (int(self._datarefs.get_or(name, 0.0)) for name in names.WINDOW_SIZE)
         return _at_once(
             {
                 "message": "hello",
@@ -166,6 +168,7 @@ class Bridge:
                 "plugin": f"{NAME} {VERSION}",
                 "pixels": pixels,
                 "window": self._window(),
+                "drawn_size": {"width_px": width, "height_px": height},
             }
         )
 

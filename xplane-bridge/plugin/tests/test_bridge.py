@@ -130,6 +130,13 @@ class Greeting(WithBridge):
         self.assertEqual((answer["name"], answer["version"], payload), ("X-Plane", "11.55", b""))
         self.assertEqual((answer["pixels"], answer["window"]), (["gl", "screen"], None))
 
+    def test_the_size_of_the_window_is_told_although_its_place_is_not_known(self):
+        self.world.values["sim/graphics/view/window_width"] = [96.0]
+        client = self.start()
+        answer, _ = client.ask({"message": "hello", "client": "test"})
+        self.assertIsNone(answer["window"])
+        self.assertEqual(answer["drawn_size"], {"width_px": 96, "height_px": 48})
+
     def test_x_plane_12_and_vulkan_have_no_readback_and_say_so(self):
         for name, value in [
             ("sim/version/xplane_internal_version", 120_400), ("sim/graphics/view/using_modern_driver", 1),

@@ -42,8 +42,29 @@ impl fmt::Display for Version {
 pub struct Found {
     /// Version of X-Plane.
     pub xplane: Version,
-    /// Version of XPPython3, if it has ever run.
-    pub xppython3: Option<Version>,
+    /// What XPPython3's log says of it.
+    pub xppython3: XpPython3,
+}
+
+/// What XPPython3's log says of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum XpPython3 {
+    /// Its version.
+    Version(Version),
+    /// There is a log, but no version in it.
+    Unsaid,
+    /// There is none: it has never run.
+    NeverRan,
+}
+
+impl XpPython3 {
+    /// Its version, if it is known.
+    pub fn version(&self) -> Option<&Version> {
+        match self {
+            Self::Version(version) => Some(version),
+            Self::Unsaid | Self::NeverRan => None,
+        }
+    }
 }
 
 impl Found {
@@ -51,6 +72,8 @@ impl Found {
     pub(super) const LOG: &str = "Log.txt";
     /// XPPython3's log, beside X-Plane's.
     const XPPYTHON3_LOG: &str = "XPPython3Log.txt";
+    /// What its version stands behind, in the log.
+    const XPPYTHON3_WORDS: &str = "[XPPython3] Version ";
     /// Where XPPython3 lies.
     pub(super) const XPPYTHON3: &str = "Resources/plugins/XPPython3";
     /// The oldest that any XPPython3 of ours runs in.
@@ -77,10 +100,7 @@ impl Found {
         if xplane.is_below(&[11, 52]) {
             return Err(InstallError::OldXPlane { found: xplane });
         }
-        let wanted = match xplane.major() {
-            11 => "3.1.5",
-            _ => "4.7 or newer",
-        };
+        let wanted = wanted(&xplane);
         if !holds_a_plugin(&folder.join(Self::XPPYTHON3)) {
             return Err(InstallError::NoXpPython3 {
                 folder: folder.to_owned(),
@@ -88,8 +108,13 @@ impl Found {
                 wanted,
             });
         }
-        let xppython3 = version_in(&folder.join(Self::XPPYTHON3_LOG), "[XPPython3] Version ");
-        if let Some(found) = &xppython3 {
+        let log = folder.join(Self::XPPYTHON3_LOG);
+        let xppython3 = match version_in(&log, Self::XPPYTHON3_WORDS) {
+            Some(version) => XpPython3::Version(version),
+            None if log.is_file() => XpPython3::Unsaid,
+            None => XpPython3::NeverRan,
+        };
+        if let Some(found) = xppython3.version() {
             // The module `xp` came with 3.1; 4.7 dropped X-Plane 11.
             let too_old = found.is_below(&[3, 1]);
             let too_new = xplane.major() == 11 && !found.is_below(&[4, 7]);
@@ -104,13 +129,42 @@ impl Found {
         Ok(Self { xplane, xppython3 })
     }
 
+    /// What may keep the plugin from working there, though nobody says that it does.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let wanted = wanted(&self.xplane);
+        let warning = match &self.xppython3 {
+            XpPython3::NeverRan => None,
+            XpPython3::Unsaid => Some(format!(
+                "{} does not say which XPPython3 wrote it (expected \"{}...\" in its first {LOG_LINES} lines): see to it that it is {wanted}",
+                Self::XPPYTHON3_LOG,
+                Self::XPPYTHON3_WORDS
+            )),
+            // What goes with X-Plane 11 is 3.1.x; nothing that we know says what 4.0 to 4.6 do there.
+            XpPython3::Version(found) if self.xplane.major() == 11 && !found.is_below(&[4]) => {
+                Some(format!(
+                    "XPPython3 {found} is not known to work with X-Plane {}: install XPPython3 {wanted} if the plugin does not start",
+                    self.xplane
+                ))
+            }
+            // 3.1.5 runs in X-Plane 11.52 and newer, 12 among them, but with a Python that it has to find.
+            XpPython3::Version(found) if self.xplane.major() >= 12 && found.is_below(&[4, 7]) => {
+                Some(format!(
+                    "XPPython3 {found} is older than what X-Plane {} should have: install XPPython3 {wanted} (3.x also needs a Python 3.10 of its own)",
+                    self.xplane
+                ))
+            }
+            XpPython3::Version(_) => None,
+        };
+        warning.into_iter().collect()
+    }
+
     /// What a person still has to do, after files have `changed` or not.
     pub(super) fn next_steps(&self, changed: bool) -> Vec<String> {
         let mut steps = Vec::new();
         if changed {
             steps.push("Restart X-Plane, or use Plugins > XPPython3 > Reload scripts.".to_owned());
         }
-        if self.xppython3.is_none() {
+        if self.xppython3 == XpPython3::NeverRan {
             steps.push(format!(
                 "XPPython3 has never run here ({} is missing): look there after the start for the line \"capture link on ...\".",
                 Self::XPPYTHON3_LOG
@@ -134,8 +188,20 @@ impl Found {
             "Settings > Graphics: give X-Plane's window the size of your pictures, e.g. 1920x1280, at a display scale of 100 %."
                 .into(),
         );
+        steps.push(
+            "Load any flight, and run: dtd doctor --sim 127.0.0.1:49000. It examines the connection point by point and says what to mend."
+                .into(),
+        );
         steps.push("Then: dtd generate SWEEP.toml --out CORPUS --sim 127.0.0.1:49000".into());
         steps
+    }
+}
+
+/// Which XPPython3 is known to work with an X-Plane.
+fn wanted(xplane: &Version) -> &'static str {
+    match xplane.major() {
+        11 => "3.1.5",
+        _ => "4.7 or newer",
     }
 }
 
@@ -147,13 +213,16 @@ fn holds_a_plugin(folder: &Path) -> bool {
         .any(|file| file.path().extension() == Some("xpl".as_ref()))
 }
 
+/// A version stands in the first lines of a log.
+const LOG_LINES: usize = 10;
+
 /// The version behind some words in the first lines of a log.
 fn version_in(log: &Path, words: &str) -> Option<Version> {
     let bytes = fs::read(log).ok()?;
     let text = String::from_utf8_lossy(&bytes);
     let found = text
         .lines()
-        .take(10)
+        .take(LOG_LINES)
         .find_map(|line| line.split_once(words));
     found.and_then(|(_, behind)| Version::at_start_of(behind))
 }

@@ -6,7 +6,7 @@ use dataset::imaging::Imaging;
 use dataset::runway::Runway;
 use serde::{Deserialize, Serialize};
 
-use super::{CaptureRequest, FrameHeader, PixelKind, SharedMemory, SimulatorWindow};
+use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, SharedMemory, SimulatorWindow};
 use crate::fly::FlyRequest;
 
 /// From client to simulator. None has a payload.
@@ -71,6 +71,10 @@ pub enum Answer {
         pixels: Vec<PixelKind>,
         /// The window that shows what is drawn, if there is one.
         window: Option<SimulatorWindow>,
+        /// Size of what it draws, the only one that its pictures can have: X-Plane's, which draws into a window. `None` of a simulator that
+        /// draws any size, and of a plugin that is older than this key.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        drawn_size: Option<PictureSize>,
         /// The client's address as the simulator sees it, if it can draw into memory that a client shares. A client that does not know this
         /// address for its own speaks through somebody, a recorder or a tunnel, who has to see the pictures pass.
         #[serde(default, skip_serializing_if = "Option::is_none")]

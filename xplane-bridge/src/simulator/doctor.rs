@@ -6,11 +6,14 @@
 
 mod announcement;
 mod lockstep;
+mod readable;
 mod talk;
 mod web;
+mod window;
 
 use std::fmt;
 use std::net::{Ipv4Addr, SocketAddr};
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde::Serialize;
@@ -18,8 +21,8 @@ use serde::Serialize;
 use self::talk::Talk;
 use crate::datarefs::{CAPTURE_PORT, Generation};
 use crate::error::BridgeError;
-use crate::link::PixelKind;
-use crate::{Simulator, SimulatorDescription};
+use crate::pixels::{FfmpegScreen, Screen};
+use crate::{Simulator, SimulatorDescription, WebApiPlace};
 
 /// Where X-Plane is if nobody says anything else.
 const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
@@ -108,12 +111,14 @@ impl Check {
 }
 
 /// What to examine.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub struct Patient {
     /// Where it takes UDP packets; by default where the beacon says, or X-Plane's usual address.
     pub address: Option<SocketAddr>,
-    /// Where its Web API is.
-    pub web_api: SocketAddr,
+    /// Where its Web API is looked for.
+    pub web_api: WebApiPlace,
+    /// The screen that it draws on, if pictures come off it.
+    pub screen: Arc<dyn Screen>,
     /// How long to listen for the beacon. X-Plane sends one a second.
     pub listen: Duration,
     /// How long to wait for values over UDP.
@@ -121,12 +126,12 @@ pub struct Patient {
 }
 
 impl Patient {
-    /// The simulator there, or whichever there is.
+    /// The simulator there, or whichever there is, with its Web API where that usually is.
     pub fn at(address: Option<SocketAddr>) -> Self {
-        let host = address.map_or(Ipv4Addr::LOCALHOST.into(), |address| address.ip());
         Self {
             address,
-            web_api: SocketAddr::new(host, 8_086),
+            web_api: WebApiPlace::Usual,
+            screen: Arc::new(FfmpegScreen::here()),
             listen: Duration::from_millis(2_500),
             wait: Duration::from_secs(4),
         }
@@ -175,7 +180,13 @@ impl Examination<'_> {
     async fn run(&mut self, patient: &Patient) {
         let (check, announced) = announcement::listen(patient).await;
         let heard = check.verdict == Verdict::Ok;
+        let undecided = check.verdict == Verdict::Failed;
         self.note(check);
+        if undecided {
+            let reason = "it is not known which simulator is meant";
+            self.skip(&["udp"], reason);
+            return self.skip_all(reason);
+        }
         let usual = patient
             .address
             .or(announced)
@@ -188,26 +199,26 @@ impl Examination<'_> {
                 return self.skip_all("there is no UDP socket");
             }
         };
+        let web_api = patient.web_api.of(usual);
         let Some(version) = talk.version().await else {
-            let hint = if heard {
-                "It is there, since its beacon is heard, but takes nothing: switch on Settings > Network > \"Accept incoming connections\" \
-                 in X-Plane (a fresh X-Plane 12 has it off), and look at firewalls"
-            } else {
-                "Start X-Plane and load a flight; switch on Settings > Network > \"Accept incoming connections\"; name the right \
-                 address with --sim HOST:PORT. Without X-Plane: dtd mock-xplane"
-            };
-            let found = format!("nothing from {usual} within {:.1?}", patient.wait);
-            self.note(Check::failed("udp", found, hint));
+            self.note(silent(usual, patient, heard, web_api).await);
             return self.skip_all("the simulator does not answer over UDP");
         };
         self.note(Check::ok("udp", format!("{usual} answers")));
         let generation = Generation::of_version(version);
         self.note(talk::version_check(version));
-        self.note(match generation {
-            Generation::XPlane11 => Check::skipped("web api", "X-Plane 11 has none"),
-            Generation::XPlane12 => web::check(patient.web_api).await,
-        });
-        let readable = talk.readable(generation).await;
+        let api = match generation {
+            Generation::XPlane11 => {
+                self.note(Check::skipped("web api", "X-Plane 11 has none"));
+                None
+            }
+            Generation::XPlane12 => {
+                let (check, api) = web::check(web_api, talk.capture_port().await).await;
+                self.note(check);
+                api
+            }
+        };
+        let readable = readable::check(&mut talk, generation, api.as_ref()).await;
         let writable = talk.writable().await;
         let commands = talk.commands().await;
         let frame_rate = talk.frame_rate().await;
@@ -221,7 +232,7 @@ impl Examination<'_> {
                 self.note(no_link(&error));
                 self.skip(&OVER_LINK, "there is no capture link");
             }
-            Ok(simulator) => self.over_link(simulator, place).await,
+            Ok(simulator) => self.over_link(simulator, place, &patient.screen).await,
         }
     }
 
@@ -231,11 +242,16 @@ impl Examination<'_> {
         self.skip(&OVER_LINK, reason);
     }
 
-    async fn over_link(&mut self, mut simulator: Simulator, place: Option<talk::PlaceOnGround>) {
+    async fn over_link(
+        &mut self,
+        mut simulator: Simulator,
+        place: Option<talk::PlaceOnGround>,
+        screen: &Arc<dyn Screen>,
+    ) {
         let description = simulator.description().clone();
         self.note(plugin(&description));
         self.note(pixels(&description));
-        self.note(window(&description));
+        self.note(window::check(&mut simulator, screen).await);
         let Some(place) = place else {
             self.skip(
                 &["terrain", "lockstep"],
@@ -252,6 +268,37 @@ impl Examination<'_> {
     }
 }
 
+/// Why nothing comes over UDP. Incoming connections that are switched off show elsewhere: the beacon goes out all the same, and the Web API
+/// refuses in so many words.
+async fn silent(
+    address: SocketAddr,
+    patient: &Patient,
+    heard: bool,
+    web_api: Option<SocketAddr>,
+) -> Check {
+    let refusing = match web_api {
+        Some(place) if web::refuses(place).await => Some(place),
+        _ => None,
+    };
+    let mut found = format!("nothing from {address} within {:.1?}", patient.wait);
+    let hint = match (refusing, heard) {
+        (Some(place), _) => {
+            found += &format!(", and the Web API at {place} refuses (403)");
+            "It is there, but takes nothing: switch on Settings > Network > \"Accept incoming connections\" in X-Plane (a fresh X-Plane 12 has \
+             it off)"
+        }
+        (None, true) => {
+            "It is there, since its beacon is heard, but takes nothing: switch on Settings > Network > \"Accept incoming connections\" \
+             in X-Plane (a fresh X-Plane 12 has it off), and look at firewalls"
+        }
+        (None, false) => {
+            "Start X-Plane and load a flight; switch on Settings > Network > \"Accept incoming connections\"; name the right \
+             address with --sim HOST:PORT. Without X-Plane: dtd mock-xplane"
+        }
+    };
+    Check::failed("udp", found, hint)
+}
+
 fn no_link(error: &BridgeError) -> Check {
     let hint = match error {
         BridgeError::NoPlugin { .. } => {
@@ -262,6 +309,7 @@ fn no_link(error: &BridgeError) -> Check {
             "A firewall may be between, or the plugin listens on its own machine only: run dtd there, or give the plugin a token and an \
              address (docs/x-plane.md)"
         }
+        BridgeError::BadVariable { .. } => "Set the variable right, or leave it out",
         BridgeError::Refused { .. } => "Set DTD_LINK_TOKEN to the secret that the plugin was given",
         _ => "Install plugin and program of the same release: `dtd install-plugin XPLANE_DIR`",
     };
@@ -286,15 +334,7 @@ fn plugin(description: &SimulatorDescription) -> Check {
 }
 
 fn pixels(description: &SimulatorDescription) -> Check {
-    let names: Vec<&str> = description
-        .pixels
-        .iter()
-        .map(|kind| match kind {
-            PixelKind::Link => "link",
-            PixelKind::Gl => "gl",
-            PixelKind::Screen => "screen",
-        })
-        .collect();
+    let names: Vec<&str> = description.pixels.iter().map(|kind| kind.name()).collect();
     if names.is_empty() {
         let hint = "X-Plane 11: choose OpenGL in Settings > Graphics; X-Plane 12: run it in a window on this desktop, with XPPython3 able to draw";
         return Check::failed(
@@ -304,31 +344,6 @@ fn pixels(description: &SimulatorDescription) -> Check {
         );
     }
     Check::ok("pixels", format!("pictures come by: {}", names.join(", ")))
-}
-
-fn window(description: &SimulatorDescription) -> Check {
-    const NAME: &str = "window";
-    let Some(window) = &description.window else {
-        return if description.pixels.contains(&PixelKind::Link) {
-            Check::skipped(NAME, "pictures do not come from a window")
-        } else {
-            Check::failed(
-                NAME,
-                "the plugin knows of no window",
-                "Run X-Plane in a window or full screen on this desktop",
-            )
-        };
-    };
-    let found = format!(
-        "{:?}, {} x {} pixels at {}, {}, scale {}",
-        window.title, window.width_px, window.height_px, window.x_px, window.y_px, window.scale
-    );
-    if window.scale == 1.0 {
-        Check::ok(NAME, found)
-    } else {
-        let hint = "The desktop is scaled: pictures are resampled. Set its scale to 100 %, or check sizes with care";
-        Check::warning(NAME, found, hint)
-    }
 }
 
 fn release(released: Result<(), BridgeError>) -> Check {

@@ -4,7 +4,6 @@
 //! is not, our plugin puts the aircraft there as part of the flight. Where no plugin serves the capture link, the UDP packet
 //! `PREL` does, and `RPOS` shows whether it did.
 
-use std::net::SocketAddr;
 use std::time::Duration;
 
 use dataset::geodesy::Geodetic;
@@ -12,8 +11,7 @@ use tokio::time::Instant;
 
 use super::Simulator;
 use crate::datarefs::{
-    self, AIRCRAFT_ICAO, AircraftFile, CAPTURE_PORT, Generation, INDICATED_AIRSPEED_KT,
-    aircraft_file,
+    self, AIRCRAFT_ICAO, AircraftFile, Generation, INDICATED_AIRSPEED_KT, aircraft_file,
 };
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
@@ -34,9 +32,6 @@ const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
 const FLYING_TIMEOUT: Duration = Duration::from_secs(60);
 /// Velocities read zero just after a start: only above this speed does the aircraft fly.
 const FLYING_KT: f32 = 50.0;
-/// How long the Web API may take to say that it is there.
-const WEB_API_TIMEOUT: Duration = Duration::from_millis(1_000);
-
 /// Who begins flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Starter {
@@ -46,29 +41,6 @@ pub(super) enum Starter {
     Plugin,
     /// `PREL`.
     Udp,
-}
-
-/// Finds the Web API of the very simulator that we are connected to: what answers at the address must know the same capture
-/// link. `None`, with the reason in the log, if there is none.
-pub(super) async fn find_web_api(address: SocketAddr, capture_port: u16) -> Option<WebApi> {
-    let api = match WebApi::connect(address, WEB_API_TIMEOUT).await {
-        Ok(api) => api,
-        Err(error) => {
-            tracing::debug!(%error, "no Web API");
-            return None;
-        }
-    };
-    match api.read_number(CAPTURE_PORT).await {
-        Ok(port) if port == f64::from(capture_port) => Some(api),
-        Ok(port) => {
-            tracing::info!(%address, port, capture_port, "the Web API there is that of another simulator");
-            None
-        }
-        Err(error) => {
-            tracing::info!(%error, "the Web API is not used");
-            None
-        }
-    }
 }
 
 impl Simulator {

@@ -11,6 +11,7 @@ use std::time::Duration;
 use tokio::net::UdpSocket;
 use tokio::time::{Instant, sleep, timeout_at};
 
+use crate::datarefs::VERSION;
 use crate::error::BridgeError;
 use crate::packet::{
     Command, DatarefValue, DatarefValuesView, FromSimulator, LoadAircraft, PlaceAtStart, Position,
@@ -27,6 +28,19 @@ const FREQUENCY_HZ: i32 = 50;
 const LEAVE_PAUSE: Duration = Duration::from_millis(60);
 /// Writes sent at one go: they must fit the receiver's buffer together.
 const WRITES_AT_ONCE: usize = 32;
+
+/// Whether a simulator answers at an address within a time. Nothing stays subscribed.
+pub async fn somebody_answers(address: SocketAddr, within: Duration) -> bool {
+    let Ok(mut udp) = UdpClient::bind(address).await else {
+        return false;
+    };
+    let came = |values: &[Option<f32>]| values[0].is_some();
+    let read = udp
+        .read_until(&[VERSION], Instant::now() + within, came)
+        .await;
+    udp.unsubscribe_all().await;
+    read.is_ok_and(|values| came(&values))
+}
 
 /// A UDP socket connected to the simulator, and what is subscribed on it.
 #[derive(Debug)]

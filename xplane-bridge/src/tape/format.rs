@@ -98,6 +98,13 @@ pub enum Channel {
 }
 
 impl Channel {
+    /// Which way its messages go.
+    pub fn direction(&self) -> Direction {
+        match self {
+            Self::Udp { direction, .. } | Self::Link { direction, .. } => *direction,
+        }
+    }
+
     /// Its topic.
     pub fn topic(&self) -> String {
         match self {

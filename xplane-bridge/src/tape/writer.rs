@@ -11,7 +11,7 @@ use mcap::{Compression, WriteOptions, Writer};
 use serde::Serialize;
 
 use super::error::TapeError;
-use super::format::{Channel, METADATA_NAME, PROFILE, TapeInfo};
+use super::format::{Channel, Direction, METADATA_NAME, PROFILE, TapeInfo};
 
 /// Uncompressed size at which a chunk is closed.
 const CHUNK_BYTES: u64 = 1 << 20;
@@ -25,6 +25,8 @@ pub struct TapeSummary {
     pub path: PathBuf,
     /// Messages on it.
     pub messages: u32,
+    /// How many of them the simulator sent.
+    pub from_simulator: u32,
     /// Its length, bytes.
     pub bytes: u64,
 }
@@ -35,6 +37,7 @@ pub struct TapeWriter {
     writer: Writer<BufWriter<File>>,
     channels: HashMap<Channel, u16>,
     messages: u32,
+    from_simulator: u32,
     /// Of the last message. Log times never go back, see [`TapeWriter::write`].
     last_log_time_ns: u64,
     flushed: Instant,
@@ -73,6 +76,7 @@ impl TapeWriter {
             writer,
             channels: HashMap::new(),
             messages: 0,
+            from_simulator: 0,
             last_log_time_ns: 0,
             flushed: Instant::now(),
         })
@@ -116,6 +120,7 @@ impl TapeWriter {
         let written = self.writer.write_to_known_channel(&header, data);
         written.map_err(failed_to(&self.path, "write a message"))?;
         self.messages += 1;
+        self.from_simulator += u32::from(channel.direction() == Direction::FromSimulator);
         self.flush_if_due()
     }
 
@@ -151,6 +156,7 @@ impl TapeWriter {
         Ok(TapeSummary {
             path: self.path.clone(),
             messages: self.messages,
+            from_simulator: self.from_simulator,
             bytes,
         })
     }

@@ -213,6 +213,7 @@ async fn talk(
                 plugin: plugin.cloned(),
                 pixels: vec![PixelKind::Link],
                 window: None,
+                drawn_size: None,
                 shares_memory_with: None,
                 imaging: false,
             },

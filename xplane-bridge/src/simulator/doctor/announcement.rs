@@ -3,28 +3,47 @@
 use std::net::SocketAddr;
 
 use super::{Check, Patient};
-use crate::discovery::announced;
+use crate::discovery::{Announced, announced, choose};
+use crate::error::BridgeError;
 
 const NAME: &str = "beacon";
 
-/// Listens for the beacon of the patient, or of anybody if no address is known; returns where it says that it is.
+/// Listens for the beacon of the patient, or of whichever simulator there is if no address is known; returns where it says that it
+/// is. If several announce themselves and none is meant, the check fails.
 pub(super) async fn listen(patient: &Patient) -> (Check, Option<SocketAddr>) {
     let heard = match announced(patient.listen).await {
         Ok(heard) => heard,
         Err(error) => return (Check::skipped(NAME, error.to_string()), None),
     };
-    // The same simulator may be known under another of its addresses.
-    let wanted = |port: u16| patient.address.is_none_or(|wanted| wanted.port() == port);
-    if let Some(one) = heard.iter().find(|one| wanted(one.address.port())) {
-        let name = one.beacon.name.as_deref().unwrap_or("without a name");
-        let found = format!("{name}, version {}, at {}", one.beacon.version, one.address);
-        return (Check::ok(NAME, found), Some(one.address));
-    }
-    let others: Vec<String> = heard.iter().map(|one| one.address.to_string()).collect();
-    let found = match others.as_slice() {
-        [] => format!("none within {:.1?}", patient.listen),
-        others => format!("none of this simulator, but of {}", others.join(", ")),
+    let Some(wanted) = patient.address else {
+        return match choose(heard, patient.listen) {
+            Ok(one) => well(&one),
+            Err(error @ BridgeError::SeveralAnnounced { .. }) => {
+                let hint = "Say which one to examine: --sim HOST:PORT";
+                (Check::failed(NAME, error.to_string(), hint), None)
+            }
+            Err(_) => (unheard(format!("none within {:.1?}", patient.listen)), None),
+        };
     };
+    // The same simulator may be known under another of its addresses.
+    match heard.iter().find(|one| one.address.port() == wanted.port()) {
+        Some(one) => well(one),
+        None if heard.is_empty() => (unheard(format!("none within {:.1?}", patient.listen)), None),
+        None => {
+            let others: Vec<String> = heard.iter().map(|one| one.address.to_string()).collect();
+            let found = format!("none of this simulator, but of {}", others.join(", "));
+            (unheard(found), None)
+        }
+    }
+}
+
+fn well(one: &Announced) -> (Check, Option<SocketAddr>) {
+    let name = one.beacon.name.as_deref().unwrap_or("without a name");
+    let found = format!("{name}, version {}, at {}", one.beacon.version, one.address);
+    (Check::ok(NAME, found), Some(one.address))
+}
+
+fn unheard(found: String) -> Check {
     let hint = "Not needed if the address is known (--sim HOST:PORT). Multicast may be blocked on the way, or X-Plane not be running";
-    (Check::warning(NAME, found, hint), None)
+    Check::warning(NAME, found, hint)
 }

@@ -9,9 +9,10 @@ use dataset::runway::Runway;
 
 use super::Check;
 use super::talk::PlaceOnGround;
+use super::window::picture_size;
 use crate::Simulator;
 use crate::error::BridgeError;
-use crate::link::{CaptureRequest, CapturedFrame, Deliver, PixelKind};
+use crate::link::{CaptureRequest, CapturedFrame, Deliver, PictureSize, PixelKind};
 
 /// Metres to a degree of latitude, nearly.
 const METERS_PER_DEGREE: f64 = 111_320.0;
@@ -25,7 +26,11 @@ const CAMERA_BEHIND_M: f64 = 150.0;
 const MOVED_M: f64 = 15.0;
 /// Pictures of the same pose may differ by so much on the average, of 255: film grain and temporal smoothing.
 const SAME: f64 = 1.0;
-const SIZE_PX: (u32, u32) = (320, 214);
+/// Size of the pictures of a simulator that draws any.
+const ANY_SIZE: PictureSize = PictureSize {
+    width_px: 320,
+    height_px: 214,
+};
 /// A picture that takes longer than this makes a scenario take hours.
 const SLOW: Duration = Duration::from_secs(1);
 
@@ -71,8 +76,12 @@ pub(super) async fn lockstep(simulator: &mut Simulator, place: &PlaceOnGround) -
         let hint = "Do not record like this. More settle frames may help; a plugin that moves the camera or the aircraft must go";
         return Check::failed(NAME, found, hint);
     }
+    let seen = match frames.iter().all(|(_, frame)| frame.rgb.is_empty()) {
+        true => "; what they show was not seen",
+        false => "",
+    };
     let found = format!(
-        "{} pictures, each {:.0} ms, all as asked",
+        "{} pictures, each {:.0} ms, all as asked{seen}",
         frames.len(),
         each.as_secs_f64() * 1e3
     );
@@ -91,22 +100,29 @@ async fn pictures(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
 ) -> Result<Vec<(CaptureRequest, CapturedFrame)>, BridgeError> {
-    // Pictures off the screen are another program's business here; where they are, is known anyway.
-    let deliver = match simulator.description().pixels.first() {
-        Some(PixelKind::Screen) | None => Deliver::Drawn,
-        Some(PixelKind::Link | PixelKind::Gl) => Deliver::Picture,
+    // If they come off a screen that cannot be seen from here, all but their content can be examined.
+    let deliver = match (simulator.pixels(), simulator.description().pixels.first()) {
+        (PixelKind::Screen, _) | (_, Some(PixelKind::Screen) | None) => Deliver::Drawn,
+        (_, Some(PixelKind::Link | PixelKind::Gl)) => Deliver::Picture,
     };
+    let size = picture_size(simulator.description()).unwrap_or(ANY_SIZE);
     simulator.freeze(&runway(place)).await?;
     let mut frames = Vec::new();
     for (tick, moved_m) in [0.0, 0.0, MOVED_M, 0.0].into_iter().enumerate() {
-        let request = request(place, tick as u32, moved_m, deliver);
+        let request = request(place, tick as u32, moved_m, size, deliver);
         simulator.send_capture(&request).await?;
         frames.push((request, simulator.receive_frame().await?));
     }
     Ok(frames)
 }
 
-fn request(place: &PlaceOnGround, tick: u32, moved_m: f64, deliver: Deliver) -> CaptureRequest {
+fn request(
+    place: &PlaceOnGround,
+    tick: u32,
+    moved_m: f64,
+    size: PictureSize,
+    deliver: Deliver,
+) -> CaptureRequest {
     let pose = Pose {
         latitude_deg: place.latitude_deg,
         longitude_deg: place.longitude_deg + moved_m / METERS_PER_DEGREE,
@@ -130,8 +146,8 @@ fn request(place: &PlaceOnGround, tick: u32, moved_m: f64, deliver: Deliver) -> 
             },
             hfov_deg: 40.0,
         },
-        width_px: SIZE_PX.0,
-        height_px: SIZE_PX.1,
+        width_px: size.width_px,
+        height_px: size.height_px,
         deliver,
     }
 }
@@ -236,7 +252,7 @@ mod tests {
     /// Pictures A A B A as a sound simulator gives them.
     fn sound() -> Vec<(CaptureRequest, CapturedFrame)> {
         let frame = |tick: u32, moved_m: f64| {
-            let request = request(&PLACE, tick, moved_m, Deliver::Picture);
+            let request = request(&PLACE, tick, moved_m, ANY_SIZE, Deliver::Picture);
             let frame = CapturedFrame {
                 tick,
                 view: 0,

@@ -1,4 +1,4 @@
-//! What can be found out over UDP: version, datarefs, commands, frame rate.
+//! What can be found out over UDP: version, capture link, writing, commands, frame rate, place. What is read is judged beside.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -7,17 +7,18 @@ use tokio::time::Instant;
 
 use super::Check;
 use crate::datarefs::{
-    self, AUTOPILOT_MODE, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DATE_DAYS, DatarefWrite, Generation,
-    NAV1_COURSE_MAGNETIC, NAV1_FREQUENCY, OVERRIDE_FLIGHT_MODEL, USE_SYSTEM_TIME, VERSION,
-    ZULU_TIME_S,
+    CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DatarefWrite, Generation,
+    NAV1_COURSE_MAGNETIC, PAUSED, VERSION,
 };
 use crate::error::BridgeError;
 use crate::simulator::udp::UdpClient;
 
-/// Read by X-Plane as 1 while its time stands.
-const PAUSED: &str = "sim/time/paused";
+/// Where the aircraft is, degrees.
+pub(super) const LATITUDE: &str = "sim/flightmodel/position/latitude";
+/// Where the aircraft is, degrees.
+pub(super) const LONGITUDE: &str = "sim/flightmodel/position/longitude";
 /// How long a frame takes, seconds.
-const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
+pub(super) const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
 /// Oldest version on which XPPython3 runs: 11.52.
 const OLDEST: f32 = 115_200.0;
 /// Frames a second below which recording is a patience game.
@@ -51,7 +52,7 @@ impl Talk {
     }
 
     /// All values, as far as they come; none if the socket fails, which is the same to a reader.
-    async fn read(&mut self, names: &[&str]) -> Vec<Option<f32>> {
+    pub(super) async fn read(&mut self, names: &[&str]) -> Vec<Option<f32>> {
         let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
         let read = self
             .udp
@@ -61,7 +62,11 @@ impl Talk {
     }
 
     /// One value, once it is as expected, or the last that came.
-    async fn read_expecting(&mut self, name: &str, expected: impl Fn(f32) -> bool) -> Option<f32> {
+    pub(super) async fn read_expecting(
+        &mut self,
+        name: &str,
+        expected: impl Fn(f32) -> bool,
+    ) -> Option<f32> {
         let met = |values: &[Option<f32>]| values[0].is_some_and(&expected);
         let read = self
             .udp
@@ -74,40 +79,12 @@ impl Talk {
         self.read(&[VERSION]).await[0]
     }
 
-    pub(super) async fn readable(&mut self, generation: Generation) -> Check {
-        const NAME: &str = "datarefs readable";
-        let visibility = match generation {
-            Generation::XPlane11 => "sim/weather/visibility_reported_m",
-            Generation::XPlane12 => datarefs::VISIBILITY_SM,
-        };
-        let names = [
-            ZULU_TIME_S,
-            DATE_DAYS,
-            USE_SYSTEM_TIME,
-            PAUSED,
-            OVERRIDE_FLIGHT_MODEL,
-            AUTOPILOT_MODE,
-            NAV1_FREQUENCY,
-            NAV1_COURSE_MAGNETIC,
-            visibility,
-            FRAME_PERIOD_S,
-        ];
-        let values = self.read(&names).await;
-        let missing = names
-            .iter()
-            .zip(&values)
-            .filter(|(_, value)| value.is_none());
-        let missing: Vec<&str> = missing.map(|(name, _)| *name).collect();
-        if missing.is_empty() {
-            Check::ok(NAME, format!("{} of {} asked", names.len(), names.len()))
-        } else {
-            let found = format!("no value of {}", missing.join(", "));
-            Check::failed(
-                NAME,
-                found,
-                "Packets get lost, or other clients ask for too much: X-Plane takes some 140 requests a frame",
-            )
-        }
+    /// Port of the capture link, if there is one.
+    pub(super) async fn capture_port(&mut self) -> Option<u16> {
+        let port = self.read(&[CAPTURE_PORT]).await[0]?;
+        (1.0..=f32::from(u16::MAX))
+            .contains(&port)
+            .then_some(port as u16)
     }
 
     /// Turns the course of the first receiver by a degree and back.
@@ -210,9 +187,12 @@ impl Talk {
     }
 
     pub(super) async fn place(&mut self) -> Option<PlaceOnGround> {
-        let names = ["latitude", "longitude", "elevation", "y_agl"]
-            .map(|name| format!("sim/flightmodel/position/{name}"));
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let names = [
+            LATITUDE,
+            LONGITUDE,
+            "sim/flightmodel/position/elevation",
+            "sim/flightmodel/position/y_agl",
+        ];
         let values: Option<Vec<f32>> = self.read(&names).await.into_iter().collect();
         let [latitude, longitude, altitude, above_ground] = values?[..] else {
             return None;

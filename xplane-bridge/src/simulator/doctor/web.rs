@@ -1,29 +1,75 @@
-//! Does X-Plane 12's Web API answer, and is it that of the same simulator?
+//! Does X-Plane 12's Web API answer, is it that of the same simulator, and has that a flight loaded?
 
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::Check;
-use crate::web_api::WebApi;
+use crate::datarefs::CAPTURE_PORT;
+use crate::simulator::find_web_api::{NotUsed, find};
+use crate::web_api::{WebApi, WebApiError};
 
 const NAME: &str = "web api";
 const TIMEOUT: Duration = Duration::from_secs(2);
 const HINT: &str = "Needed only to begin flights with weather in one request (X-Plane 12.4); UDP does without. X-Plane serves it on its \
-                    own computer, port 8086, if \"Accept incoming connections\" is on. Another place: --web-api HOST:PORT here, the \
-                    environment variable DTD_WEB_API=HOST:PORT for `dtd generate`";
+                    own computer, port 8086, if \"Accept incoming connections\" is on. Another place: the environment variable \
+                    DTD_WEB_API=HOST:PORT, or --web-api HOST:PORT for this examination alone";
 
-pub(super) async fn check(address: SocketAddr) -> Check {
-    match WebApi::connect(address, TIMEOUT).await {
-        Err(error) => Check::warning(NAME, error.to_string(), HINT),
+/// Looks at the Web API there as a client would; returns it if a client would use it.
+pub(super) async fn check(
+    place: Option<SocketAddr>,
+    capture_port: Option<u16>,
+) -> (Check, Option<WebApi>) {
+    let Some(address) = place else {
+        let reason = "not looked for: switched off (DTD_WEB_API=off), or the simulator is on another computer, where only \
+                      DTD_WEB_API=HOST:PORT can tell where it is";
+        return (Check::skipped(NAME, reason), None);
+    };
+    let Some(capture_port) = capture_port else {
+        return (without_plugin(address).await, None);
+    };
+    match find(address, capture_port).await {
         Ok(api) => {
             let can = |what: bool| if what { "yes" } else { "no" };
             let found = format!(
-                "{address}, X-Plane {}; commands: {}, beginning flights: {}",
+                "{address}, X-Plane {}, the same simulator; commands: {}, beginning flights: {}",
                 api.simulator_version(),
                 can(api.has_commands()),
                 can(api.has_flights())
             );
-            Check::ok(NAME, found)
+            (Check::ok(NAME, found), Some(api))
+        }
+        Err(reason) => {
+            let hint = match reason {
+                NotUsed::NoFlight { .. } => "Load any flight in X-Plane, and try again",
+                NotUsed::OtherSimulator { .. } => {
+                    "It is left alone. If this simulator has one too, say where: DTD_WEB_API=HOST:PORT"
+                }
+                NotUsed::Fails(_) => HINT,
+            };
+            (Check::warning(NAME, reason.to_string(), hint), None)
         }
     }
+}
+
+/// Something may answer, but whose it is shows the port of the capture link, which there is not.
+async fn without_plugin(address: SocketAddr) -> Check {
+    match WebApi::connect(address, TIMEOUT).await {
+        Err(error) => Check::warning(NAME, error.to_string(), HINT),
+        Ok(api) => Check::warning(
+            NAME,
+            format!(
+                "X-Plane {} answers at {address}; whether it is this one cannot be told without {CAPTURE_PORT}",
+                api.simulator_version()
+            ),
+            "Put the plugin in place first: see below",
+        ),
+    }
+}
+
+/// Whether a simulator says there that it takes no connections.
+pub(super) async fn refuses(address: SocketAddr) -> bool {
+    matches!(
+        WebApi::connect(address, TIMEOUT).await,
+        Err(WebApiError::Forbidden { .. })
+    )
 }

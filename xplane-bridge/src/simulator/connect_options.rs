@@ -1,0 +1,167 @@
+//! What to know of a simulator besides its address: what a caller says, or the environment.
+//!
+//! A variable that cannot be understood is an error that names it. Doing without what it asked for would record scenarios in
+//! another way than the person who set it believes.
+
+use std::env::{self, VarError};
+use std::net::{SocketAddr, ToSocketAddrs};
+use std::str::FromStr;
+
+use crate::error::BridgeError;
+use crate::web_api;
+
+/// Environment variable with the token of a capture link that is open to other machines.
+pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
+/// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to do without it.
+pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
+/// Environment variable that, when it is `off`, has every picture travel over the capture link.
+pub const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
+
+/// What to know of a simulator besides its address.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct ConnectOptions {
+    /// The token that a capture link open to other machines demands.
+    pub token: Option<String>,
+    /// Where X-Plane 12's Web API is, if it may be used. It is used if the same simulator answers there.
+    pub web_api: Option<SocketAddr>,
+    /// Whether every picture has to travel over the link, although the simulator could draw it into memory of ours.
+    pub no_shared_memory: bool,
+}
+
+impl ConnectOptions {
+    /// What the environment says ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`], [`SHARED_MEMORY_VARIABLE`]) of the simulator at
+    /// `address`.
+    ///
+    /// # Errors
+    /// [`BridgeError::BadVariable`] if [`WEB_API_VARIABLE`] is neither `off` nor an address.
+    pub fn from_environment(address: SocketAddr) -> Result<Self, BridgeError> {
+        Ok(Self {
+            token: env::var(LINK_TOKEN_VARIABLE).ok(),
+            web_api: WebApiPlace::from_environment()?.of(address),
+            no_shared_memory: env::var(SHARED_MEMORY_VARIABLE).is_ok_and(|word| word == "off"),
+        })
+    }
+}
+
+/// Where X-Plane 12's Web API is looked for.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum WebApiPlace {
+    /// Where X-Plane serves it unless told otherwise: on its own computer only, so that it is looked for if that is this one.
+    #[default]
+    Usual,
+    /// Nowhere.
+    Off,
+    /// There.
+    At(SocketAddr),
+}
+
+impl WebApiPlace {
+    /// What [`WEB_API_VARIABLE`] says.
+    ///
+    /// # Errors
+    /// [`BridgeError::BadVariable`] if it is neither `off` nor an address. A host's name is looked up here.
+    pub fn from_environment() -> Result<Self, BridgeError> {
+        Self::of_variable(env::var(WEB_API_VARIABLE))
+    }
+
+    /// Without a variable, or with an empty one, it is where it usually is.
+    fn of_variable(found: Result<String, VarError>) -> Result<Self, BridgeError> {
+        let bad = |found: String, why: String| BridgeError::BadVariable {
+            name: WEB_API_VARIABLE,
+            found,
+            why,
+        };
+        match found {
+            Err(VarError::NotPresent) => Ok(Self::Usual),
+            Ok(text) if text.is_empty() => Ok(Self::Usual),
+            Ok(text) => text.parse().map_err(|why| bad(text, why)),
+            Err(VarError::NotUnicode(bytes)) => Err(bad(
+                bytes.to_string_lossy().into_owned(),
+                format!("it is no text in UTF-8; {EXPECTED}"),
+            )),
+        }
+    }
+
+    /// Where to look for that of the simulator that takes UDP packets at `address`, if anywhere.
+    pub fn of(self, address: SocketAddr) -> Option<SocketAddr> {
+        match self {
+            Self::Usual => address
+                .ip()
+                .is_loopback()
+                .then_some(web_api::DEFAULT_ADDRESS),
+            Self::Off => None,
+            Self::At(place) => Some(place),
+        }
+    }
+}
+
+const EXPECTED: &str = "expected HOST:PORT, e.g. 127.0.0.1:8086 or localhost:8086, or `off`";
+
+impl FromStr for WebApiPlace {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "off" {
+            return Ok(Self::Off);
+        }
+        let found: Vec<SocketAddr> = text
+            .to_socket_addrs()
+            .map_err(|error| format!("{error}; {EXPECTED}"))?
+            .collect();
+        // X-Plane serves it on IPv4 alone, and `localhost` is often an address of IPv6 first.
+        found
+            .iter()
+            .find(|address| address.is_ipv4())
+            .or(found.first())
+            .map(|&address| Self::At(address))
+            .ok_or_else(|| format!("it has no address; {EXPECTED}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(text: &str) -> Result<WebApiPlace, BridgeError> {
+        WebApiPlace::of_variable(Ok(text.to_owned()))
+    }
+
+    #[test]
+    fn an_address_may_be_a_name_and_the_one_of_ipv4_is_taken() {
+        let place = SocketAddr::from(([127, 0, 0, 1], 8_099));
+        for text in ["127.0.0.1:8099", "localhost:8099"] {
+            assert_eq!(of(text).unwrap(), WebApiPlace::At(place), "{text}");
+        }
+        assert_eq!(of("off").unwrap(), WebApiPlace::Off);
+    }
+
+    #[test]
+    fn what_is_no_address_is_an_error_that_names_the_variable_what_it_is_and_what_it_should_be() {
+        for text in [
+            "nonsense",
+            "localhost",
+            "127.0.0.1",
+            "127.0.0.1:http",
+            "Off",
+        ] {
+            let said = of(text).unwrap_err().to_string();
+            for word in ["DTD_WEB_API", &format!("{text:?}"), "HOST:PORT", "`off`"] {
+                assert!(said.contains(word), "{text}: {said}");
+            }
+        }
+    }
+
+    #[test]
+    fn without_the_variable_it_is_looked_for_on_this_computer_only() {
+        let here = SocketAddr::from(([127, 0, 0, 1], 49_000));
+        let elsewhere = SocketAddr::from(([10, 0, 0, 5], 49_000));
+        let named = SocketAddr::from(([10, 0, 0, 5], 8_086));
+        for unset in [Err(VarError::NotPresent), Ok(String::new())] {
+            let usual = WebApiPlace::of_variable(unset).unwrap();
+            assert_eq!(usual.of(here), Some(web_api::DEFAULT_ADDRESS));
+            assert_eq!(usual.of(elsewhere), None);
+        }
+        assert_eq!(WebApiPlace::Off.of(here), None);
+        assert_eq!(WebApiPlace::At(named).of(here), Some(named));
+    }
+}

@@ -1,0 +1,73 @@
+//! The window that X-Plane draws into: its size, and whether its pictures can be grabbed where they have to be.
+
+use std::sync::Arc;
+
+use super::Check;
+use crate::link::{PictureSize, PixelKind};
+use crate::pixels::{PixelChoice, Screen};
+use crate::{Simulator, SimulatorDescription};
+
+const NAME: &str = "window";
+
+/// The size that the simulator's pictures have to have; `None` if it draws any.
+pub(super) fn picture_size(description: &SimulatorDescription) -> Option<PictureSize> {
+    let of_window = description.window.as_ref().map(|window| PictureSize {
+        width_px: window.width_px,
+        height_px: window.height_px,
+    });
+    description.drawn_size.or(of_window)
+}
+
+/// Looks at the window. If pictures come off the screen alone, it is found there by its check pattern, and pictures come from there
+/// from now on.
+pub(super) async fn check(simulator: &mut Simulator, screen: &Arc<dyn Screen>) -> Check {
+    let description = simulator.description().clone();
+    let first = description.pixels.first();
+    let Some(size) = picture_size(&description) else {
+        return match first {
+            Some(PixelKind::Link) => Check::skipped(NAME, "pictures do not come from a window"),
+            _ => Check::warning(
+                NAME,
+                "the plugin does not say how large it is",
+                "Install the plugin of this release: dtd install-plugin XPLANE_DIR",
+            ),
+        };
+    };
+    if size.width_px == 0 || size.height_px == 0 {
+        let hint = "Is it minimised? Bring it up: nothing is drawn until then";
+        return Check::failed(NAME, format!("{size} pixels"), hint);
+    }
+    if first == Some(&PixelKind::Screen) {
+        return grabbed(simulator, size, screen).await;
+    }
+    let Some(window) = &description.window else {
+        let found = format!(
+            "{size} pixels; where it lies is not told, and not needed: the plugin reads the frame back"
+        );
+        return Check::ok(NAME, found);
+    };
+    let found = format!("{window}, scale {}", window.scale);
+    if window.scale == 1.0 {
+        Check::ok(NAME, found)
+    } else {
+        let hint = "The desktop is scaled: pictures are resampled. Set its scale to 100 %, or check sizes with care";
+        Check::warning(NAME, found, hint)
+    }
+}
+
+async fn grabbed(simulator: &mut Simulator, size: PictureSize, screen: &Arc<dyn Screen>) -> Check {
+    let choice = PixelChoice::Only(PixelKind::Screen);
+    let picture_px = (size.width_px, size.height_px);
+    match simulator.use_pixels(choice, picture_px, screen).await {
+        Ok(_) => Check::ok(
+            NAME,
+            format!("{size} pixels, found on the screen by its check pattern, whole and unscaled"),
+        ),
+        Err(error) => Check::warning(
+            NAME,
+            format!("{size} pixels, but not to be seen from here: {error}"),
+            "Pictures of this simulator come off the screen: run dtd on its computer, in its desktop session, with its window uncovered and \
+             the desktop's scale at 100 %",
+        ),
+    }
+}

@@ -1,0 +1,83 @@
+//! Is what answers at an address the Web API of the very simulator that we talk to over UDP?
+//!
+//! It is if it knows the same capture link. Another X-Plane on the same computer must be left alone: a flight that is begun there
+//! would be waited for here.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use crate::datarefs::{CAPTURE_PORT, VERSION};
+use crate::web_api::{WebApi, WebApiError};
+
+/// How long the Web API may take to say that it is there.
+const TIMEOUT: Duration = Duration::from_secs(1);
+
+/// Why a Web API is not used.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum NotUsed {
+    /// There is none, or it does not answer.
+    #[error(transparent)]
+    Fails(#[from] WebApiError),
+    /// It has no datarefs at all.
+    #[error(
+        "no flight is loaded: the Web API at {address} (X-Plane {version}) has no datarefs while the main menu shows"
+    )]
+    NoFlight {
+        /// Where it is.
+        address: SocketAddr,
+        /// Of which X-Plane.
+        version: String,
+    },
+    /// It belongs to another simulator.
+    #[error(
+        "the Web API at {address} is that of another simulator: its capture link is {}, expected port {expected}",
+        .found.map_or("not there".to_owned(), |port| format!("at port {port}"))
+    )]
+    OtherSimulator {
+        /// Where it is.
+        address: SocketAddr,
+        /// Port of its capture link, if it has one.
+        found: Option<f64>,
+        /// Port of ours.
+        expected: u16,
+    },
+}
+
+/// The Web API there, if it is that of the simulator whose capture link has this port.
+pub(super) async fn find(address: SocketAddr, capture_port: u16) -> Result<WebApi, NotUsed> {
+    let api = WebApi::connect(address, TIMEOUT).await?;
+    let other = |found| NotUsed::OtherSimulator {
+        address,
+        found,
+        expected: capture_port,
+    };
+    match api.read_number(CAPTURE_PORT).await {
+        Ok(port) if port == f64::from(capture_port) => Ok(api),
+        Ok(port) => Err(other(Some(port))),
+        // Every X-Plane has a version, but none has datarefs before a flight is loaded.
+        Err(WebApiError::Unknown { .. }) => match api.dataref(VERSION).await {
+            Ok(_) => Err(other(None)),
+            Err(WebApiError::Unknown { .. }) => Err(NotUsed::NoFlight {
+                address,
+                version: api.simulator_version().to_owned(),
+            }),
+            Err(error) => Err(error.into()),
+        },
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// [`find`]; `None`, with the reason in the log, if it is not to be used.
+pub(super) async fn usable(address: SocketAddr, capture_port: u16) -> Option<WebApi> {
+    match find(address, capture_port).await {
+        Ok(api) => Some(api),
+        Err(NotUsed::Fails(error @ WebApiError::NotReached { .. })) => {
+            tracing::debug!(%error, "no Web API");
+            None
+        }
+        Err(reason) => {
+            tracing::info!(%reason, "the Web API is not used");
+            None
+        }
+    }
+}
