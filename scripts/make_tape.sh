@@ -4,7 +4,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-cargo build --release --locked
+cargo build --release --locked --workspace
 dtd=target/release/dtd
 folder=tests/data/tape
 work=$(mktemp -d)
@@ -31,5 +31,5 @@ kill -TERM "$recorder"
 wait "$recorder"
 recorder=
 mv "$work/session.mcap" "$folder/session.mcap"
-DTD_WRITE_EXPECTED=1 cargo test --release --locked --test tape -- the_stored_tape
+DTD_WRITE_EXPECTED=1 cargo test --release --locked --workspace --test tape -- the_stored_tape
 ls -l "$folder"
