@@ -44,25 +44,15 @@ fn main() {
         let mut ratios = Vec::new();
         let mut cpu = [Duration::ZERO; 2];
         for round in 0..ROUNDS {
-            let mut first = |path: &Path| {
-                let before = cpu_so_far()[0];
-                let rate = encode(&raw, pictures, &settings, path);
-                cpu[0] += cpu_so_far()[0] - before;
-                rate
-            };
-            let mut second = |path: &Path| {
-                let before = cpu_so_far()[1];
-                let rate = run_ffmpeg(&raw, pictures, &settings, path);
-                cpu[1] += cpu_so_far()[1] - before;
-                rate
-            };
+            let ours = || encode(&raw, pictures, &settings, &ours);
+            let theirs = || run_ffmpeg(&raw, pictures, &settings, &theirs);
             // Who begins changes from round to round.
             let (a, b) = if round % 2 == 0 {
-                let a = first(&ours);
-                (a, second(&theirs))
+                let a = counted(&mut cpu, 0, ours);
+                (a, counted(&mut cpu, 1, theirs))
             } else {
-                let b = second(&theirs);
-                (first(&ours), b)
+                let b = counted(&mut cpu, 1, theirs);
+                (counted(&mut cpu, 0, ours), b)
             };
             best_ours = best_ours.max(a);
             best_theirs = best_theirs.max(b);
@@ -88,6 +78,14 @@ fn main() {
             "{codec:?}: {ratio:.3} of the ffmpeg program's rate, expected at least {GOAL}"
         );
     }
+}
+
+/// Does the work, and adds the processor time that it took to that of one of both: 0 is this process, 1 its children.
+fn counted(cpu: &mut [Duration; 2], whose: usize, work: impl FnOnce() -> f64) -> f64 {
+    let before = cpu_so_far()[whose];
+    let rate = work();
+    cpu[whose] += cpu_so_far()[whose] - before;
+    rate
 }
 
 fn write_pictures(path: &Path, pictures: u32) {

@@ -304,8 +304,10 @@ fn what_cannot_work_is_said_at_once_and_nothing_is_recorded() {
     let other_plan = {
         SERVER.make_bucket("other-plan");
         let plan = fs::read_to_string(IN_A_FOLDER.0.join("plan.json")).unwrap();
-        let plan = plan.replacen("\"width_px\": 64", "\"width_px\": 65", 1);
-        SERVER.put("/other-plan/plan.json", &plan);
+        let key = "\"config_hash\":\"";
+        let other = plan.replacen(key, &format!("{key}0ther"), 1);
+        assert_ne!(plan, other);
+        SERVER.put("/other-plan/plan.json", &other);
         "s3://other-plan"
     };
     for (server, url, code, words) in [

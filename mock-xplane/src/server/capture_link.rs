@@ -109,7 +109,7 @@ type Reply = (Answer, Vec<u8>);
 
 /// An answer in its place of the order.
 enum Pending {
-    Ready(Reply),
+    Ready(Box<Reply>),
     Drawing(JoinHandle<Reply>),
 }
 
@@ -199,7 +199,7 @@ impl Studio {
     ) -> Result<(), LinkError> {
         while let Some(pending) = answers.recv().await {
             let (answer, payload) = match pending {
-                Pending::Ready(reply) => reply,
+                Pending::Ready(reply) => *reply,
                 Pending::Drawing(drawn) => drawn.await.unwrap_or_else(failed),
             };
             self.outages.over().await;
@@ -299,7 +299,7 @@ impl Studio {
         let states = match flown {
             Ok(Ok(states)) => states,
             Ok(Err(text)) => return refusal(text),
-            Err(error) => return Pending::Ready(failed(error)),
+            Err(error) => return Pending::Ready(Box::new(failed(error))),
         };
         if let Some(&last) = states.last() {
             self.world.lock().show(last);
@@ -309,7 +309,7 @@ impl Studio {
             columns,
             rows: states.len(),
         };
-        Pending::Ready((answer, encode_flight(&states)))
+        Pending::Ready(Box::new((answer, encode_flight(&states))))
     }
 
     /// Starts drawing. What is to be seen is fixed here, in the order of the requests; drawing takes its time.
@@ -468,7 +468,7 @@ fn share_memory(from: &mut Client, offer: &SharedMemory) -> Pending {
 }
 
 fn ready(answer: Answer) -> Pending {
-    Pending::Ready((answer, Vec::new()))
+    Pending::Ready(Box::new((answer, Vec::new())))
 }
 
 fn refusal(text: String) -> Pending {

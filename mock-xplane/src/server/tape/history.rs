@@ -226,15 +226,19 @@ impl<C: PartialEq + Clone> History<C> {
         None
     }
 
+    /// What was read behind another command is not reached without that one.
     fn command(&mut self, command: &str) -> bool {
+        let mut passed_another = false;
         for (ahead, step) in self.steps[self.at..].iter().enumerate() {
             match step {
                 Step::Command(found) if found == command => {
                     self.at += ahead + 1;
                     return true;
                 }
+                Step::Command(_) => passed_another = true,
                 Step::Write(_) => return false,
-                _ => {}
+                Step::Value(_) | Step::OtherReader if passed_another => return false,
+                Step::Value(_) | Step::OtherReader => {}
             }
         }
         false
@@ -307,6 +311,22 @@ mod tests {
         assert!(tape.command("regenerate"));
         assert!(tape.write("clock", 10.0));
         assert_eq!(tape.read(&"us", "clock"), Some(10.2));
+    }
+
+    #[test]
+    fn a_command_of_later_does_not_run_past_one_that_is_due() {
+        let mut tape = Histories::default();
+        tape.add_value(1, "mode", 0.0);
+        tape.add_command("servos");
+        tape.add_value(1, "mode", 2.0);
+        tape.add_command("regenerate");
+        tape.add_value(1, "mode", 5.0);
+        tape.command("regenerate");
+        assert_eq!(tape.read(&"us", "mode"), Some(0.0));
+        assert!(tape.command("servos"));
+        assert_eq!(tape.read(&"us", "mode"), Some(2.0));
+        assert!(tape.command("regenerate"));
+        assert_eq!(tape.read(&"us", "mode"), Some(5.0));
     }
 
     #[test]

@@ -288,10 +288,10 @@ mod tests {
                 frames[2].1.sim_frame = 7;
             }),
             ("the same pose at once", |frames| {
-                frames[1].1.rgb = vec![90; 64].into()
+                frames[1].1.rgb = vec![90; 64].into();
             }),
             ("gives the same picture", |frames| {
-                frames[2].1.rgb = vec![100; 64].into()
+                frames[2].1.rgb = vec![100; 64].into();
             }),
         ];
         for (words, fault) in faults {
