@@ -13,6 +13,7 @@ mod backdrop;
 mod blur;
 mod clouds;
 mod curves;
+mod drift;
 mod ground;
 mod lamps;
 mod light;
@@ -280,31 +281,40 @@ impl Scene {
     ) -> Option<Canvas> {
         let margin_px = blur.map_or(0, Blur::reach_px);
         let mut canvas = Canvas::around(patch, lamps, margin_px, self.size())?;
+        let lamps: Vec<(&Spot, f64)> = lamps.iter().map(|spot| (spot, spot.reach_px())).collect();
         for index in 0..canvas.light.len() {
             let (x, y) = (
                 canvas.x + index % canvas.width,
                 canvas.y + index / canvas.width,
             );
-            let behind = self.backdrop.light(sky, x, y);
             let covered = patch
                 .and_then(|patch| patch.at(x, y))
                 .filter(|(coverage, _)| *coverage > 0.0);
+            let place = DVec2::new(x as f64, y as f64);
+            let glow: Vec3 = lamps
+                .iter()
+                .filter(|(spot, reach_px)| place.distance_squared(spot.pixel) <= reach_px.powi(2))
+                .map(|(spot, _)| spot.on(x as i64, y as i64))
+                .sum();
+            canvas.touched[index] = covered.is_some() || glow.max_element() > 0.0;
+            // A blur wants all pixels. Without one, light that nobody asks for is not worth its logarithms.
+            if !canvas.touched[index] && blur.is_none() {
+                continue;
+            }
+            let behind = self.backdrop.light(sky, x, y);
             let mut light = behind;
             if let Some((coverage, sum)) = covered {
-                let pixel = DVec2::new(x as f64, y as f64);
                 let airlight = self
                     .world
                     .tone
-                    .expose(self.world.air.airlight(self.world.view.ray(pixel)));
-                let before = clouds.at(pixel);
+                    .expose(self.world.air.airlight(self.world.view.ray(place)));
+                let before = clouds.at(place);
                 let body = sum.truncate() + airlight * (coverage - sum.w);
                 light = behind * (1.0 - coverage)
                     + before.luminance * coverage
                     + body * before.transmittance;
             }
-            let glow: Vec3 = lamps.iter().map(|spot| spot.on(x as i64, y as i64)).sum();
             canvas.light[index] = light + glow;
-            canvas.touched[index] = covered.is_some() || glow.max_element() > 0.0;
         }
         if let Some(blur) = blur {
             canvas.blur(blur, |x, y| self.backdrop.light(sky, x, y));

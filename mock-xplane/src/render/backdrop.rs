@@ -2,8 +2,8 @@
 //!
 //! Below the first row with a silhouette the picture stands still and is kept whole. Above it the sky is smooth: it is kept as
 //! a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is
-//! computed for each of a series of instants so close together that the clouds drift by no more than a pixel from one to the next. An
-//! instant that several pictures show has its rows interpolated once and copied.
+//! put together for each of a series of instants so close together that the clouds drift by no more than a pixel from one to the next
+//! (`drift.rs` follows them). An instant that several pictures show has its rows interpolated once and copied.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -14,13 +14,14 @@ use rayon::prelude::*;
 use crate::render::air::Air;
 use crate::render::blur::Blur;
 use crate::render::clouds::Clouds;
+use crate::render::drift::{DriftingLayer, Moved};
 use crate::render::ground::{Ground, HIGHEST_SILHOUETTE_RAD};
 use crate::render::lamps::Spot;
 use crate::render::tone::{self, Tone};
 use crate::render::view::View;
 
 /// Pixels between grid nodes.
-pub(crate) const CELL_PX: usize = 8;
+pub(crate) const CELL_PX: usize = Nodes::CELL_PX;
 /// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would cost
 /// twice as much at the low frame rates at which every picture needs new ones.
 const DRIFT_PER_INSTANT_PX: f64 = 1.0;
@@ -42,6 +43,10 @@ pub(crate) struct Backdrop {
     width: usize,
     /// Rows from the top that hold nothing but sky; a multiple of the cell size.
     sky_rows: usize,
+    /// The sky without clouds.
+    clear: ClearSky,
+    /// The clouds before it, nearest first.
+    layers: Vec<DriftingLayer>,
     /// The whole picture at time 0, as bytes.
     still: Vec<u8>,
     /// Exposed light of the rows below the sky.
@@ -55,7 +60,23 @@ pub(crate) struct Backdrop {
     last_time_s: Mutex<f64>,
 }
 
-/// Display values (0 to 255) of the sky at every [`CELL_PX`]th pixel.
+/// The places at which the sky is computed: every [`Nodes::CELL_PX`]th pixel across and down.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Nodes {
+    pub(crate) columns: usize,
+    rows: usize,
+}
+
+/// The sky behind all clouds.
+struct ClearSky {
+    nodes: Nodes,
+    /// Luminance at the nodes, cd/m2.
+    luminance: Vec<Vec3>,
+    /// Part of the clouds that is drawn there ([`Clouds::share`]).
+    cloud_share: Vec<f32>,
+}
+
+/// Display values (0 to 255) of the sky at the nodes.
 pub(crate) struct SkyGrid {
     columns: usize,
     values: Vec<Vec3>,
@@ -68,7 +89,13 @@ impl Backdrop {
         let camera = &world.view.camera;
         let (width, height) = (camera.width_px as usize, camera.height_px as usize);
         let sky_rows = sky_rows(&world.view);
-        let still_sky = Arc::new(SkyGrid::compute(world, sky_rows, 0.0));
+        let steepest_up = [0, width - 1].map(|x| world.view.ray(DVec2::new(x as f64, 0.0)).z);
+        let steepest_up = steepest_up[0].max(steepest_up[1]);
+        let clear = ClearSky::new(world, sky_rows);
+        let layers: Vec<_> = (0..world.clouds.layers().len())
+            .map(|index| DriftingLayer::new(world, &clear.nodes, index, steepest_up))
+            .collect();
+        let still_sky = Arc::new(SkyGrid::compute(world, &clear, &layers, 0.0));
         let mut still_ground: Vec<Vec3> = (sky_rows * width..height * width)
             .into_par_iter()
             .map(|i| ground_pixel(world, ground, (i % width) as f64, (i / width) as f64))
@@ -85,15 +112,17 @@ impl Backdrop {
                 rgb.copy_from_slice(&tone::to_bytes(tone::encode(light)));
             });
 
-        let steepest_up = [0, width - 1].map(|x| world.view.ray(DVec2::new(x as f64, 0.0)).z);
-        let speed_px_per_s = world
-            .clouds
-            .angular_speed_rad_per_s(steepest_up[0].max(steepest_up[1]))
+        let speeds = world.clouds.layers().iter();
+        let speed_px_per_s = speeds
+            .map(|layer| layer.angular_speed_rad_per_s(steepest_up))
+            .fold(0.0, f64::max)
             * world.view.camera.focal_px;
-        let moves = !world.clouds.is_empty() && speed_px_per_s > 0.0 && sky_rows > 0;
+        let moves = speed_px_per_s > 0.0 && sky_rows > 0;
         Self {
             width,
             sky_rows,
+            clear,
+            layers,
             still,
             ground: still_ground,
             still_sky,
@@ -182,7 +211,8 @@ impl Backdrop {
         }
         let grid = Arc::new(SkyGrid::compute(
             world,
-            self.sky_rows,
+            &self.clear,
+            &self.layers,
             instant as f64 * instant_s,
         ));
         let mut kept = self.instants.lock().unwrap_or_else(PoisonError::into_inner);
@@ -199,27 +229,67 @@ impl Backdrop {
     }
 }
 
-impl SkyGrid {
-    fn compute(world: &Surroundings, sky_rows: usize, time_s: f64) -> Self {
-        let columns = (world.view.camera.width_px as usize).div_ceil(CELL_PX) + 1;
-        let rows = sky_rows / CELL_PX + 1;
-        let values = (0..columns * rows)
+impl Nodes {
+    /// Pixels between them.
+    pub(crate) const CELL_PX: usize = 8;
+
+    /// Computes something at every node, row by row; takes the pixel.
+    pub(crate) fn map<T: Send>(&self, at: impl Fn(DVec2) -> T + Sync + Send) -> Vec<T> {
+        (0..self.columns * self.rows)
             .into_par_iter()
             .map(|i| {
-                let pixel = DVec2::new(
-                    (i % columns * CELL_PX) as f64,
-                    (i / columns * CELL_PX) as f64,
-                );
-                tone::encode(
-                    world
-                        .tone
-                        .expose(sky_luminance(world, world.view.ray(pixel), time_s)),
+                at(
+                    DVec2::new((i % self.columns) as f64, (i / self.columns) as f64)
+                        * Self::CELL_PX as f64,
                 )
             })
-            .collect();
+            .collect()
+    }
+}
+
+impl ClearSky {
+    fn new(world: &Surroundings, sky_rows: usize) -> Self {
+        let nodes = Nodes {
+            columns: (world.view.camera.width_px as usize).div_ceil(CELL_PX) + 1,
+            rows: sky_rows / CELL_PX + 1,
+        };
         Self {
-            columns,
-            values,
+            nodes,
+            luminance: nodes.map(|pixel| world.air.sky(world.view.ray(pixel))),
+            cloud_share: nodes.map(|pixel| Clouds::share(world.view.ray(pixel))),
+        }
+    }
+}
+
+impl SkyGrid {
+    fn compute(
+        world: &Surroundings,
+        clear: &ClearSky,
+        layers: &[DriftingLayer],
+        time_s: f64,
+    ) -> Self {
+        let nodes = &clear.nodes;
+        let layers: Vec<Moved<'_>> = layers
+            .iter()
+            .map(|layer| layer.at(world, nodes, time_s))
+            .collect();
+        let at = |node: usize| {
+            let mut luminance = clear.luminance[node];
+            // From the farthest to the nearest.
+            for layer in layers.iter().rev() {
+                let (light, opacity) = layer.at(nodes, node);
+                let share = clear.cloud_share[node];
+                luminance = light * share + luminance * (1.0 - opacity * share);
+            }
+            tone::encode(world.tone.expose(luminance))
+        };
+        Self {
+            columns: nodes.columns,
+            values: (0..clear.luminance.len())
+                .into_par_iter()
+                .with_min_len(1024)
+                .map(at)
+                .collect(),
             rows: OnceLock::new(),
         }
     }
@@ -233,53 +303,65 @@ impl SkyGrid {
         across(node).lerp(across(node + self.columns), part(y))
     }
 
-    /// Interpolates rows of pixels from the top.
+    /// Interpolates rows of pixels from the top, a multiple of [`CELL_PX`].
     fn paint(&self, width: usize, rgb: &mut [u8]) {
-        /// One display level in fixed-point numbers.
-        const ONE: f32 = 65_536.0;
-        rgb.par_chunks_mut(width * 3)
+        let line_bytes = width * 3;
+        rgb.par_chunks_mut(line_bytes * CELL_PX * CELLS_AT_ONCE)
             .enumerate()
-            .with_min_len(16)
-            .for_each(|(y, line)| {
-                let part = (y % CELL_PX) as f32 / CELL_PX as f32;
-                let above = &self.values[y / CELL_PX * self.columns..][..self.columns];
-                // In the last line of cells there is a row below, too: the grid has one row more than cells.
-                let below = &self.values[(y / CELL_PX + 1) * self.columns..][..self.columns];
-                let node = |column: usize| {
-                    ((above[column].lerp(below[column], part) + 0.5) * ONE).as_ivec3()
-                };
-                let mut left = node(0);
-                for (column, cell) in line.chunks_mut(CELL_PX * 3).enumerate() {
-                    let right = node(column + 1);
-                    let step = (right - left) / CELL_PX as i32;
-                    let mut value = left;
-                    for pixel in cell.chunks_exact_mut(3) {
-                        pixel[0] = (value.x >> 16) as u8;
-                        pixel[1] = (value.y >> 16) as u8;
-                        pixel[2] = (value.z >> 16) as u8;
-                        value += step;
+            .for_each(|(job, lines)| {
+                let mut above = vec![0; line_bytes];
+                let mut below = vec![0; line_bytes];
+                self.widen(job * CELLS_AT_ONCE, &mut below);
+                for (row, cell) in lines.chunks_mut(line_bytes * CELL_PX).enumerate() {
+                    std::mem::swap(&mut above, &mut below);
+                    // Below the last line of cells there is one row of nodes more.
+                    self.widen(job * CELLS_AT_ONCE + row + 1, &mut below);
+                    for (y, line) in cell.chunks_exact_mut(line_bytes).enumerate() {
+                        blend(&above, &below, y as u16, line);
                     }
-                    left = right;
                 }
             });
+    }
+
+    /// One row of nodes as a line of pixels, in 1/[`LEVEL`] of a display level.
+    fn widen(&self, row: usize, line: &mut [u16]) {
+        let nodes = &self.values[row * self.columns..][..self.columns];
+        for (pair, cell) in nodes.windows(2).zip(line.chunks_mut(CELL_PX * 3)) {
+            let (mut value, step) = (
+                pair[0] * LEVEL + 0.5,
+                (pair[1] - pair[0]) * (LEVEL / CELL_PX as f32),
+            );
+            for pixel in cell.chunks_exact_mut(3) {
+                pixel[0] = value.x as u16;
+                pixel[1] = value.y as u16;
+                pixel[2] = value.z as u16;
+                value += step;
+            }
+        }
+    }
+}
+
+/// Rows of cells that one thread paints at a time.
+const CELLS_AT_ONCE: usize = 4;
+/// Parts of a display level that are kept between the two directions of interpolation. With them a whole cell of levels still fits 16 bits, of
+/// which processors multiply and add many at once.
+const LEVEL: f32 = 16.0;
+
+/// The line that lies `y` pixels below the line above.
+fn blend(above: &[u16], below: &[u16], y: u16, line: &mut [u8]) {
+    const CELL: u16 = CELL_PX as u16;
+    const HALF: u16 = LEVEL as u16 * CELL / 2;
+    for ((above, below), shown) in above.iter().zip(below).zip(line) {
+        *shown = ((above * (CELL - y) + below * y + HALF) / (2 * HALF)) as u8;
     }
 }
 
 fn sky_luminance(world: &Surroundings, ray: DVec3, time_s: f64) -> Vec3 {
-    let sky = world.air.sky(ray);
-    if world.clouds.is_empty() {
-        return sky;
-    }
+    let range_m = Clouds::farthest_seen_m(&world.air);
     world
         .clouds
-        .along(
-            &world.view,
-            &world.air,
-            ray,
-            Clouds::farthest_seen_m(&world.air),
-            time_s,
-        )
-        .over(sky)
+        .along(&world.view, &world.air, ray, range_m, time_s)
+        .over(world.air.sky(ray))
 }
 
 fn ground_pixel(world: &Surroundings, ground: &Ground, x: f64, y: f64) -> Vec3 {

@@ -3,6 +3,9 @@
 //! A layer is a slab between base and top. A tile of noise that drifts with the wind says where in the plan the cloud is, and
 //! how high it heaps; rays march through the slab. The same march with a shorter range tells how much cloud lies before the
 //! aircraft, so a hidden aircraft and the cloud that hides it agree.
+//!
+//! All rays of a camera are cut at the same distances. Were each cut from where it enters the slab, the cuts of neighbouring rays would lie
+//! at the same heights, and the heaps would show them as terraces.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use glam::{DVec2, DVec3, Vec3};
@@ -18,6 +21,10 @@ use crate::render::view::View;
 const FARTHEST_DEPTH: f64 = 5.3;
 /// A ray that is this opaque stops.
 const OPAQUE: f32 = 0.01;
+/// Length of a step of the march: this part of the distance, but neither shorter nor longer than these, metres.
+const STEP: (f64, f64, f64) = (0.02, 40.0, 1_500.0);
+/// Where steps end that are taken for granted; farther ones are as long as the longest. Beyond any cloud that haze lets through.
+const FARTHEST_STEP_M: f64 = 400_000.0;
 /// Wind grows with height by this power law.
 const WIND_EXPONENT: f64 = 0.14;
 
@@ -42,20 +49,42 @@ impl CloudLight {
     }
 }
 
+/// What a ray meets of one layer.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Seen {
+    /// Light that the layer sends to the camera through the haze, cd/m2, already weighted with its opacity.
+    pub(crate) luminance: Vec3,
+    /// Part of the light from behind that is kept back, 0 to 1.
+    pub(crate) opacity: f32,
+    /// Mean of 1 / distance over what is seen, 1/m; where nothing is seen, of where the layer begins.
+    pub(crate) nearness_per_m: f32,
+}
+
+impl Seen {
+    const NOTHING: Self = Self {
+        luminance: Vec3::ZERO,
+        opacity: 0.0,
+        nearness_per_m: 0.0,
+    };
+}
+
 /// All layers of a scene.
 pub(crate) struct Clouds {
+    /// The lowest base first: from the ground, which is where cameras stand, the nearest.
     layers: Vec<Layer>,
     light: Light,
     tile: &'static NoiseTile,
+    /// Distances from the camera at which steps of the march end, metres, nearest first.
+    steps_m: Vec<f64>,
 }
 
-struct Layer {
+pub(crate) struct Layer {
     kind: CloudKind,
     cover: f32,
     base_m: f64,
     top_m: f64,
     /// Drift, metres per second east and north.
-    drift_mps: DVec2,
+    pub(crate) drift_mps: DVec2,
     /// Side of the repeating tile, metres.
     tile_m: f64,
     /// Extinction inside, 1/m.
@@ -67,35 +96,39 @@ struct Layer {
 
 impl Clouds {
     pub(crate) fn new(weather: &Weather, light: &Light) -> Self {
-        let layers = weather
+        let mut layers: Vec<Layer> = weather
             .clouds
             .iter()
             .filter(|layer| layer.cover_ratio > 0.0 && layer.top_msl_m > layer.base_msl_m)
             .map(|layer| Layer::new(layer, weather, light))
             .collect();
+        layers.sort_by(|a, b| a.base_m.total_cmp(&b.base_m));
+        let ends = std::iter::successors(Some(STEP.1), |&end_m| {
+            Some(end_m + (STEP.0 * end_m).clamp(STEP.1, STEP.2))
+        });
         Self {
             layers,
             light: *light,
             tile: NoiseTile::shared(),
+            steps_m: ends.take_while(|&end_m| end_m < FARTHEST_STEP_M).collect(),
         }
     }
 
-    pub(crate) fn is_empty(&self) -> bool {
-        self.layers.is_empty()
-    }
-
-    /// Fastest angular drift over a view that reaches up to the sine `steepest_up`, radians per second.
-    pub(crate) fn angular_speed_rad_per_s(&self, steepest_up: f64) -> f64 {
-        self.layers
-            .iter()
-            .map(|layer| layer.drift_mps.length() * steepest_up.max(0.01) / layer.base_m.max(50.0))
-            .fold(0.0, f64::max)
+    /// The layers, nearest first.
+    pub(crate) fn layers(&self) -> &[Layer] {
+        &self.layers
     }
 
     /// How far to look for clouds that make the sky: haze hides what is farther. An aircraft's lamps outshine haze, so what
     /// hides them is sought over their whole distance.
     pub(crate) fn farthest_seen_m(air: &Air) -> f64 {
         FARTHEST_DEPTH / air.beta_per_m
+    }
+
+    /// Part of a layer that is drawn in a direction: clouds far away hang into the silhouette of the horizon, which is drawn once and
+    /// does not move.
+    pub(crate) fn share(ray: DVec3) -> f32 {
+        smoothstep(0.003, 0.012, ray.z as f32)
     }
 
     /// Follows a ray from the camera up to `range_m`.
@@ -107,79 +140,54 @@ impl Clouds {
         range_m: f64,
         time_s: f64,
     ) -> CloudLight {
-        let mut spans: Vec<(f64, f64, &Layer)> = self
-            .layers
-            .iter()
-            .filter_map(|layer| {
-                layer
-                    .span(view, ray)
-                    .map(|(from, to)| (from, to.min(range_m), layer))
-            })
-            .filter(|(from, to, _)| from < to)
-            .collect();
-        if spans.is_empty() {
-            return CloudLight::NOTHING;
-        }
-        spans.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let airlight = air.airlight(ray);
+        let share = Self::share(ray);
         let mut found = CloudLight::NOTHING;
-        for (from, to, layer) in spans {
-            self.march(
-                view,
-                air,
-                ray,
-                airlight,
-                (from, to),
-                layer,
-                time_s,
-                &mut found,
-            );
+        for layer in &self.layers {
+            if found.transmittance == 0.0 {
+                break;
+            }
+            let seen = self.seen(layer, view, air, ray, range_m, time_s);
+            found.luminance += seen.luminance * (share * found.transmittance);
+            found.transmittance *= 1.0 - seen.opacity * share;
         }
-        // What is left where the march gave up is nothing: a landing light would shine through one percent.
-        let opacity = 1.0 - found.transmittance;
-        let stretch = if opacity > 0.0 {
-            (opacity / (1.0 - OPAQUE)).min(1.0) / opacity
-        } else {
-            1.0
-        };
-        // Clouds far away hang into the silhouette of the horizon, which is drawn once and does not move.
-        let share = stretch * smoothstep(0.003, 0.012, ray.z as f32);
-        CloudLight {
-            luminance: found.luminance * share,
-            transmittance: 1.0 - opacity * share,
-        }
+        found
     }
 
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the inner loop takes what its caller computed once per ray"
-    )]
-    fn march(
+    /// What a ray from the camera up to `range_m` meets of one layer.
+    pub(crate) fn seen(
         &self,
+        layer: &Layer,
         view: &View,
         air: &Air,
         ray: DVec3,
-        airlight: Vec3,
-        (from_m, to_m): (f64, f64),
-        layer: &Layer,
+        range_m: f64,
         time_s: f64,
-        found: &mut CloudLight,
-    ) {
+    ) -> Seen {
+        let Some((from_m, to_m)) = layer.span(view, ray) else {
+            return Seen::NOTHING;
+        };
+        let to_m = to_m.min(range_m);
+        let airlight = air.airlight(ray);
         // Seen against the sun a heap shows its shaded side.
         let facing = 0.75 - 0.25 * ray.dot(self.light.to_sun) as f32;
+        let mut end = self.steps_m.partition_point(|&end_m| end_m <= from_m);
         let mut distance_m = from_m;
-        while distance_m < to_m && found.transmittance > OPAQUE {
-            let step_m = (0.02 * distance_m)
-                .clamp(40.0, 1_500.0)
-                .min(to_m - distance_m)
-                .max(1.0);
+        let (mut luminance, mut transmittance, mut nearness) = (Vec3::ZERO, 1.0, 0.0);
+        while distance_m < to_m && transmittance > OPAQUE {
+            let end_m = match self.steps_m.get(end) {
+                Some(end_m) => *end_m,
+                None => distance_m + STEP.2,
+            };
+            end += 1;
+            let step_m = end_m.min(to_m) - distance_m;
             let middle_m = distance_m + step_m / 2.0;
+            distance_m += step_m;
             let point = view.position_m + ray * middle_m;
             let level =
                 ((view.height_msl_m(point) - layer.base_m) / (layer.top_m - layer.base_m)) as f32;
             // Plan seen by one cell of the sky's grid and between two samples of the ray (which need two samples a wave):
             // what is finer must not flicker from row to row.
-            let footprint_m = (2.0 * step_m)
+            let footprint_m = (2.0 * (STEP.0 * middle_m).clamp(STEP.1, STEP.2))
                 .max(CELL_PX as f64 / view.camera.focal_px * middle_m / ray.z.max(0.01));
             let plan_m = point.truncate() - layer.drift_mps * time_s;
             let puff = layer.puff(self.tile, plan_m, footprint_m, level);
@@ -188,11 +196,25 @@ impl Clouds {
                 let lit = smoothstep(-0.1, 0.6, level) * facing;
                 let own = layer.shaded.lerp(layer.sunlit, lit) * puff.brightness;
                 let t = air.transmittance(middle_m);
-                found.luminance +=
-                    (own * t + airlight * (1.0 - t)) * (found.transmittance * (1.0 - through));
-                found.transmittance *= through;
+                let weight = transmittance * (1.0 - through);
+                luminance += (own * t + airlight * (1.0 - t)) * weight;
+                nearness += weight / middle_m as f32;
+                transmittance *= through;
             }
-            distance_m += step_m;
+        }
+        let opacity = 1.0 - transmittance;
+        if opacity <= 0.0 {
+            return Seen {
+                nearness_per_m: 1.0 / from_m.max(STEP.1) as f32,
+                ..Seen::NOTHING
+            };
+        }
+        // What is left where the march gave up is nothing: a landing light would shine through one percent.
+        let stretch = (opacity / (1.0 - OPAQUE)).min(1.0) / opacity;
+        Seen {
+            luminance: luminance * stretch,
+            opacity: opacity * stretch,
+            nearness_per_m: nearness / opacity,
         }
     }
 }
@@ -225,6 +247,11 @@ impl Layer {
             shaded: below,
             sunlit: below * 1.3 + above * (open * gloom * rain),
         }
+    }
+
+    /// Fastest angular drift over a view that reaches up to the sine `steepest_up`, radians per second.
+    pub(crate) fn angular_speed_rad_per_s(&self, steepest_up: f64) -> f64 {
+        self.drift_mps.length() * steepest_up.max(0.01) / self.base_m.max(50.0)
     }
 
     /// Distances between which a ray is inside the slab; a camera above the layer does not look down on it.

@@ -61,7 +61,10 @@ impl NoiseTile {
     /// The mean over about `footprint` (in units of the tile's side) around a place: what a coarse sample of a fine pattern
     /// should see.
     pub(crate) fn blurred(&self, x: f64, y: f64, footprint: f64) -> f32 {
-        let wanted = ((footprint * SIDE as f64).max(1.0).log2() as f32).min((LEVELS - 1) as f32);
+        let wanted = ((footprint * SIDE as f64) as f32)
+            .max(1.0)
+            .log2()
+            .min((LEVELS - 1) as f32);
         let finer = (wanted as usize).min(LEVELS - 2);
         let (a, b) = (self.in_level(finer, x, y), self.in_level(finer + 1, x, y));
         a + (b - a) * (wanted - finer as f32)

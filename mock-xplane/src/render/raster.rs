@@ -164,11 +164,11 @@ impl<'a> Samples<'a> {
         for (row, line) in self.triangle.chunks_exact(self.width).enumerate() {
             let base = row / lattice * width;
             for (column, samples) in line.chunks_exact(lattice).enumerate() {
-                for &mark in samples {
-                    if mark > 0 {
-                        coverage[base + column] += share;
-                        light[base + column] += triangles[mark as usize - 1].light * share;
-                    }
+                // Neighbours mostly show the same triangle.
+                for run in samples.chunk_by(|a, b| a == b).filter(|run| run[0] > 0) {
+                    let part = share * run.len() as f32;
+                    coverage[base + column] += part;
+                    light[base + column] += triangles[run[0] as usize - 1].light * part;
                 }
             }
         }

@@ -3,6 +3,8 @@
 //! `byte = 255 sRGB(1 - exp(-exposure luminance))`. The shoulder never clips hard and can be inverted, which lets the aircraft be
 //! composited in linear light over a cached, already encoded background.
 
+use std::sync::OnceLock;
+
 use glam::Vec3;
 
 /// Luminance at which a scene counts as full daylight, cd/m2.
@@ -33,9 +35,29 @@ impl Tone {
     }
 }
 
-/// Exposed light to display values, 0 to 255, not yet rounded.
+/// Intervals of the table of [`encode`].
+const TABLE: usize = 4096;
+
+/// Exposed light to display values, 0 to 255, not yet rounded. Looked up in a table, which is within a hundredth of a grey level.
 pub(crate) fn encode(exposed: Vec3) -> Vec3 {
-    exposed.map(|x| 255.0 * srgb_from_linear(1.0 - (-x).exp()))
+    static VALUES: OnceLock<Vec<f32>> = OnceLock::new();
+    let values = VALUES.get_or_init(|| {
+        // Even steps of x / (1 + x), which is between 0 and 1 for all light.
+        let exposed = |i: usize| i as f32 / (TABLE - i) as f32;
+        (0..=TABLE + 1)
+            .map(|i| display(exposed(i.min(TABLE))))
+            .collect()
+    });
+    exposed.map(|x| {
+        let place = x.max(0.0) / (1.0 + x.max(0.0)) * TABLE as f32;
+        let before = place as usize;
+        values[before] + (values[before + 1] - values[before]) * (place - before as f32)
+    })
+}
+
+/// What [`encode`] looks up.
+fn display(exposed: f32) -> f32 {
+    255.0 * srgb_from_linear(1.0 - (-exposed).exp())
 }
 
 /// The inverse of [`encode`]. 255 would be infinitely bright; it is taken as 254.9.
@@ -79,6 +101,19 @@ mod tests {
                 "{x} came back as {back}"
             );
         }
+    }
+
+    #[test]
+    fn the_table_is_within_a_hundredth_of_a_grey_level_of_its_formula() {
+        for i in 0..200_000_u32 {
+            let exposed = (i as f32 * 1e-4).powi(3) * 1e-2;
+            let error = encode(Vec3::splat(exposed)).x - display(exposed);
+            assert!(error.abs() < 0.01, "{error} at {exposed}");
+        }
+        assert_eq!(
+            encode(Vec3::new(-1.0, 0.0, 1e30)),
+            Vec3::new(0.0, 0.0, 255.0)
+        );
     }
 
     #[test]
