@@ -90,7 +90,7 @@ impl Spoiled {
     }
 }
 
-/// The light of a patch of pixels, row by row, with the rectangle that it covers.
+/// The light of a patch of pixels, row by row, with the rectangle that it covers. Only pixels that differ from the backdrop have their light.
 struct Canvas {
     x: usize,
     y: usize,

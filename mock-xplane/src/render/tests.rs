@@ -125,6 +125,7 @@ fn contrast(scene: &Scene, pose: &Pose) -> Vec<(DVec2, f64)> {
         .light
         .iter()
         .enumerate()
+        .filter(|(i, _)| canvas.touched[*i])
         .map(|(i, light)| {
             let (x, y) = (canvas.x + i % canvas.width, canvas.y + i / canvas.width);
             let behind = scene.backdrop.light(sky, x, y);
@@ -546,6 +547,7 @@ fn moments(scene: &Scene, pose: &Pose, time_s: f64) -> (f64, DVec2, f64) {
         .composite(patch.as_ref(), &[], &clouds, sky, blur.as_ref())
         .expect("the aircraft is in the picture");
     let changes: Vec<(DVec2, f64)> = (0..canvas.light.len())
+        .filter(|&i| canvas.touched[i])
         .map(|i| {
             let (x, y) = (canvas.x + i % canvas.width, canvas.y + i / canvas.width);
             let change = canvas.light[i] - scene.backdrop.light(sky, x, y);
