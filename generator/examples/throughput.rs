@@ -1,9 +1,11 @@
 //! Measures recording from end to end against encoding alone: `cargo run --release -p dtd-generator --example throughput`.
 //!
-//! The stand-in, in this process, flies the last nautical mile of an approach; its two views of 1920x1280 are drawn, sent, encoded and
+//! The stand-in, in this process, flies the last nautical miles of an approach; its two views of 1920x1280 are drawn, sent, encoded and
 //! committed with their tables, as `dtd generate` does it. Then the very same pictures are drawn again and only encoded, a thread for
 //! each view, and only the encoding is timed; that the videos come out byte for byte the same proves that it was the same work.
-//! Rounds alternate. Arguments: a weather (`clear`, `cloudy`, `stormy` or `foggy`; cloudy if none is given) and the number of rounds.
+//! Rounds alternate. Arguments: a weather (`clear`, `cloudy`, `stormy` or `foggy`; cloudy if none is given), the number of rounds (3), and from how
+//! many nautical miles the approach is recorded (2): what is done once, as preparing the backdrops, weighs the less the longer it is, and
+//! in a corpus it is done once for all scenarios of a weather and time.
 
 use std::error::Error;
 use std::fs;
@@ -129,9 +131,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let weather = arguments.next().unwrap_or_else(|| "cloudy".into());
     let rounds: u32 = arguments.next().map_or(Ok(3), |text| text.parse())?;
+    let from_nm: f64 = arguments.next().map_or(Ok(2.0), |text| text.parse())?;
     let folder = tempfile::tempdir()?;
     println!(
-        "two views of 1920x1280, 30 ticks/s, {weather}; load before: {}",
+        "two views of 1920x1280, 30 ticks/s, {weather}, from {from_nm} NM; load before: {}",
         fs::read_to_string("/proc/loadavg")?.trim_end()
     );
     println!(
@@ -141,7 +144,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     for round in 1..=rounds {
         let corpus = folder.path().join(format!("corpus-{round}"));
         let engine = Arc::new(Remembering::default());
-        let recording = record(&sweep(&weather)?, &corpus, engine.clone())?;
+        let recording = record(&sweep(&weather, from_nm)?, &corpus, engine.clone())?;
         let (pictures, encoding) = encode_again(&corpus, &engine)?;
         let per_second = |cost: Cost| pictures as f64 / cost.wall.as_secs_f64();
         let cpu_ms = |cost: Cost| cost.cpu.as_secs_f64() * 1e3 / pictures as f64;
@@ -165,8 +168,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The sweep of `scenarios.toml`, cut down to one scenario from one nautical mile.
-fn sweep(weather: &str) -> Result<Sweep, Box<dyn Error>> {
+/// The sweep of `scenarios.toml`, cut down to one scenario from so far away.
+fn sweep(weather: &str, from_nm: f64) -> Result<Sweep, Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut table: toml::Table = fs::read_to_string(root.join("scenarios.toml"))?.parse()?;
     let weathers = toml::Value::Array(vec![weather.into()]);
@@ -179,15 +182,18 @@ fn sweep(weather: &str) -> Result<Sweep, Box<dyn Error>> {
         utc_offset_h = 8
 
         [start]
-        dtd_nm = 1.0
+        dtd_nm = 0.0
         speed_mps = 72
         profiles = ["short"]
 
         [profile.short]
         kind = "glide_path"
-        level_altitude_msl_m = 150
+        level_altitude_msl_m = 0
     };
     change["grid"]["weathers"] = weathers;
+    change["start"]["dtd_nm"] = from_nm.into();
+    // Above the glide path of three degrees at the start.
+    change["profile"]["short"]["level_altitude_msl_m"] = (50.0 + 100.0 * from_nm).into();
     table.extend(change);
     Ok(Sweep::parse(
         Path::new("throughput.toml"),

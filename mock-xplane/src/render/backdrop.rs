@@ -419,3 +419,66 @@ fn sky_rows(view: &View) -> usize {
     let rows = (0..height).take_while(|&y| open_sky(y)).count();
     rows / CELL_PX * CELL_PX
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::tests::{NM_M, overcast, scene};
+
+    #[test]
+    fn clouds_between_two_keys_are_where_a_march_at_that_time_finds_them() {
+        let scene = scene(4.0 * NM_M, &overcast());
+        let (world, backdrop) = (&scene.world, &scene.backdrop);
+        let nodes = &backdrop.clear.nodes;
+        let marched = |time_s: f64| {
+            nodes.map(|pixel| {
+                let ray = world.view.ray(pixel);
+                tone::encode(world.tone.expose(sky_luminance(world, ray, time_s)))
+            })
+        };
+        let followed =
+            |time_s: f64| SkyGrid::compute(world, &backdrop.clear, &backdrop.layers, time_s).values;
+        let mean_difference = |a: &[Vec3], b: &[Vec3]| {
+            a.iter().zip(b).map(|(a, b)| (*a - *b).abs().y).sum::<f32>() / a.len() as f32
+        };
+        assert!(followed(0.0) == marched(0.0), "the first key");
+        let (mut missed, mut moved) = (0.0, 0.0);
+        for second in 1..20 {
+            let time_s = 0.77 * f64::from(second);
+            let truth = marched(time_s);
+            missed += mean_difference(&truth, &followed(time_s)) / 19.0;
+            // What standing still for as long as from key to key would miss.
+            let key_s = backdrop.layers[0].key_s().unwrap();
+            moved += mean_difference(&truth, &marched(time_s - key_s)) / 19.0;
+        }
+        assert!(
+            missed < 0.3 * moved && missed < 0.2,
+            "{missed} of {moved} grey levels"
+        );
+    }
+
+    #[test]
+    fn a_painted_line_meets_its_nodes_and_goes_straight_between_them() {
+        let columns = 4;
+        let value = |i: usize| Vec3::new(10.0 * i as f32, 255.0, 17.3 + 1.5 * (i * i) as f32);
+        let grid = SkyGrid {
+            columns,
+            values: (0..columns * 3).map(value).collect(),
+            rows: OnceLock::new(),
+        };
+        // A width that ends within a cell.
+        let width = 2 * CELL_PX + 5;
+        let mut rgb = vec![0; width * 3 * 2 * CELL_PX];
+        grid.paint(width, &mut rgb);
+        for (i, shown) in rgb.chunks_exact(3).enumerate() {
+            let expected = grid.at(i % width, i / width);
+            for (shown, expected) in shown.iter().zip(expected.to_array()) {
+                let error = f32::from(*shown) - expected;
+                assert!(
+                    error.abs() < 0.6,
+                    "{shown} instead of {expected} at pixel {i}"
+                );
+            }
+        }
+    }
+}

@@ -60,6 +60,12 @@ impl DriftingLayer {
         }
     }
 
+    /// Seconds from key to key; `None` if the layer does not move.
+    #[cfg(test)]
+    pub(crate) fn key_s(&self) -> Option<f64> {
+        self.key_s
+    }
+
     /// The layer at an instant.
     pub(crate) fn at(&self, world: &Surroundings, nodes: &Nodes, time_s: f64) -> Moved<'_> {
         let key_s = self.key_s.unwrap_or(f64::INFINITY);

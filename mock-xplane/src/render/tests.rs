@@ -10,7 +10,7 @@ use super::*;
 /// Focal length of 1920 pixels over ten degrees.
 const FOCAL_PX: f64 = 10_972.8;
 const SINGAPORE_S: f64 = 8.0 * 3600.0;
-const NM_M: f64 = 1_852.0;
+pub(crate) const NM_M: f64 = 1_852.0;
 
 pub(crate) fn changi_02l() -> Runway {
     Runway {
@@ -103,7 +103,7 @@ const LANDING: Controls = Controls {
     gear_ratio: 1.0,
 };
 
-fn scene(distance_m: f64, weather: &Weather) -> Scene {
+pub(crate) fn scene(distance_m: f64, weather: &Weather) -> Scene {
     Scene::new(
         &small_camera(distance_m),
         &changi_02l(),
@@ -410,7 +410,7 @@ fn an_aircraft_moved_by_a_quarter_of_a_pixel_moves_its_centre_by_a_quarter_of_a_
     }
 }
 
-fn overcast() -> Weather {
+pub(crate) fn overcast() -> Weather {
     Weather {
         clouds: vec![CloudLayer {
             kind: CloudKind::Cumulus,
