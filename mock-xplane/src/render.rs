@@ -1,7 +1,7 @@
 //! What a camera sees: sky, clouds, ground, runway and one aircraft, drawn in software.
 //!
 //! In: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Out: 8-bit sRGB pictures. Everything
-//! behind the aircraft is computed once per [`Scene`] and copied; the aircraft's patch is drawn with up to 256 samples per
+//! behind the aircraft is computed once per [`Scene`] and copied, clouds as often as they drift; the aircraft's patch is drawn with many samples per
 //! pixel and composited in linear light. The same inputs give the same bytes, whatever the number of threads.
 //!
 //! Distortion and refraction are the camera's: rays and projections know them, so nothing is drawn first and warped then. Blur, seeing and

@@ -25,6 +25,8 @@ const OPAQUE: f32 = 0.01;
 const STEP: (f64, f64, f64) = (0.02, 40.0, 1_500.0);
 /// Where steps end that are taken for granted; farther ones are as long as the longest. Beyond any cloud that haze lets through.
 const FARTHEST_STEP_M: f64 = 400_000.0;
+/// How much fine structure adds to the height of a heap, or takes from it: this part of the layer, half of it to either side.
+const RAGGED: f32 = 0.35;
 /// Wind grows with height by this power law.
 const WIND_EXPONENT: f64 = 0.14;
 
@@ -281,6 +283,15 @@ impl Layer {
                 brightness: 1.0,
             };
         }
+        let heaps = matches!(self.kind, CloudKind::Cumulus | CloudKind::Cumulonimbus);
+        let heap = excess.max(0.0).sqrt();
+        // Above the highest heap that fine structure can make of it, it need not be asked.
+        if heaps && heap + 0.5 * RAGGED <= level {
+            return Puff {
+                density: 0.0,
+                brightness: 1.0,
+            };
+        }
         // Fine structure slides sideways with height, which breaks the columns of a two-dimensional tile.
         let height_m = f64::from(level) * (self.top_m - self.base_m);
         let fine_m = 0.19 * self.tile_m;
@@ -293,8 +304,7 @@ impl Layer {
                 smoothstep(0.0, 0.25, excess + 0.3 * detail) * edges
             }
             CloudKind::Cumulus | CloudKind::Cumulonimbus => {
-                let heap = excess.max(0.0).sqrt() + 0.35 * detail;
-                smoothstep(0.0, 0.25, heap - level) * smoothstep(0.0, 0.04, level)
+                smoothstep(0.0, 0.25, heap + RAGGED * detail - level) * smoothstep(0.0, 0.04, level)
             }
         };
         // The thicker the cloud above, the darker what one sees of it from below.

@@ -38,7 +38,7 @@ pub(crate) struct Scratch {
 }
 
 /// Samples that one patch may take; sets the density of the lattice.
-const MAX_SAMPLES: f64 = 300_000.0;
+const MAX_SAMPLES: f64 = 200_000.0;
 /// Rows of samples are shifted against each other by this part of their spacing (the golden ratio spreads them evenly), so that
 /// upright edges, of which an aircraft has many, fall between samples at ever different places.
 const ROW_SHIFT: f64 = 0.618_033_988_749_895;
