@@ -103,6 +103,9 @@ pub struct AugmentationConfig {
     /// the position whatever is usual, and a wide corridor teaches them to: in the narrow one, the lateral deviation that they have to
     /// tell apart from range is so small that gradient descent takes ages to see it.
     pub extrapolation_together: f64,
+    /// How far those samples may also lie beside and above what was flown, metres: about what gusts do to an approach. However
+    /// closely an autopilot kept the training flights to the axis, a held-out flight may not be kept so.
+    pub deviation_together_m: f64,
 }
 
 impl Default for AugmentationConfig {
@@ -111,6 +114,7 @@ impl Default for AugmentationConfig {
             fill_up_to_samples: 40_000,
             extrapolation: 0.3,
             extrapolation_together: 4.0,
+            deviation_together_m: 30.0,
         }
     }
 }
@@ -312,6 +316,10 @@ impl TrainConfig {
         not_negative(
             "augmentation.extrapolation_together",
             self.augmentation.extrapolation_together,
+        )?;
+        not_negative(
+            "augmentation.deviation_together_m",
+            self.augmentation.deviation_together_m,
         )?;
         let c = &self.calibration;
         positive("calibration.hidden", &c.hidden)?;

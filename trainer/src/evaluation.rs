@@ -126,6 +126,11 @@ pub fn evaluate(
         });
     }
     progress.begin("evaluation", ESTIMATORS.len() as u64);
+    let test: Vec<Sample> = test
+        .into_iter()
+        .map(|sample| trained.normalisation.usual(sample))
+        .collect();
+    let test: Vec<&Sample> = test.iter().collect();
     let predictions = predict_all(&trained, &samples, &test, progress);
     let metrics = Metrics {
         split: split_summary(&trained, &samples, config),
@@ -231,10 +236,14 @@ fn predict_all(
     let device = Device::flex();
     let encoded = Encoded::new(test.iter().copied(), &run.normalisation);
     let (networks, loss) = (&run.networks, run.config.loss);
+    // A network always says something, also of no box at all.
     let metres = |units: Vec<f32>| {
         units
             .into_iter()
-            .map(|unit| Some(f64::from(unit) * TARGET_UNIT_M))
+            .zip(test)
+            .map(|(unit, sample)| {
+                (sample.detections() > 0).then(|| f64::from(unit) * TARGET_UNIT_M)
+            })
             .collect()
     };
     let touchdown = |sample: &Sample| samples.scenarios[sample.scenario].touchdown;

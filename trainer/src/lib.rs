@@ -37,6 +37,7 @@ pub mod synthetic;
 pub mod training;
 pub mod trajectory_mixing;
 pub mod triangulation;
+pub mod trusted_boxes;
 pub mod view_dropout;
 
 pub use config::TrainConfig;

@@ -2,6 +2,9 @@
 //!
 //! Offsets and scales are mean and standard deviation over the training side only, so that nothing of validation or test leaks in.
 //! Distances are in units of 10 NM.
+//!
+//! The training side also says which boxes are unusual: nowhere near where an aircraft was ever boxed, or of a size that none ever had.
+//! An estimator can know without any truth that it should not believe such a box.
 
 use dataset::pixel_box::PixelBox;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -23,7 +26,16 @@ pub struct Normalisation {
     pub offset_px: Vec<[f64; BOX_FEATURES]>,
     /// Per view, of centre x, centre y, width, height; pixels.
     pub scale_px: Vec<[f64; BOX_FEATURES]>,
+    /// Per view, smallest and largest of centre x, centre y, width, height; pixels. A view that never saw anything has no range and believes
+    /// no box; in runs made before there were ranges all are missing, and every box is believed.
+    #[serde(default)]
+    pub range_px: Option<Vec<Option<[[f64; 2]; BOX_FEATURES]>>>,
 }
+
+/// How far outside the range of the training side a box's centre may lie, in parts of the range's extent.
+const BEYOND: f64 = 0.25;
+/// How much smaller or larger than any box of the training side a box may be.
+const OTHER_SIZE: f64 = 2.0;
 
 impl Normalisation {
     /// Fits offsets and scales. A view that never saw anything keeps offset 0 and scale 1.
@@ -50,11 +62,39 @@ impl Normalisation {
             }
             (offset, scale)
         };
+        let range = |view: usize| {
+            let mut seen = training.iter().filter_map(|s| s.boxes[view]);
+            let first = features_px(&seen.next()?).map(|value| [value; 2]);
+            Some(seen.fold(first, |range, pixel_box| {
+                let features = features_px(&pixel_box);
+                std::array::from_fn(|i| {
+                    [range[i][0].min(features[i]), range[i][1].max(features[i])]
+                })
+            }))
+        };
         let (offset_px, scale_px) = (0..views.len()).map(statistics).unzip();
         Self {
             views: views.to_vec(),
             offset_px,
             scale_px,
+            range_px: Some((0..views.len()).map(range).collect()),
+        }
+    }
+
+    /// The sample without the boxes that are unlike any of the training side.
+    pub fn usual(&self, sample: &Sample) -> Sample {
+        let believed = |view: usize, seen: &PixelBox| match &self.range_px {
+            None => true,
+            Some(ranges) => ranges[view].is_some_and(|range| is_usual(&range, seen)),
+        };
+        Sample {
+            boxes: sample
+                .boxes
+                .iter()
+                .enumerate()
+                .map(|(view, seen)| seen.filter(|seen| believed(view, seen)))
+                .collect(),
+            ..*sample
         }
     }
 
@@ -67,6 +107,20 @@ impl Normalisation {
     }
 }
 
+fn is_usual(range: &[[f64; 2]; BOX_FEATURES], seen: &PixelBox) -> bool {
+    features_px(seen).iter().zip(range).enumerate().all(
+        |(feature, (&value, &[smallest, largest]))| {
+            let allowed = if feature < 2 {
+                let margin = BEYOND * (largest - smallest);
+                smallest - margin..=largest + margin
+            } else {
+                smallest / OTHER_SIZE..=largest * OTHER_SIZE
+            };
+            allowed.contains(&value)
+        },
+    )
+}
+
 fn features_px(b: &PixelBox) -> [f64; BOX_FEATURES] {
     [b.cx_px, b.cy_px, b.width_px, b.height_px]
 }
@@ -76,9 +130,8 @@ mod tests {
     use super::*;
     use dataset::geodesy::Geodetic;
 
-    #[test]
-    fn training_features_have_mean_zero_and_deviation_one() {
-        let sample = |cx_px: f64, width_px: f64| Sample {
+    fn sample(cx_px: f64, width_px: f64) -> Sample {
+        Sample {
             scenario: 0,
             tick: 0,
             time_ns: 0,
@@ -99,10 +152,50 @@ mod tests {
                 }),
                 None,
             ],
-        };
-        let samples = [sample(100.0, 10.0), sample(300.0, 30.0)];
+        }
+    }
+
+    fn fitted(samples: &[Sample]) -> Normalisation {
         let views = ["left".to_owned(), "right".to_owned()];
-        let normalisation = Normalisation::fit(&views, &samples.iter().collect::<Vec<_>>());
+        Normalisation::fit(&views, &samples.iter().collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn a_box_where_no_aircraft_was_or_of_a_size_that_none_had_is_not_believed() {
+        let normalisation = fitted(&[sample(100.0, 10.0), sample(300.0, 30.0)]);
+        let believed =
+            |cx_px, width_px| normalisation.usual(&sample(cx_px, width_px)).detections() == 1;
+        assert!(believed(100.0, 10.0) && believed(300.0, 30.0) && believed(340.0, 50.0));
+        assert!(!believed(400.0, 20.0) && !believed(20.0, 20.0), "far off");
+        assert!(
+            !believed(200.0, 3.0) && !believed(200.0, 90.0),
+            "another size"
+        );
+        let mut blind = sample(200.0, 20.0);
+        blind.boxes.swap(0, 1);
+        assert_eq!(
+            normalisation.usual(&blind).detections(),
+            0,
+            "a view that never saw"
+        );
+    }
+
+    #[test]
+    fn a_run_without_ranges_believes_every_box() {
+        let old = Normalisation {
+            range_px: None,
+            ..fitted(&[sample(100.0, 10.0)])
+        };
+        let mut written = serde_json::to_value(&old).unwrap();
+        written.as_object_mut().unwrap().remove("range_px");
+        let read: Normalisation = serde_json::from_value(written).unwrap();
+        assert_eq!(read.usual(&sample(900.0, 1.0)).detections(), 1);
+    }
+
+    #[test]
+    fn training_features_have_mean_zero_and_deviation_one() {
+        let samples = [sample(100.0, 10.0), sample(300.0, 30.0)];
+        let normalisation = fitted(&samples);
         assert_eq!(
             normalisation.features(0, &samples[0].boxes[0].unwrap()),
             [-1.0, 0.0, -1.0, 0.0]

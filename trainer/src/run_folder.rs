@@ -124,6 +124,9 @@ pub struct RunSummary {
     pub validation_trajectories: BTreeSet<String>,
     /// Samples on the training side, as recorded.
     pub training_samples: usize,
+    /// Boxes of the training side that do not hold the aircraft and were left out.
+    #[serde(default)]
+    pub false_training_boxes: usize,
     /// Samples that were mixed from them.
     pub mixed_samples: usize,
     /// Samples on the validation side.

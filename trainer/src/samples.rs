@@ -1,7 +1,7 @@
 //! From a corpus to samples: one per tick at which at least one view saw the aircraft.
 //!
-//! In: `splits.json`, and per scenario its record, calibration, labelled ticks and one model's detections. Of several detections
-//! of a view at a tick the one with the highest score counts. Ticks past the touchdown target are left out: the distance to
+//! In: `splits.json`, and per scenario its record, calibration, labelled ticks and one model's detections. Boxes that the picture's edge
+//! cuts off are left out (see [`crate::trusted_boxes`]); of several others of a view at a tick the one with the highest score counts. Ticks past the touchdown target are left out: the distance to
 //! touchdown grows again there. A committed scenario that the split does not know is refused.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,6 +18,7 @@ use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
 use crate::error::{Error, Result};
+use crate::trusted_boxes::{holds_aircraft, is_whole};
 
 /// Which ticks become samples, by distance to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -159,15 +160,22 @@ impl Samples {
                 record.trajectory, assignment.trajectory
             )));
         }
-        let mut detections = best_detections(folder.detections(&self.model_hash)?);
-        if let Some((_, view)) = detections
-            .keys()
-            .find(|(_, view)| !self.views.contains(view))
+        let cameras: BTreeMap<String, Camera> = folder
+            .calibration()?
+            .cameras
+            .iter()
+            .map(|(view, entry)| (view.clone(), entry.camera()))
+            .collect();
+        let detections = folder.detections(&self.model_hash)?;
+        if let Some(Detection { view, .. }) = detections
+            .iter()
+            .find(|detection| !self.views.contains(&detection.view))
         {
             return Err(fault(format!(
                 "has detections of view {view}, which calibration.json does not list"
             )));
         }
+        let mut detections = best_detections(detections, &cameras);
         let mut summary = ScenarioSummary {
             id: folder.id(),
             trajectory: record.trajectory,
@@ -176,12 +184,7 @@ impl Samples {
             time_of_day: record.conditions.time_of_day,
             runway: record.runway,
             touchdown: record.touchdown,
-            cameras: folder
-                .calibration()?
-                .cameras
-                .values()
-                .map(CameraEntry::camera)
-                .collect(),
+            cameras: cameras.into_values().collect(),
             ticks: 0,
             detected_ticks: vec![0; self.views.len()],
         };
@@ -226,6 +229,29 @@ impl Samples {
             .collect()
     }
 
+    /// The samples of one side with only those boxes that hold the aircraft. This takes the truth, so it is for learning; what is judged
+    /// has to live with the boxes as they are.
+    pub fn with_true_boxes(&self, side: Side) -> Vec<Sample> {
+        self.of_side(side)
+            .into_iter()
+            .filter_map(|sample| {
+                let cameras = &self.scenarios[sample.scenario].cameras;
+                let boxes: Vec<_> = sample
+                    .boxes
+                    .iter()
+                    .zip(cameras)
+                    .map(|(seen, camera)| {
+                        seen.filter(|seen| holds_aircraft(seen, camera, sample.position))
+                    })
+                    .collect();
+                boxes
+                    .iter()
+                    .any(Option::is_some)
+                    .then(|| Sample { boxes, ..*sample })
+            })
+            .collect()
+    }
+
     /// The trajectories of one side of the split.
     pub fn trajectories(&self, side: Side) -> BTreeSet<String> {
         self.scenarios
@@ -246,8 +272,11 @@ fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
         .collect()
 }
 
-/// The detection with the highest score per tick and view.
-fn best_detections(detections: Vec<Detection>) -> BTreeMap<(u32, String), PixelBox> {
+/// The whole box with the highest score per tick and view.
+fn best_detections(
+    detections: Vec<Detection>,
+    cameras: &BTreeMap<String, Camera>,
+) -> BTreeMap<(u32, String), PixelBox> {
     let mut best: BTreeMap<(u32, String), (f64, PixelBox)> = BTreeMap::new();
     for Detection {
         tick,
@@ -257,6 +286,9 @@ fn best_detections(detections: Vec<Detection>) -> BTreeMap<(u32, String), PixelB
         ..
     } in detections
     {
+        if !is_whole(&pixel_box, &cameras[&view]) {
+            continue;
+        }
         let entry = best.entry((tick, view)).or_insert((score, pixel_box));
         if score > entry.0 {
             *entry = (score, pixel_box);
@@ -400,27 +432,73 @@ mod tests {
         max_nm: None,
     };
 
-    #[test]
-    fn a_tick_becomes_a_sample_if_any_view_saw_it_and_the_best_score_counts() {
-        let detection = |score, cx_px| Detection {
+    fn read(folder: &Path, corpus: &SyntheticCorpus) -> Samples {
+        Samples::read(&corpus.write(folder).unwrap(), None, ALL).unwrap()
+    }
+
+    fn detection(score: f64, cx_px: f64) -> Detection {
+        Detection {
             tick: 4,
             view: "left".into(),
             pixel_box: PixelBox {
                 cx_px,
-                cy_px: 0.0,
-                width_px: 1.0,
-                height_px: 1.0,
+                cy_px: 600.0,
+                width_px: 40.0,
+                height_px: 12.0,
             },
             score,
             tile: 0,
-        };
-        let best = best_detections(vec![
-            detection(0.5, 1.0),
-            detection(0.9, 2.0),
-            detection(0.7, 3.0),
-        ]);
-        assert_eq!(best[&(4, "left".to_owned())].cx_px, 2.0);
+        }
+    }
 
+    #[test]
+    fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score() {
+        let folder = tempfile::tempdir().unwrap();
+        let samples = read(folder.path(), &SyntheticCorpus::tiny());
+        let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
+        let cut = detection(0.9, 19.0);
+        let best = best_detections(vec![cut.clone(), detection(0.4, 200.0)], &cameras);
+        assert_eq!(best[&(4, "left".to_owned())].cx_px, 200.0);
+        assert!(best_detections(vec![cut], &cameras).is_empty());
+    }
+
+    #[test]
+    fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut samples = read(folder.path(), &SyntheticCorpus::tiny());
+        let undisturbed = samples.with_true_boxes(Side::Train);
+        let recorded: Vec<_> = samples.of_side(Side::Train).into_iter().cloned().collect();
+        assert_eq!(undisturbed, recorded, "nothing to leave out yet");
+        // Where a view saw nothing, it now sees something else.
+        let mut added = 0;
+        for sample in &mut samples.samples {
+            for seen in sample.boxes.iter_mut().filter(|seen| seen.is_none()) {
+                *seen = Some(detection(0.9, 60.0).pixel_box);
+                added += 1;
+            }
+        }
+        assert!(added > 10, "{added}");
+        assert_eq!(samples.with_true_boxes(Side::Train), undisturbed);
+    }
+
+    #[test]
+    fn of_several_whole_boxes_the_one_with_the_best_score_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let samples = read(folder.path(), &SyntheticCorpus::tiny());
+        let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
+        let best = best_detections(
+            vec![
+                detection(0.5, 100.0),
+                detection(0.9, 200.0),
+                detection(0.7, 300.0),
+            ],
+            &cameras,
+        );
+        assert_eq!(best[&(4, "left".to_owned())].cx_px, 200.0);
+    }
+
+    #[test]
+    fn a_tick_becomes_a_sample_if_any_view_saw_it() {
         let folder = tempfile::tempdir().unwrap();
         let corpus = SyntheticCorpus {
             miss_ratio: 0.5,

@@ -29,7 +29,7 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-use crate::trajectory_mixing::lies_inside;
+use crate::trusted_boxes::is_whole;
 
 /// Name under which the detections are stored.
 pub const MODEL_HASH: &str = "synthetic";
@@ -246,7 +246,7 @@ impl SyntheticCorpus {
                     width_px: (exact.width_px + self.size_noise_px * normal(random)).max(1.0),
                     height_px: (exact.height_px + self.size_noise_px * normal(random)).max(1.0),
                 };
-                if lies_inside(&noisy, &camera) && !random.random_bool(self.miss_ratio) {
+                if is_whole(&noisy, &camera) && !random.random_bool(self.miss_ratio) {
                     found.push(Detection {
                         tick: row.tick,
                         view: view.clone(),

@@ -21,7 +21,7 @@ use crate::pinhole::Pinhole;
 use crate::progress::Progress;
 use crate::run_folder::{Baselines, Convergence, Networks, RunFolder, RunSummary, TrainedRun};
 use crate::samples::{DistanceRange, Sample, Samples};
-use crate::trajectory_mixing::mix;
+use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
 
 /// What a training came to.
@@ -68,17 +68,23 @@ pub fn train(
         max_nm: config.max_dtd_nm,
     };
     let samples = Samples::read(corpus, config.model_hash.as_deref(), range)?;
-    let training = side_with_samples(corpus, &samples, Side::Train)?;
-    let validation = side_with_samples(corpus, &samples, Side::Validation)?;
-
+    let recorded = side_with_samples(corpus, &samples, Side::Train)?;
+    let trusted = samples.with_true_boxes(Side::Train);
+    let training: Vec<&Sample> = trusted.iter().collect();
+    let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
+    let false_training_boxes = boxes(&recorded) - boxes(&training);
     let normalisation = Normalisation::fit(&samples.views, &training);
+    let validation = usual_samples(
+        &normalisation,
+        &side_with_samples(corpus, &samples, Side::Validation)?,
+    );
     let [mixed, mixed_together] = mixed_samples(&samples, &training, config);
     let encoded = Encoded::new(training.iter().copied().chain(&mixed), &normalisation);
     let encoded_together = Encoded::new(
         training.iter().copied().chain(&mixed_together),
         &normalisation,
     );
-    let encoded_validation = Encoded::new(validation.iter().copied(), &normalisation);
+    let encoded_validation = Encoded::new(&validation, &normalisation);
 
     let device = Device::flex().autodiff();
     let (calibration, calibration_log) = train_calibration(
@@ -134,6 +140,7 @@ pub fn train(
             training_trajectories: samples.trajectories(Side::Train),
             validation_trajectories: samples.trajectories(Side::Validation),
             training_samples: training.len(),
+            false_training_boxes,
             mixed_samples: mixed.len() + mixed_together.len(),
             validation_samples: validation.len(),
             training_s: started.elapsed().as_secs_f64(),
@@ -184,6 +191,15 @@ fn side_with_samples<'a>(
     Ok(found)
 }
 
+/// Samples as an estimator gets them; those without a box that it would believe are left out.
+fn usual_samples(normalisation: &Normalisation, samples: &[&Sample]) -> Vec<Sample> {
+    samples
+        .iter()
+        .map(|sample| normalisation.usual(sample))
+        .filter(|sample| sample.detections() > 0)
+        .collect()
+}
+
 /// Mixtures for views alone, and for all views together.
 fn mixed_samples(
     samples: &Samples,
@@ -196,10 +212,16 @@ fn mixed_samples(
         .saturating_sub(training.len());
     let random = &mut Stream::Mixing.generator(config.seed);
     [
-        augmentation.extrapolation,
-        augmentation.extrapolation_together,
+        Corridor {
+            extrapolation: augmentation.extrapolation,
+            deviation_m: 0.0,
+        },
+        Corridor {
+            extrapolation: augmentation.extrapolation_together,
+            deviation_m: augmentation.deviation_together_m,
+        },
     ]
-    .map(|extrapolation| mix(training, &samples.scenarios, extrapolation, count, random))
+    .map(|corridor| mix(training, &samples.scenarios, corridor, count, random))
 }
 
 fn baselines(samples: &Samples, training: &[&Sample]) -> Baselines {

@@ -2,7 +2,7 @@
 //!
 //! A handful of approaches covers the corridor with a handful of lines, and a network is free to invent what lies between them. So
 //! two training trajectories are mixed: at the same distance along the course, the new one lies `part` of the way from the first
-//! to the second, sideways and in height. The detected boxes of the first are moved by exactly as many pixels as the projection
+//! to the second, sideways and in height, and a few metres further at random ([`Corridor`]). The detected boxes of the first are moved by exactly as many pixels as the projection
 //! of the aircraft's position moves, and scaled by the change in range; what the detector did wrong at that tick stays in them.
 //!
 //! This needs the calibration of the cameras, and it needs it in training only: the networks never see it. Mixed samples never
@@ -16,6 +16,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
 use crate::samples::{Sample, ScenarioSummary};
+use crate::trusted_boxes::is_whole;
 
 /// Where a trajectory is across the course, as a function of the distance along it.
 struct Track {
@@ -48,11 +49,30 @@ impl Track {
     }
 }
 
+/// How far mixed samples may lie from what was flown.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Corridor {
+    /// Beyond the two trajectories that are mixed, in parts of their separation.
+    pub extrapolation: f64,
+    /// Beside and above what is between them, metres, whatever their separation. Flights that an autopilot holds on the axis are separated
+    /// by less than a metre, and a corridor of some multiple of that holds no gust.
+    pub deviation_m: f64,
+}
+
+impl Corridor {
+    /// Draws a deviation sideways and in height. A wide one is drawn as often as a narrow one, so that most samples lie near the middle,
+    /// where most flights do.
+    fn deviation_m(&self, random: &mut ChaCha12Rng) -> [f64; 2] {
+        let widest = self.deviation_m * random.random_range(0.0..=1.0);
+        [(); 2].map(|()| widest * random.random_range(-1.0..=1.0))
+    }
+}
+
 /// Makes `count` mixed samples. Fewer if the trajectories hardly overlap.
 pub fn mix(
     training: &[&Sample],
     scenarios: &[ScenarioSummary],
-    extrapolation: f64,
+    corridor: Corridor,
     count: usize,
     random: &mut ChaCha12Rng,
 ) -> Vec<Sample> {
@@ -77,14 +97,15 @@ pub fn mix(
             .find(|(scenario, _)| *scenario == sample.scenario)
             .expect("every scenario has a track");
         let (_, other) = &tracks[random.random_range(0..tracks.len())];
-        let part = random.random_range(-extrapolation..=1.0 + extrapolation);
+        let part = random.random_range(-corridor.extrapolation..=1.0 + corridor.extrapolation);
+        let [sideways_m, upwards_m] = corridor.deviation_m(random);
         // Half the flown spacing to either side fills the space between ticks.
         let along_track_m = sample.along_track_m + random.random_range(-0.5..0.5) * SPACING_M;
         let (Some(from), Some(to)) = (own.at(along_track_m), other.at(along_track_m)) else {
             continue;
         };
-        let cross_track_m = from[0] + part * (to[0] - from[0]);
-        let altitude_msl_m = from[1] + part * (to[1] - from[1]);
+        let cross_track_m = from[0] + part * (to[0] - from[0]) + sideways_m;
+        let altitude_msl_m = from[1] + part * (to[1] - from[1]) + upwards_m;
         mixed.extend(moved(
             sample,
             &scenarios[sample.scenario],
@@ -145,16 +166,7 @@ fn moved_box(seen: &PixelBox, camera: &Camera, from: Geodetic, to: Geodetic) -> 
         width_px: seen.width_px * growth,
         height_px: seen.height_px * growth,
     };
-    lies_inside(&moved, camera).then_some(moved)
-}
-
-/// Whether a box is wholly in the picture.
-pub(crate) fn lies_inside(pixel_box: &PixelBox, camera: &Camera) -> bool {
-    let [left, top, right, bottom] = pixel_box.edges();
-    left > -0.5
-        && top > -0.5
-        && right < f64::from(camera.width_px) - 0.5
-        && bottom < f64::from(camera.height_px) - 0.5
+    is_whole(&moved, camera).then_some(moved)
 }
 
 #[cfg(test)]
@@ -186,7 +198,11 @@ mod tests {
         .unwrap();
         let training = samples.of_side(Side::Train);
         let mut random = ChaCha12Rng::seed_from_u64(1);
-        let mixed = mix(&training, &samples.scenarios, 0.3, 200, &mut random);
+        let corridor = Corridor {
+            extrapolation: 0.3,
+            deviation_m: 10.0,
+        };
+        let mixed = mix(&training, &samples.scenarios, corridor, 200, &mut random);
         assert_eq!(mixed.len(), 200);
         let mut moved_sideways = 0;
         for sample in &mixed {
@@ -212,6 +228,34 @@ mod tests {
             }
         }
         assert!(moved_sideways > 50, "{moved_sideways}");
+    }
+
+    #[test]
+    fn flights_that_are_all_on_the_axis_are_mixed_into_a_corridor_of_the_asked_width() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+        let range = DistanceRange {
+            min_nm: 0.5,
+            max_nm: None,
+        };
+        let samples = Samples::read(&corpus, None, range).unwrap();
+        // One flight alone: nothing separates it from itself.
+        let alone: Vec<_> = samples.samples.iter().filter(|s| s.scenario == 0).collect();
+        let track = Track::of(&alone, 0);
+        let farthest_m = |deviation_m: f64| {
+            let corridor = Corridor {
+                extrapolation: 4.0,
+                deviation_m,
+            };
+            let mut random = ChaCha12Rng::seed_from_u64(2);
+            mix(&alone, &samples.scenarios, corridor, 400, &mut random)
+                .iter()
+                .map(|s| (s.cross_track_m - track.at(s.along_track_m).unwrap()[0]).abs())
+                .fold(0.0, f64::max)
+        };
+        assert!(farthest_m(0.0) < 1e-9, "{}", farthest_m(0.0));
+        let wide_m = farthest_m(30.0);
+        assert!((20.0..=30.0).contains(&wide_m), "{wide_m}");
     }
 
     #[test]

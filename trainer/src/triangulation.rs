@@ -4,8 +4,7 @@
 //! of gravity: tail and gear pull it up or down by a part of the box's size, and a detector may be off by a constant. Both are
 //! corrected by a fit on the training side: per view and axis, `offset = constant + part * size`.
 //!
-//! A detector also finds things that are no aircraft. The fit leaves out boxes that are away from where the aircraft is, or a single
-//! one of them would move the centre of all; and boxes of two things give rays that do not meet, which is no answer either.
+//! A detector also finds things that are no aircraft: boxes of two things give rays that do not meet, which is no answer either.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;
@@ -14,6 +13,7 @@ use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Sample, ScenarioSummary};
+use crate::trusted_boxes::centre_and_size;
 
 /// Rays that pass each other farther than this are not of one aircraft, metres: its length.
 const MEET_WITHIN_M: f64 = 40.0;
@@ -28,7 +28,7 @@ pub struct CentreOffset {
 }
 
 impl CentreOffset {
-    /// Fits the offset of one view to the boxes that hold the aircraft. Each sample weighs by the inverse square of its box's size,
+    /// Fits the offset of one view to samples whose boxes hold the aircraft. Each sample weighs by the inverse square of its box's size,
     /// because a detector's errors grow with it. Too few samples leave the centre where it is.
     pub fn fit(view: usize, scenarios: &[ScenarioSummary], training: &[&Sample]) -> Self {
         let mut fitted = Self::default();
@@ -40,9 +40,7 @@ impl CentreOffset {
                     let camera = &scenarios[sample.scenario].cameras[view];
                     let truth = camera.project(sample.position.to_ecef())?;
                     let (centre, size) = centre_and_size(&seen);
-                    // Its centre is within a box's size of the aircraft's, or it is the box of something else.
-                    let holds_it = (truth - centre).abs().cmple(size).all();
-                    (holds_it && size[axis] > 0.0).then(|| [size[axis], truth[axis] - centre[axis]])
+                    (size[axis] > 0.0).then(|| [size[axis], truth[axis] - centre[axis]])
                 })
                 .collect();
             if let Some((constant, part)) = weighted_line(&rows) {
@@ -57,13 +55,6 @@ impl CentreOffset {
         let (centre, size) = centre_and_size(seen);
         centre + DVec2::from_array(self.constant_px) + DVec2::from_array(self.part_of_size) * size
     }
-}
-
-fn centre_and_size(seen: &PixelBox) -> (DVec2, DVec2) {
-    (
-        DVec2::new(seen.cx_px, seen.cy_px),
-        DVec2::new(seen.width_px, seen.height_px),
-    )
 }
 
 /// `y = constant + part * x` with weights `1 / x^2`, that is `y / x = constant / x + part` unweighted; `None` if x does not vary.
@@ -288,7 +279,8 @@ mod tests {
         };
         let mut samples = Samples::read(&corpus, None, range).unwrap();
         let fit = |samples: &Samples| -> Vec<CentreOffset> {
-            let training = samples.of_side(Side::Train);
+            let training = samples.with_true_boxes(Side::Train);
+            let training: Vec<_> = training.iter().collect();
             (0..samples.views.len())
                 .map(|view| CentreOffset::fit(view, &samples.scenarios, &training))
                 .collect()
