@@ -4,8 +4,10 @@
 //! distance to touchdown is that range less a constant. Both `k S` and the constant are fitted per view on the training side: a
 //! detector's box is not exactly as wide as the span.
 //!
-//! The fit minimises the mean absolute relative error, the figure that the estimator is judged by, and not its square: the formula divides
-//! by the width, so one box of another thing, a few pixels wide, says ten times the true distance, and as a square outweighs thousands.
+//! What is noisy is the width, and false boxes make it wrong by any factor. So the fit compares widths, as ratios: the setback is the one
+//! under which `width * range` scatters least about its median, in mean absolute logarithm, and that median is `k S`. However far off,
+//! a few boxes among many move a median by next to nothing; under least squares of the predicted distance, in which the width is a
+//! divisor, one box of a few pixels outweighs a thousand.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,26 +23,31 @@ pub struct Pinhole {
 }
 
 impl Pinhole {
-    /// Fits one view; `None` if it saw fewer than two samples.
+    /// Fits one view; `None` if it did not see the aircraft at two distances or more.
     pub fn fit(view: usize, training: &[&Sample]) -> Option<Self> {
-        let rows: Vec<Row> = training
+        let seen: Vec<Seen> = training
             .iter()
             .filter_map(|sample| {
                 let seen = sample.boxes[view].filter(|b| b.width_px > 0.0)?;
-                Some(Row {
-                    per_a: 1.0 / (seen.width_px * sample.dtd_m),
-                    per_b: -1.0 / sample.dtd_m,
+                Some(Seen {
+                    width_px: seen.width_px,
+                    dtd_m: sample.dtd_m,
                 })
             })
             .collect();
-        // Least absolute errors by least squares with each row weighted by the inverse of its last error.
-        let mut fitted = least_squares(&rows, |_| 1.0)?;
-        for _ in 0..REWEIGHTINGS {
-            fitted = least_squares(&rows, |row| {
-                row.relative_error(&fitted).abs().max(NEGLIGIBLE).recip()
-            })?;
+        let nearest_m = seen.iter().map(|s| s.dtd_m).reduce(f64::min)?;
+        let farthest_m = seen.iter().map(|s| s.dtd_m).reduce(f64::max)?;
+        if nearest_m >= farthest_m {
+            return None;
         }
-        Some(fitted)
+        // The camera is behind the nearest place, and not farther behind the target than the approach is long.
+        let setback_m = lowest(-nearest_m, farthest_m, |setback_m| {
+            scatter(&seen, setback_m)
+        });
+        Some(Self {
+            focal_times_span_px_m: log_median(&seen, setback_m).exp(),
+            setback_m,
+        })
     }
 
     /// Distance to touchdown from a box's width, metres.
@@ -49,39 +56,51 @@ impl Pinhole {
     }
 }
 
-/// How often the rows are weighted anew. Convergence is linear; after so many the constants stand to a part in ten thousand.
-const REWEIGHTINGS: usize = 100;
-/// Relative errors below this weigh as if they were this large, or an exact row would weigh infinitely.
-const NEGLIGIBLE: f64 = 1e-6;
-
-/// What one box says: `a * per_a + b * per_b` is the predicted distance as a part of the true one, `a` and `b` the formula's constants.
-struct Row {
-    per_a: f64,
-    per_b: f64,
+/// One box of the training side.
+struct Seen {
+    width_px: f64,
+    dtd_m: f64,
 }
 
-impl Row {
-    fn relative_error(&self, fitted: &Pinhole) -> f64 {
-        self.per_a * fitted.focal_times_span_px_m + self.per_b * fitted.setback_m - 1.0
+impl Seen {
+    /// Logarithm of width times range, which is that of k S if the setback is right.
+    fn log_width_times_range(&self, setback_m: f64) -> f64 {
+        (self.width_px * (self.dtd_m + setback_m)).ln()
     }
 }
 
-/// Minimises the weighted sum of squared relative errors; `None` if the rows do not tell the constants apart.
-fn least_squares(rows: &[Row], weight: impl Fn(&Row) -> f64) -> Option<Pinhole> {
-    let (mut aa, mut ab, mut bb, mut a1, mut b1) = (0.0, 0.0, 0.0, 0.0, 0.0);
-    for row in rows {
-        let weight = weight(row);
-        aa += weight * row.per_a * row.per_a;
-        ab += weight * row.per_a * row.per_b;
-        bb += weight * row.per_b * row.per_b;
-        a1 += weight * row.per_a;
-        b1 += weight * row.per_b;
+fn log_median(seen: &[Seen], setback_m: f64) -> f64 {
+    let mut logs: Vec<f64> = seen
+        .iter()
+        .map(|s| s.log_width_times_range(setback_m))
+        .collect();
+    let middle = logs.len() / 2;
+    *logs.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// Mean absolute deviation of the logarithms from their median.
+fn scatter(seen: &[Seen], setback_m: f64) -> f64 {
+    let median = log_median(seen, setback_m);
+    let apart = |s: &Seen| (s.log_width_times_range(setback_m) - median).abs();
+    seen.iter().map(apart).sum::<f64>() / seen.len() as f64
+}
+
+/// Where between two ends (themselves left out) a function is lowest: the best of many places, then again between its neighbours.
+fn lowest(from: f64, to: f64, function: impl Fn(f64) -> f64) -> f64 {
+    const PLACES: u32 = 40;
+    const ROUNDS: u32 = 10;
+    let (mut from, mut to) = (from, to);
+    let mut best = f64::midpoint(from, to);
+    for _ in 0..ROUNDS {
+        let step = (to - from) / f64::from(PLACES);
+        let places = (1..PLACES).map(|i| from + step * f64::from(i));
+        best = places
+            .map(|place| (function(place), place))
+            .min_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or(best, |(_, place)| place);
+        (from, to) = (best - step, best + step);
     }
-    let determinant = aa * bb - ab * ab;
-    (determinant > f64::EPSILON * aa * bb).then(|| Pinhole {
-        focal_times_span_px_m: (a1 * bb - b1 * ab) / determinant,
-        setback_m: (aa * b1 - ab * a1) / determinant,
-    })
+    best
 }
 
 /// Mean over the views that saw the sample and were fitted, metres.
@@ -146,15 +165,15 @@ mod tests {
     }
 
     #[test]
-    fn a_few_narrow_boxes_of_something_else_leave_the_formula_as_it_is() {
+    fn a_few_narrow_and_wide_boxes_of_something_else_leave_the_formula_as_it_is() {
         let mut samples: Vec<_> = (1..=60).map(|i| sample(300.0 * f64::from(i))).collect();
-        for far_off in [3, 20, 40, 55] {
-            samples[far_off].boxes[0].as_mut().unwrap().width_px = 3.0;
+        for (far_off, width_px) in [(3, 3.0), (20, 4.0), (40, 900.0), (55, 3.0)] {
+            samples[far_off].boxes[0].as_mut().unwrap().width_px = width_px;
         }
         let fitted = Pinhole::fit(0, &samples.iter().collect::<Vec<_>>()).unwrap();
         assert!(
-            (fitted.focal_times_span_px_m / 390_000.0 - 1.0).abs() < 1e-3
-                && (fitted.setback_m / 1_500.0 - 1.0).abs() < 1e-3,
+            (fitted.focal_times_span_px_m / 390_000.0 - 1.0).abs() < 1e-6
+                && (fitted.setback_m / 1_500.0 - 1.0).abs() < 1e-6,
             "{fitted:?}"
         );
     }

@@ -71,13 +71,24 @@ pub fn train(
     let recorded = side_with_samples(corpus, &samples, Side::Train)?;
     let trusted = samples.with_true_boxes(Side::Train);
     let training: Vec<&Sample> = trusted.iter().collect();
+    let without_use = |side, count, why| Error::Corpus {
+        path: corpus.root().to_owned(),
+        message: format!("has {count} samples on the {side:?} side, but {why}"),
+    };
+    if training.is_empty() {
+        let why = "no box of theirs holds the aircraft where frames.parquet and calibration.json have it; label and detect again, \
+                   or check the calibration with `dtd verify`";
+        return Err(without_use(Side::Train, recorded.len(), why));
+    }
     let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
     let false_training_boxes = boxes(&recorded) - boxes(&training);
     let normalisation = Normalisation::fit(&samples.views, &training);
-    let validation = usual_samples(
-        &normalisation,
-        &side_with_samples(corpus, &samples, Side::Validation)?,
-    );
+    let recorded = side_with_samples(corpus, &samples, Side::Validation)?;
+    let validation = usual_samples(&normalisation, &recorded);
+    if validation.is_empty() {
+        let why = "no box of theirs is near the places and sizes of the boxes on the training side; change the split, or detect again";
+        return Err(without_use(Side::Validation, recorded.len(), why));
+    }
     let [mixed, mixed_together] = mixed_samples(&samples, &training, config);
     let encoded = Encoded::new(training.iter().copied().chain(&mixed), &normalisation);
     let encoded_together = Encoded::new(

@@ -6,11 +6,12 @@ use std::path::Path;
 use dataset::columns::Table;
 use dataset::corpus::Corpus;
 use dataset::json_file::read_json;
+use dataset::pixel_box::{PixelBox, write_detections};
 use dataset::splits::{Side, Splits};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
 };
-use trainer::synthetic::SyntheticCorpus;
+use trainer::synthetic::{MODEL_HASH, SyntheticCorpus};
 use trainer::{EvaluationConfig, Metrics, RunFolder, Silent, TrainConfig, evaluate, train};
 
 /// The paper's networks, but narrow.
@@ -138,10 +139,7 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
     let corpus = SyntheticCorpus::tiny()
         .write(&folder.path().join("corpus"))
         .unwrap();
-    let mut config = small();
-    config.calibration.optimisation.steps = 40;
-    config.estimator.optimisation.steps = 40;
-    config.mono.optimisation.steps = 20;
+    let config = few_steps();
     let weights = |name: &str, seed: u64| {
         let config = TrainConfig {
             seed,
@@ -160,6 +158,98 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
     let first = weights("a", 0);
     assert_eq!(first, weights("b", 0));
     assert_ne!(first, weights("c", 1));
+}
+
+/// Replaces the detections of all scenarios of one side: `change` gets the box of each.
+fn with_boxes(corpus: &Corpus, side: Side, change: impl Fn(PixelBox) -> PixelBox) {
+    let splits = Splits::read(&corpus.splits_path()).unwrap();
+    for id in splits.side(side) {
+        let folder = corpus.scenario(id);
+        let mut detections = folder.detections(MODEL_HASH).unwrap();
+        for detection in &mut detections {
+            detection.pixel_box = change(detection.pixel_box);
+        }
+        write_detections(&folder.detections_path(MODEL_HASH), &detections).unwrap();
+    }
+}
+
+fn few_steps() -> TrainConfig {
+    let mut config = small();
+    config.calibration.optimisation.steps = 40;
+    config.estimator.optimisation.steps = 40;
+    config.mono.optimisation.steps = 20;
+    config
+}
+
+/// A speck that no aircraft on these approaches ever was, yet whole in the picture.
+fn speck(_: PixelBox) -> PixelBox {
+    PixelBox {
+        cx_px: 900.0,
+        cy_px: 1_200.0,
+        width_px: 3.0,
+        height_px: 1.0,
+    }
+}
+
+#[test]
+fn no_estimator_answers_where_every_box_is_unlike_any_of_the_training_side() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny()
+        .write(&folder.path().join("corpus"))
+        .unwrap();
+    let run = train(
+        &corpus,
+        &folder.path().join("run"),
+        &few_steps(),
+        &mut Silent,
+    )
+    .unwrap()
+    .run;
+    with_boxes(&corpus, Side::Test, speck);
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    for (name, figures) in &metrics.estimators {
+        assert_eq!(figures.overall.combination.samples, 0, "{name}");
+        assert_eq!(figures.overall.combination.mape_pct, None, "{name}");
+    }
+    let table = Table::read(&run.predictions_path()).unwrap();
+    assert!(
+        table.rows() > 50
+            && table
+                .u32("detections")
+                .unwrap()
+                .iter()
+                .all(|&seen| seen == 0)
+    );
+}
+
+#[test]
+fn sides_without_a_box_that_can_be_used_are_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny()
+        .write(&folder.path().join("corpus"))
+        .unwrap();
+    let message = |corpus: &Corpus| {
+        train(
+            corpus,
+            &folder.path().join("run"),
+            &few_steps(),
+            &mut Silent,
+        )
+        .unwrap_err()
+        .to_string()
+    };
+    with_boxes(&corpus, Side::Validation, speck);
+    let validation = message(&corpus);
+    assert!(
+        validation.contains("Validation") && validation.contains("sizes of the boxes"),
+        "{validation}"
+    );
+    with_boxes(&corpus, Side::Train, speck);
+    let training = message(&corpus);
+    assert!(
+        training.contains("Train") && training.contains("holds the aircraft"),
+        "{training}"
+    );
 }
 
 #[test]
