@@ -244,10 +244,8 @@ impl Samples {
                         seen.filter(|seen| holds_aircraft(seen, camera, sample.position))
                     })
                     .collect();
-                boxes
-                    .iter()
-                    .any(Option::is_some)
-                    .then(|| Sample { boxes, ..*sample })
+                let any = boxes.iter().any(Option::is_some);
+                any.then_some(Sample { boxes, ..*sample })
             })
             .collect()
     }
