@@ -94,8 +94,9 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
             }
         }
     }
-    let first = boxes.iter().map(|b| b.1).fold(f64::INFINITY, f64::min);
-    let last = boxes.iter().map(|b| b.1).fold(f64::NEG_INFINITY, f64::max) + bin_nm;
+    // Where no estimator answered there is no box, and an axis without ends would be drawn for ever.
+    let first = boxes.iter().map(|b| b.1).reduce(f64::min).unwrap_or(0.0);
+    let last = boxes.iter().map(|b| b.1).reduce(f64::max).unwrap_or(0.0) + bin_nm;
     let mut ends: Vec<f64> = boxes
         .iter()
         .flat_map(|b| b.2.whiskers)
