@@ -5,22 +5,28 @@
 //! switches of swscale, encode on one thread and write the same fragments; ours adds the index at the end. Rounds alternate, so
 //! that a busy machine is busy for both.
 
+#[path = "video/ffmpeg_program.rs"]
+mod ffmpeg_program;
+#[path = "video/processor_time.rs"]
+mod processor_time;
 #[path = "video/scenery.rs"]
 mod scenery;
 
 use std::fs::File;
 use std::io::{BufReader, Read, Write};
 use std::path::Path;
-use std::process::Command;
 use std::time::{Duration, Instant};
 
 use dataset::frame_rate::FrameRate;
 use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
+use processor_time::cpu_so_far;
 use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, cloudy};
 
 const ROUNDS: usize = 5;
 /// What the ratio should reach.
 const GOAL: f64 = 0.95;
+/// As `dataset/src/video/writer.rs` has them.
+const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
 const RATE: FrameRate = FrameRate {
     numerator: 30,
     denominator: 1,
@@ -115,52 +121,22 @@ fn encode(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) -> f
 /// Pictures per second of the `ffmpeg` program.
 fn run_ffmpeg(raw: &Path, pictures: u32, settings: &VideoSettings, path: &Path) -> f64 {
     let crf = settings.crf.to_string();
-    let size = format!("{WIDTH_PX}x{HEIGHT_PX}");
-    let mut command = Command::new("ffmpeg");
-    command
-        .args(["-v", "error", "-nostdin", "-y", "-f", "rawvideo"])
-        .args(["-pixel_format", "rgb24", "-video_size", &size])
-        .args(["-framerate", "30", "-i"])
-        .arg(raw)
-        .args(["-threads", "1", "-filter_threads", "1", "-g", "60"])
-        .args(["-bf", "0", "-tune", "zerolatency"])
-        .args(["-preset", &settings.preset]);
-    if settings.codec == VideoCodec::H264 {
-        command
-            .args(["-vf", "scale=out_color_matrix=bt709:out_range=tv:flags=bilinear+accurate_rnd+full_chroma_int+full_chroma_inp,format=yuv420p"])
-            .args(["-c:v", "libx264", "-crf", &crf])
-            .args(["-colorspace", "bt709", "-color_range", "tv"]);
+    let (yuv, encoder) = if settings.codec == VideoCodec::H264 {
+        let encoder = ["libx264", "-x264-params", X264_PARAMETERS, "-crf", &crf];
+        (Some(("yuv420p", "pc")), encoder.to_vec())
     } else {
-        command.args(["-c:v", "libx264rgb", "-qp", "0"]);
-    }
+        (None, vec!["libx264rgb", "-qp", "0"])
+    };
+    let common = ["-preset", &settings.preset, "-tune", "zerolatency", "-c:v"];
+    let arguments = [&common[..], &encoder].concat();
+    let mut command = ffmpeg_program::encode(raw, yuv, &arguments, path);
     let began = Instant::now();
     let status = command
-        .args(["-color_primaries", "bt709", "-color_trc", "bt709"])
-        .args(["-video_track_timescale", "30", "-use_editlist", "0"])
-        .args(["-movflags", "frag_every_frame+empty_moov+default_base_moof"])
-        .args(["-flush_packets", "1", "-f", "mp4"])
-        .arg(path)
         .status()
         .expect("the ffmpeg program (apt-get install ffmpeg)");
     let elapsed_s = began.elapsed().as_secs_f64();
     assert!(status.success(), "ffmpeg ended with {status}");
     f64::from(pictures) / elapsed_s
-}
-
-/// Processor time so far of this process, and of programs that it ran.
-fn cpu_so_far() -> [Duration; 2] {
-    const TICKS_PER_S: f64 = 100.0;
-    let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux's /proc");
-    // From field 14 on: user and system time, then those of children.
-    let after_name = stat.rsplit(") ").next().unwrap_or_default();
-    let ticks: Vec<f64> = after_name
-        .split(' ')
-        .skip(11)
-        .take(4)
-        .map(|ticks| ticks.parse().expect("a number of ticks"))
-        .collect();
-    [ticks[0] + ticks[1], ticks[2] + ticks[3]]
-        .map(|ticks| Duration::from_secs_f64(ticks / TICKS_PER_S))
 }
 
 /// The comparison is fair only if both made the same pictures.

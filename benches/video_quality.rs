@@ -3,16 +3,29 @@
 //! `cargo bench --bench video_quality` prints the table of `docs/video.md`. Pictures of the stand-in in full size are encoded and
 //! decoded. What the aircraft adds to the backdrop, in the raw picture and in the decoded one, is compared by least squares:
 //! `decoded(p) = contrast * raw(p - shift)`, to first order in the shift (Lucas and Kanade 1981), on brightness.
+//!
+//! Before our settings come what the pixel formats leave without any codec, and settings that we do not offer, encoded by the `ffmpeg`
+//! program (scripts/setup.sh installs it) and decoded by our reader.
 
+#[path = "video/ffmpeg_program.rs"]
+mod ffmpeg_program;
+#[path = "video/processor_time.rs"]
+mod processor_time;
+#[path = "video/rounding.rs"]
+mod rounding;
 #[path = "video/scenery.rs"]
 mod scenery;
 
-use std::path::Path;
-use std::time::Instant;
+use std::fs::File;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use dataset::frame_rate::FrameRate;
 use dataset::video::{VideoCodec, VideoReader, VideoSettings, VideoWriter};
 use glam::{DMat3, DVec2, DVec3};
+use processor_time::cpu_so_far;
+use rounding::{LUMA, Levels, there_and_back};
 use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, clear, cloudy};
 
 const PICTURES: u32 = 30;
@@ -29,9 +42,10 @@ fn main() {
         ("clear evening", Scenery::new(&clear(), 18.0)),
         ("cloudy noon", Scenery::new(&cloudy(), 12.0)),
     ];
+    let folder = tempfile::tempdir().expect("a folder for pictures and videos");
     let recordings: Vec<Recording> = sceneries
         .into_iter()
-        .map(|(name, scenery)| Recording::new(name, &scenery))
+        .map(|(name, scenery)| Recording::new(name, &scenery, folder.path()))
         .collect();
     for recording in &recordings {
         println!(
@@ -40,7 +54,7 @@ fn main() {
         );
     }
     println!(
-        "\n| setting | {} | Mbit/s at 30/s | encode ms | decode ms |",
+        "\n| setting | {} | Mbit/s at 30/s | encode, CPU ms | decode, CPU ms |",
         recordings
             .iter()
             .map(|r| format!("{}: centre moves, contrast kept", r.name))
@@ -48,10 +62,133 @@ fn main() {
             .join(" | ")
     );
     println!("|---|{}---|---|---|", "---|".repeat(recordings.len()));
-    let folder = tempfile::tempdir().expect("a folder for the videos");
+    for (name, levels) in PIXEL_FORMATS {
+        println!("{}", floor(name, levels, &recordings));
+    }
+    for variant in VARIANTS {
+        println!(
+            "{}",
+            measure(&Way::Program(variant), &recordings, folder.path())
+        );
+    }
     for settings in candidates() {
-        let row = measure(&settings, &recordings, folder.path());
-        println!("{row}");
+        println!(
+            "{}",
+            measure(&Way::Ours(settings), &recordings, folder.path())
+        );
+    }
+}
+
+const fn levels(luma: f64, chroma: f64, shared: bool) -> Levels {
+    Levels {
+        luma,
+        chroma,
+        shared,
+    }
+}
+
+const PIXEL_FORMATS: [(&str, Levels); 6] = [
+    ("8 bits 4:2:0 limited range", levels(219.0, 224.0, true)),
+    ("8 bits 4:4:4 limited range", levels(219.0, 224.0, false)),
+    ("8 bits 4:2:0 full range", levels(255.0, 255.0, true)),
+    ("8 bits 4:4:4 full range", levels(255.0, 255.0, false)),
+    ("10 bits 4:2:0 limited range", levels(876.0, 896.0, true)),
+    ("10 bits 4:4:4 limited range", levels(876.0, 896.0, false)),
+];
+
+/// What we do not offer: pixel format, range, x264's parameters, rate factor.
+struct Variant(&'static str, &'static str, &'static str, &'static str);
+
+const NEAREST: &str = "deadzone-inter=0:deadzone-intra=0";
+
+const VARIANTS: [Variant; 19] = [
+    Variant("yuv420p", "tv", "", "0"),
+    Variant("yuv420p", "tv", "", "4"),
+    Variant("yuv420p", "tv", "", "12"),
+    Variant("yuv420p", "tv", "aq-mode=0", "12"),
+    Variant("yuv420p", "tv", "no-deblock=1", "12"),
+    Variant("yuv420p", "tv", "no-dct-decimate=1:no-fast-pskip=1", "12"),
+    Variant("yuv420p", "tv", NEAREST, "8"),
+    Variant("yuv420p", "tv", NEAREST, "12"),
+    Variant("yuv420p", "pc", "", "0"),
+    Variant("yuv420p", "pc", "", "8"),
+    Variant("yuv420p", "pc", "", "12"),
+    Variant(
+        "yuv420p",
+        "pc",
+        "deadzone-inter=0:deadzone-intra=0:aq-mode=0",
+        "12",
+    ),
+    Variant(
+        "yuv420p",
+        "pc",
+        "deadzone-inter=0:deadzone-intra=0:no-dct-decimate=1",
+        "12",
+    ),
+    Variant("yuv444p", "pc", NEAREST, "12"),
+    Variant("yuv420p10le", "tv", "", "12"),
+    Variant("yuv420p10le", "tv", NEAREST, "12"),
+    Variant("yuv422p10le", "tv", NEAREST, "12"),
+    Variant("yuv444p10le", "tv", NEAREST, "12"),
+    Variant("yuv420p10le", "pc", NEAREST, "12"),
+];
+
+/// Who encodes.
+enum Way {
+    Ours(VideoSettings),
+    Program(Variant),
+}
+
+impl Way {
+    fn name(&self) -> String {
+        match self {
+            Self::Ours(settings) => format!(
+                "{} {}{}",
+                serde_json::to_string(&settings.codec)
+                    .unwrap_or_default()
+                    .replace('"', ""),
+                settings.preset,
+                match settings.codec.is_lossless() {
+                    true => String::new(),
+                    false => format!(" crf {}", settings.crf),
+                }
+            ),
+            Self::Program(Variant(pixel_format, range, parameters, crf)) => {
+                format!("{pixel_format} {range} crf {crf} {parameters}")
+            }
+        }
+    }
+
+    fn encode(&self, recording: &Recording, path: &Path) {
+        match self {
+            Self::Ours(settings) => {
+                let mut writer = VideoWriter::create(path, settings, WIDTH_PX, HEIGHT_PX, RATE)
+                    .expect("the encoder starts");
+                for picture in &recording.pictures {
+                    writer.write(picture).expect("a picture is encoded");
+                }
+                writer.finish().expect("the video is finished");
+            }
+            Self::Program(Variant(pixel_format, range, parameters, crf)) => {
+                let mut encoder = vec!["-c:v", "libx264", "-preset", "superfast"];
+                encoder.extend(["-tune", "zerolatency", "-crf", crf]);
+                if !parameters.is_empty() {
+                    encoder.extend(["-x264-params", parameters]);
+                }
+                let yuv = Some((*pixel_format, *range));
+                let status = ffmpeg_program::encode(&recording.raw_file, yuv, &encoder, path)
+                    .status()
+                    .expect("the ffmpeg program (apt-get install ffmpeg)");
+                assert!(status.success(), "ffmpeg ended with {status}");
+            }
+        }
+    }
+
+    fn extension(&self) -> &'static str {
+        match self {
+            Self::Ours(settings) => settings.codec.extension(),
+            Self::Program(_) => "mp4",
+        }
     }
 }
 
@@ -65,20 +202,26 @@ fn candidates() -> Vec<VideoSettings> {
         })
     };
     let lossless = [VideoCodec::H264Lossless, VideoCodec::Ffv1].map(VideoSettings::of);
-    lossy(VideoCodec::H264, "superfast", &[0, 8, 10, 12, 15, 18, 23])
-        .chain(lossy(VideoCodec::H264, "ultrafast", &[12]))
-        .chain(lossy(VideoCodec::H264, "veryfast", &[12]))
-        .chain(lossy(VideoCodec::H265, "ultrafast", &[2, 4]))
-        .chain(lossy(VideoCodec::H265, "superfast", &[2, 4, 8, 12, 18]))
-        .chain(lossy(VideoCodec::Av1, "8", &[2, 4, 8, 15, 30]))
-        .chain(lossless)
-        .collect()
+    lossy(
+        VideoCodec::H264,
+        "superfast",
+        &[4, 8, 10, 12, 14, 16, 18, 23],
+    )
+    .chain(lossy(VideoCodec::H264, "ultrafast", &[12]))
+    .chain(lossy(VideoCodec::H264, "veryfast", &[12]))
+    .chain(lossy(VideoCodec::H265, "ultrafast", &[2, 4]))
+    .chain(lossy(VideoCodec::H265, "superfast", &[2, 4, 8, 12, 18]))
+    .chain(lossy(VideoCodec::Av1, "8", &[2, 4, 8, 15, 30]))
+    .chain(lossless)
+    .collect()
 }
 
 /// Raw pictures, and what the aircraft adds to each.
 struct Recording {
     name: &'static str,
     pictures: Vec<Vec<u8>>,
+    /// The same pictures for the program.
+    raw_file: PathBuf,
     backdrops: Vec<Patch>,
     raw: Vec<Patch>,
     places: Vec<(i64, i64)>,
@@ -92,7 +235,7 @@ const PATCH_WIDTH: i64 = 2 * HALF_PX.0 + 1;
 const PATCH_HEIGHT: i64 = 2 * HALF_PX.1 + 1;
 
 impl Recording {
-    fn new(name: &'static str, scenery: &Scenery) -> Self {
+    fn new(name: &'static str, scenery: &Scenery, folder: &Path) -> Self {
         let places: Vec<_> = (0..PICTURES)
             .map(|number| scenery.place_px(number))
             .map(|(x, y)| (x.round() as i64, y.round() as i64))
@@ -115,9 +258,15 @@ impl Recording {
             .flatten()
             .map(|added| added.abs())
             .fold(0.0, f64::max);
+        let raw_file = folder.join(format!("{name}.rgb"));
+        let mut file = File::create(&raw_file).expect("the pictures' file");
+        for picture in &pictures {
+            file.write_all(picture).expect("a picture is written");
+        }
         Self {
             name,
             pictures,
+            raw_file,
             backdrops,
             raw,
             places,
@@ -131,12 +280,8 @@ fn patch(rgb: &[u8], (cx, cy): (i64, i64)) -> Patch {
     for y in cy - HALF_PX.1..=cy + HALF_PX.1 {
         for x in cx - HALF_PX.0..=cx + HALF_PX.0 {
             let at = ((y * i64::from(WIDTH_PX) + x) * 3) as usize;
-            // BT.709.
-            grey.push(
-                0.2126 * f64::from(rgb[at])
-                    + 0.7152 * f64::from(rgb[at + 1])
-                    + 0.0722 * f64::from(rgb[at + 2]),
-            );
+            let colours = [0, 1, 2].map(|colour| LUMA[colour] * f64::from(rgb[at + colour]));
+            grey.push(colours.iter().sum());
         }
     }
     grey
@@ -163,59 +308,113 @@ fn compare(raw: &Patch, decoded: &Patch) -> (f64, DVec2) {
     (found.x, DVec2::new(found.y, found.z) / found.x)
 }
 
-/// A row of the table: root mean square and largest shift, mean and least contrast.
-fn measure(settings: &VideoSettings, recordings: &[Recording], folder: &Path) -> String {
-    let path = folder.join(format!("view.{}", settings.codec.extension()));
+/// What the pictures of one scenery came to.
+#[derive(Default)]
+struct Comparison {
+    shifts_px: Vec<f64>,
+    contrasts: Vec<f64>,
+}
+
+impl Comparison {
+    fn add(&mut self, recording: &Recording, number: usize, seen: &Patch) {
+        let added = difference(seen, &recording.backdrops[number]);
+        let (contrast, shift_px) = compare(&recording.raw[number], &added);
+        self.shifts_px.push(shift_px.length());
+        self.contrasts.push(contrast);
+    }
+
+    /// A cell of the table: root mean square and largest shift, mean and least contrast.
+    fn cell(&self) -> String {
+        let count = self.shifts_px.len() as f64;
+        let squares: f64 = self.shifts_px.iter().map(|px| px * px).sum();
+        let sum: f64 = self.contrasts.iter().sum();
+        format!(
+            "{:.3} px (most {:.3}), {:.0} % (least {:.0})",
+            (squares / count).sqrt(),
+            self.shifts_px.iter().fold(0.0_f64, |a, b| a.max(*b)),
+            100.0 * sum / count,
+            100.0 * self.contrasts.iter().fold(f64::INFINITY, |a, b| a.min(*b))
+        )
+    }
+}
+
+/// A row of the table: a pixel format without any codec.
+fn floor(name: &str, levels: Levels, recordings: &[Recording]) -> String {
+    let cell = |recording: &Recording| {
+        let mut comparison = Comparison::default();
+        for (number, picture) in recording.pictures.iter().enumerate() {
+            let seen = rounded_patch(picture, recording.places[number], levels);
+            comparison.add(recording, number, &seen);
+        }
+        comparison.cell()
+    };
+    let cells: Vec<String> = recordings.iter().map(cell).collect();
+    format!("| no codec, {name} | {} | | | |", cells.join(" | "))
+}
+
+/// Brightness around the aircraft after its way into a pixel format and back.
+fn rounded_patch(rgb: &[u8], (cx, cy): (i64, i64), levels: Levels) -> Patch {
+    // Even, as colours are shared, and a little larger than the patch.
+    let (left, top) = ((cx - HALF_PX.0 - 2) & !1, (cy - HALF_PX.1 - 2) & !1);
+    let (width, height) = (PATCH_WIDTH + 7, PATCH_HEIGHT + 7);
+    let piece: Vec<[f64; 3]> = (0..height)
+        .flat_map(|y| (0..width).map(move |x| (left + x, top + y)))
+        .map(|(x, y)| {
+            let at = ((y * i64::from(WIDTH_PX) + x) * 3) as usize;
+            [0, 1, 2].map(|colour| f64::from(rgb[at + colour]))
+        })
+        .collect();
+    let back = there_and_back(&piece, width as usize, levels);
+    let mut grey = Vec::with_capacity((PATCH_WIDTH * PATCH_HEIGHT) as usize);
+    for y in cy - HALF_PX.1..=cy + HALF_PX.1 {
+        for x in cx - HALF_PX.0..=cx + HALF_PX.0 {
+            let pixel = back[((y - top) * width + x - left) as usize];
+            grey.push(
+                LUMA.iter()
+                    .zip(pixel)
+                    .map(|(share, value)| share * value)
+                    .sum(),
+            );
+        }
+    }
+    grey
+}
+
+/// Of this process and of the programs that it ran.
+fn processor() -> Duration {
+    cpu_so_far().iter().sum()
+}
+
+/// A row of the table: encoded and decoded.
+fn measure(way: &Way, recordings: &[Recording], folder: &Path) -> String {
+    let path = folder.join(format!("view.{}", way.extension()));
     let mut cells = Vec::new();
     let (mut bytes, mut encode_s, mut decode_s) = (0, 0.0, 0.0);
     for recording in recordings {
-        let began = Instant::now();
-        let mut writer = VideoWriter::create(&path, settings, WIDTH_PX, HEIGHT_PX, RATE)
-            .expect("the encoder starts");
-        for picture in &recording.pictures {
-            writer.write(picture).expect("a picture is encoded");
-        }
-        writer.finish().expect("the video is finished");
-        encode_s += began.elapsed().as_secs_f64();
+        let began = processor();
+        way.encode(recording, &path);
+        encode_s += (processor() - began).as_secs_f64();
         bytes += std::fs::metadata(&path).expect("the video is there").len();
 
         let mut reader = VideoReader::open(&path).expect("the video opens");
         let mut rgb = Vec::new();
-        let (mut farthest_px, mut squares, mut sum, mut least) = (0.0_f64, 0.0, 0.0, f64::INFINITY);
+        let mut comparison = Comparison::default();
+        let began = processor();
         for number in 0..PICTURES as usize {
-            let began = Instant::now();
             reader
                 .next_frame(&mut rgb)
                 .expect("a picture is decoded")
                 .expect("as many pictures as were written");
-            decode_s += began.elapsed().as_secs_f64();
-            let seen = patch(&rgb, recording.places[number]);
-            let added = difference(&seen, &recording.backdrops[number]);
-            let (contrast, shift_px) = compare(&recording.raw[number], &added);
-            farthest_px = farthest_px.max(shift_px.length());
-            squares += shift_px.length_squared();
-            sum += contrast;
-            least = least.min(contrast);
+            // Of the order of a hundredth of a decoded picture.
+            comparison.add(recording, number, &patch(&rgb, recording.places[number]));
         }
-        cells.push(format!(
-            "{:.3} px (most {farthest_px:.3}), {:.0} % (least {:.0})",
-            (squares / f64::from(PICTURES)).sqrt(),
-            100.0 * sum / f64::from(PICTURES),
-            100.0 * least
-        ));
+        decode_s += (processor() - began).as_secs_f64();
+        cells.push(comparison.cell());
     }
     let pictures = f64::from(PICTURES) * recordings.len() as f64;
     format!(
-        "| {} {} {} | {} | {:.1} | {:.0} | {:.0} |",
-        serde_json::to_string(&settings.codec)
-            .unwrap_or_default()
-            .replace('"', ""),
-        settings.preset,
-        if settings.codec.is_lossless() {
-            String::new()
-        } else {
-            format!("crf {}", settings.crf)
-        },
+        "| {} | {} | {:.1} | {:.0} | {:.0} |",
+        way.name(),
         cells.join(" | "),
         8e-6 * bytes as f64 / pictures * 30.0,
         1e3 * encode_s / pictures,

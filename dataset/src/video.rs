@@ -5,7 +5,7 @@
 //! takes a fifth of their contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them some
 //! players and cutters shift every timestamp, and a killed process loses what waits in the encoder. While a video is written,
 //! every picture is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file
-//! with an index. Pictures are BT.709, limited range, and say so.
+//! with an index. Pictures are BT.709, full range, and say so.
 
 mod codec;
 mod index;

@@ -86,7 +86,7 @@ impl VideoCodec {
         }
     }
 
-    /// The constant rate factor that is used when none is given: for H.264 the largest measured that keeps a 10 NM aircraft, for H.265 and
+    /// The constant rate factor that is used when none is given: for H.264 one that was measured to keep a 10 NM aircraft, for H.265 and
     /// AV1, which never keep it as well, one that keeps most of its contrast.
     pub fn default_crf(self) -> u32 {
         match self {

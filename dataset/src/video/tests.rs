@@ -1,6 +1,9 @@
 use std::ffi::OsStr;
 use std::os::unix::ffi::OsStrExt;
 use std::path::PathBuf;
+use std::process::Command;
+
+use ffmpeg_next::color;
 
 use super::*;
 use crate::frame_rate::FrameRate;
@@ -170,6 +173,60 @@ fn colours_come_back_within_three_levels() {
         let found = &rgb[middle..middle + 3];
         let close = found.iter().zip(&colour).all(|(a, b)| a.abs_diff(*b) <= 3);
         assert!(close, "{colour:?} came back as {found:?}");
+    }
+}
+
+/// Colour tags of a video, as its header has them.
+fn tags(path: &Path) -> (color::Space, color::Range) {
+    let input = ffmpeg_next::format::input(&ffmpeg_path(path).unwrap()).unwrap();
+    let stream = input
+        .streams()
+        .best(ffmpeg_next::media::Type::Video)
+        .unwrap();
+    let context = ffmpeg_next::codec::Context::from_parameters(stream.parameters()).unwrap();
+    let decoder = context.decoder().video().unwrap();
+    (decoder.color_space(), decoder.color_range())
+}
+
+#[test]
+fn lossy_videos_use_the_full_range_and_say_so() {
+    for codec in VideoCodec::ALL {
+        if codec.is_lossless() {
+            continue;
+        }
+        let (_folder, path) = temporary();
+        let rate = FrameRate::new(2, 1).unwrap();
+        record(&path, &VideoSettings::of(codec), rate, 2);
+        let expected = (color::Space::BT709, color::Range::JPEG);
+        assert_eq!(tags(&path), expected, "{codec:?}");
+    }
+}
+
+#[test]
+fn videos_of_either_range_come_back_in_the_same_colours() {
+    let (_folder, path) = temporary();
+    for (range, expected) in [("tv", color::Range::MPEG), ("pc", color::Range::JPEG)] {
+        let conversion = format!("scale=out_color_matrix=bt709:out_range={range},format=yuv420p");
+        let made = Command::new("ffmpeg")
+            .args(["-v", "error", "-y", "-f", "lavfi", "-i"])
+            .args(["color=c=0x28C828:s=64x64:d=0.1,format=rgb24"])
+            .args(["-vf", &conversion, "-c:v", "libx264", "-crf", "1"])
+            .args(["-colorspace", "bt709", "-color_range", range])
+            .arg(&path)
+            .status()
+            .expect("the ffmpeg program, which scripts/setup.sh installs");
+        assert!(made.success());
+        assert_eq!(tags(&path), (color::Space::BT709, expected));
+        let mut rgb = Vec::new();
+        let mut reader = VideoReader::open(&path).unwrap();
+        reader.next_frame(&mut rgb).unwrap().unwrap();
+        let close = rgb.chunks_exact(3).all(|found| {
+            found
+                .iter()
+                .zip([40, 200, 40])
+                .all(|(a, b)| a.abs_diff(b) <= 3)
+        });
+        assert!(close, "range {range}: {:?}", &rgb[..3]);
     }
 }
 

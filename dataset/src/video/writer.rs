@@ -18,6 +18,12 @@ use crate::frame_rate::FrameRate;
 /// Pictures between two that can be decoded alone, in frames: a jump in a player decodes at most this many.
 const GROUP_OF_PICTURES: u32 = 60;
 
+/// Brightness uses all 256 levels: limited range has a seventh fewer, which moves small targets (`docs/video.md`).
+const FULL_RANGE: bool = true;
+
+/// Coefficients are rounded to the nearest step. x264's own rounding prefers zero, which takes from small targets what makes them sharp.
+const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
+
 /// A video that is being written. Dropped before [`VideoWriter::finish`] it leaves a readable file without an index, from which the
 /// last pictures may be missing.
 pub struct VideoWriter {
@@ -144,7 +150,7 @@ impl VideoWriter {
                 height_px,
                 flags,
                 Matrix::Bt709,
-                false,
+                FULL_RANGE,
             )
             .map_err(|e| fault(path, "prepare the colour conversion", e))?;
             Some(Conversion {
@@ -279,7 +285,7 @@ pub(super) fn check_time_base(
 fn tag_colours(video: &mut encoder::video::Video, pixel: Pixel) {
     let (space, range) = match pixel {
         Pixel::RGB24 | Pixel::BGRZ => (color::Space::RGB, color::Range::JPEG),
-        _ => (color::Space::BT709, color::Range::MPEG),
+        _ => (color::Space::BT709, color::Range::JPEG),
     };
     video.set_colorspace(space);
     video.set_color_range(range);
@@ -295,6 +301,7 @@ fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
             options.set("preset", &settings.preset);
             options.set("crf", &crf);
             options.set("tune", "zerolatency");
+            options.set("x264-params", X264_PARAMETERS);
         }
         VideoCodec::H264Lossless => {
             options.set("preset", &settings.preset);
