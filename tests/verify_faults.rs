@@ -6,17 +6,19 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use dataset::calibration::{Calibration, CameraEntry};
 use dataset::columns::{Table, TableWriter};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::frames::Frames;
 use dataset::json_file::{read_json, write_json};
 use dataset::scenario::ScenarioRecord;
 use dataset::seal::seal_folder;
-use dataset::verify::{Finding, VerifyReport, verify};
+use dataset::verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use serde_json::Value;
 
-/// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog.
+/// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog, with cameras that are a little off and see a little
+/// less than well.
 const SWEEP: &str = r#"
 [corpus]
 name = "faults"
@@ -55,6 +57,14 @@ wind_from_true_deg = 20
 
 [weather.foggy]
 visibility_m = 5000
+
+[jitter]
+heading_deg = { mean = 0, sd = 0.05 }
+hfov_deg = { mean = 0, sd = 0.02 }
+
+[imaging]
+refraction_coefficient = 0.13
+blur_sigma_px = 0.4
 "#;
 const CLEAR: &str = "1200-clear-r1";
 const FOGGY: &str = "1200-foggy-r1";
@@ -143,10 +153,31 @@ impl Copy {
         verify(&self.corpus).findings
     }
 
+    /// What is found without decoding a picture.
+    fn findings_without_pictures(&self) -> Vec<Finding> {
+        let options = VerifyOptions {
+            decode: false,
+            ..VerifyOptions::default()
+        };
+        verify_with(&self.corpus, options, &mut |_, _| {}).findings
+    }
+
     fn change_record(&self, change: impl FnOnce(&mut ScenarioRecord)) {
         let mut record = self.clear().record().unwrap();
         change(&mut record);
         record.write(&self.clear().record_path()).unwrap();
+    }
+
+    /// Changes the left camera, with everything in the file that follows from it.
+    fn change_left_camera(&self, change: impl FnOnce(&mut CameraEntry)) {
+        let path = self.clear().calibration_path();
+        let mut calibration = Calibration::read(&path).unwrap();
+        let mut entry = calibration.cameras["left"].clone();
+        change(&mut entry);
+        let whole = CameraEntry::from_pose(entry.placed, entry.width_px, entry.height_px)
+            .with_imaging(&entry.imaging());
+        calibration.cameras.insert("left".into(), whole);
+        calibration.write(&path).unwrap();
     }
 
     fn change_frames(&self, change: impl FnOnce(&mut Frames)) {
@@ -571,6 +602,71 @@ fn a_changed_scenario_record_is_found_by_its_hash_and_by_the_plan() {
 }
 
 #[test]
+fn a_camera_that_is_not_as_it_was_planned_is_found_even_if_tables_and_labels_follow_it() {
+    type Change = fn(&mut CameraEntry);
+    let changes: [(&str, Change); 7] = [
+        ("heading_true_deg", |left| {
+            left.placed.pose.heading_true_deg += 0.01
+        }),
+        ("roll_deg", |left| left.placed.pose.roll_deg = 0.1),
+        // What gives another `k`.
+        ("hfov_deg", |left| left.placed.hfov_deg += 0.1),
+        ("latitude_deg, longitude_deg, altitude_msl_m", |left| {
+            left.placed.pose.altitude_msl_m += 0.5
+        }),
+        ("refraction_coefficient", |left| {
+            left.refraction_coefficient = 0.2
+        }),
+        ("distortion", |left| {
+            left.distortion = vec![-0.01, 0.0, 0.0, 0.0, 0.0]
+        }),
+        ("degradation", |left| left.degradation = None),
+    ];
+    for (what, change) in changes {
+        let copy = Copy::new();
+        let before = copy.clear().calibration().unwrap().cameras["left"].clone();
+        copy.change_left_camera(change);
+        let after = copy.clear().calibration().unwrap().cameras["left"].clone();
+        copy.change_frames(|frames| {
+            let left = frames.views.iter().position(|view| view == "left").unwrap();
+            for row in &mut frames.rows {
+                row.views[left].echoed_camera = after.placed;
+                row.labels = None;
+            }
+        });
+        fs::remove_file(copy.path("boxes_truth.parquet")).unwrap();
+        copy.label();
+        let findings = copy.findings_without_pictures();
+        let of_the_plan: Vec<&Finding> = findings
+            .iter()
+            .filter(|finding| finding.message.contains("(plan.json)"))
+            .collect();
+        assert_eq!(of_the_plan.len(), 1, "{what}: {}", listed(&findings));
+        let words = format!("{what} was planned as ");
+        assert!(
+            of_the_plan[0].message.contains(&words),
+            "{what}: {}",
+            of_the_plan[0]
+        );
+        assert_eq!(
+            (of_the_plan[0].file.as_str(), of_the_plan[0].view.as_deref()),
+            ("calibration.json", Some("left"))
+        );
+        assert_only_the_clear_one(&findings);
+        let [expected, found] = [&before, &after].map(|entry| match what {
+            "hfov_deg" => entry.placed.hfov_deg.to_string(),
+            "refraction_coefficient" => entry.refraction_coefficient.to_string(),
+            _ => String::new(),
+        });
+        assert!(
+            of_the_plan[0].message.contains(&expected) && of_the_plan[0].message.contains(&found),
+            "{what}: {}",
+            of_the_plan[0]
+        );
+    }
+}
+
+#[test]
 fn a_leaked_split_is_found() {
     let copy = Copy::new();
     let path = copy.corpus.splits_path();
@@ -604,9 +700,11 @@ fn a_box_that_is_not_where_the_aircraft_is_is_found_in_its_row() {
     let copy = Copy::new();
     let path = copy.clear().truth_boxes_path();
     let mut boxes = dataset::pixel_box::read_truth_boxes(&path).unwrap();
-    // In the middle of the flight, where the aircraft is whole in the picture.
-    let row = boxes.len() / 2;
-    assert_eq!(boxes[row].truncation, 0.0);
+    // One that is whole in the picture, and lower than it will be moved.
+    let row = boxes
+        .iter()
+        .position(|one| one.truncation == 0.0 && one.pixel_box.height_px < 20.0)
+        .unwrap();
     boxes[row].pixel_box.cy_px += 20.0;
     dataset::pixel_box::write_truth_boxes(&path, &boxes).unwrap();
     copy.seal();

@@ -22,6 +22,7 @@ pub mod json_file;
 pub mod pixel_box;
 pub mod pose;
 pub mod refraction;
+pub mod rig;
 pub mod runway;
 pub mod scenario;
 pub mod seal;

@@ -13,6 +13,7 @@ mod detections;
 mod frames;
 mod labels;
 pub mod pixels;
+mod planned_cameras;
 mod record;
 mod videos;
 
@@ -126,17 +127,25 @@ pub fn verify_with(
         return report;
     };
     let mut records = BTreeMap::new();
+    let mut calibrations = BTreeMap::new();
     for folder in &scenarios {
         let id = folder.id();
         next(&id, scenarios.len());
         let mut faults = Faults::of_scenario(&id);
-        if let Some(record) = verify_scenario(folder, options, &mut faults, &mut report) {
+        let read = verify_scenario(folder, options, &mut faults, &mut report);
+        if let Some((record, calibration)) = read {
+            calibrations.extend(calibration.map(|calibration| (id.clone(), calibration)));
             records.insert(id, record);
         }
         report.scenarios += 1;
         report.findings.extend(faults.into_findings());
     }
-    report.missing = corpus_files::check(corpus, &scenarios, &records, options, &mut faults);
+    let found = corpus_files::Found {
+        scenarios: &scenarios,
+        records: &records,
+        calibrations: &calibrations,
+    };
+    report.missing = corpus_files::check(corpus, &found, options, &mut faults);
     report.findings.extend(faults.into_findings());
     report
 }
@@ -146,7 +155,7 @@ fn verify_scenario(
     options: VerifyOptions,
     faults: &mut Faults,
     report: &mut VerifyReport,
-) -> Option<ScenarioRecord> {
+) -> Option<(ScenarioRecord, Option<Calibration>)> {
     match seal::faults(folder.root()) {
         Ok(found) => found
             .into_iter()
@@ -186,7 +195,7 @@ fn verify_scenario(
         report.pictures += pictures;
         report.views.extend(proofs);
     }
-    Some(record)
+    Some((record, calibration))
 }
 
 /// Whether two numbers are the same but for rounding; never, if one of them is not a number.
@@ -223,6 +232,17 @@ impl Faults {
             file: file.to_owned(),
             row: None,
             view: None,
+            message: message.to_string(),
+        });
+    }
+
+    /// The same of one view.
+    fn of_view(&mut self, scenario: &str, file: &str, view: &str, message: impl ToString) {
+        self.findings.push(Finding {
+            scenario: Some(scenario.to_owned()),
+            file: file.to_owned(),
+            row: None,
+            view: Some(view.to_owned()),
             message: message.to_string(),
         });
     }

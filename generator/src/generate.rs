@@ -48,9 +48,8 @@ pub use patience::Patience;
 pub use remote::Remote;
 pub use session::SimulatorTarget;
 pub use simulators::Simulators;
-pub use space::needed_bytes;
 
-use crate::plan::{Common, Plan, PlannedScenario, expand};
+use crate::plan::{Common, Plan, PlannedScenario, expand, room_bytes};
 use crate::shard::Shard;
 use crate::sweep::{Picture, Sweep};
 use claim::Claim;
@@ -142,6 +141,7 @@ pub async fn generate(
     if let Some(remote) = &options.remote {
         remote.publish(&corpus, &plan).await?;
         remote.clear_what_is_sent(&corpus, &in_store);
+        remote.bring_failures(&corpus, &to_make, &in_store).await?;
     }
     for scenario in &to_make {
         if let Some(before) = SetAside::read(&corpus, &scenario.id) {
@@ -212,7 +212,7 @@ fn warn_of_little_space(
     to_make: &[&PlannedScenario],
     reporter: &Reporter<'_>,
 ) {
-    let needed = space::needed_bytes(common, to_make.iter().copied());
+    let needed = room_bytes(common, to_make.iter().copied());
     if let Some(free) = space::free_bytes(corpus_root).filter(|free| *free < needed) {
         reporter.tell(Event::LittleSpace { free, needed });
     }

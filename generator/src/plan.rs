@@ -20,17 +20,18 @@ use std::path::Path;
 use dataset::conditions::Conditions;
 use dataset::imaging::Imaging;
 use dataset::json_file::write_atomically;
+use dataset::rig::{Aim, Jitter};
 use dataset::runway::Runway;
 use dataset::scenario::Flight;
 use dataset::video::VideoSettings;
 use serde::{Deserialize, Serialize};
 use xplane_bridge::fly::ApproachProfile;
 
-use crate::sweep::{Aim, Camera, Jitter, Picture};
+use crate::sweep::{Camera, Picture};
 
 pub use against::{Against, Standing};
 pub use difference::{Change, Difference};
-pub use estimate::{Estimate, MeasuredSize, PicturesPerSecond};
+pub use estimate::{Estimate, MeasuredSize, PicturesPerSecond, room_bytes};
 pub use expand::expand;
 pub use split::assign_sides;
 pub use summary::{PlanSummary, ScenarioSummary};

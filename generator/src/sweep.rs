@@ -33,12 +33,12 @@ use dataset::runway::Runway;
 use dataset::video::VideoSettings;
 use xplane_bridge::fly::ApproachProfile;
 
-pub use aim::{Aim, AimTable};
+pub use aim::AimTable;
 pub use document::Corpus;
 pub use error::SweepError;
 pub use grid::Combination;
 pub use imaging::{ImagingTable, SeeingTable, SensorTable};
-pub use jitter::{Jitter, JitterTable};
+pub use jitter::JitterTable;
 pub use picture::Picture;
 pub use recorded::{RecordedFlights, RecordedRule};
 pub use rigs::Camera;

@@ -15,10 +15,11 @@ use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use generator::generate::{
-    Event, GenerateOptions, Outcome, Patience, SimulatorTarget, Simulators, Stopped,
+    Event, GenerateOptions, Outcome, Patience, Remote, SimulatorTarget, Simulators, Stopped,
 };
 use generator::shard::Shard;
 use mock_xplane::server::{BuiltIn, Engine, Picture};
+use store::CorpusStore;
 use tempfile::tempdir;
 use tokio::sync::OnceCell;
 use xplane_bridge::fly::FlyRequest;
@@ -270,6 +271,63 @@ async fn a_scenario_that_cannot_be_flown_is_set_aside_with_its_reasons_and_tried
     assert_eq!(before, [(foggy.to_owned(), true)]);
     assert!(!record.exists());
     assert_eq!(folders(corpus.path()), sorted_ids());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_stage() {
+    let sweep = sweep_of(&SWEEP.replace(
+        "weathers = [\"foggy\"]\n\n[weather",
+        "repeats = [1]\n\n[weather",
+    ));
+    let faults = Arc::new(Faulty::default());
+    faults.lost_in_fog.store(true, Ordering::SeqCst);
+    let (address, _) = stand_in_with(0, Arc::new(FaultyEngine(faults.clone()))).await;
+    let bucket = tempdir().unwrap();
+    let url = format!("file://{}", bucket.path().display());
+    let foggy = IDS[3];
+    let only_foggy = {
+        let mut options = options(SimulatorTarget::Address(address), &[foggy]);
+        options.remote = Some(Remote {
+            store: CorpusStore::open(&url.parse().unwrap(), true).unwrap(),
+            keep_staged: false,
+        });
+        options
+    };
+    let record = bucket.path().join("failed").join(format!("{foggy}.json"));
+    let reasons = || {
+        let text = fs::read_to_string(&record).unwrap();
+        text.matches("lost in the fog").count()
+    };
+
+    let stage = tempdir().unwrap();
+    let first = run_until(&sweep, stage.path(), &only_foggy, |_| false);
+    assert_eq!(first.await.unwrap().failed.len(), 1);
+    assert_eq!(reasons(), 2);
+
+    // Another machine hears of it, and adds its own reasons.
+    let elsewhere = tempdir().unwrap();
+    let mut before = Vec::new();
+    let second = run_until(&sweep, elsewhere.path(), &only_foggy, |event| {
+        if let Event::SetAsideBefore { id, reason } = event {
+            before.push((id.to_owned(), reason.contains("lost in the fog")));
+        }
+        false
+    });
+    assert_eq!(second.await.unwrap().failed.len(), 1);
+    assert_eq!(before, [(foggy.to_owned(), true)]);
+    assert_eq!(reasons(), 4);
+
+    faults.lost_in_fog.store(false, Ordering::SeqCst);
+    let third = run_until(&sweep, stage.path(), &only_foggy, |_| false);
+    assert_eq!(third.await.unwrap().committed, [foggy]);
+    assert!(!record.exists());
+
+    // A run that was killed between the last file and the record leaves one, which the next run takes away.
+    fs::create_dir_all(record.parent().unwrap()).unwrap();
+    fs::write(&record, "{}").unwrap();
+    let fourth = run_until(&sweep, stage.path(), &only_foggy, |_| false);
+    assert_eq!(fourth.await.unwrap().skipped, [foggy]);
+    assert!(!record.exists());
 }
 
 #[tokio::test(flavor = "multi_thread")]

@@ -196,6 +196,35 @@ impl CorpusStore {
         Ok(Some((bytes.to_vec(), version)))
     }
 
+    /// Writes a small file, whatever is there; named as in the corpus' folder.
+    pub async fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.put(name, bytes, PutMode::Overwrite)
+            .await
+            .map_err(|error| self.error(&format!("write {name}"), &error))
+    }
+
+    /// Takes a small file away, if it is there. Asks first: whoever may write may not always delete.
+    pub async fn remove(&self, name: &str) -> Result<()> {
+        if self.read(name).await?.is_none() {
+            return Ok(());
+        }
+        match self.store.delete(&self.key(name)).await {
+            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
+            Err(error) => Err(self.error(&format!("delete {name}"), &error)),
+        }
+    }
+
+    /// Names of the files that lie right in a folder of the corpus.
+    pub async fn names_in(&self, folder: &str) -> Result<BTreeSet<String>> {
+        let folder_key = self.key(folder);
+        let list = self.store.list_with_delimiter(Some(&folder_key)).await;
+        let found = list.map_err(|error| self.error(&format!("list {folder}"), &error))?;
+        let names = found.objects.iter();
+        Ok(names
+            .filter_map(|object| Some(object.location.filename()?.to_owned()))
+            .collect())
+    }
+
     /// Puts a file of the whole corpus there, unless it is there already. Where another one is, `judge` sees it and decides. Of several
     /// who do this at once one is first, and the others judge its file: the store compares, where it can (If-None-Match, If-Match).
     pub async fn settle<E: From<StoreError>>(

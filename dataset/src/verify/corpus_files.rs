@@ -5,7 +5,9 @@ use std::fs;
 
 use serde_json::Value;
 
+use super::planned_cameras::{PlannedCameras, unreadable};
 use super::{Faults, VerifyOptions};
+use crate::calibration::Calibration;
 use crate::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
 use crate::json_file::read_json;
 use crate::scenario::ScenarioRecord;
@@ -16,27 +18,33 @@ const PLAN: &str = "plan.json";
 const SPLITS: &str = "splits.json";
 const RECORD: &str = "scenario.json";
 
+/// What was read of the scenarios.
+pub(super) struct Found<'a> {
+    pub(super) scenarios: &'a [ScenarioFolder],
+    pub(super) records: &'a BTreeMap<String, ScenarioRecord>,
+    pub(super) calibrations: &'a BTreeMap<String, Calibration>,
+}
+
 /// Checks the corpus's own files; returns the planned scenarios that are missing.
 pub(super) fn check(
     corpus: &Corpus,
-    scenarios: &[ScenarioFolder],
-    records: &BTreeMap<String, ScenarioRecord>,
+    found: &Found<'_>,
     options: VerifyOptions,
     faults: &mut Faults,
 ) -> Vec<String> {
     let plan = faults.keep(PLAN, read_json::<Value>(&corpus.plan_path(), "plan"));
     let missing = plan.map_or_else(Vec::new, |plan| {
         let planned = Planned::of(&plan, faults);
-        planned.check(records, faults);
-        planned.missing(scenarios)
+        planned.check(found, faults);
+        planned.missing(found.scenarios)
     });
     if options.complete {
         for id in &missing {
             faults.of(id, PLAN, "is planned, but not in the corpus");
         }
     }
-    check_splits(corpus, records, faults);
-    check_strangers(corpus, scenarios, faults);
+    check_splits(corpus, found.records, faults);
+    check_strangers(corpus, found.scenarios, faults);
     missing
 }
 
@@ -85,8 +93,8 @@ impl<'a> Planned<'a> {
     }
 
     /// Every scenario is as it was planned.
-    fn check(&self, records: &BTreeMap<String, ScenarioRecord>, faults: &mut Faults) {
-        for (id, record) in records {
+    fn check(&self, found: &Found<'_>, faults: &mut Faults) {
+        for (id, record) in found.records {
             let Some(scenario) = self.scenarios.get(id.as_str()) else {
                 faults.of(id, PLAN, "is in the corpus, but not in the plan");
                 continue;
@@ -127,6 +135,12 @@ impl<'a> Planned<'a> {
                             "{what} was planned as {planned} (plan.json), but recorded as {found}"
                         ),
                     );
+                }
+            }
+            if let Some(calibration) = found.calibrations.get(id) {
+                match PlannedCameras::read(shared, parameters) {
+                    Ok(cameras) => cameras.check(id, calibration, faults),
+                    Err(message) => unreadable(id, &message, faults),
                 }
             }
         }

@@ -10,6 +10,7 @@ use crate::geodesy::Geodetic;
 use crate::json_file::write_json;
 use crate::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
 use crate::pose::{Controls, Pose};
+use crate::rig::Mast;
 use crate::runway::{Runway, RunwayCoordinates};
 use crate::scenario::{Flight, PINHOLE_SCHEMA_VERSION, Versions};
 use crate::splits::{Assignment, Side, Splits};
@@ -53,6 +54,21 @@ fn camera(view: usize) -> CameraPose {
     };
     CameraPose {
         pose,
+        hfov_deg: 10.0,
+    }
+}
+
+/// The mast on which that camera stands, as a plan has it.
+fn mast(view: usize) -> Mast {
+    Mast {
+        id: VIEWS[view].into(),
+        beyond_touchdown_m: Some(1_500.0),
+        beyond_threshold_m: None,
+        right_m: if view == 0 { -300.0 } else { 300.0 },
+        height_m: 10.0,
+        inward_deg: Some(5.3),
+        heading_true_deg: None,
+        pitch_deg: 1.6,
         hfov_deg: 10.0,
     }
 }
@@ -197,10 +213,11 @@ impl Example {
         }
         let planned = IDS.map(|id| {
             let record = record(id);
+            let masts = [0, 1].map(mast);
             serde_json::json!({ "id": id, "seed": 1, "config_hash": "config", "trajectory": record.trajectory,
                 "parameters": { "conditions": record.conditions, "aircraft": record.aircraft, "runway": record.runway,
-                    "flight": record.flight, "rig": record.rig, "picture": { "frame_rate": record.frame_rate.to_string() },
-                    "cameras": VIEWS.map(|view| serde_json::json!({ "id": view })) } })
+                    "flight": record.flight, "rig": record.rig, "picture": { "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX },
+                    "cameras": masts } })
         });
         write_plan(&corpus, &planned);
         splits([Side::Train, Side::Test])

@@ -19,6 +19,7 @@ use super::event::Event;
 use super::freeze::is_whole;
 use super::outcome::{FailedScenario, Stopped};
 use super::run::{Run, lock};
+use super::set_aside::{FOLDER as FAILED, SetAside};
 use crate::plan::{Plan, PlannedScenario};
 
 /// Scenarios that wait while one is sent. With the one that is sent, so many folders lie on the stage besides those that are being made.
@@ -138,6 +139,47 @@ impl Remote {
             if whole.seal().is_ok_and(|ours| ours.as_ref() == Some(theirs)) {
                 unstage(stage, id);
             }
+        }
+    }
+
+    /// Brings to the stage why scenarios failed in earlier runs, on whatever machine, and takes away what is said of those that are
+    /// committed by now.
+    pub(super) async fn bring_failures(
+        &self,
+        stage: &Corpus,
+        to_make: &[&PlannedScenario],
+        committed: &BTreeMap<String, Seal>,
+    ) -> Result<(), GenerateError> {
+        for name in self.store.names_in(FAILED).await? {
+            let Some(id) = name.strip_suffix(".json") else {
+                continue;
+            };
+            if committed.contains_key(id) {
+                self.forget_failure(id).await;
+            } else if to_make.iter().any(|scenario| scenario.id == id)
+                && !SetAside::is_there(stage, id)
+                && let Some(text) = self.store.read(&SetAside::name(id)).await?
+            {
+                SetAside::adopt(stage, id, &text)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Says in the store why a scenario was set aside. It is for people: a store that is away keeps nothing from going on.
+    pub(super) async fn tell_of_failure(&self, stage: &Corpus, id: &str) {
+        let told = async {
+            let text = SetAside::text(stage, id)?;
+            Ok::<_, GenerateError>(self.store.write(&SetAside::name(id), &text).await?)
+        };
+        if let Err(error) = told.await {
+            tracing::warn!(id, %error, "why it failed is on the stage only");
+        }
+    }
+
+    async fn forget_failure(&self, id: &str) {
+        if let Err(error) = self.store.remove(&SetAside::name(id)).await {
+            tracing::warn!(id, %error, "it is committed, but the store still says why it failed before");
         }
     }
 
@@ -276,6 +318,7 @@ impl<'a> Run<'a> {
         };
         match pushed {
             Ok(pushed) => {
+                remote.forget_failure(id).await;
                 if !remote.keep_staged {
                     unstage(self.work.corpus, id);
                 }

@@ -28,7 +28,7 @@ use super::remote::{Job, Remote, WAITING};
 use super::session::Session;
 use super::set_aside::SetAside;
 use super::space;
-use crate::plan::PlannedScenario;
+use crate::plan::{PlannedScenario, room_bytes};
 
 /// A simulator that fails so often in a row, whatever the scenario, is as good as gone.
 const FAILURES_IN_A_ROW: u32 = 9;
@@ -318,7 +318,7 @@ impl<'a> Run<'a> {
             });
             lock(&self.queue).give_back(task, self.patience.pause_after(failed));
         } else {
-            self.set_aside(task, reason);
+            self.set_aside(task, reason).await;
         }
         // Only now may others have it.
         drop(claim);
@@ -333,7 +333,7 @@ impl<'a> Run<'a> {
         self.wait_for(session, &error).await
     }
 
-    fn set_aside(&self, task: Task<'a>, reason: String) {
+    async fn set_aside(&self, task: Task<'a>, reason: String) {
         let id = &task.scenario.id;
         self.reporter.tell(Event::Failed {
             id,
@@ -346,6 +346,8 @@ impl<'a> Run<'a> {
         };
         if let Err(error) = record.write(self.work.corpus) {
             tracing::error!(id, %error, "the reason could not be kept");
+        } else if let Some(remote) = self.remote {
+            remote.tell_of_failure(self.work.corpus, id).await;
         }
         lock(&self.tally).outcome.failed.push(FailedScenario {
             id: id.clone(),
@@ -404,7 +406,7 @@ impl<'a> Run<'a> {
 
     fn storage(&self, error: &dataset::Error) -> Stopped {
         let root = self.work.corpus.root();
-        let needed = space::needed_bytes(&self.work.plan.common, lock(&self.queue).left());
+        let needed = room_bytes(&self.work.plan.common, lock(&self.queue).left());
         let free = space::free_bytes(root).map_or("an unknown amount".into(), |free| {
             DecimalBytes(free).to_string()
         });

@@ -1,14 +1,15 @@
-//! `failed/<id>.json`: scenarios that were tried in vain, with the reasons. The next run reads them, says so, and tries again.
+//! `failed/<id>.json`: scenarios that were tried in vain, with the reasons. The next run reads them, says so, and tries again. For a
+//! corpus in an object store they are kept there, too, where whoever looks at the corpus sees them (`remote.rs`).
 
 use std::fs;
 use std::path::PathBuf;
 
 use dataset::Error;
 use dataset::corpus::Corpus;
-use dataset::json_file::{read_json, write_json};
+use dataset::json_file::{read_json, write_atomically, write_json};
 use serde::{Deserialize, Serialize};
 
-const FOLDER: &str = "failed";
+pub(super) const FOLDER: &str = "failed";
 
 /// The record of a scenario that was set aside.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -44,6 +45,29 @@ impl SetAside {
         write_json(&path, &self)
     }
 
+    /// Whether there is a record.
+    pub(super) fn is_there(corpus: &Corpus, id: &str) -> bool {
+        path(corpus, id).exists()
+    }
+
+    /// The record as it is written.
+    pub(super) fn text(corpus: &Corpus, id: &str) -> dataset::Result<Vec<u8>> {
+        let path = path(corpus, id);
+        fs::read(&path).map_err(Error::io("read", &path))
+    }
+
+    /// Takes over a record that was written elsewhere.
+    pub(super) fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> dataset::Result<()> {
+        let folder = corpus.root().join(FOLDER);
+        fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+        write_atomically(&path(corpus, id), text)
+    }
+
+    /// Name of the record within the corpus.
+    pub(super) fn name(id: &str) -> String {
+        format!("{FOLDER}/{id}.json")
+    }
+
     /// Deletes the record: the scenario is whole.
     pub(super) fn clear(corpus: &Corpus, id: &str) {
         if fs::remove_file(path(corpus, id)).is_ok() {
@@ -54,7 +78,7 @@ impl SetAside {
 }
 
 fn path(corpus: &Corpus, id: &str) -> PathBuf {
-    corpus.root().join(FOLDER).join(format!("{id}.json"))
+    corpus.root().join(SetAside::name(id))
 }
 
 #[cfg(test)]

@@ -1,37 +1,10 @@
-//! Room on the disk: how much there is, how much a plan needs, and whether a failure is for want of it.
+//! Room on the disk: how much there is, and whether a failure is for want of it. How much a plan needs: [`crate::plan::room_bytes`].
 
 use std::io::ErrorKind;
 use std::path::Path;
 
-use dataset::video::VideoCodec;
-
-use crate::plan::{Common, PlannedScenario};
-
 /// Less than this is none: a picture's worth.
 const NOTHING_BYTES: u64 = 8 << 20;
-/// Tables and records of one tick.
-const TABLE_BYTES_PER_TICK: f64 = 400.0;
-
-/// Bytes that the scenarios will take, about; rather more than less.
-pub fn needed_bytes<'a>(
-    common: &Common,
-    scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
-) -> u64 {
-    let picture = common.picture;
-    let pixels =
-        common.cameras.len() as f64 * f64::from(picture.width_px) * f64::from(picture.height_px);
-    let tick = pixels * bits_per_pixel(common.video.codec) / 8.0 + TABLE_BYTES_PER_TICK;
-    let ticks: u64 = scenarios.into_iter().map(|s| u64::from(s.ticks)).sum();
-    (ticks as f64 * tick) as u64
-}
-
-/// The stand-in's worst weather takes 0.06 in H.264 (docs/corpus.md); X-Plane's scenery has more to say.
-fn bits_per_pixel(codec: VideoCodec) -> f64 {
-    match codec {
-        VideoCodec::H264Lossless => 6.0,
-        _ => 0.1,
-    }
-}
 
 /// Bytes that are free where a folder is, or will be; unknown if the system does not tell.
 pub(super) fn free_bytes(folder: &Path) -> Option<u64> {

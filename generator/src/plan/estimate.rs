@@ -1,4 +1,7 @@
 //! What a plan will cost: hours of flight, hours of making, bytes. Every figure says where it comes from.
+//!
+//! There are two figures for bytes, both from here: what is expected ([`Estimate::bytes`]), and the room that should be free before a
+//! run, which is for scenery with more to say than any that was measured ([`room_bytes`]).
 
 use dataset::video::VideoSettings;
 use serde::Serialize;
@@ -10,6 +13,14 @@ use super::{Common, PlannedScenario};
 const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 /// Bytes of such a picture on disk at 30 a second, mean over the four weathers of `scenarios.toml`.
 const BYTES_PER_PICTURE: f64 = 9_200.0;
+/// The same if the scenery has far more to say than the stand-in's, whose worst weather takes 0.06 bits a pixel (docs/corpus.md).
+const AMPLE_BITS_PER_PIXEL: f64 = 0.1;
+/// What coding without loss leaves of a pixel of such scenery.
+const AMPLE_BITS_PER_LOSSLESS_PIXEL: f64 = 6.0;
+/// Tables and records of one tick.
+const TABLE_BYTES_PER_TICK: f64 = 400.0;
+/// What was measured in a corpus may be of its easier scenarios.
+const AMPLE_OVER_MEASURED: f64 = 1.5;
 /// Size of the pictures to which the two figures belong; cost grows with the number of pixels.
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
 
@@ -47,6 +58,8 @@ pub struct Estimate {
     pub bytes: Option<u64>,
     /// Where that comes from, or what to do.
     pub bytes_basis: String,
+    /// Bytes that should be free before the scenarios are made: rather more than they will take.
+    pub room_bytes: u64,
 }
 
 impl Estimate {
@@ -57,11 +70,9 @@ impl Estimate {
         rate: Option<PicturesPerSecond>,
         size: Option<MeasuredSize>,
     ) -> Self {
-        let (mut count, mut ticks) = (0, 0);
-        for scenario in scenarios {
-            count += 1;
-            ticks += u64::from(scenario.ticks);
-        }
+        let scenarios: Vec<&PlannedScenario> = scenarios.into_iter().collect();
+        let count = scenarios.len();
+        let ticks = ticks(scenarios.iter().copied());
         let pictures = ticks * common.cameras.len() as u64;
         let (pictures_per_s, making_basis) = making(common, rate);
         let (bytes_per_picture, bytes_basis) = bytes(common, size);
@@ -75,8 +86,42 @@ impl Estimate {
             making_basis,
             bytes: bytes_per_picture.map(|per_picture| (per_picture * pictures as f64) as u64),
             bytes_basis,
+            room_bytes: room(common, ticks, size),
         }
     }
+}
+
+/// Bytes that should be free before scenarios of a plan are made, as [`Estimate::room_bytes`] where nothing was measured.
+pub fn room_bytes<'a>(
+    common: &Common,
+    scenarios: impl IntoIterator<Item = &'a PlannedScenario>,
+) -> u64 {
+    room(common, ticks(scenarios), None)
+}
+
+fn room(common: &Common, ticks: u64, size: Option<MeasuredSize>) -> u64 {
+    let pictures = common.cameras.len() as f64;
+    let per_picture = match measured_bytes_per_picture(size) {
+        Some(bytes) => bytes * AMPLE_OVER_MEASURED,
+        None => {
+            let picture = common.picture;
+            let bits = match common.video.codec {
+                codec if codec.is_lossless() => AMPLE_BITS_PER_LOSSLESS_PIXEL,
+                _ => AMPLE_BITS_PER_PIXEL,
+            };
+            f64::from(picture.width_px) * f64::from(picture.height_px) * bits / 8.0
+        }
+    };
+    (ticks as f64 * (pictures * per_picture + TABLE_BYTES_PER_TICK)) as u64
+}
+
+fn ticks<'a>(scenarios: impl IntoIterator<Item = &'a PlannedScenario>) -> u64 {
+    scenarios.into_iter().map(|s| u64::from(s.ticks)).sum()
+}
+
+fn measured_bytes_per_picture(size: Option<MeasuredSize>) -> Option<f64> {
+    size.filter(|size| size.pictures > 0)
+        .map(|size| size.bytes as f64 / size.pictures as f64)
 }
 
 fn relative_size(common: &Common) -> f64 {
@@ -98,14 +143,8 @@ fn making(common: &Common, rate: Option<PicturesPerSecond>) -> (f64, String) {
 }
 
 fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
-    if let Some(MeasuredSize {
-        bytes,
-        pictures,
-        scenarios,
-    }) = size
-        && pictures > 0
-    {
-        let per_picture = bytes as f64 / pictures as f64;
+    if let Some(per_picture) = measured_bytes_per_picture(size) {
+        let scenarios = size.map_or(0, |size| size.scenarios);
         let basis =
             format!("{per_picture:.0} a picture, as in {scenarios} scenarios of the corpus");
         return (Some(per_picture), basis);

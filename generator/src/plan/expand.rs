@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use dataset::conditions::Conditions;
 use dataset::imaging::Imaging;
+use dataset::rig::Jitter;
 use dataset::scenario::Flight;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
@@ -11,7 +12,7 @@ use super::{Common, LiveStart, PLAN_VERSION, Parameters, Plan, PlannedScenario};
 use crate::recording::Recording;
 use crate::seed;
 use crate::spread::Spread;
-use crate::sweep::{Combination, Jitter, JitterTable, Sweep};
+use crate::sweep::{Combination, JitterTable, Sweep};
 use crate::trajectory::AlongCourse;
 
 /// Mean speed over ground of a jet on its last ten miles, metres per second: enough to say how long a live flight will take.

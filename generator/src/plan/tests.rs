@@ -2,6 +2,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use dataset::splits::Side;
+use dataset::video::VideoCodec;
 
 use super::*;
 use crate::recording;
@@ -396,4 +397,39 @@ fn one_scenario_alone_is_no_error() {
     let sweep = sweep_of(&one);
     let splits = assign_sides(&expand(&sweep), &sweep.split, 0, None).unwrap();
     assert_eq!(splits.side(Side::Train).count(), 1);
+}
+
+#[test]
+fn more_room_is_asked_for_than_is_expected_and_far_more_without_loss() {
+    let plan = expand(&sweep_of(SMALL));
+    let estimate = |common: &Common, size| Estimate::new(common, &plan.scenarios, None, size);
+    let default = Common {
+        video: VideoSettings::default(),
+        ..plan.common.clone()
+    };
+    let usual = estimate(&default, None);
+    assert!(usual.room_bytes > usual.bytes.unwrap());
+    assert_eq!(room_bytes(&default, &plan.scenarios), usual.room_bytes);
+    for codec in [VideoCodec::H264Lossless, VideoCodec::Ffv1] {
+        let lossless = Common {
+            video: VideoSettings::of(codec),
+            ..plan.common.clone()
+        };
+        let lossless = estimate(&lossless, None);
+        assert_eq!(lossless.bytes, None);
+        assert!(
+            lossless.room_bytes > 10 * usual.room_bytes,
+            "{codec:?}: {} and {}",
+            lossless.room_bytes,
+            usual.room_bytes
+        );
+    }
+    let measured = MeasuredSize {
+        bytes: 1_000_000,
+        pictures: 10,
+        scenarios: 1,
+    };
+    let known = estimate(&default, Some(measured));
+    let expected = known.bytes.unwrap();
+    assert!((expected..2 * expected).contains(&known.room_bytes));
 }

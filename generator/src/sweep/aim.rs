@@ -1,7 +1,8 @@
 //! `[aim]`: turns all cameras of a scenario, wherever the rig has them look.
 
+use dataset::rig::Aim;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::fault::{Checked, fault};
 use super::limits::Limits;
@@ -30,24 +31,6 @@ pub struct AimTable {
     /// At this elevation, degrees, up positive; together with `heading_true_deg`.
     #[schemars(transform = PITCH_DEG.in_schema())]
     pub pitch_deg: Option<Spread>,
-}
-
-/// Where the cameras of one scenario look, as drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(untagged, deny_unknown_fields)]
-pub enum Aim {
-    /// At a point of the glide path.
-    GlidePath {
-        /// Its distance to the touchdown target, nautical miles.
-        dtd_nm: f64,
-    },
-    /// In a direction.
-    Direction {
-        /// Degrees true.
-        heading_true_deg: f64,
-        /// Degrees, up positive.
-        pitch_deg: f64,
-    },
 }
 
 impl AimTable {

@@ -1,7 +1,8 @@
 //! `[jitter]`: how far the cameras of each scenario are off from where the rig has them. Each camera of each scenario draws its own.
 
+use dataset::rig::Jitter;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::fault::{Checked, fault};
 use super::limits::Limits;
@@ -38,26 +39,6 @@ pub struct JitterTable {
     /// Horizontal field of view, degrees.
     #[schemars(transform = TURN_DEG.in_schema())]
     pub hfov_deg: Spread,
-}
-
-/// How far one camera of one scenario is off, as drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Jitter {
-    /// Along the landing course, metres.
-    pub along_m: f64,
-    /// Right of the landing course, metres.
-    pub right_m: f64,
-    /// Up, metres.
-    pub height_m: f64,
-    /// Degrees clockwise.
-    pub heading_deg: f64,
-    /// Degrees up.
-    pub pitch_deg: f64,
-    /// Degrees, right side down.
-    pub roll_deg: f64,
-    /// Degrees of the field of view.
-    pub hfov_deg: f64,
 }
 
 impl JitterTable {

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
 use dataset::distortion::Distortion;
+use dataset::rig::Mast;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -69,6 +70,23 @@ pub struct Camera {
     /// Distortion of its lens, with OpenCV's coefficients; left out, it is a pinhole. Only the stand-in can draw it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
+}
+
+impl Camera {
+    /// The mast on which it stands: all of it but the lens.
+    pub fn mast(&self) -> Mast {
+        Mast {
+            id: self.id.clone(),
+            beyond_touchdown_m: self.beyond_touchdown_m,
+            beyond_threshold_m: self.beyond_threshold_m,
+            right_m: self.right_m,
+            height_m: self.height_m,
+            inward_deg: self.inward_deg,
+            heading_true_deg: self.heading_true_deg,
+            pitch_deg: self.pitch_deg,
+            hfov_deg: self.hfov_deg,
+        }
+    }
 }
 
 #[derive(Deserialize)]
@@ -208,6 +226,15 @@ mod tests {
         );
         for (name, rig) in BUILT_IN.iter() {
             rig.check(name).unwrap();
+        }
+    }
+
+    #[test]
+    fn a_camera_in_a_plan_is_read_back_as_the_mast_on_which_it_stands() {
+        for camera in BUILT_IN.values().flat_map(|rig| &rig.cameras) {
+            let written = serde_json::to_string(camera).unwrap();
+            let read: Mast = serde_json::from_str(&written).unwrap();
+            assert_eq!(read, camera.mast());
         }
     }
 }

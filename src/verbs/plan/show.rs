@@ -118,6 +118,10 @@ impl Report<'_> {
         );
         show_cost("making", estimate);
         println!("size      {} ({})", size(estimate), estimate.bytes_basis);
+        println!(
+            "room      {} should be free: scenery may have more to say than what was measured",
+            DecimalBytes(estimate.room_bytes)
+        );
     }
 
     fn show_difference(&self, compared: &Compared) {

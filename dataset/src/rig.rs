@@ -1,0 +1,328 @@
+//! From a rig as it is measured out on an airfield to cameras on the earth.
+//!
+//! Goes in: masts beside a runway, where a scenario turns them, how far each of them is off. Comes out: where each camera stands and
+//! looks. It is here, and not where plans are made, so that `dtd verify` can hold a calibration against what was planned.
+
+use serde::{Deserialize, Serialize};
+
+use crate::camera::CameraPose;
+use crate::geodesy::Geodetic;
+use crate::pose::Pose;
+use crate::runway::Runway;
+use crate::units::{Degrees, METERS_PER_NAUTICAL_MILE};
+
+/// A camera on a mast, as `plan.json` has it (and what else it has there is not needed to place it).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Mast {
+    /// Identifier of the view.
+    pub id: String,
+    /// Distance past the touchdown target along the landing course, metres. Either this or `beyond_threshold_m`.
+    pub beyond_touchdown_m: Option<f64>,
+    /// Distance past the threshold along the landing course, metres.
+    pub beyond_threshold_m: Option<f64>,
+    /// Offset right of the landing course, metres; negative is left.
+    pub right_m: f64,
+    /// Height above the touchdown target, metres.
+    pub height_m: f64,
+    /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees. Either this or `heading_true_deg`.
+    pub inward_deg: Option<f64>,
+    /// Direction of the optical axis, degrees true.
+    pub heading_true_deg: Option<f64>,
+    /// Elevation of the optical axis, degrees, up positive.
+    pub pitch_deg: f64,
+    /// Horizontal field of view, degrees.
+    pub hfov_deg: f64,
+}
+
+/// Where the cameras of one scenario look, as drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, deny_unknown_fields)]
+pub enum Aim {
+    /// At a point of the glide path.
+    GlidePath {
+        /// Its distance to the touchdown target, nautical miles.
+        dtd_nm: f64,
+    },
+    /// In a direction.
+    Direction {
+        /// Degrees true.
+        heading_true_deg: f64,
+        /// Degrees, up positive.
+        pitch_deg: f64,
+    },
+}
+
+/// How far one camera of one scenario is off, as drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Jitter {
+    /// Along the landing course, metres.
+    pub along_m: f64,
+    /// Right of the landing course, metres.
+    pub right_m: f64,
+    /// Up, metres.
+    pub height_m: f64,
+    /// Degrees clockwise.
+    pub heading_deg: f64,
+    /// Degrees up.
+    pub pitch_deg: f64,
+    /// Degrees, right side down.
+    pub roll_deg: f64,
+    /// Degrees of the field of view.
+    pub hfov_deg: f64,
+}
+
+/// Where a camera of a scenario stands and looks: as in its rig, or turned elsewhere; and then so far off.
+pub fn place_in(camera: &Mast, runway: &Runway, aim: Option<Aim>, jitter: &Jitter) -> CameraPose {
+    let moved = Mast {
+        beyond_touchdown_m: camera.beyond_touchdown_m.map(|m| m + jitter.along_m),
+        beyond_threshold_m: camera.beyond_threshold_m.map(|m| m + jitter.along_m),
+        right_m: camera.right_m + jitter.right_m,
+        height_m: camera.height_m + jitter.height_m,
+        ..camera.clone()
+    };
+    let mut placed = place(&moved, runway);
+    // Which way a camera turns inwards is said of the rig: jitter that takes a mast over the runway's axis turns nothing round.
+    placed.pose.heading_true_deg = place(camera, runway).pose.heading_true_deg;
+    if let Some(aim) = aim {
+        // Aimed from where the rig has it: what is off is off for a camera that was set up by the plan.
+        (placed.pose.heading_true_deg, placed.pose.pitch_deg) =
+            direction(aim, place(camera, runway).pose.position(), runway);
+    }
+    let Pose {
+        heading_true_deg,
+        pitch_deg,
+        roll_deg,
+        ..
+    } = &mut placed.pose;
+    if jitter.heading_deg != 0.0 {
+        *heading_true_deg = Degrees(*heading_true_deg + jitter.heading_deg)
+            .wrapped_360()
+            .0;
+    }
+    *pitch_deg += jitter.pitch_deg;
+    *roll_deg += jitter.roll_deg;
+    placed.hfov_deg += jitter.hfov_deg;
+    placed
+}
+
+/// True direction and elevation, degrees, in which a camera in this place looks.
+fn direction(aim: Aim, from: Geodetic, runway: &Runway) -> (f64, f64) {
+    match aim {
+        Aim::Direction {
+            heading_true_deg,
+            pitch_deg,
+        } => (heading_true_deg, pitch_deg),
+        Aim::GlidePath { dtd_nm } => {
+            let dtd_m = dtd_nm * METERS_PER_NAUTICAL_MILE;
+            let height_m = dtd_m * runway.glide_path_deg.to_radians().tan();
+            let at = runway
+                .point_on_approach(dtd_m, 0.0)
+                .at_altitude_m(runway.touchdown_target().altitude_msl_m + height_m);
+            let seen = from.ecef_from_ned().transpose() * (at.to_ecef() - from.to_ecef());
+            let heading_deg = seen.y.atan2(seen.x).to_degrees();
+            let pitch_deg = (-seen.z).atan2(seen.truncate().length()).to_degrees();
+            (Degrees(heading_deg).wrapped_360().0, pitch_deg)
+        }
+    }
+}
+
+/// Where a camera of a rig stands and looks.
+pub fn place(camera: &Mast, runway: &Runway) -> CameraPose {
+    let target = runway.touchdown_target();
+    let beyond_target_m = match (camera.beyond_touchdown_m, camera.beyond_threshold_m) {
+        (Some(beyond_touchdown_m), _) => beyond_touchdown_m,
+        (None, beyond_threshold_m) => {
+            beyond_threshold_m.unwrap_or(0.0) - runway.touchdown_past_threshold_m
+        }
+    };
+    let position = runway
+        .point_on_approach(-beyond_target_m, camera.right_m)
+        .at_altitude_m(target.altitude_msl_m + camera.height_m);
+    let back = runway.course_true_deg + 180.0;
+    // Seen by somebody who looks back along the course, the runway's axis is on the left of a camera that stands left of the
+    // course.
+    let turned = back + clockwise_deg(camera.inward_deg.unwrap_or(0.0), camera.right_m);
+    let heading = camera.heading_true_deg.unwrap_or(turned);
+    CameraPose {
+        pose: Pose {
+            latitude_deg: position.latitude_deg,
+            longitude_deg: position.longitude_deg,
+            altitude_msl_m: position.altitude_msl_m,
+            heading_true_deg: Degrees(heading).wrapped_360().0,
+            pitch_deg: camera.pitch_deg,
+            roll_deg: 0.0,
+        },
+        hfov_deg: camera.hfov_deg,
+    }
+}
+
+/// A turn towards the runway's axis is clockwise for cameras on the right and anticlockwise on the left. A camera on the axis has
+/// no inward side.
+fn clockwise_deg(inward_deg: f64, right_m: f64) -> f64 {
+    if right_m == 0.0 {
+        0.0
+    } else {
+        inward_deg * right_m.signum()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::Camera as Pinhole;
+
+    fn runway() -> Runway {
+        Runway {
+            airport: "WSSS".into(),
+            name: "02L".into(),
+            threshold: Geodetic {
+                latitude_deg: 1.348_971_96,
+                longitude_deg: 103.977_501_24,
+                altitude_msl_m: 6.71,
+            },
+            course_true_deg: 23.02,
+            glide_path_deg: 3.0,
+            touchdown_past_threshold_m: 340.1,
+            ils_frequency_mhz: None,
+            course_magnetic_deg: None,
+        }
+    }
+
+    fn mast(id: &str, right_m: f64) -> Mast {
+        Mast {
+            id: id.into(),
+            beyond_touchdown_m: Some(1_500.0),
+            beyond_threshold_m: None,
+            right_m,
+            height_m: 10.0,
+            inward_deg: Some(5.3),
+            heading_true_deg: None,
+            pitch_deg: 1.6,
+            hfov_deg: 10.0,
+        }
+    }
+
+    #[test]
+    fn a_camera_that_is_aimed_at_the_glide_path_has_that_point_in_the_middle_of_its_picture() {
+        let runway = runway();
+        for dtd_nm in [0.5, 3.0, 9.0] {
+            let aim = Some(Aim::GlidePath { dtd_nm });
+            let placed = place_in(&mast("left", -300.0), &runway, aim, &Jitter::default());
+            let dtd_m = dtd_nm * METERS_PER_NAUTICAL_MILE;
+            let at = runway.point_on_approach(dtd_m, 0.0).at_altitude_m(
+                runway.touchdown_target().altitude_msl_m + dtd_m * 3.0_f64.to_radians().tan(),
+            );
+            let pixel = Pinhole::from_pose(&placed, 1920, 1280)
+                .project(at.to_ecef())
+                .unwrap();
+            assert!(
+                pixel.distance(glam::DVec2::new(959.5, 639.5)) < 1e-3,
+                "{pixel}"
+            );
+        }
+        let direction = Aim::Direction {
+            heading_true_deg: 190.0,
+            pitch_deg: 2.5,
+        };
+        let placed = place_in(
+            &mast("left", -300.0),
+            &runway,
+            Some(direction),
+            &Jitter::default(),
+        );
+        assert_eq!(
+            (placed.pose.heading_true_deg, placed.pose.pitch_deg),
+            (190.0, 2.5)
+        );
+    }
+
+    #[test]
+    fn jitter_moves_and_turns_a_camera_by_what_was_drawn_and_none_changes_nothing() {
+        let runway = runway();
+        let camera = mast("left", -300.0);
+        let rig = place(&camera, &runway);
+        assert_eq!(place_in(&camera, &runway, None, &Jitter::default()), rig);
+        let jitter = Jitter {
+            along_m: 1.0,
+            right_m: -2.0,
+            height_m: 0.5,
+            heading_deg: -0.2,
+            pitch_deg: 0.1,
+            roll_deg: 0.3,
+            hfov_deg: -0.05,
+        };
+        let off = place_in(&camera, &runway, None, &jitter);
+        let moved_m = off
+            .pose
+            .position()
+            .to_ecef()
+            .distance(rig.pose.position().to_ecef());
+        assert!((moved_m - 5.25_f64.sqrt()).abs() < 1e-3, "{moved_m}");
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-9;
+        assert!(close(
+            off.pose.heading_true_deg,
+            rig.pose.heading_true_deg - 0.2
+        ));
+        assert!(close(off.pose.pitch_deg, 1.7) && close(off.pose.roll_deg, 0.3));
+        assert!(close(off.hfov_deg, 9.95));
+    }
+
+    #[test]
+    fn a_mast_that_jitter_takes_over_the_axis_keeps_looking_where_it_did() {
+        let runway = runway();
+        let camera = mast("near", 1.0);
+        let jitter = Jitter {
+            right_m: -3.0,
+            ..Jitter::default()
+        };
+        let [rig, off] = [
+            place(&camera, &runway),
+            place_in(&camera, &runway, None, &jitter),
+        ];
+        assert_eq!(rig.pose.heading_true_deg, off.pose.heading_true_deg);
+    }
+
+    #[test]
+    fn both_cameras_see_the_glide_path_from_ten_miles_to_a_tenth_and_mirror_each_other() {
+        let runway = runway();
+        let [left, right] = [("left", -300.0), ("right", 300.0)]
+            .map(|(id, side)| Pinhole::from_pose(&place(&mast(id, side), &runway), 1920, 1280));
+        for dtd_nm in [10.0, 7.6, 5.0, 2.0, 0.5, 0.1] {
+            let dtd_m = dtd_nm * 1_852.0;
+            let height_m =
+                (dtd_m * 3.0_f64.to_radians().tan()).min(755.0) + runway.threshold.altitude_msl_m;
+            let aircraft = runway
+                .point_on_approach(dtd_m, 0.0)
+                .at_altitude_m(height_m)
+                .to_ecef();
+            let [a, b] = [&left, &right].map(|camera| camera.project(aircraft).unwrap());
+            for pixel in [a, b] {
+                assert!(
+                    (20.0..1_900.0).contains(&pixel.x) && (20.0..1_260.0).contains(&pixel.y),
+                    "{dtd_nm} NM: {pixel}"
+                );
+            }
+            assert!(
+                (a.x + b.x - 1_919.0).abs() < 0.5,
+                "{dtd_nm} NM: {a} and {b}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_camera_placed_from_the_threshold_stays_when_the_target_moves() {
+        let near = runway();
+        let far = Runway {
+            touchdown_past_threshold_m: 617.7,
+            ..near.clone()
+        };
+        let camera = Mast {
+            beyond_touchdown_m: None,
+            beyond_threshold_m: Some(896.7),
+            ..mast("east", 411.0)
+        };
+        let [a, b] = [&near, &far].map(|runway| place(&camera, runway).pose.position());
+        assert!(a.to_ecef().distance(b.to_ecef()) < 1e-3);
+    }
+}
