@@ -606,19 +606,19 @@ fn a_camera_that_is_not_as_it_was_planned_is_found_even_if_tables_and_labels_fol
     type Change = fn(&mut CameraEntry);
     let changes: [(&str, Change); 7] = [
         ("heading_true_deg", |left| {
-            left.placed.pose.heading_true_deg += 0.01
+            left.placed.pose.heading_true_deg += 0.01;
         }),
         ("roll_deg", |left| left.placed.pose.roll_deg = 0.1),
         // What gives another `k`.
         ("hfov_deg", |left| left.placed.hfov_deg += 0.1),
         ("latitude_deg, longitude_deg, altitude_msl_m", |left| {
-            left.placed.pose.altitude_msl_m += 0.5
+            left.placed.pose.altitude_msl_m += 0.5;
         }),
         ("refraction_coefficient", |left| {
-            left.refraction_coefficient = 0.2
+            left.refraction_coefficient = 0.2;
         }),
         ("distortion", |left| {
-            left.distortion = vec![-0.01, 0.0, 0.0, 0.0, 0.0]
+            left.distortion = vec![-0.01, 0.0, 0.0, 0.0, 0.0];
         }),
         ("degradation", |left| left.degradation = None),
     ];
