@@ -72,6 +72,12 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
         "on {} held-out trajectories, {} samples seen by at least one view",
         test.trajectories, test.samples
     );
+    if metrics.disbelieved_boxes > 0 {
+        println!(
+            "{} boxes there were left out: the training side has none of such a place or size",
+            metrics.disbelieved_boxes
+        );
+    }
 }
 
 fn percent(value: Option<f64>) -> String {

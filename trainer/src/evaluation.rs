@@ -126,14 +126,18 @@ pub fn evaluate(
         });
     }
     progress.begin("evaluation", ESTIMATORS.len() as u64);
+    let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
+    let found = boxes(&test);
+    let other_cameras = samples.cameras_vary && !trained.summary.cameras_vary;
     let test: Vec<Sample> = test
         .into_iter()
-        .map(|sample| trained.normalisation.usual(sample))
+        .map(|sample| trained.normalisation.usual(sample, other_cameras))
         .collect();
     let test: Vec<&Sample> = test.iter().collect();
     let predictions = predict_all(&trained, &samples, &test, progress);
     let metrics = Metrics {
         split: split_summary(&trained, &samples, config),
+        disbelieved_boxes: found - boxes(&test),
         estimators: predictions
             .iter()
             .map(|p| {

@@ -89,6 +89,9 @@ pub struct SplitSummary {
 pub struct Metrics {
     /// The split.
     pub split: SplitSummary,
+    /// Boxes of the test side that were left out, because the training side has none of such a place or size.
+    #[serde(default)]
+    pub disbelieved_boxes: usize,
     /// Figures by name of the estimator.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }

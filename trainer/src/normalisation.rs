@@ -81,11 +81,12 @@ impl Normalisation {
         }
     }
 
-    /// The sample without the boxes that are unlike any of the training side.
-    pub fn usual(&self, sample: &Sample) -> Sample {
+    /// The sample without the boxes that are unlike any of the training side: in size, and also in place unless the cameras are not
+    /// where those of the training side were (`other_cameras`).
+    pub fn usual(&self, sample: &Sample, other_cameras: bool) -> Sample {
         let believed = |view: usize, seen: &PixelBox| match &self.range_px {
             None => true,
-            Some(ranges) => ranges[view].is_some_and(|range| is_usual(&range, seen)),
+            Some(ranges) => ranges[view].is_some_and(|range| is_usual(&range, seen, other_cameras)),
         };
         Sample {
             boxes: sample
@@ -107,10 +108,13 @@ impl Normalisation {
     }
 }
 
-fn is_usual(range: &[[f64; 2]; BOX_FEATURES], seen: &PixelBox) -> bool {
+fn is_usual(range: &[[f64; 2]; BOX_FEATURES], seen: &PixelBox, anywhere: bool) -> bool {
     features_px(seen).iter().zip(range).enumerate().all(
         |(feature, (&value, &[smallest, largest]))| {
-            let allowed = if feature < 2 {
+            let is_place = feature < 2;
+            let allowed = if is_place && anywhere {
+                return true;
+            } else if is_place {
                 let margin = BEYOND * (largest - smallest);
                 smallest - margin..=largest + margin
             } else {
@@ -163,8 +167,12 @@ mod tests {
     #[test]
     fn a_box_where_no_aircraft_was_or_of_a_size_that_none_had_is_not_believed() {
         let normalisation = fitted(&[sample(100.0, 10.0), sample(300.0, 30.0)]);
-        let believed =
-            |cx_px, width_px| normalisation.usual(&sample(cx_px, width_px)).detections() == 1;
+        let believed = |cx_px, width_px| {
+            normalisation
+                .usual(&sample(cx_px, width_px), false)
+                .detections()
+                == 1
+        };
         assert!(believed(100.0, 10.0) && believed(300.0, 30.0) && believed(340.0, 50.0));
         assert!(!believed(400.0, 20.0) && !believed(20.0, 20.0), "far off");
         assert!(
@@ -174,7 +182,7 @@ mod tests {
         let mut blind = sample(200.0, 20.0);
         blind.boxes.swap(0, 1);
         assert_eq!(
-            normalisation.usual(&blind).detections(),
+            normalisation.usual(&blind, false).detections(),
             0,
             "a view that never saw"
         );
@@ -189,7 +197,7 @@ mod tests {
         let mut written = serde_json::to_value(&old).unwrap();
         written.as_object_mut().unwrap().remove("range_px");
         let read: Normalisation = serde_json::from_value(written).unwrap();
-        assert_eq!(read.usual(&sample(900.0, 1.0)).detections(), 1);
+        assert_eq!(read.usual(&sample(900.0, 1.0), false).detections(), 1);
     }
 
     #[test]

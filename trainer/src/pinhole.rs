@@ -13,6 +13,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::samples::Sample;
 
+/// A camera is sought no farther behind the touchdown target than this, or than the farthest place of the training side, metres.
+const FARTHEST_SETBACK_M: f64 = 20_000.0;
+
 /// The fitted formula of one view: `dtd = focal_times_span / width - setback`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Pinhole {
@@ -40,10 +43,12 @@ impl Pinhole {
         if nearest_m >= farthest_m {
             return None;
         }
-        // The camera is behind the nearest place, and not farther behind the target than the approach is long.
-        let setback_m = lowest(-nearest_m, farthest_m, |setback_m| {
-            scatter(&seen, setback_m)
-        });
+        // The camera is behind the nearest place, and not farther behind the target than an approach is long.
+        let setback_m = lowest(
+            -nearest_m,
+            farthest_m.max(FARTHEST_SETBACK_M),
+            |setback_m| scatter(&seen, setback_m),
+        );
         Some(Self {
             focal_times_span_px_m: log_median(&seen, setback_m).exp(),
             setback_m,

@@ -157,7 +157,6 @@ impl Remote {
             if committed.contains_key(id) {
                 self.forget_failure(id).await;
             } else if to_make.iter().any(|scenario| scenario.id == id)
-                && !SetAside::is_there(stage, id)
                 && let Some(text) = self.store.read(&SetAside::name(id)).await?
             {
                 SetAside::adopt(stage, id, &text)?;

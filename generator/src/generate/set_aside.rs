@@ -45,19 +45,20 @@ impl SetAside {
         write_json(&path, &self)
     }
 
-    /// Whether there is a record.
-    pub(super) fn is_there(corpus: &Corpus, id: &str) -> bool {
-        path(corpus, id).exists()
-    }
-
     /// The record as it is written.
     pub(super) fn text(corpus: &Corpus, id: &str) -> dataset::Result<Vec<u8>> {
         let path = path(corpus, id);
         fs::read(&path).map_err(Error::io("read", &path))
     }
 
-    /// Takes over a record that was written elsewhere.
+    /// Takes over a record that was written elsewhere, unless the one that is here has more reasons: another machine may have gone on
+    /// with it, or never have heard of it.
     pub(super) fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> dataset::Result<()> {
+        let count = |record: Option<Self>| record.map_or(0, |record| record.reasons.len());
+        let there: Option<Self> = serde_json::from_slice(text).ok();
+        if count(Self::read(corpus, id)) > count(there) {
+            return Ok(());
+        }
         let folder = corpus.root().join(FOLDER);
         fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
         write_atomically(&path(corpus, id), text)
@@ -101,6 +102,16 @@ mod tests {
             SetAside::read(&corpus, "0001").unwrap().reasons,
             ["fog", "storm"]
         );
+        let elsewhere = |reasons: &[&str]| {
+            let mut record = record("");
+            record.reasons = reasons.iter().map(|&reason| reason.into()).collect();
+            serde_json::to_vec(&record).unwrap()
+        };
+        let reasons = || SetAside::read(&corpus, "0001").unwrap().reasons;
+        SetAside::adopt(&corpus, "0001", &elsewhere(&["hail"])).unwrap();
+        assert_eq!(reasons(), ["fog", "storm"]);
+        SetAside::adopt(&corpus, "0001", &elsewhere(&["fog", "storm", "hail"])).unwrap();
+        assert_eq!(reasons(), ["fog", "storm", "hail"]);
         SetAside::clear(&corpus, "0001");
         assert!(!folder.path().join(FOLDER).exists());
     }

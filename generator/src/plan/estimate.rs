@@ -13,7 +13,7 @@ use super::{Common, PlannedScenario};
 const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 /// Bytes of such a picture on disk at 30 a second, mean over the four weathers of `scenarios.toml`.
 const BYTES_PER_PICTURE: f64 = 9_200.0;
-/// The same if the scenery has far more to say than the stand-in's, whose worst weather takes 0.06 bits a pixel (docs/corpus.md).
+/// The same if the scenery has far more to say than the stand-in's, whose worst weather takes 0.07 bits a pixel (docs/corpus.md).
 const AMPLE_BITS_PER_PIXEL: f64 = 0.1;
 /// What coding without loss leaves of a pixel of such scenery.
 const AMPLE_BITS_PER_LOSSLESS_PIXEL: f64 = 6.0;

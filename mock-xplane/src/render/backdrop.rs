@@ -89,11 +89,9 @@ impl Backdrop {
         let camera = &world.view.camera;
         let (width, height) = (camera.width_px as usize, camera.height_px as usize);
         let sky_rows = sky_rows(&world.view);
-        let steepest_up = [0, width - 1].map(|x| world.view.ray(DVec2::new(x as f64, 0.0)).z);
-        let steepest_up = steepest_up[0].max(steepest_up[1]);
         let clear = ClearSky::new(world, sky_rows);
         let layers: Vec<_> = (0..world.clouds.layers().len())
-            .map(|index| DriftingLayer::new(world, &clear.nodes, index, steepest_up))
+            .map(|index| DriftingLayer::new(world, &clear.nodes, index))
             .collect();
         let still_sky = Arc::new(SkyGrid::compute(world, &clear, &layers, 0.0));
         let mut still_ground: Vec<Vec3> = (sky_rows * width..height * width)
@@ -112,11 +110,10 @@ impl Backdrop {
                 rgb.copy_from_slice(&tone::to_bytes(tone::encode(light)));
             });
 
-        let speeds = world.clouds.layers().iter();
-        let speed_px_per_s = speeds
-            .map(|layer| layer.angular_speed_rad_per_s(steepest_up))
-            .fold(0.0, f64::max)
-            * world.view.camera.focal_px;
+        let speed_px_per_s = layers
+            .iter()
+            .map(DriftingLayer::speed_px_per_s)
+            .fold(0.0, f64::max);
         let moves = speed_px_per_s > 0.0 && sky_rows > 0;
         Self {
             width,

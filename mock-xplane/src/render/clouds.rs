@@ -251,9 +251,10 @@ impl Layer {
         }
     }
 
-    /// Fastest angular drift over a view that reaches up to the sine `steepest_up`, radians per second.
-    pub(crate) fn angular_speed_rad_per_s(&self, steepest_up: f64) -> f64 {
-        self.drift_mps.length() * steepest_up.max(0.01) / self.base_m.max(50.0)
+    /// How far away the layer begins along a ray, metres, if the ray meets it; a camera inside it sees nothing nearer than a step.
+    pub(crate) fn begins_m(&self, view: &View, ray: DVec3) -> Option<f64> {
+        let (from_m, _) = self.span(view, ray)?;
+        Some(from_m.max(STEP.1))
     }
 
     /// Distances between which a ray is inside the slab; a camera above the layer does not look down on it.

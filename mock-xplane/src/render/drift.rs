@@ -27,6 +27,8 @@ pub(crate) struct DriftingLayer {
     index: usize,
     /// Drift of something one metre away at every node, cells per second.
     flow: Vec<Vec2>,
+    /// Drift where it is fastest, pixels per second.
+    speed_px_per_s: f64,
     /// Seconds from key to key; `None` if it does not move.
     key_s: Option<f64>,
     keys: Mutex<BTreeMap<i64, Arc<Key>>>,
@@ -47,17 +49,29 @@ pub(crate) struct Moved<'a> {
 }
 
 impl DriftingLayer {
-    /// Follows a layer over nodes; `steepest_up` is the sine of the highest elevation among them.
-    pub(crate) fn new(world: &Surroundings, nodes: &Nodes, index: usize, steepest_up: f64) -> Self {
+    /// Follows a layer over nodes.
+    pub(crate) fn new(world: &Surroundings, nodes: &Nodes, index: usize) -> Self {
         let layer = &world.clouds.layers()[index];
-        let focal_px = world.view.camera.focal_px;
-        let speed_px_per_s = layer.angular_speed_rad_per_s(steepest_up) * focal_px;
+        let flow = nodes.map(|pixel| flow(world, layer, pixel));
+        let begins_m = nodes.map(|pixel| layer.begins_m(&world.view, world.view.ray(pixel)));
+        let speed_px_per_s = flow
+            .iter()
+            .zip(begins_m)
+            .filter_map(|(flow, begins_m)| Some(f64::from(flow.length()) / begins_m?))
+            .fold(0.0, f64::max)
+            * Nodes::CELL_PX as f64;
         Self {
             index,
-            flow: nodes.map(|pixel| flow(world, layer, pixel)),
+            flow,
+            speed_px_per_s,
             key_s: (speed_px_per_s > 0.0).then(|| DRIFT_PER_KEY_PX / speed_px_per_s),
             keys: Mutex::default(),
         }
+    }
+
+    /// Drift where it is fastest, pixels per second.
+    pub(crate) fn speed_px_per_s(&self) -> f64 {
+        self.speed_px_per_s
     }
 
     /// Seconds from key to key; `None` if the layer does not move.

@@ -119,7 +119,7 @@ impl Report<'_> {
         show_cost("making", estimate);
         println!("size      {} ({})", size(estimate), estimate.bytes_basis);
         println!(
-            "room      {} should be free: scenery may have more to say than what was measured",
+            "room      {} should be free on the disk: detailed scenery takes more than the stand-in's",
             DecimalBytes(estimate.room_bytes)
         );
     }
@@ -141,7 +141,11 @@ impl Report<'_> {
         println!("          {:>6} removed", removed.len());
         if let Some(left) = &self.left {
             show_cost("left", left);
-            println!("          {} to write", size(left));
+            println!(
+                "          {} to write, for which {} should be free",
+                size(left),
+                DecimalBytes(left.room_bytes)
+            );
         }
         for change in changed.iter().take(MOST_DIFFERENCES) {
             println!("changed   {}: {}", change.id, change.what);
