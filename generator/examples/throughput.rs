@@ -138,9 +138,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         fs::read_to_string("/proc/loadavg")?.trim_end()
     );
     println!(
-        "| round | pictures | recording, pictures/s | encoding alone, pictures/s | ratio | recording, CPU ms | encoding alone, CPU ms | CPU ratio |"
+        "| round | pictures | recording, pictures/s | encoding alone, pictures/s | ratio | recording, CPU ms | encoding alone, CPU ms | CPU ratio | bytes a picture |"
     );
-    println!("|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|");
     for round in 1..=rounds {
         let corpus = folder.path().join(format!("corpus-{round}"));
         let engine = Arc::new(Remembering::default());
@@ -149,13 +149,14 @@ fn main() -> Result<(), Box<dyn Error>> {
         let per_second = |cost: Cost| pictures as f64 / cost.wall.as_secs_f64();
         let cpu_ms = |cost: Cost| cost.cpu.as_secs_f64() * 1e3 / pictures as f64;
         println!(
-            "| {round} | {pictures} | {:.1} | {:.1} | {:.2} | {:.1} | {:.1} | {:.2} |",
+            "| {round} | {pictures} | {:.1} | {:.1} | {:.2} | {:.1} | {:.1} | {:.2} | {} |",
             per_second(recording),
             per_second(encoding),
             per_second(recording) / per_second(encoding),
             cpu_ms(recording),
             cpu_ms(encoding),
             cpu_ms(encoding) / cpu_ms(recording),
+            bytes_of_videos(&corpus)? / pictures as u64,
         );
         fs::remove_dir_all(&corpus)?;
     }
@@ -331,6 +332,17 @@ fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Bo
         }
     }
     Ok((ticks * views.len(), cost))
+}
+
+/// Size of the videos of the one scenario of a corpus.
+fn bytes_of_videos(corpus: &Path) -> Result<u64, Box<dyn Error>> {
+    let scenario = Corpus::open(corpus)?.scenarios()?.pop();
+    let scenario = scenario.ok_or("no scenario was made")?;
+    let mut bytes = 0;
+    for view in scenario.record()?.views {
+        bytes += fs::metadata(scenario.video_path(&view))?.len();
+    }
+    Ok(bytes)
 }
 
 /// Processor time of this process so far.

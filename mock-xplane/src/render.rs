@@ -15,6 +15,7 @@ mod clouds;
 mod curves;
 mod drift;
 mod ground;
+mod kept;
 mod lamps;
 mod light;
 mod noise;

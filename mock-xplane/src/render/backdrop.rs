@@ -5,7 +5,6 @@
 //! put together for each of a series of instants so close together that the clouds drift by no more than a pixel from one to the next
 //! (`drift.rs` follows them). An instant that several pictures show has its rows interpolated once and copied.
 
-use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glam::{DVec2, DVec3, Vec3};
@@ -16,17 +15,16 @@ use crate::render::blur::Blur;
 use crate::render::clouds::Clouds;
 use crate::render::drift::{DriftingLayer, Moved};
 use crate::render::ground::{Ground, HIGHEST_SILHOUETTE_RAD};
+use crate::render::kept::Kept;
 use crate::render::lamps::Spot;
 use crate::render::tone::{self, Tone};
 use crate::render::view::View;
 
 /// Pixels between grid nodes.
-pub(crate) const CELL_PX: usize = Nodes::CELL_PX;
+pub(crate) const CELL_PX: usize = 8;
 /// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would cost
 /// twice as much at the low frame rates at which every picture needs new ones.
 const DRIFT_PER_INSTANT_PX: f64 = 1.0;
-/// Instants kept: frames are asked for in order, sometimes by several threads. Each may hold 5 MB of rows of a full-size picture.
-const KEPT_INSTANTS: usize = 3;
 /// Samples per pixel of the ground, across and down. Grazing views change faster downwards.
 const GROUND_SAMPLES: (usize, usize) = (2, 4);
 
@@ -55,12 +53,12 @@ pub(crate) struct Backdrop {
     still_sky: Arc<SkyGrid>,
     /// Seconds between computed instants; `None` if nothing moves.
     instant_s: Option<f64>,
-    instants: Mutex<BTreeMap<i64, Arc<SkyGrid>>>,
+    instants: Kept<SkyGrid>,
     /// When the last picture was, seconds.
     last_time_s: Mutex<f64>,
 }
 
-/// The places at which the sky is computed: every [`Nodes::CELL_PX`]th pixel across and down.
+/// The places at which the sky is computed: every [`CELL_PX`]th pixel across and down.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Nodes {
     pub(crate) columns: usize,
@@ -124,7 +122,7 @@ impl Backdrop {
             ground: still_ground,
             still_sky,
             instant_s: moves.then(|| (DRIFT_PER_INSTANT_PX / speed_px_per_s).clamp(0.05, 10.0)),
-            instants: Mutex::default(),
+            instants: Kept::default(),
             last_time_s: Mutex::new(f64::NEG_INFINITY),
         }
     }
@@ -197,39 +195,14 @@ impl Backdrop {
     }
 
     fn instant(&self, world: &Surroundings, instant: i64, instant_s: f64) -> Arc<SkyGrid> {
-        // The lock is not held while computing: a rayon worker that waits inside could pick up a job that wants the lock too.
-        if let Some(grid) = self
-            .instants
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get(&instant)
-        {
-            return Arc::clone(grid);
-        }
-        let grid = Arc::new(SkyGrid::compute(
-            world,
-            &self.clear,
-            &self.layers,
-            instant as f64 * instant_s,
-        ));
-        let mut kept = self.instants.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.insert(instant, Arc::clone(&grid));
-        while kept.len() > KEPT_INSTANTS {
-            // The one farthest in time from what is asked for now.
-            let farthest = kept
-                .keys()
-                .copied()
-                .max_by_key(|&kept| (kept - instant).abs());
-            farthest.and_then(|key| kept.remove(&key));
-        }
-        grid
+        self.instants.get(instant, || {
+            let time_s = instant as f64 * instant_s;
+            SkyGrid::compute(world, &self.clear, &self.layers, time_s)
+        })
     }
 }
 
 impl Nodes {
-    /// Pixels between them.
-    pub(crate) const CELL_PX: usize = 8;
-
     /// Computes something at every node, row by row; takes the pixel.
     pub(crate) fn map<T: Send>(&self, at: impl Fn(DVec2) -> T + Sync + Send) -> Vec<T> {
         (0..self.columns * self.rows)
@@ -237,7 +210,7 @@ impl Nodes {
             .map(|i| {
                 at(
                     DVec2::new((i % self.columns) as f64, (i / self.columns) as f64)
-                        * Self::CELL_PX as f64,
+                        * CELL_PX as f64,
                 )
             })
             .collect()

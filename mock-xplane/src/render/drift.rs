@@ -4,20 +4,18 @@
 //! other instant the nearest key is looked up at where the cloud was then: every node knows how far its cloud is, so near clouds move
 //! faster than far ones. What one sees at an instant does not depend on what was drawn before.
 
-use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 
 use glam::{DVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::render::backdrop::{Nodes, Surroundings};
+use crate::render::backdrop::{CELL_PX, Nodes, Surroundings};
 use crate::render::clouds::{Clouds, Layer};
+use crate::render::kept::Kept;
 
 /// Drift from key to key where it is fastest, pixels. Half of it is the farthest look-up, where interpolation leaves 90 % of waves of four cells
 /// and 99 % of waves of eight.
 const DRIFT_PER_KEY_PX: f64 = 6.0;
-/// Keys kept: frames are asked for in order, sometimes by several threads.
-const KEPT_KEYS: usize = 3;
 /// Distance at which the drift of pixels is measured, metres: small angles, yet far from rounding.
 const YARDSTICK_M: f64 = 10_000.0;
 
@@ -31,7 +29,7 @@ pub(crate) struct DriftingLayer {
     speed_px_per_s: f64,
     /// Seconds from key to key; `None` if it does not move.
     key_s: Option<f64>,
-    keys: Mutex<BTreeMap<i64, Arc<Key>>>,
+    keys: Kept<Key>,
 }
 
 /// What the nodes show of a layer at a key instant.
@@ -59,13 +57,13 @@ impl DriftingLayer {
             .zip(begins_m)
             .filter_map(|(flow, begins_m)| Some(f64::from(flow.length()) / begins_m?))
             .fold(0.0, f64::max)
-            * Nodes::CELL_PX as f64;
+            * CELL_PX as f64;
         Self {
             index,
             flow,
             speed_px_per_s,
             key_s: (speed_px_per_s > 0.0).then(|| DRIFT_PER_KEY_PX / speed_px_per_s),
-            keys: Mutex::default(),
+            keys: Kept::default(),
         }
     }
 
@@ -102,27 +100,8 @@ impl DriftingLayer {
     }
 
     fn key(&self, world: &Surroundings, nodes: &Nodes, number: i64, time_s: f64) -> Arc<Key> {
-        // The lock is not held while computing: a rayon worker that waits inside could pick up a job that wants the lock too.
-        if let Some(key) = self
-            .keys
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner)
-            .get(&number)
-        {
-            return Arc::clone(key);
-        }
-        let key = Arc::new(Key::compute(world, nodes, self.index, time_s));
-        let mut kept = self.keys.lock().unwrap_or_else(PoisonError::into_inner);
-        kept.insert(number, Arc::clone(&key));
-        while kept.len() > KEPT_KEYS {
-            // The one farthest in time from what is asked for now.
-            let farthest = kept
-                .keys()
-                .copied()
-                .max_by_key(|kept| (kept - number).abs());
-            farthest.and_then(|number| kept.remove(&number));
-        }
-        key
+        self.keys
+            .get(number, || Key::compute(world, nodes, self.index, time_s))
     }
 }
 
@@ -166,7 +145,7 @@ fn flow(world: &Surroundings, layer: &Layer, pixel: DVec2) -> Vec2 {
     let place_m = world.view.position_m + world.view.ray(pixel) * YARDSTICK_M;
     let moved = world.view.project(place_m + layer.drift_mps.extend(0.0));
     moved.map_or(Vec2::ZERO, |moved| {
-        ((moved - pixel) * (YARDSTICK_M / Nodes::CELL_PX as f64)).as_vec2()
+        ((moved - pixel) * (YARDSTICK_M / CELL_PX as f64)).as_vec2()
     })
 }
 

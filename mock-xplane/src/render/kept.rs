@@ -1,0 +1,42 @@
+//! The last few of what is computed for numbered instants: frames are asked for in order, sometimes by several threads.
+
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// How many are kept. Rows of sky of a full-size picture are 5 MB each.
+const KEPT: usize = 3;
+
+/// What was computed for some instants.
+pub(crate) struct Kept<T>(Mutex<BTreeMap<i64, Arc<T>>>);
+
+impl<T> Default for Kept<T> {
+    fn default() -> Self {
+        Self(Mutex::default())
+    }
+}
+
+impl<T> Kept<T> {
+    /// What belongs to an instant, computed if it is not kept.
+    pub(crate) fn get(&self, instant: i64, compute: impl FnOnce() -> T) -> Arc<T> {
+        // The lock is not held while computing: a rayon worker that waits inside could pick up a job that wants the lock too.
+        if let Some(found) = self.lock().get(&instant) {
+            return Arc::clone(found);
+        }
+        let computed = Arc::new(compute());
+        let mut kept = self.lock();
+        kept.insert(instant, Arc::clone(&computed));
+        while kept.len() > KEPT {
+            // The one farthest in time from what is asked for now.
+            let farthest = kept
+                .keys()
+                .copied()
+                .max_by_key(|&kept| (kept - instant).abs());
+            farthest.and_then(|key| kept.remove(&key));
+        }
+        computed
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, BTreeMap<i64, Arc<T>>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
