@@ -105,11 +105,11 @@ pub(crate) struct GenerateArgs {
     pub(crate) sweep: PathBuf,
     /// Folder of the corpus; made if it is not there. Or a URL: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX,
     /// file:///FOLDER, with credentials from the environment (docs/corpus.md). Scenarios that are already whole are skipped
-    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| Place::of(&path)))]
+    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(out_place))]
     pub(crate) out: Place,
     /// For a URL: folder where scenarios are recorded before they are sent; runs of one machine may share it. Default: one for each URL in
     /// the user's cache folder
-    #[arg(long, value_name = "DIR", value_parser = folder())]
+    #[arg(long, value_name = "DIR", value_parser = output())]
     pub(crate) staging: Option<PathBuf>,
     /// For a URL: leave scenarios in the staging folder when they are sent
     #[arg(long)]
@@ -147,7 +147,7 @@ pub(crate) struct FetchArgs {
     /// The corpus: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER
     pub(crate) url: StoreUrl,
     /// Folder of the corpus; made if it is not there. Scenarios that it has already are left alone
-    #[arg(long, value_name = "FOLDER", value_parser = folder())]
+    #[arg(long, value_name = "FOLDER", value_parser = output())]
     pub(crate) out: PathBuf,
     /// Bring only these scenarios, with commas between
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
@@ -187,6 +187,31 @@ fn folder() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
+/// A folder to write into, or a URL.
+fn out_place(path: PathBuf) -> Result<Place, String> {
+    match Place::of(&path) {
+        Ok(Place::Folder(path)) => no_special_file(path).map(Place::Folder),
+        Ok(store) => Ok(store),
+        Err(error) => Err(error.to_string()),
+    }
+}
+
+/// A folder or file of this machine to write. What can be neither is refused before anything is done.
+fn output() -> impl TypedValueParser<Value = PathBuf> {
+    folder().try_map(no_special_file)
+}
+
+/// A place to write to that is no device, FIFO or socket, nor a link to one: a file that is renamed into place would replace it, and
+/// writing into it would lose the result.
+fn no_special_file(path: PathBuf) -> Result<PathBuf, String> {
+    match path.metadata() {
+        Ok(found) if !found.is_dir() && !found.is_file() => Err(
+            "is a device, FIFO or socket, or a link to one; expected a name where a file or folder can be made".into(),
+        ),
+        _ => Ok(path),
+    }
+}
+
 #[derive(Debug, ClapArgs)]
 pub(crate) struct LabelArgs {
     /// Folder of the corpus
@@ -219,7 +244,7 @@ pub(crate) struct TrainArgs {
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Folder for weights, settings and logs
-    #[arg(long, value_name = "RUN", value_parser = folder())]
+    #[arg(long, value_name = "RUN", value_parser = output())]
     pub(crate) out: PathBuf,
     /// Narrower layers and fewer steps, as the demo uses: about a minute for a small corpus
     #[arg(long, conflicts_with = "config")]
@@ -273,7 +298,7 @@ pub(crate) struct TrainDetectorArgs {
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// The ONNX file to write; settings, checkpoint and report are written beside it
-    #[arg(long, value_name = "M.onnx", value_parser = folder())]
+    #[arg(long, value_name = "M.onnx", value_parser = output())]
     pub(crate) out: PathBuf,
     /// How long to train; the learning rate falls over this time
     #[arg(long, value_name = "MINUTES", default_value_t = 30.0)]
@@ -385,7 +410,7 @@ pub(crate) struct RecordArgs {
     #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: String,
     /// The tape to write. A file that is there already is never overwritten
-    #[arg(long, value_name = "FILE.mcap", value_parser = folder())]
+    #[arg(long, value_name = "FILE.mcap", value_parser = output())]
     pub(crate) out: PathBuf,
     /// Address to listen on
     #[arg(long, default_value = "127.0.0.1")]
@@ -410,7 +435,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_name = "M.onnx", default_value = "models/aircraft.onnx")]
     pub(crate) model: PathBuf,
     /// Folder for the corpus and the run
-    #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = folder())]
+    #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = output())]
     pub(crate) out: PathBuf,
     /// Throw away what an earlier demo left and start anew
     #[arg(long)]

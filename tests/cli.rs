@@ -266,3 +266,36 @@ fn the_plugin_goes_into_an_x_plane_folder_and_other_folders_are_bad_input() {
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("is not X-Plane's folder"), "{said}");
 }
+
+#[test]
+fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let fifo = folder.path().join("fifo");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&fifo)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let link = folder.path().join("link");
+    std::os::unix::fs::symlink("/dev/null", &link).unwrap();
+    let before = fs::read_dir(folder.path()).unwrap().count();
+    for out in [Path::new("/dev/null"), &fifo, &link] {
+        let out = out.to_str().unwrap();
+        for verb in [
+            &["generate", "demo.toml"][..],
+            &["fetch", "file:///nowhere"],
+            &["train", "corpus"],
+            &["train-detector", "corpus"],
+            &["record", "--sim", "127.0.0.1:49000"],
+            &["demo"],
+        ] {
+            let output = dtd(&[verb, &["--out", out]].concat());
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(2), "{verb:?} {out}: {said}");
+            assert!(said.contains("is a device, FIFO or socket"), "{said}");
+        }
+    }
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), before);
+}

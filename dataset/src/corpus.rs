@@ -11,10 +11,13 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use crate::calibration::Calibration;
+use crate::claim::Claim;
 use crate::error::{Error, Result};
 use crate::frames::Frames;
+use crate::own_path::{own_path, refuse_link};
 use crate::pixel_box::{Detection, TruthBox, read_detections, read_truth_boxes};
 use crate::scenario::ScenarioRecord;
 use crate::seal::{self, Seal};
@@ -22,6 +25,10 @@ use crate::video::VideoCodec;
 
 /// Ending of a folder that is still being filled.
 pub const PARTIAL_SUFFIX: &str = ".partial";
+
+const SCENARIOS: &str = "scenarios";
+/// A change of a scenario takes milliseconds, sending one to a store takes longer; whoever takes longer than this may hang.
+const OTHERS_TAKE: Duration = Duration::from_secs(30);
 
 /// A corpus on disk.
 #[derive(Debug, Clone)]
@@ -32,13 +39,14 @@ pub struct Corpus {
 /// The folder of one scenario.
 #[derive(Debug, Clone)]
 pub struct ScenarioFolder {
+    corpus: Corpus,
     root: PathBuf,
 }
 
 impl Corpus {
     /// Opens an existing corpus.
     pub fn open(root: &Path) -> Result<Self> {
-        if !root.join("scenarios").is_dir() {
+        if !root.join(SCENARIOS).is_dir() {
             return Err(Error::corpus(
                 root,
                 "is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`",
@@ -51,7 +59,7 @@ impl Corpus {
 
     /// Opens a corpus, creating its folders if they are not there.
     pub fn create(root: &Path) -> Result<Self> {
-        let scenarios = root.join("scenarios");
+        let scenarios = root.join(SCENARIOS);
         fs::create_dir_all(&scenarios).map_err(Error::io("create", &scenarios))?;
         Ok(Self {
             root: root.to_owned(),
@@ -80,30 +88,31 @@ impl Corpus {
 
     /// The folder that a committed scenario has.
     pub fn scenario(&self, id: &str) -> ScenarioFolder {
-        ScenarioFolder {
-            root: self.root.join("scenarios").join(id),
-        }
+        self.folder(id)
     }
 
     /// The folder in which a scenario is made before it counts.
     pub fn partial_scenario(&self, id: &str) -> ScenarioFolder {
+        self.folder(&format!("{id}{PARTIAL_SUFFIX}"))
+    }
+
+    fn folder(&self, name: &str) -> ScenarioFolder {
         ScenarioFolder {
-            root: self
-                .root
-                .join("scenarios")
-                .join(format!("{id}{PARTIAL_SUFFIX}")),
+            corpus: self.clone(),
+            root: self.root.join(SCENARIOS).join(name),
         }
     }
 
     /// All committed scenarios, sorted by identifier. A folder without a seal does not count.
     pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
-        let folder = self.root.join("scenarios");
+        let folder = own_path(&self.root, SCENARIOS)?;
         let mut found = Vec::new();
         for entry in fs::read_dir(&folder).map_err(Error::io("list", &folder))? {
-            let root = entry.map_err(Error::io("list", &folder))?.path();
-            let partial = root.to_string_lossy().ends_with(PARTIAL_SUFFIX);
-            if root.is_dir() && !partial && seal::read_seal(&root)?.is_some() {
-                found.push(ScenarioFolder { root });
+            let name = entry.map_err(Error::io("list", &folder))?.file_name();
+            let scenario = self.folder(&name.to_string_lossy());
+            let partial = scenario.id().ends_with(PARTIAL_SUFFIX);
+            if !partial && scenario.seal()?.is_some() {
+                found.push(scenario);
             }
         }
         found.sort_by(|a, b| a.root.cmp(&b.root));
@@ -220,10 +229,19 @@ impl ScenarioFolder {
 
     /// The folder's seal, if it is whole.
     pub fn seal(&self) -> Result<Option<Seal>> {
+        refuse_link(&self.root)?;
         if self.root.is_dir() {
             seal::read_seal(&self.root)
         } else {
             Ok(None)
         }
+    }
+
+    /// The claim that whoever changes the scenario holds meanwhile. Another writer is waited for.
+    ///
+    /// # Errors
+    /// Somebody else holds it for long ([`Error::Held`]), or the corpus cannot be written.
+    pub fn claim(&self) -> Result<Claim> {
+        Claim::wait(&self.corpus, &self.id(), OTHERS_TAKE)
     }
 }

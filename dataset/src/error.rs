@@ -1,6 +1,7 @@
 //! What can go wrong with a corpus on disk.
 
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// A corpus, or a file of one, that cannot be read or written. Every message says which file.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +42,24 @@ pub enum Error {
         /// What was being done and what happened.
         message: String,
     },
+    /// Somebody else is writing the scenario.
+    #[error(
+        "{}: {holder} has been writing it for {waited:?}; if that hangs, end it and run the same command again", path.display()
+    )]
+    Held {
+        /// The scenario's folder.
+        path: PathBuf,
+        /// Who.
+        holder: String,
+        /// How long we waited.
+        waited: Duration,
+    },
+    /// Somebody else changed a scenario again and again while it was read.
+    #[error("{}: another process keeps changing it while it is read; run the same command again", path.display())]
+    Changing {
+        /// The scenario's folder.
+        path: PathBuf,
+    },
     /// The folder is not what it should be.
     #[error("{}: {message}", path.display())]
     Corpus {
@@ -63,6 +82,11 @@ impl Error {
             path,
             source,
         }
+    }
+
+    /// Whether a file or folder is not there.
+    pub fn is_not_found(&self) -> bool {
+        matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
     }
 
     /// Whether a file was there but did not hold what it should: reading it again will say the same.

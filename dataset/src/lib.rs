@@ -7,6 +7,7 @@
 
 pub mod calibration;
 pub mod camera;
+pub mod claim;
 pub mod columns;
 pub mod conditions;
 pub mod corpus;
@@ -19,6 +20,8 @@ pub mod frames;
 pub mod geodesy;
 pub mod imaging;
 pub mod json_file;
+pub mod new_file;
+pub mod own_path;
 pub mod pixel_box;
 pub mod pose;
 pub mod refraction;
@@ -26,6 +29,7 @@ pub mod rig;
 pub mod runway;
 pub mod scenario;
 pub mod seal;
+pub mod sealed;
 pub mod splits;
 pub mod units;
 pub mod verify;

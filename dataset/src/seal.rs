@@ -1,9 +1,11 @@
 //! How a scenario folder becomes whole, stays whole, and is changed without ever being half changed.
 //!
 //! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of
-//! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
-//! [`replace_files`]: new files are written beside the old ones, a new seal last; once that seal is there the change is
-//! decided, and any later reader rolls it forward.
+//! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through [`replace_files`],
+//! holding the scenario's claim: new files are written beside the old ones as `<name>.new`, the new seal last. Once `DONE.json.new` is
+//! there the change is decided, and what remains is renaming. Readers ([`crate::sealed`]) see the whole old state before that moment and
+//! the whole new one from then on, and never write; a change that a killed process left decided is completed by the next writer, one
+//! that it left undecided is dropped by it.
 
 use std::fs::{self, File};
 use std::io;
@@ -11,14 +13,19 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use crate::claim::Claim;
 use crate::error::{Error, Result};
-use crate::json_file::{read_json, sync, write_atomically, write_json};
+use crate::json_file::{read_json, write_atomically, write_json};
+use crate::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
+use crate::own_path::refuse_link;
+use crate::sealed::{self, Found, Sealed};
 
 /// Hashes of all files of a folder.
 pub const MANIFEST: &str = "MANIFEST.b3";
 /// The seal itself.
 pub const DONE: &str = "DONE.json";
 const NEW_SUFFIX: &str = ".new";
+const NEVER_FINISHED: &str = "DONE.json is missing: the folder was never finished";
 /// Written by later steps, versioned by themselves and not part of the seal.
 const UNSEALED_FOLDER: &str = "detections";
 
@@ -101,144 +108,175 @@ pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
     sync(committed.parent().unwrap_or(committed))
 }
 
-/// The seal of a folder, if it has one. Finishes a change that was decided but not completed.
+/// The seal of a folder, if it has one: that of a decided change, if there is one.
 pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
-    settle(folder)?;
-    let path = folder.join(DONE);
-    if path.exists() {
-        read_json(&path, "seal").map(Some)
-    } else {
-        Ok(None)
+    // In this order: the first is renamed to the second.
+    for path in [with_new_suffix(&folder.join(DONE)), folder.join(DONE)] {
+        refuse_link(&path)?;
+        match read_json(&path, "seal") {
+            Ok(seal) => return Ok(Some(seal)),
+            Err(error) if error.is_not_found() => {}
+            Err(error) => return Err(error),
+        }
     }
+    Ok(None)
 }
 
 /// Everything in a sealed folder that does not match its seal, in words; empty if all is well.
 pub fn faults(folder: &Path) -> Result<Vec<String>> {
-    let (mut faults, listed) = faults_of_listed(folder, |_| true)?;
-    if let Some(listed) = listed {
+    while_it_stays(folder, || {
+        let sealed = match Sealed::read(folder) {
+            Ok(sealed) => sealed,
+            Err(error) if error.is_bad_content() => return Ok(vec![error.to_string()]),
+            Err(error) => return Err(error),
+        };
+        let Some(sealed) = sealed else {
+            return Ok(vec![NEVER_FINISHED.into()]);
+        };
+        let mut faults = faults_of_listed(&sealed, |_| true);
         for name in files_of(folder)? {
-            if !listed.contains(&name) {
+            if sealed.hash_of(&name).is_none() {
                 faults.push(format!("{name} is not listed in {MANIFEST}"));
             }
         }
-    }
-    Ok(faults)
+        Ok(faults)
+    })
 }
 
 /// What is missing or changed, without reading the videos, which only have to be there: quick enough to ask before every run.
 pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
-    Ok(faults_of_listed(folder, |name| !name.starts_with("views/"))?.0)
+    while_it_stays(folder, || {
+        let Some(sealed) = Sealed::read(folder)? else {
+            return Ok(vec![NEVER_FINISHED.into()]);
+        };
+        Ok(faults_of_listed(&sealed, |name| {
+            !name.starts_with("views/")
+        }))
+    })
 }
 
-/// Faults of the files that the manifest lists, and their names, if there is a manifest to rely on.
-fn faults_of_listed(
-    folder: &Path,
-    is_hashed: impl Fn(&str) -> bool,
-) -> Result<(Vec<String>, Option<Vec<String>>)> {
-    let only = |fault: String| Ok((vec![fault], None));
-    let Some(seal) = read_seal(folder)? else {
-        return only(format!("{DONE} is missing: the folder was never finished"));
-    };
-    let path = folder.join(MANIFEST);
-    let manifest = fs::read_to_string(&path).map_err(Error::io("read", &path))?;
-    if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
-        return only(format!("{MANIFEST} does not match the hash in {DONE}"));
-    }
-    let mut faults = Vec::new();
-    let mut listed = Vec::new();
-    for line in manifest.lines() {
-        let Some((hash, name)) = line.split_once("  ") else {
-            faults.push(format!(
-                "{MANIFEST} has a line that is not `hash  name`: {line}"
-            ));
-            continue;
-        };
-        listed.push(name.to_owned());
-        let file = folder.join(name);
-        if !file.exists() {
-            faults.push(format!("{name} is missing"));
-        } else if is_hashed(name) && hash_file(&file)? != hash {
-            faults.push(format!(
-                "{name} is not what was sealed: its hash differs from {MANIFEST}"
-            ));
+/// What `look` finds, once nobody changed the folder while it looked.
+fn while_it_stays(folder: &Path, look: impl Fn() -> Result<Vec<String>>) -> Result<Vec<String>> {
+    for _ in 0..sealed::ATTEMPTS {
+        let before = read_seal(folder).ok();
+        let found = look();
+        let is_settled = matches!(&found, Ok(faults) if faults.is_empty());
+        if is_settled || read_seal(folder).ok() == before {
+            return found;
         }
     }
-    Ok((faults, Some(listed)))
+    Err(Error::Changing {
+        path: folder.to_owned(),
+    })
+}
+
+/// Faults of the files that the manifest lists.
+fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<String> {
+    let fault = |file: &SealedFile| {
+        let name = &file.name;
+        let found = if is_hashed(name) {
+            sealed.find(name, &file.blake3)
+        } else {
+            sealed.find_unread(name)
+        };
+        match found {
+            Ok(Found::Whole(_)) => None,
+            Ok(Found::Missing) => Some(format!("{name} is missing")),
+            Ok(Found::Other) => Some(format!(
+                "{name} is not what was sealed: its hash differs from {MANIFEST}"
+            )),
+            Err(error) => Some(error.to_string()),
+        }
+    };
+    sealed.files().iter().filter_map(fault).collect()
 }
 
 /// Replaces or adds files of a sealed folder as one change: `write` is called with the path to write each to.
 pub fn replace_files(
+    claim: &Claim,
     folder: &Path,
     names: &[&str],
     mut write: impl FnMut(&str, &Path) -> Result<()>,
 ) -> Result<()> {
-    let seal = read_seal(folder)?.ok_or_else(|| {
+    settle(claim, folder)?;
+    let sealed = Sealed::read(folder)?.ok_or_else(|| {
         Error::corpus(
             folder,
             format!("has no {DONE}; generate the scenario first"),
         )
     })?;
-    for name in names {
-        let path = with_new_suffix(&folder.join(name));
-        write(name, &path)?;
-        sync(&path)?;
-    }
-    let manifest = manifest_with(folder, &seal, names)?;
-    write_atomically(
-        &with_new_suffix(&folder.join(MANIFEST)),
-        manifest.as_bytes(),
-    )?;
-    let seal = Seal {
-        manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
-        ..seal
+    let change = || {
+        for name in names {
+            let path = with_new_suffix(&folder.join(name));
+            write(name, &path)?;
+            sync(&path)?;
+        }
+        let manifest = manifest_with(&sealed, names)?;
+        write_atomically(
+            &with_new_suffix(&folder.join(MANIFEST)),
+            manifest.as_bytes(),
+        )?;
+        let seal = Seal {
+            manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+            ..sealed.seal().clone()
+        };
+        // With this file the change is decided.
+        write_json(&with_new_suffix(&folder.join(DONE)), &seal)
     };
-    // With this file the change is decided.
-    write_json(&with_new_suffix(&folder.join(DONE)), &seal)?;
-    settle(folder)
+    let decided = { change }();
+    if decided.is_err() {
+        drop_undecided(folder, names.iter().copied());
+    }
+    decided?;
+    settle(claim, folder)
 }
 
-/// Completes a decided change, drops an undecided one.
-fn settle(folder: &Path) -> Result<()> {
-    let mut pending = new_files_of(folder)?;
-    if pending.is_empty() {
+/// Completes a change that was decided, drops what is left of one that was not.
+pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
+    clear_leftovers(folder);
+    let Some(sealed) = Sealed::read(folder)? else {
         return Ok(());
-    }
+    };
     let decided = with_new_suffix(&folder.join(DONE));
-    if pending.contains(&decided) {
+    if decided.exists() {
+        let manifest = [(MANIFEST, sealed.seal().manifest_blake3.as_str())];
+        let files = sealed.files().iter();
+        let listed = files.map(|file| (file.name.as_str(), file.blake3.as_str()));
+        for (name, blake3) in listed.chain(manifest) {
+            let path = folder.join(name);
+            let new = with_new_suffix(&path);
+            if new.exists() && hash_file(&new)? == blake3 {
+                fs::rename(&new, &path).map_err(Error::io("rename into place", &path))?;
+            }
+        }
+        sync(folder)?;
         // The seal goes last: as long as it is there, this can be done again.
-        pending.retain(|path| *path != decided);
-        pending.push(decided);
-        for path in &pending {
-            fs::rename(path, path.with_extension(""))
-                .map_err(Error::io("rename into place", path))?;
-        }
-    } else {
-        for path in &pending {
-            fs::remove_file(path).map_err(Error::io("remove", path))?;
-        }
+        let path = folder.join(DONE);
+        fs::rename(&decided, &path).map_err(Error::io("rename into place", &path))?;
+        sync(folder)?;
     }
-    sync(folder)
+    drop_undecided(folder, sealed.files().iter().map(|file| file.name.as_str()));
+    Ok(())
 }
 
-fn with_new_suffix(path: &Path) -> PathBuf {
+/// Removes `.new` forms of files that a change would have replaced. Nobody else's: a person's notes may end in `.new`, too.
+fn drop_undecided<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) {
+    for name in names.chain([MANIFEST]) {
+        // What stays is in nobody's way: readers go by the hash, and the next change writes over it.
+        let _ = fs::remove_file(with_new_suffix(&folder.join(name)));
+    }
+}
+
+/// Whether a decided change is still to be completed.
+pub fn is_unsettled(folder: &Path) -> bool {
+    with_new_suffix(&folder.join(DONE)).exists()
+}
+
+/// The name under which a file is written that is to replace another.
+pub(crate) fn with_new_suffix(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(NEW_SUFFIX);
     name.into()
-}
-
-fn new_files_of(folder: &Path) -> Result<Vec<PathBuf>> {
-    let mut found = Vec::new();
-    for entry in fs::read_dir(folder).map_err(Error::io("list", folder))? {
-        let path = entry.map_err(Error::io("list", folder))?.path();
-        if path
-            .extension()
-            .is_some_and(|extension| extension == &NEW_SUFFIX[1..])
-        {
-            found.push(path);
-        }
-    }
-    found.sort();
-    Ok(found)
 }
 
 /// Manifest of all files of a folder.
@@ -252,24 +290,16 @@ fn manifest_of(folder: &Path) -> Result<String> {
 }
 
 /// The sealed manifest with the `.new` form of `replaced` files in the place of the old. All other lines stay as they were
-/// sealed: hashing those files anew would bless whatever happened to them since.
-fn manifest_with(folder: &Path, seal: &Seal, replaced: &[&str]) -> Result<String> {
-    let path = folder.join(MANIFEST);
-    let sealed = fs::read_to_string(&path).map_err(Error::io("read", &path))?;
-    if blake3::hash(sealed.as_bytes()).to_string() != seal.manifest_blake3 {
-        return Err(Error::corpus(
-            &path,
-            format!("does not match the hash in {DONE}; `dtd verify` says more"),
-        ));
-    }
+/// sealed: hashing those files again would bless whatever happened to them since.
+fn manifest_with(sealed: &Sealed, replaced: &[&str]) -> Result<String> {
     let mut lines: Vec<(String, String)> = sealed
-        .lines()
-        .filter_map(|line| line.split_once("  "))
-        .filter(|(_, name)| !replaced.contains(name))
-        .map(|(hash, name)| (name.to_owned(), hash.to_owned()))
+        .files()
+        .iter()
+        .filter(|file| !replaced.contains(&file.name.as_str()))
+        .map(|file| (file.name.clone(), file.blake3.clone()))
         .collect();
     for name in replaced {
-        let hash = hash_file(&with_new_suffix(&folder.join(name)))?;
+        let hash = hash_file(&with_new_suffix(&sealed.folder().join(name)))?;
         lines.push(((*name).to_owned(), hash));
     }
     lines.sort();
@@ -291,7 +321,7 @@ fn files_of(folder: &Path) -> Result<Vec<String>> {
                 }
             } else if ![MANIFEST, DONE].contains(&name.as_str())
                 && !name.ends_with(NEW_SUFFIX)
-                && !name.ends_with(".tmp")
+                && !name.ends_with(TEMPORARY_SUFFIX)
             {
                 names.push(name);
             }
@@ -305,140 +335,4 @@ fn files_of(folder: &Path) -> Result<Vec<String>> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn sealed() -> tempfile::TempDir {
-        let folder = tempfile::tempdir().unwrap();
-        fs::create_dir(folder.path().join("views")).unwrap();
-        fs::write(folder.path().join("frames.parquet"), "old").unwrap();
-        fs::write(folder.path().join("views/left.mp4"), "video").unwrap();
-        seal_folder(folder.path(), "config").unwrap();
-        folder
-    }
-
-    #[test]
-    fn a_sealed_folder_has_no_faults() {
-        assert_eq!(faults(sealed().path()).unwrap(), Vec::<String>::new());
-    }
-
-    #[test]
-    fn a_manifest_is_read_only_if_it_is_the_sealed_one_and_names_nothing_outside() {
-        let folder = sealed();
-        let seal = read_seal(folder.path()).unwrap().unwrap();
-        let manifest = fs::read_to_string(folder.path().join(MANIFEST)).unwrap();
-        let files = sealed_files(&manifest, &seal).unwrap();
-        let names: Vec<&str> = files.iter().map(|file| file.name.as_str()).collect();
-        assert_eq!(names, ["frames.parquet", "views/left.mp4"]);
-        assert_eq!(files[1].blake3, blake3::hash(b"video").to_string());
-        assert!(
-            sealed_files(&manifest.replace("left", "lift"), &seal)
-                .unwrap_err()
-                .contains("does not match")
-        );
-        for name in ["../frames.parquet", "/etc/passwd", "views/../../x", ""] {
-            let evil = format!("00  {name}\n");
-            let seal = Seal {
-                manifest_blake3: blake3::hash(evil.as_bytes()).to_string(),
-                ..seal.clone()
-            };
-            let message = sealed_files(&evil, &seal).unwrap_err();
-            assert!(message.contains("outside of the folder"), "{message}");
-        }
-    }
-
-    #[test]
-    fn a_changed_a_missing_and_a_foreign_file_are_each_named() {
-        let folder = sealed();
-        fs::write(folder.path().join("views/left.mp4"), "vandal").unwrap();
-        fs::remove_file(folder.path().join("frames.parquet")).unwrap();
-        fs::write(folder.path().join("extra.txt"), "").unwrap();
-        let found = faults(folder.path()).unwrap().join("\n");
-        for name in [
-            "views/left.mp4 is not what was sealed",
-            "frames.parquet is missing",
-            "extra.txt is not listed",
-        ] {
-            assert!(found.contains(name), "{found}");
-        }
-    }
-
-    #[test]
-    fn the_quick_look_sees_tables_and_lost_videos_but_not_what_is_in_a_video() {
-        let folder = sealed();
-        let video = folder.path().join("views/left.mp4");
-        fs::write(&video, "vandal").unwrap();
-        fs::write(folder.path().join("notes.txt"), "").unwrap();
-        let quick = || faults_besides_videos(folder.path()).unwrap();
-        assert_eq!(quick(), Vec::<String>::new());
-        fs::remove_file(video).unwrap();
-        fs::write(folder.path().join("frames.parquet"), "vandal").unwrap();
-        assert_eq!(quick().len(), 2, "{:?}", quick());
-    }
-
-    #[test]
-    fn replacing_a_file_keeps_the_seal_valid() {
-        let folder = sealed();
-        let names = ["frames.parquet", "boxes_truth.parquet"];
-        replace_files(folder.path(), &names, |name, path| {
-            fs::write(path, format!("new {name}")).map_err(Error::io("write", path))
-        })
-        .unwrap();
-        assert_eq!(
-            fs::read_to_string(folder.path().join("frames.parquet")).unwrap(),
-            "new frames.parquet"
-        );
-        assert_eq!(faults(folder.path()).unwrap(), Vec::<String>::new());
-        assert_eq!(
-            read_seal(folder.path()).unwrap().unwrap().config_hash,
-            "config"
-        );
-    }
-
-    #[test]
-    fn replacing_one_file_does_not_bless_damage_to_another() {
-        let folder = sealed();
-        fs::write(folder.path().join("views/left.mp4"), "vandal").unwrap();
-        replace_files(folder.path(), &["frames.parquet"], |_, path| {
-            fs::write(path, "new").map_err(Error::io("write", path))
-        })
-        .unwrap();
-        let found = faults(folder.path()).unwrap().join("\n");
-        assert!(
-            found.contains("views/left.mp4 is not what was sealed"),
-            "{found}"
-        );
-    }
-
-    #[test]
-    fn a_change_killed_before_it_was_decided_leaves_the_old_state() {
-        let folder = sealed();
-        fs::write(folder.path().join("frames.parquet.new"), "half").unwrap();
-        assert_eq!(faults(folder.path()).unwrap(), Vec::<String>::new());
-        assert_eq!(
-            fs::read_to_string(folder.path().join("frames.parquet")).unwrap(),
-            "old"
-        );
-        assert!(!folder.path().join("frames.parquet.new").exists());
-    }
-
-    #[test]
-    fn a_change_killed_after_it_was_decided_is_completed_by_the_next_reader() {
-        let folder = sealed();
-        let root = folder.path();
-        fs::write(root.join("frames.parquet.new"), "new").unwrap();
-        let old: Seal = read_json(&root.join(DONE), "seal").unwrap();
-        let manifest = manifest_with(root, &old, &["frames.parquet"]).unwrap();
-        fs::write(root.join("MANIFEST.b3.new"), &manifest).unwrap();
-        let seal = Seal {
-            config_hash: "config".into(),
-            manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
-        };
-        write_json(&root.join("DONE.json.new"), &seal).unwrap();
-        assert_eq!(faults(root).unwrap(), Vec::<String>::new());
-        assert_eq!(
-            fs::read_to_string(root.join("frames.parquet")).unwrap(),
-            "new"
-        );
-    }
-}
+mod tests;

@@ -13,7 +13,6 @@
 mod all;
 mod attempt;
 mod cancel;
-mod claim;
 mod encoders;
 mod error;
 mod event;
@@ -37,6 +36,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use dataset::claim::Claim;
 use dataset::corpus::Corpus;
 use xplane_bridge::pixels::{PixelChoice, Screen};
 
@@ -52,7 +52,6 @@ pub use simulators::Simulators;
 use crate::plan::{Common, Plan, PlannedScenario, expand, room_bytes};
 use crate::shard::Shard;
 use crate::sweep::{Picture, Sweep};
-use claim::Claim;
 use event::Reporter;
 use pictures::Pictures;
 use record::Work;

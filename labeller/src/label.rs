@@ -13,7 +13,7 @@ use dataset::frames::Frames;
 use dataset::pixel_box::{TruthBox, read_truth_boxes, write_truth_boxes};
 use dataset::pose::Controls;
 use dataset::scenario::ScenarioRecord;
-use dataset::seal::replace_files;
+use dataset::seal::{is_unsettled, replace_files, settle};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -71,33 +71,63 @@ pub fn label_corpus(corpus: &Corpus, progress: &(dyn Fn(Progress) + Sync)) -> Re
 
 /// Labels one scenario. Returns whether anything had to change.
 pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
-    let record = folder.record()?;
-    let mut frames = folder.frames()?;
-    check(&record, &frames)?;
-    let boxes = truth_boxes(&record, &frames, &cameras(folder, &record)?);
-    let mut labelled_already = true;
-    let labels = labels_of(
-        &frames.rows,
-        record.touchdown,
-        record.runway.course_true_deg,
-    );
-    for (row, labels) in frames.rows.iter_mut().zip(labels) {
-        labelled_already &= row.labels == Some(labels);
-        row.labels = Some(labels);
-    }
-    let boxes_path = folder.truth_boxes_path();
-    if labelled_already && boxes_path.exists() && read_truth_boxes(&boxes_path)? == boxes {
+    let before = folder.seal()?;
+    let mut labels = Labels::of(folder)?;
+    if labels.are_there && !is_unsettled(folder.root()) {
         return Ok(false);
     }
-    replace_files(
-        folder.root(),
-        &[ScenarioFolder::FRAMES, ScenarioFolder::TRUTH_BOXES],
-        |name, path| match name {
-            ScenarioFolder::FRAMES => frames.write(path),
-            _ => write_truth_boxes(path, &boxes),
-        },
-    )?;
-    Ok(true)
+    let claim = folder.claim()?;
+    settle(&claim, folder.root())?;
+    // Another writer may have been faster.
+    if folder.seal()? != before {
+        labels = Labels::of(folder)?;
+    }
+    if !labels.are_there {
+        replace_files(
+            &claim,
+            folder.root(),
+            &[ScenarioFolder::FRAMES, ScenarioFolder::TRUTH_BOXES],
+            |name, path| match name {
+                ScenarioFolder::FRAMES => labels.frames.write(path),
+                _ => write_truth_boxes(path, &labels.boxes),
+            },
+        )?;
+    }
+    Ok(!labels.are_there)
+}
+
+/// The labels that a scenario has to have.
+struct Labels {
+    frames: Frames,
+    boxes: Vec<TruthBox>,
+    /// Whether it has them.
+    are_there: bool,
+}
+
+impl Labels {
+    fn of(folder: &ScenarioFolder) -> Result<Self> {
+        let record = folder.record()?;
+        let mut frames = folder.frames()?;
+        check(&record, &frames)?;
+        let boxes = truth_boxes(&record, &frames, &cameras(folder, &record)?);
+        let mut are_there = true;
+        let labels = labels_of(
+            &frames.rows,
+            record.touchdown,
+            record.runway.course_true_deg,
+        );
+        for (row, labels) in frames.rows.iter_mut().zip(labels) {
+            are_there &= row.labels == Some(labels);
+            row.labels = Some(labels);
+        }
+        let boxes_path = folder.truth_boxes_path();
+        are_there = are_there && boxes_path.exists() && read_truth_boxes(&boxes_path)? == boxes;
+        Ok(Self {
+            frames,
+            boxes,
+            are_there,
+        })
+    }
 }
 
 fn check(record: &ScenarioRecord, frames: &Frames) -> Result<()> {
@@ -266,9 +296,12 @@ mod tests {
         let right = files(folder.root());
         let mut frames = folder.frames().unwrap();
         frames.rows[1].labels.as_mut().unwrap().dtd_m += 1.0;
-        replace_files(folder.root(), &[ScenarioFolder::FRAMES], |_, path| {
-            frames.write(path)
-        })
+        replace_files(
+            &folder.claim().unwrap(),
+            folder.root(),
+            &[ScenarioFolder::FRAMES],
+            |_, path| frames.write(path),
+        )
         .unwrap();
         assert_eq!(label_corpus(&corpus, &|_| {}).unwrap().labelled, ["0001-a"]);
         assert_eq!(files(folder.root()), right);

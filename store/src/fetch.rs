@@ -1,11 +1,12 @@
 //! One scenario from the store into a folder, whole or not at all, as `dtd generate` makes it: beside its place, then renamed.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::json_file::{sync, write_atomically};
+use dataset::json_file::write_atomically;
+use dataset::new_file::NewFile;
 use dataset::seal::{self, DONE, MANIFEST};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::ObjectStoreExt;
@@ -130,9 +131,6 @@ impl CorpusStore {
         let doing = || format!("read {name}");
         let folder = target.parent().unwrap_or(target);
         fs::create_dir_all(folder).map_err(dataset::Error::io("create", folder))?;
-        let mut beside = target.as_os_str().to_owned();
-        beside.push(".tmp");
-        let beside = Path::new(&beside);
         let mut content = match self.store.get(&self.key(name)).await {
             Ok(got) => got.into_stream(),
             Err(object_store::Error::NotFound { .. }) => {
@@ -143,7 +141,7 @@ impl CorpusStore {
             }
             Err(error) => return Err(self.error(&doing(), &error)),
         };
-        let mut file = File::create(beside).map_err(dataset::Error::io("create", beside))?;
+        let mut file = NewFile::create(target)?;
         let mut hasher = blake3::Hasher::new();
         while let Some(bytes) = content
             .try_next()
@@ -155,19 +153,15 @@ impl CorpusStore {
             }
             hasher.update(&bytes);
             file.write_all(&bytes)
-                .map_err(dataset::Error::io("write", beside))?;
+                .map_err(dataset::Error::io("write", target))?;
             watch.passed(bytes.len() as u64);
         }
         if hasher.finalize().to_string() != blake3 {
-            let _ = fs::remove_file(beside);
             return Err(StoreError::Damaged {
                 place: format!("{}/{name}", self.name()),
                 message: format!("is not what was sealed: its hash differs. {MEND}"),
             });
         }
-        file.sync_all()
-            .map_err(dataset::Error::io("sync", beside))?;
-        fs::rename(beside, target).map_err(dataset::Error::io("rename into place", target))?;
-        Ok(sync(folder)?)
+        Ok(file.commit()?)
     }
 }

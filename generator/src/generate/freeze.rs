@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::time::{Duration, Instant};
 
+use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
 use dataset::corpus::Corpus;
 use dataset::json_file::write_atomically;
 use dataset::seal;
 use dataset::splits::Splits;
 use tokio::time::sleep;
 
-use super::claim::{Claim, Claimed, WHOLE_CORPUS};
 use super::error::GenerateError;
 use crate::plan::{Plan, PlannedScenario, assign_sides};
 use crate::sweep::Sweep;

@@ -2,9 +2,9 @@
 
 use std::time::{Duration, Instant};
 
+use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 
-use super::claim::{Claim, Claimed};
 use super::freeze::is_whole;
 use crate::plan::PlannedScenario;
 

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use dataset::calibration::{Calibration, CameraEntry, Conventions};
+use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::frames::{Frame, Frames, ViewStamp};
 use dataset::imaging::Imaging;
@@ -15,7 +16,6 @@ use xplane_bridge::Simulator;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 
 use super::attempt::Attempt;
-use super::claim::Claim;
 use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;

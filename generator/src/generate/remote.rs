@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use dataset::Error;
+use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 use dataset::seal::Seal;
 use store::{CorpusStore, Keep, OnOther, Pushed, Settled, StoreError, Watch};
 use tokio::sync::mpsc;
 use tokio::time::sleep;
 
-use super::claim::{Claim, Claimed};
 use super::error::GenerateError;
 use super::event::Event;
 use super::freeze::is_whole;

@@ -10,6 +10,7 @@ use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use dataset::claim::Claim;
 use indicatif::DecimalBytes;
 use tokio::sync::mpsc;
 
@@ -17,7 +18,6 @@ use super::GenerateOptions;
 use super::all::all;
 use super::attempt::Attempt;
 use super::cancel::Cancel;
-use super::claim::Claim;
 use super::error::{Blame, GenerateError, ScenarioError};
 use super::event::{Event, Reporter};
 use super::outcome::{FailedScenario, Outcome, Stopped};

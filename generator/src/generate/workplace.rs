@@ -3,10 +3,9 @@
 use std::fs;
 
 use dataset::Error;
+use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::seal;
-
-use super::claim::Claim;
 
 /// A `<id>.partial/`, ours because the claim is.
 pub(super) struct Workplace {
@@ -54,8 +53,8 @@ impl Workplace {
 
 #[cfg(test)]
 mod tests {
-    use super::super::claim::Claimed;
     use super::*;
+    use dataset::claim::Claimed;
 
     #[test]
     fn what_a_killed_run_left_is_cleared_unless_it_was_finished() {

@@ -1,32 +1,41 @@
-//! Who makes what, when several processes, on one machine or on many, make one corpus at once.
+//! Who writes what, when several processes, on one machine or on many, work on one corpus at once.
 //!
-//! A claim is a file `claims/<name>` of the corpus, locked by the operating system for as long as its owner works: it ends with the
-//! process, however that ends. The file says who holds it. It lies outside the folders that are made, cleared and renamed, and whoever
-//! lets go of it deletes it; so a lock only counts if the file is still the one that the path names.
+//! Whoever makes a scenario or changes one holds its claim, whatever the verb; readers need none. A claim is a file `claims/<name>` of
+//! the corpus, locked by the operating system for as long as its owner works: it ends with the process, however that ends. The file says
+//! who holds it. It lies outside the folders that are made, cleared and renamed, and whoever lets go of it deletes it; so a lock only
+//! counts if the file is still the one that the path names.
 //!
 //! Between machines this needs a file system that locks for all of them: NFS 4, Lustre with `flock`, CephFS, GPFS.
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Write};
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
-use std::process;
+use std::time::{Duration, Instant};
+use std::{process, thread};
 
-use dataset::Error;
-use dataset::corpus::Corpus;
-use dataset::json_file::read_json;
+use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 
+use crate::corpus::Corpus;
+use crate::error::{Error, Result};
+use crate::json_file::read_json;
+use crate::own_path::refuse_link;
+
 /// Name of the claim on the files that belong to the whole corpus.
-pub(super) const WHOLE_CORPUS: &str = "corpus";
+pub const WHOLE_CORPUS: &str = "corpus";
 const FOLDER: &str = "claims";
 /// How often a claim may slip away between opening and locking its file.
 const ATTEMPTS: u32 = 100;
+/// How soon to look again for a claim that somebody else holds.
+const LOOK_AGAIN: Duration = Duration::from_millis(20);
+/// Waiting is worth a word only if it takes longer than a change usually does.
+const SAID_AFTER: Duration = Duration::from_secs(2);
 
 /// A claim, held until it is dropped.
 #[derive(Debug)]
-pub(super) struct Claim {
+pub struct Claim {
     path: PathBuf,
     /// Holds the lock.
     _file: File,
@@ -34,7 +43,7 @@ pub(super) struct Claim {
 
 /// Who holds a claim.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Holder {
+pub struct Holder {
     host: String,
     pid: u32,
 }
@@ -45,9 +54,9 @@ impl fmt::Display for Holder {
     }
 }
 
-/// What became of a wish.
+/// The answer to [`Claim::take`].
 #[derive(Debug)]
-pub(super) enum Claimed {
+pub enum Claimed {
     /// It is ours.
     Mine(Claim),
     /// Somebody else has it; who, if that can be read.
@@ -55,13 +64,42 @@ pub(super) enum Claimed {
 }
 
 impl Claim {
+    /// Takes a claim, and waits for whoever holds it, at most for `patience`.
+    ///
+    /// # Errors
+    /// It is still held then ([`Error::Held`]), or its file cannot be made.
+    pub fn wait(corpus: &Corpus, name: &str, patience: Duration) -> Result<Self> {
+        let began = Instant::now();
+        let mut said = false;
+        loop {
+            let holder = match Self::take(corpus, name)? {
+                Claimed::Mine(claim) => return Ok(claim),
+                Claimed::Theirs(holder) => {
+                    holder.map_or_else(|| "another process".into(), |holder| holder.to_string())
+                }
+            };
+            if began.elapsed() >= patience {
+                return Err(Error::Held {
+                    path: corpus.scenario(name).root().to_owned(),
+                    holder,
+                    waited: patience,
+                });
+            }
+            if !said && began.elapsed() >= SAID_AFTER {
+                said = true;
+                tracing::warn!("scenario {name}: waiting for {holder}, which is writing it");
+            }
+            thread::sleep(LOOK_AGAIN);
+        }
+    }
+
     /// Takes a claim, or says who has it.
-    pub(super) fn take(corpus: &Corpus, name: &str) -> dataset::Result<Claimed> {
+    pub fn take(corpus: &Corpus, name: &str) -> Result<Claimed> {
         let folder = corpus.root().join(FOLDER);
         let path = folder.join(name);
         for _ in 0..ATTEMPTS {
             match fs::create_dir_all(&folder) {
-                Ok(()) => {}
+                Ok(()) => refuse_link(&folder)?,
                 // Another holder took it away at that moment; whether it is there now shows when the file is opened.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(Error::io("create", &folder)(error)),
@@ -71,6 +109,7 @@ impl Claim {
                 .write(true)
                 .create(true)
                 .truncate(false)
+                .custom_flags((OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32)
                 .open(&path);
             let mut file = match opened {
                 Ok(file) => file,
@@ -98,7 +137,7 @@ impl Claim {
     }
 
     /// Deletes the claims that killed processes left.
-    pub(super) fn tidy(corpus: &Corpus) {
+    pub fn tidy(corpus: &Corpus) {
         let Ok(left) = fs::read_dir(corpus.root().join(FOLDER)) else {
             return;
         };

@@ -1,0 +1,213 @@
+//! Files that appear whole or not at all, whatever lies in their place.
+//!
+//! A file is written beside its place under a name that nobody can foresee, and only if nothing has that name yet; so no link planted
+//! there leads the content elsewhere, and two processes that write the same file never write into each other's. Renaming it into place
+//! replaces a link, and never what the link points to. What a killed process leaves is for the next writer to clear
+//! ([`clear_leftovers`]).
+
+use std::collections::hash_map::RandomState;
+use std::fs::{self, File, OpenOptions};
+use std::hash::{BuildHasher, Hasher};
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// Ending of a file that is still being written.
+pub const TEMPORARY_SUFFIX: &str = ".tmp";
+/// Hexadecimal digits of its name.
+const RANDOM_DIGITS: usize = 16;
+
+/// A file that is being written; gone again unless it is committed.
+#[derive(Debug)]
+pub struct NewFile {
+    path: PathBuf,
+    temporary: PathBuf,
+    file: File,
+    committed: bool,
+}
+
+impl NewFile {
+    /// Begins the file that is to be `path`, in the same folder.
+    ///
+    /// # Errors
+    /// The folder is not there or cannot be written, or something else than a file has the name: a device would be replaced.
+    pub fn create(path: &Path) -> Result<Self> {
+        refuse_special(path)?;
+        let temporary = temporary_beside(path);
+        let file = OpenOptions::new()
+            .write(true)
+            // Fails if anything is there, a link included.
+            .create_new(true)
+            .open(&temporary)
+            .map_err(Error::io("create", path))?;
+        Ok(Self {
+            path: path.to_owned(),
+            temporary,
+            file,
+            committed: false,
+        })
+    }
+
+    /// The open file.
+    pub fn file(&mut self) -> &mut File {
+        &mut self.file
+    }
+
+    /// Puts the file into its place, durably.
+    ///
+    /// # Errors
+    /// The disk is full, or the place cannot be written.
+    pub fn commit(mut self) -> Result<()> {
+        self.file
+            .sync_all()
+            .map_err(Error::io("write", &self.path))?;
+        fs::rename(&self.temporary, &self.path)
+            .map_err(Error::io("rename into place", &self.path))?;
+        self.committed = true;
+        sync(folder_of(&self.path))
+    }
+}
+
+impl Write for NewFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Drop for NewFile {
+    fn drop(&mut self) {
+        if !self.committed {
+            let _ = fs::remove_file(&self.temporary);
+        }
+    }
+}
+
+/// Removes what killed processes left of files that they were writing in a folder. Only for whoever knows that nobody writes there.
+pub fn clear_leftovers(folder: &Path) {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return;
+    };
+    for entry in entries.flatten() {
+        if is_temporary(&entry.file_name().to_string_lossy()) {
+            // It is in nobody's way, and the next writer tries again.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// Waits until a file or folder is on the disk: what follows may rely on it even if the power fails.
+///
+/// # Errors
+/// It is not there, or the disk fails.
+pub fn sync(path: &Path) -> Result<()> {
+    File::open(path)
+        .and_then(|handle| handle.sync_all())
+        .map_err(Error::io("sync", path))
+}
+
+fn refuse_special(path: &Path) -> Result<()> {
+    match fs::symlink_metadata(path) {
+        Ok(found) if !found.is_file() && !found.is_symlink() => Err(Error::corpus(
+            path,
+            "is no file, so no file is put in its place; expected a file or nothing",
+        )),
+        _ => Ok(()),
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    }
+}
+
+/// `.<name>.<random digits>.tmp`.
+fn temporary_beside(path: &Path) -> PathBuf {
+    let mut name = std::ffi::OsString::from(".");
+    name.push(path.file_name().unwrap_or_default());
+    // Its keys come from the operating system's random numbers.
+    let random = RandomState::new().build_hasher().finish();
+    name.push(format!(".{random:0RANDOM_DIGITS$x}{TEMPORARY_SUFFIX}"));
+    path.with_file_name(name)
+}
+
+fn is_temporary(name: &str) -> bool {
+    let random = || {
+        name.strip_prefix('.')?
+            .strip_suffix(TEMPORARY_SUFFIX)?
+            .rsplit_once('.')
+    };
+    random().is_some_and(|(_, random)| {
+        random.len() == RANDOM_DIGITS && random.bytes().all(|digit| digit.is_ascii_hexdigit())
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::symlink;
+
+    use super::*;
+
+    fn names(folder: &Path) -> Vec<String> {
+        let mut names: Vec<_> = fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned())
+            .collect();
+        names.sort();
+        names
+    }
+
+    #[test]
+    fn a_file_that_is_not_committed_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("plan.json");
+        let mut file = NewFile::create(&path).unwrap();
+        file.write_all(b"half").unwrap();
+        assert_eq!(names(folder.path()).len(), 1);
+        drop(file);
+        assert_eq!(names(folder.path()), Vec::<String>::new());
+    }
+
+    #[test]
+    fn a_link_in_the_place_of_a_file_is_replaced_and_its_target_untouched() {
+        let folder = tempfile::tempdir().unwrap();
+        let target = folder.path().join("target");
+        fs::write(&target, "precious").unwrap();
+        let path = folder.path().join("plan.json");
+        symlink(&target, &path).unwrap();
+        let mut file = NewFile::create(&path).unwrap();
+        file.write_all(b"plan").unwrap();
+        file.commit().unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"plan");
+        assert_eq!(fs::read(&target).unwrap(), b"precious");
+    }
+
+    #[test]
+    fn what_is_no_file_is_not_replaced() {
+        let message = NewFile::create(Path::new("/dev/null"))
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("/dev/null: is no file"), "{message}");
+    }
+
+    #[test]
+    fn only_what_a_killed_writer_left_is_cleared() {
+        let folder = tempfile::tempdir().unwrap();
+        let left = NewFile::create(&folder.path().join("plan.json")).unwrap();
+        std::mem::forget(left);
+        for name in ["notes.tmp", ".notes.tmp", "plan.json.new"] {
+            fs::write(folder.path().join(name), "a person's").unwrap();
+        }
+        clear_leftovers(folder.path());
+        assert_eq!(
+            names(folder.path()),
+            [".notes.tmp", "notes.tmp", "plan.json.new"]
+        );
+    }
+}

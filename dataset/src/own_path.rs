@@ -1,0 +1,36 @@
+//! Paths of a corpus' own files. Symbolic links below the corpus may lead out of it, to files that a reader or `dtd push` would take
+//! for the corpus' and a writer would change: they are refused wherever one could be followed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// The path of `name` under `root`, if no part of `name` is a symbolic link. `root` itself is the caller's choice and may be one.
+///
+/// # Errors
+/// Some part is a link.
+pub fn own_path(root: &Path, name: impl AsRef<Path>) -> Result<PathBuf> {
+    let mut path = root.to_owned();
+    for part in name.as_ref().components() {
+        path.push(part);
+        refuse_link(&path)?;
+    }
+    Ok(path)
+}
+
+/// Refuses a symbolic link. What is not there is none.
+///
+/// # Errors
+/// It is one.
+pub fn refuse_link(path: &Path) -> Result<()> {
+    let is_link = fs::symlink_metadata(path).is_ok_and(|found| found.is_symlink());
+    match is_link {
+        true => Err(Error::corpus(
+            path,
+            "is a symbolic link; expected a file or folder of the corpus itself, since links may lead out of it; put the real one in \
+             its place",
+        )),
+        false => Ok(()),
+    }
+}

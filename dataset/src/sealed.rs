@@ -1,0 +1,146 @@
+//! A sealed folder as readers see it. Reading takes no lock, changes nothing on the disk, and works on a read-only file system.
+//!
+//! What state the folder is in follows from what lies there. `DONE.json.new`, if it is there, else `DONE.json`, names the manifest by its
+//! hash, and the manifest names each file by its hash. So each file is looked for by its hash: under its name, as `<name>.new`, and
+//! under its name again, for a writer that completes a change may have renamed it in between. Where nothing has the hash and the seal has
+//! become another one, a writer was faster and reading starts again ([`Error::Changing`] for one file); where the seal is the same, the
+//! file is damaged.
+
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+use crate::own_path::{own_path, refuse_link};
+use crate::seal::{
+    DONE, MANIFEST, Seal, SealedFile, hash_file, read_seal, sealed_files, with_new_suffix,
+};
+
+/// A reader starts again so often before it gives up. A change takes milliseconds, and a step of the chain changes a scenario once.
+pub(crate) const ATTEMPTS: u32 = 100;
+
+/// A sealed folder: its seal and the files that it seals.
+#[derive(Debug, Clone)]
+pub struct Sealed {
+    folder: PathBuf,
+    seal: Seal,
+    files: Vec<SealedFile>,
+}
+
+/// Whether a sealed file is there.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Found<T> {
+    /// With its hash.
+    Whole(T),
+    /// Nothing has its name.
+    Missing,
+    /// What has its name has another hash.
+    Other,
+}
+
+impl Sealed {
+    /// Reads seal and manifest of a folder; `None` if it has no seal.
+    ///
+    /// # Errors
+    /// The seal cannot be read, or the manifest is not the one that it seals.
+    pub fn read(folder: &Path) -> Result<Option<Self>> {
+        refuse_link(folder)?;
+        for _ in 0..ATTEMPTS {
+            let Some(seal) = read_seal(folder)? else {
+                return Ok(None);
+            };
+            let manifest = find(folder, MANIFEST, &seal.manifest_blake3, |path| {
+                let text = std::fs::read(path).map_err(Error::io("read", path))?;
+                Ok((blake3::hash(&text).to_string(), text))
+            })?;
+            let path = folder.join(MANIFEST);
+            if let Found::Whole(text) = manifest {
+                let text = String::from_utf8(text).map_err(|error| Error::corpus(&path, error))?;
+                let files =
+                    sealed_files(&text, &seal).map_err(|message| Error::corpus(folder, message))?;
+                return Ok(Some(Self {
+                    folder: folder.to_owned(),
+                    seal,
+                    files,
+                }));
+            }
+            if read_seal(folder)?.as_ref() == Some(&seal) {
+                return Err(match manifest {
+                    Found::Missing => Error::corpus(&path, "is missing"),
+                    _ => Error::corpus(
+                        folder,
+                        format!("{MANIFEST} does not match the hash in {DONE}"),
+                    ),
+                });
+            }
+        }
+        Err(changing(folder))
+    }
+
+    /// The folder.
+    pub fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The seal.
+    pub fn seal(&self) -> &Seal {
+        &self.seal
+    }
+
+    /// All sealed files, in the order of the manifest.
+    pub fn files(&self) -> &[SealedFile] {
+        &self.files
+    }
+
+    /// The hash of a file, if it is sealed.
+    pub fn hash_of(&self, name: &str) -> Option<&str> {
+        let file = self.files.iter().find(|file| file.name == name)?;
+        Some(&file.blake3)
+    }
+
+    /// The path under which a sealed file has this hash now. All of it is read.
+    pub(crate) fn find(&self, name: &str, blake3: &str) -> Result<Found<PathBuf>> {
+        find(&self.folder, name, blake3, |path| {
+            Ok((hash_file(path)?, path.to_owned()))
+        })
+    }
+
+    /// Whether a file is there, whatever it holds.
+    pub(crate) fn find_unread(&self, name: &str) -> Result<Found<PathBuf>> {
+        let path = own_path(&self.folder, name)?;
+        Ok(match path.is_file() {
+            true => Found::Whole(path),
+            false => Found::Missing,
+        })
+    }
+}
+
+/// Looks for the file of a hash under its name and the names that a change gives it; `read` returns hash and content of what is there.
+fn find<T>(
+    folder: &Path,
+    name: &str,
+    blake3: &str,
+    read: impl Fn(&Path) -> Result<(String, T)>,
+) -> Result<Found<T>> {
+    let path = own_path(folder, name)?;
+    let new = with_new_suffix(&path);
+    let mut found = Found::Missing;
+    for path in [&path, &new, &path] {
+        if path == &new && refuse_link(path).is_err() {
+            // No writer of ours left it.
+            continue;
+        }
+        match read(path) {
+            Ok((hash, content)) if hash == blake3 => return Ok(Found::Whole(content)),
+            Ok(_) if path == &new => {}
+            Ok(_) => found = Found::Other,
+            Err(error) if error.is_not_found() => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(found)
+}
+
+fn changing(folder: &Path) -> Error {
+    Error::Changing {
+        path: folder.to_owned(),
+    }
+}
