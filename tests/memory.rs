@@ -1,0 +1,73 @@
+//! Every verb in 2 GiB of address space: it works, or it says how much it needs.
+
+mod tiny;
+
+use std::os::unix::process::ExitStatusExt;
+use std::time::Duration;
+
+use tiny::{Tiny, said};
+
+const TWO_GIB_KIB: u64 = 2 << 20;
+/// Far longer than any of this takes.
+const TOO_LONG: Duration = Duration::from_secs(300);
+
+#[test]
+fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
+    let tiny = Tiny::made().copy();
+    let store = format!("file://{}", tiny.path("store").display());
+    let verbs: [&[&str]; 12] = [
+        &["plan", "sweep.toml", "--against", "corpus"],
+        &["generate", "sweep.toml", "--out", "again"],
+        &["label", "again"],
+        &["detect", "again", "--model", tiny::MODEL],
+        &["verify", "corpus"],
+        &[
+            "train",
+            "corpus",
+            "--out",
+            "another",
+            "--config",
+            "training.toml",
+        ],
+        &["evaluate", "run", "--corpus", "corpus"],
+        &[
+            "train-detector",
+            "corpus",
+            "--out",
+            "detector/new.onnx",
+            "--minutes",
+            "0.001",
+        ],
+        &["push", "corpus", &store],
+        &["fetch", &store, "--out", "fetched"],
+        &["schema"],
+        &[
+            "mock-xplane",
+            "--port",
+            "0",
+            "--no-beacon",
+            "--until-stdin-ends",
+        ],
+    ];
+    let mut wrong = Vec::new();
+    for arguments in verbs {
+        let verb = arguments[0];
+        let Some(output) = tiny::run(&mut tiny.dtd_within(TWO_GIB_KIB, arguments), TOO_LONG) else {
+            wrong.push(format!("{verb} hangs"));
+            continue;
+        };
+        let words = said(&output);
+        let says_what_it_needs = output.status.code() == Some(2)
+            && words.contains("memory")
+            && ["MiB", "GiB", "MB", "GB"]
+                .iter()
+                .any(|unit| words.contains(unit));
+        if output.status.signal().is_some()
+            || words.contains("panicked")
+            || !(output.status.success() || says_what_it_needs)
+        {
+            wrong.push(format!("{verb} ended with {}: {words}", output.status));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}

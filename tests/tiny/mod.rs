@@ -1,0 +1,304 @@
+//! A tiny corpus with everything in it (five scenarios recorded by the stand-in, labels, detections, a trained and evaluated run), made once,
+//! and copies of it for tests that race, damage or starve the command.
+#![allow(dead_code, reason = "each test file uses a part of it")]
+
+use std::ffi::OsStr;
+use std::fs;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::LazyLock;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Five live approaches from 2 NM, six pictures a view.
+const SWEEP: &str = r#"
+[corpus]
+name = "tiny"
+seed = 5
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "wide-baseline"
+
+[grid]
+times = ["12:00"]
+weathers = ["clear"]
+repeats = 5
+day_of_year = 172
+utc_offset_h = 8
+
+[picture]
+width_px = 480
+height_px = 320
+frame_rate = "1/8"
+
+[start]
+dtd_nm = { min = 1.9, max = 2.1 }
+cross_track_m = { mean = 0, sd = 20 }
+speed_mps = 72
+profiles = ["short"]
+
+[profile.short]
+kind = "glide_path"
+level_altitude_msl_m = 200
+
+[split]
+train = 0.6
+validation = 0.2
+test = 0.2
+
+[weather.clear]
+visibility_m = 80000
+"#;
+
+/// Just enough steps to leave every file of a run behind.
+const TRAINING: &str = r#"
+[augmentation]
+fill_up_to_samples = 64
+
+[calibration]
+hidden = [8]
+features = 8
+head_hidden = [8]
+log_every = 5
+
+[calibration.optimisation]
+steps = 10
+batch_size = 16
+learning_rate = 2e-3
+
+[estimator]
+lstm = [8]
+head_hidden = [8]
+log_every = 5
+
+[estimator.optimisation]
+steps = 10
+batch_size = 16
+learning_rate = 1e-3
+
+[mono]
+hidden = [8]
+
+[mono.optimisation]
+steps = 10
+batch_size = 16
+learning_rate = 3e-3
+"#;
+
+/// Number of scenarios that the sweep has.
+pub(crate) const SCENARIOS: usize = 5;
+
+/// A folder with `sweep.toml`, `training.toml`, `corpus/` and `run/`.
+pub(crate) struct Tiny {
+    folder: tempfile::TempDir,
+}
+
+static MADE: LazyLock<Tiny> = LazyLock::new(|| {
+    let tiny = Tiny::empty();
+    for arguments in [
+        &["generate", "sweep.toml", "--out", "corpus"][..],
+        &["label", "corpus"],
+        &["detect", "corpus", "--model", MODEL],
+        &[
+            "train",
+            "corpus",
+            "--out",
+            "run",
+            "--config",
+            "training.toml",
+        ],
+        &["evaluate", "run", "--corpus", "corpus"],
+        &["verify", "corpus", "--complete"],
+    ] {
+        let output = tiny.dtd(arguments).output().unwrap();
+        assert!(output.status.success(), "{arguments:?}: {}", said(&output));
+    }
+    tiny
+});
+
+/// The detector that ships.
+pub(crate) const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/aircraft.onnx");
+
+impl Tiny {
+    /// The one that is made once. Nobody changes it.
+    pub(crate) fn made() -> &'static Self {
+        &MADE
+    }
+
+    fn empty() -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("sweep.toml"), SWEEP).unwrap();
+        fs::write(folder.path().join("training.toml"), TRAINING).unwrap();
+        Self { folder }
+    }
+
+    /// A copy to be changed.
+    pub(crate) fn copy(&self) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        copy_folder(self.root(), folder.path());
+        Self { folder }
+    }
+
+    pub(crate) fn root(&self) -> &Path {
+        self.folder.path()
+    }
+
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.root().join(name)
+    }
+
+    pub(crate) fn corpus(&self) -> PathBuf {
+        self.path("corpus")
+    }
+
+    /// The scenarios' folders, sorted.
+    pub(crate) fn scenarios(&self) -> Vec<PathBuf> {
+        let mut found: Vec<_> = fs::read_dir(self.corpus().join("scenarios"))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
+        found.sort();
+        found
+    }
+
+    /// The command, run within the folder by somebody whom no scheduler started.
+    pub(crate) fn dtd(&self, arguments: &[impl AsRef<OsStr>]) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
+        command
+            .args(arguments)
+            .current_dir(self.root())
+            .env("ORT_DYLIB_PATH", onnx_runtime())
+            .env_remove("SLURM_ARRAY_TASK_ID")
+            .env_remove("JOB_COMPLETION_INDEX");
+        command
+    }
+
+    /// The same with so much address space and no more. Nothing in the standard library sets a limit for a child, so a shell does.
+    pub(crate) fn dtd_within(&self, memory_kib: u64, arguments: &[impl AsRef<OsStr>]) -> Command {
+        let plain = self.dtd(arguments);
+        let mut command = Command::new("bash");
+        command
+            .args(["-c", "ulimit -v \"$0\"; exec \"$@\""])
+            .arg(memory_kib.to_string())
+            .arg(plain.get_program())
+            .args(plain.get_args())
+            .current_dir(self.root());
+        for (name, value) in plain.get_envs() {
+            match value {
+                Some(value) => command.env(name, value),
+                None => command.env_remove(name),
+            };
+        }
+        command
+    }
+
+    /// Every file below the folder, relative, sorted.
+    pub(crate) fn files(&self) -> Vec<String> {
+        fn walk(folder: &Path, root: &Path, found: &mut Vec<String>) {
+            for entry in fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() && !path.is_symlink() {
+                    walk(&path, root, found);
+                } else {
+                    found.push(
+                        path.strip_prefix(root)
+                            .unwrap()
+                            .to_string_lossy()
+                            .into_owned(),
+                    );
+                }
+            }
+        }
+        let mut found = Vec::new();
+        walk(self.root(), self.root(), &mut found);
+        found.sort();
+        found
+    }
+}
+
+/// ONNX Runtime as `scripts/setup.sh` installs it.
+fn onnx_runtime() -> &'static Path {
+    static FOUND: LazyLock<PathBuf> = LazyLock::new(|| {
+        let python = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/lib");
+        let packages = fs::read_dir(&python).unwrap_or_else(|error| {
+            panic!(
+                "run `bash scripts/setup.sh` first: {}: {error}",
+                python.display()
+            )
+        });
+        packages
+            .flatten()
+            .map(|version| version.path().join("site-packages/onnxruntime/capi"))
+            .filter_map(|folder| fs::read_dir(folder).ok())
+            .flat_map(|files| files.flatten())
+            .map(|file| file.path())
+            .find(|path| path.to_string_lossy().contains("/libonnxruntime.so"))
+            .expect("ONNX Runtime in .venv")
+    });
+    &FOUND
+}
+
+/// Runs a command to its end; `None` if it does not come to one in time and is killed.
+pub(crate) fn run(command: &mut Command, patience: Duration) -> Option<Output> {
+    let mut process = command
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let streams: [Box<dyn Read + Send>; 2] = [
+        Box::new(process.stdout.take().unwrap()),
+        Box::new(process.stderr.take().unwrap()),
+    ];
+    // Read as they come: a full pipe would stop the process.
+    let [stdout, stderr] = streams.map(|mut stream| {
+        thread::spawn(move || {
+            let mut bytes = Vec::new();
+            stream.read_to_end(&mut bytes).unwrap();
+            bytes
+        })
+    });
+    let began = Instant::now();
+    let status = loop {
+        if let Some(status) = process.try_wait().unwrap() {
+            break status;
+        }
+        if began.elapsed() > patience {
+            process.kill().unwrap();
+            process.wait().unwrap();
+            return None;
+        }
+        thread::sleep(Duration::from_millis(2));
+    };
+    Some(Output {
+        status,
+        stdout: stdout.join().unwrap(),
+        stderr: stderr.join().unwrap(),
+    })
+}
+
+/// What a process printed.
+pub(crate) fn said(output: &Output) -> String {
+    format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
+}
+
+fn copy_folder(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
+        let entry = entry.unwrap();
+        let target = to.join(entry.file_name());
+        if entry.path().is_dir() {
+            copy_folder(&entry.path(), &target);
+        } else {
+            fs::copy(entry.path(), target).unwrap();
+        }
+    }
+}
