@@ -47,7 +47,7 @@ class PipeWorld:
         self._ask("set", name, index, value)
 
     def knows_command(self, path: str) -> bool:
-        return path.startswith(("sim/operation/pause_o", "sim/operation/fix_all", "sim/autopilot/"))
+        return path.startswith(("sim/operation/pause_o", "sim/operation/fix_all", "sim/operation/regen_weather", "sim/autopilot/"))
 
     def command(self, path: str) -> None:
         self._ask("command", path)

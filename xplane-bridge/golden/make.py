@@ -241,6 +241,7 @@ link(
     },
     struct.pack("<14d", *FLIGHT_ROW) + struct.pack("<14d", 0.125, *FLIGHT_ROW[1:-1], 1.0),
 )
+link("link_command", "do a command exactly once", {"message": "command", "path": "sim/operation/regen_weather"})
 link("link_release", "let everything run", {"message": "release"})
 link(
     "link_capture", "one view of one tick",

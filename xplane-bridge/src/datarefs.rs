@@ -1,14 +1,20 @@
 //! The datarefs of X-Plane that we use, and the only place where SI turns into X-Plane's units and back.
 //!
 //! In: conditions and runways in SI. Out: lists of dataref writes. Names and units differ between X-Plane 11 and 12 for the
-//! weather alone. Weather outlives a run in the simulator, so every parameter is always written, never only those
-//! that changed: unused cloud layers are written as empty, every wind layer carries the same wind.
+//! weather alone ([`weather`]). How nearly each must read back is one table ([`tolerance`]).
 
-use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
+mod tolerance;
+mod version;
+mod weather;
+
+use dataset::conditions::{Clock, Conditions};
 use dataset::runway::Runway;
-use dataset::units::MPS_PER_KNOT;
 
 use crate::error::BridgeError;
+
+pub use tolerance::Tolerance;
+pub use version::{Generation, Version};
+pub use weather::{weather_from_datarefs, weather_writes};
 
 /// Metres in one statute mile (exact by definition). X-Plane 12 measures visibility in them.
 pub const METERS_PER_STATUTE_MILE: f64 = 1_609.344;
@@ -17,7 +23,7 @@ pub const CLOUD_LAYERS: usize = 3;
 /// Layers of wind that X-Plane 12 has.
 pub const WIND_LAYERS: usize = 13;
 
-/// Version of the simulator as one number, 120400 for 12.4.0.
+/// Version of the simulator as one number, 124009 for 12.4.0-r2: see [`Version::of_number`].
 pub const VERSION: &str = "sim/version/xplane_internal_version";
 /// Ours: TCP port of the capture link, 0 while it does not listen. Published by the plugin and by the stand-in.
 pub const CAPTURE_PORT: &str = "dtd/bridge/capture_port";
@@ -61,7 +67,8 @@ pub const WIND_ALTITUDE: &str = "sim/weather/region/wind_altitude_msl_m";
 pub const WIND_SPEED: &str = "sim/weather/region/wind_speed_msc";
 /// X-Plane 12, per wind layer: where it comes from, degrees true.
 pub const WIND_DIRECTION: &str = "sim/weather/region/wind_direction_degt";
-/// X-Plane 12, per wind layer: turbulence, 0 to 10.
+/// X-Plane 12, per wind layer: turbulence, 0 to 1. Its field holds up to 10, but above 1 it saturates, and at 0.2 aircraft are thrown off
+/// their altitude.
 pub const TURBULENCE: &str = "sim/weather/region/turbulence";
 /// X-Plane 12, per wind layer: gust above the wind, metres per second.
 pub const SHEAR_SPEED: &str = "sim/weather/region/shear_speed_msc";
@@ -79,6 +86,56 @@ pub const TEMPERATURE_C: &str = "sim/weather/region/sealevel_temperature_c";
 pub const PRESSURE_PA: &str = "sim/weather/region/sealevel_pressure_pas";
 /// X-Plane 12: climb rate of thermals, metres per second.
 pub const THERMALS: &str = "sim/weather/region/thermal_rate_ms";
+/// X-Plane 12, per level: its height above mean sea level, metres.
+pub const TEMPERATURE_ALTITUDE: &str = "sim/weather/region/temperature_altitude_msl_m";
+/// X-Plane 12, per level: temperature, degrees Celsius. Below freezing, rain is snow.
+pub const TEMPERATURE_ALOFT_C: &str = "sim/weather/region/temperatures_aloft_deg_c";
+/// X-Plane 12, per level: dew point, degrees Celsius.
+pub const DEW_POINT_C: &str = "sim/weather/region/dewpoint_deg_c";
+/// X-Plane 12: 0 dry, 1 to 3 wet, 4 to 6 puddles, 7 to 9 snow, 10 to 12 ice. Stays until it is written.
+pub const RUNWAY_FRICTION: &str = "sim/weather/region/runway_friction";
+/// X-Plane 12: writing 0 sets the preset "clear", which takes clouds away that zeros may leave.
+pub const WEATHER_PRESET: &str = "sim/weather/region/weather_preset";
+/// X-Plane 12, read-only: who makes the weather, see [`WeatherSource`].
+pub const WEATHER_SOURCE: &str = "sim/weather/region/weather_source";
+/// How far one sees, metres: what is drawn, which follows what was set.
+pub const VISIBILITY_EFFECTIVE_M: &str = "sim/graphics/view/visibility_effective_m";
+
+/// X-Plane 11: 1 while real weather overwrites whatever is set.
+pub const USE_REAL_WEATHER_11: &str = "sim/weather/use_real_weather_bool";
+/// X-Plane 11: visibility, metres.
+pub const VISIBILITY_M_11: &str = "sim/weather/visibility_reported_m";
+/// X-Plane 11: rain, 0 to 1.
+pub const RAIN_11: &str = "sim/weather/rain_percent";
+/// X-Plane 11: thunderstorms, 0 to 1.
+pub const THUNDERSTORM_11: &str = "sim/weather/thunderstorm_percent";
+/// X-Plane 11: thermals, part of the area.
+pub const THERMAL_PERCENT_11: &str = "sim/weather/thermal_percent";
+/// X-Plane 11: climb rate of thermals.
+pub const THERMAL_RATE_11: &str = "sim/weather/thermal_rate_ms";
+/// X-Plane 11: temperature at sea level, degrees Celsius.
+pub const TEMPERATURE_C_11: &str = "sim/weather/temperature_sealevel_c";
+/// X-Plane 11: pressure at sea level, inches of mercury.
+pub const PRESSURE_INHG_11: &str = "sim/weather/barometer_sealevel_inhg";
+/// X-Plane 11, per cloud layer: 0 clear, 1 cirrus, 2 scattered, 3 broken, 4 overcast, 5 stratus. Layers are scalars whose names end in
+/// `[0]` to `[2]`. It chooses the sky; `cloud_coverage`, X-Plane 10's, is left alone.
+pub const CLOUD_TYPE_11: &str = "sim/weather/cloud_type";
+/// X-Plane 11, per cloud layer: base above mean sea level, metres.
+pub const CLOUD_BASE_11: &str = "sim/weather/cloud_base_msl_m";
+/// X-Plane 11, per cloud layer: top above mean sea level, metres.
+pub const CLOUD_TOP_11: &str = "sim/weather/cloud_tops_msl_m";
+/// X-Plane 11, per wind layer: its height above mean sea level, metres.
+pub const WIND_ALTITUDE_11: &str = "sim/weather/wind_altitude_msl_m";
+/// X-Plane 11, per wind layer: speed, knots.
+pub const WIND_SPEED_KT_11: &str = "sim/weather/wind_speed_kt";
+/// X-Plane 11, per wind layer: where it comes from, degrees true.
+pub const WIND_DIRECTION_11: &str = "sim/weather/wind_direction_degt";
+/// X-Plane 11, per wind layer: turbulence. Its scale is documented nowhere; 0 to 1 is the cautious reading.
+pub const TURBULENCE_11: &str = "sim/weather/turbulence";
+/// X-Plane 11, per wind layer: gust above the wind, knots.
+pub const SHEAR_SPEED_KT_11: &str = "sim/weather/shear_speed_kt";
+/// X-Plane 11, per wind layer: change of direction in a gust, degrees.
+pub const SHEAR_DIRECTION_11: &str = "sim/weather/shear_direction_degt";
 
 /// Frequency of the first navigation receiver, units of 10 kHz: 11090 is 110.90 MHz.
 pub const NAV1_FREQUENCY: &str = "sim/cockpit/radios/nav1_freq_hz";
@@ -179,44 +236,25 @@ pub const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
     },
 ];
 
-/// What we write without a source that we could call certain: taken from X-Plane's own list of datarefs, seen nowhere else.
-/// All others are in Laminar's articles or in clients that work. Nothing here was tried on a running X-Plane.
-pub const UNCONFIRMED: [&str; 14] = [
-    TEMPERATURE_C,
-    PRESSURE_PA,
-    THERMALS,
-    TURBULENCE,
-    SHEAR_SPEED,
-    SHEAR_DIRECTION,
-    "sim/weather/thermal_percent",
-    "sim/weather/thermal_rate_ms",
-    "sim/weather/cloud_coverage",
-    "sim/weather/temperature_sealevel_c",
-    "sim/weather/barometer_sealevel_inhg",
-    "sim/weather/turbulence",
-    "sim/weather/shear_speed_kt",
-    "sim/weather/shear_direction_degt",
-];
-
-/// Heights of the wind layers that we write, metres above mean sea level: dense where approaches are flown.
+/// Heights of X-Plane 12's own 13 levels, metres above mean sea level, as a live client read them.
 pub(crate) const WIND_ALTITUDES_MSL_M: [f64; WIND_LAYERS] = [
-    0.0, 300.0, 600.0, 1_000.0, 1_500.0, 2_000.0, 3_000.0, 4_200.0, 5_600.0, 7_200.0, 9_200.0,
-    10_400.0, 11_800.0,
+    0.0, 540.0, 988.0, 1_948.0, 3_011.0, 4_207.0, 5_572.0, 7_182.0, 9_160.0, 10_363.0, 11_887.0,
+    13_594.0, 16_179.0,
 ];
+/// Heights that we give X-Plane 11's three layers of wind: each acts near its own only, and approaches are flown below a kilometre.
+const WIND_ALTITUDES_11_MSL_M: [f64; 3] = [300.0, 3_000.0, 9_000.0];
 /// International standard atmosphere at sea level. No figure of a scenario depends on it.
 pub(crate) const STANDARD_TEMPERATURE_C: f64 = 15.0;
 /// International standard atmosphere at sea level.
 pub(crate) const STANDARD_PRESSURE_PA: f64 = 101_325.0;
 /// X-Plane 11 measures pressure in inches of mercury.
 const PASCAL_PER_INCH_OF_MERCURY: f64 = 3_386.389;
-/// X-Plane 11's scale of cloud cover ends at 4.
-const CLOUD_COVER_SCALE_11: f64 = 4.0;
-/// X-Plane's scale of turbulence ends at 10, ours at 1.
-const TURBULENCE_SCALE: f64 = 10.0;
-/// A value that went through X-Plane's 32-bit floats, and for some datarefs through its own units, comes back within this.
-const RELATIVE_TOLERANCE: f64 = 1e-4;
+/// Dew point below temperature: dry air. Fog is the visibility's, whatever the dew point.
+const DEW_POINT_BELOW_C: f64 = 5.0;
+/// [`RUNWAY_FRICTION`] of a dry runway.
+const DRY: f64 = 0.0;
 /// The clock runs on between writing and reading it back. Freezing stops it and writes it again, exactly.
-const RUNNING_CLOCK_TOLERANCE_S: f64 = 20.0;
+const RUNNING_CLOCK_TOLERANCE_S: f32 = 20.0;
 /// A clock that stands still has the time that was set: seconds of a day in 32 bits are rounded by 4 ms at most. More would let a write
 /// that was lost pass for one that was late.
 const STANDING_CLOCK_TOLERANCE_S: f32 = 0.02;
@@ -228,8 +266,8 @@ pub struct DatarefWrite {
     pub name: String,
     /// In X-Plane's unit, rounded to X-Plane's 32 bits.
     pub value: f32,
-    /// Largest difference that is still the same value, in the same unit.
-    pub tolerance: f32,
+    /// What is still the same value.
+    pub tolerance: Tolerance,
 }
 
 impl DatarefWrite {
@@ -238,33 +276,26 @@ impl DatarefWrite {
         Self {
             name: name.into(),
             value: value as f32,
-            tolerance: (value.abs().max(1.0) * RELATIVE_TOLERANCE) as f32,
+            tolerance: Tolerance::rounding(value),
         }
+    }
+
+    /// The same, but whatever comes back will do.
+    fn unread(self) -> Self {
+        Self {
+            tolerance: Tolerance::Unread,
+            ..self
+        }
+    }
+
+    /// Whether it is to be read back.
+    pub fn is_read_back(&self) -> bool {
+        self.tolerance != Tolerance::Unread
     }
 
     /// Whether a value read back is the one that was written.
     pub fn is_met_by(&self, value: f32) -> bool {
-        (value - self.value).abs() <= self.tolerance
-    }
-}
-
-/// Which weather datarefs a simulator has.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Generation {
-    /// `sim/weather/`, up to 11.55.
-    XPlane11,
-    /// `sim/weather/region/`, since 12.0.
-    XPlane12,
-}
-
-impl Generation {
-    /// Of the value of [`VERSION`], e.g. 120400 for 12.4.0 and 115501 for 11.55.
-    pub fn of_version(internal_version: f32) -> Self {
-        if internal_version >= 120_000.0 {
-            Self::XPlane12
-        } else {
-            Self::XPlane11
-        }
+        self.tolerance.allows(self.value, value)
     }
 }
 
@@ -276,12 +307,7 @@ pub fn condition_writes(
     conditions: &Conditions,
     generation: Generation,
 ) -> Result<Vec<DatarefWrite>, BridgeError> {
-    let mut writes = clock_writes(&conditions.clock);
-    for write in &mut writes {
-        if write.name == ZULU_TIME_S {
-            write.tolerance = RUNNING_CLOCK_TOLERANCE_S as f32;
-        }
-    }
+    let mut writes = running_clock_writes(&conditions.clock);
     writes.extend(weather_writes(&conditions.weather, generation)?);
     if let Some(bad) = writes.iter().find(|write| !write.value.is_finite()) {
         return Err(BridgeError::BadConditions {
@@ -291,13 +317,24 @@ pub fn condition_writes(
     Ok(writes)
 }
 
+/// The clock while it runs.
+pub fn running_clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
+    let mut writes = clock_writes(clock);
+    for write in &mut writes {
+        if write.name == ZULU_TIME_S {
+            write.tolerance = Tolerance::Absolute(RUNNING_CLOCK_TOLERANCE_S);
+        }
+    }
+    writes
+}
+
 /// The clock, to be exact once it stands still. The order matters: the simulator's own time must be off first.
 pub fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     vec![
         DatarefWrite::new(USE_SYSTEM_TIME, 0.0),
         DatarefWrite::new(DATE_DAYS, f64::from(clock.day_of_year) - 1.0),
         DatarefWrite {
-            tolerance: STANDING_CLOCK_TOLERANCE_S,
+            tolerance: Tolerance::Absolute(STANDING_CLOCK_TOLERANCE_S),
             ..DatarefWrite::new(ZULU_TIME_S, clock.zulu_time_s)
         },
     ]
@@ -305,218 +342,36 @@ pub fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
 
 /// What [`COMMAND_REGENERATE_WEATHER`] does not take over and wants to be told again: clouds and temperature.
 pub fn needs_repeating_after_regeneration(name: &str) -> bool {
-    name.contains("/cloud_") || name == TEMPERATURE_C
+    name.contains("/cloud_")
+        || name == TEMPERATURE_C
+        || [TEMPERATURE_ALTITUDE, TEMPERATURE_ALOFT_C, DEW_POINT_C]
+            .iter()
+            .any(|array| name.starts_with(array))
 }
 
-fn weather_writes(
-    weather: &Weather,
-    generation: Generation,
-) -> Result<Vec<DatarefWrite>, BridgeError> {
-    if weather.clouds.len() > CLOUD_LAYERS {
-        return Err(BridgeError::BadConditions {
-            what: format!(
-                "{} cloud layers, X-Plane has {CLOUD_LAYERS}",
-                weather.clouds.len()
-            ),
-        });
-    }
-    Ok(match generation {
-        Generation::XPlane11 => weather_writes_11(weather),
-        Generation::XPlane12 => weather_writes_12(weather),
-    })
+/// Who makes the weather of X-Plane 12, by [`WEATHER_SOURCE`]. A verdict, not a switch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WeatherSource {
+    /// A preset, or what was written: ours.
+    Preset,
+    /// Real weather.
+    Real,
+    /// The pad of an instructor's station.
+    ControlPad,
+    /// Another plugin.
+    Plugin,
 }
 
-fn weather_writes_12(weather: &Weather) -> Vec<DatarefWrite> {
-    let mut writes = vec![
-        DatarefWrite::new(CHANGE_MODE, 3.0),
-        DatarefWrite::new(VARIABILITY, 0.0),
-        DatarefWrite::new(
-            VISIBILITY_SM,
-            weather.visibility_m / METERS_PER_STATUTE_MILE,
-        ),
-        DatarefWrite::new(RAIN, weather.rain_ratio),
-        DatarefWrite::new(TEMPERATURE_C, STANDARD_TEMPERATURE_C),
-        DatarefWrite::new(PRESSURE_PA, STANDARD_PRESSURE_PA),
-        DatarefWrite::new(THERMALS, 0.0),
-    ];
-    for layer in 0..CLOUD_LAYERS {
-        let cloud = weather.clouds.get(layer).copied().unwrap_or(NO_CLOUD);
-        writes.extend([
-            element(CLOUD_TYPE, layer, cloud_type_12(cloud.kind)),
-            element(CLOUD_COVER, layer, cloud.cover_ratio),
-            element(CLOUD_BASE, layer, cloud.base_msl_m),
-            element(CLOUD_TOP, layer, cloud.top_msl_m),
-        ]);
-    }
-    for (layer, altitude_msl_m) in WIND_ALTITUDES_MSL_M.into_iter().enumerate() {
-        writes.extend([
-            element(WIND_ALTITUDE, layer, altitude_msl_m),
-            element(WIND_SPEED, layer, weather.wind_speed_mps),
-            element(WIND_DIRECTION, layer, weather.wind_from_true_deg),
-            element(
-                TURBULENCE,
-                layer,
-                weather.turbulence_ratio * TURBULENCE_SCALE,
-            ),
-            element(SHEAR_SPEED, layer, 0.0),
-            element(SHEAR_DIRECTION, layer, 0.0),
-        ]);
-    }
-    writes
-}
-
-fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
-    let has_storm = weather
-        .clouds
-        .iter()
-        .any(|cloud| cloud.kind == CloudKind::Cumulonimbus);
-    let thunderstorm = if has_storm { weather.rain_ratio } else { 0.0 };
-    let mut writes = vec![
-        DatarefWrite::new("sim/weather/use_real_weather_bool", 0.0),
-        DatarefWrite::new("sim/weather/visibility_reported_m", weather.visibility_m),
-        DatarefWrite::new("sim/weather/rain_percent", weather.rain_ratio),
-        DatarefWrite::new("sim/weather/thunderstorm_percent", thunderstorm),
-        DatarefWrite::new("sim/weather/thermal_percent", 0.0),
-        DatarefWrite::new("sim/weather/thermal_rate_ms", 0.0),
-        DatarefWrite::new("sim/weather/temperature_sealevel_c", STANDARD_TEMPERATURE_C),
-        DatarefWrite::new(
-            "sim/weather/barometer_sealevel_inhg",
-            STANDARD_PRESSURE_PA / PASCAL_PER_INCH_OF_MERCURY,
-        ),
-    ];
-    for layer in 0..CLOUD_LAYERS {
-        let cloud = weather.clouds.get(layer).copied().unwrap_or(NO_CLOUD);
-        writes.extend([
-            element("sim/weather/cloud_type", layer, cloud_type_11(&cloud)),
-            element(
-                "sim/weather/cloud_coverage",
-                layer,
-                cloud.cover_ratio * CLOUD_COVER_SCALE_11,
-            ),
-            element("sim/weather/cloud_base_msl_m", layer, cloud.base_msl_m),
-            element("sim/weather/cloud_tops_msl_m", layer, cloud.top_msl_m),
-        ]);
-    }
-    for (layer, altitude_msl_m) in [300.0, 3_000.0, 9_000.0].into_iter().enumerate() {
-        let (speed_kt, from) = (
-            weather.wind_speed_mps / MPS_PER_KNOT,
-            weather.wind_from_true_deg,
-        );
-        writes.extend([
-            element("sim/weather/wind_altitude_msl_m", layer, altitude_msl_m),
-            element("sim/weather/wind_speed_kt", layer, speed_kt),
-            element("sim/weather/wind_direction_degt", layer, from),
-            element(
-                "sim/weather/turbulence",
-                layer,
-                weather.turbulence_ratio * TURBULENCE_SCALE,
-            ),
-            element("sim/weather/shear_speed_kt", layer, 0.0),
-            element("sim/weather/shear_direction_degt", layer, 0.0),
-        ]);
-    }
-    writes
-}
-
-const NO_CLOUD: CloudLayer = CloudLayer {
-    kind: CloudKind::Cirrus,
-    cover_ratio: 0.0,
-    base_msl_m: 0.0,
-    top_msl_m: 0.0,
-};
-
-fn element(name: &str, index: usize, value: f64) -> DatarefWrite {
-    DatarefWrite::new(format!("{name}[{index}]"), value)
-}
-
-fn cloud_type_12(kind: CloudKind) -> f64 {
-    match kind {
-        CloudKind::Cirrus => 0.0,
-        CloudKind::Stratus => 1.0,
-        CloudKind::Cumulus => 2.0,
-        CloudKind::Cumulonimbus => 3.0,
-    }
-}
-
-/// X-Plane 11 has kind and cover in one number: 0 clear, 1 cirrus, 2 scattered, 3 broken, 4 overcast, 5 stratus.
-fn cloud_type_11(cloud: &CloudLayer) -> f64 {
-    match cloud.kind {
-        _ if cloud.cover_ratio <= 0.0 => 0.0,
-        CloudKind::Cirrus => 1.0,
-        CloudKind::Stratus => 5.0,
-        // Oktas of a weather report: scattered up to 4/8, broken up to 7/8, overcast above.
-        CloudKind::Cumulus | CloudKind::Cumulonimbus => match cloud.cover_ratio {
-            cover if cover <= 0.5 => 2.0,
-            cover if cover <= 0.875 => 3.0,
-            _ => 4.0,
-        },
-    }
-}
-
-/// The weather that a simulator with these datarefs has: the inverse of [`condition_writes`], for the stand-in. The wind is
-/// that of the lowest layer. X-Plane 11 has no number for the cover of a cloud, and gives the middle of its kind's range.
-pub fn weather_from_datarefs(generation: Generation, read: impl Fn(&str) -> f32) -> Weather {
-    match generation {
-        Generation::XPlane11 => weather_11(read),
-        Generation::XPlane12 => weather_12(read),
-    }
-}
-
-fn weather_11(read: impl Fn(&str) -> f32) -> Weather {
-    let layer = |name: &str, layer: usize| f64::from(read(&format!("sim/weather/{name}[{layer}]")));
-    let stormy = read("sim/weather/thunderstorm_percent") > 0.0;
-    let heaps = if stormy {
-        CloudKind::Cumulonimbus
-    } else {
-        CloudKind::Cumulus
-    };
-    let clouds = (0..CLOUD_LAYERS).filter_map(|i| {
-        let (kind, cover_ratio) = match layer("cloud_type", i).round() as i64 {
-            i64::MIN..=0 => return None,
-            1 => (CloudKind::Cirrus, 0.25),
-            2 => (heaps, 0.375),
-            3 => (heaps, 0.75),
-            4 => (heaps, 1.0),
-            _ => (CloudKind::Stratus, 1.0),
-        };
-        Some(CloudLayer {
-            kind,
-            cover_ratio,
-            base_msl_m: layer("cloud_base_msl_m", i),
-            top_msl_m: layer("cloud_tops_msl_m", i),
-        })
-    });
-    Weather {
-        visibility_m: f64::from(read("sim/weather/visibility_reported_m")),
-        clouds: clouds.collect(),
-        rain_ratio: f64::from(read("sim/weather/rain_percent")),
-        wind_speed_mps: layer("wind_speed_kt", 0) * MPS_PER_KNOT,
-        wind_from_true_deg: layer("wind_direction_degt", 0),
-        turbulence_ratio: layer("turbulence", 0) / TURBULENCE_SCALE,
-    }
-}
-
-fn weather_12(read: impl Fn(&str) -> f32) -> Weather {
-    let number = |name: &str| f64::from(read(name));
-    let layer = |name: &str, layer: usize| f64::from(read(&format!("{name}[{layer}]")));
-    let clouds = (0..CLOUD_LAYERS).map(|i| CloudLayer {
-        kind: match layer(CLOUD_TYPE, i).round() as i64 {
-            i64::MIN..=0 => CloudKind::Cirrus,
-            1 => CloudKind::Stratus,
-            2 => CloudKind::Cumulus,
-            _ => CloudKind::Cumulonimbus,
-        },
-        cover_ratio: layer(CLOUD_COVER, i),
-        base_msl_m: layer(CLOUD_BASE, i),
-        top_msl_m: layer(CLOUD_TOP, i),
-    });
-    Weather {
-        visibility_m: number(VISIBILITY_SM) * METERS_PER_STATUTE_MILE,
-        clouds: clouds.filter(|cloud| cloud.cover_ratio > 0.0).collect(),
-        rain_ratio: number(RAIN),
-        wind_speed_mps: layer(WIND_SPEED, 0),
-        wind_from_true_deg: layer(WIND_DIRECTION, 0),
-        turbulence_ratio: layer(TURBULENCE, 0) / TURBULENCE_SCALE,
+impl WeatherSource {
+    /// Of the dataref's value; `None` for one that X-Plane does not have.
+    pub fn of_value(value: f32) -> Option<Self> {
+        match value {
+            0.0 => Some(Self::Preset),
+            1.0 => Some(Self::Real),
+            2.0 => Some(Self::ControlPad),
+            3.0 => Some(Self::Plugin),
+            _ => None,
+        }
     }
 }
 
@@ -570,6 +425,8 @@ pub fn nav_frequency_10khz(frequency_mhz: f64) -> f64 {
 mod tests {
     use std::collections::{HashMap, HashSet};
 
+    use dataset::conditions::{CloudKind, CloudLayer, Weather};
+
     use super::*;
 
     fn stormy() -> Conditions {
@@ -611,6 +468,36 @@ mod tests {
         assert_eq!(eleven["sim/weather/visibility_reported_m"], 8_046.72);
         assert!((eleven["sim/weather/wind_speed_kt[2]"] - 19.438).abs() < 1e-3);
         assert_eq!(eleven["sim/weather/cloud_type[0]"], 3.0);
+        assert_eq!(eleven["sim/weather/cloud_type[1]"], 0.0);
+        let coverage = eleven.keys().find(|name| name.contains("cloud_coverage"));
+        assert_eq!(coverage, None, "the sky of 11 is chosen by its types");
+    }
+
+    #[test]
+    fn turbulence_is_a_ratio() {
+        let turbulence = |generation| {
+            let values = table(generation);
+            let of = |(name, value): (&String, &f32)| name.contains("turbulence").then_some(*value);
+            values.iter().filter_map(of).collect::<Vec<f32>>()
+        };
+        assert_eq!(turbulence(Generation::XPlane11), [0.5; 3]);
+        assert_eq!(turbulence(Generation::XPlane12), [0.5; WIND_LAYERS]);
+    }
+
+    #[test]
+    fn of_an_empty_layer_only_its_cover_must_read_back() {
+        let writes = condition_writes(&stormy(), Generation::XPlane12).unwrap();
+        let of_slot = |slot: usize| {
+            let clouds = writes.iter().filter(move |write| {
+                write.name.contains("/cloud_") && write.name.ends_with(&format!("[{slot}]"))
+            });
+            let (all, read) = (
+                clouds.clone().count(),
+                clouds.filter(|w| w.is_read_back()).count(),
+            );
+            (all, read)
+        };
+        assert_eq!([0, 1, 2].map(of_slot), [(4, 4), (4, 1), (4, 1)]);
     }
 
     #[test]
@@ -680,18 +567,6 @@ mod tests {
         conditions.weather.visibility_m = f64::NAN;
         let error = condition_writes(&conditions, Generation::XPlane12).unwrap_err();
         assert!(error.to_string().contains(VISIBILITY_SM), "{error}");
-    }
-
-    #[test]
-    fn everything_that_is_called_unconfirmed_is_written() {
-        let written: HashSet<String> = [Generation::XPlane11, Generation::XPlane12]
-            .into_iter()
-            .flat_map(|generation| condition_writes(&stormy(), generation).unwrap())
-            .map(|write| write.name.split('[').next().unwrap_or_default().to_owned())
-            .collect();
-        for name in UNCONFIRMED {
-            assert!(written.contains(name), "{name}");
-        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use crate::datarefs::WeatherSource;
 use crate::link::LinkError;
 use crate::packet::PacketError;
 use crate::pixels::PixelError;
@@ -222,4 +223,34 @@ pub enum BridgeError {
         /// What came back, if anything did.
         found: Option<f32>,
     },
+    /// The weather that was set does not come.
+    #[error(
+        "the weather does not become what was set: {name} was set to {wanted}, but {} {patience:?} later, although it was written once more \
+         and given as long again. X-Plane 12 keeps old clouds for up to a minute and lets temperatures slide for some; longer means that {}. \
+         Set the weather to manual and static in X-Plane, switch off other weather plugins, and run the same command again",
+        .found.map_or("does not answer".to_owned(), |value| format!("reads {value}")),
+        maker(*.made_by)
+    )]
+    WeatherNotTaken {
+        /// Which dataref.
+        name: String,
+        /// What was written.
+        wanted: f32,
+        /// What it reads, if it answers.
+        found: Option<f32>,
+        /// How long was waited after each writing.
+        patience: Duration,
+        /// Who makes the weather, as X-Plane says.
+        made_by: Option<WeatherSource>,
+    },
+}
+
+/// Who keeps the weather from changing.
+fn maker(source: Option<WeatherSource>) -> &'static str {
+    match source {
+        Some(WeatherSource::Real) => "real weather is on (weather_source reads 1)",
+        Some(WeatherSource::ControlPad) => "an instructor's pad sets it (weather_source reads 2)",
+        Some(WeatherSource::Plugin) => "another plugin sets it (weather_source reads 3)",
+        Some(WeatherSource::Preset) | None => "something holds it",
+    }
 }

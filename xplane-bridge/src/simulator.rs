@@ -15,6 +15,7 @@ mod setup;
 mod sharing;
 mod udp;
 mod vigil;
+mod weather;
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -238,6 +239,7 @@ impl Simulator {
     /// If the aircraft, the radios or the autopilot do not take their settings, the simulator gives up, or it does not have
     /// the conditions any more that were set.
     pub async fn fly(&mut self, request: &FlyRequest) -> Result<Vec<FlightState>, BridgeError> {
+        self.let_aircraft_go().await?;
         self.resume().await?;
         let request = FlyRequest {
             already_started: self.start_flight(&request.start).await?,

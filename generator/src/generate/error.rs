@@ -213,6 +213,7 @@ impl ScenarioError {
                 BridgeError::Refused { .. }
                 | BridgeError::BadConditions { .. }
                 | BridgeError::NotTaken { .. }
+                | BridgeError::WeatherNotTaken { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,
                 _ => Blame::Simulator,
             },

@@ -274,6 +274,10 @@ impl Studio {
                 ready(Answer::Terrain { elevation_msl_m })
             }
             Request::CheckPattern { code } => self.check_pattern(code).await,
+            Request::Command { path } => match self.world.lock().command(&path) {
+                true => ready(Answer::Commanded),
+                false => refusal(format!("the stand-in has no command {path}")),
+            },
             Request::Release => {
                 self.world.lock().release();
                 ready(Answer::Released)

@@ -147,6 +147,8 @@ class Bridge:
             return flight.fly(messages.fly(header), self._stage, self._datarefs, self._frame, self._xp)
         if message == "freeze":
             return self._freeze(header)
+        if message == "command":
+            return self._command(header)
         if message == "release":
             self._leave_stage()
             return _at_once({"message": "released"})
@@ -173,10 +175,13 @@ class Bridge:
         )
 
     def _version(self) -> str:
-        """X-Plane's version as people write it: 11.55, 12.4.0."""
+        """X-Plane's version as people write it: 11.55, 12.4.0. Its number is the build of Log.txt: 124009 is 12.4.0, and before X-Plane 12 the
+        minor version has two digits: 115501 is 11.55."""
         version = int(self._datarefs.get_or(names.VERSION, 0.0))
-        major, minor, patch = version // 10_000, version // 100 % 100, version % 100
-        return f"{major}.{minor}" if major < 12 else f"{major}.{minor}.{patch}"
+        major = version // 10_000
+        if major < 12:
+            return f"{major}.{version // 100 % 100:02}"
+        return f"{major}.{version // 1_000 % 10}.{version // 100 % 10}"
 
     def _window(self) -> dict[str, Any] | None:
         """Where on the desktop X-Plane draws. A plugin learns that only for a full screen; a window must be found from outside."""
@@ -224,6 +229,13 @@ class Bridge:
         return (yield from capture.take(
             request, self._stage, self._pixels, self._datarefs, self._settle_frames, self._xp
         ))
+
+    def _command(self, header: Header) -> Task:
+        path = header.get("path")
+        if not isinstance(path, str) or not self._xp.findCommand(path):
+            raise Refusal(f"this X-Plane has no command {path!r}")
+        self._stage.command(path)
+        return _at_once({"message": "commanded"})
 
     def _check_pattern(self, header: Header) -> Task:
         code = header.get("code")

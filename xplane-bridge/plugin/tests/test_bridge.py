@@ -130,6 +130,20 @@ class Greeting(WithBridge):
         self.assertEqual((answer["name"], answer["version"], payload), ("X-Plane", "11.55", b""))
         self.assertEqual((answer["pixels"], answer["window"]), (["gl", "screen"], None))
 
+    def test_versions_are_those_of_x_planes_own_log(self):
+        for number, text in [(115_202, "11.52"), (120_403, "12.0.4"), (121_407, "12.1.4"), (124_311, "12.4.3")]:
+            self.setUp()
+            self.world.set("sim/version/xplane_internal_version", 0, number)
+            answer, _ = self.start().ask({"message": "hello", "client": "test"})
+            self.assertEqual(answer["version"], text)
+
+    def test_a_command_is_done_once_and_an_unknown_one_is_refused(self):
+        client = self.start()
+        client.ask({"message": "hello", "client": "test"})
+        answer, _ = client.ask({"message": "command", "path": "sim/operation/regen_weather"})
+        self.assertEqual((answer, self.world.commands), ({"message": "commanded"}, ["sim/operation/regen_weather"]))
+        self.assertRegex(client.refused({"message": "command", "path": "sim/no/such"}), "sim/no/such")
+
     def test_the_size_of_the_window_is_told_although_its_place_is_not_known(self):
         self.world.values["sim/graphics/view/window_width"] = [96.0]
         client = self.start()

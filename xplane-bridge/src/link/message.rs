@@ -47,6 +47,11 @@ pub enum Request {
         /// The number that the pattern carries; `None` takes the pattern away.
         code: Option<u32>,
     },
+    /// Do one of the simulator's commands, exactly once: over UDP it could be lost, and nothing would tell.
+    Command {
+        /// Its name, e.g. `sim/operation/regen_weather`.
+        path: String,
+    },
     /// Let everything run again.
     Release,
     /// Fly an approach, as fast as the simulator can.
@@ -97,6 +102,8 @@ pub enum Answer {
         /// The first frame that is drawn with it, or without it.
         sim_frame: u64,
     },
+    /// To [`Request::Command`].
+    Commanded,
     /// To [`Request::Release`].
     Released,
     /// To [`Request::Fly`]; the payload is `rows` x `columns` 64-bit floats.
@@ -124,6 +131,7 @@ impl Answer {
             Self::Frozen => "frozen",
             Self::Terrain { .. } => "terrain",
             Self::CheckPatternShown { .. } => "check_pattern_shown",
+            Self::Commanded => "commanded",
             Self::Released => "released",
             Self::Flown { .. } => "flown",
             Self::Frame(_) => "frame",

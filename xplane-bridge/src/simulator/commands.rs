@@ -1,22 +1,21 @@
-//! Commands, which have no answer over UDP: by the Web API where there is one, and else repeated until their effect shows.
+//! Commands, which have no answer over UDP: by the Web API or the capture link, which answer, or repeated until their effect shows.
 
 use std::time::Duration;
 
-use tokio::time::{Instant, sleep};
+use tokio::time::Instant;
 
-use super::Simulator;
+use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::datarefs::{
     APPROACH_SWITCHES, AUTOPILOT_MODE, AutopilotSwitch, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON,
     COMMAND_SERVOS_ON, DatarefWrite, PAUSED,
 };
 use crate::error::BridgeError;
+use crate::link::{Answer, Request};
 
 /// Commands sent before we believe that they have no effect. One of five is lost in the worst network that we test with.
 const ATTEMPTS: u32 = 8;
 /// How long an effect may take to show.
 const EFFECT_TIMEOUT: Duration = Duration::from_millis(500);
-/// Time between commands that are sent several times because no dataref shows their effect.
-const REPEAT_PAUSE: Duration = Duration::from_millis(20);
 
 impl Simulator {
     /// Stops the simulator's time.
@@ -98,24 +97,29 @@ impl Simulator {
         Ok((is_on(&values), values))
     }
 
-    /// Does a command until a dataref shows its effect.
+    /// Does a command until a dataref shows its effect; not at all if it does already.
     async fn command_until(
         &mut self,
         command: &str,
         effect: &DatarefWrite,
     ) -> Result<(), BridgeError> {
-        let mut found = None;
+        let shows = |value: Option<f32>| value.is_some_and(|value| effect.is_met_by(value));
+        let deadline = Instant::now() + EFFECT_TIMEOUT;
+        let came = |values: &[Option<f32>]| values[0].is_some();
+        let mut found = self.udp.read_until(&[&effect.name], deadline, came).await?[0];
         for _ in 0..ATTEMPTS {
+            if shows(found) {
+                return Ok(());
+            }
             self.command(command).await?;
             let deadline = Instant::now() + EFFECT_TIMEOUT;
-            let shows = |value: Option<f32>| value.is_some_and(|value| effect.is_met_by(value));
             found = self
                 .udp
                 .read_until(&[&effect.name], deadline, |values| shows(values[0]))
                 .await?[0];
-            if shows(found) {
-                return Ok(());
-            }
+        }
+        if shows(found) {
+            return Ok(());
         }
         Err(BridgeError::NotTaken {
             name: effect.name.clone(),
@@ -125,18 +129,21 @@ impl Simulator {
         })
     }
 
-    /// Does a command whose effect no dataref shows and that may be done several times. Once by the Web API, which answers;
-    /// over UDP five times, since a lost one would go unnoticed.
-    pub(super) async fn command_surely(&mut self, command: &str) -> Result<(), BridgeError> {
-        const TIMES: u32 = 5;
-        if self.command_by_web_api(command).await {
-            return Ok(());
+    /// Does a command whose effect no dataref shows, exactly once: by the capture link, which answers.
+    pub(super) async fn command_once(&mut self, command: &str) -> Result<(), BridgeError> {
+        let request = Request::Command {
+            path: command.to_owned(),
+        };
+        match self.link.ask("a command", &request, SWITCH_TIMEOUT).await {
+            Ok(Answer::Commanded) => Ok(()),
+            Ok(other) => Err(wrong("commanded", &other)),
+            // A plugin that is older than this request.
+            Err(BridgeError::Refused { text, .. }) => {
+                tracing::warn!(command, text, "sent over UDP instead");
+                self.udp.command(command).await
+            }
+            Err(error) => Err(error),
         }
-        for _ in 0..TIMES {
-            self.udp.command(command).await?;
-            sleep(REPEAT_PAUSE).await;
-        }
-        Ok(())
     }
 
     async fn command(&mut self, command: &str) -> Result<(), BridgeError> {

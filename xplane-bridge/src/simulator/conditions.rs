@@ -7,9 +7,10 @@ use tokio::time::{Instant, sleep};
 
 use super::Simulator;
 use super::vigil::Vigil;
+use super::weather;
 use crate::datarefs::{
-    COMMAND_REGENERATE_WEATHER, DATE_DAYS, DatarefWrite, Generation, UPDATE_IMMEDIATELY,
-    ZULU_TIME_S, clock_writes, condition_writes, needs_repeating_after_regeneration,
+    DATE_DAYS, DatarefWrite, Generation, OVERRIDE_FLIGHT_MODEL, USE_SYSTEM_TIME, ZULU_TIME_S,
+    clock_writes, condition_writes,
 };
 use crate::error::BridgeError;
 
@@ -20,8 +21,6 @@ const ATTEMPTS: u32 = 12;
 const READ_TIMEOUT: Duration = Duration::from_secs(3);
 /// How long X-Plane has for a frame between writing and the next attempt.
 const RETRY_PAUSE: Duration = Duration::from_millis(100);
-/// How long X-Plane has to begin with the weather before it is told the clouds again.
-const REGENERATION_PAUSE: Duration = Duration::from_millis(200);
 
 impl Simulator {
     /// Sets every parameter of weather and time, reads all of them back and compares. From then on they are watched: if one
@@ -32,18 +31,54 @@ impl Simulator {
     /// wanted and the value found, after many attempts.
     pub async fn set_conditions(&mut self, conditions: &Conditions) -> Result<(), BridgeError> {
         let writes = condition_writes(conditions, self.generation)?;
+        let expected = self.expected_of(&writes);
         match &mut self.vigil {
             // Watched already; until they are set again they may be anything.
             Some(vigil) => vigil.expect([]),
-            None => self.vigil = Some(Vigil::begin(self.address, &writes).await?),
+            None => self.vigil = Some(Vigil::begin(self.address, &expected).await?),
         }
-        self.write_until_read_back(&writes).await?;
-        if self.generation == Generation::XPlane12 {
-            self.regenerate_weather(&writes).await?;
+        // Weather changes while time runs; an aircraft that may be in the air is held meanwhile.
+        self.hold_aircraft().await?;
+        self.resume().await?;
+        let (clock, weather): (Vec<_>, Vec<_>) =
+            writes.into_iter().partition(|write| is_time(&write.name));
+        self.write_until_read_back(&clock).await?;
+        match self.generation {
+            Generation::XPlane11 => {
+                self.write_until_read_back(&weather).await?;
+                sleep(self.weather_settle).await;
+            }
+            Generation::XPlane12 => {
+                let clear = conditions
+                    .weather
+                    .clouds
+                    .iter()
+                    .all(|cloud| cloud.cover_ratio <= 0.0);
+                self.set_weather_12(&weather, clear).await?;
+            }
         }
         self.conditions = Some(conditions.clone());
-        self.expect(writes.into_iter().filter(|write| !is_clock(&write.name)));
+        self.expect(expected.into_iter().filter(|write| !is_clock(&write.name)));
         Ok(())
+    }
+
+    /// What has to read back and stay, once conditions are set.
+    fn expected_of(&self, writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
+        let read_back = writes.iter().filter(|write| write.is_read_back()).cloned();
+        let ours = (self.generation == Generation::XPlane12).then(weather::ours);
+        read_back.chain(ours).collect()
+    }
+
+    /// Stops the flight model alone: time goes on, the aircraft does not.
+    async fn hold_aircraft(&mut self) -> Result<(), BridgeError> {
+        self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 1.0)])
+            .await
+    }
+
+    /// Lets the flight model go on.
+    pub(super) async fn let_aircraft_go(&mut self) -> Result<(), BridgeError> {
+        self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 0.0)])
+            .await
     }
 
     /// Asks once more for everything that was set, and compares: what was recorded since then was recorded under these
@@ -96,25 +131,8 @@ impl Simulator {
         }
     }
 
-    /// X-Plane 12 applies all but the clouds at once; those want the command, then to be told again, then time.
-    async fn regenerate_weather(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
-        // X-Plane may take it back once it has applied everything, so that it is not read back.
-        self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
-        self.command_surely(COMMAND_REGENERATE_WEATHER).await?;
-        sleep(REGENERATION_PAUSE).await;
-        let again: Vec<DatarefWrite> = writes
-            .iter()
-            .filter(|write| needs_repeating_after_regeneration(&write.name))
-            .cloned()
-            .collect();
-        self.write(&again).await?;
-        self.write_until_read_back(&again).await?;
-        sleep(self.weather_settle).await;
-        self.write_until_read_back(writes).await
-    }
-
     /// Writes a dataref that cannot be read back: often enough that one arrives.
-    async fn write_surely(&mut self, name: &str, value: f32) -> Result<(), BridgeError> {
+    pub(super) async fn write_surely(&mut self, name: &str, value: f32) -> Result<(), BridgeError> {
         const TIMES: usize = 5;
         self.udp
             .write(std::iter::repeat_n((name, value), TIMES))
@@ -126,25 +144,7 @@ impl Simulator {
         &mut self,
         writes: &[DatarefWrite],
     ) -> Result<(), BridgeError> {
-        let mut wrong: Vec<(DatarefWrite, Option<f32>)> =
-            writes.iter().map(|write| (write.clone(), None)).collect();
-        for attempt in 0..ATTEMPTS {
-            if attempt > 0 {
-                tracing::debug!(count = wrong.len(), attempt, "datarefs written again");
-                sleep(RETRY_PAUSE).await;
-            }
-            let due: Vec<DatarefWrite> = wrong.drain(..).map(|(write, _)| write).collect();
-            self.write(&due).await?;
-            let found = self.read(&due).await?;
-            let pairs = due.into_iter().zip(found);
-            wrong = pairs
-                .filter(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)))
-                .collect();
-            if wrong.is_empty() {
-                return Ok(());
-            }
-        }
-        match wrong.into_iter().next() {
+        match self.write_in_rounds(writes, ATTEMPTS).await? {
             None => Ok(()),
             Some((write, found)) => Err(BridgeError::NotTaken {
                 name: write.name,
@@ -153,6 +153,34 @@ impl Simulator {
                 found,
             }),
         }
+    }
+
+    /// The same, but so many times at most; the first that is still not as it should be.
+    pub(super) async fn write_in_rounds(
+        &mut self,
+        writes: &[DatarefWrite],
+        rounds: u32,
+    ) -> Result<Option<(DatarefWrite, Option<f32>)>, BridgeError> {
+        let mut wrong: Vec<(DatarefWrite, Option<f32>)> =
+            writes.iter().map(|write| (write.clone(), None)).collect();
+        for round in 0..rounds {
+            if round > 0 {
+                tracing::debug!(count = wrong.len(), round, "datarefs written again");
+                sleep(RETRY_PAUSE).await;
+            }
+            let mut due: Vec<DatarefWrite> = wrong.drain(..).map(|(write, _)| write).collect();
+            self.write(&due).await?;
+            due.retain(DatarefWrite::is_read_back);
+            let found = self.read(&due).await?;
+            let pairs = due.into_iter().zip(found);
+            wrong = pairs
+                .filter(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)))
+                .collect();
+            if wrong.is_empty() {
+                break;
+            }
+        }
+        Ok(wrong.into_iter().next())
     }
 
     async fn write(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
@@ -165,13 +193,21 @@ impl Simulator {
             .await
     }
 
-    async fn read(&mut self, writes: &[DatarefWrite]) -> Result<Vec<Option<f32>>, BridgeError> {
+    pub(super) async fn read(
+        &mut self,
+        writes: &[DatarefWrite],
+    ) -> Result<Vec<Option<f32>>, BridgeError> {
         let names: Vec<&str> = writes.iter().map(|write| write.name.as_str()).collect();
         let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
         self.udp
             .read_until(&names, Instant::now() + READ_TIMEOUT, all)
             .await
     }
+}
+
+/// Whether a dataref is one of time, not of weather.
+fn is_time(name: &str) -> bool {
+    is_clock(name) || name == USE_SYSTEM_TIME
 }
 
 /// Whether a dataref is one of the clock, which runs on until the simulator is frozen.

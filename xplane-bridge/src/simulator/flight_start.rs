@@ -102,9 +102,11 @@ impl Simulator {
                 found: found[0],
             });
         }
-        // The flight brought weather and time with it; whether they are the scenario's is seen as always.
-        let writes = datarefs::condition_writes(conditions, self.generation)?;
-        self.write_until_read_back(&writes).await
+        // The flight brought weather with it; whether it is the scenario's is seen as always.
+        let writes = datarefs::weather_writes(&conditions.weather, self.generation)?;
+        let clock = datarefs::running_clock_writes(&conditions.clock);
+        self.await_weather(&writes).await?;
+        self.write_until_read_back(&clock).await
     }
 
     /// Loads the scenario's aircraft if the simulator has another one. One that does not say which it has is left alone.

@@ -6,11 +6,11 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
 
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
-use tokio::time::interval;
+use tokio::time::{Instant, interval};
 use xplane_bridge::datarefs::{
     AIRCRAFT_ICAO, APPROACH_STATUS, AUTOPILOT_MODE, AUTOTHROTTLE, CAPTURE_PORT, COMMAND_APPROACH,
     COMMAND_AUTOTHROTTLE_ON, COMMAND_GLIDE_SLOPE, COMMAND_NAV, COMMAND_SERVOS_ON,
-    GLIDE_SLOPE_STATUS, NAV_STATUS, PAUSED, VERSION, WEATHER_SETTLE_S,
+    GLIDE_SLOPE_STATUS, NAV_STATUS, PAUSED, RUNNING_TIME_S, VERSION, WEATHER_SETTLE_S,
 };
 use xplane_bridge::link::{
     Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
@@ -29,6 +29,12 @@ pub(crate) struct Told {
     pub(crate) starts: Vec<PlaceAtStart>,
     pub(crate) loads: Vec<LoadAircraft>,
     pub(crate) requests: Vec<Request>,
+    /// X-Plane 12's habit: clouds keep their old values in all slots until so long after they were last written, by the simulator's clock.
+    pub(crate) clouds_take_s: f32,
+    pending_clouds: Vec<(String, f32)>,
+    clouds_from_s: f32,
+    /// When its clock began, and how many seconds it counts in one of ours; its running time stands still without.
+    clock: Option<(Instant, f32)>,
     subscribed: BTreeMap<(SocketAddr, i32), String>,
 }
 
@@ -44,6 +50,38 @@ impl Told {
 
     pub(crate) fn set(&mut self, name: &str, value: f32) {
         self.datarefs.insert(name.to_owned(), value);
+    }
+
+    /// Lets its clock run, so many times as fast as ours.
+    pub(crate) fn run_clock(&mut self, rate: f32) {
+        self.clock = Some((Instant::now(), rate));
+    }
+
+    fn now_s(&self) -> f32 {
+        self.clock
+            .map_or(0.0, |(began, rate)| began.elapsed().as_secs_f32() * rate)
+    }
+
+    fn write(&mut self, path: String, value: f32) {
+        if self.clouds_take_s > 0.0 && path.contains("/region/cloud_") {
+            self.pending_clouds.push((path.clone(), value));
+            self.clouds_from_s = self.now_s() + self.clouds_take_s;
+        } else {
+            self.set(&path, value);
+        }
+        self.writes.push((path, value));
+    }
+
+    /// What has become of it by now.
+    fn pass(&mut self) {
+        if self.clock.is_some() {
+            self.set(RUNNING_TIME_S, self.now_s());
+        }
+        if self.now_s() >= self.clouds_from_s {
+            for (path, value) in std::mem::take(&mut self.pending_clouds) {
+                self.set(&path, value);
+            }
+        }
     }
 
     /// A button of the autopilot: on if it is off, off if it is on.
@@ -107,7 +145,11 @@ async fn serve_udp(socket: UdpSocket, told: Arc<Mutex<Told>>) {
     let mut buffer = [0; 2048];
     loop {
         let replies = tokio::select! {
-            _ = frames.tick() => due(&told.lock().unwrap()),
+            _ = frames.tick() => {
+                let mut told = told.lock().unwrap();
+                told.pass();
+                due(&told)
+            }
             received = socket.recv_from(&mut buffer) => match received {
                 Ok((length, from)) => obey(&mut told.lock().unwrap(), &buffer[..length], from),
                 Err(_) => Vec::new(),
@@ -141,8 +183,7 @@ fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, 
             told.subscribed.insert((from, request.index), request.path);
         }
         ToSimulator::WriteDataref(write) => {
-            told.set(&write.path, write.value);
-            told.writes.push((write.path, write.value));
+            told.write(write.path, write.value);
         }
         ToSimulator::Command(command) => {
             match command.path.as_str() {
@@ -219,6 +260,10 @@ async fn talk(
             },
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,
+            Request::Command { path } => {
+                told.lock().unwrap().commands.push(path.clone());
+                Answer::Commanded
+            }
             Request::Fly(_) => Answer::Flown {
                 columns: FLIGHT_COLUMNS.map(str::to_owned).to_vec(),
                 rows: 0,

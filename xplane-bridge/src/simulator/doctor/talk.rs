@@ -7,8 +7,8 @@ use tokio::time::Instant;
 
 use super::Check;
 use crate::datarefs::{
-    CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DatarefWrite, Generation,
-    NAV1_COURSE_MAGNETIC, PAUSED, VERSION,
+    CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DatarefWrite, NAV1_COURSE_MAGNETIC, PAUSED,
+    VERSION, Version,
 };
 use crate::error::BridgeError;
 use crate::simulator::udp::UdpClient;
@@ -209,11 +209,10 @@ impl Talk {
 /// What the version means.
 pub(super) fn version_check(version: f32) -> Check {
     const NAME: &str = "version";
-    let generation = match Generation::of_version(version) {
-        Generation::XPlane11 => "X-Plane 11",
-        Generation::XPlane12 => "X-Plane 12",
-    };
-    let found = format!("{generation}, internal version {version}");
+    let found = format!(
+        "X-Plane {}, internal version {version}",
+        Version::of_number(version as u32)
+    );
     if version >= OLDEST {
         Check::ok(NAME, found)
     } else {
@@ -228,9 +227,9 @@ mod tests {
 
     #[test]
     fn versions_are_told_apart() {
-        assert!(version_check(120_400.0).found.contains("X-Plane 12"));
+        assert!(version_check(124_009.0).found.contains("X-Plane 12.4.0,"));
         let eleven = version_check(115_501.0);
-        assert!(eleven.found.contains("X-Plane 11") && eleven.verdict == Verdict::Ok);
+        assert!(eleven.found.contains("X-Plane 11.55,") && eleven.verdict == Verdict::Ok);
         assert_eq!(version_check(105_000.0).verdict, Verdict::Failed);
     }
 }
