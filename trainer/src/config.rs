@@ -1,8 +1,8 @@
 //! All settings of a training, with the paper's sizes as defaults. Saved as `config.json` beside what they produced.
 
-use serde::{Deserialize, Serialize};
+mod check;
 
-use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
 
 /// Settings of [`crate::train`]. Keys that are not listed here are refused.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -268,104 +268,6 @@ impl TrainConfig {
             },
             ..Self::default()
         }
-    }
-
-    /// Checks ranges; sizes and counts must be positive, thresholds not negative.
-    pub fn check(&self) -> Result<()> {
-        let positive = |setting, values: &[usize]| match values.iter().find(|&&value| value == 0) {
-            Some(_) => Err(Error::Setting {
-                setting,
-                found: format!("{values:?}"),
-                expected: "positive whole numbers",
-            }),
-            None => Ok(()),
-        };
-        let not_negative = |setting, value: f64| match value.is_finite() && value >= 0.0 {
-            true => Ok(()),
-            false => Err(Error::Setting {
-                setting,
-                found: value.to_string(),
-                expected: "a number that is not negative",
-            }),
-        };
-        let optimisation = |names: [&'static str; 2], o: &Optimisation| {
-            positive(names[0], &[o.steps, o.batch_size])?;
-            match o.learning_rate.is_finite() && o.learning_rate > 0.0 {
-                true => Ok(()),
-                false => Err(Error::Setting {
-                    setting: names[1],
-                    found: o.learning_rate.to_string(),
-                    expected: "a positive number",
-                }),
-            }
-        };
-        not_negative("min_dtd_nm", self.min_dtd_nm)?;
-        if let Some(max) = self.max_dtd_nm
-            && (max.is_nan() || max <= self.min_dtd_nm)
-        {
-            return Err(Error::Setting {
-                setting: "max_dtd_nm",
-                found: max.to_string(),
-                expected: "a number above min_dtd_nm",
-            });
-        }
-        not_negative(
-            "augmentation.extrapolation",
-            self.augmentation.extrapolation,
-        )?;
-        not_negative(
-            "augmentation.extrapolation_together",
-            self.augmentation.extrapolation_together,
-        )?;
-        not_negative(
-            "augmentation.deviation_together_m",
-            self.augmentation.deviation_together_m,
-        )?;
-        let c = &self.calibration;
-        positive("calibration.hidden", &c.hidden)?;
-        positive("calibration.features", &[c.features])?;
-        positive("calibration.head_hidden", &c.head_hidden)?;
-        positive("calibration.log_every", &[c.log_every])?;
-        not_negative("calibration.plateau_threshold_pct", c.plateau_threshold_pct)?;
-        not_negative("calibration.gap_threshold_pct", c.gap_threshold_pct)?;
-        optimisation(
-            [
-                "calibration.optimisation",
-                "calibration.optimisation.learning_rate",
-            ],
-            &c.optimisation,
-        )?;
-        let e = &self.estimator;
-        positive("estimator.lstm", &e.lstm)?;
-        if e.lstm.is_empty() {
-            return Err(Error::Setting {
-                setting: "estimator.lstm",
-                found: "[]".into(),
-                expected: "at least one layer",
-            });
-        }
-        not_negative("estimator.alone_weight", e.alone_weight)?;
-        if !(0.0..=1.0).contains(&e.together_first) {
-            return Err(Error::Setting {
-                setting: "estimator.together_first",
-                found: e.together_first.to_string(),
-                expected: "a part between 0 and 1",
-            });
-        }
-        positive("estimator.head_hidden", &e.head_hidden)?;
-        positive("estimator.log_every", &[e.log_every])?;
-        optimisation(
-            [
-                "estimator.optimisation",
-                "estimator.optimisation.learning_rate",
-            ],
-            &e.optimisation,
-        )?;
-        positive("mono.hidden", &self.mono.hidden)?;
-        optimisation(
-            ["mono.optimisation", "mono.optimisation.learning_rate"],
-            &self.mono.optimisation,
-        )
     }
 }
 

@@ -17,14 +17,29 @@ pub enum Error {
         message: String,
     },
     /// A setting that makes no sense.
-    #[error("training configuration: {setting} is {found}, expected {expected}")]
+    #[error("configuration: {setting} is {found}, expected {expected}")]
     Setting {
         /// Name of the setting with its section.
         setting: &'static str,
         /// Its value.
         found: String,
         /// What is allowed.
-        expected: &'static str,
+        expected: String,
+    },
+    /// A training that this machine has no room for.
+    #[error(
+        "training configuration: {most} asks for most of the {} MiB of memory that this training would take; {} MiB are there. Make it \
+         smaller",
+        needed_bytes >> 20,
+        available_bytes >> 20
+    )]
+    Memory {
+        /// The setting that takes the most, with its value.
+        most: String,
+        /// Estimate of what is needed, bytes.
+        needed_bytes: u64,
+        /// What there is, bytes.
+        available_bytes: u64,
     },
     /// A run folder that cannot be used.
     #[error("run {}: {message}", path.display())]

@@ -1,6 +1,7 @@
 //! How good a run is on trajectories that it has never seen: `metrics.json`, `predictions.parquet` and `report.html`.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
 use burn::tensor::Device;
 use dataset::calibration::CameraEntry;
@@ -17,7 +18,7 @@ use crate::mono_network::MonoInputs;
 use crate::normalisation::TARGET_UNIT_M;
 use crate::progress::Progress;
 use crate::run_folder::{RunFolder, RunSummary, TrainedRun};
-use crate::samples::{DistanceRange, Sample, Samples};
+use crate::samples::{DistanceRange, FARTHEST_NM, Sample, Samples};
 use crate::{paper_lstm, pinhole, report, triangulation};
 
 /// Names of the estimators, in the order of tables.
@@ -28,6 +29,9 @@ pub const ESTIMATORS: [&str; 5] = [
     "mono_network",
     "mono_pinhole",
 ];
+
+/// Widths of the distance bins that make sense, nautical miles.
+const BIN_WIDTHS_NM: RangeInclusive<f64> = 0.01..=1_000.0;
 
 /// Settings of an evaluation; saved as `evaluation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -60,27 +64,27 @@ impl EvaluationConfig {
         let refuse = |setting, found: f64, expected| {
             Err(Error::Setting {
                 setting,
-                found: found.to_string(),
+                found: format!("{found:?}"),
                 expected,
             })
         };
-        if !(self.min_dtd_nm.is_finite() && self.min_dtd_nm >= 0.0) {
-            return refuse(
-                "evaluation min_dtd_nm",
-                self.min_dtd_nm,
-                "a number that is not negative",
-            );
+        if !(0.0..=FARTHEST_NM).contains(&self.min_dtd_nm) {
+            let expected = format!("a number from 0 to {FARTHEST_NM}");
+            return refuse("evaluation min_dtd_nm", self.min_dtd_nm, expected);
         }
         if let Some(max) = self.max_dtd_nm
-            && (max.is_nan() || max <= self.min_dtd_nm)
+            && !(max > self.min_dtd_nm && max <= FARTHEST_NM)
         {
-            return refuse("evaluation max_dtd_nm", max, "a number above min_dtd_nm");
+            let expected = format!("a number above min_dtd_nm, at most {FARTHEST_NM}");
+            return refuse("evaluation max_dtd_nm", max, expected);
         }
-        if !(self.distance_bin_nm.is_finite() && self.distance_bin_nm > 0.0) {
+        if !BIN_WIDTHS_NM.contains(&self.distance_bin_nm) {
+            let [least, most] = [BIN_WIDTHS_NM.start(), BIN_WIDTHS_NM.end()];
+            let expected = format!("a number from {least} to {most}");
             return refuse(
                 "evaluation distance_bin_nm",
                 self.distance_bin_nm,
-                "a positive number",
+                expected,
             );
         }
         Ok(())

@@ -23,6 +23,7 @@ pub mod evaluation;
 pub mod gap_balance;
 pub mod head_refit;
 pub mod lstm;
+mod memory;
 pub mod metrics;
 pub mod mono_network;
 pub mod normalisation;

@@ -112,9 +112,10 @@ pub struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
-    /// Signed percentage error: positive if the prediction is too far.
+    /// Signed percentage error: positive if the prediction is too far. None where it is no finite number.
     pub fn signed_error_pct(&self) -> Option<f64> {
-        Some((self.predicted_m? - self.dtd_m) / self.dtd_m * 100.0)
+        let error_pct = (self.predicted_m? - self.dtd_m) / self.dtd_m * 100.0;
+        Some(error_pct).filter(|error| error.is_finite())
     }
 }
 
@@ -139,9 +140,11 @@ impl ErrorFigures {
             .map(|error| (error - mean).powi(2))
             .sum::<f64>()
             / count;
+        // Of errors beyond all measure not even the mean is a number.
+        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
         Self {
-            mape_pct: Some(mean),
-            sd_pct: Some(variance.sqrt()),
+            mape_pct: finite(mean),
+            sd_pct: finite(variance.sqrt()),
             samples: errors.len(),
         }
     }
@@ -193,32 +196,38 @@ impl EstimatorMetrics {
     }
 }
 
+/// Bins at most. Where `bin_nm` would give more, bins are a whole number of times as wide.
+const MOST_BINS: f64 = 200.0;
+
 /// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest to that of the farthest.
 pub fn distance_bins<'a>(
     outcomes: &'a [Outcome<'a>],
     bin_nm: f64,
 ) -> Vec<([f64; 2], Vec<&'a Outcome<'a>>)> {
-    let bin_of = |outcome: &Outcome| {
-        (outcome.dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE / bin_nm) as usize
-    };
-    let (Some(first), Some(last)) = (
-        outcomes.iter().map(bin_of).min(),
-        outcomes.iter().map(bin_of).max(),
+    let distance_nm =
+        |outcome: &Outcome| outcome.dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+    let distances = || outcomes.iter().map(distance_nm);
+    let (Some(nearest), Some(farthest)) = (
+        distances().reduce(f64::min),
+        distances().reduce(f64::max),
     ) else {
         return Vec::new();
     };
-    (first..=last)
+    let wanted = (farthest / bin_nm).floor() - (nearest / bin_nm).floor() + 1.0;
+    let width_nm = bin_nm * (wanted / MOST_BINS).ceil().max(1.0);
+    let bin_of = |outcome: &Outcome| (distance_nm(outcome) / width_nm) as usize;
+    let first = (nearest / width_nm) as usize;
+    let count = (farthest / width_nm) as usize - first + 1;
+    let mut bins: Vec<_> = (first..first + count)
         .map(|bin| {
-            let bounds = [bin as f64 * bin_nm, (bin + 1) as f64 * bin_nm];
-            (
-                bounds,
-                outcomes
-                    .iter()
-                    .filter(|outcome| bin_of(outcome) == bin)
-                    .collect(),
-            )
+            let bounds = [bin as f64 * width_nm, (bin + 1) as f64 * width_nm];
+            (bounds, Vec::new())
         })
-        .collect()
+        .collect();
+    for outcome in outcomes {
+        bins[bin_of(outcome) - first].1.push(outcome);
+    }
+    bins
 }
 
 #[cfg(test)]
@@ -276,6 +285,36 @@ mod tests {
         assert_eq!(bounds, [(0.0, 1.0, 1), (1.0, 2.0, 0), (2.0, 3.0, 1)]);
         assert_eq!(bins[1].figures.mape_pct, None);
         assert!((bins[2].figures.mape_pct.unwrap() - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn a_far_reach_has_wider_bins_and_never_more_than_a_page_can_show() {
+        let half_around_the_world_m = 2.0e7;
+        let outcomes = [
+            outcome(1_000.0, Some(1_000.0), 2, "clear"),
+            outcome(half_around_the_world_m, Some(1.0), 2, "clear"),
+        ];
+        for bin_nm in [0.01, 1.0] {
+            let bins = distance_bins(&outcomes, bin_nm);
+            assert!(bins.len() <= MOST_BINS as usize + 1, "{}", bins.len());
+            let held: usize = bins.iter().map(|(_, inside)| inside.len()).sum();
+            assert_eq!(held, 2);
+            let ([from_nm, to_nm], inside) = bins.last().unwrap();
+            let distance_nm = inside[0].dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+            assert!((*from_nm..*to_nm).contains(&distance_nm));
+        }
+    }
+
+    #[test]
+    fn answers_beyond_all_measure_are_no_numbers_and_end_nothing() {
+        let answers = [f64::INFINITY, f64::NAN, 1e308, -1e308, 1e300];
+        let outcomes = answers.map(|answer| outcome(2_000.0, Some(answer), 2, "clear"));
+        let metrics = EstimatorMetrics::of(&outcomes, 1.0);
+        let json = serde_json::to_string(&metrics).unwrap();
+        let read: EstimatorMetrics = serde_json::from_str(&json).unwrap();
+        assert_eq!(read, metrics);
+        assert_eq!(metrics.overall.all.samples, 3, "those that are numbers");
+        assert_eq!(metrics.overall.all.sd_pct, None, "too large to be one");
     }
 
     #[test]

@@ -16,10 +16,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::module::Module;
-use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::store::{ModuleSnapshot, SafetensorsStore, SafetensorsStoreError};
 use burn::tensor::Device;
 use dataset::calibration::CameraEntry;
-use dataset::json_file::{read_json, write_json};
+use dataset::json_file::{read_json, write_atomically, write_json};
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
@@ -214,15 +214,22 @@ impl TrainedRun {
         write_json(&folder.normalisation_path(), &self.normalisation)?;
         write_json(&folder.baselines_path(), &self.baselines)?;
         write_json(&folder.convergence_path(), &self.convergence)?;
-        let path = folder.weights_path();
-        let mut store = SafetensorsStore::from_file(&path).overwrite(true);
-        self.networks
-            .save_into(&mut store)
-            .map_err(|error| Error::Run {
-                path,
-                message: format!("weights cannot be written: {error}"),
-            })?;
+        write_atomically(&folder.weights_path(), &self.weights(folder)?)?;
         Ok(write_json(&folder.summary_path(), &self.summary)?)
+    }
+
+    /// All networks in the format of Safetensors. The same numbers give the same bytes: of several entries, the library writes the metadata
+    /// in an order that differs from process to process.
+    fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
+        let fault = |error: SafetensorsStoreError| Error::Run {
+            path: folder.weights_path(),
+            message: format!("weights cannot be written: {error}"),
+        };
+        let mut store = SafetensorsStore::from_bytes(None)
+            .clear_metadata()
+            .metadata("producer", "dtd");
+        self.networks.save_into(&mut store).map_err(fault)?;
+        store.get_bytes().map_err(fault)
     }
 
     /// Reads a run.

@@ -20,6 +20,11 @@ use dataset::units::METERS_PER_NAUTICAL_MILE;
 use crate::error::{Error, Result};
 use crate::trusted_boxes::{holds_aircraft, is_whole};
 
+/// Nothing on Earth is farther from a runway: half of its circumference, nautical miles.
+pub const FARTHEST_NM: f64 = 10_800.0;
+
+const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
+
 /// Which ticks become samples, by distance to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistanceRange {
@@ -192,6 +197,20 @@ impl Samples {
             let labels = row.labels.ok_or_else(|| {
                 fault("has no labels in frames.parquet; run `dtd label` on the corpus first".into())
             })?;
+            for (column, value) in [
+                ("dtd_m", labels.dtd_m),
+                ("along_track_m", labels.along_track_m),
+                ("cross_track_m", labels.cross_track_m),
+            ] {
+                // NaN is in no range.
+                if !(-FARTHEST_M..=FARTHEST_M).contains(&value) {
+                    return Err(fault(format!(
+                        "frames.parquet: tick {}: {column} is {value:?}, expected a distance on Earth, at most {FARTHEST_M} m; label the \
+                         corpus again",
+                        row.tick
+                    )));
+                }
+            }
             if labels.along_track_m <= 0.0 || !range.contains(labels.dtd_m) {
                 continue;
             }

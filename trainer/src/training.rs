@@ -14,6 +14,7 @@ use crate::calibration_training::train_calibration;
 use crate::config::TrainConfig;
 use crate::encoded::Encoded;
 use crate::error::{Error, Result};
+use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
 use crate::paper_lstm::{TrainingSets, train_estimator};
@@ -89,6 +90,11 @@ pub fn train(
         let why = "no box of theirs is near the places and sizes of the boxes on the training side; change the split, or detect again";
         return Err(without_use(Side::Validation, recorded.len(), why));
     }
+    let counts = SampleCounts {
+        training: training.len(),
+        judged: validation.len(),
+    };
+    memory::check(config, samples.views.len(), counts)?;
     let [mixed, mixed_together] = mixed_samples(&samples, &training, config);
     let encoded = Encoded::new(training.iter().copied().chain(&mixed), &normalisation);
     let encoded_together = Encoded::new(

@@ -1,6 +1,7 @@
 //! A real training, small enough for seconds: on boxes from geometry, judged on trajectories that were held out.
 
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 use dataset::columns::Table;
@@ -153,11 +154,77 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
             &mut Silent,
         )
         .unwrap();
-        (mape(&evaluated, "paper_lstm"), outcome.validation_mape_pct)
+        let bytes = fs::read(outcome.run.weights_path()).unwrap();
+        (mape(&evaluated, "paper_lstm"), bytes)
     };
     let first = weights("a", 0);
-    assert_eq!(first, weights("b", 0));
-    assert_ne!(first, weights("c", 1));
+    for again in ["b", "c", "d"] {
+        assert!(first == weights(again, 0), "other bytes in {again}");
+    }
+    assert!(first != weights("e", 1));
+    // As any other file that this process makes.
+    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+    let run = RunFolder::at(&folder.path().join("a"));
+    let ordinary = folder.path().join("ordinary");
+    fs::write(&ordinary, "").unwrap();
+    assert_eq!(mode(&run.weights_path()), mode(&ordinary));
+}
+
+#[test]
+fn a_distance_that_cannot_be_is_refused_with_scenario_tick_and_column() {
+    for impossible in [1e308, f64::INFINITY, f64::NAN] {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+        let scenario = corpus.scenarios().unwrap().remove(0);
+        let mut frames = scenario.frames().unwrap();
+        frames.rows[3].labels.as_mut().unwrap().dtd_m = impossible;
+        frames.write(&scenario.frames_path()).unwrap();
+        let out = folder.path().join("run");
+        let message = train(&corpus, &out, &few_steps(), &mut Silent)
+            .unwrap_err()
+            .to_string();
+        for words in ["0000", "tick 3", "dtd_m", "expected a distance on Earth"] {
+            assert!(message.contains(words), "no {words:?} in {message}");
+        }
+        assert!(!out.exists());
+    }
+}
+
+#[test]
+fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
+    let folder = tempfile::tempdir().unwrap();
+    let sides = |name: &str, train: usize, validation, test| {
+        let corpus = SyntheticCorpus {
+            train,
+            validation,
+            test,
+            ..SyntheticCorpus::tiny()
+        };
+        corpus.write(&folder.path().join(name)).unwrap()
+    };
+    let corpus = sides("three", 1, 1, 1);
+    let run = train(&corpus, &folder.path().join("run"), &few_steps(), &mut Silent)
+        .unwrap()
+        .run;
+    evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    for (name, empty, [train_count, validation]) in
+        [("one", "Validation", [1, 0]), ("other", "Train", [0, 1])]
+    {
+        let corpus = sides(name, train_count, validation, 0);
+        let out = folder.path().join(format!("run-{name}"));
+        let message = train(&corpus, &out, &few_steps(), &mut Silent)
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains(&format!("no samples on the {empty} side")),
+            "{message}"
+        );
+    }
+    let two = sides("two", 1, 1, 0);
+    let message = evaluate(&run, &two, &EvaluationConfig::default(), &mut Silent)
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("no samples on the test side"), "{message}");
 }
 
 /// Replaces the detections of all scenarios of one side: `change` gets the box of each.

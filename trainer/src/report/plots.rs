@@ -1,5 +1,7 @@
 //! The plots of the report as SVG.
 
+use std::ops::Range;
+
 use plotters::prelude::*;
 
 use super::Shown;
@@ -20,6 +22,12 @@ const COLOURS: [RGBColor; 5] = [
 const GRID: RGBColor = RGBColor(226, 229, 233);
 const INK: RGBColor = RGBColor(55, 60, 67);
 const FONT: &str = "sans-serif";
+/// Points of a line or cloud at most: a screen shows no more, and a page has to open.
+const MOST_POINTS: usize = 2_000;
+/// Numbers along the axis of distances at most.
+const MOST_LABELS: usize = 60;
+/// An axis of percentage errors ends here at the latest.
+const FARTHEST_PCT: f64 = 1_000.0;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
@@ -37,6 +45,41 @@ fn svg(what: &'static str, height: u32, draw: impl FnOnce(&Area) -> Drawn) -> Re
 }
 
 type Drawn = std::result::Result<(), String>;
+
+/// Ends of an axis that holds some numbers. An axis without an extent or without ends would be drawn for ever.
+fn axis(from: f64, to: f64) -> Range<f64> {
+    let least = 1e-6 * from.abs().max(to.abs());
+    match from.is_finite() && to.is_finite() {
+        true if to - from > least => from..to,
+        true => from..from + least.max(1.0),
+        false => 0.0..1.0,
+    }
+}
+
+/// The points that lie in a picture, thinned out evenly where there are more than it can show.
+fn shown_points(
+    points: impl Iterator<Item = (f64, f64)>,
+    x: &Range<f64>,
+    y: &Range<f64>,
+) -> Vec<(f64, f64)> {
+    let inside: Vec<_> = points
+        .filter(|point| (x.start..=x.end).contains(&point.0) && (y.start..=y.end).contains(&point.1))
+        .collect();
+    let every = inside.len().div_ceil(MOST_POINTS).max(1);
+    inside.into_iter().step_by(every).collect()
+}
+
+/// The value that a part of all values does not exceed.
+fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let place = (values.len() as f64 * part) as usize;
+    values.get(place).copied()
+}
+
+/// How far an axis of percentage errors reaches to either side.
+fn reach_pct(typical: Option<f64>, least: f64, margin: f64) -> f64 {
+    typical.unwrap_or(1.0).clamp(least, FARTHEST_PCT) * margin
+}
 
 fn words(error: impl std::fmt::Display) -> String {
     error.to_string()
@@ -83,8 +126,10 @@ impl FiveNumbers {
 /// Box plot of the signed percentage error by distance bin and estimator.
 pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String> {
     let mut boxes = Vec::new();
+    let mut width_nm = bin_nm;
     for (which, estimator) in shown.iter().enumerate() {
-        for ([from_nm, _], inside) in distance_bins(&estimator.outcomes, bin_nm) {
+        for ([from_nm, to_nm], inside) in distance_bins(&estimator.outcomes, bin_nm) {
+            width_nm = to_nm - from_nm;
             let errors = inside
                 .iter()
                 .filter_map(|outcome| outcome.signed_error_pct())
@@ -94,28 +139,19 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
             }
         }
     }
-    // Where no estimator answered there is no box, and an axis without ends would be drawn for ever.
     let first = boxes.iter().map(|b| b.1).reduce(f64::min).unwrap_or(0.0);
-    let last = boxes.iter().map(|b| b.1).reduce(f64::max).unwrap_or(0.0) + bin_nm;
-    let mut ends: Vec<f64> = boxes
-        .iter()
-        .flat_map(|b| b.2.whiskers)
-        .map(f64::abs)
-        .collect();
-    ends.sort_by(f64::total_cmp);
+    let last = boxes.iter().map(|b| b.1).reduce(f64::max).unwrap_or(0.0) + width_nm;
+    let distances = axis(first, last);
+    let labels = (((last - first) / width_nm).round() as usize + 1).min(MOST_LABELS);
+    let ends = boxes.iter().flat_map(|b| b.2.whiskers).map(f64::abs);
     // One wild whisker must not flatten all boxes: it is cut off at the picture's edge.
-    let reach = ends
-        .get(ends.len().saturating_mul(9) / 10)
-        .copied()
-        .unwrap_or(1.0)
-        .max(0.1)
-        * 1.15;
+    let reach = reach_pct(quantile(ends.collect(), 0.9), 0.1, 1.15);
     svg("the box plot", 430, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .x_label_area_size(44)
             .y_label_area_size(58)
-            .build_cartesian_2d(first..last, -reach..reach)
+            .build_cartesian_2d(distances, -reach..reach)
             .map_err(words)?;
         chart
             .configure_mesh()
@@ -123,7 +159,7 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
             .light_line_style(TRANSPARENT)
             .bold_line_style(GRID)
             .axis_style(INK)
-            .x_labels(((last - first) / bin_nm).round() as usize + 1)
+            .x_labels(labels)
             .x_label_formatter(&|x| format!("{x:.0}"))
             .y_label_formatter(&|y| format!("{y:+.1}"))
             .x_desc("distance to touchdown, NM")
@@ -138,10 +174,10 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
                 INK.mix(0.6),
             )])
             .map_err(words)?;
-        let slot = bin_nm * 0.84 / shown.len().max(1) as f64;
+        let slot = width_nm * 0.84 / shown.len().max(1) as f64;
         for (which, from_nm, numbers) in &boxes {
             let colour = COLOURS[which % COLOURS.len()];
-            let left = from_nm + bin_nm * 0.08 + slot * *which as f64 + slot * 0.1;
+            let left = from_nm + width_nm * 0.08 + slot * *which as f64 + slot * 0.1;
             let right = left + slot * 0.8;
             let middle = (left + right) / 2.0;
             let cut = |y: f64| y.clamp(-reach, reach);
@@ -176,7 +212,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             let points = log
                 .calibration
                 .iter()
-                .filter_map(|e| Some((e.step as f64, e.validation_mape_pct[view]?)));
+                .filter_map(|e| Some((e.step as f64, (*e.validation_mape_pct.get(view)?)?)));
             (format!("calibration network {name}"), points.collect())
         })
         .collect();
@@ -190,15 +226,15 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
     let points = || lines.iter().flat_map(|(_, points)| points.iter().copied());
     let last = points().map(|p| p.0).fold(1.0, f64::max);
     // The first entries are those of hardly trained networks: they may leave the picture.
-    let mut errors: Vec<f64> = points().map(|p| p.1).collect();
-    errors.sort_by(f64::total_cmp);
-    let high = errors.get(errors.len() * 19 / 20).copied().unwrap_or(1.0) * 1.2;
+    let errors = points().map(|p| p.1).filter(|error| error.is_finite());
+    let high = reach_pct(quantile(errors.collect(), 0.95), 0.01, 1.2);
+    let [steps, errors] = [axis(0.0, last), axis(0.0, high)];
     svg("the convergence plot", 360, |area| {
         let mut chart = ChartBuilder::on(area)
             .margin(8)
             .x_label_area_size(44)
             .y_label_area_size(58)
-            .build_cartesian_2d(0.0..last, 0.0..high)
+            .build_cartesian_2d(steps.clone(), errors.clone())
             .map_err(words)?;
         chart
             .configure_mesh()
@@ -220,18 +256,21 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .draw()
             .map_err(words)?;
         // Where only some views train on: a bar along the top in the colour of each view that does.
-        for pair in log.calibration.windows(2) {
-            let (from, to) = (pair[0].step as f64, pair[1].step as f64);
-            if pair[0].optimised.iter().all(|&optimised| optimised) {
+        let phases: Vec<_> = log
+            .calibration
+            .chunk_by(|a, b| a.optimised == b.optimised)
+            .collect();
+        let ends = phases.iter().skip(1).map(|next| next[0].step);
+        let last_step = log.calibration.last().map_or(0, |entry| entry.step);
+        let ended = phases.iter().zip(ends.chain([last_step]));
+        for (phase, end) in ended.take(MOST_POINTS) {
+            let optimised = &phase[0].optimised;
+            if optimised.iter().all(|&optimised| optimised) {
                 continue;
             }
-            for (view, _) in pair[0]
-                .optimised
-                .iter()
-                .enumerate()
-                .filter(|(_, optimised)| **optimised)
-            {
+            for view in (0..optimised.len()).filter(|&view| optimised[view]) {
                 let colour = convergence_colour(view, lines.len());
+                let (from, to) = (phase[0].step as f64, end as f64);
                 let bar = Rectangle::new([(from, high * 0.94), (to, high)], colour.filled());
                 chart.draw_series([bar]).map_err(words)?;
             }
@@ -240,7 +279,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             let colour = convergence_colour(which, lines.len());
             chart
                 .draw_series(LineSeries::new(
-                    points.iter().copied(),
+                    shown_points(points.iter().copied(), &steps, &errors),
                     colour.stroke_width(2),
                 ))
                 .map_err(words)?
@@ -277,42 +316,35 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
         .collect();
     let time_s = |row: usize| test[row].time_ns as f64 / 1e9;
     let nm = |metres: f64| metres / dataset::units::METERS_PER_NAUTICAL_MILE;
-    let (from, to) = (
-        rows.first().map_or(0.0, |&r| time_s(r)),
-        rows.last().map_or(1.0, |&r| time_s(r)),
+    let times = || rows.iter().map(|&row| time_s(row));
+    let times_s = axis(
+        times().reduce(f64::min).unwrap_or(0.0),
+        times().reduce(f64::max).unwrap_or(1.0),
     );
     let farthest = rows
         .iter()
         .map(|&row| nm(test[row].dtd_m))
-        .fold(0.0, f64::max)
-        * 1.05;
+        .fold(0.0, f64::max);
+    let distances_nm = axis(0.0, farthest * 1.05);
     // The monoscopic formulas are far off the scale that the two-view methods need; two are shown.
     let two_view: Vec<(usize, &Shown)> = shown
         .iter()
         .enumerate()
         .filter(|(_, s)| ["paper_lstm", "triangulation"].contains(&s.description.name))
         .collect();
-    let mut errors: Vec<f64> = two_view
-        .iter()
-        .flat_map(|(_, s)| {
-            rows.iter()
-                .filter_map(|&row| s.outcomes[row].signed_error_pct().map(f64::abs))
-        })
-        .collect();
-    errors.sort_by(f64::total_cmp);
-    let reach = errors
-        .get(errors.len() * 98 / 100)
-        .copied()
-        .unwrap_or(1.0)
-        .max(0.05)
-        * 1.2;
+    let errors = two_view.iter().flat_map(|(_, s)| {
+        rows.iter()
+            .filter_map(|&row| s.outcomes[row].signed_error_pct().map(f64::abs))
+    });
+    let reach = reach_pct(quantile(errors.collect(), 0.98), 0.05, 1.2);
+    let errors_pct = -reach..reach;
     svg("the plot of a flight", 560, |area| {
         let (above, below) = area.split_vertically(300);
         let mut distances = ChartBuilder::on(&above)
             .margin(8)
             .x_label_area_size(24)
             .y_label_area_size(58)
-            .build_cartesian_2d(from..to, 0.0..farthest)
+            .build_cartesian_2d(times_s.clone(), distances_nm.clone())
             .map_err(words)?;
         distances
             .configure_mesh()
@@ -327,6 +359,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .draw()
             .map_err(words)?;
         let truth = rows.iter().map(|&row| (time_s(row), nm(test[row].dtd_m)));
+        let truth = shown_points(truth, &times_s, &distances_nm);
         distances
             .draw_series(LineSeries::new(truth, INK.stroke_width(1)))
             .map_err(words)?
@@ -337,6 +370,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             let points = rows
                 .iter()
                 .filter_map(|&row| Some((time_s(row), nm(estimator.outcomes[row].predicted_m?))));
+            let points = shown_points(points, &times_s, &distances_nm).into_iter();
             distances
                 .draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))
                 .map_err(words)?
@@ -355,7 +389,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .margin(8)
             .x_label_area_size(44)
             .y_label_area_size(58)
-            .build_cartesian_2d(from..to, -reach..reach)
+            .build_cartesian_2d(times_s.clone(), errors_pct.clone())
             .map_err(words)?;
         errors
             .configure_mesh()
@@ -371,14 +405,17 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .draw()
             .map_err(words)?;
         errors
-            .draw_series([PathElement::new(vec![(from, 0.0), (to, 0.0)], INK.mix(0.6))])
+            .draw_series([PathElement::new(
+                vec![(times_s.start, 0.0), (times_s.end, 0.0)],
+                INK.mix(0.6),
+            )])
             .map_err(words)?;
         for &(which, estimator) in two_view.iter().rev() {
             let colour = COLOURS[which % COLOURS.len()];
             let points = rows.iter().filter_map(|&row| {
                 Some((time_s(row), estimator.outcomes[row].signed_error_pct()?))
             });
-            let points = points.filter(|point| point.1.abs() <= reach);
+            let points = shown_points(points, &times_s, &errors_pct).into_iter();
             errors
                 .draw_series(points.map(|point| Circle::new(point, 2, colour.mix(0.8).filled())))
                 .map_err(words)?;
@@ -395,7 +432,115 @@ pub(super) fn css_colour(which: usize) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::DESCRIPTIONS;
     use super::*;
+    use crate::calibration_training::CalibrationLogEntry;
+    use crate::metrics::Outcome;
+    use crate::paper_lstm::EstimatorLogEntry;
+    use dataset::geodesy::Geodetic;
+
+    /// What is left of a plot must be a picture that opens: finite numbers, and not many of them.
+    fn assert_sound(svg: &str) {
+        assert!(svg.ends_with("</svg>\n"), "{}", &svg[svg.len() - 40..]);
+        assert!(svg.len() < 2_000_000, "{} bytes", svg.len());
+        for none in ["NaN", "inf"] {
+            assert!(!svg.contains(none), "{none} in {svg}");
+        }
+    }
+
+    fn outcome(dtd_m: f64, predicted_m: Option<f64>) -> Outcome<'static> {
+        Outcome {
+            dtd_m,
+            predicted_m,
+            detections: 2,
+            weather: "clear",
+            time_of_day: "08:00",
+        }
+    }
+
+    fn sample(time_ns: i64, dtd_m: f64) -> Sample {
+        Sample {
+            scenario: 0,
+            tick: 0,
+            time_ns,
+            dtd_m,
+            along_track_m: dtd_m,
+            cross_track_m: 0.0,
+            position: Geodetic {
+                latitude_deg: 1.0,
+                longitude_deg: 103.0,
+                altitude_msl_m: 100.0,
+            },
+            boxes: vec![None],
+        }
+    }
+
+    #[test]
+    fn absurd_answers_distances_and_times_make_plots_that_end() {
+        let ticks = [
+            (0, 2_000.0),
+            (i64::MAX, 2.0e7),
+            (i64::MIN, 1e-9),
+            (1, 18_520.0),
+        ];
+        let answers = [
+            1e308,
+            -1e308,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NAN,
+            0.0,
+            1e-308,
+        ];
+        for ticks in [&ticks[..], &ticks[..1], &[]] {
+            let samples: Vec<_> = ticks.iter().map(|t| sample(t.0, t.1)).collect();
+            let test: Vec<_> = samples.iter().collect();
+            for answer in answers {
+                let shown: Vec<_> = DESCRIPTIONS
+                    .iter()
+                    .map(|description| Shown {
+                        description,
+                        outcomes: ticks.iter().map(|t| outcome(t.1, Some(answer))).collect(),
+                    })
+                    .collect();
+                assert_sound(&errors_by_distance(&shown, 1.0).unwrap());
+                assert_sound(&flight(&shown, &test, 0).unwrap());
+            }
+        }
+    }
+
+    #[test]
+    fn a_long_flight_and_a_long_training_are_thinned_out() {
+        let samples: Vec<_> = (0..100_000)
+            .map(|tick| sample(tick * 1_000_000, 20_000.0 - tick as f64 / 10.0))
+            .collect();
+        let test: Vec<_> = samples.iter().collect();
+        let shown = [Shown {
+            description: &DESCRIPTIONS[0],
+            outcomes: samples
+                .iter()
+                .map(|sample| outcome(sample.dtd_m, Some(sample.dtd_m * 1.01)))
+                .collect(),
+        }];
+        assert_sound(&flight(&shown, &test, 0).unwrap());
+        let log = Convergence {
+            views: vec!["left".into(), "right".into()],
+            calibration: (0..100_000)
+                .map(|step| CalibrationLogEntry {
+                    step,
+                    validation_mape_pct: vec![Some(if step == 7 { 1e308 } else { 2.0 })],
+                    optimised: vec![step % 2 == 0, true],
+                })
+                .collect(),
+            estimator: (0..100_000)
+                .map(|step| EstimatorLogEntry {
+                    step,
+                    validation_mape_pct: 0.0,
+                })
+                .collect(),
+        };
+        assert_sound(&convergence(&log).unwrap());
+    }
 
     #[test]
     fn five_numbers_of_one_to_nine_and_an_outlier() {

@@ -1,0 +1,240 @@
+//! The ranges of all settings. A file of settings may hold any number that TOML can write; what is outside of these ranges is refused
+//! before anything is computed from it.
+
+use std::ops::RangeInclusive;
+
+use super::{Optimisation, TrainConfig};
+use crate::error::{Error, Result};
+use crate::samples::FARTHEST_NM;
+
+/// Units of a layer, and layers of a stack.
+const WIDTHS: RangeInclusive<usize> = 1..=16_384;
+const MOST_LAYERS: usize = 64;
+const STEPS: RangeInclusive<usize> = 1..=100_000_000;
+const BATCH_SIZES: RangeInclusive<usize> = 1..=1_000_000;
+const MOST_SAMPLES: usize = 10_000_000;
+/// Entries of a convergence log at most.
+const MOST_ENTRIES: usize = 100_000;
+const MOST_LEARNING_RATE: f64 = 10.0;
+/// Beyond this, parts, weights and percentages mean nothing.
+const MOST_RATIO: f64 = 1e6;
+const MOST_DEVIATION_M: f64 = 100_000.0;
+
+impl TrainConfig {
+    /// Checks that every setting is in its range.
+    pub fn check(&self) -> Result<()> {
+        number("min_dtd_nm", self.min_dtd_nm, 0.0..=FARTHEST_NM)?;
+        if let Some(max) = self.max_dtd_nm {
+            number("max_dtd_nm", max, 0.0..=FARTHEST_NM)?;
+            if max <= self.min_dtd_nm {
+                return Err(Error::Setting {
+                    setting: "max_dtd_nm",
+                    found: max.to_string(),
+                    expected: format!("a number above min_dtd_nm, which is {}", self.min_dtd_nm),
+                });
+            }
+        }
+        let a = &self.augmentation;
+        whole(
+            "augmentation.fill_up_to_samples",
+            a.fill_up_to_samples,
+            0..=MOST_SAMPLES,
+        )?;
+        number(
+            "augmentation.extrapolation",
+            a.extrapolation,
+            0.0..=MOST_RATIO,
+        )?;
+        number(
+            "augmentation.extrapolation_together",
+            a.extrapolation_together,
+            0.0..=MOST_RATIO,
+        )?;
+        number(
+            "augmentation.deviation_together_m",
+            a.deviation_together_m,
+            0.0..=MOST_DEVIATION_M,
+        )?;
+        let c = &self.calibration;
+        layers("calibration.hidden", &c.hidden, 0)?;
+        whole("calibration.features", c.features, WIDTHS)?;
+        layers("calibration.head_hidden", &c.head_hidden, 0)?;
+        number(
+            "calibration.plateau_threshold_pct",
+            c.plateau_threshold_pct,
+            0.0..=MOST_RATIO,
+        )?;
+        number(
+            "calibration.gap_threshold_pct",
+            c.gap_threshold_pct,
+            0.0..=MOST_RATIO,
+        )?;
+        optimisation(
+            [
+                "calibration.optimisation.steps",
+                "calibration.optimisation.batch_size",
+                "calibration.optimisation.learning_rate",
+            ],
+            &c.optimisation,
+        )?;
+        log_every("calibration.log_every", c.log_every, &c.optimisation)?;
+        let e = &self.estimator;
+        layers("estimator.lstm", &e.lstm, 1)?;
+        layers("estimator.head_hidden", &e.head_hidden, 0)?;
+        number("estimator.alone_weight", e.alone_weight, 0.0..=MOST_RATIO)?;
+        number("estimator.together_first", e.together_first, 0.0..=1.0)?;
+        optimisation(
+            [
+                "estimator.optimisation.steps",
+                "estimator.optimisation.batch_size",
+                "estimator.optimisation.learning_rate",
+            ],
+            &e.optimisation,
+        )?;
+        log_every("estimator.log_every", e.log_every, &e.optimisation)?;
+        layers("mono.hidden", &self.mono.hidden, 0)?;
+        optimisation(
+            [
+                "mono.optimisation.steps",
+                "mono.optimisation.batch_size",
+                "mono.optimisation.learning_rate",
+            ],
+            &self.mono.optimisation,
+        )
+    }
+}
+
+fn number(setting: &'static str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
+    // NaN is in no range.
+    if allowed.contains(&found) {
+        return Ok(());
+    }
+    Err(Error::Setting {
+        setting,
+        found: format!("{found:?}"),
+        expected: format!("a number from {} to {}", allowed.start(), allowed.end()),
+    })
+}
+
+fn whole(setting: &'static str, found: usize, allowed: RangeInclusive<usize>) -> Result<()> {
+    if allowed.contains(&found) {
+        return Ok(());
+    }
+    Err(Error::Setting {
+        setting,
+        found: format!("{found:?}"),
+        expected: format!(
+            "a whole number from {} to {}",
+            allowed.start(),
+            allowed.end()
+        ),
+    })
+}
+
+fn layers(setting: &'static str, widths: &[usize], least: usize) -> Result<()> {
+    if !(least..=MOST_LAYERS).contains(&widths.len()) {
+        return Err(Error::Setting {
+            setting,
+            found: format!("{} layers", widths.len()),
+            expected: format!("{least} to {MOST_LAYERS}"),
+        });
+    }
+    widths
+        .iter()
+        .try_for_each(|&width| whole(setting, width, WIDTHS))
+}
+
+fn optimisation(settings: [&'static str; 3], found: &Optimisation) -> Result<()> {
+    let [steps, batch_size, learning_rate] = settings;
+    whole(steps, found.steps, STEPS)?;
+    whole(batch_size, found.batch_size, BATCH_SIZES)?;
+    if found.learning_rate > 0.0 && found.learning_rate <= MOST_LEARNING_RATE {
+        return Ok(());
+    }
+    Err(Error::Setting {
+        setting: learning_rate,
+        found: found.learning_rate.to_string(),
+        expected: format!("a number above 0, at most {MOST_LEARNING_RATE}"),
+    })
+}
+
+fn log_every(setting: &'static str, found: usize, training: &Optimisation) -> Result<()> {
+    let least = training.steps.div_ceil(MOST_ENTRIES);
+    if found >= least {
+        return Ok(());
+    }
+    Err(Error::Setting {
+        setting,
+        found: format!("{found:?}"),
+        expected: format!(
+            "at least {least}: {} steps make {MOST_ENTRIES} entries of the log at most",
+            training.steps
+        ),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The refusal of the demo's settings with these lines changed.
+    fn refusal(toml: &str) -> String {
+        let config: TrainConfig = serde_json::from_str(toml).unwrap();
+        config.check().unwrap_err().to_string()
+    }
+
+    #[test]
+    fn numbers_beyond_all_measure_are_refused_with_name_value_and_range() {
+        for (settings, words) in [
+            (
+                r#"{"estimator": {"lstm": [1000000000]}}"#,
+                ["estimator.lstm", "1000000000", "1 to 16384"],
+            ),
+            (
+                r#"{"calibration": {"features": 1000000000}}"#,
+                ["calibration.features", "1000000000", "1 to 16384"],
+            ),
+            (
+                r#"{"mono": {"optimisation": {"steps": 1, "batch_size": 1000000000, "learning_rate": 0.1}}}"#,
+                ["mono.optimisation.batch_size", "1000000000", "1 to 1000000"],
+            ),
+            (
+                r#"{"augmentation": {"fill_up_to_samples": 1000000000}}"#,
+                ["augmentation.fill_up_to_samples", "1000000000", "10000000"],
+            ),
+            (
+                r#"{"augmentation": {"extrapolation": 1e308}}"#,
+                ["augmentation.extrapolation", "1000000", "0 to 1000000"],
+            ),
+            (
+                r#"{"min_dtd_nm": 1e9}"#,
+                ["min_dtd_nm", "1000000000", "0 to 10800"],
+            ),
+            (
+                r#"{"estimator": {"log_every": 0}}"#,
+                ["estimator.log_every", "is 0", "at least 1"],
+            ),
+            (r#"{"estimator": {"lstm": []}}"#, ["estimator.lstm", "0 layers", "1 to 64"]),
+        ] {
+            let message = refusal(settings);
+            for word in words {
+                assert!(message.contains(word), "no {word:?} in {message}");
+            }
+        }
+        let many = vec![1; 65];
+        let message = refusal(&serde_json::json!({"mono": {"hidden": many}}).to_string());
+        assert!(message.contains("mono.hidden is 65 layers"), "{message}");
+    }
+
+    #[test]
+    fn a_number_that_is_none_is_in_no_range() {
+        let mut config = TrainConfig::default();
+        config.calibration.optimisation.learning_rate = f64::NAN;
+        assert!(config.check().is_err());
+        config = TrainConfig {
+            max_dtd_nm: Some(f64::INFINITY),
+            ..TrainConfig::default()
+        };
+        assert!(config.check().is_err());
+    }
+}
