@@ -95,14 +95,18 @@ impl Claim {
 
     /// Takes a claim, or says who has it.
     pub fn take(corpus: &Corpus, name: &str) -> Result<Claimed> {
-        let folder = corpus.root().join(FOLDER);
+        Self::take_in(&corpus.root().join(FOLDER), name)
+    }
+
+    /// The same for what is no corpus. The folder is made, and removed with the last claim if nothing else is in it.
+    pub fn take_in(folder: &Path, name: &str) -> Result<Claimed> {
         let path = folder.join(name);
         for _ in 0..ATTEMPTS {
-            match fs::create_dir_all(&folder) {
-                Ok(()) => refuse_link(&folder)?,
+            match fs::create_dir_all(folder) {
+                Ok(()) => refuse_link(folder)?,
                 // Another holder took it away at that moment; whether it is there now shows when the file is opened.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
-                Err(error) => return Err(Error::io("create", &folder)(error)),
+                Err(error) => return Err(Error::io("create", folder)(error)),
             }
             let opened = OpenOptions::new()
                 .read(true)

@@ -59,9 +59,11 @@ pub(crate) fn train(
 pub(crate) fn failure_of(error: trainer::Error) -> Failure {
     match error {
         trainer::Error::Setting { .. }
+        | trainer::Error::Memory { .. }
         | trainer::Error::Corpus { .. }
         | trainer::Error::Run { .. }
         | trainer::Error::Leak { .. } => Failure::bad_input(error),
+        trainer::Error::Held { .. } => Failure::TryAgain(error.into()),
         trainer::Error::Dataset(ref cause) if cause.is_bad_content() => Failure::bad_input(error),
         _ => error.into(),
     }

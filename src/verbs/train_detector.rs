@@ -10,12 +10,14 @@ use super::train::{Bars, failure_of};
 use crate::args::TrainDetectorArgs;
 use crate::failure::{Ending, Failure};
 
+const MOST_MINUTES: f64 = 525_600.0;
+
 /// Runs the verb.
 pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
     let corpus = open_corpus(&args.corpus)?;
-    if !(args.minutes > 0.0 && args.minutes.is_finite()) {
+    if !(args.minutes > 0.0 && args.minutes <= MOST_MINUTES) {
         return Err(Failure::bad_input_message(format!(
-            "--minutes is {}, expected a number larger than zero",
+            "--minutes is {:?}, expected a number above 0, at most {MOST_MINUTES}, a year",
             args.minutes
         )));
     }

@@ -10,6 +10,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 use dataset::json_file::{write_atomically, write_json};
 use dataset::splits::Side;
@@ -94,6 +95,8 @@ pub fn train_detector(
     config: &DetectorConfig,
     progress: &mut dyn Progress,
 ) -> Result<DetectorReport> {
+    let checkpoint = beside(out, "checkpoint");
+    let _claim = claim(out, &checkpoint)?;
     let test = corpus_samples::videos(corpus, &[Side::Test])?;
     let learned = corpus_samples::videos(corpus, &[Side::Train, Side::Validation])?;
     progress.begin("detector: reading videos", learned.len() as u64);
@@ -105,7 +108,6 @@ pub fn train_detector(
             message: "shows no visible aircraft in its training scenarios; are the true boxes those of these videos?".into(),
         });
     }
-    let checkpoint = beside(out, "checkpoint");
     let trained = train(&samples, &config.training, Some(&checkpoint), progress)?;
 
     let frames = corpus_samples::read_frames(&test, config.judged_frames)?;
@@ -130,6 +132,28 @@ pub fn train_detector(
     write_json(&beside(out, "json"), &report)?;
     fs::remove_dir_all(&checkpoint).map_err(dataset::Error::io("remove", &checkpoint))?;
     Ok(report)
+}
+
+/// Sees to it that the model can be written and that nobody else makes it, before the training.
+fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
+    let refused = |message: String| Error::Run {
+        path: out.to_owned(),
+        message,
+    };
+    if out.is_dir() || out.file_name().is_none() {
+        return Err(refused("is a folder; expected the name of a file".into()));
+    }
+    match Claim::take_in(checkpoint, "claim") {
+        Ok(Claimed::Mine(claim)) => Ok(claim),
+        Ok(Claimed::Theirs(holder)) => Err(Error::Held {
+            run: out.to_owned(),
+            holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+        }),
+        Err(dataset::Error::Io { source, .. }) => {
+            Err(refused(format!("cannot be made there: {source}")))
+        }
+        Err(error) => Err(error.into()),
+    }
 }
 
 fn beside(out: &Path, ending: &str) -> PathBuf {

@@ -49,6 +49,14 @@ pub enum Error {
         /// What was expected, what was found, what to do.
         message: String,
     },
+    /// Somebody else trains or evaluates there.
+    #[error("{}: {holder} is at work on it; try again when that has ended", run.display())]
+    Held {
+        /// Folder of the run.
+        run: PathBuf,
+        /// Who.
+        holder: String,
+    },
     /// A test trajectory was trained on, so its errors would say nothing.
     #[error(
         "run {} was trained on trajectory {trajectory}, which corpus {} holds as a test trajectory (scenario {scenario}); \

@@ -18,7 +18,9 @@ use crate::mono_network::MonoInputs;
 use crate::normalisation::TARGET_UNIT_M;
 use crate::progress::Progress;
 use crate::run_folder::{RunFolder, RunSummary, TrainedRun};
+use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, FARTHEST_NM, Sample, Samples};
+use crate::sealed_run::SealedRun;
 use crate::{paper_lstm, pinhole, report, triangulation};
 
 /// Names of the estimators, in the order of tables.
@@ -81,11 +83,7 @@ impl EvaluationConfig {
         if !BIN_WIDTHS_NM.contains(&self.distance_bin_nm) {
             let [least, most] = [BIN_WIDTHS_NM.start(), BIN_WIDTHS_NM.end()];
             let expected = format!("a number from {least} to {most}");
-            return refuse(
-                "evaluation distance_bin_nm",
-                self.distance_bin_nm,
-                expected,
-            );
+            return refuse("evaluation distance_bin_nm", self.distance_bin_nm, expected);
         }
         Ok(())
     }
@@ -100,7 +98,8 @@ pub struct EstimatorPredictions {
     pub dtd_m: Vec<Option<f64>>,
 }
 
-/// Evaluates a run on the test side of a corpus and writes the results into the run's folder.
+/// Evaluates a run on the test side of a corpus and adds the results to the run: it is replaced by one that has the same networks and all
+/// results of this evaluation.
 pub fn evaluate(
     run: &RunFolder,
     corpus: &Corpus,
@@ -108,7 +107,9 @@ pub fn evaluate(
     progress: &mut dyn Progress,
 ) -> Result<Metrics> {
     config.check()?;
-    let trained = TrainedRun::load(run)?;
+    let place = RunPlace::take_existing(run)?;
+    let sealed = SealedRun::read(&place.run())?;
+    let trained = TrainedRun::of(&sealed)?;
     let range = DistanceRange {
         min_nm: config.min_dtd_nm,
         max_nm: config.max_dtd_nm,
@@ -152,11 +153,13 @@ pub fn evaluate(
             })
             .collect(),
     };
-    write_json(&run.evaluation_path(), config)?;
-    write_predictions(run, &samples, &test, &predictions)?;
-    write_json(&run.metrics_path(), &metrics)?;
+    let new = place.begin()?;
+    sealed.write(&new)?;
+    write_json(&new.evaluation_path(), config)?;
+    write_predictions(&new, &samples, &test, &predictions)?;
+    write_json(&new.metrics_path(), &metrics)?;
     report::write(
-        run,
+        &new,
         &trained,
         &samples,
         &test,
@@ -164,6 +167,7 @@ pub fn evaluate(
         &metrics,
         config,
     )?;
+    place.commit(&sealed.config_hash)?;
     Ok(metrics)
 }
 

@@ -113,7 +113,9 @@ fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [Stage; 3]
         judged.saturating_mul(calibration_units),
     );
     let e = &config.estimator;
-    let inputs = [features].into_iter().chain(e.lstm.iter().map(|&w| w as u64));
+    let inputs = [features]
+        .into_iter()
+        .chain(e.lstm.iter().map(|&w| w as u64));
     let gates = inputs.zip(&e.lstm).fold(0_u64, |total, (from, &width)| {
         let width = width as u64;
         let gate = from.saturating_add(width).saturating_add(1);
@@ -140,7 +142,9 @@ fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [Stage; 3]
     let mono = stage(
         "mono",
         &m.hidden,
-        views.saturating_mul(2).saturating_mul(dense(boxes, &m.hidden, 1)),
+        views
+            .saturating_mul(2)
+            .saturating_mul(dense(boxes, &m.hidden, 1)),
         &m.optimisation,
         sum(&m.hidden).saturating_mul(KEPT_PER_UNIT),
         judged.saturating_mul(sum(&m.hidden)),

@@ -204,13 +204,11 @@ pub fn distance_bins<'a>(
     outcomes: &'a [Outcome<'a>],
     bin_nm: f64,
 ) -> Vec<([f64; 2], Vec<&'a Outcome<'a>>)> {
-    let distance_nm =
-        |outcome: &Outcome| outcome.dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
+    let distance_nm = |outcome: &Outcome| outcome.dtd_m / dataset::units::METERS_PER_NAUTICAL_MILE;
     let distances = || outcomes.iter().map(distance_nm);
-    let (Some(nearest), Some(farthest)) = (
-        distances().reduce(f64::min),
-        distances().reduce(f64::max),
-    ) else {
+    let (Some(nearest), Some(farthest)) =
+        (distances().reduce(f64::min), distances().reduce(f64::max))
+    else {
         return Vec::new();
     };
     let wanted = (farthest / bin_nm).floor() - (nearest / bin_nm).floor() + 1.0;

@@ -9,17 +9,20 @@
 //!   weights.safetensors all networks
 //!   convergence.json    errors on the validation side over both stages
 //!   metrics.json  predictions.parquet  evaluation.json  report.html     (from `evaluate`)
+//!   MANIFEST.b3  DONE.json      the seal, as a scenario has it
 //! ```
+//!
+//! It appears and is replaced as a whole ([`crate::run_place`]), and what is read of it has the hash that was sealed.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::module::Module;
 use burn::store::{ModuleSnapshot, SafetensorsStore, SafetensorsStoreError};
 use burn::tensor::Device;
 use dataset::calibration::CameraEntry;
-use dataset::json_file::{read_json, write_atomically, write_json};
+use dataset::json_file::{write_atomically, write_json};
+use dataset::seal::{self, DONE, MANIFEST};
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
@@ -27,10 +30,13 @@ use serde::{Deserialize, Serialize};
 use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
 use crate::config::TrainConfig;
 use crate::error::{Error, Result};
+use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
 use crate::paper_lstm::{EstimatorLogEntry, PaperLstm};
 use crate::pinhole::Pinhole;
+use crate::run_place::RunPlace;
+use crate::sealed_run::SealedRun;
 use crate::triangulation::CentreOffset;
 
 /// Paths within a run.
@@ -47,6 +53,48 @@ impl RunFolder {
         }
     }
 
+    pub(crate) const CONFIG: &str = "config.json";
+    pub(crate) const SUMMARY: &str = "run.json";
+    pub(crate) const NORMALISATION: &str = "normalisation.json";
+    pub(crate) const BASELINES: &str = "baselines.json";
+    pub(crate) const WEIGHTS: &str = "weights.safetensors";
+    pub(crate) const CONVERGENCE: &str = "convergence.json";
+    pub(crate) const EVALUATION: &str = "evaluation.json";
+    pub(crate) const METRICS: &str = "metrics.json";
+    pub(crate) const PREDICTIONS: &str = "predictions.parquet";
+    pub(crate) const REPORT: &str = "report.html";
+
+    /// What a training writes.
+    pub(crate) const TRAINED: [&str; 6] = [
+        Self::CONFIG,
+        Self::SUMMARY,
+        Self::NORMALISATION,
+        Self::BASELINES,
+        Self::WEIGHTS,
+        Self::CONVERGENCE,
+    ];
+
+    /// Everything that a run may hold.
+    pub const FILES: [&str; 12] = [
+        Self::CONFIG,
+        Self::SUMMARY,
+        Self::NORMALISATION,
+        Self::BASELINES,
+        Self::WEIGHTS,
+        Self::CONVERGENCE,
+        Self::EVALUATION,
+        Self::METRICS,
+        Self::PREDICTIONS,
+        Self::REPORT,
+        MANIFEST,
+        DONE,
+    ];
+
+    /// The folder beside a run in which it is made and replaced.
+    pub fn place_beside(run: &Path) -> PathBuf {
+        crate::run_place::beside(run)
+    }
+
     /// The folder itself.
     pub fn root(&self) -> &Path {
         &self.root
@@ -54,52 +102,52 @@ impl RunFolder {
 
     /// Path of `config.json`.
     pub fn config_path(&self) -> PathBuf {
-        self.root.join("config.json")
+        self.root.join(Self::CONFIG)
     }
 
     /// Path of `run.json`.
     pub fn summary_path(&self) -> PathBuf {
-        self.root.join("run.json")
+        self.root.join(Self::SUMMARY)
     }
 
     /// Path of `normalisation.json`.
     pub fn normalisation_path(&self) -> PathBuf {
-        self.root.join("normalisation.json")
+        self.root.join(Self::NORMALISATION)
     }
 
     /// Path of `baselines.json`.
     pub fn baselines_path(&self) -> PathBuf {
-        self.root.join("baselines.json")
+        self.root.join(Self::BASELINES)
     }
 
     /// Path of `weights.safetensors`.
     pub fn weights_path(&self) -> PathBuf {
-        self.root.join("weights.safetensors")
+        self.root.join(Self::WEIGHTS)
     }
 
     /// Path of `convergence.json`.
     pub fn convergence_path(&self) -> PathBuf {
-        self.root.join("convergence.json")
+        self.root.join(Self::CONVERGENCE)
     }
 
     /// Path of `evaluation.json`.
     pub fn evaluation_path(&self) -> PathBuf {
-        self.root.join("evaluation.json")
+        self.root.join(Self::EVALUATION)
     }
 
     /// Path of `metrics.json`.
     pub fn metrics_path(&self) -> PathBuf {
-        self.root.join("metrics.json")
+        self.root.join(Self::METRICS)
     }
 
     /// Path of `predictions.parquet`.
     pub fn predictions_path(&self) -> PathBuf {
-        self.root.join("predictions.parquet")
+        self.root.join(Self::PREDICTIONS)
     }
 
     /// Path of `report.html`.
     pub fn report_path(&self) -> PathBuf {
-        self.root.join("report.html")
+        self.root.join(Self::REPORT)
     }
 }
 
@@ -207,15 +255,22 @@ pub struct TrainedRun {
 }
 
 impl TrainedRun {
-    /// Writes all files, creating the folder. `run.json` goes last: a folder without it is no run.
-    pub fn save(&self, folder: &RunFolder) -> Result<()> {
-        fs::create_dir_all(folder.root()).map_err(dataset::Error::io("create", folder.root()))?;
+    /// Writes all files into a folder that is there.
+    pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
         write_json(&folder.config_path(), &self.config)?;
         write_json(&folder.normalisation_path(), &self.normalisation)?;
         write_json(&folder.baselines_path(), &self.baselines)?;
         write_json(&folder.convergence_path(), &self.convergence)?;
         write_atomically(&folder.weights_path(), &self.weights(folder)?)?;
         Ok(write_json(&folder.summary_path(), &self.summary)?)
+    }
+
+    /// Puts the run into a place that is ours, as a whole.
+    pub(crate) fn commit(&self, place: RunPlace) -> Result<()> {
+        let new = place.begin()?;
+        self.write(&new)?;
+        let config_hash = seal::hash_file(&new.config_path())?;
+        place.commit(&config_hash)
     }
 
     /// All networks in the format of Safetensors. The same numbers give the same bytes: of several entries, the library writes the metadata
@@ -232,31 +287,48 @@ impl TrainedRun {
         store.get_bytes().map_err(fault)
     }
 
-    /// Reads a run.
+    /// Reads a run whose files are those that were sealed.
     pub fn load(folder: &RunFolder) -> Result<Self> {
-        if !folder.summary_path().is_file() {
-            return Err(Error::Run {
-                path: folder.root().to_owned(),
-                message: "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`".into(),
-            });
-        }
-        let config: TrainConfig = read_json(&folder.config_path(), "training configuration")?;
+        Self::of(&SealedRun::read(folder)?)
+    }
+
+    /// The run that these files hold.
+    pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
+        let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;
+        config.check()?;
         let normalisation: Normalisation =
-            read_json(&folder.normalisation_path(), "normalisation")?;
-        let mut networks = Networks::untrained(normalisation.views.len(), &config, &Device::flex());
-        let path = folder.weights_path();
+            sealed.json(RunFolder::NORMALISATION, "normalisation")?;
+        let baselines: Baselines = sealed.json(RunFolder::BASELINES, "set of baselines")?;
+        let views = normalisation.views.len();
+        memory::check(&config, views, SampleCounts::default())?;
+        let ranges = normalisation.range_px.as_ref().map_or(views, Vec::len);
+        let lengths = [
+            normalisation.offset_px.len(),
+            normalisation.scale_px.len(),
+            ranges,
+            baselines.pinholes.len(),
+            baselines.centre_offsets.len(),
+        ];
+        if views == 0 || lengths.iter().any(|&length| length != views) {
+            return Err(sealed.fault(
+                RunFolder::NORMALISATION,
+                format!("it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each"),
+            ));
+        }
+        let mut networks = Networks::untrained(views, &config, &Device::flex());
+        let weights = sealed.bytes(RunFolder::WEIGHTS)?.to_vec();
         networks
-            .load_from(&mut SafetensorsStore::from_file(&path))
-            .map_err(|error| Error::Run {
-                path,
-                message: format!(
-                    "weights do not fit the networks of config.json: {error}; train again"
-                ),
+            .load_from(&mut SafetensorsStore::from_bytes(Some(weights)))
+            .map_err(|error| {
+                sealed.fault(
+                    RunFolder::WEIGHTS,
+                    format!("weights do not fit the networks of config.json: {error}; train again"),
+                )
             })?;
         Ok(Self {
-            summary: read_json(&folder.summary_path(), "run summary")?,
-            baselines: read_json(&folder.baselines_path(), "set of baselines")?,
-            convergence: read_json(&folder.convergence_path(), "convergence log")?,
+            summary: sealed.json(RunFolder::SUMMARY, "run summary")?,
+            convergence: sealed.json(RunFolder::CONVERGENCE, "convergence log")?,
+            baselines,
             config,
             normalisation,
             networks,

@@ -21,6 +21,7 @@ use crate::paper_lstm::{TrainingSets, train_estimator};
 use crate::pinhole::Pinhole;
 use crate::progress::Progress;
 use crate::run_folder::{Baselines, Convergence, Networks, RunFolder, RunSummary, TrainedRun};
+use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
 use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
@@ -54,7 +55,8 @@ impl Stream {
     }
 }
 
-/// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`.
+/// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and puts the run into `out`, as a whole
+/// and only if all went well. Nothing else can be made there meanwhile.
 /// The same corpus, configuration and machine give the same weights.
 pub fn train(
     corpus: &Corpus,
@@ -64,6 +66,7 @@ pub fn train(
 ) -> Result<TrainOutcome> {
     let started = Instant::now();
     config.check()?;
+    let place = RunPlace::take(&RunFolder::at(out))?;
     let range = DistanceRange {
         min_nm: config.min_dtd_nm,
         max_nm: config.max_dtd_nm,
@@ -176,8 +179,8 @@ pub fn train(
             mono_box: mono_box.valid(),
         },
     };
-    let folder = RunFolder::at(out);
-    run.save(&folder)?;
+    let folder = place.run();
+    run.commit(place)?;
     Ok(TrainOutcome {
         run: folder,
         summary: run.summary,

@@ -214,7 +214,10 @@ mod tests {
                 r#"{"estimator": {"log_every": 0}}"#,
                 ["estimator.log_every", "is 0", "at least 1"],
             ),
-            (r#"{"estimator": {"lstm": []}}"#, ["estimator.lstm", "0 layers", "1 to 64"]),
+            (
+                r#"{"estimator": {"lstm": []}}"#,
+                ["estimator.lstm", "0 layers", "1 to 64"],
+            ),
         ] {
             let message = refusal(settings);
             for word in words {

@@ -63,7 +63,9 @@ fn shown_points(
     y: &Range<f64>,
 ) -> Vec<(f64, f64)> {
     let inside: Vec<_> = points
-        .filter(|point| (x.start..=x.end).contains(&point.0) && (y.start..=y.end).contains(&point.1))
+        .filter(|point| {
+            (x.start..=x.end).contains(&point.0) && (y.start..=y.end).contains(&point.1)
+        })
         .collect();
     let every = inside.len().div_ceil(MOST_POINTS).max(1);
     inside.into_iter().step_by(every).collect()

@@ -1,0 +1,322 @@
+//! The place of a run: where it is made, and how it gets there as a whole.
+//!
+//! ```text
+//! RUN             the run that counts
+//! RUN.partial/    beside it, on the same file system
+//!   claim         locked by whoever works on the run
+//!   new/          a run that is being made
+//!   old/          the run that it replaces, on its way out
+//! ```
+//!
+//! A run is made in `new/` and sealed like a scenario (`MANIFEST.b3`, then `DONE.json`). With the seal the change is decided: `RUN` moves to
+//! `old/`, `new/` to `RUN`, and `old/` goes. Whoever takes the claim next completes a decided change and drops one that is not. An
+//! evaluation, too, makes a whole run: the training's files, and its own beside them.
+
+use std::fs;
+use std::io::ErrorKind;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::{Path, PathBuf};
+
+use dataset::claim::{Claim, Claimed};
+use dataset::new_file::sync;
+use dataset::seal;
+
+use crate::error::{Error, Result};
+use crate::run_folder::RunFolder;
+
+const BESIDE: &str = ".partial";
+const CLAIM: &str = "claim";
+const NEW: &str = "new";
+const OLD: &str = "old";
+/// As many strange files are named in a refusal.
+const MOST_NAMED: usize = 20;
+
+/// A run's place, ours alone until this is dropped.
+#[derive(Debug)]
+pub(crate) struct RunPlace {
+    run: PathBuf,
+    beside: PathBuf,
+    _claim: Claim,
+}
+
+impl RunPlace {
+    /// Takes the place of a run that is to be made; what lies there must be a run, or nothing.
+    pub(crate) fn take(run: &RunFolder) -> Result<Self> {
+        Self::take_if(run, |_| true)
+    }
+
+    /// Takes the place of a run that is there.
+    pub(crate) fn take_existing(run: &RunFolder) -> Result<Self> {
+        let root = run.root();
+        let is_there = |run: &Path| {
+            run.is_dir() || beside(run).join(NEW).is_dir() || beside(run).join(OLD).is_dir()
+        };
+        let place = Self::take_if(run, is_there)?;
+        match place.run.join(RunFolder::SUMMARY).is_file() {
+            true => Ok(place),
+            false => Err(no_run(root)),
+        }
+    }
+
+    fn take_if(run: &RunFolder, is_wanted: impl Fn(&Path) -> bool) -> Result<Self> {
+        let run = real_path(run.root())?;
+        if !is_wanted(&run) {
+            return Err(no_run(&run));
+        }
+        let parent = parent_of(&run);
+        fs::create_dir_all(parent).map_err(|error| cannot_be_made(&run, &error))?;
+        let beside = beside(&run);
+        refuse_strangers(&beside, &[CLAIM, NEW, OLD], "is where a run is made, but")?;
+        let claim = match Claim::take_in(&beside, CLAIM) {
+            Ok(Claimed::Mine(claim)) => claim,
+            Ok(Claimed::Theirs(holder)) => {
+                return Err(Error::Held {
+                    run,
+                    holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+                });
+            }
+            Err(dataset::Error::Io { source, .. }) => return Err(cannot_be_made(&run, &source)),
+            Err(error) => return Err(error.into()),
+        };
+        let place = Self {
+            run,
+            beside,
+            _claim: claim,
+        };
+        place.recover()?;
+        place.refuse_other_content()?;
+        Ok(place)
+    }
+
+    /// The run that counts now.
+    pub(crate) fn run(&self) -> RunFolder {
+        RunFolder::at(&self.run)
+    }
+
+    /// An empty folder for a new run.
+    pub(crate) fn begin(&self) -> Result<RunFolder> {
+        let new = self.new_run();
+        fs::create_dir(&new).map_err(dataset::Error::io("create", &new))?;
+        Ok(RunFolder::at(&new))
+    }
+
+    /// Puts the new run, all of whose files are written, into its place.
+    pub(crate) fn commit(self, config_hash: &str) -> Result<()> {
+        seal::seal_folder(&self.new_run(), config_hash)?;
+        self.put_in_place().inspect_err(|_| {
+            tracing::warn!(
+                run = %self.new_run().display(),
+                "the finished run is whole there; the next start puts it into its place"
+            );
+        })
+    }
+
+    fn new_run(&self) -> PathBuf {
+        self.beside.join(NEW)
+    }
+
+    fn old_run(&self) -> PathBuf {
+        self.beside.join(OLD)
+    }
+
+    /// Completes what a killed process had decided, and drops what it had not.
+    fn recover(&self) -> Result<()> {
+        let (new, old) = (self.new_run(), self.old_run());
+        let is_decided = new.is_dir() && seal::read_seal(&new)?.is_some();
+        // Of a run on its way out, run.json goes first.
+        let old_is_whole = old.join(RunFolder::SUMMARY).is_file();
+        if old_is_whole && !is_decided && is_vacant(&self.run) {
+            rename(&old, &self.run)?;
+        }
+        if is_decided {
+            if old.is_dir() && !is_vacant(&self.run) {
+                return Err(Error::Run {
+                    path: self.run.clone(),
+                    message: format!(
+                        "was made while {} waits to take this place, and {} is what it replaces; move one of the three away",
+                        new.display(),
+                        old.display()
+                    ),
+                });
+            }
+            return self.put_in_place();
+        }
+        if new.exists() {
+            fs::remove_dir_all(&new).map_err(dataset::Error::io("remove", &new))?;
+        }
+        remove_run(&old)
+    }
+
+    fn put_in_place(&self) -> Result<()> {
+        if !is_vacant(&self.run) {
+            // Somebody may have put something there since it was looked at.
+            self.refuse_other_content()?;
+            rename(&self.run, &self.old_run())?;
+        }
+        rename(&self.new_run(), &self.run)?;
+        remove_run(&self.old_run())
+    }
+
+    /// Refuses a folder that holds anything but a run: it will be replaced as a whole.
+    fn refuse_other_content(&self) -> Result<()> {
+        refuse_strangers(&self.run, &RunFolder::FILES, "is no run:")?;
+        let is_run = is_vacant(&self.run) || self.run.join(RunFolder::SUMMARY).is_file();
+        match is_run {
+            true => Ok(()),
+            // Whatever it holds, it was not made by a training that ended.
+            false => refuse_strangers(&self.run, &[], "has no run.json, so it is no run:"),
+        }
+    }
+}
+
+impl Drop for RunPlace {
+    fn drop(&mut self) {
+        let new = self.new_run();
+        // What is decided is completed by whoever comes next. What cannot be removed is removed then, too.
+        if new.is_dir() && !new.join(seal::DONE).exists() {
+            let _ = fs::remove_dir_all(&new);
+        }
+    }
+}
+
+/// The folder beside a run in which it is made.
+pub(crate) fn beside(run: &Path) -> PathBuf {
+    let mut name = run.file_name().unwrap_or_default().to_owned();
+    name.push(BESIDE);
+    run.with_file_name(name)
+}
+
+fn parent_of(run: &Path) -> &Path {
+    run.parent().unwrap_or(run)
+}
+
+fn no_run(path: &Path) -> Error {
+    Error::Run {
+        path: path.to_owned(),
+        message: "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`".into(),
+    }
+}
+
+fn cannot_be_made(run: &Path, error: &std::io::Error) -> Error {
+    Error::Run {
+        path: run.to_owned(),
+        message: format!("cannot be made there: {error}"),
+    }
+}
+
+/// The path of a run without links on its way; a link to a run is as good as the run.
+fn real_path(run: &Path) -> Result<PathBuf> {
+    let refused = |message: String| {
+        Err(Error::Run {
+            path: run.to_owned(),
+            message,
+        })
+    };
+    let real = match fs::canonicalize(run) {
+        Ok(real) => real,
+        Err(error) if error.kind() == ErrorKind::NotFound => {
+            // A link to a run that is just being replaced leads nowhere for a moment.
+            let named = fs::read_link(run).map_or(run.to_owned(), |to| parent_of(run).join(to));
+            let Some(name) = named.file_name() else {
+                return refused("is no name for a folder".into());
+            };
+            let parent = match named.parent() {
+                Some(parent) if !parent.as_os_str().is_empty() => parent,
+                _ => Path::new("."),
+            };
+            let parent =
+                std::path::absolute(parent).map_err(|error| cannot_be_made(run, &error))?;
+            fs::canonicalize(&parent).unwrap_or(parent).join(name)
+        }
+        Err(error) => return Err(cannot_be_made(run, &error)),
+    };
+    let Ok(found) = fs::metadata(&real) else {
+        return Ok(real);
+    };
+    if !found.is_dir() {
+        let kind = found.file_type();
+        let what = match () {
+            () if kind.is_file() => "a file",
+            () if kind.is_fifo() => "a FIFO",
+            () if kind.is_socket() => "a socket",
+            () => "a device",
+        };
+        return refused(format!(
+            "is {what}; expected a folder, or the name of a new one"
+        ));
+    }
+    let parent = real.parent().map(fs::metadata);
+    match parent {
+        Some(Ok(parent)) if parent.dev() == found.dev() => Ok(real),
+        _ => refused(format!(
+            "is the top of a file system, and a run is replaced as a whole; name a folder in it, e.g. {}",
+            run.join("run").display()
+        )),
+    }
+}
+
+/// Whether nothing is there, or an empty folder.
+fn is_vacant(run: &Path) -> bool {
+    match fs::read_dir(run) {
+        Ok(mut entries) => entries.next().is_none(),
+        Err(error) => error.kind() == ErrorKind::NotFound,
+    }
+}
+
+/// Refuses a folder with anything in it but files and folders of these names.
+fn refuse_strangers(folder: &Path, known: &[&str], what: &str) -> Result<()> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) => return Err(dataset::Error::io("list", folder)(error).into()),
+    };
+    let mut strangers = Vec::new();
+    for entry in entries {
+        let entry = entry.map_err(dataset::Error::io("list", folder))?;
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_link = entry.file_type().is_ok_and(|kind| kind.is_symlink());
+        if is_link || !known.contains(&name.as_str()) {
+            strangers.push(name);
+        }
+    }
+    if strangers.is_empty() {
+        return Ok(());
+    }
+    strangers.sort();
+    let more = strangers.len().saturating_sub(MOST_NAMED);
+    strangers.truncate(MOST_NAMED);
+    if more > 0 {
+        strangers.push(format!("and {more} more"));
+    }
+    Err(Error::Run {
+        path: folder.to_owned(),
+        message: format!(
+            "{what} it holds {}; move that away, or name another folder",
+            strangers.join(", ")
+        ),
+    })
+}
+
+fn rename(from: &Path, to: &Path) -> Result<()> {
+    fs::rename(from, to).map_err(dataset::Error::io("rename into place", to))?;
+    sync(parent_of(from))?;
+    Ok(sync(parent_of(to))?)
+}
+
+/// Removes the files of a run, and its folder if that is all it held.
+fn remove_run(run: &Path) -> Result<()> {
+    if !run.is_dir() {
+        return Ok(());
+    }
+    let others = RunFolder::FILES.into_iter();
+    let others = others.filter(|&name| name != RunFolder::SUMMARY);
+    for name in [RunFolder::SUMMARY].into_iter().chain(others) {
+        let path = run.join(name);
+        match fs::remove_file(&path) {
+            Ok(()) => {}
+            Err(error) if error.kind() == ErrorKind::NotFound => {}
+            Err(error) => return Err(dataset::Error::io("remove", &path)(error).into()),
+        }
+    }
+    Ok(fs::remove_dir(run).map_err(dataset::Error::io("remove", run))?)
+}

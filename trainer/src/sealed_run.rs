@@ -1,0 +1,92 @@
+//! The files of a training, read back only if they are those that the training wrote.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::PathBuf;
+
+use dataset::json_file::write_atomically;
+use dataset::seal::{DONE, MANIFEST};
+use dataset::sealed::Sealed;
+use serde::de::DeserializeOwned;
+
+use crate::error::{Error, Result};
+use crate::run_folder::RunFolder;
+
+/// The files of a training as they were sealed, in memory.
+pub(crate) struct SealedRun {
+    root: PathBuf,
+    /// Hash of the settings.
+    pub(crate) config_hash: String,
+    files: BTreeMap<&'static str, Vec<u8>>,
+}
+
+impl SealedRun {
+    /// Reads the files that a training wrote; refuses those that are not what was sealed.
+    pub(crate) fn read(folder: &RunFolder) -> Result<Self> {
+        let root = folder.root();
+        let fault = |message: String| Error::Run {
+            path: root.to_owned(),
+            message,
+        };
+        if !folder.summary_path().is_file() {
+            return Err(fault(
+                "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`".into(),
+            ));
+        }
+        let seal = Sealed::read(root)?.ok_or_else(|| {
+            fault(format!(
+                "has no {DONE}, so nothing says that its files belong together; train again"
+            ))
+        })?;
+        let mut files = BTreeMap::new();
+        for name in RunFolder::TRAINED {
+            let path = root.join(name);
+            let bytes = fs::read(&path).map_err(dataset::Error::io("read", &path))?;
+            let hash = blake3::hash(&bytes).to_string();
+            if seal.hash_of(name) != Some(&hash) {
+                return Err(Error::Run {
+                    path,
+                    message: format!(
+                        "is not what the training wrote: its hash differs from {MANIFEST}; put the right file back, or train again"
+                    ),
+                });
+            }
+            files.insert(name, bytes);
+        }
+        Ok(Self {
+            root: root.to_owned(),
+            config_hash: seal.seal().config_hash.clone(),
+            files,
+        })
+    }
+
+    /// Writes the same files into another folder.
+    pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
+        for (name, bytes) in &self.files {
+            write_atomically(&folder.root().join(name), bytes)?;
+        }
+        Ok(())
+    }
+
+    pub(crate) fn bytes(&self, name: &str) -> Result<&[u8]> {
+        let bytes = self.files.get(name).map(Vec::as_slice);
+        bytes.ok_or_else(|| self.fault(name, "is missing".into()))
+    }
+
+    pub(crate) fn json<T: DeserializeOwned>(&self, name: &str, what: &'static str) -> Result<T> {
+        serde_json::from_slice(self.bytes(name)?).map_err(|source| {
+            Error::Dataset(dataset::Error::Json {
+                what,
+                path: self.root.join(name),
+                source,
+            })
+        })
+    }
+
+    pub(crate) fn fault(&self, name: &str, message: String) -> Error {
+        Error::Run {
+            path: self.root.join(name),
+            message,
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! A run is whole or not there: what stands in its place, what ends its making, and what somebody changed in it.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::thread;
+
+use dataset::corpus::Corpus;
+use dataset::seal;
+use tempfile::{TempDir, tempdir};
+use trainer::synthetic::SyntheticCorpus;
+use trainer::{Error, EvaluationConfig, Progress, RunFolder, Silent, TrainConfig, evaluate, train};
+
+/// The method with hardly any learning: a second.
+fn config(seed: u64) -> TrainConfig {
+    let mut config = TrainConfig {
+        seed,
+        ..TrainConfig::demo()
+    };
+    config.augmentation.fill_up_to_samples = 500;
+    config.calibration.optimisation.steps = 20;
+    config.estimator.optimisation.steps = 20;
+    config.mono.optimisation.steps = 20;
+    config
+}
+
+struct Bench {
+    folder: TempDir,
+    corpus: Corpus,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let folder = tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny()
+            .write(&folder.path().join("corpus"))
+            .unwrap();
+        Self { folder, corpus }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn train(&self, name: &str, seed: u64) -> Result<RunFolder, Error> {
+        train(&self.corpus, &self.path(name), &config(seed), &mut Silent).map(|outcome| outcome.run)
+    }
+
+    fn evaluate(&self, name: &str) -> Result<(), Error> {
+        let run = RunFolder::at(&self.path(name));
+        evaluate(
+            &run,
+            &self.corpus,
+            &EvaluationConfig::default(),
+            &mut Silent,
+        )
+        .map(|_| ())
+    }
+
+    fn refusal(&self, name: &str) -> String {
+        let error = self.train(name, 0).unwrap_err();
+        assert!(matches!(error, Error::Run { .. }), "{error}");
+        error.to_string()
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<_> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).unwrap();
+    for name in names(from) {
+        fs::copy(from.join(&name), to.join(&name)).unwrap();
+    }
+}
+
+fn assert_whole(run: &Path) {
+    assert_eq!(seal::faults(run).unwrap(), Vec::<String>::new());
+}
+
+#[test]
+fn what_is_no_run_is_never_replaced_and_is_named_before_anything_is_computed() {
+    let bench = Bench::new();
+    fs::write(bench.path("file"), "precious").unwrap();
+    assert!(bench.refusal("file").contains("expected a folder"));
+    assert!(bench.refusal("file/run").contains("cannot be made there"));
+    for (name, precious, words) in [
+        ("mine", "thesis.tex", "holds thesis.tex"),
+        ("tool", "config.json", "has no run.json"),
+    ] {
+        fs::create_dir(bench.path(name)).unwrap();
+        fs::write(bench.path(name).join(precious), "precious").unwrap();
+        let message = bench.refusal(name);
+        assert!(message.contains(words), "{message}");
+        assert_eq!(names(&bench.path(name)), [precious]);
+    }
+    fs::create_dir(bench.path("taken.partial")).unwrap();
+    fs::write(bench.path("taken.partial/notes"), "precious").unwrap();
+    assert!(bench.refusal("taken").contains("holds notes"));
+    std::os::unix::fs::symlink(bench.path("mine"), bench.path("link")).unwrap();
+    assert!(bench.refusal("link").contains("thesis.tex"));
+    let left = names(bench.folder.path());
+    let expected = ["corpus", "file", "link", "mine", "taken.partial", "tool"];
+    assert_eq!(left, expected, "nothing else was made, nothing is gone");
+}
+
+#[test]
+fn a_training_that_fails_leaves_the_run_that_was_there() {
+    let bench = Bench::new();
+    let run = bench.train("run", 0).unwrap();
+    bench.evaluate("run").unwrap();
+    let before: Vec<_> = names(run.root())
+        .iter()
+        .map(|name| fs::read(run.root().join(name)).unwrap())
+        .collect();
+    assert!(run.report_path().is_file());
+    let splits = bench.corpus.splits_path();
+    let split = fs::read(&splits).unwrap();
+    fs::write(&splits, "").unwrap();
+    bench.train("run", 1).unwrap_err();
+    let after: Vec<_> = names(run.root())
+        .iter()
+        .map(|name| fs::read(run.root().join(name)).unwrap())
+        .collect();
+    assert!(before == after);
+    assert_eq!(names(bench.folder.path()), ["corpus", "run"]);
+    // And one that succeeds leaves nothing of it: its figures are not those of the new weights.
+    fs::write(&splits, split).unwrap();
+    bench.train("run", 1).unwrap();
+    assert!(!run.metrics_path().exists() && !run.report_path().exists());
+    assert_whole(run.root());
+    bench.evaluate("run").unwrap();
+    assert_whole(run.root());
+    assert_eq!(names(run.root()).len(), RunFolder::FILES.len());
+    assert_eq!(names(bench.folder.path()), ["corpus", "run"]);
+}
+
+#[test]
+fn files_of_another_training_and_edited_ones_are_refused_by_name() {
+    let bench = Bench::new();
+    let run = bench.train("run", 0).unwrap();
+    let other = bench.train("other", 1).unwrap();
+    for name in [
+        "config.json",
+        "run.json",
+        "normalisation.json",
+        "baselines.json",
+        "weights.safetensors",
+        "convergence.json",
+    ] {
+        let path = run.root().join(name);
+        let whole = fs::read(&path).unwrap();
+        let mut flipped = whole.clone();
+        let middle = flipped.len() / 2;
+        flipped[middle] ^= 1;
+        let theirs = fs::read(other.root().join(name)).unwrap();
+        for changed in [flipped, theirs, Vec::new()] {
+            if changed == whole {
+                continue;
+            }
+            fs::write(&path, changed).unwrap();
+            let message = bench.evaluate("run").unwrap_err().to_string();
+            assert!(
+                message.contains(name) && message.contains("not what the training wrote"),
+                "{message}"
+            );
+        }
+        fs::write(&path, whole).unwrap();
+    }
+    assert!(!run.metrics_path().exists());
+    bench.evaluate("run").unwrap();
+    // A result that somebody marked up does not count, and does not matter: it is made again.
+    fs::write(run.report_path(), "my notes").unwrap();
+    bench.evaluate("run").unwrap();
+    assert_whole(run.root());
+    fs::remove_file(run.root().join("DONE.json")).unwrap();
+    let message = bench.evaluate("run").unwrap_err().to_string();
+    assert!(message.contains("no DONE.json"), "{message}");
+}
+
+#[test]
+fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
+    let bench = Bench::new();
+    let first = bench.train("first", 0).unwrap();
+    let second = bench.train("second", 1).unwrap();
+    let half: &[&str] = &["config.json", "weights.safetensors"];
+    // What a kill leaves in RUN, RUN.partial/new and RUN.partial/old, and which of the two runs must come of it.
+    let cases: [(&str, [Option<&RunFolder>; 3], Option<&[&str]>, &RunFolder); 6] = [
+        (
+            "while training",
+            [Some(&first), None, None],
+            Some(half),
+            &first,
+        ),
+        ("sealed", [Some(&first), Some(&second), None], None, &second),
+        (
+            "moved away",
+            [None, Some(&second), Some(&first)],
+            None,
+            &second,
+        ),
+        (
+            "in place",
+            [Some(&second), None, Some(&first)],
+            None,
+            &second,
+        ),
+        (
+            "nothing there before",
+            [None, Some(&second), None],
+            None,
+            &second,
+        ),
+        ("new one lost", [None, None, Some(&first)], None, &first),
+    ];
+    for (what, [run, new, old], unsealed, expected) in cases {
+        let name = what.replace(' ', "-");
+        let root = bench.path(&name);
+        let beside = bench.path(&format!("{name}.partial"));
+        fs::create_dir(&beside).unwrap();
+        fs::write(beside.join("claim"), "{}").unwrap();
+        for (from, to) in [
+            (run, root.clone()),
+            (new, beside.join("new")),
+            (old, beside.join("old")),
+        ] {
+            if let Some(from) = from {
+                copy(from.root(), &to);
+            }
+        }
+        if let Some(files) = unsealed {
+            fs::create_dir(beside.join("new")).unwrap();
+            for file in files {
+                fs::copy(second.root().join(file), beside.join("new").join(file)).unwrap();
+            }
+        }
+        bench
+            .evaluate(&name)
+            .unwrap_or_else(|error| panic!("{what}: {error}"));
+        assert_whole(&root);
+        for file in ["config.json", "weights.safetensors"] {
+            let [found, expected] =
+                [&root, expected.root()].map(|run| fs::read(run.join(file)).unwrap());
+            assert!(found == expected, "{what}: {file}");
+        }
+        assert!(!beside.exists(), "{what}: {:?}", names(&beside));
+    }
+}
+
+/// Tells when a training is at work, and holds it there until somebody lets go.
+struct Gate {
+    at_work: mpsc::Sender<()>,
+    go_on: mpsc::Receiver<()>,
+    passed: bool,
+}
+
+impl Progress for Gate {
+    fn begin(&mut self, _stage: &str, _total: u64) {
+        if !std::mem::replace(&mut self.passed, true) {
+            self.at_work.send(()).unwrap();
+            self.go_on.recv().unwrap();
+        }
+    }
+
+    fn advance(&mut self, _done: u64, _note: &str) {}
+}
+
+#[test]
+fn two_who_work_on_one_run_exclude_each_other_and_neighbours_do_not() {
+    let bench = Bench::new();
+    bench.train("run", 0).unwrap();
+    let (at_work, is_at_work) = mpsc::channel();
+    let (go_on, may_go_on) = mpsc::channel();
+    thread::scope(|scope| {
+        let first = scope.spawn(|| {
+            let mut gate = Gate {
+                at_work,
+                go_on: may_go_on,
+                passed: false,
+            };
+            train(&bench.corpus, &bench.path("run"), &config(1), &mut gate).unwrap();
+        });
+        is_at_work.recv().unwrap();
+        for error in [
+            bench.train("run", 2).unwrap_err(),
+            bench.evaluate("run").unwrap_err(),
+        ] {
+            assert!(matches!(error, Error::Held { .. }), "{error}");
+        }
+        bench.train("neighbour", 2).unwrap();
+        go_on.send(()).unwrap();
+        first.join().unwrap();
+    });
+    let text = fs::read_to_string(bench.path("run/config.json")).unwrap();
+    assert!(text.contains("\"seed\": 1"), "{text}");
+    assert_whole(&bench.path("run"));
+}
