@@ -437,7 +437,7 @@ pub(crate) struct DemoArgs {
     /// Folder for the corpus and the run
     #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = output())]
     pub(crate) out: PathBuf,
-    /// Throw away what an earlier demo left and start anew
+    /// Remove what an earlier demo made in this folder and start over. A folder with anything else in it is refused
     #[arg(long)]
     pub(crate) fresh: bool,
 }

@@ -44,6 +44,9 @@ pub struct ScenarioFolder {
 }
 
 impl Corpus {
+    /// The files that belong to the whole corpus, in the order in which they are written.
+    pub const FILES: [&str; 3] = ["plan.json", "splits.json", "corpus.toml"];
+
     /// Opens an existing corpus.
     pub fn open(root: &Path) -> Result<Self> {
         if !root.join(SCENARIOS).is_dir() {
@@ -183,6 +186,13 @@ impl ScenarioFolder {
             .join(format!("{model_hash}.parquet"))
     }
 
+    /// The files of a scenario, without its videos, its detections and its seal.
+    pub const FILES: [&str; 4] = [
+        "scenario.json",
+        "calibration.json",
+        Self::FRAMES,
+        Self::TRUTH_BOXES,
+    ];
     /// Name of the table of ticks.
     pub const FRAMES: &str = "frames.parquet";
     /// Name of the table of true boxes.

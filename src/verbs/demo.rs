@@ -1,6 +1,7 @@
 //! `dtd demo`: the whole chain at small scale.
 
-use std::fs;
+mod own_folder;
+
 use std::path::PathBuf;
 
 use dataset::corpus::Corpus;
@@ -10,13 +11,14 @@ use labeller::DetectOutcome;
 use trainer::{Metrics, RunFolder, TrainConfig};
 
 use super::Outcome;
-use super::detect::detect;
+use super::detect::{detect, refuse_other_models};
 use super::evaluate::{evaluate, print_metrics};
 use super::generate::{ending_of, generate, options};
 use super::label::label;
 use super::train::train;
 use crate::args::DemoArgs;
 use crate::failure::{Ending, Failure};
+use own_folder::OwnFolder;
 
 /// Videos whose paths are printed for a first look.
 const VIDEOS_TO_SHOW: usize = 2;
@@ -24,17 +26,15 @@ const VIDEOS_TO_SHOW: usize = 2;
 /// Runs the verb.
 pub(crate) fn run(args: &DemoArgs) -> Outcome {
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
-    if args.fresh && args.out.exists() {
-        fs::remove_dir_all(&args.out)?;
-    }
-    let corpus_root = args.out.join("corpus");
+    refuse_other_models(&args.model)?;
+    let folder = OwnFolder::open(&args.out, args.fresh)?;
     let options = options(SimulatorTarget::StandIn.into())?;
-    let generated = generate(&sweep, &corpus_root, &options)?;
+    let generated = generate(&sweep, &folder.corpus(), &options)?;
     match ending_of(&generated)? {
         Ending::Done => {}
         other => return Ok(other),
     }
-    let corpus = Corpus::open(&corpus_root)?;
+    let corpus = Corpus::open(&folder.corpus())?;
     let labelled = label(&corpus)?;
     let detected = detect(&corpus, &args.model, false)?;
     if !(labelled.failed.is_empty() && detected.failed.is_empty()) {
@@ -45,7 +45,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         model_hash: Some(detected.model_hash.clone()),
         ..TrainConfig::demo()
     };
-    let trained = train(&corpus, &args.out.join("run"), &config)?;
+    let trained = train(&corpus, &folder.run(), &config)?;
     let metrics = evaluate(trained.run.root(), &corpus)?;
     print_result(&corpus, &detected, &metrics, &trained.run)?;
     Ok(Ending::Done)

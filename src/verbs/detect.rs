@@ -30,12 +30,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
 
 /// Detects in a corpus with a progress bar.
 pub(crate) fn detect(corpus: &Corpus, model: &Path, again: bool) -> Result<DetectOutcome, Failure> {
-    if !model.is_file() {
-        return Err(Failure::bad_input_message(format!(
-            "{} is not there: --model expects an ONNX file; the detector that ships is models/aircraft.onnx",
-            model.display()
-        )));
-    }
+    refuse_other_models(model)?;
     let bar = Bar::new("detect", "pictures", None);
     let options = DetectOptions {
         again,
@@ -57,6 +52,17 @@ pub(crate) fn detect(corpus: &Corpus, model: &Path, again: bool) -> Result<Detec
         ));
     }
     Ok(outcome)
+}
+
+/// Refuses what is no file and so no detector.
+pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
+    if model.is_file() {
+        return Ok(());
+    }
+    Err(Failure::bad_input_message(format!(
+        "{} is not there: --model expects an ONNX file; the detector that ships is models/aircraft.onnx",
+        model.display()
+    )))
 }
 
 fn print_summary(outcome: &DetectOutcome) {

@@ -1,0 +1,260 @@
+//! The folder of a demo, and what in it the demo made and may therefore remove.
+//!
+//! A marker file, written before anything else, says that `corpus` and `run` are a demo's. Whatever is not of the form of a demo's files
+//! is somebody else's: it is never removed, and `--fresh` refuses to begin beside it.
+
+use std::fs::{self, File, TryLockError};
+use std::path::{Path, PathBuf};
+
+use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
+use dataset::json_file::{read_json, write_json};
+use dataset::seal::{DONE, MANIFEST};
+use serde::{Deserialize, Serialize};
+use trainer::RunFolder;
+
+use crate::failure::Failure;
+
+const MARKER: &str = "DEMO.json";
+const CORPUS: &str = "corpus";
+const RUN: &str = "run";
+/// As many strange files are named in a refusal.
+const MOST_NAMED: usize = 20;
+
+/// Content of the marker.
+#[derive(Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Marker {
+    made_by: String,
+    owns: Vec<String>,
+}
+
+impl Marker {
+    fn ours() -> Self {
+        Self {
+            made_by: "dtd demo".into(),
+            owns: vec![CORPUS.into(), RUN.into()],
+        }
+    }
+}
+
+/// The folder of a demo, ours alone until this is dropped.
+pub(super) struct OwnFolder {
+    root: PathBuf,
+    /// The locked marker. An older folder without one is not ours to mark.
+    _marker: Option<File>,
+}
+
+impl OwnFolder {
+    /// The folder, created and marked if it is new. With `fresh`, what an earlier demo made in it is removed.
+    pub(super) fn open(root: &Path, fresh: bool) -> Result<Self, Failure> {
+        if root.exists() && !root.is_dir() {
+            return Err(Failure::bad_input_message(format!(
+                "{} is no folder; --out expects one, or the name of a new one",
+                root.display()
+            )));
+        }
+        fs::create_dir_all(root)
+            .map_err(|error| Failure::bad_input(dataset::Error::io("create", root)(error)))?;
+        let mut folder = Self {
+            root: root.to_owned(),
+            _marker: None,
+        };
+        let marked = folder.is_marked();
+        if marked {
+            folder.lock()?;
+        }
+        if fresh {
+            folder.refuse(&folder.of_others(marked)?)?;
+            folder.remove_own()?;
+        }
+        if !marked && !folder.corpus().exists() && !folder.run().exists() {
+            write_json(&folder.marker(), &Marker::ours()).map_err(Failure::bad_input)?;
+            folder.lock()?;
+        }
+        Ok(folder)
+    }
+
+    /// Where the corpus is made.
+    pub(super) fn corpus(&self) -> PathBuf {
+        self.root.join(CORPUS)
+    }
+
+    /// Where the run is made.
+    pub(super) fn run(&self) -> PathBuf {
+        self.root.join(RUN)
+    }
+
+    fn marker(&self) -> PathBuf {
+        self.root.join(MARKER)
+    }
+
+    fn is_marked(&self) -> bool {
+        let marker = self.marker();
+        let is_file = fs::symlink_metadata(&marker).is_ok_and(|found| found.is_file());
+        is_file && read_json::<Marker>(&marker, "marker").is_ok_and(|found| found == Marker::ours())
+    }
+
+    fn lock(&mut self) -> Result<(), Failure> {
+        let path = self.marker();
+        let marker = File::open(&path).map_err(dataset::Error::io("read", &path))?;
+        match marker.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(Failure::TryAgain(anyhow::anyhow!(
+                    "another `dtd demo` is at work in {}",
+                    self.root.display()
+                )));
+            }
+            Err(TryLockError::Error(error)) => {
+                return Err(dataset::Error::io("lock", &path)(error).into());
+            }
+        }
+        self._marker = Some(marker);
+        Ok(())
+    }
+
+    fn refuse(&self, others: &[PathBuf]) -> Result<(), Failure> {
+        if others.is_empty() {
+            return Ok(());
+        }
+        let mut names: Vec<String> = others
+            .iter()
+            .take(MOST_NAMED)
+            .map(|path| format!("  {}", path.display()))
+            .collect();
+        if others.len() > MOST_NAMED {
+            names.push(format!("  and {} more", others.len() - MOST_NAMED));
+        }
+        Err(Failure::bad_input_message(format!(
+            "--fresh removes only what a demo made, and {} holds something else:\n{}\nmove it away, or give another --out; nothing was \
+             removed",
+            self.root.display(),
+            names.join("\n")
+        )))
+    }
+
+    /// What is not a demo's; in a folder that no demo marked, everything.
+    fn of_others(&self, marked: bool) -> Result<Vec<PathBuf>, Failure> {
+        let mut others = Vec::new();
+        let mut folders = vec![PathBuf::new()];
+        while let Some(folder) = folders.pop() {
+            let path = self.root.join(&folder);
+            for entry in fs::read_dir(&path).map_err(dataset::Error::io("list", &path))? {
+                let entry = entry.map_err(dataset::Error::io("list", &path))?;
+                let name = folder.join(entry.file_name());
+                let kind = entry
+                    .file_type()
+                    .map_err(dataset::Error::io("look at", &path))?;
+                match marked && is_own(&name, kind.is_dir(), kind.is_file()) {
+                    true if kind.is_dir() => folders.push(name),
+                    true => {}
+                    false => others.push(name),
+                }
+            }
+        }
+        others.sort();
+        Ok(others)
+    }
+
+    fn remove_own(&self) -> Result<(), Failure> {
+        for path in [
+            self.corpus(),
+            self.run(),
+            RunFolder::place_beside(&self.run()),
+        ] {
+            if path.exists() {
+                fs::remove_dir_all(&path).map_err(dataset::Error::io("remove", &path))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Whether something at this place, relative to the folder of a demo, has the form of what a demo makes.
+fn is_own(name: &Path, is_folder: bool, is_file: bool) -> bool {
+    let parts: Option<Vec<&str>> = name.iter().map(|part| part.to_str()).collect();
+    let Some(parts) = parts else {
+        return false;
+    };
+    let beside = RunFolder::place_beside(Path::new(RUN));
+    let [place, inside @ ..] = parts.as_slice() else {
+        return false;
+    };
+    match inside {
+        [] if is_folder => [CORPUS, RUN].contains(place) || beside == Path::new(place),
+        [] => is_file && without_temporary_ending(place) == MARKER,
+        _ if *place == CORPUS => is_of_corpus(inside, is_folder, is_file),
+        // What is being made there is nobody else's.
+        _ if *place != RUN => is_folder || is_file,
+        [file] => is_file && RunFolder::FILES.contains(&without_temporary_ending(file)),
+        _ => false,
+    }
+}
+
+fn is_of_corpus(inside: &[&str], is_folder: bool, is_file: bool) -> bool {
+    let ends = |name: &str, endings: [&str; 2]| {
+        let name = without_temporary_ending(name);
+        endings.iter().any(|ending| name.ends_with(ending))
+    };
+    match inside {
+        ["scenarios" | "claims" | "failed"] => is_folder,
+        [name] => is_file && Corpus::FILES.contains(&without_temporary_ending(name)),
+        ["claims" | "failed", _] => is_file,
+        ["scenarios", _] => is_folder,
+        ["scenarios", id, ..] if id.ends_with(PARTIAL_SUFFIX) => is_folder || is_file,
+        ["scenarios", _, "views" | "detections"] => is_folder,
+        ["scenarios", _, "views", name] => is_file && ends(name, [".mp4", ".mov"]),
+        ["scenarios", _, "detections", name] => is_file && ends(name, [".parquet", ".json"]),
+        ["scenarios", _, name] => {
+            let name = without_temporary_ending(name);
+            is_file && (ScenarioFolder::FILES.contains(&name) || [MANIFEST, DONE].contains(&name))
+        }
+        _ => false,
+    }
+}
+
+/// The name of a file of which this may be the new form, still being written: `.<name>.<digits>.tmp`, `<name>.tmp` or `<name>.new`.
+fn without_temporary_ending(name: &str) -> &str {
+    if let Some(written) = name.strip_prefix('.').and_then(|n| n.strip_suffix(".tmp")) {
+        return written.rsplit_once('.').map_or(written, |(name, _)| name);
+    }
+    [".tmp", ".new"]
+        .iter()
+        .find_map(|ending| name.strip_suffix(ending))
+        .unwrap_or(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_new_folder_is_marked_first_and_what_is_made_in_it_goes_with_fresh() {
+        let place = tempfile::tempdir().unwrap();
+        let place = place.path();
+        let made = [
+            "corpus/splits.json",
+            "corpus/claims/1200-clear-r1",
+            "corpus/scenarios/1200-clear-r1.partial/views/left.mp4",
+            "corpus/scenarios/1200-clear-r1/views/left.mp4",
+            "corpus/scenarios/1200-clear-r1/detections/abc.json",
+            "corpus/scenarios/1200-clear-r1/DONE.json.new",
+            "run/weights.safetensors",
+            "run.partial/new/config.json",
+        ];
+        let folder = OwnFolder::open(place, false).unwrap();
+        assert!(folder.marker().is_file());
+        for name in made {
+            let path = place.join(name);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(path, "").unwrap();
+        }
+        let second = OwnFolder::open(place, true);
+        assert!(matches!(second, Err(Failure::TryAgain(_))), "one at a time");
+        drop(folder);
+        drop(OwnFolder::open(place, false).unwrap());
+        assert!(place.join("run/weights.safetensors").exists());
+        drop(OwnFolder::open(place, true).unwrap());
+        let left: Vec<_> = fs::read_dir(place).unwrap().collect();
+        assert_eq!(left.len(), 1, "only the marker: {left:?}");
+    }
+}
