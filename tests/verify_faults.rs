@@ -163,7 +163,7 @@ impl Copy {
     }
 
     fn change_record(&self, change: impl FnOnce(&mut ScenarioRecord)) {
-        let mut record = self.clear().record().unwrap();
+        let mut record = ScenarioRecord::read(&self.clear().record_path()).unwrap();
         change(&mut record);
         record.write(&self.clear().record_path()).unwrap();
     }
@@ -181,7 +181,7 @@ impl Copy {
     }
 
     fn change_frames(&self, change: impl FnOnce(&mut Frames)) {
-        let mut frames = self.clear().frames().unwrap();
+        let mut frames = Frames::read(&self.clear().frames_path()).unwrap();
         change(&mut frames);
         frames.write(&self.clear().frames_path()).unwrap();
     }
@@ -197,7 +197,9 @@ impl Copy {
             pictures.push(rgb.clone());
         }
         change(&mut pictures);
-        let rate = self.clear().record().unwrap().frame_rate;
+        let rate = ScenarioRecord::read(&self.clear().record_path())
+            .unwrap()
+            .frame_rate;
         let settings = VideoSettings::default();
         let mut writer = VideoWriter::create(&path, &settings, width_px, height_px, rate).unwrap();
         for picture in &pictures {
@@ -360,7 +362,9 @@ fn a_dropped_picture_is_found_by_the_number_and_if_that_is_right_by_what_the_pic
     let copy = Copy::new();
     copy.change_pictures("left", |pictures| drop(pictures.remove(pictures.len() / 2)));
     copy.seal();
-    let ticks = copy.clear().record().unwrap().ticks;
+    let ticks = ScenarioRecord::read(&copy.clear().record_path())
+        .unwrap()
+        .ticks;
     let words = format!("has {} pictures, but scenario.json says {ticks}", ticks - 1);
     assert_found(
         &copy.findings(),
@@ -624,9 +628,15 @@ fn a_camera_that_is_not_as_it_was_planned_is_found_even_if_tables_and_labels_fol
     ];
     for (what, change) in changes {
         let copy = Copy::new();
-        let before = copy.clear().calibration().unwrap().cameras["left"].clone();
+        let before = Calibration::read(&copy.clear().calibration_path())
+            .unwrap()
+            .cameras["left"]
+            .clone();
         copy.change_left_camera(change);
-        let after = copy.clear().calibration().unwrap().cameras["left"].clone();
+        let after = Calibration::read(&copy.clear().calibration_path())
+            .unwrap()
+            .cameras["left"]
+            .clone();
         copy.change_frames(|frames| {
             let left = frames.views.iter().position(|view| view == "left").unwrap();
             for row in &mut frames.rows {

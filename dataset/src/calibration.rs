@@ -10,7 +10,7 @@ use crate::camera::{Camera, CameraPose};
 use crate::distortion::Distortion;
 use crate::error::Result;
 use crate::imaging::{Degradation, Imaging, is_zero};
-use crate::json_file::{read_json, write_json};
+use crate::json_file::{parse_json, read_json, write_json};
 use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION};
 
 /// All cameras of a scenario by their identifiers, in the order of the identifiers.
@@ -195,6 +195,11 @@ impl Calibration {
     /// Reads `calibration.json`.
     pub fn read(path: &Path) -> Result<Self> {
         read_json(path, "calibration")
+    }
+
+    /// Reads the content of `calibration.json`; messages name it as `path`.
+    pub fn parse(content: &[u8], path: &Path) -> Result<Self> {
+        parse_json(content, path, "calibration")
     }
 
     /// Writes `calibration.json`.

@@ -3,7 +3,6 @@
 //! Writing is deterministic: the same columns give the same bytes. Reading asks for a column by name and type and says in
 //! its error what the file holds instead.
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,12 +11,15 @@ use arrow_array::{
     UInt64Array,
 };
 use arrow_schema::{Field, Schema};
+use bytes::Bytes;
 use parquet::arrow::ArrowWriter;
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 
 use crate::error::{Error, Result};
+use crate::new_file::NewFile;
+use crate::outside_file::{self, FileKind};
 
 /// Collects columns and writes them as one Parquet file.
 #[derive(Default)]
@@ -86,8 +88,7 @@ impl TableWriter {
         self.push(name, false, Arc::new(StringArray::from_iter_values(values)))
     }
 
-    /// Writes the file (zstd, one row group a million rows) and syncs it. It is not atomic: callers write into a folder or under a
-    /// name that does not count yet.
+    /// Writes the file (zstd, one row group a million rows), whole or not at all.
     pub fn write(self, path: &Path) -> Result<()> {
         let schema = Arc::new(Schema::new(self.fields));
         let batch =
@@ -96,12 +97,12 @@ impl TableWriter {
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")))
             .build();
-        let file = File::create(path).map_err(Error::io("create", path))?;
+        let file = NewFile::create(path)?;
         let mut writer = ArrowWriter::try_new(file, schema, Some(properties))
             .map_err(|e| Error::table(path, e))?;
         writer.write(&batch).map_err(|e| Error::table(path, e))?;
         let file = writer.into_inner().map_err(|e| Error::table(path, e))?;
-        file.sync_all().map_err(Error::io("sync", path))
+        file.commit()
     }
 }
 
@@ -137,9 +138,13 @@ macro_rules! typed_column {
 impl Table {
     /// Reads a Parquet file whole.
     pub fn read(path: &Path) -> Result<Self> {
-        let file = File::open(path).map_err(Error::io("read", path))?;
-        let builder =
-            ParquetRecordBatchReaderBuilder::try_new(file).map_err(|e| Error::table(path, e))?;
+        Self::parse(outside_file::read(path, FileKind::TABLE)?, path)
+    }
+
+    /// Reads the bytes of a Parquet file; messages name it as `path`.
+    pub fn parse(bytes: Vec<u8>, path: &Path) -> Result<Self> {
+        let builder = ParquetRecordBatchReaderBuilder::try_new(Bytes::from(bytes))
+            .map_err(|e| Error::table(path, e))?;
         let schema = builder.schema().clone();
         let reader = builder.build().map_err(|e| Error::table(path, e))?;
         let batches = reader
@@ -194,6 +199,18 @@ impl Table {
         /// A column of words without gaps.
         text, StringArray, String, |v: &str| v.to_owned()
     );
+
+    /// A column of finite floats without gaps.
+    pub fn finite_f64(&self, column: &str) -> Result<Vec<f64>> {
+        let values = self.f64(column)?;
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(row) => Err(self.fault(format!(
+                "row {row}, column {column}: expected a finite number, found {}",
+                values[row]
+            ))),
+            None => Ok(values),
+        }
+    }
 
     /// A column of floats that may be missing.
     pub fn optional_f64(&self, column: &str) -> Result<Vec<Option<f64>>> {

@@ -13,14 +13,11 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::calibration::Calibration;
 use crate::claim::Claim;
 use crate::error::{Error, Result};
-use crate::frames::Frames;
 use crate::own_path::{own_path, refuse_link};
-use crate::pixel_box::{Detection, TruthBox, read_detections, read_truth_boxes};
-use crate::scenario::ScenarioRecord;
 use crate::seal::{self, Seal};
+use crate::splits::Splits;
 use crate::video::VideoCodec;
 
 /// Ending of a folder that is still being filled.
@@ -89,6 +86,14 @@ impl Corpus {
         self.root.join("splits.json")
     }
 
+    /// Reads the split by trajectory.
+    ///
+    /// # Errors
+    /// It is not there, leaks, or is a symbolic link.
+    pub fn splits(&self) -> Result<Splits> {
+        Splits::read(&own_path(&self.root, "splits.json")?)
+    }
+
     /// The folder that a committed scenario has.
     pub fn scenario(&self, id: &str) -> ScenarioFolder {
         self.folder(id)
@@ -150,15 +155,15 @@ impl ScenarioFolder {
 
     /// Path of `frames.parquet`.
     pub fn frames_path(&self) -> PathBuf {
-        self.root.join(Self::FRAMES)
+        seal::current_path(&self.root, Self::FRAMES)
     }
 
     /// Path of `boxes_truth.parquet`.
     pub fn truth_boxes_path(&self) -> PathBuf {
-        self.root.join(Self::TRUTH_BOXES)
+        seal::current_path(&self.root, Self::TRUTH_BOXES)
     }
 
-    /// Path of a view's video: MP4, or QuickTime if that is what is there.
+    /// Path of a view's video, sealed or not: MP4, or QuickTime if that is what is there.
     pub fn video_path(&self, view: &str) -> PathBuf {
         let quicktime = self.new_video_path(view, VideoCodec::Ffv1);
         if quicktime.exists() {
@@ -197,45 +202,6 @@ impl ScenarioFolder {
     pub const FRAMES: &str = "frames.parquet";
     /// Name of the table of true boxes.
     pub const TRUTH_BOXES: &str = "boxes_truth.parquet";
-
-    /// Reads `scenario.json`.
-    pub fn record(&self) -> Result<ScenarioRecord> {
-        ScenarioRecord::read(&self.record_path())
-    }
-
-    /// Reads `calibration.json`.
-    pub fn calibration(&self) -> Result<Calibration> {
-        Calibration::read(&self.calibration_path())
-    }
-
-    /// Reads `frames.parquet`.
-    pub fn frames(&self) -> Result<Frames> {
-        Frames::read(&self.frames_path())
-    }
-
-    /// Reads `boxes_truth.parquet`.
-    pub fn truth_boxes(&self) -> Result<Vec<TruthBox>> {
-        let path = self.truth_boxes_path();
-        if !path.exists() {
-            return Err(Error::corpus(
-                &path,
-                "is missing: run `dtd label` on the corpus first",
-            ));
-        }
-        read_truth_boxes(&path)
-    }
-
-    /// Reads the detections of one model.
-    pub fn detections(&self, model_hash: &str) -> Result<Vec<Detection>> {
-        let path = self.detections_path(model_hash);
-        if !path.exists() {
-            return Err(Error::corpus(
-                &path,
-                "is missing: run `dtd detect` on the corpus with that model first",
-            ));
-        }
-        read_detections(&path)
-    }
 
     /// The folder's seal, if it is whole.
     pub fn seal(&self) -> Result<Option<Seal>> {

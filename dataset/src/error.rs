@@ -16,6 +16,28 @@ pub enum Error {
         /// The system's own words.
         source: std::io::Error,
     },
+    /// Something else stands in the place of a file.
+    #[error("{} is {found}; expected a regular file with a {what}", path.display())]
+    NotRegular {
+        /// Where the file was expected.
+        path: PathBuf,
+        /// What it should hold.
+        what: &'static str,
+        /// What is there instead: "a FIFO", "a folder", ...
+        found: &'static str,
+    },
+    /// A file is larger than files of its kind may be.
+    #[error("{} has {bytes} bytes; expected a {what} of at most {most_bytes}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// What it should hold.
+        what: &'static str,
+        /// Its size.
+        bytes: u64,
+        /// The limit.
+        most_bytes: u64,
+    },
     /// A JSON file does not hold what it should.
     #[error("{} is not a valid {what}: {source}", path.display())]
     Json {
@@ -91,7 +113,14 @@ impl Error {
 
     /// Whether a file was there but did not hold what it should: reading it again will say the same.
     pub fn is_bad_content(&self) -> bool {
-        matches!(self, Self::Json { .. } | Self::Corpus { .. })
+        matches!(
+            self,
+            Self::Json { .. }
+                | Self::Corpus { .. }
+                | Self::NotRegular { .. }
+                | Self::TooLarge { .. }
+                | Self::Table { .. }
+        )
     }
 
     pub(crate) fn table(path: &Path, message: impl ToString) -> Self {

@@ -150,13 +150,21 @@ impl Frames {
 
     /// Reads the table.
     pub fn read(path: &Path) -> Result<Self> {
-        let table = Table::read(path)?;
+        Self::of(&Table::read(path)?)
+    }
+
+    /// Reads the content of the table's file; messages name it as `path`.
+    pub fn parse(content: Vec<u8>, path: &Path) -> Result<Self> {
+        Self::of(&Table::parse(content, path)?)
+    }
+
+    fn of(table: &Table) -> Result<Self> {
         let views: Vec<String> = table
             .column_names()
             .filter_map(|name| name.strip_prefix("sim_frame_"))
             .map(str::to_owned)
             .collect();
-        let pose = read_poses(&table, "", "")?;
+        let pose = read_poses(table, "", "")?;
         let tick = table.u32("tick")?;
         let time_ns = table.i64("time_ns")?;
         let velocity = [
@@ -170,9 +178,9 @@ impl Frames {
         let on_ground = table.bool("on_ground")?;
         let stamps = views
             .iter()
-            .map(|id| read_stamps(&table, id))
+            .map(|id| read_stamps(table, id))
             .collect::<Result<Vec<_>>>()?;
-        let labels = read_labels(&table)?;
+        let labels = read_labels(table)?;
         let rows = (0..table.rows())
             .map(|row| Frame {
                 tick: tick[row],

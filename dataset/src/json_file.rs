@@ -1,6 +1,5 @@
 //! JSON files, read with their name in every message and written so that a kill never leaves half of one.
 
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 
@@ -9,11 +8,17 @@ use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Result};
 use crate::new_file::NewFile;
+use crate::outside_file::{self, FileKind};
 
 /// Reads a JSON file; `what` names its content in messages.
 pub fn read_json<T: DeserializeOwned>(path: &Path, what: &'static str) -> Result<T> {
-    let text = fs::read(path).map_err(Error::io("read", path))?;
-    serde_json::from_slice(&text).map_err(|source| Error::Json {
+    let text = outside_file::read(path, FileKind::json(what))?;
+    parse_json(&text, path, what)
+}
+
+/// Reads the content of a JSON file; messages name it as `path` and its content as `what`.
+pub fn parse_json<T: DeserializeOwned>(text: &[u8], path: &Path, what: &'static str) -> Result<T> {
+    serde_json::from_slice(text).map_err(|source| Error::Json {
         what,
         path: path.to_owned(),
         source,

@@ -111,9 +111,17 @@ pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
 
 /// Reads `boxes_truth.parquet`.
 pub fn read_truth_boxes(path: &Path) -> Result<Vec<TruthBox>> {
-    let table = Table::read(path)?;
+    truth_boxes_of(&Table::read(path)?)
+}
+
+/// Reads the content of `boxes_truth.parquet`; messages name it as `path`.
+pub fn parse_truth_boxes(content: Vec<u8>, path: &Path) -> Result<Vec<TruthBox>> {
+    truth_boxes_of(&Table::parse(content, path)?)
+}
+
+fn truth_boxes_of(table: &Table) -> Result<Vec<TruthBox>> {
     let tick = table.u32("tick")?;
-    let boxes = read_boxes(&table)?;
+    let boxes = read_boxes(table)?;
     let visible_fraction = table.f64("visible_fraction")?;
     let truncation = table.f64("truncation")?;
     let transmission = table.f64("transmission")?;
@@ -160,10 +168,18 @@ pub fn write_detections(path: &Path, detections: &[Detection]) -> Result<()> {
 
 /// Reads `detections/<model>.parquet`.
 pub fn read_detections(path: &Path) -> Result<Vec<Detection>> {
-    let table = Table::read(path)?;
+    detections_of(&Table::read(path)?)
+}
+
+/// Reads the content of `detections/<model>.parquet`; messages name it as `path`.
+pub fn parse_detections(content: Vec<u8>, path: &Path) -> Result<Vec<Detection>> {
+    detections_of(&Table::parse(content, path)?)
+}
+
+fn detections_of(table: &Table) -> Result<Vec<Detection>> {
     let tick = table.u32("tick")?;
-    let boxes = read_boxes(&table)?;
-    let score = table.f64("score")?;
+    let boxes = read_boxes(table)?;
+    let score = table.finite_f64("score")?;
     let tile = table.u32("tile")?;
     Ok(table
         .text("view")?
@@ -192,10 +208,10 @@ fn box_columns<'a>(
 
 fn read_boxes(table: &Table) -> Result<Vec<PixelBox>> {
     let [cx, cy, width, height] = [
-        table.f64("cx_px")?,
-        table.f64("cy_px")?,
-        table.f64("width_px")?,
-        table.f64("height_px")?,
+        table.finite_f64("cx_px")?,
+        table.finite_f64("cy_px")?,
+        table.finite_f64("width_px")?,
+        table.finite_f64("height_px")?,
     ];
     Ok((0..table.rows())
         .map(|row| PixelBox {

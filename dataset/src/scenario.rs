@@ -8,7 +8,7 @@ use crate::conditions::Conditions;
 use crate::error::Result;
 use crate::frame_rate::FrameRate;
 use crate::geodesy::Geodetic;
-use crate::json_file::{read_json, write_json};
+use crate::json_file::{parse_json, read_json, write_json};
 use crate::runway::Runway;
 
 /// Latest version of the on-disk form. A reader refuses a larger one.
@@ -90,7 +90,15 @@ pub struct Versions {
 impl ScenarioRecord {
     /// Reads `scenario.json`.
     pub fn read(path: &Path) -> Result<Self> {
-        let record: Self = read_json(path, "scenario record")?;
+        Self::check(read_json(path, "scenario record")?, path)
+    }
+
+    /// Reads the content of `scenario.json`; messages name it as `path`.
+    pub fn parse(content: &[u8], path: &Path) -> Result<Self> {
+        Self::check(parse_json(content, path, "scenario record")?, path)
+    }
+
+    fn check(record: Self, path: &Path) -> Result<Self> {
         if record.schema_version > SCHEMA_VERSION {
             return Err(crate::Error::corpus(
                 path,

@@ -7,7 +7,7 @@
 //! the whole new one from then on, and never write; a change that a killed process left decided is completed by the next writer, one
 //! that it left undecided is dropped by it.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
@@ -17,6 +17,7 @@ use crate::claim::Claim;
 use crate::error::{Error, Result};
 use crate::json_file::{read_json, write_atomically, write_json};
 use crate::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
+use crate::outside_file::{self, FileKind};
 use crate::own_path::refuse_link;
 use crate::sealed::{self, Found, Sealed};
 
@@ -77,7 +78,7 @@ pub fn is_within(name: &Path) -> bool {
 /// BLAKE3 hash of a file, in hexadecimal digits.
 pub fn hash_file(path: &Path) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
-    let mut file = File::open(path).map_err(Error::io("read", path))?;
+    let mut file = outside_file::open(path, FileKind::VIDEO)?;
     io::copy(&mut file, &mut hasher).map_err(Error::io("read", path))?;
     Ok(hasher.finalize().to_hex().to_string())
 }
@@ -264,6 +265,16 @@ fn drop_undecided<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) {
     for name in names.chain([MANIFEST]) {
         // What stays is in nobody's way: readers go by the hash, and the next change writes over it.
         let _ = fs::remove_file(with_new_suffix(&folder.join(name)));
+    }
+}
+
+/// Where a file of the folder lies now: as `<name>.new`, if a change is decided and has not renamed it yet.
+pub(crate) fn current_path(folder: &Path, name: &str) -> PathBuf {
+    let path = folder.join(name);
+    let new = with_new_suffix(&path);
+    match is_unsettled(folder) && new.exists() {
+        true => new,
+        false => path,
     }
 }
 

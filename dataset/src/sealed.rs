@@ -9,6 +9,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::outside_file::{self, FileKind};
 use crate::own_path::{own_path, refuse_link};
 use crate::seal::{
     DONE, MANIFEST, Seal, SealedFile, hash_file, read_seal, sealed_files, with_new_suffix,
@@ -48,7 +49,7 @@ impl Sealed {
                 return Ok(None);
             };
             let manifest = find(folder, MANIFEST, &seal.manifest_blake3, |path| {
-                let text = std::fs::read(path).map_err(Error::io("read", path))?;
+                let text = outside_file::read(path, FileKind::MANIFEST.unlinked())?;
                 Ok((blake3::hash(&text).to_string(), text))
             })?;
             let path = folder.join(MANIFEST);
@@ -96,6 +97,49 @@ impl Sealed {
         Some(&file.blake3)
     }
 
+    /// The content of a sealed file; `None` if no such file is sealed.
+    ///
+    /// # Errors
+    /// It is missing or damaged, or a writer has replaced it since the seal was read ([`Error::Changing`]).
+    pub(crate) fn content(&self, name: &str, kind: FileKind) -> Result<Option<Vec<u8>>> {
+        let Some(blake3) = self.hash_of(name) else {
+            return Ok(None);
+        };
+        let found = find(&self.folder, name, blake3, |path| {
+            let bytes = outside_file::read(path, kind)?;
+            Ok((blake3::hash(&bytes).to_string(), bytes))
+        })?;
+        self.expect_whole(name, found).map(Some)
+    }
+
+    /// Reads all of a sealed file and refuses it if it is not what was sealed.
+    ///
+    /// # Errors
+    /// Those of [`Sealed::content`].
+    pub fn check(&self, name: &str) -> Result<PathBuf> {
+        let found = match self.hash_of(name) {
+            Some(blake3) => self.find(name, blake3)?,
+            None => Found::Missing,
+        };
+        self.expect_whole(name, found)
+    }
+
+    fn expect_whole<T>(&self, name: &str, found: Found<T>) -> Result<T> {
+        let fault = match found {
+            Found::Whole(content) => return Ok(content),
+            _ if read_seal(&self.folder)?.as_ref() != Some(&self.seal) => {
+                return Err(changing(&self.folder));
+            }
+            Found::Missing => "is missing, though it was sealed".to_owned(),
+            Found::Other => format!("is not what was sealed: its hash differs from {MANIFEST}"),
+        };
+        let path = self.folder.join(name);
+        Err(Error::corpus(
+            &path,
+            format!("{fault}; `dtd verify` lists all such faults"),
+        ))
+    }
+
     /// The path under which a sealed file has this hash now. All of it is read.
     pub(crate) fn find(&self, name: &str, blake3: &str) -> Result<Found<PathBuf>> {
         find(&self.folder, name, blake3, |path| {
@@ -114,7 +158,7 @@ impl Sealed {
 }
 
 /// Looks for the file of a hash under its name and the names that a change gives it; `read` returns hash and content of what is there.
-fn find<T>(
+pub(crate) fn find<T>(
     folder: &Path,
     name: &str,
     blake3: &str,

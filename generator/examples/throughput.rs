@@ -250,8 +250,8 @@ fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Bo
         .scenarios()?
         .pop()
         .ok_or("no scenario was made")?;
-    let record = scenario.record()?;
-    let calibration = scenario.calibration()?;
+    let opened = scenario.open()?;
+    let (record, calibration) = (opened.record()?, opened.calibration()?);
     let scenes = engine.scenes.lock().unwrap_or_else(PoisonError::into_inner);
     let drawn = engine.drawn.lock().unwrap_or_else(PoisonError::into_inner);
     let settings = VideoSettings::default();
@@ -339,7 +339,7 @@ fn bytes_of_videos(corpus: &Path) -> Result<u64, Box<dyn Error>> {
     let scenario = Corpus::open(corpus)?.scenarios()?.pop();
     let scenario = scenario.ok_or("no scenario was made")?;
     let mut bytes = 0;
-    for view in scenario.record()?.views {
+    for view in scenario.open()?.record()?.views {
         bytes += fs::metadata(scenario.video_path(&view))?.len();
     }
     Ok(bytes)

@@ -166,7 +166,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
     assert!(report.ticks >= 8, "{} ticks", report.ticks);
 
     let [a, b] = [&built_in, &plugged].map(|corpus| corpus.scenarios().unwrap().remove(0));
-    let [a_frames, b_frames] = [&a, &b].map(|scenario| scenario.frames().unwrap());
+    let [a_frames, b_frames] = [&a, &b].map(|scenario| scenario.open().unwrap().frames().unwrap());
     assert_eq!(a_frames.rows.len(), b_frames.rows.len());
     // Everything but what the simulator itself says of each picture.
     let told = |frame: &Frame| Frame {
@@ -213,9 +213,9 @@ async fn live_flights_through_the_plugin_make_a_sound_corpus() {
     let report = verify(&corpus);
     assert!(report.is_sound(), "{:#?}", report.findings);
     for scenario in corpus.scenarios().unwrap() {
-        let record = scenario.record().unwrap();
+        let record = scenario.open().unwrap().record().unwrap();
         assert_eq!(record.flight, Flight::Live);
-        let frames = scenario.frames().unwrap();
+        let frames = scenario.open().unwrap().frames().unwrap();
         let [first, .., last] = &frames.rows[..] else {
             panic!("{} frames", frames.rows.len());
         };

@@ -36,6 +36,7 @@ async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
     assert!(report.ticks > 4 * 20, "{} ticks", report.ticks);
 
     for scenario in corpus.scenarios().unwrap() {
+        let scenario = scenario.open().unwrap();
         let (record, frames) = (scenario.record().unwrap(), scenario.frames().unwrap());
         let target = record.touchdown.lat_lon();
         let dtd = |row: usize| target.distance_m(frames.rows[row].pose.position().lat_lon());
@@ -147,7 +148,11 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
     let grown = Against::compare(&plan, &corpus).unwrap();
     assert_eq!(grown.standings, [Standing::Whole, Standing::New]);
     let size = grown.size.unwrap();
-    let record = corpus.scenarios().unwrap()[0].record().unwrap();
+    let record = corpus.scenarios().unwrap()[0]
+        .open()
+        .unwrap()
+        .record()
+        .unwrap();
     assert_eq!(
         (size.scenarios, size.pictures),
         (1, 2 * u64::from(record.ticks))

@@ -217,16 +217,13 @@ fn work_through(
 }
 
 fn count(folder: &ScenarioFolder, model_hash: &str) -> Result<DetectionCounts> {
-    let record = folder.record()?;
-    let truth = if folder.truth_boxes_path().exists() {
-        Some(folder.truth_boxes()?)
-    } else {
-        None
-    };
+    let scenario = folder.open()?;
+    let record = scenario.record()?;
+    let truth = scenario.truth_boxes_if_labelled()?;
     let pictures = u64::from(record.ticks) * record.views.len() as u64;
     Ok(DetectionCounts::of(
         pictures,
-        &folder.detections(model_hash)?,
+        &scenario.detections(model_hash)?,
         truth.as_deref(),
     ))
 }

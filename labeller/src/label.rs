@@ -10,10 +10,11 @@ use dataset::camera::Camera;
 use dataset::conditions::transmission;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::frames::Frames;
-use dataset::pixel_box::{TruthBox, read_truth_boxes, write_truth_boxes};
+use dataset::open_scenario::OpenScenario;
+use dataset::pixel_box::{TruthBox, write_truth_boxes};
 use dataset::pose::Controls;
 use dataset::scenario::ScenarioRecord;
-use dataset::seal::{is_unsettled, replace_files, settle};
+use dataset::seal::{Seal, is_unsettled, replace_files, settle};
 use rayon::prelude::*;
 use serde::Serialize;
 
@@ -71,7 +72,6 @@ pub fn label_corpus(corpus: &Corpus, progress: &(dyn Fn(Progress) + Sync)) -> Re
 
 /// Labels one scenario. Returns whether anything had to change.
 pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
-    let before = folder.seal()?;
     let mut labels = Labels::of(folder)?;
     if labels.are_there && !is_unsettled(folder.root()) {
         return Ok(false);
@@ -79,7 +79,7 @@ pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
     let claim = folder.claim()?;
     settle(&claim, folder.root())?;
     // Another writer may have been faster.
-    if folder.seal()? != before {
+    if folder.seal()?.as_ref() != Some(&labels.seal) {
         labels = Labels::of(folder)?;
     }
     if !labels.are_there {
@@ -98,6 +98,8 @@ pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
 
 /// The labels that a scenario has to have.
 struct Labels {
+    /// Seal of the state that they were made from.
+    seal: Seal,
     frames: Frames,
     boxes: Vec<TruthBox>,
     /// Whether it has them.
@@ -106,10 +108,11 @@ struct Labels {
 
 impl Labels {
     fn of(folder: &ScenarioFolder) -> Result<Self> {
-        let record = folder.record()?;
-        let mut frames = folder.frames()?;
+        let scenario = folder.open()?;
+        let record = scenario.record()?;
+        let mut frames = scenario.frames()?;
         check(&record, &frames)?;
-        let boxes = truth_boxes(&record, &frames, &cameras(folder, &record)?);
+        let boxes = truth_boxes(&record, &frames, &cameras(&scenario, &record)?);
         let mut are_there = true;
         let labels = labels_of(
             &frames.rows,
@@ -120,9 +123,9 @@ impl Labels {
             are_there &= row.labels == Some(labels);
             row.labels = Some(labels);
         }
-        let boxes_path = folder.truth_boxes_path();
-        are_there = are_there && boxes_path.exists() && read_truth_boxes(&boxes_path)? == boxes;
+        are_there = are_there && scenario.truth_boxes_if_labelled()?.as_ref() == Some(&boxes);
         Ok(Self {
+            seal: scenario.seal().clone(),
             frames,
             boxes,
             are_there,
@@ -154,8 +157,8 @@ fn check(record: &ScenarioRecord, frames: &Frames) -> Result<()> {
 }
 
 /// The cameras of the scenario's views, in their order.
-fn cameras(folder: &ScenarioFolder, record: &ScenarioRecord) -> Result<Vec<Camera>> {
-    let calibration = folder.calibration()?;
+fn cameras(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Vec<Camera>> {
+    let calibration = scenario.calibration()?;
     let camera_of = |view: &String| {
         let entry = calibration.cameras.get(view).ok_or_else(|| {
             let known = calibration
@@ -235,6 +238,8 @@ mod tests {
     use std::fs;
     use std::path::Path;
 
+    use dataset::seal::seal_folder;
+
     use super::*;
     use crate::fixture;
 
@@ -262,10 +267,11 @@ mod tests {
         assert_eq!(outcome.labelled, ["0001-a", "0002-b"]);
         assert_eq!(outcome.failed, []);
         let folder = corpus.scenario("0001-a");
-        let frames = folder.frames().unwrap();
+        let scenario = folder.open().unwrap();
+        let frames = scenario.frames().unwrap();
         let first = frames.rows[0].labels.unwrap();
         assert!((first.dtd_m - fixture::START_M).abs() < 1e-6);
-        assert_eq!(folder.truth_boxes().unwrap().len(), 2 * frames.rows.len());
+        assert_eq!(scenario.truth_boxes().unwrap().len(), 2 * frames.rows.len());
         assert_eq!(
             dataset::seal::faults(folder.root()).unwrap(),
             Vec::<String>::new()
@@ -294,7 +300,7 @@ mod tests {
         label_corpus(&corpus, &|_| {}).unwrap();
         let folder = corpus.scenario("0001-a");
         let right = files(folder.root());
-        let mut frames = folder.frames().unwrap();
+        let mut frames = folder.open().unwrap().frames().unwrap();
         frames.rows[1].labels.as_mut().unwrap().dtd_m += 1.0;
         replace_files(
             &folder.claim().unwrap(),
@@ -312,9 +318,10 @@ mod tests {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = fixture::corpus(temporary.path(), &["0001-a", "0002-b"]);
         let folder = corpus.scenario("0001-a");
-        let mut record = folder.record().unwrap();
+        let mut record = folder.open().unwrap().record().unwrap();
         record.views.push("tower".into());
         record.write(&folder.record_path()).unwrap();
+        seal_folder(folder.root(), "config").unwrap();
         let outcome = label_corpus(&corpus, &|_| {}).unwrap();
         assert_eq!(outcome.labelled, ["0002-b"]);
         assert_eq!(outcome.failed[0].id, "0001-a");
@@ -325,6 +332,65 @@ mod tests {
             "{:?}",
             outcome.failed
         );
+    }
+
+    #[test]
+    fn labelling_beside_readers_and_another_labeller_breaks_no_seal() {
+        let temporary = tempfile::tempdir().unwrap();
+        let ids = ["0001-a", "0002-b", "0003-c"];
+        let corpus = fixture::corpus(temporary.path(), &ids);
+        let unlabelled = corpus.scenario(ids[0]).open().unwrap().frames().unwrap();
+        for _ in 0..10 {
+            for id in ids {
+                let folder = corpus.scenario(id);
+                replace_files(
+                    &folder.claim().unwrap(),
+                    folder.root(),
+                    &[ScenarioFolder::FRAMES],
+                    |_, path| unlabelled.write(path),
+                )
+                .unwrap();
+            }
+            let label = || {
+                let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+                assert_eq!(outcome.failed, []);
+            };
+            let read = || {
+                for folder in corpus.scenarios().unwrap() {
+                    let found = dataset::seal::faults(folder.root()).unwrap();
+                    assert_eq!(found, Vec::<String>::new());
+                    let frames = folder.open().unwrap().frames().unwrap();
+                    assert_eq!(frames.rows.len(), unlabelled.rows.len());
+                }
+            };
+            std::thread::scope(|scope| {
+                scope.spawn(label);
+                scope.spawn(label);
+                scope.spawn(read);
+                scope.spawn(read);
+            });
+            read();
+            assert_eq!(label_corpus(&corpus, &|_| {}).unwrap().unchanged, ids);
+        }
+        assert!(!temporary.path().join("claims").exists());
+    }
+
+    #[test]
+    fn a_table_that_is_not_what_was_sealed_is_not_labelled() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = fixture::corpus(temporary.path(), &["0001-a"]);
+        let folder = corpus.scenario("0001-a");
+        let mut frames = folder.open().unwrap().frames().unwrap();
+        frames.rows[0].pose.altitude_msl_m += 1.0;
+        frames.write(&folder.frames_path()).unwrap();
+        let before = files(folder.root());
+        let outcome = label_corpus(&corpus, &|_| {}).unwrap();
+        let reason = &outcome.failed[0].reason;
+        assert!(
+            reason.contains("frames.parquet: is not what was sealed"),
+            "{reason}"
+        );
+        assert_eq!(files(folder.root()), before);
     }
 
     #[test]

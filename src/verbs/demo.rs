@@ -81,13 +81,8 @@ fn print_result(
     println!("metrics         {}", run.metrics_path().display());
     let mut videos: Vec<PathBuf> = Vec::new();
     for scenario in &scenarios {
-        videos.extend(
-            scenario
-                .record()?
-                .views
-                .iter()
-                .map(|view| scenario.video_path(view)),
-        );
+        let record = scenario.open()?.record()?;
+        videos.extend(record.views.iter().map(|view| scenario.video_path(view)));
     }
     for video in videos.iter().take(VIDEOS_TO_SHOW) {
         println!("video           {}", video.display());

@@ -5,12 +5,11 @@
 //! touchdown grows again there. A committed scenario that the split does not know is refused.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::Path;
 
 use dataset::calibration::CameraEntry;
 use dataset::camera::Camera;
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::detections::models_of;
 use dataset::geodesy::Geodetic;
 use dataset::pixel_box::{Detection, PixelBox};
 use dataset::runway::Runway;
@@ -118,7 +117,7 @@ pub struct Samples {
 impl Samples {
     /// Reads the samples of a corpus.
     pub fn read(corpus: &Corpus, model_hash: Option<&str>, range: DistanceRange) -> Result<Self> {
-        let splits = Splits::read(&corpus.splits_path())?;
+        let splits = corpus.splits()?;
         let folders = corpus.scenarios()?;
         let model_hash = choose_model(corpus, &folders, model_hash)?;
         let CommonRig {
@@ -148,7 +147,8 @@ impl Samples {
         splits: &Splits,
         range: DistanceRange,
     ) -> Result<()> {
-        let record = folder.record()?;
+        let scenario = folder.open()?;
+        let record = scenario.record()?;
         let fault = |message: String| Error::Corpus {
             path: folder.root().to_owned(),
             message,
@@ -165,13 +165,13 @@ impl Samples {
                 record.trajectory, assignment.trajectory
             )));
         }
-        let cameras: BTreeMap<String, Camera> = folder
+        let cameras: BTreeMap<String, Camera> = scenario
             .calibration()?
             .cameras
             .iter()
             .map(|(view, entry)| (view.clone(), entry.camera()))
             .collect();
-        let detections = folder.detections(&self.model_hash)?;
+        let detections = scenario.detections(&self.model_hash)?;
         if let Some(Detection { view, .. }) = detections
             .iter()
             .find(|detection| !self.views.contains(&detection.view))
@@ -193,7 +193,7 @@ impl Samples {
             ticks: 0,
             detected_ticks: vec![0; self.views.len()],
         };
-        for row in folder.frames()?.rows {
+        for row in scenario.frames()?.rows {
             let labels = row.labels.ok_or_else(|| {
                 fault("has no labels in frames.parquet; run `dtd label` on the corpus first".into())
             })?;
@@ -328,7 +328,7 @@ fn choose_model(
     };
     let mut found = BTreeSet::new();
     for folder in folders {
-        found.extend(models_of(&folder.detections_folder())?);
+        found.extend(models_of(folder)?);
     }
     let listed = found.iter().cloned().collect::<Vec<_>>().join(", ");
     match asked {
@@ -343,30 +343,6 @@ fn choose_model(
             "has detections of several models, name one of them: {listed}"
         ))),
     }
-}
-
-fn models_of(detections_folder: &Path) -> Result<Vec<String>> {
-    if !detections_folder.is_dir() {
-        return Ok(Vec::new());
-    }
-    let mut hashes = Vec::new();
-    for entry in
-        fs::read_dir(detections_folder).map_err(dataset::Error::io("list", detections_folder))?
-    {
-        let path = entry
-            .map_err(dataset::Error::io("list", detections_folder))?
-            .path();
-        if path
-            .extension()
-            .is_some_and(|extension| extension == "parquet")
-        {
-            hashes.extend(
-                path.file_stem()
-                    .map(|stem| stem.to_string_lossy().into_owned()),
-            );
-        }
-    }
-    Ok(hashes)
 }
 
 /// What all scenarios have in common.
@@ -386,7 +362,8 @@ fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> 
             path: folder.root().to_owned(),
             message,
         };
-        let (rig, cameras) = (folder.record()?.rig, folder.calibration()?.cameras);
+        let scenario = folder.open()?;
+        let (rig, cameras) = (scenario.record()?.rig, scenario.calibration()?.cameras);
         if let Some((view, unknown)) = cameras
             .iter()
             .find_map(|(view, entry)| Some((view, entry.fault()?)))
@@ -440,7 +417,15 @@ fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> 
 }
 
 #[cfg(test)]
+mod edited_files;
+
+#[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::Path;
+
+    use dataset::seal::seal_folder;
+
     use super::*;
     use crate::synthetic::SyntheticCorpus;
 
@@ -548,9 +533,10 @@ mod tests {
         assert_ne!(first.ecef_from_camera, second.ecef_from_camera);
 
         let other = corpus.scenarios().unwrap().remove(1);
-        let mut record = other.record().unwrap();
+        let mut record = other.open().unwrap().record().unwrap();
         record.rig = "another".into();
         record.write(&other.record_path()).unwrap();
+        seal_folder(other.root(), "synthetic").unwrap();
         let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
         assert!(
             message.contains("rig another") && message.contains("one rig"),

@@ -13,12 +13,13 @@ use dataset::calibration::Calibration;
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::corpus::Corpus;
+use dataset::detections;
 use dataset::error::{Error, Result};
 use dataset::frame_rate::FrameRate;
 use dataset::frames::{Frame, FrameLabels, Frames, ViewStamp};
 use dataset::geodesy::Geodetic;
 use dataset::imaging::Imaging;
-use dataset::pixel_box::{Detection, PixelBox, write_detections};
+use dataset::pixel_box::{Detection, PixelBox};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::{Runway, RunwayCoordinates};
 use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
@@ -129,8 +130,7 @@ impl SyntheticCorpus {
         trajectory: &str,
     ) -> Result<()> {
         let folder = corpus.scenario(id);
-        let detections_folder = folder.detections_folder();
-        fs::create_dir_all(&detections_folder).map_err(Error::io("create", &detections_folder))?;
+        fs::create_dir_all(folder.root()).map_err(Error::io("create", folder.root()))?;
         let mut random = ChaCha12Rng::seed_from_u64(self.seed);
         random.set_stream(number as u64);
         let runway = changi_02l();
@@ -138,13 +138,19 @@ impl SyntheticCorpus {
         calibration.write(&folder.calibration_path())?;
         let frames = self.fly(&runway, &calibration, &mut random);
         frames.write(&folder.frames_path())?;
-        write_detections(
-            &folder.detections_path(MODEL_HASH),
-            &self.detect(&frames, &calibration, &mut random),
-        )?;
         self.record(number, id, trajectory, &runway, &frames)
             .write(&folder.record_path())?;
-        seal_folder(folder.root(), "synthetic").map(|_| ())
+        seal_folder(folder.root(), "synthetic")?;
+        let detections = self.detect(&frames, &calibration, &mut random);
+        let source = folder.open()?;
+        detections::replace(
+            &folder.claim()?,
+            &source,
+            MODEL_HASH,
+            MODEL_HASH,
+            &detections,
+            |made| made,
+        )
     }
 
     /// The rig, turned a little further in each scenario, from one side to the other.

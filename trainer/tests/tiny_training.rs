@@ -6,8 +6,9 @@ use std::path::Path;
 
 use dataset::columns::Table;
 use dataset::corpus::Corpus;
+use dataset::detections::replace;
 use dataset::json_file::read_json;
-use dataset::pixel_box::{PixelBox, write_detections};
+use dataset::pixel_box::PixelBox;
 use dataset::splits::{Side, Splits};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
@@ -237,11 +238,21 @@ fn with_boxes(corpus: &Corpus, side: Side, change: impl Fn(PixelBox) -> PixelBox
     let splits = Splits::read(&corpus.splits_path()).unwrap();
     for id in splits.side(side) {
         let folder = corpus.scenario(id);
-        let mut detections = folder.detections(MODEL_HASH).unwrap();
+        let scenario = folder.open().unwrap();
+        let mut detections = scenario.detections(MODEL_HASH).unwrap();
         for detection in &mut detections {
             detection.pixel_box = change(detection.pixel_box);
         }
-        write_detections(&folder.detections_path(MODEL_HASH), &detections).unwrap();
+        let claim = folder.claim().unwrap();
+        replace(
+            &claim,
+            &scenario,
+            MODEL_HASH,
+            MODEL_HASH,
+            &detections,
+            |made| made,
+        )
+        .unwrap();
     }
 }
 

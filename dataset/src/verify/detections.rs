@@ -1,25 +1,27 @@
-//! Detections, where there are some: their tables can be read, and every row is of a picture of the scenario.
-
-use std::fs;
+//! Detections, where there are some: they were made from the videos that are there, their tables are those that their records tell of
+//! and can be read, and every row is of a picture of the scenario.
 
 use super::Faults;
 use crate::corpus::ScenarioFolder;
+use crate::detections;
 use crate::pixel_box::read_detections;
 use crate::scenario::ScenarioRecord;
 
 pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &mut Faults) {
-    let Ok(entries) = fs::read_dir(folder.detections_folder()) else {
-        return;
-    };
-    let mut tables: Vec<_> = entries
-        .flatten()
-        .map(|entry| entry.path())
-        .filter(|path| path.extension().is_some_and(|ending| ending == "parquet"))
-        .collect();
-    tables.sort();
-    for path in tables {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        let file = format!("detections/{name}");
+    // What is wrong with the scenario itself is named elsewhere.
+    let scenario = folder.open().ok();
+    let models = faults.keep(detections::FOLDER, detections::models_of(folder));
+    for model in models.into_iter().flatten() {
+        let file = format!("{}/{model}.parquet", detections::FOLDER);
+        let mut path = folder.detections_path(&model);
+        if let Some(scenario) = &scenario
+            && let Some((current, _)) = faults.keep(&file, scenario.detections_table(&model))
+        {
+            path = current;
+        }
+        if !path.exists() {
+            continue;
+        }
         let Some(found) = faults.keep(&file, read_detections(&path)) else {
             continue;
         };

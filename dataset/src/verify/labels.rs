@@ -10,7 +10,7 @@ use crate::calibration::Calibration;
 use crate::conditions::transmission;
 use crate::corpus::ScenarioFolder;
 use crate::frames::{Frame, Frames};
-use crate::pixel_box::TruthBox;
+use crate::pixel_box::{TruthBox, read_truth_boxes};
 use crate::runway::RunwayCoordinates;
 use crate::scenario::ScenarioRecord;
 
@@ -56,7 +56,7 @@ pub(super) fn read_boxes(
             format!("the scenario has {there}, but {missing}; run `dtd label` again"),
         );
     }
-    let boxes = boxes_exist.then(|| folder.truth_boxes())?;
+    let boxes = boxes_exist.then(|| read_truth_boxes(&folder.truth_boxes_path()))?;
     faults.keep(ScenarioFolder::TRUTH_BOXES, boxes)
 }
 

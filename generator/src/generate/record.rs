@@ -51,7 +51,7 @@ pub(super) async fn record(
     let committed = work.corpus.scenario(&scenario.id);
     if let Some(left) = Workplace::finished(work.corpus, &scenario.id, &scenario.config_hash, claim)
     {
-        let ticks = left.folder().record()?.ticks;
+        let ticks = left.folder().open()?.record()?.ticks;
         commit_folder(left.folder().root(), committed.root())?;
         return Ok(ticks);
     }

@@ -95,7 +95,7 @@ impl Against {
         };
         for scenario in self.standing(plan, Standing::Whole) {
             let folder = corpus.scenario(&scenario.id);
-            let record = folder.record()?;
+            let record = folder.open()?.record()?;
             size.bytes += bytes_below(folder.root())?;
             size.pictures += u64::from(record.ticks) * record.views.len() as u64;
             size.scenarios += 1;

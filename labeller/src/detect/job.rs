@@ -1,13 +1,12 @@
 //! The work on one scenario: its views are searched one by one, by whichever worker is free, and written together.
 
-use std::fs;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::json_file::write_json;
-use dataset::pixel_box::{Detection, write_detections};
-use dataset::video::VideoReader;
+use dataset::detections;
+use dataset::open_scenario::OpenScenario;
+use dataset::pixel_box::Detection;
 
 use super::record::DetectionRecord;
 use super::{DetectOptions, Model};
@@ -17,10 +16,9 @@ use crate::tiling::{TilingSettings, find_aircraft};
 
 /// A scenario that is to be searched.
 pub(super) struct ScenarioJob {
-    folder: ScenarioFolder,
+    scenario: OpenScenario,
     model: Model,
     settings: TilingSettings,
-    config_hash: String,
     views: Vec<ViewTicks>,
     /// One place per view; empty until it was searched.
     results: Mutex<Vec<Option<Result<ViewResult>>>>,
@@ -51,13 +49,12 @@ impl ScenarioJob {
         model: &Model,
         options: &DetectOptions,
     ) -> Result<Option<Self>> {
-        let record = folder.record()?;
-        if !options.again
-            && DetectionRecord::is_there(&folder, model, &options.settings, &record.config_hash)?
-        {
+        let scenario = folder.open()?;
+        if !options.again && DetectionRecord::is_there(&scenario, model, &options.settings)? {
             return Ok(None);
         }
-        let frames = folder.frames()?;
+        let record = scenario.record()?;
+        let frames = scenario.frames()?;
         if frames.views != record.views {
             let (table, said) = (frames.views.join(", "), record.views.join(", "));
             let message = format!(
@@ -80,17 +77,16 @@ impl ScenarioJob {
             })
             .collect();
         Ok(Some(Self {
-            folder,
+            scenario,
             model: model.clone(),
             settings: options.settings,
-            config_hash: record.config_hash,
             results: Mutex::new(views.iter().map(|_| None).collect()),
             views,
         }))
     }
 
     pub(super) fn id(&self) -> String {
-        self.folder.id()
+        self.scenario.id()
     }
 
     pub(super) fn views(&self) -> impl Iterator<Item = ViewJob<'_>> {
@@ -106,7 +102,7 @@ impl ScenarioJob {
             .results
             .into_inner()
             .unwrap_or_else(PoisonError::into_inner);
-        let id = self.folder.id();
+        let id = self.scenario.id();
         let mut detections = Vec::new();
         let mut seconds = 0.0;
         let mut detector = String::new();
@@ -123,41 +119,35 @@ impl ScenarioJob {
         }
         // By tick; views keep their order within a tick, and boxes theirs (best first) within a view.
         detections.sort_by_key(|detection| detection.tick);
-        let record = DetectionRecord {
+        let record = |provenance| DetectionRecord {
             model: self.model.file_name.clone(),
-            model_blake3: self.model.blake3.clone(),
+            provenance,
             detector,
             settings: self.settings,
             dtd: env!("CARGO_PKG_VERSION").into(),
-            config_hash: self.config_hash,
             pictures: self.views.iter().map(|view| view.ticks.len() as u64).sum(),
             detections: detections.len() as u64,
             seconds,
         };
-        write(&self.folder, self.model.short_hash(), &detections, &record)?;
+        let folder = self.scenario.folder();
+        let claim = folder.claim()?;
+        // Somebody may have recorded it again while it was searched.
+        if folder.open()?.videos_blake3() != self.scenario.videos_blake3() {
+            let message =
+                "its videos were replaced while they were searched; run `dtd detect` again";
+            return Err(Error::scenario(&id, message));
+        }
+        let (source, blake3) = (&self.scenario, &self.model.blake3);
+        detections::replace(
+            &claim,
+            source,
+            blake3,
+            self.model.short_hash(),
+            &detections,
+            record,
+        )?;
         Ok(seconds)
     }
-}
-
-/// The record goes away first and comes last: as long as it is there it tells of the table that is there.
-fn write(
-    folder: &ScenarioFolder,
-    model_hash: &str,
-    detections: &[Detection],
-    record: &DetectionRecord,
-) -> Result<()> {
-    let table_path = folder.detections_path(model_hash);
-    let record_path = DetectionRecord::path(folder, model_hash);
-    let parent = folder.detections_folder();
-    fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
-    if record_path.exists() {
-        fs::remove_file(&record_path).map_err(dataset::Error::io("remove", &record_path))?;
-    }
-    let beside = table_path.with_extension("parquet.tmp");
-    write_detections(&beside, detections)?;
-    fs::rename(&beside, &table_path)
-        .map_err(dataset::Error::io("rename into place", &table_path))?;
-    Ok(write_json(&record_path, record)?)
 }
 
 impl ViewJob<'_> {
@@ -200,7 +190,7 @@ impl ViewJob<'_> {
         picture_done: &dyn Fn(),
     ) -> Result<Vec<Detection>> {
         let ViewTicks { id, ticks } = self.ticks();
-        let mut reader = VideoReader::open(&self.scenario.folder.video_path(id))?;
+        let mut reader = self.scenario.scenario.open_video(id)?;
         let (width_px, height_px) = (reader.width(), reader.height());
         let mut rgb = Vec::new();
         let mut detections = Vec::new();

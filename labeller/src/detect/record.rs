@@ -3,7 +3,9 @@
 use std::path::PathBuf;
 
 use dataset::corpus::ScenarioFolder;
+use dataset::detections::{self, Provenance};
 use dataset::json_file::read_json;
+use dataset::open_scenario::OpenScenario;
 use serde::{Deserialize, Serialize};
 
 use super::Model;
@@ -15,16 +17,15 @@ use crate::tiling::TilingSettings;
 pub struct DetectionRecord {
     /// File name of the model.
     pub model: String,
-    /// BLAKE3 hash of the model file.
-    pub model_blake3: String,
+    /// What they were made from, and the hash of their table.
+    #[serde(flatten)]
+    pub provenance: Provenance,
     /// Form of its answers and size of its windows.
     pub detector: String,
     /// What counted as a hit.
     pub settings: TilingSettings,
     /// Version of this software.
     pub dtd: String,
-    /// Hash of the scenario's parameters, as in `scenario.json`.
-    pub config_hash: String,
     /// Pictures that were looked at.
     pub pictures: u64,
     /// Rows of the table.
@@ -36,25 +37,21 @@ pub struct DetectionRecord {
 impl DetectionRecord {
     /// Path of the record of a model.
     pub fn path(folder: &ScenarioFolder, model_hash: &str) -> PathBuf {
-        folder
-            .detections_folder()
-            .join(format!("{model_hash}.json"))
+        detections::record_path(folder, model_hash)
     }
 
-    /// Whether the scenario holds detections of this model with these settings.
+    /// Whether the scenario holds detections of this model with these settings, made from the videos that it has.
     pub(super) fn is_there(
-        folder: &ScenarioFolder,
+        scenario: &OpenScenario,
         model: &Model,
         settings: &TilingSettings,
-        config_hash: &str,
     ) -> Result<bool> {
-        let path = Self::path(folder, model.short_hash());
-        if !path.exists() || !folder.detections_path(model.short_hash()).exists() {
+        if scenario.detections(model.short_hash()).is_err() {
+            // Missing, of other videos or damaged: all of that is mended by searching.
             return Ok(false);
         }
+        let path = Self::path(scenario.folder(), model.short_hash());
         let record: Self = read_json(&path, "record of detections")?;
-        Ok(record.model_blake3 == model.blake3
-            && record.settings == *settings
-            && record.config_hash == config_hash)
+        Ok(record.provenance.model_blake3 == model.blake3 && record.settings == *settings)
     }
 }

@@ -1,7 +1,9 @@
+use std::fs;
 use std::sync::Mutex;
 
 use dataset::json_file::read_json;
-use dataset::pixel_box::PixelBox;
+use dataset::pixel_box::{PixelBox, write_detections};
+use dataset::seal::seal_folder;
 
 use super::*;
 use crate::fixture::{self, BlobFinder, paint_blob};
@@ -58,7 +60,8 @@ fn decoded_videos_give_detections_at_their_ticks_and_views() {
         (1..=12).map(|done| (done, 12)).collect::<Vec<_>>()
     );
     for id in ["0001-a", "0002-b"] {
-        let found = corpus.scenario(id).detections("0123456789abcdef").unwrap();
+        let scenario = corpus.scenario(id).open().unwrap();
+        let found = scenario.detections("0123456789abcdef").unwrap();
         let keys: Vec<_> = found
             .iter()
             .map(|detection| (detection.tick, detection.view.as_str()))
@@ -157,9 +160,10 @@ fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick(
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
     let folder = corpus.scenario("0001-a");
-    let mut frames = folder.frames().unwrap();
+    let mut frames = folder.open().unwrap().frames().unwrap();
     frames.rows[2].views[1].pts += 1;
     frames.write(&folder.frames_path()).unwrap();
+    seal_folder(folder.root(), "config").unwrap();
     let outcome = detect(&corpus, &two_workers());
     assert_eq!(outcome.detected, ["0002-b"]);
     let reason = &outcome.failed[0].reason;
@@ -177,4 +181,85 @@ fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
     let make = || Err(Error::runtime("is not there"));
     let result = detect_with(&corpus, &model(), &make, &two_workers(), &|_| {});
     assert!(result.unwrap_err().to_string().contains("is not there"));
+}
+
+#[test]
+fn detections_of_videos_that_were_replaced_are_refused_until_they_are_made_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    detect(&corpus, &two_workers());
+    let folder = corpus.scenario("0001-a");
+    let [left, right] = ["left", "right"].map(|view| folder.video_path(view));
+    fs::rename(&right, &left).unwrap();
+    fs::copy(&left, &right).unwrap();
+    seal_folder(folder.root(), "config").unwrap();
+    let message = folder
+        .open()
+        .unwrap()
+        .detections("0123456789abcdef")
+        .unwrap_err()
+        .to_string();
+    assert!(
+        message.contains("made from other videos") && message.contains("run `dtd detect`"),
+        "{message}"
+    );
+    assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
+    let scenario = folder.open().unwrap();
+    assert_eq!(scenario.detections("0123456789abcdef").unwrap().len(), 6);
+}
+
+#[test]
+fn a_table_that_is_not_the_one_of_its_record_is_refused_and_made_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    detect(&corpus, &two_workers());
+    let [one, other] = ["0001-a", "0002-b"].map(|id| corpus.scenario(id));
+    let path = one.detections_path("0123456789abcdef");
+    let mut found = other
+        .open()
+        .unwrap()
+        .detections("0123456789abcdef")
+        .unwrap();
+    found.pop();
+    write_detections(&path, &found).unwrap();
+    let read = || one.open().unwrap().detections("0123456789abcdef");
+    let message = read().unwrap_err().to_string();
+    assert!(message.contains("its hash differs"), "{message}");
+    assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
+    assert_eq!(read().unwrap().len(), 6);
+}
+
+#[test]
+fn a_video_that_is_not_what_was_sealed_is_not_searched() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let folder = corpus.scenario("0001-a");
+    fs::copy(folder.video_path("left"), folder.video_path("right")).unwrap();
+    let outcome = detect(&corpus, &two_workers());
+    assert_eq!(outcome.detected, ["0002-b"]);
+    let reason = &outcome.failed[0].reason;
+    assert!(
+        reason.contains("right.mp4: is not what was sealed"),
+        "{reason}"
+    );
+}
+
+#[test]
+fn detections_that_a_killed_process_decided_but_did_not_rename_are_read_and_settled() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    detect(&corpus, &two_workers());
+    let folder = corpus.scenario("0001-a");
+    let table = folder.detections_path("0123456789abcdef");
+    let new = table.with_extension("parquet.new");
+    fs::rename(&table, &new).unwrap();
+    let read = || folder.open().unwrap().detections("0123456789abcdef");
+    assert_eq!(read().unwrap().len(), 6);
+    let again = DetectOptions {
+        again: true,
+        ..two_workers()
+    };
+    assert_eq!(detect(&corpus, &again).detected, ["0001-a"]);
+    assert!(table.exists() && !new.exists());
+    assert_eq!(read().unwrap().len(), 6);
 }

@@ -4,11 +4,12 @@
 //! codec, as it will when the detector is used.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
-use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::corpus::Corpus;
+use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::TruthBox;
-use dataset::splits::{Side, Splits};
-use dataset::video::VideoReader;
+use dataset::splits::Side;
 use rayon::prelude::*;
 
 use super::picture::{Picture, is_visible};
@@ -22,7 +23,7 @@ const BACKGROUNDS_PER_VIDEO: usize = 3;
 /// One video of a corpus.
 #[derive(Debug, Clone)]
 pub struct Video {
-    folder: ScenarioFolder,
+    scenario: Arc<OpenScenario>,
     view: String,
     /// Name of the weather.
     pub weather: String,
@@ -39,7 +40,7 @@ pub struct JudgedFrame {
 
 /// The videos of the given sides of a corpus's split.
 pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
-    let splits = Splits::read(&corpus.splits_path())?;
+    let splits = corpus.splits()?;
     let mut videos = Vec::new();
     for folder in corpus.scenarios()? {
         if splits
@@ -47,10 +48,11 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
             .get(&folder.id())
             .is_some_and(|assignment| sides.contains(&assignment.side))
         {
-            let record = folder.record()?;
+            let scenario = Arc::new(folder.open()?);
+            let record = scenario.record()?;
             let weather = record.conditions.weather_name;
             videos.extend(record.views.into_iter().map(|view| Video {
-                folder: folder.clone(),
+                scenario: scenario.clone(),
                 view,
                 weather: weather.clone(),
             }));
@@ -138,19 +140,19 @@ pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
 
 impl Video {
     fn frames(&self) -> Result<usize> {
-        Ok(self.folder.record()?.ticks as usize)
+        Ok(self.scenario.record()?.ticks as usize)
     }
 
     /// Decodes the video and hands over every frame with its tick and its aircraft, until the receiver says `false`.
     fn for_each_frame(&self, mut receive: impl FnMut(usize, &Picture) -> bool) -> Result<()> {
         let boxes: HashMap<u32, TruthBox> = self
-            .folder
+            .scenario
             .truth_boxes()?
             .into_iter()
             .filter(|truth| truth.view == self.view)
             .map(|truth| (truth.tick, truth))
             .collect();
-        let mut reader = VideoReader::open(&self.folder.video_path(&self.view))?;
+        let mut reader = self.scenario.open_video(&self.view)?;
         let (width_px, height_px) = (reader.width() as usize, reader.height() as usize);
         let mut frame = Picture {
             rgb: Vec::new(),

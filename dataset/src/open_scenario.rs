@@ -1,0 +1,195 @@
+//! The one place where the files of a sealed scenario are opened.
+//!
+//! Records and tables are read whole, checked against the hash that was sealed, and decoded from those very bytes, all in one state of
+//! the folder: a change that somebody makes meanwhile is seen wholly or not at all. A video is hashed before it is opened to be decoded.
+//! Only `dtd verify`, which has to name every fault, reads files as they lie there.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use crate::calibration::Calibration;
+use crate::corpus::ScenarioFolder;
+use crate::detections::{self, Provenance};
+use crate::error::{Error, Result};
+use crate::frames::Frames;
+use crate::outside_file::FileKind;
+use crate::pixel_box::{Detection, TruthBox, parse_detections, parse_truth_boxes};
+use crate::scenario::ScenarioRecord;
+use crate::seal::{DONE, Seal};
+use crate::sealed::{ATTEMPTS, Sealed};
+use crate::video::VideoReader;
+
+const RECORD: &str = "scenario.json";
+const CALIBRATION: &str = "calibration.json";
+/// Folder of the videos.
+const VIEWS: &str = "views";
+
+/// A scenario in one state of its folder.
+#[derive(Debug)]
+pub struct OpenScenario {
+    folder: ScenarioFolder,
+    sealed: Sealed,
+    /// Records and tables by name.
+    contents: BTreeMap<&'static str, Vec<u8>>,
+}
+
+impl ScenarioFolder {
+    /// Opens the scenario as it was sealed.
+    ///
+    /// # Errors
+    /// It has no seal, a record or table is not what was sealed, or a part of it is a symbolic link.
+    pub fn open(&self) -> Result<OpenScenario> {
+        for _ in 0..ATTEMPTS {
+            match self.open_at_once() {
+                // A writer was faster.
+                Err(Error::Changing { .. }) => {}
+                opened => return opened,
+            }
+        }
+        Err(Error::Changing {
+            path: self.root().to_owned(),
+        })
+    }
+
+    fn open_at_once(&self) -> Result<OpenScenario> {
+        let sealed = Sealed::read(self.root())?.ok_or_else(|| {
+            Error::corpus(
+                self.root(),
+                format!("has no {DONE}: it was never finished; make it with `dtd generate`"),
+            )
+        })?;
+        let mut contents = BTreeMap::new();
+        for name in [RECORD, CALIBRATION, Self::FRAMES, Self::TRUTH_BOXES] {
+            if let Some(content) = sealed.content(name, kind_of(name))? {
+                contents.insert(name, content);
+            }
+        }
+        Ok(OpenScenario {
+            folder: self.clone(),
+            sealed,
+            contents,
+        })
+    }
+}
+
+impl OpenScenario {
+    /// Its folder.
+    pub fn folder(&self) -> &ScenarioFolder {
+        &self.folder
+    }
+
+    /// Identifier of the scenario.
+    pub fn id(&self) -> String {
+        self.folder.id()
+    }
+
+    /// The seal of the state that was opened.
+    pub fn seal(&self) -> &Seal {
+        self.sealed.seal()
+    }
+
+    /// `scenario.json`.
+    pub fn record(&self) -> Result<ScenarioRecord> {
+        ScenarioRecord::parse(self.content(RECORD)?, &self.folder.record_path())
+    }
+
+    /// `calibration.json`.
+    pub fn calibration(&self) -> Result<Calibration> {
+        Calibration::parse(self.content(CALIBRATION)?, &self.folder.calibration_path())
+    }
+
+    /// `frames.parquet`.
+    pub fn frames(&self) -> Result<Frames> {
+        let content = self.content(ScenarioFolder::FRAMES)?;
+        Frames::parse(content.to_vec(), &self.folder.frames_path())
+    }
+
+    /// `boxes_truth.parquet`, if the scenario was labelled.
+    pub fn truth_boxes_if_labelled(&self) -> Result<Option<Vec<TruthBox>>> {
+        let path = self.folder.truth_boxes_path();
+        let content = self.contents.get(ScenarioFolder::TRUTH_BOXES);
+        content
+            .map(|content| parse_truth_boxes(content.clone(), &path))
+            .transpose()
+    }
+
+    /// `boxes_truth.parquet`.
+    pub fn truth_boxes(&self) -> Result<Vec<TruthBox>> {
+        self.truth_boxes_if_labelled()?.ok_or_else(|| {
+            Error::corpus(
+                &self.folder.truth_boxes_path(),
+                "is missing: run `dtd label` on the corpus first",
+            )
+        })
+    }
+
+    /// The detections of one model, made from the videos that this scenario has.
+    ///
+    /// # Errors
+    /// There are none, they were made from other videos or do not say from which, or the table is not the one that was written.
+    pub fn detections(&self, model: &str) -> Result<Vec<Detection>> {
+        let (path, content) = self.detections_table(model)?;
+        parse_detections(content, &path)
+    }
+
+    /// Where the table of a model's detections lies now, and its content.
+    pub(crate) fn detections_table(&self, model: &str) -> Result<(PathBuf, Vec<u8>)> {
+        detections::table(&self.folder, model, |provenance| {
+            self.is_source_of(provenance)
+        })
+    }
+
+    /// Whether detections were made from this scenario as it is sealed.
+    fn is_source_of(&self, provenance: &Provenance) -> bool {
+        provenance.config_hash == self.seal().config_hash
+            && provenance.videos_blake3 == self.videos_blake3()
+    }
+
+    /// The sealed hashes of the videos, by view.
+    pub fn videos_blake3(&self) -> BTreeMap<String, String> {
+        let files = self.sealed.files().iter();
+        files
+            .filter_map(|file| Some((view_of(&file.name)?.to_owned(), file.blake3.clone())))
+            .collect()
+    }
+
+    /// Opens a view's video, after all of it was read and is what was sealed.
+    ///
+    /// # Errors
+    /// There is none, it is not what was sealed, or it cannot be decoded.
+    pub fn open_video(&self, view: &str) -> Result<VideoReader> {
+        let mut files = self.sealed.files().iter();
+        let video = files.find(|file| view_of(&file.name) == Some(view));
+        let video = video.ok_or_else(|| {
+            Error::corpus(
+                self.folder.root(),
+                format!("has no sealed video of view {view}; generate the scenario again"),
+            )
+        })?;
+        VideoReader::open(&self.sealed.check(&video.name)?)
+    }
+
+    fn content(&self, name: &'static str) -> Result<&[u8]> {
+        self.contents.get(name).map(Vec::as_slice).ok_or_else(|| {
+            Error::corpus(
+                self.folder.root(),
+                format!("has no sealed {name}; generate the scenario again"),
+            )
+        })
+    }
+}
+
+fn kind_of(name: &'static str) -> FileKind {
+    match name.ends_with(".json") {
+        true => FileKind::json(name),
+        false => FileKind::TABLE,
+    }
+    .unlinked()
+}
+
+/// The view of a video, by its name within the folder.
+fn view_of(name: &str) -> Option<&str> {
+    let path = Path::new(name);
+    let is_video = path.parent() == Some(Path::new(VIEWS));
+    is_video.then(|| path.file_stem()?.to_str())?
+}

@@ -1,0 +1,145 @@
+//! What training and evaluation refuse to read: files that are not what was sealed, or not what they were made from. Both read samples
+//! through [`Samples::read`].
+
+use std::fs;
+use std::os::unix::fs::symlink;
+
+use dataset::pixel_box::write_detections;
+use dataset::seal::seal_folder;
+
+use super::*;
+use crate::synthetic::{MODEL_HASH, SyntheticCorpus};
+
+const ALL: DistanceRange = DistanceRange {
+    min_nm: 0.0,
+    max_nm: None,
+};
+
+/// What is said of a tiny corpus after `edit` changed its first scenario; the second is there to copy from.
+fn said_after(edit: impl FnOnce(&ScenarioFolder, &ScenarioFolder)) -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+    assert!(Samples::read(&corpus, None, ALL).is_ok());
+    let scenarios = corpus.scenarios().unwrap();
+    edit(&scenarios[0], &scenarios[1]);
+    match Samples::read(&corpus, None, ALL) {
+        Ok(_) => panic!("the edited corpus was read"),
+        Err(error) => error.to_string(),
+    }
+}
+
+#[test]
+fn halved_distances_are_refused() {
+    let message = said_after(|folder, _| {
+        let mut frames = folder.open().unwrap().frames().unwrap();
+        for row in &mut frames.rows {
+            row.labels.as_mut().unwrap().dtd_m /= 2.0;
+        }
+        frames.write(&folder.frames_path()).unwrap();
+    });
+    assert!(
+        message.contains("0000/frames.parquet: is not what was sealed"),
+        "{message}"
+    );
+}
+
+#[test]
+fn the_table_of_another_scenario_is_refused() {
+    let message = said_after(|folder, other| {
+        fs::copy(other.frames_path(), folder.frames_path()).unwrap();
+    });
+    assert!(
+        message.contains("0000/frames.parquet: is not what was sealed"),
+        "{message}"
+    );
+}
+
+#[test]
+fn an_edited_calibration_is_refused() {
+    let message = said_after(|folder, _| {
+        let path = folder.calibration_path();
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(path, text.replacen("1920", "1921", 1)).unwrap();
+    });
+    assert!(
+        message.contains("calibration.json: is not what was sealed"),
+        "{message}"
+    );
+}
+
+#[test]
+fn detections_of_a_scenario_that_was_recorded_again_are_refused() {
+    let message = said_after(|folder, _| {
+        fs::create_dir(folder.root().join("views")).unwrap();
+        fs::write(folder.root().join("views/left.mp4"), "another video").unwrap();
+        seal_folder(folder.root(), "synthetic").unwrap();
+    });
+    assert!(
+        message.contains("made from other videos") && message.contains("run `dtd detect`"),
+        "{message}"
+    );
+}
+
+#[test]
+fn detections_of_another_scenario_are_refused() {
+    let message = said_after(|folder, other| {
+        let path = |folder: &ScenarioFolder| folder.detections_path(MODEL_HASH);
+        fs::copy(path(other), path(folder)).unwrap();
+    });
+    assert!(
+        message.contains("is not what its record says: its hash differs"),
+        "{message}"
+    );
+}
+
+#[test]
+fn detections_that_do_not_say_what_they_were_made_from_are_refused() {
+    let message = said_after(|folder, _| {
+        let path = dataset::detections::record_path(folder, MODEL_HASH);
+        fs::write(path, r#"{"model": "aircraft.onnx"}"#).unwrap();
+    });
+    assert!(
+        message.contains("does not say what its table was made from")
+            && message.contains("run `dtd detect`"),
+        "{message}"
+    );
+}
+
+#[test]
+fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
+    let message = said_after(|folder, _| {
+        let scenario = folder.open().unwrap();
+        let mut found = scenario.detections(MODEL_HASH).unwrap();
+        found[3].pixel_box.width_px = f64::NAN;
+        let path = folder.detections_path(MODEL_HASH);
+        write_detections(&path, &found).unwrap();
+        let record = dataset::detections::record_path(folder, MODEL_HASH);
+        let mut provenance = dataset::detections::provenance(folder, MODEL_HASH)
+            .unwrap()
+            .unwrap();
+        provenance.table_blake3 = dataset::seal::hash_file(&path).unwrap();
+        dataset::json_file::write_json(&record, &provenance).unwrap();
+    });
+    assert!(
+        message.contains("synthetic.parquet: row 3, column width_px"),
+        "{message}"
+    );
+}
+
+#[test]
+fn links_out_of_the_corpus_are_refused() {
+    for name in [
+        "frames.parquet",
+        "detections/synthetic.parquet",
+        "detections",
+    ] {
+        let outside = tempfile::tempdir().unwrap();
+        let target = outside.path().join("target");
+        let message = said_after(|folder, _| {
+            let path = folder.root().join(name);
+            fs::rename(&path, &target).unwrap();
+            symlink(&target, &path).unwrap();
+        });
+        assert!(message.contains("is a symbolic link"), "{name}: {message}");
+    }
+}
