@@ -111,20 +111,23 @@ pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
 
 /// Reads `boxes_truth.parquet`.
 pub fn read_truth_boxes(path: &Path) -> Result<Vec<TruthBox>> {
-    truth_boxes_of(&Table::read(path)?)
+    truth_boxes_of(&Table::read(path)?, Table::f64)
 }
 
 /// Reads the content of `boxes_truth.parquet`; messages name it as `path`.
 pub fn parse_truth_boxes(content: Vec<u8>, path: &Path) -> Result<Vec<TruthBox>> {
-    truth_boxes_of(&Table::parse(content, path)?)
+    truth_boxes_of(&Table::parse(content, path)?, Table::finite_f64)
 }
 
-fn truth_boxes_of(table: &Table) -> Result<Vec<TruthBox>> {
+/// How numbers are read: any, to say what is wrong with them, or finite ones only.
+type Column = fn(&Table, &str) -> Result<Vec<f64>>;
+
+fn truth_boxes_of(table: &Table, column: Column) -> Result<Vec<TruthBox>> {
     let tick = table.u32("tick")?;
-    let boxes = read_boxes(table)?;
-    let visible_fraction = table.f64("visible_fraction")?;
-    let truncation = table.f64("truncation")?;
-    let transmission = table.f64("transmission")?;
+    let boxes = read_boxes(table, column)?;
+    let visible_fraction = column(table, "visible_fraction")?;
+    let truncation = column(table, "truncation")?;
+    let transmission = column(table, "transmission")?;
     let words = table.text("view")?.into_iter().zip(table.text("class")?);
     Ok(words
         .enumerate()
@@ -168,18 +171,18 @@ pub fn write_detections(path: &Path, detections: &[Detection]) -> Result<()> {
 
 /// Reads `detections/<model>.parquet`.
 pub fn read_detections(path: &Path) -> Result<Vec<Detection>> {
-    detections_of(&Table::read(path)?)
+    detections_of(&Table::read(path)?, Table::f64)
 }
 
 /// Reads the content of `detections/<model>.parquet`; messages name it as `path`.
 pub fn parse_detections(content: Vec<u8>, path: &Path) -> Result<Vec<Detection>> {
-    detections_of(&Table::parse(content, path)?)
+    detections_of(&Table::parse(content, path)?, Table::finite_f64)
 }
 
-fn detections_of(table: &Table) -> Result<Vec<Detection>> {
+fn detections_of(table: &Table, column: Column) -> Result<Vec<Detection>> {
     let tick = table.u32("tick")?;
-    let boxes = read_boxes(table)?;
-    let score = table.finite_f64("score")?;
+    let boxes = read_boxes(table, column)?;
+    let score = column(table, "score")?;
     let tile = table.u32("tile")?;
     Ok(table
         .text("view")?
@@ -206,12 +209,12 @@ fn box_columns<'a>(
         .f64("height_px", boxes.map(|b| b.height_px))
 }
 
-fn read_boxes(table: &Table) -> Result<Vec<PixelBox>> {
+fn read_boxes(table: &Table, column: Column) -> Result<Vec<PixelBox>> {
     let [cx, cy, width, height] = [
-        table.finite_f64("cx_px")?,
-        table.finite_f64("cy_px")?,
-        table.finite_f64("width_px")?,
-        table.finite_f64("height_px")?,
+        column(table, "cx_px")?,
+        column(table, "cy_px")?,
+        column(table, "width_px")?,
+        column(table, "height_px")?,
     ];
     Ok((0..table.rows())
         .map(|row| PixelBox {
