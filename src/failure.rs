@@ -42,6 +42,15 @@ impl Failure {
         Self::BadInput(error.into())
     }
 
+    /// A corpus that cannot be read or written: the caller's to mend, in other hands for now, or the machine's failure.
+    pub(crate) fn of_corpus(error: dataset::Error) -> Self {
+        match error {
+            error if error.is_passing() => Self::TryAgain(error.into()),
+            error if error.is_bad_content() => Self::bad_input(error),
+            error => Self::Failed(error.into()),
+        }
+    }
+
     /// A failure of the caller's input, in words.
     pub(crate) fn bad_input_message(message: impl Display) -> Self {
         Self::BadInput(anyhow::anyhow!("{message}"))

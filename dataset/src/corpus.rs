@@ -52,6 +52,7 @@ impl Corpus {
                 "is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`",
             ));
         }
+        own_path(root, SCENARIOS)?;
         Ok(Self {
             root: root.to_owned(),
         })
@@ -59,7 +60,7 @@ impl Corpus {
 
     /// Opens a corpus, creating its folders if they are not there.
     pub fn create(root: &Path) -> Result<Self> {
-        let scenarios = root.join(SCENARIOS);
+        let scenarios = own_path(root, SCENARIOS)?;
         fs::create_dir_all(&scenarios).map_err(Error::io("create", &scenarios))?;
         Ok(Self {
             root: root.to_owned(),
@@ -155,12 +156,16 @@ impl ScenarioFolder {
 
     /// Path of `frames.parquet`.
     pub fn frames_path(&self) -> PathBuf {
-        seal::current_path(&self.root, Self::FRAMES)
+        self.current_path(Self::FRAMES)
+    }
+
+    fn current_path(&self, name: &str) -> PathBuf {
+        seal::current_path(&self.root, name).unwrap_or_else(|_| self.root.join(name))
     }
 
     /// Path of `boxes_truth.parquet`.
     pub fn truth_boxes_path(&self) -> PathBuf {
-        seal::current_path(&self.root, Self::TRUTH_BOXES)
+        self.current_path(Self::TRUTH_BOXES)
     }
 
     /// Path of a view's video, sealed or not: MP4, or QuickTime if that is what is there.

@@ -111,6 +111,11 @@ impl Error {
         matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
     }
 
+    /// Whether another process was in the way: the same call may well succeed later.
+    pub fn is_passing(&self) -> bool {
+        matches!(self, Self::Held { .. } | Self::Changing { .. })
+    }
+
     /// Whether a file was there but did not hold what it should: reading it again will say the same.
     pub fn is_bad_content(&self) -> bool {
         matches!(

@@ -27,13 +27,18 @@ pub fn parse_json<T: DeserializeOwned>(text: &[u8], path: &Path, what: &'static 
 
 /// Writes a value as indented JSON with a final newline, atomically.
 pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> Result<()> {
+    write_atomically(path, &json_bytes(value, path)?)
+}
+
+/// A value as [`write_json`] writes it; messages name its file as `path`.
+pub fn json_bytes<T: Serialize + ?Sized>(value: &T, path: &Path) -> Result<Vec<u8>> {
     let mut text = serde_json::to_vec_pretty(value).map_err(|source| Error::Json {
         what: "value to write",
         path: path.to_owned(),
         source,
     })?;
     text.push(b'\n');
-    write_atomically(path, &text)
+    Ok(text)
 }
 
 /// Writes a file so that readers see the old content or the new, never a part.

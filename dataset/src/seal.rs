@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::json_file::{read_json, write_atomically, write_json};
 use crate::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
 use crate::outside_file::{self, FileKind};
-use crate::own_path::refuse_link;
+use crate::own_path::{own_path, refuse_link};
 use crate::sealed::{self, Found, Sealed};
 
 /// Hashes of all files of a folder.
@@ -269,13 +269,14 @@ fn drop_undecided<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) {
 }
 
 /// Where a file of the folder lies now: as `<name>.new`, if a change is decided and has not renamed it yet.
-pub(crate) fn current_path(folder: &Path, name: &str) -> PathBuf {
-    let path = folder.join(name);
+///
+/// # Errors
+/// It is a symbolic link.
+pub fn current_path(folder: &Path, name: &str) -> Result<PathBuf> {
+    let path = own_path(folder, name)?;
     let new = with_new_suffix(&path);
-    match is_unsettled(folder) && new.exists() {
-        true => new,
-        false => path,
-    }
+    let is_pending = is_unsettled(folder) && new.exists() && refuse_link(&new).is_ok();
+    Ok(if is_pending { new } else { path })
 }
 
 /// Whether a decided change is still to be completed.

@@ -23,6 +23,7 @@ pub(crate) const ATTEMPTS: u32 = 100;
 pub struct Sealed {
     folder: PathBuf,
     seal: Seal,
+    manifest: String,
     files: Vec<SealedFile>,
 }
 
@@ -60,6 +61,7 @@ impl Sealed {
                 return Ok(Some(Self {
                     folder: folder.to_owned(),
                     seal,
+                    manifest: text,
                     files,
                 }));
             }
@@ -84,6 +86,11 @@ impl Sealed {
     /// The seal.
     pub fn seal(&self) -> &Seal {
         &self.seal
+    }
+
+    /// The manifest, as it lies there.
+    pub fn manifest(&self) -> &str {
+        &self.manifest
     }
 
     /// All sealed files, in the order of the manifest.

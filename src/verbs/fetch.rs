@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use dataset::corpus::Corpus;
 use dataset::json_file::write_atomically;
+use dataset::own_path::own_path;
 use serde::Serialize;
 use store::{CORPUS_FILES, CorpusStore, Fetched, Patience, StoreUrl};
 
@@ -154,7 +155,7 @@ fn wanted(
 async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<(), Failure> {
     for name in CORPUS_FILES {
         if let Some(theirs) = store.read(name).await.map_err(failure_of)? {
-            let path = corpus.root().join(name);
+            let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;
             if fs::read(&path).ok().as_ref() != Some(&theirs) {
                 write_atomically(&path, &theirs)?;
             }

@@ -11,6 +11,7 @@ use crate::progress::Bar;
 /// A failure of the store, or what the caller has to mend.
 pub(super) fn failure_of(error: StoreError) -> Failure {
     match error {
+        StoreError::Local(error) => Failure::of_corpus(error),
         error if error.is_bad_input() => Failure::bad_input(error),
         error => Failure::Failed(error.into()),
     }

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
+use dataset::own_path::own_path;
 use generator::plan::Plan;
 use serde::Serialize;
 use store::{CORPUS_FILES, CorpusStore, Keep, OnOther, Patience, Pushed, Settled};
@@ -56,7 +57,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
     let watch = OnBar(&bar);
     store.check().await.map_err(failure_of)?;
     send_corpus_files(corpus, store).await?;
-    let scenarios = corpus.scenarios()?;
+    let scenarios = corpus.scenarios().map_err(Failure::of_corpus)?;
     bar.set_total(scenarios.len() as u64);
     let mut sent = Sent::default();
     for (done, folder) in scenarios.iter().enumerate() {
@@ -93,7 +94,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
 async fn send_corpus_files(corpus: &Corpus, store: &CorpusStore) -> Result<(), Failure> {
     let mut keep = Keep::Ours;
     for name in CORPUS_FILES {
-        let path = corpus.root().join(name);
+        let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;
         if !path.exists() {
             continue;
         }

@@ -64,7 +64,7 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
         | trainer::Error::Run { .. }
         | trainer::Error::Leak { .. } => Failure::bad_input(error),
         trainer::Error::Held { .. } => Failure::TryAgain(error.into()),
-        trainer::Error::Dataset(ref cause) if cause.is_bad_content() => Failure::bad_input(error),
+        trainer::Error::Dataset(cause) => Failure::of_corpus(cause),
         _ => error.into(),
     }
 }

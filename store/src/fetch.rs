@@ -4,12 +4,15 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
+use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::json_file::write_atomically;
-use dataset::new_file::NewFile;
+use dataset::new_file::{NewFile, clear_leftovers};
+use dataset::own_path::{own_path, refuse_link};
 use dataset::seal::{self, DONE, MANIFEST};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::ObjectStoreExt;
+use tokio::task::spawn_blocking;
 
 use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
@@ -60,6 +63,10 @@ impl CorpusStore {
             return Ok(Fetched::NotCommitted);
         };
         let committed = corpus.scenario(id);
+        if committed.seal()?.as_ref() == Some(&theirs) {
+            return Ok(Fetched::Same);
+        }
+        let claim = claim(&committed).await?;
         match committed.seal()? {
             Some(ours) if ours == theirs => return Ok(Fetched::Same),
             None if !committed.root().exists() => {}
@@ -71,10 +78,12 @@ impl CorpusStore {
         let files = seal::sealed_files(&manifest, &theirs).map_err(damaged)?;
 
         let partial = corpus.partial_scenario(id);
+        refuse_link(partial.root())?;
         let jobs = files.iter().map(|file| {
-            let target = partial.root().join(&file.name);
+            let target = own_path(partial.root(), &file.name);
             let name = scenario_file(id, &file.name);
             async move {
+                let target = target?;
                 let there = target.is_file() && seal::hash_file(&target)? == file.blake3;
                 if !there {
                     self.bring(&name, &target, &file.blake3, watch).await?;
@@ -88,7 +97,11 @@ impl CorpusStore {
             .await?;
         write_atomically(&partial.root().join(MANIFEST), manifest.as_bytes())?;
         dataset::json_file::write_json(&partial.root().join(DONE), &theirs)?;
+        for folder in [partial.root().to_owned(), partial.root().join("views")] {
+            clear_leftovers(&folder);
+        }
         seal::commit_folder(partial.root(), committed.root())?;
+        drop(claim);
         let brought_files = brought.iter().filter(|brought| **brought).count();
         Ok(Fetched::Whole {
             brought: brought_files,
@@ -103,13 +116,17 @@ impl CorpusStore {
         watch: &dyn Watch,
     ) -> Result<usize> {
         let mut brought = 0;
+        let mut claimed = None;
         for (name, bytes) in self.objects(&folder.id()).await? {
-            let target = folder.root().join(&name);
+            if !seal::is_within(Path::new(&name)) {
+                continue;
+            }
+            let target = own_path(folder.root(), &name)?;
             let missing = fs::metadata(&target).map_or(true, |there| there.len() != bytes);
-            if Path::new(&name).parent() == Some(Path::new("detections"))
-                && seal::is_within(Path::new(&name))
-                && missing
-            {
+            if Path::new(&name).parent() == Some(Path::new("detections")) && missing {
+                if claimed.is_none() {
+                    claimed = Some(claim(folder).await?);
+                }
                 let name = scenario_file(&folder.id(), &name);
                 if let Some(blake3) = self.hash_of(&name).await? {
                     self.bring(&name, &target, &blake3, watch).await?;
@@ -164,4 +181,11 @@ impl CorpusStore {
         }
         Ok(file.commit()?)
     }
+}
+
+/// The claim of a scenario that is to be written; another writer is waited for.
+async fn claim(folder: &ScenarioFolder) -> Result<Claim> {
+    let folder = folder.clone();
+    let claimed = spawn_blocking(move || folder.claim()).await;
+    Ok(claimed.unwrap_or_else(|panic| std::panic::resume_unwind(panic.into_panic()))?)
 }

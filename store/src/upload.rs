@@ -9,7 +9,10 @@ use std::io::{self, Read};
 use std::path::Path;
 
 use dataset::corpus::ScenarioFolder;
+use dataset::json_file::json_bytes;
+use dataset::own_path::own_path;
 use dataset::seal::{self, DONE, MANIFEST, SealedFile};
+use dataset::sealed::Sealed;
 use object_store::{ObjectStoreExt, PutMultipartOptions, PutOptions, WriteMultipart};
 use tokio::task::spawn_blocking;
 
@@ -23,6 +26,8 @@ const PART_BYTES: u64 = 8 << 20;
 const PARTS_AT_ONCE: usize = 4;
 /// No store takes more than 10 000 parts: parts of larger files are larger.
 const MOST_PARTS: u64 = 9_000;
+/// How often a file of the folder may have gone to its final name just before it is opened.
+const ROUNDS: u32 = 3;
 /// Detections are versioned by themselves and not sealed.
 const DETECTIONS: &str = "detections";
 
@@ -65,20 +70,36 @@ impl CorpusStore {
         on_other: OnOther,
         watch: &dyn Watch,
     ) -> Result<Pushed> {
+        let mut rounds_left = ROUNDS;
+        loop {
+            let sealed = Sealed::read(folder.root())?.ok_or_else(|| StoreError::Damaged {
+                place: folder.root().display().to_string(),
+                message: format!("has no {DONE}: it was never finished"),
+            })?;
+            match self.push_state(folder, &sealed, on_other, watch).await {
+                // Somebody labelled it meanwhile, or renamed a file between a look and the next.
+                Err(StoreError::Damaged { .. })
+                    if folder.seal()?.as_ref() != Some(sealed.seal()) => {}
+                Err(StoreError::Local(error)) if error.is_not_found() && rounds_left > 0 => {
+                    rounds_left -= 1;
+                }
+                pushed => return pushed,
+            }
+        }
+    }
+
+    async fn push_state(
+        &self,
+        folder: &ScenarioFolder,
+        sealed: &Sealed,
+        on_other: OnOther,
+        watch: &dyn Watch,
+    ) -> Result<Pushed> {
         let id = folder.id();
-        let damaged = |message: String| StoreError::Damaged {
-            place: folder.root().display().to_string(),
-            message,
-        };
-        let ours = folder
-            .seal()?
-            .ok_or_else(|| damaged(format!("has no {DONE}: it was never finished")))?;
-        let path = folder.root().join(MANIFEST);
-        let manifest = fs::read_to_string(&path).map_err(dataset::Error::io("read", &path))?;
-        let files = seal::sealed_files(&manifest, &ours).map_err(damaged)?;
+        let (ours, files) = (sealed.seal(), sealed.files());
         let mut replaced = false;
         match self.seal(&id).await? {
-            Some(theirs) if theirs == ours => return Ok(Pushed::Same),
+            Some(theirs) if theirs == *ours => return Ok(Pushed::Same),
             Some(theirs) if theirs.config_hash != ours.config_hash => {
                 return Err(StoreError::Damaged {
                     place: format!("{}/scenarios/{id}", self.name()),
@@ -97,7 +118,7 @@ impl CorpusStore {
         }
         let there = self.objects(&id).await?;
         let (mut sent, mut skipped) = (0, 0);
-        for file in &files {
+        for file in files {
             if self.send_if_missing(folder, file, &there, watch).await? {
                 sent += 1;
             } else {
@@ -105,9 +126,11 @@ impl CorpusStore {
             }
         }
         // Only now: nobody looks at a scenario without them.
-        for name in [MANIFEST, DONE] {
-            let path = folder.root().join(name);
-            let bytes = fs::read(&path).map_err(dataset::Error::io("read", &path))?;
+        let done = json_bytes(ours, &folder.root().join(DONE))?;
+        for (name, bytes) in [
+            (MANIFEST, sealed.manifest().as_bytes().to_vec()),
+            (DONE, done),
+        ] {
             self.send_bytes(&scenario_file(&id, name), bytes).await?;
         }
         Ok(Pushed::Committed {
@@ -123,7 +146,7 @@ impl CorpusStore {
         folder: &ScenarioFolder,
         watch: &dyn Watch,
     ) -> Result<usize> {
-        let detections = folder.detections_folder();
+        let detections = own_path(folder.root(), DETECTIONS)?;
         if !detections.is_dir() {
             return Ok(0);
         }
@@ -134,6 +157,7 @@ impl CorpusStore {
                 .map_err(dataset::Error::io("list", &detections))?
                 .file_name();
             let name = name.to_string_lossy().into_owned();
+            own_path(&detections, &name)?;
             if name.ends_with(".parquet") || name.ends_with(".json") {
                 names.push(name);
             }
@@ -170,7 +194,7 @@ impl CorpusStore {
         if watch.stopped() {
             return Err(StoreError::Stopped);
         }
-        let path = folder.root().join(&file.name);
+        let path = seal::current_path(folder.root(), &file.name)?;
         let bytes = fs::metadata(&path)
             .map_err(dataset::Error::io("read", &path))?
             .len();

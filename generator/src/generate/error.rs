@@ -122,7 +122,11 @@ impl GenerateError {
 
     /// Whether the same call may well succeed later.
     pub fn is_passing(&self) -> bool {
-        matches!(self, Self::Held { .. } | Self::Cancelled)
+        match self {
+            Self::Held { .. } | Self::Cancelled => true,
+            Self::Corpus(error) => error.is_passing(),
+            _ => false,
+        }
     }
 }
 

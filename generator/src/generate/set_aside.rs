@@ -7,9 +7,12 @@ use std::path::PathBuf;
 use dataset::Error;
 use dataset::corpus::Corpus;
 use dataset::json_file::{read_json, write_atomically, write_json};
+use dataset::own_path::own_path;
 use serde::{Deserialize, Serialize};
 
 pub(super) const FOLDER: &str = "failed";
+/// How often the folder may slip away.
+const ATTEMPTS: u32 = 100;
 
 /// The record of a scenario that was set aside.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -40,9 +43,7 @@ impl SetAside {
             self.reasons.splice(0..0, earlier.reasons);
         }
         let path = path(corpus, &self.id);
-        let folder = corpus.root().join(FOLDER);
-        fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
-        write_json(&path, &self)
+        in_folder(corpus, || write_json(&path, &self))
     }
 
     /// The record as it is written.
@@ -59,9 +60,8 @@ impl SetAside {
         if count(Self::read(corpus, id)) > count(there) {
             return Ok(());
         }
-        let folder = corpus.root().join(FOLDER);
-        fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
-        write_atomically(&path(corpus, id), text)
+        let path = path(corpus, id);
+        in_folder(corpus, || write_atomically(&path, text))
     }
 
     /// Name of the record within the corpus.
@@ -76,6 +76,20 @@ impl SetAside {
             let _ = fs::remove_dir(corpus.root().join(FOLDER));
         }
     }
+}
+
+/// Writes into the folder of the records, which goes with the last record: another process may take it away at any moment.
+fn in_folder(corpus: &Corpus, write: impl Fn() -> dataset::Result<()>) -> dataset::Result<()> {
+    let folder = own_path(corpus.root(), FOLDER)?;
+    let mut written = Ok(());
+    for _ in 0..ATTEMPTS {
+        fs::create_dir_all(&folder).map_err(Error::io("create", &folder))?;
+        written = write();
+        if !written.as_ref().is_err_and(Error::is_not_found) {
+            break;
+        }
+    }
+    written
 }
 
 fn path(corpus: &Corpus, id: &str) -> PathBuf {

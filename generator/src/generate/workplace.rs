@@ -17,7 +17,8 @@ impl Workplace {
     pub(super) fn clear(corpus: &Corpus, id: &str, _claim: &Claim) -> dataset::Result<Self> {
         let folder = corpus.partial_scenario(id);
         let root = folder.root();
-        if root.exists() {
+        // Of a link that was planted there, only the link is removed.
+        if root.symlink_metadata().is_ok() {
             fs::remove_dir_all(root).map_err(Error::io("remove", root))?;
         }
         let views = root.join("views");
