@@ -9,6 +9,7 @@ use dataset::corpus::Corpus;
 use dataset::detections::replace;
 use dataset::json_file::read_json;
 use dataset::pixel_box::PixelBox;
+use dataset::seal::seal_folder;
 use dataset::splits::{Side, Splits};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
@@ -177,9 +178,10 @@ fn a_distance_that_cannot_be_is_refused_with_scenario_tick_and_column() {
         let folder = tempfile::tempdir().unwrap();
         let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
         let scenario = corpus.scenarios().unwrap().remove(0);
-        let mut frames = scenario.frames().unwrap();
+        let mut frames = scenario.open().unwrap().frames().unwrap();
         frames.rows[3].labels.as_mut().unwrap().dtd_m = impossible;
         frames.write(&scenario.frames_path()).unwrap();
+        seal_folder(scenario.root(), "synthetic").unwrap();
         let out = folder.path().join("run");
         let message = train(&corpus, &out, &few_steps(), &mut Silent)
             .unwrap_err()
