@@ -20,7 +20,7 @@ from .pixels import Pixels
 from .server import Asked, Closed, Connection, LinkServer, Note, Opened
 from .settings import Settings
 from .stage import Stage
-from .wire import Header
+from .wire import Header, printable
 
 # Frames that the check pattern may take to be drawn, and a pause to take hold.
 FRAMES_LIMIT = 600
@@ -138,7 +138,7 @@ class Bridge:
     def _task_of(self, header: Header) -> Task:
         message = header["message"]
         if message == "hello":
-            self._xp.log(f"client {header.get('client')}")
+            self._xp.log(f"client {printable(str(header.get('client')))}")
             return self._hello()
         if message == "capture":
             return self._capture(header)

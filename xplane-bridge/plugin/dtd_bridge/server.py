@@ -1,7 +1,8 @@
 """The sockets of the capture link, in threads of their own. Nothing here calls ``xp``: X-Plane is not thread-safe.
 
 What the main thread sees: a queue of events (:class:`Opened`, :class:`Asked`, :class:`Closed`, :class:`Note`), and a
-:class:`Connection` to answer on. One client at a time: there is one aircraft.
+:class:`Connection` to answer on. One client at a time, see :class:`Seat`; it has to say hello, with the token if there is one,
+before it is let in.
 """
 
 from __future__ import annotations
@@ -10,13 +11,24 @@ import hmac
 import queue
 import socket
 import threading
+import time
 from dataclasses import dataclass
 
 from .settings import Settings
-from .wire import GREETING, Header, WireError, check_greeting, pack, read_message
+from .wire import GREETING, Header, WireError, check_greeting, pack, read_request
 
+# From the connection to its greeting and its whole hello.
+HELLO_TIMEOUT_S = 5.0
+# How long a client waits for the seat of another one.
 SEAT_TIMEOUT_S = 2.0
-GREETING_TIMEOUT_S = 5.0
+# A client that neither asks nor takes its answers for so long loses its seat to the next one.
+SILENCE_S = 120.0
+# Connections at a time, most of which wait to say hello or for the seat.
+MAX_CONNECTIONS = 16
+# Requests of a client that wait for their answer, or whose answer waits to be taken. A client may send 64 captures ahead.
+MAX_OUTSTANDING = 128
+# How long to wait after a client could not be taken: what is short, descriptors or threads, others have to give back first.
+ACCEPT_PAUSE_S = 0.1
 
 
 class Connection:
@@ -25,23 +37,63 @@ class Connection:
     def __init__(self, stream: socket.socket) -> None:
         self._stream = stream
         self._outbox: queue.Queue[bytes | None] = queue.Queue()
+        self._room = threading.Semaphore(MAX_OUTSTANDING)
+        self._closed = threading.Event()
+        # Until then everything has to be read.
+        self._deadline: float | None = time.monotonic() + HELLO_TIMEOUT_S
+        self._lock = threading.Lock()
+        self._unanswered = 0
+        self._last_heard = time.monotonic()
         self._writer = threading.Thread(target=self._write, name="dtd link writer", daemon=True)
         self._writer.start()
 
     def answer(self, header: Header, payload: bytes = b"") -> None:
         """Queues one answer. What cannot be sent any more is lost with its client."""
         self._outbox.put(pack(header, payload))
+        self._heard(-1)
+
+    def greet(self) -> None:
+        """Exchanges greetings."""
+        self._stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._stream.settimeout(HELLO_TIMEOUT_S)
+        self._stream.sendall(GREETING)
+        check_greeting(self.read_exactly(8))
+
+    def admitted(self) -> None:
+        """From now on the client may take its time."""
+        self._deadline = None
+        self._stream.settimeout(None)
+
+    def next_request(self) -> Header:
+        """Blocks for a request, and before that for room for its answer."""
+        while not self._room.acquire(timeout=1.0):
+            if self._closed.is_set():
+                raise EOFError("the client takes no more answers")
+        header = read_request(self.read_exactly)
+        self._heard(+1)
+        return header
 
     def read_exactly(self, count: int) -> bytes:
         """Blocks for so many bytes."""
         buffer = bytearray(count)
         view, got = memoryview(buffer), 0
         while got < count:
+            if self._deadline is not None:
+                # Of all of it: a byte now and then wins no time.
+                left = self._deadline - time.monotonic()
+                if left <= 0:
+                    raise TimeoutError(f"no hello within {HELLO_TIMEOUT_S} s")
+                self._stream.settimeout(left)
             step = self._stream.recv_into(view[got:])
             if step == 0:
                 raise EOFError("the client closed the connection")
             got += step
         return bytes(buffer)
+
+    def silent_s(self) -> float:
+        """For how long it is the client that nothing comes from; 0 while it waits for us."""
+        with self._lock:
+            return 0.0 if self._unanswered > 0 else time.monotonic() - self._last_heard
 
     def finish(self) -> None:
         """Sends what is queued, then closes."""
@@ -52,18 +104,53 @@ class Connection:
 
     def abort(self) -> None:
         """Closes at once; a blocked reader wakes up."""
+        self._closed.set()
         try:
             self._stream.shutdown(socket.SHUT_RDWR)
         except OSError:
             pass
         self._stream.close()
 
+    def _heard(self, unanswered: int = 0) -> None:
+        with self._lock:
+            self._unanswered = max(0, self._unanswered + unanswered)
+            self._last_heard = time.monotonic()
+
     def _write(self) -> None:
         while (message := self._outbox.get()) is not None:
             try:
                 self._stream.sendall(message)
             except OSError:
+                self._closed.set()
                 return
+            self._heard()
+            self._room.release()
+
+
+class Seat:
+    """The one place at the aircraft. Whoever has it keeps it as long as he uses it; who is silent keeps it until somebody else wants it.
+
+    So a client may take all the time it needs between two requests, and one that hangs keeps nobody out.
+    """
+
+    def __init__(self) -> None:
+        self._place = threading.Lock()
+        self._holder: Connection | None = None
+
+    def take(self, connection: Connection) -> bool:
+        """Whether the place became free in time."""
+        holder = self._holder
+        if holder is not None and holder.silent_s() >= SILENCE_S:
+            holder.abort()
+        if not self._place.acquire(timeout=SEAT_TIMEOUT_S):
+            return False
+        self._holder = connection
+        return True
+
+    def leave(self) -> None:
+        """Gives the place back."""
+        self._holder = None
+        self._place.release()
 
 
 @dataclass(frozen=True)
@@ -103,8 +190,10 @@ class LinkServer:
 
     def __init__(self, settings: Settings) -> None:
         self.events: queue.Queue[Event] = queue.Queue()
-        self._token = settings.token
-        self._seat = threading.Lock()
+        self._token = (settings.token or "").strip() or None
+        self._seat = Seat()
+        self._room = threading.Semaphore(MAX_CONNECTIONS)
+        self._closing = threading.Event()
         self._open: set[Connection] = set()
         family = socket.AF_INET6 if ":" in settings.bind else socket.AF_INET
         self._listener = socket.create_server((settings.bind, settings.port), family=family)
@@ -113,6 +202,7 @@ class LinkServer:
 
     def close(self) -> None:
         """Ends listening and all connections."""
+        self._closing.set()
         # On some systems only a shutdown wakes a thread that accepts.
         try:
             self._listener.shutdown(socket.SHUT_RDWR)
@@ -123,30 +213,46 @@ class LinkServer:
             connection.abort()
 
     def _accept(self) -> None:
-        while True:
+        """Takes clients as long as there is room; the others wait in the system's queue. No trouble with one of them ends it."""
+        failed_before = False
+        while not self._closing.is_set():
+            self._room.acquire()
+            stream: socket.socket | None = None
             try:
                 stream, _ = self._listener.accept()
-            except OSError:
-                return
-            threading.Thread(target=self._serve, args=(stream,), name="dtd link reader", daemon=True).start()
+                threading.Thread(target=self._serve, args=(stream,), name="dtd link reader", daemon=True).start()
+                failed_before = False
+            except (OSError, RuntimeError) as error:
+                # No descriptor left, or no thread.
+                if stream is not None:
+                    stream.close()
+                self._room.release()
+                if not failed_before and not self._closing.is_set():
+                    self.events.put(Note(f"the capture link can take no client now, and tries on: {error}"))
+                failed_before = True
+                self._closing.wait(ACCEPT_PAUSE_S)
 
     def _serve(self, stream: socket.socket) -> None:
+        try:
+            self._serve_in_room(stream)
+        finally:
+            self._room.release()
+
+    def _serve_in_room(self, stream: socket.socket) -> None:
         connection = Connection(stream)
         self._open.add(connection)
         try:
-            stream.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            stream.sendall(GREETING)
-            stream.settimeout(GREETING_TIMEOUT_S)
-            check_greeting(connection.read_exactly(8))
-            stream.settimeout(None)
-            if not self._seat.acquire(timeout=SEAT_TIMEOUT_S):
+            connection.greet()
+            hello = self._admit(connection)
+            connection.admitted()
+            if not self._seat.take(connection):
                 connection.answer({"message": "error", "text": "another client holds the capture link"})
                 return
             try:
-                self._converse(connection)
+                self._converse(connection, hello)
             finally:
                 self.events.put(Closed(connection))
-                self._seat.release()
+                self._seat.leave()
         except (OSError, EOFError) as error:
             self.events.put(Note(f"capture link closed: {error}"))
         except WireError as error:
@@ -156,21 +262,26 @@ class LinkServer:
             connection.finish()
             self._open.discard(connection)
 
-    def _converse(self, connection: Connection) -> None:
-        header, _ = read_message(connection.read_exactly)
+    def _admit(self, connection: Connection) -> Header:
+        """The hello of a client that may come in."""
+        header = connection.next_request()
         if header["message"] != "hello":
-            raise WireError(f"the first message is {header['message']}, expected hello")
+            raise WireError(f"the first message is {header['message']!r}, expected hello")
         if self._token is not None:
             given = header.get("token")
-            if not isinstance(given, str) or not hmac.compare_digest(given.encode(), self._token.encode()):
+            # JSON may hold halves of characters, which have no bytes in UTF-8.
+            if not isinstance(given, str) or not hmac.compare_digest(
+                given.strip().encode("utf-8", "surrogatepass"), self._token.encode()
+            ):
                 raise WireError(
-                    "this capture link is open to other machines and wants its token first: set DTD_LINK_TOKEN to "
+                    "this capture link is open to other machines and requires a token: set DTD_LINK_TOKEN to "
                     "the token of dtd_bridge.ini"
                 )
+        return header
+
+    def _converse(self, connection: Connection, hello: Header) -> None:
         self.events.put(Opened(connection))
-        self.events.put(Asked(connection, header))
+        header = hello
         while True:
-            header, payload = read_message(connection.read_exactly)
-            if payload:
-                raise WireError(f"a request has no payload, but {len(payload)} bytes came")
             self.events.put(Asked(connection, header))
+            header = connection.next_request()

@@ -32,6 +32,11 @@ class Settings:
     token: str | None = None
     weather_settle_s: float = 15.0
 
+    def __post_init__(self) -> None:
+        """Whoever reaches the link commands the simulator: a link that others reach has a secret, and an empty one is none."""
+        if not ipaddress.ip_address(self.bind).is_loopback and not (self.token or "").strip():
+            raise SettingsError(f"bind = {self.bind} opens the link to other machines: give a token as well")
+
 
 KNOWN = {"link": {"bind", "port", "token"}, "weather": {"settle_s"}}
 
@@ -56,11 +61,8 @@ def read_settings(path: Path) -> Settings:
             token=parser.get("link", "token", fallback="") or None,
             weather_settle_s=parser.getfloat("weather", "settle_s", fallback=Settings.weather_settle_s),
         )
-        loopback = ipaddress.ip_address(settings.bind).is_loopback
-    except ValueError as error:
+    except (ValueError, SettingsError) as error:
         raise SettingsError(f"{path}: {error}") from error
-    if not loopback and settings.token is None:
-        raise SettingsError(f"{path}: bind = {settings.bind} opens the link to other machines: give a token as well")
     if not 0 <= settings.port <= 65_535 or not 0 <= settings.weather_settle_s <= 60:
         raise SettingsError(f"{path}: port is 0 to 65535, settle_s 0 to 60")
     return settings

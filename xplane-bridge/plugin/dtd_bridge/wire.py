@@ -44,6 +44,25 @@ def pack(header: Header, payload: bytes = b"") -> bytes:
 
 def read_message(read_exactly: ReadExactly) -> tuple[Header, bytes]:
     """The next message."""
+    header_bytes, payload_bytes = _read_lengths(read_exactly)
+    header = _read_header(read_exactly, header_bytes)
+    return header, read_exactly(payload_bytes)
+
+
+def read_request(read_exactly: ReadExactly) -> Header:
+    """The next message of a client, which has no payload: of one that is announced, nothing is read."""
+    header_bytes, payload_bytes = _read_lengths(read_exactly)
+    if payload_bytes:
+        raise WireError(f"a request has no payload, but {payload_bytes} bytes are announced")
+    return _read_header(read_exactly, header_bytes)
+
+
+def printable(text: str) -> str:
+    """What a client says, for the log: on one line, without characters that a terminal obeys."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:200])
+
+
+def _read_lengths(read_exactly: ReadExactly) -> tuple[int, int]:
     header_bytes, payload_bytes = struct.unpack("<II", read_exactly(8))
     for part, announced, limit in (
         ("header", header_bytes, MAX_HEADER_BYTES),
@@ -51,11 +70,15 @@ def read_message(read_exactly: ReadExactly) -> tuple[Header, bytes]:
     ):
         if announced > limit:
             raise WireError(f"a {part} of {announced} bytes is announced, expected at most {limit}")
+    return header_bytes, payload_bytes
+
+
+def _read_header(read_exactly: ReadExactly, header_bytes: int) -> Header:
     text = read_exactly(header_bytes)
     try:
         header = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise WireError(f"the header is no JSON: {error}; it begins {text[:80]!r}") from error
     if not isinstance(header, dict) or not isinstance(header.get("message"), str):
         raise WireError(f"the header is no object with a message: it begins {text[:80]!r}")
-    return header, read_exactly(payload_bytes)
+    return header

@@ -1,0 +1,186 @@
+"""The link's sockets against clients that mean no good, or nothing at all."""
+
+import paths  # noqa: F401
+
+import errno
+import socket
+import struct
+import unittest
+from unittest import mock
+
+from dtd_bridge import server, wire
+from dtd_bridge.server import Asked, LinkServer, Note, Opened
+from dtd_bridge.settings import Settings, SettingsError
+
+HELLO = {"message": "hello", "client": "test"}
+# How long a test waits for what has to come.
+PATIENCE_S = 20.0
+
+
+class WithServer(unittest.TestCase):
+    def start(self, **settings):
+        self.server = LinkServer(Settings(port=0, **settings))
+        self.addCleanup(self.server.close)
+        return self.server
+
+    def connect(self):
+        stream = socket.create_connection(("127.0.0.1", self.server.port))
+        stream.settimeout(PATIENCE_S)
+        self.addCleanup(stream.close)
+        return stream
+
+    def greet(self, header=HELLO):
+        stream = self.connect()
+        stream.sendall(wire.GREETING + wire.pack(header))
+        return stream
+
+    def wait_for(self, kind):
+        while True:
+            event = self.server.events.get(timeout=PATIENCE_S)
+            if isinstance(event, kind):
+                return event
+
+    def all_of(self, stream):
+        """What comes until the server closes."""
+        received = b""
+        while chunk := stream.recv(1 << 16):
+            received += chunk
+        return received
+
+    def patch(self, **constants):
+        for name, value in constants.items():
+            patcher = mock.patch.object(server, name, value)
+            patcher.start()
+            self.addCleanup(patcher.stop)
+
+
+class Silence(WithServer):
+    def test_who_says_no_hello_does_not_hold_the_seat_and_leaves_in_time(self):
+        self.patch(HELLO_TIMEOUT_S=0.3)
+        self.start()
+        silent = self.connect()
+        half = self.connect()
+        half.sendall(wire.GREETING + b"\x10")
+        self.greet()
+        self.wait_for(Opened)
+        for stream in (silent, half):
+            self.assertEqual(self.all_of(stream), wire.GREETING)
+
+    def test_a_byte_now_and_then_wins_no_time(self):
+        self.patch(HELLO_TIMEOUT_S=0.3)
+        self.start()
+        slow = self.connect()
+        slow.settimeout(0.05)
+        message = wire.GREETING + wire.pack({**HELLO, "long": "x" * 60_000})
+        received = None
+        for at in range(len(message)):
+            try:
+                slow.sendall(message[at : at + 1])
+                received = slow.recv(1 << 10)
+            except TimeoutError:
+                continue
+            except OSError:
+                received = b""
+            if received == b"":
+                break
+        self.assertEqual(received, b"")
+
+    def test_a_hundred_and_twenty_idle_connections_keep_nobody_out(self):
+        self.patch(HELLO_TIMEOUT_S=0.3)
+        self.start()
+        idle = [self.connect() for _ in range(120)]
+        self.greet()
+        self.wait_for(Opened)
+        self.assertEqual(len(idle), 120)
+
+    def test_a_silent_client_loses_its_seat_to_the_next_one(self):
+        self.start()
+        first = self.greet()
+        self.wait_for(Asked).connection.answer({"message": "hello"})
+        self.patch(SILENCE_S=1e-6)
+        self.greet()
+        self.assertIsNotNone(self.wait_for(Opened))
+        self.assertIn(b"hello", self.all_of(first))
+
+    def test_a_client_that_waits_for_us_keeps_its_seat(self):
+        self.start()
+        self.greet()
+        self.wait_for(Asked)
+        self.patch(SILENCE_S=1e-6, SEAT_TIMEOUT_S=0.2)
+        self.assertIn(b"another client holds", self.all_of(self.greet()))
+
+
+class Hostility(WithServer):
+    def test_what_a_request_announces_is_not_read(self):
+        asked = []
+
+        def read(count):
+            asked.append(count)
+            return struct.pack("<II", 2, 190 << 20) if count == 8 else b"{}"
+
+        with self.assertRaisesRegex(wire.WireError, "no payload"):
+            wire.read_request(read)
+        self.assertEqual(asked, [8])
+
+    def test_without_the_token_nobody_is_let_in_and_nothing_is_asked(self):
+        self.start(token="open sesame")
+        for token in ("", "open", "\ud800", None, 7):
+            received = self.all_of(self.greet({**HELLO, "token": token}))
+            self.assertIn(b"DTD_LINK_TOKEN", received)
+        self.greet({**HELLO, "token": "open sesame"})
+        self.assertEqual(self.wait_for((Opened, Asked)).__class__, Opened)
+
+    def test_nesting_that_python_cannot_follow_is_refused(self):
+        self.start()
+        text = b'{"message":"hello","x":' + b"[" * 60_000
+        stream = self.connect()
+        stream.sendall(wire.GREETING + struct.pack("<II", len(text), 0) + text)
+        self.assertIn(b"no JSON", self.all_of(stream))
+
+    def test_the_link_outlives_a_system_without_descriptors(self):
+        self.patch(ACCEPT_PAUSE_S=0.01)
+        self.start()
+        accept, failures = self.server._listener.accept, 5
+
+        class Short:
+            def accept(_self):
+                nonlocal failures
+                if failures:
+                    failures -= 1
+                    raise OSError(errno.EMFILE, "Too many open files")
+                return accept()
+
+            def __getattr__(_self, name):
+                return getattr(listener, name)
+
+        listener = self.server._listener
+        self.server._listener = Short()
+        # The first one is still taken by the accept that waits already.
+        for _ in range(2):
+            self.greet().close()
+            self.wait_for(Opened)
+        self.assertEqual(failures, 0)
+
+    def test_requests_beyond_the_agreed_number_wait(self):
+        self.patch(MAX_OUTSTANDING=4)
+        self.start()
+        stream = self.greet()
+        stream.sendall(wire.pack({"message": "release"}) * 50)
+        for _ in range(4):
+            connection = self.wait_for(Asked).connection
+        self.assertTrue(self.server.events.empty())
+        connection.answer({"message": "released"})
+        self.wait_for(Asked)
+
+    def test_an_empty_token_opens_nothing(self):
+        for token in (None, "", "  "):
+            with self.assertRaisesRegex(SettingsError, "token"):
+                Settings(bind="0.0.0.0", token=token)
+        Settings(bind="0.0.0.0", token="open sesame")
+
+    def test_what_a_client_calls_itself_is_one_line_of_plain_characters(self):
+        self.assertEqual(wire.printable("a\x1b[2J\nb\u202ec\u0085"), "a\\x1b[2J\\nb\\u202ec\\x85")
+
+
+if __name__ == "__main__":
+    unittest.main()
