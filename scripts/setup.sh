@@ -48,6 +48,12 @@ if ! cmp -s scripts/requirements.txt "$stamp"; then
     cp scripts/requirements.txt "$stamp"
 fi
 
+# Where `target/release/dtd` looks for ONNX Runtime: its installation's own folder, ../lib/dtd from the program's.
+library=$(find "$PWD"/.venv/lib/python3*/site-packages/onnxruntime/capi -name 'libonnxruntime.so.*' | sort | head -n 1)
+lib=${CARGO_TARGET_DIR:-target}/lib/dtd
+mkdir -p "$lib"
+ln -sfn "$library" "$lib/libonnxruntime.so"
+
 # Other authors' X-Plane clients, which judge the stand-in in the tests. Some want Python 3.12: the newest one there is is
 # taken, and what it is too old for is left out by requirements-clients.txt and skipped by the tests.
 if ! cmp -s scripts/requirements-clients.txt .venv-clients/requirements.installed; then

@@ -230,12 +230,22 @@ pub(crate) struct DetectArgs {
     /// The detector, an ONNX file with a YOLO-like output
     #[arg(long, value_name = "M.onnx", default_value = "models/aircraft.onnx")]
     pub(crate) model: PathBuf,
+    #[command(flatten)]
+    pub(crate) onnx_runtime: OnnxRuntimeArg,
     /// Detect again where this model's detections are already there
     #[arg(long)]
     pub(crate) again: bool,
     /// Print the outcome as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct OnnxRuntimeArg {
+    /// ONNX Runtime's library, an absolute path [default: what ORT_DYLIB_PATH says, else ../lib/dtd/libonnxruntime.so beside the
+    /// program's folder]
+    #[arg(long = "onnx-runtime", value_name = "FILE")]
+    pub(crate) library: Option<PathBuf>,
 }
 
 #[derive(Debug, ClapArgs)]
@@ -434,6 +444,8 @@ pub(crate) struct DemoArgs {
     /// The detector
     #[arg(long, value_name = "M.onnx", default_value = "models/aircraft.onnx")]
     pub(crate) model: PathBuf,
+    #[command(flatten)]
+    pub(crate) onnx_runtime: OnnxRuntimeArg,
     /// Folder for the corpus and the run
     #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = output())]
     pub(crate) out: PathBuf,

@@ -1,7 +1,5 @@
 //! The `dtd` command.
 
-#![forbid(unsafe_code)]
-
 #[macro_use]
 mod print;
 mod args;
@@ -9,6 +7,7 @@ mod failure;
 mod logging;
 mod progress;
 mod signals;
+mod telemetry;
 mod verbs;
 
 use std::process::ExitCode;
@@ -16,6 +15,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 fn main() -> ExitCode {
+    telemetry::switch_off();
     let args = args::Args::parse();
     logging::start(args.verbose);
     failure::exit_code(verbs::run(args.verb))

@@ -1,6 +1,6 @@
 //! Which division of the cores searches pictures fastest: workers x threads per worker x batch.
 //!
-//! `cargo run --release -p labeller --example detect_speed -- MODEL.onnx [WIDTH HEIGHT]` prints pictures per second of the first pass
+//! `ORT_DISABLE_TELEMETRY=1 ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so cargo run --release -p labeller --example detect_speed -- MODEL.onnx [WIDTH HEIGHT]` prints pictures per second of the first pass
 //! (all tiles of an empty picture); decoding is left out. The default of `DetectOptions` rests on it.
 
 use std::path::Path;
@@ -25,7 +25,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (width_px, height_px) = (number(1, 1920)?, number(2, 1280)?);
     for (workers, threads, batch) in DIVISIONS {
         let mut detectors = (0..workers)
-            .map(|_| OrtDetector::load(Path::new(model), OrtOptions { threads, batch }))
+            .map(|_| {
+                let library = None;
+                OrtDetector::load(
+                    Path::new(model),
+                    &OrtOptions {
+                        library,
+                        threads,
+                        batch,
+                    },
+                )
+            })
             .collect::<Result<Vec<_>, _>>()?;
         let started = Instant::now();
         std::thread::scope(|scope| {

@@ -7,7 +7,7 @@
 mod job;
 mod record;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
@@ -31,6 +31,8 @@ const MODEL_HASH_DIGITS: usize = 16;
 /// How a corpus is searched.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectOptions {
+    /// ONNX Runtime's library; `None` is that of `ORT_DYLIB_PATH`, else the installation's own.
+    pub onnx_runtime: Option<PathBuf>,
     /// What counts as a hit. Detections made with other settings are made again.
     pub settings: TilingSettings,
     /// Views that are searched at a time.
@@ -48,6 +50,7 @@ impl Default for DetectOptions {
     fn default() -> Self {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         Self {
+            onnx_runtime: None,
             settings: TilingSettings::default(),
             workers: cores,
             threads_per_worker: 1,
@@ -111,13 +114,14 @@ pub fn detect_corpus(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<DetectOutcome> {
     let ort = OrtOptions {
+        library: options.onnx_runtime.clone(),
         threads: options.threads_per_worker,
         batch: options.batch,
     };
     // Before anything else: a model that does not load is the caller's to know, even if there is nothing to do.
-    drop(OrtDetector::load(model_path, ort)?);
+    drop(OrtDetector::load(model_path, &ort)?);
     let make = || {
-        OrtDetector::load(model_path, ort).map(|detector| Box::new(detector) as Box<dyn Detector>)
+        OrtDetector::load(model_path, &ort).map(|detector| Box::new(detector) as Box<dyn Detector>)
     };
     detect_with(corpus, &Model::of(model_path)?, &make, options, progress)
 }

@@ -4,6 +4,8 @@
 //! large as the model's input, so no pixel is ever resampled: the six tiles of 640 of the paper follow from a 640 model and a
 //! 1920x1280 picture, and a 416 model gets its twenty.
 
+mod answer;
+mod input;
 mod layout;
 mod onnx_runtime;
 mod ort_detector;
@@ -14,6 +16,7 @@ mod window;
 use dataset::pixel_box::PixelBox;
 
 pub use layout::Layout;
+pub use onnx_runtime::{LibraryError, NO_TELEMETRY_VARIABLE};
 pub use ort_detector::{OrtDetector, OrtOptions};
 pub use profile::{BoxOrigin, ChannelOrder, ModelProfile};
 pub use suppression::keep_best;

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::detector::LibraryError;
+
 /// Labels or detections that cannot be made. Every message says of what.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -17,11 +19,8 @@ pub enum Error {
         message: String,
     },
     /// ONNX Runtime cannot be found or started.
-    #[error("ONNX Runtime: {message}")]
-    Runtime {
-        /// What was tried and what to do.
-        message: String,
-    },
+    #[error("ONNX Runtime: {0}")]
+    Runtime(LibraryError),
     /// A detector's model cannot be used.
     #[error("model {}: {message}", path.display())]
     Model {
@@ -49,12 +48,6 @@ impl Error {
     pub(crate) fn scenario(id: &str, message: impl ToString) -> Self {
         Self::Scenario {
             id: id.to_owned(),
-            message: message.to_string(),
-        }
-    }
-
-    pub(crate) fn runtime(message: impl ToString) -> Self {
-        Self::Runtime {
             message: message.to_string(),
         }
     }

@@ -11,6 +11,9 @@ use serde::{Deserialize, Serialize};
 use crate::detector::{Detector, Picture, ScoredBox, Window, keep_best};
 use crate::error::{Error, Result};
 
+/// Most windows that a second look may be asked for.
+const MOST_WINDOWS: usize = 1_000;
+
 /// What counts as a hit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -53,11 +56,11 @@ impl TilingSettings {
                 });
             }
         }
-        if self.most_windows == 0 {
+        if !(1..=MOST_WINDOWS).contains(&self.most_windows) {
             return Err(Error::Option {
                 name: "most_windows",
-                found: "0".into(),
-                expected: "at least 1",
+                found: self.most_windows.to_string(),
+                expected: "1 to 1000",
             });
         }
         Ok(())
@@ -93,7 +96,12 @@ pub fn find_aircraft(
         .zip(answers)
         .filter_map(|((hit, window), boxes)| confirm(hit, window, boxes))
         .collect();
-    Ok(keep_best(sightings, settings.merge_iou, Sighting::scored))
+    Ok(keep_best(
+        sightings,
+        settings.merge_iou,
+        settings.most_windows,
+        Sighting::scored,
+    ))
 }
 
 impl Sighting {
@@ -130,9 +138,12 @@ fn first_pass(
         };
         hits.extend(boxes.into_iter().map(in_frame));
     }
-    let mut hits = keep_best(hits, settings.merge_iou, Sighting::scored);
-    hits.truncate(settings.most_windows);
-    Ok(hits)
+    Ok(keep_best(
+        hits,
+        settings.merge_iou,
+        settings.most_windows,
+        Sighting::scored,
+    ))
 }
 
 /// The window whose middle is the box's, moved inside the picture if the picture is large enough.

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use dataset::corpus::Corpus;
 use generator::generate::SimulatorTarget;
 use generator::sweep::Sweep;
-use labeller::DetectOutcome;
+use labeller::{DetectOptions, DetectOutcome};
 use trainer::{Metrics, RunFolder, TrainConfig};
 
 use super::Outcome;
@@ -36,7 +36,14 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     }
     let corpus = Corpus::open(&folder.corpus())?;
     let labelled = label(&corpus)?;
-    let detected = detect(&corpus, &args.model, false)?;
+    let detected = detect(
+        &corpus,
+        &args.model,
+        DetectOptions {
+            onnx_runtime: args.onnx_runtime.library.clone(),
+            ..DetectOptions::default()
+        },
+    )?;
     if !(labelled.failed.is_empty() && detected.failed.is_empty()) {
         return Ok(Ending::Losses);
     }

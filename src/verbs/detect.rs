@@ -15,7 +15,15 @@ use crate::progress::Bar;
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
     let corpus = open_filled_corpus(&args.corpus)?;
-    let outcome = detect(&corpus, &args.model, args.again)?;
+    let outcome = detect(
+        &corpus,
+        &args.model,
+        DetectOptions {
+            onnx_runtime: args.onnx_runtime.library.clone(),
+            again: args.again,
+            ..DetectOptions::default()
+        },
+    )?;
     if args.json {
         print_json(&outcome)?;
     } else {
@@ -29,20 +37,22 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
 }
 
 /// Detects in a corpus with a progress bar.
-pub(crate) fn detect(corpus: &Corpus, model: &Path, again: bool) -> Result<DetectOutcome, Failure> {
+pub(crate) fn detect(
+    corpus: &Corpus,
+    model: &Path,
+    options: DetectOptions,
+) -> Result<DetectOutcome, Failure> {
     refuse_other_models(model)?;
     let bar = Bar::new("detect", "pictures", None);
-    let options = DetectOptions {
-        again,
-        ..DetectOptions::default()
-    };
     let outcome = detect_corpus(corpus, model, &options, &|progress| {
         bar.set_total(progress.total);
         bar.set_done(progress.done);
     })
     .map_err(|error| match error {
-        // A file that is no detector will be none the next time.
-        labeller::Error::Model { .. } => Failure::bad_input(error),
+        // A file that is no detector, or no library, will be none the next time.
+        labeller::Error::Model { .. }
+        | labeller::Error::Runtime(_)
+        | labeller::Error::Option { .. } => Failure::bad_input(error),
         error => error.into(),
     })?;
     for failure in &outcome.failed {

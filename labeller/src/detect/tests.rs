@@ -178,7 +178,7 @@ fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick(
 fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a"]);
-    let make = || Err(Error::runtime("is not there"));
+    let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
     let result = detect_with(&corpus, &model(), &make, &two_workers(), &|_| {});
     assert!(result.unwrap_err().to_string().contains("is not there"));
 }

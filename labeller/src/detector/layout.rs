@@ -15,6 +15,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::ScoredBox;
+use super::answer::{Answer, AnswerFault};
 use super::profile::{BoxOrigin, ModelProfile};
 use dataset::pixel_box::PixelBox;
 
@@ -81,57 +82,67 @@ impl Layout {
 }
 
 impl Decoding<'_> {
-    /// Boxes of each of `windows` windows. The message says what does not fit.
+    /// Boxes of each of `windows` windows. A window without a candidate has none.
     pub(super) fn decode(
         &self,
-        shape: &[usize],
-        data: &[f32],
+        answer: Answer<'_>,
         windows: usize,
-    ) -> Result<Vec<Vec<ScoredBox>>, String> {
-        let misfit = || {
-            format!(
-                "its output has the shape {shape:?}, which does not fit the layout {:?}",
-                self.layout
-            )
+    ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
+        let shape = answer.shape();
+        let misfit = |expected| AnswerFault::Misfit {
+            shape: shape.to_vec(),
+            expected,
+            windows,
+            layout: self.layout,
         };
-        match (self.layout, shape) {
-            (Layout::BatchCorners, [_, 7]) => Ok(self.batch_corners(data, windows)),
-            (Layout::BatchCorners, _) => Err(misfit()),
-            (layout, &[batch, rows, columns]) if batch >= windows => {
-                let per_window = data.chunks_exact(rows * columns).take(windows);
-                match layout {
-                    Layout::Columns if rows >= 5 => {
-                        let class = self.aircraft_class(rows - 4)?;
-                        Ok(per_window
-                            .map(|answer| self.columns(answer, columns, class))
-                            .collect())
-                    }
-                    Layout::Corners if columns == 6 => {
-                        Ok(per_window.map(|answer| self.corners(answer)).collect())
-                    }
-                    Layout::Yolox if columns >= 6 && rows == cells(self.window_px) => {
-                        let class = self.aircraft_class(columns - 5)?;
-                        Ok(per_window
-                            .map(|answer| self.yolox(answer, columns, class))
-                            .collect())
-                    }
-                    Layout::Rows | Layout::AnchorRows if columns >= 6 => {
-                        let class = self.aircraft_class(columns - 5)?;
-                        Ok(per_window
-                            .map(|answer| self.rows(answer, columns, class))
-                            .collect())
-                    }
-                    _ => Err(misfit()),
-                }
-            }
-            _ => Err(misfit()),
+        if self.layout == Layout::BatchCorners {
+            return match shape {
+                [_, 7] => self.batch_corners(answer.numbers(), windows),
+                _ => Err(misfit("[boxes, 7]")),
+            };
         }
+        let &[batch, rows, columns] = shape else {
+            return Err(misfit("three dimensions"));
+        };
+        if batch < windows {
+            return Err(misfit("an answer for each window"));
+        }
+        let per_window = answer.of_windows(windows).into_iter();
+        Ok(match self.layout {
+            Layout::Columns if rows >= 5 => {
+                let class = self.aircraft_class(rows - 4)?;
+                per_window
+                    .map(|answer| self.columns(answer, columns, class))
+                    .collect()
+            }
+            Layout::Columns => return Err(misfit("[batch, 4 + classes, candidates]")),
+            Layout::Corners if columns == 6 => {
+                per_window.map(|answer| self.corners(answer)).collect()
+            }
+            Layout::Corners => return Err(misfit("[batch, boxes, 6]")),
+            Layout::Yolox if columns >= 6 && rows == cells(self.window_px) => {
+                let class = self.aircraft_class(columns - 5)?;
+                per_window
+                    .map(|answer| self.yolox(answer, columns, class))
+                    .collect()
+            }
+            Layout::Yolox => return Err(misfit("[batch, cells, 5 + classes]")),
+            Layout::Rows | Layout::AnchorRows if columns >= 6 => {
+                let class = self.aircraft_class(columns - 5)?;
+                per_window
+                    .map(|answer| self.rows(answer, columns, class))
+                    .collect()
+            }
+            Layout::Rows | Layout::AnchorRows | Layout::BatchCorners => {
+                return Err(misfit("[batch, candidates, 5 + classes]"));
+            }
+        })
     }
 
-    fn aircraft_class(&self, classes: usize) -> Result<usize, String> {
-        self.profile.aircraft_class(classes).ok_or_else(|| {
-            format!("it knows {classes} classes; say in its profile which one is the aircraft: {{\"aircraft_class\": 4}}")
-        })
+    fn aircraft_class(&self, classes: usize) -> Result<usize, AnswerFault> {
+        self.profile
+            .aircraft_class(classes)
+            .ok_or(AnswerFault::UnknownClass { classes })
     }
 
     fn rows(&self, answer: &[f32], columns: usize, class: usize) -> Vec<ScoredBox> {
@@ -182,15 +193,30 @@ impl Decoding<'_> {
         answer.chunks_exact(6).filter_map(scored).collect()
     }
 
-    fn batch_corners(&self, data: &[f32], windows: usize) -> Vec<Vec<ScoredBox>> {
+    fn batch_corners(
+        &self,
+        numbers: &[f32],
+        windows: usize,
+    ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
         let aircraft = self.profile.aircraft_class_or_coco() as f32;
         let mut found = vec![Vec::new(); windows];
-        for row in data.chunks_exact(7).filter(|row| row[5] == aircraft) {
-            if let Some(boxes) = found.get_mut(row[0] as usize) {
+        for row in numbers.chunks_exact(7) {
+            let window = row[0];
+            if window < 0.0 || window.fract() != 0.0 {
+                let most = windows.saturating_sub(1);
+                return Err(AnswerFault::NoSuchWindow {
+                    found: window,
+                    most,
+                });
+            }
+            // Beyond the asked windows are those that fill a fixed batch: nothing is in them.
+            if let Some(boxes) = found.get_mut(window as usize)
+                && row[5] == aircraft
+            {
                 boxes.extend(self.cornered(&row[1..5], row[6]));
             }
         }
-        found
+        Ok(found)
     }
 
     fn cornered(&self, corners: &[f32], score: f32) -> Option<ScoredBox> {
@@ -200,8 +226,8 @@ impl Decoding<'_> {
 
     /// A box from centre and size in the model's coordinates, unless its score is below the floor or it is no box.
     fn centred(&self, numbers: [f32; 4], score: f32) -> Option<ScoredBox> {
-        // Of a score that is not a number this is false as well.
         let confident = f64::from(score) >= self.score_floor;
+        // What was finite may have overflowed in the exponential function, or in a product.
         if !confident || numbers.iter().any(|number| !number.is_finite()) {
             return None;
         }

@@ -1,10 +1,15 @@
-//! Finds and starts ONNX Runtime, once per process.
+//! Loads and starts ONNX Runtime, once per process.
 //!
-//! The library is not linked but loaded: from `ORT_DYLIB_PATH` if that is set, else from the Python environment that
-//! `scripts/setup.sh` makes, looked for from the current folder and from the program's own folder upwards.
+//! The library is not linked but loaded, and what is loaded runs with all rights of the user. So it comes from a stated place only: the
+//! one that the caller names, else the one in `ORT_DYLIB_PATH`, else the installation's own, which lies beside the program:
+//! `bin/dtd`, `lib/dtd/libonnxruntime.so`. Nothing is searched for, and a place that anybody can write to is refused.
+//!
+//! ONNX Runtime's own builds report to their maker over the network, and decide that while they start, before any function of theirs
+//! can forbid it. Only the environment can, so nothing is loaded unless it does.
 
-use std::env;
-use std::fs;
+use std::env::{self, consts};
+use std::ffi::OsStr;
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
@@ -12,14 +17,68 @@ use ort::environment::Environment;
 
 use crate::error::{Error, Result};
 
+/// Environment variable that keeps ONNX Runtime from reporting, when it is `1`. Whoever loads the library sets it first.
+pub const NO_TELEMETRY_VARIABLE: &str = "ORT_DISABLE_TELEMETRY";
 const PATH_VARIABLE: &str = "ORT_DYLIB_PATH";
-const PYTHON_LIBRARIES: &str = ".venv/lib";
-const IN_PYTHON: &str = "site-packages/onnxruntime/capi";
-/// Beginning of `libonnxruntime.so.1.31.1` or `libonnxruntime.1.31.1.dylib`, but not of its `_providers_shared`.
-const LIBRARY_PREFIX: &str = "libonnxruntime.";
+/// From the program's folder.
+const FOLDER_OF_INSTALLATION: &str = "../lib/dtd";
 
-/// The environment in which all sessions run.
-pub(super) fn environment() -> Result<&'static Environment> {
+/// Why ONNX Runtime cannot be loaded from where it should be.
+#[derive(Debug, thiserror::Error)]
+pub enum LibraryError {
+    /// A path that means something else in another folder.
+    #[error("{} is {}, expected an absolute path", place, path.display())]
+    Relative {
+        /// Who said so.
+        place: &'static str,
+        /// What was said.
+        path: PathBuf,
+    },
+    /// There is no file.
+    #[error("no library at {} ({place}): {source}; run `bash scripts/setup.sh` in the repository, or name the library with --onnx-runtime or {PATH_VARIABLE}", path.display())]
+    Missing {
+        /// Who said so.
+        place: &'static str,
+        /// Where it should be.
+        path: PathBuf,
+        /// Why it cannot be had.
+        source: io::Error,
+    },
+    /// It is a folder, a device, a pipe.
+    #[error("{} ({place}) is no regular file", path.display())]
+    NoFile {
+        /// Who said so.
+        place: &'static str,
+        /// What it is.
+        path: PathBuf,
+    },
+    /// Somebody else could have put it there.
+    #[error("{} ({place}) is not loaded: every user of this computer can write to {}; run `chmod o-w` on it, or name another library", path.display(), writable.display())]
+    WritableByAll {
+        /// Who said so.
+        place: &'static str,
+        /// The library.
+        path: PathBuf,
+        /// The file or folder that gives it away.
+        writable: PathBuf,
+    },
+    /// Its reports to its maker are not switched off.
+    #[error(
+        "{NO_TELEMETRY_VARIABLE} is not 1: the library would report to its maker over the network, and is not loaded"
+    )]
+    WouldReport,
+    /// It does not load or start.
+    #[error("cannot load {}: {message}", path.display())]
+    Broken {
+        /// The library.
+        path: PathBuf,
+        /// What the loader says.
+        message: String,
+    },
+}
+
+/// The environment in which all sessions run. `chosen` counts for the first call, which loads the library.
+pub(super) fn environment(chosen: Option<&Path>) -> Result<&'static Environment> {
     static STARTED: OnceLock<Environment> = OnceLock::new();
     static STARTING: Mutex<()> = Mutex::new(());
     // ONNX Runtime allows one environment per process: two threads must not start it at the same time.
@@ -27,112 +86,165 @@ pub(super) fn environment() -> Result<&'static Environment> {
     if let Some(environment) = STARTED.get() {
         return Ok(environment);
     }
-    let library = find_library(
-        env::var_os(PATH_VARIABLE).map(PathBuf::from),
-        &places_to_start(),
-    )?;
+    if env::var_os(NO_TELEMETRY_VARIABLE).as_deref() != Some(OsStr::new("1")) {
+        return Err(Error::Runtime(LibraryError::WouldReport));
+    }
+    let library = library(chosen).map_err(Error::Runtime)?;
+    let broken = |error: &dyn std::fmt::Display| {
+        Error::Runtime(LibraryError::Broken {
+            path: library.clone(),
+            message: error.to_string(),
+        })
+    };
     let environment = ort::init_from(&library)
-        .map_err(|e| Error::runtime(format!("cannot load {}: {e}", library.display())))?
+        .map_err(|error| broken(&error))?
         .with_name("dtd")
         .with_telemetry(false)
         .build()
-        .map_err(|e| Error::runtime(format!("cannot start {}: {e}", library.display())))?;
+        .map_err(|error| broken(&error))?;
     tracing::debug!(library = %library.display(), "ONNX Runtime started");
     Ok(STARTED.get_or_init(|| environment))
 }
 
-fn places_to_start() -> Vec<PathBuf> {
-    let program_folder = env::current_exe()
-        .ok()
-        .and_then(|program| program.parent().map(Path::to_owned));
-    env::current_dir()
-        .ok()
-        .into_iter()
-        .chain(program_folder)
-        .collect()
+/// Where the library is, with all links followed.
+fn library(chosen: Option<&Path>) -> std::result::Result<PathBuf, LibraryError> {
+    if let Some(path) = chosen {
+        return checked(path, "--onnx-runtime");
+    }
+    if let Some(path) = env::var_os(PATH_VARIABLE).filter(|path| !path.is_empty()) {
+        return checked(Path::new(&path), PATH_VARIABLE);
+    }
+    const PLACE: &str = "the installation's own";
+    let file = format!("{}onnxruntime{}", consts::DLL_PREFIX, consts::DLL_SUFFIX);
+    let program = env::current_exe().map_err(|source| LibraryError::Missing {
+        place: PLACE,
+        path: PathBuf::from(FOLDER_OF_INSTALLATION).join(&file),
+        source,
+    })?;
+    let folder = program.parent().unwrap_or(Path::new("/"));
+    checked(&folder.join(FOLDER_OF_INSTALLATION).join(file), PLACE)
 }
 
-fn find_library(chosen: Option<PathBuf>, starts: &[PathBuf]) -> Result<PathBuf> {
-    if let Some(path) = chosen {
-        if path.is_file() {
-            return Ok(path);
-        }
-        let message = format!(
-            "{PATH_VARIABLE} is {}, expected the path of libonnxruntime.so",
-            path.display()
-        );
-        return Err(Error::runtime(message));
+/// The file behind a path, if nobody but its owners can have put it there.
+fn checked(path: &Path, place: &'static str) -> std::result::Result<PathBuf, LibraryError> {
+    let path_owned = || path.to_owned();
+    if !path.is_absolute() {
+        return Err(LibraryError::Relative {
+            place,
+            path: path_owned(),
+        });
     }
-    starts.iter().flat_map(|start| start.ancestors()).find_map(library_in).ok_or_else(|| {
-        let looked = starts.iter().map(|start| start.display().to_string()).collect::<Vec<_>>().join(" and ");
-        Error::runtime(format!(
-            "not found: no {PYTHON_LIBRARIES}/python3*/{IN_PYTHON}/libonnxruntime.so* in {looked} or any folder above; \
-             run `bash scripts/setup.sh` in the repository, or set {PATH_VARIABLE} to the library's path"
-        ))
+    let missing = |source| LibraryError::Missing {
+        place,
+        path: path_owned(),
+        source,
+    };
+    let found = path.canonicalize().map_err(missing)?;
+    if !found.metadata().map_err(missing)?.is_file() {
+        return Err(LibraryError::NoFile { place, path: found });
+    }
+    // The folder of the path as well: a link in it may be put to something else.
+    let folder = match path.parent() {
+        Some(parent) => parent.canonicalize().map_err(missing)?,
+        None => found.clone(),
+    };
+    let writable = found
+        .ancestors()
+        .chain(folder.ancestors())
+        .find(|place| is_writable_by_all(place));
+    match writable {
+        Some(writable) => Err(LibraryError::WritableByAll {
+            place,
+            path: found.clone(),
+            writable: writable.to_owned(),
+        }),
+        None => Ok(found),
+    }
+}
+
+/// Whether every user can change a file, or what lies under a name in a folder. In a folder like /tmp, whose sticky bit is set, only a
+/// name's owner can.
+#[cfg(unix)]
+fn is_writable_by_all(place: &Path) -> bool {
+    use std::os::unix::fs::PermissionsExt;
+    const OTHERS_WRITE: u32 = 0o002;
+    const STICKY: u32 = 0o1000;
+    place.metadata().is_ok_and(|metadata| {
+        let mode = metadata.permissions().mode();
+        let protected = metadata.is_dir() && mode & STICKY != 0;
+        mode & OTHERS_WRITE != 0 && !protected
     })
 }
 
-/// The library in the Python environment of a folder, if there is one.
-fn library_in(folder: &Path) -> Option<PathBuf> {
-    let pythons = entries(&folder.join(PYTHON_LIBRARIES));
-    pythons
-        .iter()
-        .flat_map(|python| entries(&python.join(IN_PYTHON)))
-        .find(|path| {
-            path.file_name()
-                .is_some_and(|name| name.to_string_lossy().starts_with(LIBRARY_PREFIX))
-        })
-}
-
-/// Paths in a folder, sorted; none if it is not there.
-fn entries(folder: &Path) -> Vec<PathBuf> {
-    let mut paths: Vec<_> = fs::read_dir(folder)
-        .into_iter()
-        .flatten()
-        .flatten()
-        .map(|entry| entry.path())
-        .collect();
-    paths.sort();
-    paths
+/// Other systems have no such bits.
+#[cfg(not(unix))]
+fn is_writable_by_all(_place: &Path) -> bool {
+    false
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     #[test]
-    fn the_library_is_found_in_the_environment_of_a_folder_above() {
+    fn a_relative_a_missing_and_an_irregular_library_are_refused_with_who_named_it() {
+        let said = |path: &Path| checked(path, PATH_VARIABLE).unwrap_err().to_string();
         let root = tempfile::tempdir().unwrap();
-        let capi = root
-            .path()
-            .join(".venv/lib/python3.11/site-packages/onnxruntime/capi");
-        fs::create_dir_all(&capi).unwrap();
-        fs::write(capi.join("libonnxruntime_providers_shared.so"), "").unwrap();
-        fs::write(capi.join("libonnxruntime.so.1.31.1"), "").unwrap();
-        let deep = root.path().join("target/release");
-        assert_eq!(
-            find_library(None, &[deep]).unwrap(),
-            capi.join("libonnxruntime.so.1.31.1")
-        );
+        let gone = root.path().join("gone.so");
+        for (path, expected) in [
+            (
+                Path::new("lib/libonnxruntime.so"),
+                "expected an absolute path",
+            ),
+            (&gone, "scripts/setup.sh"),
+            (root.path(), "is no regular file"),
+        ] {
+            let said = said(path);
+            for word in [expected, PATH_VARIABLE, &path.display().to_string()] {
+                assert!(said.contains(word), "{word} in {said}");
+            }
+        }
     }
 
+    #[cfg(unix)]
     #[test]
-    fn a_missing_library_says_where_was_looked_and_what_to_do() {
+    fn a_library_that_every_user_could_have_put_there_is_refused() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+
         let root = tempfile::tempdir().unwrap();
-        let message = find_library(None, &[root.path().to_owned()])
-            .unwrap_err()
-            .to_string();
-        assert!(message.contains("scripts/setup.sh"), "{message}");
-        assert!(
-            message.contains(&root.path().display().to_string()),
-            "{message}"
-        );
-        let message = find_library(Some(root.path().join("gone.so")), &[])
-            .unwrap_err()
-            .to_string();
-        assert!(
-            message.contains("ORT_DYLIB_PATH") && message.contains("gone.so"),
-            "{message}"
-        );
+        let folder = root.path().join("lib");
+        fs::create_dir(&folder).unwrap();
+        let library = folder.join("libonnxruntime.so");
+        fs::write(&library, "").unwrap();
+        let set = |path: &Path, mode| {
+            fs::set_permissions(path, fs::Permissions::from_mode(mode)).unwrap();
+        };
+        set(&library, 0o644);
+        set(&folder, 0o755);
+        let linked = root.path().join("linked.so");
+        symlink(&library, &linked).unwrap();
+        let real = library.canonicalize().unwrap();
+        assert_eq!(checked(&library, PATH_VARIABLE).unwrap(), real);
+        assert_eq!(checked(&linked, PATH_VARIABLE).unwrap(), real);
+        for (path, mode) in [(&library, 0o646), (&folder, 0o777)] {
+            let before = path.metadata().unwrap().permissions();
+            set(path, mode);
+            for named in [&library, &linked] {
+                let said = checked(named, PATH_VARIABLE).unwrap_err().to_string();
+                assert!(said.contains("chmod o-w"), "{said}");
+            }
+            fs::set_permissions(path, before).unwrap();
+        }
+        // A folder that holds the link only.
+        let open = root.path().join("open");
+        fs::create_dir(&open).unwrap();
+        set(&open, 0o777);
+        let linked = open.join("linked.so");
+        symlink(&library, &linked).unwrap();
+        assert!(checked(&linked, PATH_VARIABLE).is_err());
+        set(&open, 0o1777);
+        assert!(checked(&linked, PATH_VARIABLE).is_ok());
     }
 }

@@ -71,17 +71,26 @@ impl ModelProfile {
         let mut beside = model.as_os_str().to_owned();
         beside.push(".json");
         let beside = Path::new(&beside);
-        if beside.exists() {
-            return Ok(dataset::json_file::read_json(beside, "model profile")?);
+        let (profile, from) = if beside.exists() {
+            let read = dataset::json_file::read_json::<Self>(beside, "model profile");
+            let profile = read.map_err(|error| Error::model(model, error))?;
+            (profile, beside.display().to_string())
+        } else if let Some(text) = metadata {
+            let from = format!("its metadata property {METADATA_KEY}");
+            let profile = serde_json::from_str(&text)
+                .map_err(|e| Error::model(model, format!("{from} is not a profile: {e}")))?;
+            (profile, from)
+        } else {
+            return Ok(Self::default());
+        };
+        match profile.input.scale {
+            // Not a number, too.
+            Some(scale) if !(scale.is_finite() && scale > 0.0) => Err(Error::model(
+                model,
+                format!("{from} says input.scale = {scale}, expected a finite number above zero"),
+            )),
+            _ => Ok(profile),
         }
-        metadata.map_or(Ok(Self::default()), |text| {
-            serde_json::from_str(&text).map_err(|e| {
-                Error::model(
-                    model,
-                    format!("its metadata property {METADATA_KEY} is not a profile: {e}"),
-                )
-            })
-        })
     }
 
     /// Order of the channels for a layout.
@@ -151,6 +160,19 @@ mod tests {
             message.contains("net.onnx.json") && message.contains("colour"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_scale_that_spoils_every_picture_is_refused() {
+        for scale in ["0.0", "-1.0", "1e39"] {
+            let metadata = Some(format!(r#"{{"input": {{"scale": {scale}}}}}"#));
+            let found = ModelProfile::find(Path::new("net.onnx"), metadata);
+            let said = found.unwrap_err().to_string();
+            assert!(
+                said.contains("net.onnx") && said.contains("input.scale"),
+                "{said}"
+            );
+        }
     }
 
     #[test]

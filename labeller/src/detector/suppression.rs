@@ -2,12 +2,21 @@
 
 use super::ScoredBox;
 
-/// Drops every item whose box overlaps that of a better one by more than `iou`. Returns the rest, best first; equal scores keep
-/// their order.
-pub fn keep_best<T>(mut items: Vec<T>, iou: f64, scored: impl Fn(&T) -> ScoredBox) -> Vec<T> {
+/// The best items, at most `most`, none of which overlaps a better one by more than `iou`. Best first; equal scores keep their order.
+///
+/// Takes time in proportion to `items.len() * most`, since it looks at nothing behind the last one that it keeps.
+pub fn keep_best<T>(
+    mut items: Vec<T>,
+    iou: f64,
+    most: usize,
+    scored: impl Fn(&T) -> ScoredBox,
+) -> Vec<T> {
     items.sort_by(|a, b| scored(b).score.total_cmp(&scored(a).score));
     let mut kept: Vec<T> = Vec::new();
     for item in items {
+        if kept.len() >= most {
+            break;
+        }
         let candidate = scored(&item).pixel_box;
         if kept
             .iter()
@@ -21,6 +30,8 @@ pub fn keep_best<T>(mut items: Vec<T>, iou: f64, scored: impl Fn(&T) -> ScoredBo
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use dataset::pixel_box::PixelBox;
 
@@ -41,8 +52,33 @@ mod tests {
         let found = keep_best(
             vec![scored(1.0, 0.6), scored(90.0, 0.5), scored(0.0, 0.9)],
             0.5,
+            9,
             |item| *item,
         );
         assert_eq!(found, [scored(0.0, 0.9), scored(90.0, 0.5)]);
+    }
+
+    #[test]
+    fn a_hundred_thousand_boxes_are_compared_with_the_few_that_are_kept_and_not_with_each_other() {
+        const BOXES: usize = 100_000;
+        const MOST: usize = 6;
+        let apart = (0..BOXES).map(|k| scored(20.0 * k as f64, 0.5)).collect();
+        let on_each_other = (0..BOXES).map(|k| scored(1e-6 * k as f64, 0.5)).collect();
+        for (items, kept) in [(apart, MOST), (on_each_other, 1)] {
+            let looks = Cell::new(0_usize);
+            let found = keep_best(items, 0.3, MOST, |item: &ScoredBox| {
+                looks.set(looks.get() + 1);
+                *item
+            });
+            assert_eq!(found.len(), kept);
+            // Sorting looks twice at each of n log n pairs.
+            let sorting = 2 * BOXES * BOXES.ilog2() as usize;
+            let bound = sorting + BOXES * (MOST + 1);
+            assert!(
+                looks.get() <= bound,
+                "{} looks, {bound} expected",
+                looks.get()
+            );
+        }
     }
 }

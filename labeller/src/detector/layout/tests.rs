@@ -22,7 +22,19 @@ fn decode(
         window_px: WINDOW_PX,
         score_floor: 0.5,
     };
-    decoding.decode(shape, data, windows).unwrap()
+    let answer = Answer::new(shape, data).unwrap();
+    decoding.decode(answer, windows).unwrap()
+}
+
+fn fault(layout: Layout, shape: &[usize], data: &[f32], windows: usize) -> String {
+    let decoding = Decoding {
+        layout,
+        profile: &ModelProfile::default(),
+        window_px: WINDOW_PX,
+        score_floor: 0.5,
+    };
+    let answer = Answer::new(shape, data).unwrap();
+    decoding.decode(answer, windows).unwrap_err().to_string()
 }
 
 fn assert_hidden_box(found: &[ScoredBox], cx_px: f64, cy_px: f64) {
@@ -152,30 +164,83 @@ fn a_profile_decides_where_the_shape_misleads() {
 }
 
 #[test]
-fn numbers_that_are_none_never_become_boxes() {
-    let mut data = vec![f32::NAN; 6_400 * 6];
-    data[..6].copy_from_slice(&[1.0, 1.0, f32::INFINITY, 1.0, 1.0, 1.0]);
-    data[6..12].copy_from_slice(&[1.0, 1.0, -3.0, 1.0, 1.0, 1.0]);
+fn boxes_without_a_size_or_with_an_endless_one_are_none() {
+    let mut data = vec![0.0; 8_400 * 6];
+    // A size that overflows where it is decoded, and one below zero.
+    data[..6].copy_from_slice(&[1.0, 1.0, 100.0, 1.0, 1.0, 1.0]);
     assert_eq!(
-        decode(&[1, 6_400, 6], &data, 1, ModelProfile::default()),
+        decode(&[1, 8_400, 6], &data, 1, ModelProfile::default()),
+        [vec![]]
+    );
+    let data = [1.0, 1.0, -3.0, 1.0, 1.0, 1.0];
+    assert_eq!(
+        decode(&[1, 1, 6], &data, 1, ModelProfile::default()),
         [vec![]]
     );
 }
 
 #[test]
+fn an_empty_answer_is_no_detection_in_any_layout() {
+    let cases: [(&[usize], Layout); 6] = [
+        (&[2, 0, 6], Layout::Rows),
+        (&[2, 0, 6], Layout::AnchorRows),
+        (&[2, 0, 6], Layout::Corners),
+        (&[2, 84, 0], Layout::Columns),
+        (&[0, 7], Layout::BatchCorners),
+        (&[2, 0, 85], Layout::Rows),
+    ];
+    for (shape, layout) in cases {
+        let profile = ModelProfile {
+            layout: Some(layout),
+            ..Default::default()
+        };
+        assert_eq!(
+            decode(shape, &[], 2, profile),
+            [vec![], vec![]],
+            "{shape:?}"
+        );
+    }
+}
+
+#[test]
+fn shapes_that_do_not_fit_are_refused_with_what_was_expected() {
+    let cases: [(Layout, &[usize], &str); 8] = [
+        (Layout::Rows, &[1, 0, 6], "an answer for each window"),
+        (Layout::Rows, &[2, 0, 5], "[batch, candidates, 5 + classes]"),
+        (Layout::Rows, &[], "three dimensions"),
+        (
+            Layout::Columns,
+            &[2, 4, 0],
+            "[batch, 4 + classes, candidates]",
+        ),
+        (Layout::Corners, &[2, 0, 7], "[batch, boxes, 6]"),
+        (Layout::Yolox, &[2, 0, 85], "[batch, cells, 5 + classes]"),
+        (Layout::BatchCorners, &[0, 6], "[boxes, 7]"),
+        (Layout::Rows, &[0, 0, 6], "an answer for each window"),
+    ];
+    for (layout, shape, expected) in cases {
+        let numbers = if shape.is_empty() { vec![0.0] } else { vec![] };
+        let said = fault(layout, shape, &numbers, 2);
+        for word in [expected, &format!("{shape:?}"), &format!("{layout:?}")] {
+            assert!(said.contains(word), "{word} in {said}");
+        }
+    }
+}
+
+#[test]
+fn a_box_of_a_window_that_cannot_be_is_refused() {
+    for window in [-1.0, 0.5] {
+        let row = [window, 90.5, 46.5, 110.5, 54.5, 4.0, SCORE];
+        let said = fault(Layout::BatchCorners, &[1, 7], &row, 2);
+        assert!(said.contains(&format!("window {window}")), "{said}");
+    }
+}
+
+#[test]
 fn an_unknown_number_of_classes_asks_for_the_aircraft() {
-    let profile = ModelProfile::default();
-    let decoding = Decoding {
-        layout: Layout::Columns,
-        profile: &profile,
-        window_px: WINDOW_PX,
-        score_floor: 0.5,
-    };
-    let message = decoding
-        .decode(&[1, 11, 8_400], &vec![0.0; 11 * 8_400], 1)
-        .unwrap_err();
+    let said = fault(Layout::Columns, &[1, 11, 8_400], &vec![0.0; 11 * 8_400], 1);
     assert!(
-        message.contains("7 classes") && message.contains("aircraft_class"),
-        "{message}"
+        said.contains("7 classes") && said.contains("aircraft_class"),
+        "{said}"
     );
 }

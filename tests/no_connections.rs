@@ -1,0 +1,208 @@
+//! Nothing that `dtd` does opens a connection that nobody asked for: every verb in a network of its own, which holds the loopback device
+//! only, with each address that the processes try written down.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// Brings up the loopback device of a fresh network, which no tool need be installed for, and becomes the command.
+const INSIDE: &str = r#"
+import fcntl, os, socket, struct, sys
+IFF_UP, SIOCSIFFLAGS = 1, 0x8914
+with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any:
+    fcntl.ioctl(any, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP))
+os.execvp(sys.argv[1], sys.argv[1:])
+"#;
+/// System calls that name the other side.
+const CALLS: &str = "trace=connect,sendto,sendmsg,sendmmsg";
+/// X-Plane's beacon, which the stand-in sends as X-Plane does.
+const BEACON: (&str, &str) = ("239.255.1.1", "49707");
+
+/// A network of its own, a home of its own.
+struct Cell {
+    folder: tempfile::TempDir,
+    home: PathBuf,
+    trace: PathBuf,
+}
+
+impl Cell {
+    /// None where this system does not let us, which is said.
+    fn new() -> Option<Self> {
+        let folder = tempfile::tempdir().unwrap();
+        let (home, trace) = (folder.path().join("home"), folder.path().join("trace"));
+        fs::create_dir(&home).unwrap();
+        let cell = Self {
+            folder,
+            home,
+            trace,
+        };
+        let tried = cell.command("true", &[]).output();
+        if tried.as_ref().is_ok_and(|output| output.status.success()) {
+            return Some(cell);
+        }
+        assert!(
+            std::env::var_os("CI").is_none(),
+            "needs unshare (root, or user namespaces), python3 and strace: {tried:?}"
+        );
+        eprintln!(
+            "skipped: needs unshare (root, or user namespaces), python3 and strace: {tried:?}"
+        );
+        None
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn command(&self, program: &str, arguments: &[&str]) -> Command {
+        let mut command = Command::new("unshare");
+        command
+            .args(["--net", "--map-root-user", "python3", "-c", INSIDE])
+            .args(["strace", "-f", "-qq", "--seccomp-bpf", "-A", "-e", CALLS])
+            .arg("-o")
+            .arg(&self.trace)
+            .arg(program)
+            .args(arguments)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .env("HOME", &self.home)
+            .env_remove("XDG_CACHE_HOME")
+            .env_remove("ORT_DYLIB_PATH")
+            .env_remove("ORT_DISABLE_TELEMETRY");
+        command
+    }
+
+    fn dtd(&self, arguments: &[&str]) -> Output {
+        self.command(env!("CARGO_BIN_EXE_dtd"), arguments)
+            .output()
+            .unwrap()
+    }
+
+    fn must(&self, arguments: &[&str]) {
+        let output = self.dtd(arguments);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{arguments:?}: {said}");
+    }
+
+    /// Addresses of other computers that were tried.
+    fn tried(&self) -> BTreeSet<String> {
+        let trace = fs::read_to_string(&self.trace).unwrap_or_default();
+        trace.lines().filter_map(foreign).collect()
+    }
+}
+
+/// What is between two marks.
+fn between<'a>(line: &'a str, before: &str, after: &str) -> Option<&'a str> {
+    let (_, rest) = line.split_once(before)?;
+    Some(rest.split_once(after)?.0)
+}
+
+/// The address in a line of the trace, unless it is this computer's or the beacon's.
+fn foreign(line: &str) -> Option<String> {
+    let address = between(line, "inet_addr(\"", "\"").or(between(line, "AF_INET6, \"", "\""))?;
+    let port = between(line, "_port=htons(", ")").unwrap_or_default();
+    let here = address.starts_with("127.") || address == "::1" || address == "0.0.0.0";
+    (!here && (address, port) != BEACON).then(|| line.to_owned())
+}
+
+#[test]
+fn addresses_of_others_are_seen_in_a_trace() {
+    let line = |address: &str, port: u32| {
+        format!(
+            r#"7 connect(5, {{sa_family=AF_INET, sin_port=htons({port}), sin_addr=inet_addr("{address}")}}, 16) = -1 ENETUNREACH"#
+        )
+    };
+    assert!(foreign(&line("127.0.0.53", 53)).is_none());
+    assert!(foreign(&line("239.255.1.1", 49_707)).is_none());
+    assert!(foreign(&line("8.8.8.8", 53)).is_some());
+    let six = r#"7 connect(5, {sa_family=AF_INET6, sin6_port=htons(443), sin6_flowinfo=htonl(0), inet_pton(AF_INET6, "2620:1ec::42", &sin6_addr), sin6_scope_id=0}, 28) = -1"#;
+    assert!(foreign(six).is_some());
+    assert!(foreign(&six.replace("2620:1ec::42", "::1")).is_none());
+}
+
+/// A verb that serves until its standard input ends.
+struct Server {
+    child: Child,
+    ready: Value,
+}
+
+impl Server {
+    fn start(mut command: Command) -> Self {
+        let mut child = command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        let ready = serde_json::from_str(&line).unwrap();
+        Self { child, ready }
+    }
+
+    fn end(mut self) {
+        drop(self.child.stdin.take());
+        assert!(self.child.wait().unwrap().success(), "{}", self.ready);
+    }
+}
+
+#[test]
+fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
+    let Some(cell) = Cell::new() else { return };
+    let (corpus, run) = (cell.path("corpus"), cell.path("run"));
+    let (fetched, stored) = (
+        cell.path("fetched"),
+        format!("file://{}", cell.path("stored")),
+    );
+    let sweep = "tests/data/chain.toml";
+    cell.must(&["schema"]);
+    cell.must(&["plan", sweep]);
+    cell.must(&["generate", sweep, "--out", &corpus]);
+    cell.must(&["label", &corpus]);
+    cell.must(&["detect", &corpus]);
+    cell.must(&["verify", &corpus]);
+    let settings = "tests/data/quick_training.toml";
+    cell.must(&["train", &corpus, "--out", &run, "--config", settings]);
+    cell.must(&["evaluate", &run, "--corpus", &corpus]);
+    cell.must(&["push", &corpus, &stored]);
+    cell.must(&["fetch", &stored, "--out", &fetched]);
+    let (model, minutes) = (cell.path("model.onnx"), "0.02");
+    cell.must(&[
+        "train-detector",
+        &corpus,
+        "--out",
+        &model,
+        "--minutes",
+        minutes,
+    ]);
+    // Nobody answers, nothing is there: that they end is enough.
+    cell.dtd(&["doctor", "--sim", "127.0.0.1:9"]);
+    cell.dtd(&["install-plugin", &cell.path("no-x-plane")]);
+    for serving in [
+        &["mock-xplane", "--port", "0", "--until-stdin-ends"][..],
+        &[
+            "record",
+            "--sim",
+            "127.0.0.1:9",
+            "--port",
+            "0",
+            "--until-stdin-ends",
+            "--out",
+            &cell.path("session.mcap"),
+        ],
+    ] {
+        Server::start(cell.command(env!("CARGO_BIN_EXE_dtd"), serving)).end();
+    }
+    assert_eq!(cell.tried(), BTreeSet::new());
+    assert!(
+        fs::metadata(&cell.trace).unwrap().len() > 0,
+        "nothing was traced"
+    );
+    let left: Vec<_> = fs::read_dir(&cell.home).unwrap().collect();
+    assert!(left.is_empty(), "{left:?}");
+    assert!(Path::new(&run).join("report.html").exists());
+}
