@@ -2,9 +2,13 @@
 //!
 //! The standard ones panic when a pipe is closed, as in `dtd plan scenarios.toml | head -1`. Whoever closed it has read what it
 //! wanted; the verb goes on and ends with its own exit code. These macros shadow the standard ones in all modules after this one.
+//!
+//! What is printed may hold what a simulator, a client, a file's name or a file said. So this is also where such words become harmless:
+//! no control character of theirs reaches a terminal, which would obey it.
 
+use std::borrow::Cow;
 use std::fmt::Arguments;
-use std::io::{self, ErrorKind, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::process;
 
 use crate::failure::FAILED;
@@ -21,7 +25,13 @@ macro_rules! eprintln {
 /// Writes a line of a result. A result that cannot be written to where it should go, e.g. a full disk, ends the process.
 pub(crate) fn to_stdout(line: Arguments<'_>) {
     let mut stdout = io::stdout().lock();
-    match writeln!(stdout, "{line}").and_then(|()| stdout.flush()) {
+    // A program that reads a result gets it to the last character.
+    let written = if stdout.is_terminal() {
+        writeln!(stdout, "{}", plain(&line.to_string()))
+    } else {
+        writeln!(stdout, "{line}")
+    };
+    match written.and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             to_stderr(format_args!(
                 "error: cannot write the result to stdout: {error}"
@@ -34,5 +44,40 @@ pub(crate) fn to_stdout(line: Arguments<'_>) {
 
 /// Writes a line for a person. If nobody takes it, nothing is lost.
 pub(crate) fn to_stderr(line: Arguments<'_>) {
-    let _ = writeln!(io::stderr().lock(), "{line}");
+    let _ = writeln!(io::stderr().lock(), "{}", plain(&line.to_string()));
+}
+
+/// Words as a terminal may have them: lines and tabs stay, other control characters, and those that turn the direction of writing, are
+/// shown by their numbers.
+pub(crate) fn plain(words: &str) -> Cow<'_, str> {
+    let harmful = |c: char| {
+        (c.is_control() && c != '\n' && c != '\t')
+            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+    };
+    if !words.contains(harmful) {
+        return Cow::Borrowed(words);
+    }
+    let mut shown = String::with_capacity(words.len() + 16);
+    for c in words.chars() {
+        if harmful(c) {
+            shown.extend(c.escape_default());
+        } else {
+            shown.push(c);
+        }
+    }
+    Cow::Owned(shown)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_terminal_would_obey_is_shown_instead() {
+        assert_eq!(plain("two\nlines\tüß"), "two\nlines\tüß");
+        assert_eq!(
+            plain("\u{1b}]0;owned\u{7}\r\u{9b}2J\u{202e}cod\u{7f}"),
+            "\\u{1b}]0;owned\\u{7}\\r\\u{9b}2J\\u{202e}cod\\u{7f}"
+        );
+    }
 }

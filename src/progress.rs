@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::print::plain;
+
 /// Lines that a step leaves in a log.
 const LOG_LINES: u64 = 10;
 
@@ -71,7 +73,7 @@ impl Bar {
 
     /// Says what is being worked on.
     pub(crate) fn working_on(&self, what: &str) {
-        self.bar.set_message(what.to_owned());
+        self.bar.set_message(plain(what).into_owned());
     }
 
     /// Says a line that stays, above the bar or in the log.
@@ -79,7 +81,8 @@ impl Bar {
         if self.bar.is_hidden() {
             eprintln!("{}: {line}", self.step);
         } else {
-            self.bar.println(format!("{:>9} {line}", self.step));
+            self.bar
+                .println(format!("{:>9} {}", self.step, plain(line)));
         }
     }
 

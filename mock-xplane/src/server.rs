@@ -12,6 +12,7 @@ mod engine;
 mod faults;
 mod plugin_host;
 mod scenes;
+mod seat;
 mod subscriptions;
 mod tape;
 mod udp;
@@ -27,12 +28,15 @@ use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
 use xplane_bridge::datarefs::Generation;
+use xplane_bridge::doorway::Doorway;
+use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_bridge::tape::TapeError;
 
 pub use engine::{BuiltIn, Engine, Picture};
 pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};
 pub use plugin_host::PluginOptions;
+pub use seat::LinkPatience;
 
 use crate::window::Stage;
 pub use tape::serve_tape;
@@ -69,8 +73,10 @@ pub struct ServerOptions {
     pub data_to: Option<SocketAddr>,
     /// What goes wrong.
     pub faults: Faults,
-    /// What a client of the capture link must say first. Demanded if the address is not the loopback one.
-    pub token: Option<String>,
+    /// What a client of the capture link must say first. Required if the address is not a loopback one.
+    pub token: Option<LinkToken>,
+    /// How long the capture link waits for clients.
+    pub patience: LinkPatience,
     /// The window that shows what is drawn, if there is one.
     pub stage: Option<Arc<dyn Stage>>,
     /// Who serves the capture link.
@@ -104,8 +110,19 @@ impl Default for ServerOptions {
             data_to: None,
             faults: Faults::default(),
             token: None,
+            patience: LinkPatience::default(),
             stage: None,
             link: LinkServer::default(),
+        }
+    }
+}
+
+impl ServerOptions {
+    /// Refuses to listen for other machines without a secret.
+    fn check_token(&self) -> Result<(), MockError> {
+        match &self.token {
+            None if !self.bind.is_loopback() => Err(MockError::NoToken { address: self.bind }),
+            _ => Ok(()),
         }
     }
 }
@@ -140,8 +157,8 @@ pub enum MockError {
     },
     /// Open to other machines without a secret.
     #[error(
-        "the capture link would listen on {address} for everybody: set DTD_LINK_TOKEN to a secret of your choice, here and \
-         where the client runs, or listen on 127.0.0.1"
+        "the capture link would listen on {address} for everybody: set DTD_LINK_TOKEN to a secret of your choice, which is not empty, here \
+         and where the client runs, or listen on 127.0.0.1"
     )]
     NoToken {
         /// The address.
@@ -189,11 +206,7 @@ pub async fn serve_with(
     engine: Arc<dyn Engine>,
     ready: impl FnOnce(Addresses),
 ) -> Result<(), MockError> {
-    if !options.bind.is_loopback() && options.token.is_none() {
-        return Err(MockError::NoToken {
-            address: options.bind,
-        });
-    }
+    options.check_token()?;
     let mut ports = Ports::take(options.bind, options.port).await?;
     if !matches!(options.link, LinkServer::BuiltIn) {
         ports.leave_capture_link().await?;
@@ -356,7 +369,10 @@ impl Server {
                     world.clone(),
                     self.engine.clone(),
                     outages(),
-                    options.token.clone(),
+                    capture_link::Admission {
+                        token: options.token.clone(),
+                        patience: options.patience,
+                    },
                     options.stage.clone(),
                 ));
             }
@@ -387,15 +403,12 @@ impl Server {
     /// What comes while no simulator runs. The ports stay ours, so that nobody else takes them in the meantime.
     async fn swallow(&self) -> Result<(), MockError> {
         let failed = |what| move |source| MockError::Socket { what, source };
+        let nobody = Doorway::new("a simulator that restarts", 2);
         let mut buffer = [0; 2048];
         loop {
             tokio::select! {
-                accepted = self.capture_link.accept() => {
-                    accepted.map_err(failed("the capture link"))?;
-                }
-                Some(accepted) = accept(self.web_api.as_deref()) => {
-                    accepted.map_err(failed("the Web API"))?;
-                }
+                _ = nobody.next(&self.capture_link) => {}
+                Some(_) = accept(&nobody, self.web_api.as_deref()) => {}
                 received = self.udp.recv_from(&mut buffer) => match received {
                     Err(error) if error.kind() != io::ErrorKind::ConnectionReset => {
                         return Err(failed("the UDP server")(error));
@@ -408,8 +421,9 @@ impl Server {
 }
 
 /// The next connection, if there is a listener.
-async fn accept(listener: Option<&TcpListener>) -> Option<io::Result<()>> {
-    Some(listener?.accept().await.map(drop))
+async fn accept(doorway: &Doorway, listener: Option<&TcpListener>) -> Option<()> {
+    doorway.next(listener?).await;
+    Some(())
 }
 
 /// The simulated world, shared by the UDP server and the capture link.

@@ -17,8 +17,8 @@ use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::{
-    Answer, LinkError, PictureBytes, PixelKind, Request, SharedPictures, SimulatorWindow,
-    exchange_greetings, read_header, write_message,
+    Answer, LinkError, LinkToken, PictureBytes, PixelKind, Request, SharedPictures,
+    SimulatorWindow, exchange_greetings, read_header, write_message,
 };
 use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator};
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
@@ -560,7 +560,7 @@ async fn a_frame_that_is_only_drawn_has_no_payload() {
 #[tokio::test]
 async fn a_link_with_a_token_admits_who_knows_it_and_refuses_all_others() {
     let guarded = ServerOptions {
-        token: Some("sesame".into()),
+        token: LinkToken::new("sesame"),
         ..options()
     };
     let running = start_with(guarded, Arc::new(Scribe::default())).await;

@@ -4,10 +4,10 @@ use std::sync::Arc;
 
 use generator::generate::Cancel;
 use mock_xplane::server::{
-    Addresses, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
+    Addresses, LinkPatience, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
 };
 use mock_xplane::window::{Stage, X11Window};
-use xplane_bridge::LINK_TOKEN_VARIABLE;
+use xplane_bridge::link::LinkToken;
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
@@ -30,7 +30,8 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         incoming: !args.incoming_off,
         data_to: args.data_to,
         faults: args.faults.clone(),
-        token: std::env::var(LINK_TOKEN_VARIABLE).ok(),
+        token: LinkToken::from_environment(),
+        patience: LinkPatience::default(),
         stage,
         link: link(args),
     };
@@ -51,6 +52,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         tokio::select! {
             result = serving => result.map_err(|error| match error {
                 MockError::Tape(error) if error.is_bad_input() => Failure::bad_input(error),
+                error @ MockError::NoToken { .. } => Failure::bad_input(error),
                 error => error.into(),
             })?,
             () = stop.turned() => {}

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use generator::generate::Cancel;
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::link::LinkToken;
 use xplane_bridge::tape::{RecordOptions, TapeSummary, record};
 use xplane_bridge::{BridgeError, somebody_answers};
 
@@ -32,6 +33,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         port: args.port,
         out: args.out.clone(),
         frames: args.frames,
+        token: LinkToken::from_environment(),
     };
     let cancel = Cancel::new();
     let _in_good_order = signals::in_good_order(&cancel);

@@ -8,6 +8,7 @@
 
 pub mod datarefs;
 pub mod discovery;
+pub mod doorway;
 mod error;
 pub mod fly;
 pub mod install;

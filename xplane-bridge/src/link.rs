@@ -10,6 +10,8 @@ mod flight;
 mod message;
 mod picture_bytes;
 mod shared_memory;
+mod soundness;
+mod token;
 mod wire;
 
 pub(crate) use capture::rgb_bytes;
@@ -19,9 +21,11 @@ pub use flight::{FLIGHT_COLUMNS, decode_flight, encode_flight};
 pub use message::{Answer, Request};
 pub use picture_bytes::PictureBytes;
 pub use shared_memory::{DrawingSlot, DrawingSlots, SharedMemory, SharedPicture, SharedPictures};
+pub use soundness::OutOfRange;
+pub use token::LinkToken;
 pub use wire::{
     LINK_VERSION, LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings, read_header,
-    read_payload, write_message,
+    read_payload, read_request, write_message,
 };
 
 /// Captures that a client may have outstanding. Their requests (some 700 bytes each) then always fit the socket's

@@ -2,40 +2,42 @@
 //!
 //! Pictures are drawn into the client's memory if it shares some, else into our own and sent. That happens on threads of their own, as many at a time as there are processors, while further requests are read.
 //! A queue of answers to come keeps their order and, being short, keeps the memory small: when it is full, requests wait in
-//! the socket. One client at a time: there is one aircraft.
+//! the socket. One client at a time, see [`super::seat`]; it has to say hello, with the token if there is one, before it is let in.
 
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex as StdMutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use dataset::camera::Camera;
 use dataset::units::SimTime;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
-use tokio::sync::{Mutex, Semaphore, mpsc};
+use tokio::sync::{Semaphore, mpsc};
 use tokio::task::{JoinError, JoinHandle, JoinSet, spawn_blocking};
 use tokio::time::timeout;
+use xplane_bridge::doorway::Doorway;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::{
     Answer, CaptureRequest, Deliver, DrawingSlot, DrawingSlots, FLIGHT_COLUMNS, FrameHeader,
-    LinkError, PixelKind, Request, SharedMemory, encode_flight, exchange_greetings, read_header,
-    write_message,
+    LinkError, LinkToken, PixelKind, Request, SharedMemory, encode_flight, exchange_greetings,
+    read_request, write_message,
 };
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
 
 use super::engine::Engine;
 use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
+use super::seat::{Activity, LinkPatience, Seat};
 use super::{MockError, Shared};
 use crate::window::Stage;
 
-/// How long a second client waits for the first one's connection to end.
-const SEAT_TIMEOUT: Duration = Duration::from_secs(2);
-/// How long a connection may take to greet.
-const GREETING_TIMEOUT: Duration = Duration::from_secs(5);
+/// Connections at a time, most of which wait to say hello or for the seat.
+const MOST_CONNECTIONS: usize = 32;
 /// Answers that may wait for their turn, drawn or being drawn.
 const ANSWERS_AHEAD: usize = 4;
 
+/// What a client without the token is told.
+pub(super) const WANTS_TOKEN: &str =
+    "this capture link requires a token: set DTD_LINK_TOKEN to the same value on both sides";
 /// Why nothing is shown by a stand-in that was started without a window.
 const NO_WINDOW: &str = "the stand-in has no window: start it with --window";
 
@@ -45,7 +47,7 @@ pub(super) async fn run(
     world: Shared,
     engine: Arc<dyn Engine>,
     outages: Arc<Outages>,
-    token: Option<String>,
+    admission: Admission,
     stage: Option<Arc<dyn Stage>>,
 ) -> Result<(), MockError> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
@@ -53,22 +55,22 @@ pub(super) async fn run(
         world,
         engine,
         outages,
-        token,
+        admission,
         stage,
         scenes: Scenes::default(),
         painters: Arc::new(Semaphore::new(cores)),
-        buffers: StdMutex::default(),
-        seat: Mutex::new(()),
+        buffers: Mutex::default(),
+        seat: Seat::default(),
     });
     // Like the server's own tasks, those of clients end with it.
     let mut clients = JoinSet::new();
+    let doorway = Doorway::new("the capture link", MOST_CONNECTIONS);
     loop {
         tokio::select! {
-            accepted = listener.accept() => {
-                let (stream, from) = accepted
-                    .map_err(|source| MockError::Socket { what: "the capture link", source })?;
+            (stream, from, room) = doorway.next(&listener) => {
                 let studio = studio.clone();
                 clients.spawn(async move {
+                    let _room = room;
                     match studio.serve(stream, from).await {
                         Ok(()) => tracing::debug!(%from, "capture link closed"),
                         Err(error) => tracing::warn!(%from, %error, "capture link closed"),
@@ -80,20 +82,28 @@ pub(super) async fn run(
     }
 }
 
+/// Whom the link lets in.
+#[derive(Debug, Clone)]
+pub(super) struct Admission {
+    /// What a client must say first, if anything.
+    pub(super) token: Option<LinkToken>,
+    /// How long it may take.
+    pub(super) patience: LinkPatience,
+}
+
 /// What all connections share.
 struct Studio {
     world: Shared,
     engine: Arc<dyn Engine>,
     outages: Arc<Outages>,
-    /// What a client must say first, if anything.
-    token: Option<String>,
+    admission: Admission,
     /// The window that shows what is drawn, if there is one.
     stage: Option<Arc<dyn Stage>>,
     scenes: Scenes,
     painters: Arc<Semaphore>,
     /// Memory of sent pictures, for the next ones.
-    buffers: StdMutex<Vec<Vec<u8>>>,
-    seat: Mutex<()>,
+    buffers: Mutex<Vec<Vec<u8>>>,
+    seat: Seat,
 }
 
 /// A client's connection.
@@ -102,6 +112,7 @@ struct Client {
     address: SocketAddr,
     /// The memory that it shares, if it does.
     memory: Option<DrawingSlots>,
+    activity: Arc<Activity>,
 }
 
 /// An answer and its payload.
@@ -121,15 +132,18 @@ impl Studio {
     ) -> Result<(), LinkError> {
         stream.set_nodelay(true)?;
         self.outages.over().await;
-        timeout(GREETING_TIMEOUT, exchange_greetings(&mut stream))
-            .await
-            .unwrap_or(Err(LinkError::Ended {
-                inside: "the time for a greeting",
-            }))?;
-        let Ok(_seat) = timeout(SEAT_TIMEOUT, self.seat.lock()).await else {
+        let hello = timeout(self.admission.patience.hello, self.admit(&mut stream)).await;
+        let late = LinkError::Ended {
+            inside: "the time for a hello",
+        };
+        let Some(hello) = hello.unwrap_or(Err(late))? else {
+            return Ok(());
+        };
+        let Some(seated) = self.seat.take(self.admission.patience).await else {
             let text = "another client holds the capture link".to_owned();
             return write_message(&mut stream, &Answer::Error { text }, &[]).await;
         };
+        let activity = &seated.activity;
         let (from_client, to_client) = stream.into_split();
         let (order, answers) = mpsc::channel(ANSWERS_AHEAD);
         // When no more requests come, the writer still has answers to write, and then ends because the queue has. When
@@ -138,15 +152,17 @@ impl Studio {
             let client = Client {
                 address: from,
                 memory: None,
+                activity: activity.clone(),
             };
-            if let Err(error) = self.read_requests(from_client, client, order).await {
+            if let Err(error) = self.read_requests(hello, from_client, client, order).await {
                 tracing::warn!(%error, "no more requests are taken");
             }
             std::future::pending().await
         };
         let ended = tokio::select! {
-            ended = self.write_answers(to_client, answers) => ended,
+            ended = self.write_answers(to_client, activity, answers) => ended,
             never = read_then_wait => never,
+            () = activity.has_to_leave() => Ok(()),
         };
         if self.world.lock().check_pattern().is_some() {
             self.check_pattern(None).await;
@@ -155,37 +171,52 @@ impl Studio {
         ended
     }
 
+    /// Exchanges greetings and reads the hello; `None` if the client is not let in, which it is told.
+    async fn admit(&self, stream: &mut TcpStream) -> Result<Option<Request>, LinkError> {
+        exchange_greetings(stream).await?;
+        let text = match read_request(stream).await {
+            Ok(None) => return Ok(None),
+            Ok(Some(request)) => match (&request, &self.admission.token) {
+                (Request::Hello { .. }, None) => return Ok(Some(request)),
+                (Request::Hello { token, .. }, Some(ours)) if ours.is(token.as_deref()) => {
+                    return Ok(Some(request));
+                }
+                (Request::Hello { .. }, Some(_)) => WANTS_TOKEN.to_owned(),
+                _ => "the first request is not hello".to_owned(),
+            },
+            Err(error) => error.to_string(),
+        };
+        write_message(stream, &Answer::Error { text }, &[]).await?;
+        Ok(None)
+    }
+
     async fn read_requests(
         self: &Arc<Self>,
+        hello: Request,
         mut stream: impl AsyncRead + Unpin,
         mut client: Client,
         order: mpsc::Sender<Pending>,
     ) -> Result<(), LinkError> {
-        let mut admitted = self.token.is_none();
+        let mut next = Some(hello);
         loop {
-            let request = match read_header::<Request>(&mut stream).await {
+            let request = match next.take() {
+                Some(request) => Ok(Some(request)),
+                None => read_request(&mut stream).await,
+            };
+            let work = client.activity.work();
+            let pending = match request {
                 Ok(None) => return Ok(()),
-                Ok(Some((request, 0))) => request,
-                Ok(Some((_, payload))) => {
-                    let text =
-                        format!("a request has no payload, but {payload} bytes are announced");
-                    let _ = order.send(refusal(text)).await;
-                    return Ok(());
-                }
-                // Said to the client as well; what follows it in the stream cannot be understood any more.
+                Ok(Some(request)) => self.answer(&mut client, request).await,
+                // All of it was read: the next request can be understood.
+                Err(error @ LinkError::BadHeader { .. }) => refusal(error.to_string()),
+                // Said to the client as well; what follows in the stream cannot be understood any more.
                 Err(error) => {
                     let _ = order.send(refusal(error.to_string())).await;
                     return Err(error);
                 }
             };
-            admitted = admitted || self.admits(&request);
-            if !admitted {
-                let text = "this capture link is open to other machines and wants its token first: set DTD_LINK_TOKEN to \
-                            the same value on both sides";
-                let _ = order.send(refusal(text.into())).await;
-                return Ok(());
-            }
-            let pending = self.answer(&mut client, request).await;
+            // What keeps the answer from being sent now is the client, who takes none.
+            drop(work);
             if order.send(pending).await.is_err() {
                 return Ok(());
             }
@@ -195,6 +226,7 @@ impl Studio {
     async fn write_answers(
         &self,
         mut stream: impl AsyncWrite + Unpin,
+        activity: &Arc<Activity>,
         mut answers: mpsc::Receiver<Pending>,
     ) -> Result<(), LinkError> {
         while let Some(pending) = answers.recv().await {
@@ -202,8 +234,11 @@ impl Studio {
                 Pending::Ready(reply) => *reply,
                 Pending::Drawing(drawn) => drawn.await.unwrap_or_else(failed),
             };
+            let outage = activity.work();
             self.outages.over().await;
+            drop(outage);
             write_message(&mut stream, &answer, &payload).await?;
+            activity.heard();
             if payload.capacity() > 0 && matches!(answer, Answer::Frame(_)) {
                 self.lock_buffers().push(payload);
             }
@@ -211,16 +246,14 @@ impl Studio {
         Ok(())
     }
 
-    /// Whether a request is a greeting with the right token.
-    fn admits(&self, request: &Request) -> bool {
-        matches!(request, Request::Hello { token, .. } if token.is_some() && *token == self.token)
-    }
-
     async fn answer(self: &Arc<Self>, from: &mut Client, request: Request) -> Pending {
         if matches!(request, Request::Capture(_)) {
             self.outages.count_capture();
         }
         self.outages.over().await;
+        if let Err(error) = request.check() {
+            return refusal(error.to_string());
+        }
         match request {
             Request::Hello { client, .. } => {
                 tracing::info!(client, "client of the capture link");
@@ -361,8 +394,9 @@ impl Studio {
         };
         let permit = self.painters.clone().acquire_owned().await;
         let studio = self.clone();
+        let work = from.activity.work();
         let drawing = spawn_blocking(move || {
-            let _permit = permit;
+            let _in_work = (permit, work);
             studio.draw(&request, &key, sim_frame, slot)
         });
         match request.deliver {

@@ -17,6 +17,7 @@ use std::sync::Arc;
 use serde_json::{Value, json};
 use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
 use tokio::process::{Child, Command};
+use xplane_bridge::link::LinkToken;
 
 use self::scene::PluginScene;
 use super::engine::Engine;
@@ -68,7 +69,7 @@ impl PluginOptions {
 pub(super) struct LinkAddress {
     pub(super) bind: std::net::IpAddr,
     pub(super) port: u16,
-    pub(super) token: Option<String>,
+    pub(super) token: Option<LinkToken>,
 }
 
 /// Runs the plugin until the future is dropped.
@@ -101,7 +102,7 @@ pub(super) async fn run(
         "is_x_plane_11": is_x_plane_11,
         "bind": link.bind,
         "port": link.port,
-        "token": link.token,
+        "token": link.token.as_ref().map(LinkToken::secret),
         "steal_camera_every_frames": options.steal_camera_every_frames,
     });
     let broken = |error: std::io::Error| failed(error.to_string());

@@ -23,6 +23,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use tokio::task::{JoinSet, spawn_blocking};
 use xplane_bridge::datarefs::Generation;
+use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::Beacon;
 use xplane_bridge::tape::{TapeInfo, TapeReader};
 
@@ -33,10 +34,10 @@ use super::engine::{BuiltIn, Engine};
 use super::faults::outages::Outages;
 use super::scenes::Scenes;
 use super::world::World;
-use super::{Addresses, MockError, Ports, ServerOptions, beacon};
+use super::{Addresses, LinkPatience, MockError, Ports, ServerOptions, beacon};
 
-/// Serves a tape until the future is dropped; calls `ready` once it listens. Of the options, those of address and beacon
-/// count: all else is as recorded.
+/// Serves a tape until the future is dropped; calls `ready` once it listens. Of the options, those of address, beacon and
+/// token count: all else is as recorded.
 ///
 /// # Errors
 /// [`MockError::Tape`] if the tape cannot be read, [`MockError::Bind`] if a port is taken, [`MockError::Socket`] if a socket
@@ -46,6 +47,7 @@ pub async fn serve_tape(
     options: &ServerOptions,
     ready: impl FnOnce(Addresses),
 ) -> Result<(), MockError> {
+    options.check_token()?;
     let path = tape.to_owned();
     let loaded = spawn_blocking(move || loading::load(&path)).await;
     let loaded = loaded.map_err(|panicked| MockError::Stopped(panicked.to_string()))??;
@@ -71,6 +73,8 @@ pub async fn serve_tape(
         info: loaded.info,
         link_version: loaded.link_version,
         our_link_port: addresses.capture_link.port(),
+        token: options.token.clone(),
+        patience: options.patience,
         scenes: Scenes::default(),
         engine: Box::new(BuiltIn),
     });
@@ -96,6 +100,8 @@ struct Player {
     info: TapeInfo,
     link_version: u32,
     our_link_port: u16,
+    token: Option<LinkToken>,
+    patience: LinkPatience,
     scenes: Scenes,
     engine: Box<dyn Engine>,
 }

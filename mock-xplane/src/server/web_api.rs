@@ -3,6 +3,7 @@
 //! In: requests of clients on this computer. Out: JSON. `v1` has datarefs, `v2` adds commands, `v3` flights; the world behind
 //! it is the one that UDP and the capture link show. Written after Laminar's "X-Plane Web API" and "Flight Initialization API".
 
+mod callers;
 mod commands;
 mod datarefs;
 mod flight;
@@ -13,6 +14,7 @@ mod socket;
 mod value;
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use axum::extract::{Request, State};
 use axum::middleware::{self, Next};
@@ -20,18 +22,27 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::{get, patch, post};
 use axum::{Json, Router};
 use hyper::server::conn::http1;
-use hyper_util::rt::TokioIo;
+use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use serde_json::json;
 use tokio::net::TcpListener;
 use tokio::sync::watch;
 use tokio::task::JoinSet;
+use tokio::time::timeout;
+use xplane_bridge::doorway::Doorway;
 
 use self::commands::ActiveCommands;
 use self::ids::Ids;
 use self::refusal::Refusal;
 use super::faults::outages::Outages;
 use super::{MockError, Shared};
+
+/// Connections at a time that ask over HTTP, and WebSockets at a time.
+const MOST_CONNECTIONS: usize = 64;
+const MOST_SOCKETS: usize = 32;
+/// How long the head of a request may take, from the end of the last one, and how long the rest of it with its answer.
+const HEAD_WITHIN: Duration = Duration::from_secs(5);
+const ANSWER_WITHIN: Duration = Duration::from_secs(10);
 
 /// What all requests share.
 struct Desk {
@@ -40,6 +51,7 @@ struct Desk {
     incoming_is_on: bool,
     ids: Ids,
     active: ActiveCommands,
+    sockets: Doorway,
     /// Closed when the session is over: WebSockets are tasks that we do not hold.
     session: watch::Receiver<()>,
 }
@@ -60,19 +72,22 @@ pub(super) async fn run(
         incoming_is_on,
         ids,
         active: ActiveCommands::default(),
+        sockets: Doorway::new("the WebSocket", MOST_SOCKETS),
         session: watched,
     });
     let service = TowerToHyperService::new(router(desk));
     // Like the server's own tasks, connections end with it.
     let mut clients = JoinSet::new();
+    let doorway = Doorway::new("the Web API", MOST_CONNECTIONS);
     loop {
         tokio::select! {
-            accepted = listener.accept() => {
-                let (stream, from) = accepted
-                    .map_err(|source| MockError::Socket { what: "the Web API", source })?;
+            (stream, from, room) = doorway.next(&listener) => {
                 let service = service.clone();
                 clients.spawn(async move {
+                    let _room = room;
                     let served = http1::Builder::new()
+                        .timer(TokioTimer::new())
+                        .header_read_timeout(HEAD_WITHIN)
                         .serve_connection(TokioIo::new(stream), service)
                         .with_upgrades()
                         .await;
@@ -113,14 +128,18 @@ fn router(desk: Arc<Desk>) -> Router {
         .with_state(desk)
 }
 
-/// Nobody is answered during an outage, nor while incoming traffic is switched off.
+/// Nobody is answered during an outage, nor while incoming traffic is switched off, nor a web page of somebody else.
 async fn doorkeeper(State(desk): State<Arc<Desk>>, request: Request, next: Next) -> Response {
     desk.outages.over().await;
-    if desk.incoming_is_on {
-        next.run(request).await
-    } else {
-        Refusal::incoming_traffic_is_off().into_response()
+    if !desk.incoming_is_on {
+        return Refusal::incoming_traffic_is_off().into_response();
     }
+    if let Err(refusal) = callers::check(request.headers()) {
+        return refusal.into_response();
+    }
+    timeout(ANSWER_WITHIN, next.run(request))
+        .await
+        .unwrap_or_else(|_late| Refusal::too_slow().into_response())
 }
 
 async fn capabilities(State(desk): State<Arc<Desk>>) -> Response {

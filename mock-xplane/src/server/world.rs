@@ -10,6 +10,7 @@ mod data_output;
 pub(super) mod flight_start;
 pub(super) mod local_frame;
 mod motion;
+mod possible;
 mod sky;
 
 use std::collections::HashMap;
@@ -263,12 +264,14 @@ impl World {
 
     /// The weather that is flown and drawn.
     pub(super) fn weather(&self) -> Weather {
-        self.state.sky.weather()
+        possible::weather(self.state.sky.weather())
     }
 
     /// The clock as the datarefs have it.
     pub(super) fn clock(&self) -> Clock {
-        names::clock_from_datarefs(|path| self.state.datarefs.read(path))
+        possible::clock(names::clock_from_datarefs(|path| {
+            self.state.datarefs.read(path)
+        }))
     }
 
     /// Stops flight model, clock and clouds.

@@ -70,6 +70,15 @@ impl CaptureRequest {
                 ));
             }
         }
+        let Controls {
+            flap_ratio,
+            gear_ratio,
+        } = self.controls;
+        for (name, ratio) in [("flap_ratio", flap_ratio), ("gear_ratio", gear_ratio)] {
+            if !(0.0..=1.0).contains(&ratio) {
+                return Err(format!("{name} is {ratio}, expected 0 to 1"));
+            }
+        }
         let hfov_deg = self.camera.hfov_deg;
         if !(hfov_deg > 0.0 && hfov_deg < 180.0) {
             return Err(format!(
@@ -92,8 +101,10 @@ impl CaptureRequest {
 }
 
 /// What was drawn. Pose and camera are those of the picture, not a copy of the request's.
+///
+/// Keys that are not known here are passed over, as in all answers: a simulator may say more than this client asks. A request with such
+/// keys is refused, since what they wish would not be done.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct FrameHeader {
     /// Tick of the request.
     pub tick: u32,

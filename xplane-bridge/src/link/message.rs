@@ -145,6 +145,25 @@ mod tests {
     use super::*;
 
     #[test]
+    fn an_answer_may_say_more_than_is_known_and_a_request_may_not_wish_it() {
+        let pose = r#"{"latitude_deg":1,"longitude_deg":2,"altitude_msl_m":3,"heading_true_deg":4,"pitch_deg":5,"roll_deg":6,"yaw_rate_dps":0}"#;
+        let camera = pose.replace('}', r#","hfov_deg":10}"#);
+        let frame = format!(
+            r#"{{"message":"frame","tick":1,"view":0,"sim_frame":9,"pose":{pose},"camera":{camera},"width_px":4,"height_px":2,"exposure_s":0.01}}"#
+        );
+        let answer: Answer = serde_json::from_str(&frame).unwrap();
+        assert!(matches!(answer, Answer::Frame(header) if header.sim_frame == 9));
+        let capture = |more: &str| {
+            format!(
+                r#"{{"message":"capture","tick":1,"time_ns":0,"view":0,"pose":{pose},"controls":{{"flap_ratio":0,"gear_ratio":1}},"camera":{camera},"width_px":4,"height_px":2{more}}}"#
+            )
+        };
+        assert!(serde_json::from_str::<Request>(&capture("")).is_ok());
+        let wish = serde_json::from_str::<Request>(&capture(r#","exposure_s":0.01"#));
+        assert!(wish.unwrap_err().to_string().contains("exposure_s"));
+    }
+
+    #[test]
     fn headers_are_flat_objects_that_name_their_message() {
         let text = serde_json::to_string(&Request::Release).unwrap();
         assert_eq!(text, r#"{"message":"release"}"#);

@@ -7,6 +7,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
 
+use super::Request;
+
 /// First bytes in each direction, before the version.
 const MAGIC: [u8; 4] = *b"DTDL";
 /// Version of the capture link that this code speaks. Any change that an older side would misread raises it.
@@ -51,6 +53,12 @@ pub enum LinkError {
         announced: usize,
         /// Its limit.
         limit: usize,
+    },
+    /// A request with a payload.
+    #[error("a request has no payload, but {announced} bytes are announced")]
+    PayloadOfRequest {
+        /// Its length.
+        announced: usize,
     },
     /// A header that is no message.
     #[error("the header is no message that this side knows: {reason}; it begins {begin:?}")]
@@ -105,6 +113,31 @@ pub async fn write_message(
 pub async fn read_header<H: DeserializeOwned>(
     stream: &mut (impl AsyncRead + Unpin),
 ) -> Result<Option<(H, usize)>, LinkError> {
+    match read_lengths(stream).await? {
+        None => Ok(None),
+        Some((header_bytes, payload_bytes)) => {
+            let header = read_text(stream, header_bytes).await?;
+            Ok(Some((header, payload_bytes)))
+        }
+    }
+}
+
+/// Reads the next request, which never has a payload; `None` if the client has closed the connection between two of them. After
+/// [`LinkError::BadHeader`] the next request can be read nevertheless.
+pub async fn read_request(
+    stream: &mut (impl AsyncRead + Unpin),
+) -> Result<Option<Request>, LinkError> {
+    match read_lengths(stream).await? {
+        None => Ok(None),
+        Some((header_bytes, 0)) => Ok(Some(read_text(stream, header_bytes).await?)),
+        Some((_, announced)) => Err(LinkError::PayloadOfRequest { announced }),
+    }
+}
+
+/// The lengths of header and payload, within their limits.
+async fn read_lengths(
+    stream: &mut (impl AsyncRead + Unpin),
+) -> Result<Option<(usize, usize)>, LinkError> {
     let mut lengths = [0; 8];
     if stream.read(&mut lengths[..1]).await? == 0 {
         return Ok(None);
@@ -115,15 +148,19 @@ pub async fn read_header<H: DeserializeOwned>(
     let payload_bytes = u32::from_le_bytes([p0, p1, p2, p3]) as usize;
     within("header", header_bytes, MAX_HEADER_BYTES)?;
     within("payload", payload_bytes, MAX_PAYLOAD_BYTES)?;
+    Ok(Some((header_bytes, payload_bytes)))
+}
+
+async fn read_text<H: DeserializeOwned>(
+    stream: &mut (impl AsyncRead + Unpin),
+    header_bytes: usize,
+) -> Result<H, LinkError> {
     let mut text = vec![0; header_bytes];
     read_exact(stream, &mut text, "a header").await?;
-    match serde_json::from_slice(&text) {
-        Ok(header) => Ok(Some((header, payload_bytes))),
-        Err(error) => Err(LinkError::BadHeader {
-            reason: error.to_string(),
-            begin: String::from_utf8_lossy(&text).chars().take(80).collect(),
-        }),
-    }
+    serde_json::from_slice(&text).map_err(|error| LinkError::BadHeader {
+        reason: error.to_string(),
+        begin: String::from_utf8_lossy(&text).chars().take(80).collect(),
+    })
 }
 
 /// Reads a payload into `buffer`, whose memory is used again and not zeroed first: at 7 MB a frame both cost.

@@ -1,7 +1,7 @@
 //! What can go wrong with a tape, and with recording one.
 
 use std::io::{self, ErrorKind};
-use std::net::SocketAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
 /// Why a tape cannot be written or read.
@@ -65,6 +65,15 @@ pub enum TapeError {
         /// Why not.
         source: io::Error,
     },
+    /// Open to other machines without a secret.
+    #[error(
+        "the recorder would listen on {address} for everybody: set DTD_LINK_TOKEN to a secret of your choice, which is not empty, here and \
+         where the client runs, or listen on 127.0.0.1"
+    )]
+    NoToken {
+        /// The address.
+        address: IpAddr,
+    },
     /// A socket failed while recording.
     #[error("{what} failed: {source}")]
     Socket {
@@ -85,7 +94,8 @@ impl TapeError {
             Self::Exists { .. }
             | Self::NoTape { .. }
             | Self::Mcap { .. }
-            | Self::BadMessage { .. } => true,
+            | Self::BadMessage { .. }
+            | Self::NoToken { .. } => true,
             Self::Io { source, .. } => matches!(
                 source.kind(),
                 ErrorKind::NotFound

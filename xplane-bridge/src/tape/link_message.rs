@@ -50,6 +50,24 @@ impl LinkMessage {
 
     /// Reads the next one; `None` if the other side has closed the connection between two messages.
     pub async fn read(stream: &mut (impl AsyncRead + Unpin)) -> Result<Option<Self>, LinkError> {
+        Self::read_with(stream, |_| Ok(())).await
+    }
+
+    /// Reads the next one of a client, which has no payload.
+    pub async fn read_request(
+        stream: &mut (impl AsyncRead + Unpin),
+    ) -> Result<Option<Self>, LinkError> {
+        Self::read_with(stream, |payload| match payload {
+            0 => Ok(()),
+            announced => Err(LinkError::PayloadOfRequest { announced }),
+        })
+        .await
+    }
+
+    async fn read_with(
+        stream: &mut (impl AsyncRead + Unpin),
+        check_payload: impl FnOnce(usize) -> Result<(), LinkError>,
+    ) -> Result<Option<Self>, LinkError> {
         let mut bytes = vec![0; LENGTHS];
         if stream.read(&mut bytes[..1]).await? == 0 {
             return Ok(None);
@@ -72,6 +90,7 @@ impl LinkMessage {
                 });
             }
         }
+        check_payload(payload)?;
         let whole = LENGTHS + header + payload;
         bytes.reserve_exact(whole - LENGTHS);
         let mut rest = stream.take((whole - LENGTHS) as u64);
@@ -111,6 +130,12 @@ impl LinkMessage {
     /// Whether it carries a picture.
     pub(super) fn is_picture(&self) -> bool {
         !self.payload().is_empty() && message_of(self.header()).as_deref() == Some("frame")
+    }
+
+    /// The token that a hello gives.
+    pub fn token(&self) -> Option<String> {
+        let header: Value = serde_json::from_slice(self.header()).ok()?;
+        Some(header.get("token")?.as_str()?.to_owned())
     }
 
     /// As it may be kept: a token is a secret, and a tape is passed on.

@@ -25,6 +25,8 @@ use chrono::{SecondsFormat, Utc};
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 
+use crate::link::LinkToken;
+
 use super::error::TapeError;
 use super::format::{FramesKept, TapeInfo};
 use super::writer::{TapeSummary, TapeWriter};
@@ -46,6 +48,8 @@ pub struct RecordOptions {
     pub out: PathBuf,
     /// What becomes of the pictures.
     pub frames: FramesKept,
+    /// What a client of the capture link must say first. Required if the address is not a loopback one.
+    pub token: Option<LinkToken>,
 }
 
 impl RecordOptions {
@@ -57,6 +61,7 @@ impl RecordOptions {
             port: 0,
             out,
             frames: FramesKept::default(),
+            token: None,
         }
     }
 }
@@ -79,6 +84,11 @@ pub async fn record(
     ready: impl FnOnce(RecorderAddresses),
     stop: impl Future<Output = ()>,
 ) -> Result<TapeSummary, TapeError> {
+    if options.token.is_none() && !options.bind.is_loopback() {
+        return Err(TapeError::NoToken {
+            address: options.bind,
+        });
+    }
     let (udp, udp_address) = listen_udp(SocketAddr::new(options.bind, options.port)).await?;
     let link_port = match options.port {
         0 => 0,
@@ -92,6 +102,7 @@ pub async fn record(
         simulator: options.simulator,
         our_link_port: link_address.port(),
         simulators_link_port: AtomicU16::new(0),
+        token: options.token,
         deck,
     });
     ready(RecorderAddresses {
@@ -101,7 +112,7 @@ pub async fn record(
     let ended = tokio::select! {
         () = stop => Ok(()),
         ended = udp::run(Arc::new(udp), route.clone()) => ended,
-        ended = link::run(listener, route.clone()) => ended,
+        never = link::run(listener, route.clone()) => match never {},
         // Before its time only if the tape cannot be written.
         summary = &mut writing => return deck::ended(summary),
     };
@@ -117,6 +128,7 @@ struct Route {
     our_link_port: u16,
     /// As the simulator told it last; 0 before.
     simulators_link_port: AtomicU16,
+    token: Option<LinkToken>,
     deck: Deck,
 }
 

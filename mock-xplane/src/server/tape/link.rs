@@ -1,12 +1,15 @@
 //! The capture link of a replay: each request gets its recorded answer, or an `error` that says why not.
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use dataset::units::SimTime;
 use serde_json::Value;
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::{JoinSet, spawn_blocking};
+use tokio::time::timeout;
+use xplane_bridge::doorway::Doorway;
 use xplane_bridge::link::{Answer, CaptureRequest, LinkError, Request};
 use xplane_bridge::tape::{LinkMessage, MAGIC, Place, ReferencedMessage};
 
@@ -14,18 +17,24 @@ use super::conversation::AnswerPlace;
 use super::loading::is_hello;
 use super::{Playback, Player};
 use crate::server::MockError;
+use crate::server::capture_link::WANTS_TOKEN;
 use crate::server::scenes::SceneKey;
+
+/// Connections at a time.
+const MOST_CONNECTIONS: usize = 32;
+/// A client that asks nothing, or takes no answer, for so long is gone.
+const LONGEST_SILENCE: Duration = Duration::from_secs(600);
 
 /// Accepts clients for ever.
 pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Result<(), MockError> {
     let mut clients = JoinSet::new();
+    let doorway = Doorway::new("the capture link", MOST_CONNECTIONS);
     loop {
         tokio::select! {
-            accepted = listener.accept() => {
-                let (stream, from) = accepted
-                    .map_err(|source| MockError::Socket { what: "the capture link", source })?;
+            (stream, from, room) = doorway.next(&listener) => {
                 let player = player.clone();
                 clients.spawn(async move {
+                    let _room = room;
                     match serve(stream, player).await {
                         Ok(()) => tracing::debug!(%from, "capture link closed"),
                         Err(error) => tracing::warn!(%from, %error, "capture link closed"),
@@ -39,6 +48,30 @@ pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Resu
 
 async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkError> {
     stream.set_nodelay(true)?;
+    let hello = timeout(player.patience.hello, admit(&mut stream, &player)).await;
+    let mut next = hello.unwrap_or(Err(LinkError::Ended {
+        inside: "the time for a hello",
+    }))?;
+    while let Some(message) = next {
+        let player = player.clone();
+        let answer = spawn_blocking(move || player.answer(&message)).await;
+        let answer =
+            answer.unwrap_or_else(|panicked| error(&format!("the replay failed: {panicked}")));
+        let exchange = async {
+            stream.write_all(answer.bytes()).await?;
+            LinkMessage::read_request(&mut stream).await
+        };
+        next = timeout(LONGEST_SILENCE, exchange)
+            .await
+            .unwrap_or(Err(LinkError::Ended {
+                inside: "a long silence",
+            }))?;
+    }
+    Ok(())
+}
+
+/// Exchanges greetings and reads the hello; `None` if the client is not let in.
+async fn admit(stream: &mut TcpStream, player: &Player) -> Result<Option<LinkMessage>, LinkError> {
     stream.write_all(&MAGIC).await?;
     // The recorded one: a client of another version shall learn it, as it would from that simulator.
     stream.write_all(&player.link_version.to_le_bytes()).await?;
@@ -50,16 +83,16 @@ async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkErr
             greeting.escape_ascii(),
             player.link_version
         );
-        return Ok(());
+        return Ok(None);
     }
-    while let Some(message) = LinkMessage::read(&mut stream).await? {
-        let player = player.clone();
-        let answer = spawn_blocking(move || player.answer(&message)).await;
-        let answer =
-            answer.unwrap_or_else(|panicked| error(&format!("the replay failed: {panicked}")));
-        stream.write_all(answer.bytes()).await?;
+    let hello = LinkMessage::read_request(stream).await?;
+    match (&hello, &player.token) {
+        (Some(message), Some(token)) if !token.is(message.token().as_deref()) => {
+            stream.write_all(error(WANTS_TOKEN).bytes()).await?;
+            Ok(None)
+        }
+        _ => Ok(hello),
     }
-    Ok(())
 }
 
 impl Player {

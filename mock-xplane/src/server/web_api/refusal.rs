@@ -36,6 +36,22 @@ impl Refusal {
         }
     }
 
+    /// A request that does not end.
+    pub(super) fn too_slow() -> Self {
+        Self {
+            status: StatusCode::REQUEST_TIMEOUT,
+            ..Self::bad_request("timeout", "the request took too long")
+        }
+    }
+
+    /// One WebSocket too many.
+    pub(super) fn no_room() -> Self {
+        Self {
+            status: StatusCode::SERVICE_UNAVAILABLE,
+            ..Self::bad_request("too_many_connections", "too many WebSockets are open")
+        }
+    }
+
     /// Whatever is asked.
     pub(super) fn incoming_traffic_is_off() -> Self {
         Self::forbidden(

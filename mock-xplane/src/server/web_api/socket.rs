@@ -17,8 +17,14 @@ use super::{Desk, value};
 /// X-Plane sends about ten updates a second.
 const PERIOD: Duration = Duration::from_millis(100);
 
-pub(super) async fn open(State(desk): State<Arc<Desk>>, upgrade: WebSocketUpgrade) -> Response {
-    upgrade.on_upgrade(|socket| async move {
+pub(super) async fn open(
+    State(desk): State<Arc<Desk>>,
+    upgrade: WebSocketUpgrade,
+) -> Result<Response, Refusal> {
+    let room = desk.sockets.room().ok_or_else(Refusal::no_room)?;
+    let upgrade = upgrade.max_message_size(MOST_MESSAGE_BYTES);
+    Ok(upgrade.on_upgrade(|socket| async move {
+        let _room = room;
         let mut session = desk.session.clone();
         let talk = Client::new(desk).talk(socket);
         tokio::select! {
@@ -26,8 +32,11 @@ pub(super) async fn open(State(desk): State<Arc<Desk>>, upgrade: WebSocketUpgrad
             // Never changes, only ends.
             _ = session.changed() => {}
         }
-    })
+    }))
 }
+
+/// Longest message of a client.
+const MOST_MESSAGE_BYTES: usize = 1 << 20;
 
 /// A request.
 #[derive(Debug, Deserialize)]

@@ -297,3 +297,84 @@ fn the_data_output_says_where_the_aircraft_is_and_sets_its_attitude() {
         "the position is no client's to set"
     );
 }
+
+#[test]
+fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
+    use dataset::camera::{Camera, CameraPose};
+    use rand::seq::IndexedRandom;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use crate::server::{BuiltIn, Engine};
+
+    const CASES: u64 = 60;
+    const EXTREMES: [f64; 12] = [
+        f64::NAN,
+        f64::INFINITY,
+        f64::NEG_INFINITY,
+        f32::MAX as f64,
+        f32::MIN as f64,
+        i32::MAX as f64,
+        -1e9,
+        -1.0,
+        0.0,
+        1e-30,
+        2.0,
+        1e12,
+    ];
+    let pose = Pose {
+        latitude_deg: ON_THRESHOLD.position().latitude_deg,
+        longitude_deg: ON_THRESHOLD.position().longitude_deg,
+        altitude_msl_m: 20.0,
+        heading_true_deg: 203.0,
+        pitch_deg: 2.0,
+        roll_deg: 0.0,
+    };
+    let aircraft = Pose {
+        latitude_deg: pose.latitude_deg - 0.02,
+        altitude_msl_m: 120.0,
+        ..pose
+    };
+    let camera = CameraPose {
+        pose,
+        hfov_deg: 40.0,
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(0);
+    for case in 0..CASES {
+        let generation = [Generation::XPlane11, Generation::XPlane12][case as usize % 2];
+        let mut world = World::new(generation, true);
+        let paths: Vec<String> = world
+            .datarefs()
+            .iter()
+            .filter(|(dataref, _)| {
+                dataref.writable
+                    && (dataref.name.starts_with("sim/weather/")
+                        || dataref.name.starts_with("sim/time/"))
+            })
+            .flat_map(|(dataref, values)| match dataref.length {
+                None => vec![dataref.name.to_owned()],
+                Some(_) => (0..values.len())
+                    .map(|at| format!("{}[{at}]", dataref.name))
+                    .collect(),
+            })
+            .collect();
+        let mut write_some = |world: &mut World| {
+            for path in &paths {
+                if random.random_bool(0.7) {
+                    let value = *EXTREMES.choose(&mut random).unwrap();
+                    // What is refused changes nothing.
+                    let _ = world.write_exact(path, value);
+                }
+            }
+        };
+        write_some(&mut world);
+        world.command(names::COMMAND_REGENERATE_WEATHER);
+        // Clouds of X-Plane 12 have to be told again.
+        write_some(&mut world);
+        world.advance(0.02);
+        let camera = Camera::from_pose(&camera, 24, 16);
+        let picture = BuiltIn.picture(&camera, &runway(), &world.weather(), &world.clock(), None);
+        let mut rgb = vec![0; 24 * 16 * 3];
+        picture.draw(&aircraft, &Controls::default(), 1.0, &mut rgb);
+    }
+}

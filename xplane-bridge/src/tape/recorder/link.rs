@@ -1,36 +1,42 @@
 //! The proxy of the capture link: greetings pass as they are, then whole messages in both directions.
 
+use std::convert::Infallible;
 use std::net::SocketAddr;
 use std::sync::Arc;
+use std::time::Duration;
 
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
+use tokio::time::timeout;
 
 use super::Route;
-use crate::link::LinkError;
-use crate::tape::error::TapeError;
+use crate::doorway::Doorway;
+use crate::link::{Answer, LinkError, write_message};
 use crate::tape::format::{Channel, Direction, LINK_VERSION_KEY};
 use crate::tape::link_message::{LinkMessage, MAGIC};
 
 /// Bytes of a greeting: four letters, the version.
 const GREETING: usize = 8;
 
+/// Connections at a time.
+const MOST_CONNECTIONS: usize = 16;
+/// How long greetings and the hello may take, on both sides together.
+const HELLO_WITHIN: Duration = Duration::from_secs(10);
+
 /// Serves until dropped.
-pub(super) async fn run(listener: TcpListener, route: Arc<Route>) -> Result<(), TapeError> {
+pub(super) async fn run(listener: TcpListener, route: Arc<Route>) -> Infallible {
     let mut connections = JoinSet::new();
+    let doorway = Doorway::new("the recorder's capture link", MOST_CONNECTIONS);
     let mut count = 0;
     loop {
         tokio::select! {
-            accepted = listener.accept() => {
-                let (client, from) = accepted.map_err(|source| TapeError::Socket {
-                    what: "the recorder's capture link",
-                    source,
-                })?;
+            (client, from, room) = doorway.next(&listener) => {
                 count += 1;
                 let connection = Connection { number: count, route: route.clone() };
                 connections.spawn(async move {
+                    let _room = room;
                     match connection.serve(client, from).await {
                         Ok(()) => tracing::info!(%from, "capture link closed"),
                         Err(error) => tracing::warn!(%from, %error, "capture link closed"),
@@ -47,6 +53,14 @@ struct Connection {
     route: Arc<Route>,
 }
 
+/// Two sides that have greeted each other, and the client's first request.
+struct Admitted {
+    version: u32,
+    hello: LinkMessage,
+    client: (OwnedReadHalf, OwnedWriteHalf),
+    simulator: (OwnedReadHalf, OwnedWriteHalf),
+}
+
 impl Connection {
     async fn serve(&self, client: TcpStream, from: SocketAddr) -> Result<(), LinkError> {
         let Some(address) = self.route.simulators_link() else {
@@ -56,15 +70,20 @@ impl Connection {
             );
             return Ok(());
         };
-        let simulator = TcpStream::connect(address).await?;
         client.set_nodelay(true)?;
-        simulator.set_nodelay(true)?;
-        let (mut client_reads, mut client_writes) = client.into_split();
-        let (mut simulator_reads, mut simulator_writes) = simulator.into_split();
-        let (version, _) = tokio::try_join!(
-            pass_greeting(&mut simulator_reads, &mut client_writes),
-            pass_greeting(&mut client_reads, &mut simulator_writes),
-        )?;
+        let late = LinkError::Ended {
+            inside: "the time for a hello",
+        };
+        let admitted = timeout(HELLO_WITHIN, self.admit(client, address)).await;
+        let Some(admitted) = admitted.unwrap_or(Err(late))? else {
+            return Ok(());
+        };
+        let Admitted {
+            version,
+            hello,
+            client: (client_reads, mut client_writes),
+            simulator: (simulator_reads, mut simulator_writes),
+        } = admitted;
         for direction in [Direction::ToSimulator, Direction::FromSimulator] {
             let channel = self.channel(direction);
             let about = [
@@ -74,32 +93,81 @@ impl Connection {
             self.route.deck.add_channel(channel, &about).await;
         }
         tracing::info!(%from, number = self.number, version, "capture link");
+        self.route
+            .deck
+            .link_message(self.number, Direction::ToSimulator, &hello)
+            .await;
+        simulator_writes.write_all(hello.bytes()).await?;
         // When the simulator has nothing more to say, the conversation is over; a client may stop asking before that.
         let requests = async {
-            self.pass(Direction::ToSimulator, client_reads, simulator_writes)
-                .await?;
+            let mut reads = client_reads;
+            while let Some(message) = LinkMessage::read_request(&mut reads).await? {
+                self.pass(Direction::ToSimulator, &message, &mut simulator_writes)
+                    .await?;
+            }
+            simulator_writes.shutdown().await?;
             std::future::pending().await
         };
+        let answers = async {
+            let mut reads = simulator_reads;
+            while let Some(message) = LinkMessage::read(&mut reads).await? {
+                self.pass(Direction::FromSimulator, &message, &mut client_writes)
+                    .await?;
+            }
+            client_writes.shutdown().await?;
+            Ok(())
+        };
         tokio::select! {
-            ended = self.pass(Direction::FromSimulator, simulator_reads, client_writes) => ended,
+            ended = answers => ended,
             failed = requests => failed,
         }
     }
 
+    /// Exchanges greetings with both sides and reads the client's hello; `None` if it is not let in.
+    async fn admit(
+        &self,
+        client: TcpStream,
+        address: SocketAddr,
+    ) -> Result<Option<Admitted>, LinkError> {
+        let simulator = TcpStream::connect(address).await?;
+        simulator.set_nodelay(true)?;
+        let (mut client_reads, mut client_writes) = client.into_split();
+        let (mut simulator_reads, mut simulator_writes) = simulator.into_split();
+        let (version, _) = tokio::try_join!(
+            pass_greeting(&mut simulator_reads, &mut client_writes),
+            pass_greeting(&mut client_reads, &mut simulator_writes),
+        )?;
+        let Some(hello) = LinkMessage::read_request(&mut client_reads).await? else {
+            return Ok(None);
+        };
+        if let Some(token) = &self.route.token
+            && !token.is(hello.token().as_deref())
+        {
+            let text = "this recorder requires a token: set DTD_LINK_TOKEN to the same value on both sides";
+            let answer = Answer::Error { text: text.into() };
+            write_message(&mut client_writes, &answer, &[]).await?;
+            return Ok(None);
+        }
+        Ok(Some(Admitted {
+            version,
+            hello,
+            client: (client_reads, client_writes),
+            simulator: (simulator_reads, simulator_writes),
+        }))
+    }
+
+    /// Onto the tape, and then on.
     async fn pass(
         &self,
         direction: Direction,
-        mut reads: OwnedReadHalf,
-        mut writes: OwnedWriteHalf,
+        message: &LinkMessage,
+        to: &mut OwnedWriteHalf,
     ) -> Result<(), LinkError> {
-        while let Some(message) = LinkMessage::read(&mut reads).await? {
-            self.route
-                .deck
-                .link_message(self.number, direction, &message)
-                .await;
-            writes.write_all(message.bytes()).await?;
-        }
-        writes.shutdown().await?;
+        self.route
+            .deck
+            .link_message(self.number, direction, message)
+            .await;
+        to.write_all(message.bytes()).await?;
         Ok(())
     }
 

@@ -19,6 +19,8 @@ use crate::tape::format::{Channel, Direction};
 
 /// A client from and to whom nothing came for so long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);
+/// Clients at a time, each of which takes a socket: a few programs of one person.
+const MOST_CLIENTS: usize = 256;
 /// Datagrams of a client that may wait; more are lost, as UDP's are.
 const WAITING: usize = 1_000;
 /// Largest datagram.
@@ -32,6 +34,7 @@ pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), T
     let mut clients: HashMap<SocketAddr, mpsc::Sender<Vec<u8>>> = HashMap::new();
     let mut tasks = JoinSet::new();
     let mut count = 0;
+    let mut said_full = false;
     let mut buffer = vec![0; DATAGRAM_BYTES];
     loop {
         let (length, from) = match ours.recv_from(&mut buffer).await {
@@ -44,10 +47,23 @@ pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), T
         clients.retain(|_, client| !client.is_closed());
         let client = match clients.get(&from) {
             Some(known) => known,
+            None if clients.len() >= MOST_CLIENTS => {
+                if !std::mem::replace(&mut said_full, true) {
+                    tracing::warn!(%from, "datagrams ignored: {MOST_CLIENTS} clients are here already");
+                }
+                continue;
+            }
             None => {
+                let client = Client::open(count + 1, from, ours.clone(), route.clone()).await;
+                let client = match client {
+                    Ok(client) => client,
+                    Err(error) => {
+                        tracing::warn!(%from, %error, "datagram ignored: no socket for another client");
+                        continue;
+                    }
+                };
                 count += 1;
                 let (sender, datagrams) = mpsc::channel(WAITING);
-                let client = Client::open(count, from, ours.clone(), route.clone()).await?;
                 tasks.spawn(client.serve(datagrams));
                 clients.entry(from).or_insert(sender)
             }
@@ -74,12 +90,12 @@ impl Client {
         address: SocketAddr,
         ours: Arc<UdpSocket>,
         route: Arc<Route>,
-    ) -> Result<Self, TapeError> {
+    ) -> std::io::Result<Self> {
         let any: SocketAddr = match route.simulator {
             SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
             SocketAddr::V6(_) => (Ipv6Addr::UNSPECIFIED, 0).into(),
         };
-        let towards_simulator = UdpSocket::bind(any).await.map_err(socket_failed)?;
+        let towards_simulator = UdpSocket::bind(any).await?;
         for direction in [Direction::ToSimulator, Direction::FromSimulator] {
             let channel = Channel::Udp {
                 client: number,

@@ -1,0 +1,127 @@
+//! Servers with few descriptors and many clients that say nothing: they live on, and serve who speaks.
+
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpStream, UdpSocket};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+const IDLE: usize = 120;
+/// Fewer descriptors than idle clients.
+const DESCRIPTORS: u32 = 64;
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A `dtd` that serves until its standard input ends.
+struct Server {
+    child: Child,
+    ready: Value,
+}
+
+impl Server {
+    fn start(arguments: &[&str]) -> Self {
+        let mut child = Command::new("bash")
+            .arg("-c")
+            .arg(format!("ulimit -n {DESCRIPTORS} && exec \"$0\" \"$@\""))
+            .arg(env!("CARGO_BIN_EXE_dtd"))
+            .args(arguments)
+            .args(["--port", "0", "--until-stdin-ends"])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap())
+            .read_line(&mut line)
+            .unwrap();
+        let ready =
+            serde_json::from_str(&line).unwrap_or_else(|_| panic!("{arguments:?}: {line:?}"));
+        Self { child, ready }
+    }
+
+    fn address(&self, key: &str) -> SocketAddr {
+        self.ready[key].as_str().unwrap().parse().unwrap()
+    }
+
+    fn end(mut self) {
+        let early = self.child.try_wait().unwrap();
+        assert!(early.is_none(), "it ended by itself: {early:?}");
+        drop(self.child.stdin.take());
+        assert!(self.child.wait().unwrap().success());
+    }
+}
+
+fn idle(address: SocketAddr) -> Vec<TcpStream> {
+    let clients = (0..IDLE).map(|_| TcpStream::connect(address).unwrap());
+    clients.collect()
+}
+
+/// Waits for a whole greeting of the capture link.
+fn is_greeted(link: SocketAddr) {
+    let mut stream = TcpStream::connect(link).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    let mut greeting = [0; 8];
+    stream.read_exact(&mut greeting).unwrap();
+    assert!(greeting.starts_with(b"DTDL"));
+}
+
+#[test]
+fn a_hundred_and_twenty_idle_connections_end_no_stand_in() {
+    let server = Server::start(&["mock-xplane", "--no-beacon"]);
+    let (link, web) = (server.address("capture_link"), server.address("web_api"));
+    let _idle = [idle(link), idle(web)];
+    is_greeted(link);
+    let mut stream = TcpStream::connect(web).unwrap();
+    stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream
+        .write_all(
+            b"GET /api/capabilities HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n",
+        )
+        .unwrap();
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).unwrap();
+    assert!(answer.starts_with("HTTP/1.1 200"), "{answer}");
+    server.end();
+}
+
+#[test]
+fn a_hundred_and_twenty_idle_connections_and_clients_end_no_recorder() {
+    let stand_in = Server::start(&["mock-xplane", "--no-beacon"]);
+    let folder = tempfile::tempdir().unwrap();
+    let tape = folder.path().join("session.mcap");
+    let recorder = Server::start(&[
+        "record",
+        "--sim",
+        &stand_in.address("udp").to_string(),
+        "--out",
+        tape.to_str().unwrap(),
+    ]);
+    // Whoever asks for the link's port lets the recorder know where it is.
+    let mut request = b"RREF\0\x0a\0\0\0\0\0\0\0dtd/bridge/capture_port".to_vec();
+    request.resize(413, 0);
+    let asks = |socket: &UdpSocket| {
+        socket
+            .set_read_timeout(Some(Duration::from_millis(500)))
+            .unwrap();
+        let began = Instant::now();
+        while began.elapsed() < PATIENCE {
+            socket.send_to(&request, recorder.address("udp")).unwrap();
+            if socket.recv(&mut [0; 64]).is_ok() {
+                return;
+            }
+        }
+        panic!("no value came back");
+    };
+    asks(&UdpSocket::bind("127.0.0.1:0").unwrap());
+    let link = recorder.address("capture_link");
+    let _idle = idle(link);
+    let sockets: Vec<UdpSocket> = (0..IDLE)
+        .map(|_| UdpSocket::bind("127.0.0.1:0").unwrap())
+        .collect();
+    for socket in &sockets {
+        socket.send_to(&request, recorder.address("udp")).unwrap();
+    }
+    is_greeted(link);
+    recorder.end();
+    stand_in.end();
+}
