@@ -3,7 +3,7 @@
 #
 # Needs: Debian 12 (or a relative with apt), a Rust toolchain, Python 3, and root or sudo if packages are missing.
 # Installs: the development packages of FFmpeg, Xvfb (an X server without a screen, for the tests of screen capture), the programs
-# b3sum and ffmpeg, a virtual environment in .venv with ONNX Runtime (see requirements.txt), and one in .venv-clients with other
+# b3sum, ffmpeg and strace, a virtual environment in .venv with ONNX Runtime (see requirements.txt), and one in .venv-clients with other
 # authors' X-Plane clients.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -20,6 +20,8 @@ packages=(
     libavutil-dev libavcodec-dev libavformat-dev libavfilter-dev libavdevice-dev libswscale-dev libswresample-dev
     # Judges from outside: tests and benches hold our files against them.
     b3sum ffmpeg
+    # Which addresses a verb tries (tests/no_connections.rs).
+    strace
 )
 missing=()
 for package in "${packages[@]}"; do

@@ -512,7 +512,12 @@ async fn memory_that_cannot_be_drawn_into_is_refused_and_the_conversation_goes_o
     };
     let mut tall = capture(1, 0);
     (tall.height_px, tall.deliver) = (30 * 40, Deliver::Slot(0));
+    let hello = Request::Hello {
+        client: "test".into(),
+        token: None,
+    };
     for (request, expected) in [
+        (hello, "Hello"),
         (freeze, "Frozen"),
         (slot(0), "send share_memory first"),
         (Request::ShareMemory(lost), "secret"),
