@@ -294,7 +294,7 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it() {
         ),
         (
             Constant {
-                profile: Some(r#"{"input": {"scale": 1e39}}"#),
+                profile: Some(r#"{"input": {"scale": 0.0}}"#),
                 ..usual()
             },
             "input.scale",
