@@ -60,6 +60,7 @@ fn idle(address: SocketAddr) -> Vec<TcpStream> {
 fn is_greeted(link: SocketAddr) {
     let mut stream = TcpStream::connect(link).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
+    stream.write_all(b"DTDL\x02\0\0\0").unwrap();
     let mut greeting = [0; 8];
     stream.read_exact(&mut greeting).unwrap();
     assert!(greeting.starts_with(b"DTDL"));

@@ -21,9 +21,9 @@ use crate::tape::link_message::{LinkMessage, MAGIC};
 const GREETING: usize = 8;
 
 /// Connections at a time.
-const MOST_CONNECTIONS: usize = 16;
+const MOST_CONNECTIONS: usize = 32;
 /// How long greetings and the hello may take, on both sides together.
-const HELLO_WITHIN: Duration = Duration::from_secs(10);
+const HELLO_WITHIN: Duration = Duration::from_secs(5);
 
 /// Serves until dropped.
 pub(super) async fn run(listener: TcpListener, route: Arc<Route>) -> Infallible {
@@ -129,14 +129,17 @@ impl Connection {
         client: TcpStream,
         address: SocketAddr,
     ) -> Result<Option<Admitted>, LinkError> {
+        let (mut client_reads, mut client_writes) = client.into_split();
+        // Neither side waits for the other's greeting, so the client's comes by itself, and one that sends none costs the simulator nothing.
+        let greeting = read_greeting(&mut client_reads).await?;
         let simulator = TcpStream::connect(address).await?;
         simulator.set_nodelay(true)?;
-        let (mut client_reads, mut client_writes) = client.into_split();
         let (mut simulator_reads, mut simulator_writes) = simulator.into_split();
-        let (version, _) = tokio::try_join!(
-            pass_greeting(&mut simulator_reads, &mut client_writes),
-            pass_greeting(&mut client_reads, &mut simulator_writes),
-        )?;
+        simulator_writes.write_all(&greeting).await?;
+        let greeting = read_greeting(&mut simulator_reads).await?;
+        client_writes.write_all(&greeting).await?;
+        let [.., v0, v1, v2, v3] = greeting;
+        let version = u32::from_le_bytes([v0, v1, v2, v3]);
         let Some(hello) = LinkMessage::read_request(&mut client_reads).await? else {
             return Ok(None);
         };
@@ -180,18 +183,14 @@ impl Connection {
     }
 }
 
-/// Passes a greeting on and returns the version in it.
-async fn pass_greeting(
-    reads: &mut (impl AsyncReadExt + Unpin),
-    writes: &mut (impl AsyncWriteExt + Unpin),
-) -> Result<u32, LinkError> {
+/// A greeting, as far as it is one of the link.
+async fn read_greeting(reads: &mut OwnedReadHalf) -> Result<[u8; GREETING], LinkError> {
     let mut greeting = [0; GREETING];
     reads.read_exact(&mut greeting).await?;
-    let [m0, m1, m2, m3, v0, v1, v2, v3] = greeting;
+    let [m0, m1, m2, m3, ..] = greeting;
     let found = [m0, m1, m2, m3];
     if found != MAGIC {
         return Err(LinkError::NotTheLink { found });
     }
-    writes.write_all(&greeting).await?;
-    Ok(u32::from_le_bytes([v0, v1, v2, v3]))
+    Ok(greeting)
 }

@@ -58,7 +58,9 @@ pub(super) async fn run(ours: Arc<UdpSocket>, route: Arc<Route>) -> Result<(), T
                 let client = match client {
                     Ok(client) => client,
                     Err(error) => {
-                        tracing::warn!(%from, %error, "datagram ignored: no socket for another client");
+                        if !std::mem::replace(&mut said_full, true) {
+                            tracing::warn!(%from, %error, "datagrams ignored: no socket for another client");
+                        }
                         continue;
                     }
                 };
