@@ -17,7 +17,7 @@ from typing import Any, Callable, Protocol
 
 @dataclass(frozen=True)
 class Kind:
-    """What a dataref holds: ``int``, ``float`` or ``double``; elements of an array; whether it may be written."""
+    """What a dataref holds: ``int``, ``float``, ``double`` or ``byte``; elements of an array; whether it may be written."""
 
     type: str
     length: int | None = None
@@ -39,7 +39,10 @@ class World(Protocol):
     def publish(self, name: str, value: float) -> None: ...
     def begin_frame(self) -> int: ...
     def place_camera(self, position: list[float] | None) -> None: ...
-    def render(self, width: int, height: int) -> bytes: ...
+    def lose_camera(self) -> None: ...
+    def others_fly(self) -> bool: ...
+    def let_others_fly(self, fly: bool) -> None: ...
+    def render(self, width: int, height: int, windows: bool = False) -> bytes: ...
 
 
 class FakeXpError(AssertionError):
@@ -62,7 +65,7 @@ class ProbeInfo:
 
 
 class FakeXp:
-    """Stands in for the module ``xp``."""
+    """Stands in for the module ``xp``. ``quirks`` are those of ``docs/simulator.md`` that concern frames and callbacks."""
 
     Type_Unknown, Type_Int, Type_Float, Type_Double = 0, 1, 2, 4
     Type_FloatArray, Type_IntArray, Type_Data = 8, 16, 32
@@ -72,34 +75,53 @@ class FakeXp:
     ProbeY = 0
     ProbeHitTerrain, ProbeError, ProbeMissed = 0, 1, 2
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, quirks: frozenset[str] = frozenset()) -> None:
         self.world = world
+        self.quirks = quirks
         self.lines: list[str] = []
         self.cycle = 0
         self._thread = threading.get_ident()
-        self._loops: dict[int, Callable[..., float]] = {}
+        self._frames = 0
+        # Callback and phase.
+        self._loops: dict[int, tuple[Callable[..., float], int]] = {}
         self._scheduled: set[int] = set()
         self._camera: tuple[Callable[..., int], Any] | None = None
         self._draws: list[tuple[Callable[..., int], int, int, Any]] = []
         self._accessors: dict[int, tuple[str, Callable[[Any], float], Any]] = {}
+        self._planes: tuple[Any, Any] | None = None
         self._next_id = 1
         self._drawing = False
+        self._windows = False
+        self._before_flight_model = False
 
     # What the host does.
 
     def frame(self) -> None:
-        """One frame of the simulator: flight loops, camera, drawing."""
-        self.cycle = self.world.begin_frame()
-        for loop in [l for l in self._loops if l in self._scheduled]:
-            if self._loops[loop](0.016, 0.016, self.cycle, None) == 0:
-                self._scheduled.discard(loop)
-        self._run_camera()
-        for after in (0, 1):
-            for callback, phase, when, refcon in list(self._draws):
-                if when == after:
+        """One frame of the simulator: flight loops before and after the flight model, camera, drawing."""
+        self._frames += 1
+        two_cycles = "two_cycles_per_loop" in self.quirks
+        camera_first = "camera_callback_order" in self.quirks and self._frames % 2 == 0
+        frame = self.world.begin_frame()
+        self.cycle = 2 * frame if two_cycles else frame
+        self._before_flight_model = True
+        self._run_loops(self.FlightLoop_Phase_BeforeFlightModel)
+        self._before_flight_model = False
+        if camera_first:
+            self._run_camera()
+        self._run_loops(self.FlightLoop_Phase_AfterFlightModel)
+        if two_cycles:
+            self.cycle += 1
+        if not camera_first:
+            self._run_camera()
+        # SDK: 1 is before the phase, 0 after it. What comes after the phase finds the windows drawn.
+        for when in (1, 0) if "draw_before_is_one" in self.quirks else (0, 1):
+            for callback, phase, registered, refcon in list(self._draws):
+                if registered == when:
                     self._drawing = True
-                    callback(phase, after, refcon)
+                    callback(phase, when, refcon)
                     self._drawing = False
+            self._windows = True
+        self._windows = False
         for name, read, refcon in self._accessors.values():
             self.world.publish(name, read(refcon))
 
@@ -108,12 +130,25 @@ class FakeXp:
         if self._camera is not None:
             callback, refcon = self._camera
             self._camera = None
+            self.world.lose_camera()
             callback(None, 1, refcon)
+
+    def _run_loops(self, phase: int) -> None:
+        for loop in [l for l in self._loops if l in self._scheduled]:
+            if loop not in self._loops or self._loops[loop][1] != phase:
+                continue
+            if self._loops[loop][0](0.016, 0.016, self.cycle, None) == 0:
+                self._scheduled.discard(loop)
 
     def must_be_drawing(self) -> None:
         """OpenGL exists in draw callbacks only."""
         if not self._drawing:
             raise FakeXpError("OpenGL is called outside a draw callback")
+
+    @property
+    def windows_drawn(self) -> bool:
+        """Whether the windows of the user interface lie over what is read back now."""
+        return self._windows
 
     def _run_camera(self) -> None:
         position = None
@@ -123,6 +158,9 @@ class FakeXp:
             # Only what is done to this very list counts.
             if callback(asked, 0, refcon) == 1:
                 position = [as_float32(value) for value in asked]
+            elif "camera_taken" in self.quirks and self._camera == (callback, refcon):
+                # Whoever answers 0 gives the camera up.
+                self._camera = None
         self.world.place_camera(position)
 
     def _here(self) -> None:
@@ -143,6 +181,33 @@ class FakeXp:
         self._here()
         return self.cycle
 
+    def getVersions(self) -> tuple[int, int, int]:
+        """X-Plane's version in five digits, 12430 for 12.4.3; the SDK's; the host application, 1 for X-Plane."""
+        self._here()
+        internal = int(self.world.get("sim/version/xplane_internal_version", 0))
+        logs = "log_version_numbers" in self.quirks and internal >= 120_000
+        return (internal // 100 * 10 if logs else internal // 10), 411, 1
+
+    def countAircraft(self) -> tuple[int, int, int]:
+        """Aircraft that there are, those that fly, and the plugin that holds the others."""
+        self._here()
+        return 20, 2 if self.world.others_fly() else 1, -1 if self._planes is None else 1
+
+    def acquirePlanes(self, aircraft: Any = None, callback: Any = None, refCon: Any = None) -> int:
+        self._here()
+        self._planes = (callback, refCon)
+        return 1
+
+    def releasePlanes(self) -> None:
+        self._here()
+        self._planes = None
+
+    def setActiveAircraftCount(self, count: int) -> None:
+        self._here()
+        if self._planes is None:
+            raise FakeXpError("the number of aircraft is set without having acquired them")
+        self.world.let_others_fly(count > 1)
+
     def findDataRef(self, name: str) -> Any:
         self._here()
         kind = self.world.kind(name)
@@ -150,6 +215,8 @@ class FakeXp:
 
     def getDataRefTypes(self, ref: Any) -> int:
         _, kind = ref
+        if kind.type == "byte":
+            return self.Type_Data
         if kind.length is not None:
             return self.Type_IntArray if kind.type == "int" else self.Type_FloatArray
         return {"int": self.Type_Int, "float": self.Type_Float, "double": self.Type_Double | self.Type_Float}[kind.type]
@@ -206,6 +273,15 @@ class FakeXp:
     def getDatavi(self, ref: Any, values: list[int] | None = None, offset: int = 0, count: int = -1) -> int:
         return self._get_array(ref, values, offset, count)
 
+    def getDatas(self, ref: Any, offset: int = 0, count: int = -1) -> str:
+        self._here()
+        name, kind = ref
+        if kind.type != "byte":
+            raise FakeXpError(f"{name} is read as a text, but is {kind}")
+        end = kind.length if count < 0 else min(kind.length, offset + count)
+        read = bytes(int(self.world.get(name, index)) for index in range(offset, end))
+        return read.split(b"\0")[0].decode()
+
     def _set_array(self, ref: Any, values: list[Any], offset: int, count: int) -> None:
         self._here()
         name, kind = ref
@@ -246,7 +322,7 @@ class FakeXp:
     def createFlightLoop(self, callback: Callable[..., float], phase: int = 0, refCon: Any = None) -> int:
         self._here()
         loop = self._new_id()
-        self._loops[loop] = callback
+        self._loops[loop] = (callback, phase)
         return loop
 
     def scheduleFlightLoop(self, flightLoopID: int, interval: float = 0.0, relativeToNow: int = 1) -> None:
@@ -265,6 +341,10 @@ class FakeXp:
     def dontControlCamera(self) -> None:
         self._here()
         self._camera = None
+
+    def isCameraBeingControlled(self) -> int:
+        self._here()
+        return 0 if self._camera is None else self.ControlCameraForever
 
     def registerDrawCallback(self, callback: Callable[..., int], phase: int, after: int, refCon: Any) -> int:
         self._here()
@@ -304,6 +384,8 @@ class FakeXp:
         self, latitude: float, longitude: float, elevation: float, heading: float, speed: float
     ) -> None:
         self._here()
+        if "late_start_crashes" in self.quirks and not self._before_flight_model:
+            raise FakeXpError("a flight is started outside the flight loops before the flight model: X-Plane crashes")
         self.world.place_user(latitude, longitude, as_float32(elevation), as_float32(heading), as_float32(speed))
 
     def createProbe(self, probeType: int) -> int:
@@ -325,6 +407,8 @@ class FakeXp:
     def commandOnce(self, command: str) -> None:
         self._here()
         self.world.command(command)
+        if command == "sim/operation/screenshot" and "camera_taken" in self.quirks:
+            self.steal_camera()
 
     def degTrueToDegMagnetic(self, degrees: float) -> float:
         self._here()
@@ -357,7 +441,7 @@ class FakeGl:
         self._xp.must_be_drawing()
         if (form, kind, self._alignment) != (0x1907, 0x1401, 1):
             raise FakeXpError(f"glReadPixels of form {form:#x}, type {kind:#x}, alignment {self._alignment}")
-        rgb, row = self._xp.world.render(width, height), width * 3
+        rgb, row = self._xp.world.render(width, height, self._xp.windows_drawn), width * 3
         # The lowest row first.
         pixels.raw = b"".join(rgb[at : at + row] for at in range((height - 1) * row, -1, -row)) + b"\0" * (
             len(pixels.raw) - len(rgb)

@@ -47,7 +47,7 @@ class PipeWorld:
         self._ask("set", name, index, value)
 
     def knows_command(self, path: str) -> bool:
-        return path.startswith(("sim/operation/pause_o", "sim/operation/fix_all", "sim/operation/regen_weather", "sim/autopilot/"))
+        return path.startswith(("sim/operation/", "sim/autopilot/"))
 
     def command(self, path: str) -> None:
         self._ask("command", path)
@@ -76,7 +76,16 @@ class PipeWorld:
         if position is not None:
             self._ask("place_camera", *position)
 
-    def render(self, width: int, height: int) -> bytes:
+    def lose_camera(self) -> None:
+        pass
+
+    def others_fly(self) -> bool:
+        return False
+
+    def let_others_fly(self, fly: bool) -> None:
+        pass
+
+    def render(self, width: int, height: int, windows: bool = False) -> bytes:
         count = self._ask("render", width, height)
         return self._answers.read(count)
 
@@ -104,6 +113,9 @@ def run(settings: dict[str, Any]) -> None:
     plugin = importlib.import_module("PI_dtd_bridge")
     pixels = importlib.import_module("dtd_bridge.pixels")
     pixels.load_library = lambda: FakeGl(xp)
+    # Scenery is there at once.
+    scenery = importlib.import_module("dtd_bridge.scenery")
+    scenery.HOLD_S = scenery.PROBE_GAP_S = 0.0
     link = importlib.import_module("dtd_bridge.settings").Settings(
         bind=settings["bind"], port=settings["port"], token=settings["token"], weather_settle_s=0.0
     )

@@ -24,6 +24,22 @@ DATAREFS = {
     "sim/graphics/view/window_width": (Kind("int", None, False), 64),
     "sim/graphics/view/window_height": (Kind("int", None, False), 48),
     "sim/graphics/view/field_of_view_deg": (Kind("float"), 60),
+    "sim/graphics/view/vertical_field_of_view_deg": (Kind("float"), 45),
+    "sim/graphics/settings/non_proportional_vertical_FOV": (Kind("int"), 0),
+    # In the cockpit, as after every start.
+    "sim/graphics/view/view_is_external": (Kind("int", None, False), 0),
+    "sim/time/use_system_time": (Kind("int"), 1),
+    "sim/time/local_date_days": (Kind("int"), 10),
+    "sim/time/zulu_time_sec": (Kind("float"), 3_600),
+    "sim/time/is_in_replay": (Kind("int", None, False), 0),
+    "sim/weather/use_real_weather_bool": (Kind("int"), 1),
+    "sim/joystick/mouse_is_yoke": (Kind("int"), 1),
+    **{f"sim/operation/override/override_{name}": (Kind("int"), 0) for name in ("joystick", "flightcontrol", "throttles")},
+    "sim/cockpit2/radios/indicators/show_popup": (Kind("int", 4), 1),
+    "sim/cockpit2/autopilot/autopilot_electric_master": (Kind("int"), 0),
+    "sim/cockpit2/autopilot/airspeed_is_mach": (Kind("int"), 1),
+    "sim/cockpit2/radios/actuators/HSI_source_select_pilot": (Kind("int"), 2),
+    "sim/cockpit/autopilot/heading_mag": (Kind("float"), 0),
     **{
         f"sim/graphics/view/view_{name}": (Kind("float", None, False), 0)
         for name in ("x", "y", "z", "pitch", "heading", "roll")
@@ -56,7 +72,7 @@ DATAREFS = {
 }
 COMMANDS = {
     "sim/operation/pause_on", "sim/operation/pause_off", "sim/operation/pause_toggle", "sim/operation/fix_all_systems",
-    "sim/operation/regen_weather",
+    "sim/operation/regen_weather", "sim/view/free_camera", "sim/view/default_view",
     "sim/autopilot/servos_on", "sim/autopilot/autothrottle_on", "sim/autopilot/NAV", "sim/autopilot/approach",
     "sim/autopilot/glide_slope", "sim/autopilot/altitude_hold", "sim/autopilot/vertical_speed",
 }  # fmt: skip
@@ -103,7 +119,13 @@ class PaperWorld:
         self.dead_buttons: set[str] = set()
         self.dead_engines: set[int] = set()
         self.ground_is_loaded = True
+        # Other aircraft, and how often the camera was taken away.
+        self.others = False
+        self.lost_cameras = 0
         self.rendered: list[tuple[float, ...]] = []
+        # What is drawn is so many frames old.
+        self.lag_frames = 0
+        self.shown: list[int] = [0]
         # Called at the beginning of each frame, to disturb.
         self.disturb = lambda world: None
 
@@ -123,6 +145,8 @@ class PaperWorld:
         self.commands.append(path)
         paused = {"pause_on": 1.0, "pause_off": 0.0, "pause_toggle": 1.0 - self.get("sim/time/paused")}
         name = path.rsplit("/", 1)[1]
+        if path.startswith("sim/view/"):
+            self.set("sim/graphics/view/view_is_external", 0, float(name == "free_camera"))
         if name in paused:
             self.set("sim/time/paused", 0, paused[name])
         # Harsher than X-Plane is known to be: on the ground, or stopped, the autopilot takes nothing.
@@ -143,8 +167,12 @@ class PaperWorld:
             self.set(STATUS + TOGGLES[name], 0, float(on))
             if on and name in EXCLUDES:
                 self.set(STATUS + EXCLUDES[name], 0, 0)
+            # What a mode finds is what it keeps, until it is dialled.
             if name == "vertical_speed" and on:
                 self.set("sim/cockpit/autopilot/vertical_velocity", 0, 0)
+            if name == "altitude_hold" and on:
+                at = self.local_to_world(*(self.get(f"sim/flightmodel/position/local_{axis}") for axis in "xyz"))
+                self.set("sim/cockpit/autopilot/altitude", 0, round(at[2] / 0.3048, -2))
         elif name == "approach":
             on = not self.status("approach")
             for mode in ("nav", "glideslope"):
@@ -235,12 +263,29 @@ class PaperWorld:
             self.set(position + axis, 0, value)
 
     def place_camera(self, position: list[float] | None) -> None:
+        self.shown = [*self.shown, self.colour()][-1 - self.lag_frames :]
         if position is not None:
             for name, value in zip(("x", "y", "z", "pitch", "heading", "roll"), position):
                 self.set(f"sim/graphics/view/view_{name}", 0, value)
 
-    def render(self, width: int, height: int) -> bytes:
-        """Red grows to the right, green downwards, blue is the frame's number."""
+    def lose_camera(self) -> None:
+        self.lost_cameras += 1
+
+    def others_fly(self) -> bool:
+        return self.others
+
+    def let_others_fly(self, fly: bool) -> None:
+        self.others = fly
+
+    def render(self, width: int, height: int, windows: bool = False) -> bytes:
+        """Red grows to the right, green downwards, blue is where the aircraft was so many frames ago; a window has the first pixel."""
         self.rendered.append(tuple(self.get(f"sim/graphics/view/view_{name}") for name in ("x", "y", "z")))
-        blue = self.cycle % 256
-        return b"".join(bytes((x % 256, y % 256, blue)) for y in range(height) for x in range(width))
+        blue = self.shown[0]
+        rgb = bytearray(b"".join(bytes((x % 256, y % 256, blue)) for y in range(height) for x in range(width)))
+        if windows:
+            rgb[:3] = b"\xff\x00\xff"
+        return bytes(rgb)
+
+    def colour(self) -> int:
+        """Of an aircraft here."""
+        return int(abs(self.get("sim/flightmodel/position/local_z"))) % 256

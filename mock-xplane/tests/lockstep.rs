@@ -509,6 +509,7 @@ async fn memory_that_cannot_be_drawn_into_is_refused_and_the_conversation_goes_o
         runway: runway(),
         settle_frames: 0,
         imaging: Vec::new(),
+        running_at: None,
     };
     let mut tall = capture(1, 0);
     (tall.height_px, tall.deliver) = (30 * 40, Deliver::Slot(0));

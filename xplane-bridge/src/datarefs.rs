@@ -39,12 +39,16 @@ pub const USE_SYSTEM_TIME: &str = "sim/time/use_system_time";
 
 /// Seconds since the simulator was started: smaller than before means another run of it.
 pub const RUNNING_TIME_S: &str = "sim/time/total_running_time_sec";
+/// Simulated seconds since the flight began: stands still in a pause, and in a menu.
+pub const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
 /// 1 while the simulator's time stands still. Read-only: [`COMMAND_PAUSE_ON`] and [`COMMAND_PAUSE_OFF`] change it.
 pub const PAUSED: &str = "sim/time/paused";
+/// Size of the user's aircraft across, metres, by which X-Plane draws its shadow.
+pub const AIRCRAFT_WIDTH_M: &str = "sim/aircraft/view/acf_size_x";
+/// The same lengthwise.
+pub const AIRCRAFT_LENGTH_M: &str = "sim/aircraft/view/acf_size_z";
 /// Type designator of the user's aircraft, one character per element.
 pub const AIRCRAFT_ICAO: &str = "sim/aircraft/view/acf_ICAO";
-/// Indicated airspeed, knots. Reads zero for a while after a start in the air.
-pub const INDICATED_AIRSPEED_KT: &str = "sim/flightmodel/position/indicated_airspeed";
 
 /// Element 0 set to 1 stops the flight model of the user's aircraft.
 pub const OVERRIDE_FLIGHT_MODEL: &str = "sim/operation/override/override_planepath[0]";
@@ -146,6 +150,8 @@ pub const AUTOPILOT_MODE: &str = "sim/cockpit/autopilot/autopilot_mode";
 
 /// Rebuilds the weather from its datarefs.
 pub const COMMAND_REGENERATE_WEATHER: &str = "sim/operation/regen_weather";
+/// Leaves a menu, or opens it.
+pub const COMMAND_TOGGLE_MAIN_MENU: &str = "sim/operation/toggle_main_menu";
 /// Lets the simulator's time run.
 pub const COMMAND_PAUSE_OFF: &str = "sim/operation/pause_off";
 /// Stops the simulator's time.
@@ -398,12 +404,14 @@ pub fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
 }
 
 /// An aircraft that X-Plane brings along.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AircraftFile {
     /// What [`AIRCRAFT_ICAO`] reads while it is loaded.
     pub icao: &'static str,
     /// Its `.acf` file below X-Plane's folder.
     pub path: &'static str,
+    /// Wing span and length of the type, metres.
+    pub size_m: (f64, f64),
 }
 
 /// The file of an aircraft as sweeps name it; `None` for one that we do not know, which a person has to load.
@@ -413,7 +421,11 @@ pub fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile>
         ("B737-800", Generation::XPlane12) => "Aircraft/Laminar Research/Boeing 737-800/b738.acf",
         _ => return None,
     };
-    Some(AircraftFile { icao: "B738", path })
+    Some(AircraftFile {
+        icao: "B738",
+        path,
+        size_m: (35.8, 39.5),
+    })
 }
 
 /// A frequency as [`NAV1_FREQUENCY`] counts it: whole tens of kilohertz.

@@ -99,12 +99,37 @@ pub enum BridgeError {
         /// What it is now, if it answers.
         found: Option<f32>,
     },
+    /// Simulated time does not move.
+    #[error(
+        "no flight is on at {address}: simulated time did not move for {waited:?}, twice, and toggling the main menu did not help. Is Flight \
+         Configuration, a menu or a question open in X-Plane? Start any flight, and run the same command again"
+    )]
+    NotReady {
+        /// Which simulator.
+        address: SocketAddr,
+        /// How long was waited each time.
+        waited: Duration,
+    },
+    /// Another aircraft would be in the pictures.
+    #[error(
+        "the aircraft that is loaded is {found}, expected {wanted} ({path}): load it in X-Plane, and run the same command again"
+    )]
+    WrongAircraft {
+        /// Type that the sweep names.
+        wanted: &'static str,
+        /// Type that X-Plane says.
+        found: String,
+        /// File of the wanted one.
+        path: &'static str,
+    },
     /// The aircraft is not where a flight was to begin.
     #[error(
-        "the aircraft was put to {wanted_latitude_deg:.4}, {wanted_longitude_deg:.4} {attempts} times (PREL), but {}",
+        "the aircraft was put to {wanted_latitude_deg:.4}, {wanted_longitude_deg:.4} {attempts} times ({by}), but {}",
         .found.map_or("its position never came (RPOS)".to_owned(), |(latitude, longitude)| format!("is at {latitude:.4}, {longitude:.4}"))
     )]
     NotPlaced {
+        /// By which way.
+        by: &'static str,
         /// How often it was put there.
         attempts: u32,
         /// Where to.

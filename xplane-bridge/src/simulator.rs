@@ -21,7 +21,7 @@ use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-use dataset::conditions::Conditions;
+use dataset::conditions::{Clock, Conditions};
 use dataset::imaging::Imaging;
 use dataset::pose::FlightState;
 use dataset::runway::Runway;
@@ -29,7 +29,7 @@ use tokio::time::{Instant, timeout_at};
 
 use crate::datarefs::{self, Generation};
 use crate::error::BridgeError;
-use crate::fly::FlyRequest;
+use crate::fly::{FlightStart, FlyRequest};
 use crate::link::{
     Answer, CaptureRequest, CapturedFrame, Deliver, LINK_VERSION, MAX_OUTSTANDING_CAPTURES,
     PictureBytes, PictureSize, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
@@ -100,6 +100,8 @@ pub struct Simulator {
     vigil: Option<Vigil>,
     /// The aircraft that flies, as sweeps name it.
     aircraft: Option<String>,
+    /// The flight that has begun and is still to be flown.
+    begun: Option<FlightStart>,
     /// With the memory that was lent for the picture, if it does not travel.
     outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
     sharing: Sharing,
@@ -208,6 +210,7 @@ impl Simulator {
             conditions: None,
             vigil: None,
             aircraft: None,
+            begun: None,
             outstanding: VecDeque::new(),
             sharing,
             spare_buffers: Vec::new(),
@@ -239,18 +242,26 @@ impl Simulator {
     /// If the aircraft, the radios or the autopilot do not take their settings, the simulator gives up, or it does not have
     /// the conditions any more that were set.
     pub async fn fly(&mut self, request: &FlyRequest) -> Result<Vec<FlightState>, BridgeError> {
-        self.let_aircraft_go().await?;
+        if self.begun.take() != Some(request.start) {
+            let conditions = self.conditions.clone();
+            self.begin_flight(&request.start, conditions.as_ref())
+                .await?;
+            self.await_weather_of(conditions.as_ref()).await?;
+        }
         self.resume().await?;
-        let request = FlyRequest {
-            already_started: self.start_flight(&request.start).await?,
-            ..request.clone()
-        };
         let radios = datarefs::approach_writes(&request.runway);
         self.write_until_read_back(&radios).await?;
-        // Our plugin engages the autopilot itself, once the aircraft is in the air: two who press its buttons switch it off again.
-        if self.description.plugin.is_none() {
+        // Our plugin holds the aircraft until it lets it go with a velocity, and engages the autopilot itself, once the aircraft is in the air: two
+        // who press its buttons switch it off again.
+        let by_plugin = self.description.plugin.is_some();
+        if !by_plugin {
+            self.let_aircraft_go().await?;
             self.engage_approach().await?;
         }
+        let request = FlyRequest {
+            already_started: by_plugin,
+            ..request.clone()
+        };
         // X-Plane flies in real time; the margin is for loading scenery around the start.
         let limit = Duration::try_from_secs_f64(request.time_limit_s.clamp(0.0, 86_400.0))
             .unwrap_or_default()
@@ -298,12 +309,21 @@ impl Simulator {
             runway: runway.clone(),
             settle_frames: self.settle_frames,
             imaging: if ideal { vec![] } else { views.to_vec() },
+            running_at: self.running_at(),
         };
         match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
             Answer::Frozen => {}
             other => return Err(wrong("frozen", &other)),
         }
         self.set_clock_exactly().await
+    }
+
+    /// The clock, if time has to run while pictures are taken: X-Plane's rain and snow fall only then.
+    fn running_at(&self) -> Option<Clock> {
+        let falls = |conditions: &&Conditions| conditions.weather.rain_ratio > 0.0;
+        self.description.plugin.as_ref()?;
+        let conditions = self.conditions.as_ref().filter(falls)?;
+        Some(conditions.clock)
     }
 
     /// Whether this simulator can draw such views; nothing is sent.

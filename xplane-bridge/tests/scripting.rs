@@ -12,6 +12,7 @@ use tokio::time::{Instant, sleep};
 use xplane_bridge::datarefs;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::Request;
+use xplane_bridge::packet::PlaceAtStart;
 use xplane_bridge::{BridgeError, Simulator};
 
 const ELEVEN: f32 = 115_501.0;
@@ -332,6 +333,114 @@ async fn modes_of_the_autopilot_that_are_on_are_left_on() {
         assert_eq!(pressed(button), 1, "{button}");
     }
     simulator.release().await.unwrap();
+}
+
+/// The aircraft at a latitude, on the runway's longitude.
+fn at_latitude(latitude_deg: f64) -> PlaceAtStart {
+    PlaceAtStart {
+        start_type: 6,
+        plane: 0,
+        airport: String::new(),
+        runway: 0,
+        runway_end: 0,
+        latitude_deg,
+        longitude_deg: 103.977_501_24,
+        elevation_msl_m: 10.0,
+        heading_true_deg: 0.0,
+        speed_mps: 0.0,
+    }
+}
+
+#[tokio::test]
+async fn an_aircraft_that_is_far_away_or_another_one_travels_and_one_that_is_there_stays() {
+    for (latitude_deg, icao, travels) in [
+        (1.36, "B738", false),
+        (9.5, "B738", true),
+        (1.36, "C172", true),
+    ] {
+        let fake = Fake::start(TWELVE, icao, Some("dtd plugin")).await;
+        fake.told().parked = Some(at_latitude(latitude_deg));
+        let mut simulator = fake.connect().await;
+        simulator.set_aircraft("B737-800");
+        let start = flight().start;
+        simulator
+            .prepare(&conditions(), &start, false)
+            .await
+            .unwrap();
+        let told = fake.told();
+        let travelled = told.requests.iter().any(|request| {
+            matches!(request, Request::Travel { start: to, already_started: false } if *to == start)
+        });
+        assert_eq!(travelled, travels, "{icao} at {latitude_deg}");
+        assert_eq!(told.loads.len(), usize::from(icao != "B738"));
+    }
+}
+
+#[tokio::test]
+async fn a_live_flight_is_begun_once_and_flown_from_there() {
+    let fake = Fake::start(TWELVE, "B738", Some("dtd plugin")).await;
+    fake.told().parked = Some(at_latitude(1.36));
+    let mut simulator = fake.connect().await;
+    simulator.set_aircraft("B737-800");
+    let request = flight();
+    simulator
+        .prepare(&conditions(), &request.start, true)
+        .await
+        .unwrap();
+    simulator.set_conditions(&conditions()).await.unwrap();
+    simulator.fly(&request).await.unwrap();
+    let told = fake.told();
+    let travels = told
+        .requests
+        .iter()
+        .filter(|r| matches!(r, Request::Travel { .. }));
+    assert_eq!(travels.count(), 1);
+    let flown = told.requests.iter().find_map(|request| match request {
+        Request::Fly(flight) => Some(flight.already_started),
+        _ => None,
+    });
+    assert_eq!(flown, Some(true));
+}
+
+#[tokio::test]
+async fn a_menu_is_left_once_and_one_that_stays_is_an_error_that_says_so() {
+    for helps in [true, false] {
+        let fake = Fake::start(TWELVE, "B738", Some("dtd plugin")).await;
+        fake.told().parked = Some(at_latitude(1.36));
+        fake.told().menu = Some(helps);
+        let mut simulator = fake.connect().await;
+        let prepared = simulator
+            .prepare(&conditions(), &flight().start, false)
+            .await;
+        let toggled = |path: &&String| *path == datarefs::COMMAND_TOGGLE_MAIN_MENU;
+        assert_eq!(fake.told().commands.iter().filter(toggled).count(), 1);
+        match prepared {
+            Ok(()) => assert!(helps),
+            Err(error) => assert!(
+                !helps && error.to_string().contains("Flight Configuration"),
+                "{error}"
+            ),
+        }
+    }
+}
+
+#[tokio::test]
+async fn rain_is_captured_while_time_runs_and_a_dry_scenario_in_a_pause() {
+    for rain_ratio in [0.25, 0.0] {
+        let fake = Fake::start(TWELVE, "B738", Some("dtd plugin")).await;
+        let mut simulator = fake.connect().await;
+        let mut conditions = conditions();
+        conditions.weather.rain_ratio = rain_ratio;
+        simulator.set_conditions(&conditions).await.unwrap();
+        simulator.freeze(&runway()).await.unwrap();
+        let told = fake.told();
+        let running_at = told.requests.iter().find_map(|request| match request {
+            Request::Freeze { running_at, .. } => Some(*running_at),
+            _ => None,
+        });
+        let expected = (rain_ratio > 0.0).then_some(conditions.clock);
+        assert_eq!(running_at, Some(expected));
+    }
 }
 
 #[tokio::test]

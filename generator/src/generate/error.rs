@@ -218,6 +218,7 @@ impl ScenarioError {
                 | BridgeError::BadConditions { .. }
                 | BridgeError::NotTaken { .. }
                 | BridgeError::WeatherNotTaken { .. }
+                | BridgeError::WrongAircraft { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,
                 _ => Blame::Simulator,
             },

@@ -29,6 +29,9 @@ use crate::trajectory::Trajectory;
 
 /// A live flight may take so many times as long as expected, and this many seconds more, before the simulator gives up.
 const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
+/// Where an aircraft that only has to be near is put, and how fast: in the air, so that it stands in no building and on no other aircraft.
+const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
+const WAITING_SPEED_MPS: f64 = 80.0;
 /// A frame's pose and its time are the simulator's to keep together; what a person can do when it does not.
 const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulator hitched (scenery that loads, another program), let it \
      settle, lower its graphics until `dtd doctor` finds 20 frames a second or more, and run the same command again";
@@ -106,6 +109,10 @@ async fn record_into(
     let cancel = attempt.cancel;
     let mut simulator = cancel.or(session.connect()).await?;
     simulator.set_aircraft(&common.aircraft);
+    let (start, live) = start(work, scenario);
+    cancel
+        .or(simulator.prepare(&parameters.conditions, &start, live))
+        .await?;
     cancel
         .or(simulator.set_conditions(&parameters.conditions))
         .await?;
@@ -172,6 +179,21 @@ fn calibration(views: &[View], picture: Picture) -> Calibration {
         conventions: Conventions::default(),
         cameras: views.iter().map(entry).collect(),
     }
+}
+
+/// Where the aircraft has to be before weather is set, and whether it flies on from there.
+fn start(work: &Work<'_>, scenario: &PlannedScenario) -> (FlightStart, bool) {
+    if let (Flight::Live, Some(live)) = (&scenario.parameters.flight, &scenario.parameters.live) {
+        return (fly_request(&work.plan.common, scenario, live).start, true);
+    }
+    let runway = &work.plan.common.runway;
+    let above_runway_m = runway.threshold.altitude_msl_m + WAITING_ABOVE_RUNWAY_M;
+    let start = FlightStart {
+        position: runway.threshold.lat_lon().at_altitude_m(above_runway_m),
+        heading_true_deg: runway.course_true_deg,
+        speed_mps: WAITING_SPEED_MPS,
+    };
+    (start, false)
 }
 
 /// The flight of a scenario: read with the sweep, or flown now.

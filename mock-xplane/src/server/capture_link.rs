@@ -307,6 +307,9 @@ impl Studio {
                 ready(Answer::Terrain { elevation_msl_m })
             }
             Request::CheckPattern { code } => self.check_pattern(code).await,
+            Request::Travel { .. } => {
+                refusal("the stand-in is started by PREL, or by its Web API".into())
+            }
             Request::Command { path } => match self.world.lock().command(&path) {
                 true => ready(Answer::Commanded),
                 false => refusal(format!("the stand-in has no command {path}")),

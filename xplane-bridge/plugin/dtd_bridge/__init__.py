@@ -5,8 +5,10 @@ Which module answers which question:
 ``wire``           bytes <-> messages; ``messages``: headers <-> typed requests. Neither knows X-Plane.
 ``server``         sockets, in threads of their own. Nothing there calls ``xp``.
 ``bridge``         one step per simulator frame, in X-Plane's main thread: takes requests, runs them, sends answers.
+``found``          X-Plane as the client found it, and giving it back.
 ``stage``          freezing, and the one callback that writes pose and camera of a tick; reads both back.
-``capture``        settle frames, the frame that counts, its pixels.
+``capture``        settle frames, the frame that counts, its pixels and the proof that they are new.
+``scenery``        waiting for the ground, and its height. ``traffic``: no other aircraft.
 ``flight``         air start, the crew's work, the log; ``approach``: what to dial when, pure. ``autopilot``: its switches, read and set.
 ``local_frame``    WGS-84 poses <-> X-Plane's local OpenGL coordinates. Pure, given the two conversions of ``xp``.
 ``opengl``         the few OpenGL calls; ``check_pattern``: the picture that proves a screen grab.

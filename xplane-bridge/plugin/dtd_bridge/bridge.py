@@ -10,16 +10,20 @@ import queue
 from collections import deque
 from typing import Any, Generator
 
-from . import NAME, VERSION, capture, flight, messages
+from . import NAME, VERSION, capture, messages
 from . import datarefs as names
 from .capture import Answer
 from .datarefs import Datarefs
+from .flight import Flights
+from .found import Found
 from .local_frame import LocalFrame
 from .messages import Refusal
 from .pixels import Pixels
+from .scenery import Ground
 from .server import Asked, Closed, Connection, LinkServer, Note, Opened
 from .settings import Settings
 from .stage import Stage
+from .traffic import Traffic
 from .wire import Header, printable
 
 # Frames that the check pattern may take to be drawn, and a pause to take hold.
@@ -38,7 +42,10 @@ class Bridge:
         self._frame = LocalFrame(xp.worldToLocal, xp.localToWorld)
         self._stage = Stage(xp, self._datarefs, self._frame)
         self._pixels = Pixels(xp, self._datarefs, gl_library)
-        self._probe: Any = None
+        self._ground = Ground(xp)
+        self._traffic = Traffic(xp)
+        self._flights = Flights(self._stage, self._datarefs, self._frame, self._ground, self._traffic, xp)
+        self._found = Found(xp, self._datarefs)
         self._settle_frames = 1
         self._client: Connection | None = None
         self._waiting: deque[Asked] = deque()
@@ -56,13 +63,14 @@ class Bridge:
         """Gives X-Plane everything back."""
         self._server.close()
         self._leave()
+        self._found.give_back_everything()
         self._pixels.unregister()
-        if self._probe is not None:
-            self._xp.destroyProbe(self._probe)
-            self._probe = None
+        self._ground.close()
 
     def step(self) -> None:
         """One frame."""
+        self._stage.step()
+        self._found.step()
         self._take_events()
         if self._task is None:
             self._begin_next()
@@ -94,6 +102,7 @@ class Bridge:
             if isinstance(event, Opened):
                 self._leave()
                 self._client = event.connection
+                self._found.remember()
             elif isinstance(event, Asked):
                 self._waiting.append(event)
             elif isinstance(event, Closed):
@@ -109,9 +118,9 @@ class Bridge:
         if self._task is not None:
             self._task.close()
             self._task = None
-        self._pixels.pattern_code = None
-        self._pixels.want_frame(False)
-        self._stage.release()
+        self._pixels.forget()
+        self._leave_stage()
+        self._found.client_left()
 
     def _begin_next(self) -> None:
         if self._waiting:
@@ -142,9 +151,13 @@ class Bridge:
             return self._hello()
         if message == "capture":
             return self._capture(header)
+        if message == "travel":
+            self._stage.release()
+            already_started = header.get("already_started", False) is True
+            return self._flights.travel(messages.start(messages.part(header, "start")), already_started)
         if message == "fly":
             self._stage.release()
-            return flight.fly(messages.fly(header), self._stage, self._datarefs, self._frame, self._xp)
+            return self._flights.fly(messages.fly(header))
         if message == "freeze":
             return self._freeze(header)
         if message == "command":
@@ -210,13 +223,18 @@ class Bridge:
             raise Refusal("X-Plane draws ideal pictures along straight lines: imaging has to be left out")
         messages.runway(messages.part(header, "runway"))
         self._settle_frames = messages.whole(header, "settle_frames", 1, 600)
-        self._stage.freeze()
+        running_at = messages.clock(messages.part(header, "running_at")) if header.get("running_at") else None
+        self._stage.check_it_is_live()
+        self._traffic.clear()
+        self._stage.freeze(running_at)
         for _ in range(FRAMES_LIMIT):
-            if self._stage.paused():
+            if self._stage.is_still():
                 return {"message": "frozen"}, b""
             yield
         self._stage.release()
-        raise Refusal("X-Plane does not pause (sim/time/paused stays 0)")
+        raise Refusal(
+            f"X-Plane does not {'run' if running_at else 'pause'} (sim/time/paused stays {int(running_at is not None)}): is a menu open?"
+        )
 
     def _capture(self, header: Header) -> Task:
         request = messages.capture(header)
@@ -224,8 +242,11 @@ class Bridge:
             raise Refusal("a capture needs a frozen simulator: send freeze first")
         if self._pixels.pattern_code is not None:
             raise Refusal("the check pattern covers the window: take it away before capturing")
-        if not self._stage.paused():
-            raise Refusal("X-Plane was taken out of its pause while frozen: nothing stands still. Freeze again")
+        if not self._stage.is_still():
+            raise Refusal(
+                "X-Plane was paused while it was to run: rain does not fall. Freeze again" if self._stage.time_runs
+                else "X-Plane was taken out of its pause while frozen: nothing stands still. Freeze again"
+            )
         return (yield from capture.take(
             request, self._stage, self._pixels, self._datarefs, self._settle_frames, self._xp
         ))
@@ -242,40 +263,32 @@ class Bridge:
         if code is not None:
             code = messages.whole(header, "code", 0, 2**32 - 1)
         self._pixels.error = None
-        self._pixels.pattern_code, self._pixels.pattern_drawn_in = code, None
+        self._pixels.pattern_code = code
+        drawn = self._pixels.patterns_drawn
         for _ in range(FRAMES_LIMIT):
-            cycle = self._xp.getCycleNumber()
             yield
             if self._pixels.error:
                 self._pixels.pattern_code = None
                 raise Refusal(self._pixels.error)
-            if code is None or self._pixels.pattern_drawn_in is not None:
-                drawn = cycle if code is None else self._pixels.pattern_drawn_in
-                return {"message": "check_pattern_shown", "sim_frame": drawn}, b""
+            if code is None or self._pixels.patterns_drawn > drawn:
+                return {"message": "check_pattern_shown", "sim_frame": self._stage.frames}, b""
         self._pixels.pattern_code = None
         raise Refusal("X-Plane called no draw callback: it cannot show the check pattern")
 
     def _probe_terrain(self, header: Header) -> Task:
         latitude, longitude = messages.place(header)
-        xp = self._xp
-        if self._probe is None:
-            self._probe = xp.createProbe(xp.ProbeY)
-        altitude = 0.0
-        # A probe looks along the local y axis, which leans away from the vertical with distance from the local origin: the second look
-        # starts where the first one landed and hits below the place itself.
-        for _ in range(2):
-            hit = xp.probeTerrainXYZ(self._probe, *xp.worldToLocal(latitude, longitude, altitude))
-            if hit.result != xp.ProbeHitTerrain:
-                raise Refusal(
-                    f"X-Plane has no ground loaded at latitude {latitude}, longitude {longitude}: "
-                    "move the aircraft there first"
-                )
-            _, _, altitude = xp.localToWorld(hit.locationX, hit.locationY, hit.locationZ)
-        return _at_once({"message": "terrain", "elevation_msl_m": altitude})
+        height_msl_m = self._ground.height_msl_m(latitude, longitude)
+        if height_msl_m is None:
+            raise Refusal(
+                f"X-Plane has no ground loaded at latitude {latitude}, longitude {longitude}: move the aircraft there first"
+            )
+        return _at_once({"message": "terrain", "elevation_msl_m": height_msl_m})
 
     def _leave_stage(self) -> None:
         self._pixels.pattern_code = None
         self._stage.release()
+        self._traffic.give_back()
+        self._found.give_back_the_stage()
 
 
 def _at_once(header: Header, payload: bytes = b"") -> Task:

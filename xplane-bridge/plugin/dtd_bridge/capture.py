@@ -12,7 +12,7 @@ from typing import Any, Generator
 from . import datarefs as names
 from .datarefs import Datarefs
 from .messages import Capture, Pose, Refusal
-from .pixels import Pixels
+from .pixels import Frame, Pixels
 from .stage import Stage, Tick
 
 # Less than the client's minute, so that it hears why.
@@ -22,6 +22,12 @@ POSITION_M = 0.01
 ANGLE_DEG = 0.0002
 # A picture is taken so often before what X-Plane has is reported as it is.
 TRIES = 5
+# A new pose shows within a few frames. A picture that is still the last one's after so many is one in which nothing changed: an aircraft in fog.
+STALE_FRAMES = 10
+# In a pause two pictures in a row agree once exposure and shadows have settled. Where they never do (water that moves), that is no sign.
+RESTLESS_FRAMES = 30
+# Draw callbacks come 0 to n times a frame.
+UNDRAWN_FRAMES = 10
 METERS_PER_DEGREE = 111_320.0
 
 Answer = tuple[dict[str, Any], bytes]
@@ -35,43 +41,86 @@ def take(
     if request.wants_picture and pixels.no_readback:
         raise Refusal(f"{pixels.no_readback}; take the pictures off the screen instead (--pixels screen)")
     deadline = time.monotonic() + TIME_LIMIT_S
-    tick = Tick(request.pose, request.flap_ratio, request.gear_ratio, request.camera, request.hfov_deg)
+    tick = tick_of(request)
     for tried in range(1, TRIES + 1):
         stage.show(tick)
-        yield from _settle(stage, settle_frames, deadline, xp)
-        pixels.want_frame(request.wants_picture)
-        cycle = xp.getCycleNumber()
-        yield
-        picture = pixels.take_frame(cycle)
-        pixels.want_frame(False)
+        yield from _settle(stage, settle_frames, deadline)
+        picture = None
+        if request.wants_picture:
+            picture = yield from _new_picture(tick, stage, pixels, xp)
+        else:
+            yield
         _raise_if_failed(stage, pixels)
-        pose, (camera, hfov_deg) = stage.read_pose(), stage.read_camera()
-        whole = stage.written_in(cycle) and (picture is not None or not request.wants_picture)
-        same = _near(pose, request.pose) and _near(camera, request.camera) and abs(hfov_deg - request.hfov_deg) < ANGLE_DEG
+        pose, (camera, hfov_deg, vfov_deg) = stage.read_pose(), stage.read_camera()
+        whole = stage.is_shown() and (picture is not None or not request.wants_picture)
+        same = (
+            _near(pose, request.pose)
+            and _near(camera, request.camera)
+            and abs(hfov_deg - tick.hfov_deg) < ANGLE_DEG
+            and abs(vfov_deg - tick.vfov_deg) < ANGLE_DEG
+        )
         if whole and (same or tried == TRIES):
-            return _answer(request, cycle, pose, camera, hfov_deg, picture)
+            _check_shape(request, vfov_deg, tick.vfov_deg)
+            return _answer(request, stage.frames, pose, camera, hfov_deg, picture)
     raise Refusal(f"X-Plane drew no undisturbed frame in {TRIES} tries: is something else moving the camera?")
 
 
-def _settle(stage: Stage, frames: int, deadline: float, xp: Any) -> Generator[None, None, None]:
+def tick_of(request: Capture) -> Tick:
+    """What a request shows. The vertical field of view follows from the picture's shape, by the tangents."""
+    half = math.tan(math.radians(request.hfov_deg) / 2) * request.height_px / request.width_px
+    return Tick(
+        request.pose, request.flap_ratio, request.gear_ratio, request.camera, request.hfov_deg, 2 * math.degrees(math.atan(half))
+    )
+
+
+def _settle(stage: Stage, frames: int, deadline: float) -> Generator[None, None, None]:
     """Lets so many frames in a row be drawn with pose and camera of the tick while no scenery loads."""
-    settled = 0
-    while settled < frames:
-        stage.keep_camera()
-        cycle, loading = xp.getCycleNumber(), stage.scenery_is_loading()
+    stage.keep_camera()
+    first = stage.written
+    while stage.written - first < frames:
         yield
         if stage.error:
             raise Refusal(stage.error)
-        undisturbed = stage.written_in(cycle) and not loading and not stage.scenery_is_loading()
-        settled = settled + 1 if undisturbed else 0
+        if not stage.is_shown() or stage.scenery_is_loading():
+            stage.keep_camera()
+            first = stage.written
         if time.monotonic() > deadline:
-            why = "scenery was loading" if stage.scenery_is_loading() else "the camera was not to be had"
-            raise Refusal(f"no {frames} frames in a row within {TIME_LIMIT_S:.0f} s: {why}")
-    stage.keep_camera()
+            raise Refusal(f"no {frames} frames in a row within {TIME_LIMIT_S:.0f} s: {stage.what_is_wrong_with_the_view()}")
+
+
+def _new_picture(tick: Tick, stage: Stage, pixels: Pixels, xp: Any) -> Generator[None, None, Frame | None]:
+    """The picture of a tick that has settled, proven by what it shows: it is not the one of the tick before, and it stands still. ``None`` if
+    it was disturbed."""
+    before: Frame | None = None
+    undrawn = 0
+    for frames in range(1, RESTLESS_FRAMES + 1):
+        pixels.want_frame()
+        yield
+        picture = pixels.take_frame()
+        if stage.error or pixels.error or not stage.is_shown():
+            return None
+        if picture is None:
+            undrawn += 1
+            if undrawn > UNDRAWN_FRAMES:
+                return None
+            continue
+        is_new = frames > STALE_FRAMES or pixels.is_new(tick, picture)
+        stands_still = pixels.restless or stage.time_runs or picture == before
+        if is_new and stands_still:
+            break
+        before = picture
+    else:
+        if not pixels.restless:
+            xp.log("no two pictures in a row agree in a pause: something moves, and is not waited for any more")
+        pixels.restless = True
+        picture = before
+    if picture is not None:
+        pixels.remember(tick, picture)
+    return picture
 
 
 def _answer(
-    request: Capture, cycle: int, pose: Pose, camera: Pose, hfov_deg: float, picture: tuple[int, int, bytes] | None
+    request: Capture, frame: int, pose: Pose, camera: Pose, hfov_deg: float, picture: Frame | None
 ) -> Answer:
     payload = b""
     if picture is not None:
@@ -85,7 +134,7 @@ def _answer(
         "message": "frame",
         "tick": request.tick,
         "view": request.view,
-        "sim_frame": cycle,
+        "sim_frame": frame,
         "pose": pose.header(),
         "camera": {**camera.header(), "hfov_deg": hfov_deg},
         "width_px": request.width_px,
@@ -103,6 +152,15 @@ def _check_window(request: Capture, datarefs: Datarefs) -> None:
         raise Refusal(
             f"X-Plane's window is {width:.0f}x{height:.0f}, which has not the shape of a picture of "
             f"{request.width_px}x{request.height_px}: set its size (Settings > Graphics)"
+        )
+
+
+def _check_shape(request: Capture, vfov_deg: float, wanted_deg: float) -> None:
+    """The answer has no vertical angle, so that a wrong one would pass for right."""
+    if abs(vfov_deg - wanted_deg) >= ANGLE_DEG:
+        raise Refusal(
+            f"X-Plane's vertical field of view is {vfov_deg:.4f} degrees, expected {wanted_deg:.4f} for a picture of "
+            f"{request.width_px}x{request.height_px}: does another plugin set it ({names.VERTICAL_FIELD_OF_VIEW})?"
         )
 
 

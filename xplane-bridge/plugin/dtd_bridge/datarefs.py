@@ -14,21 +14,40 @@ ATTITUDE = (POSITION + "psi", POSITION + "theta", POSITION + "phi")
 ROTATION_RATES = (POSITION + "P", POSITION + "Q", POSITION + "R")
 QUATERNION = POSITION + "q"
 TRUE_AIRSPEED = POSITION + "true_airspeed"
-INDICATED_AIRSPEED = POSITION + "indicated_airspeed"
 ON_GROUND = "sim/flightmodel/failures/onground_any"
 HAS_CRASHED = "sim/flightmodel2/misc/has_crashed"
 ENGINE_COUNT = "sim/aircraft/engine/acf_num_engines"
 ENGINES_RUNNING = "sim/flightmodel/engine/ENGN_running"
 
 OVERRIDE_FLIGHT_MODEL = "sim/operation/override/override_planepath[0]"
+# While the aircraft is posed nobody else moves it: not the flight model, no stick (whose cross shows in the picture), no lever.
+OVERRIDES = (
+    OVERRIDE_FLIGHT_MODEL,
+    "sim/operation/override/override_joystick",
+    "sim/operation/override/override_flightcontrol",
+    "sim/operation/override/override_throttles",
+)
+MOUSE_IS_YOKE = "sim/joystick/mouse_is_yoke"
+IS_IN_REPLAY = "sim/time/is_in_replay"
+POP_UPS = "sim/cockpit2/radios/indicators/show_popup"
 PAUSED = "sim/time/paused"
 # Simulated time since the flight began: stands still in a pause. 32 bits: it steps by 0.5 ms after an hour and a half.
 FLIGHT_TIME_S = "sim/time/total_flight_time_sec"
+USE_SYSTEM_TIME = "sim/time/use_system_time"
+DATE_DAYS = "sim/time/local_date_days"
+ZULU_TIME_S = "sim/time/zulu_time_sec"
+# X-Plane 12's trend of the weather, 7 for real weather; X-Plane 11's switch.
+CHANGE_MODE = "sim/weather/region/change_mode"
+USE_REAL_WEATHER = "sim/weather/use_real_weather_bool"
 SCENERY_LOADING = "sim/graphics/scenery/async_scenery_load_in_progress"
 
 VIEW = "sim/graphics/view/"
 VIEW_POSE = tuple(VIEW + name for name in ("view_x", "view_y", "view_z", "view_heading", "view_pitch", "view_roll"))
 FIELD_OF_VIEW = VIEW + "field_of_view_deg"
+VERTICAL_FIELD_OF_VIEW = VIEW + "vertical_field_of_view_deg"
+# 1 lets the vertical angle be written; with 0 the window's shape decides.
+NON_PROPORTIONAL_VIEW = "sim/graphics/settings/non_proportional_vertical_FOV"
+VIEW_IS_EXTERNAL = VIEW + "view_is_external"
 WINDOW_SIZE = (VIEW + "window_width", VIEW + "window_height")
 MODERN_DRIVER = VIEW + "using_modern_driver"
 VERSION = "sim/version/xplane_internal_version"
@@ -43,6 +62,11 @@ GEAR_DRAWN = "sim/aircraft/parts/acf_gear_deploy"
 
 NAV1_FREQUENCY_10KHZ = "sim/cockpit/radios/nav1_freq_hz"
 NAV1_COURSE_MAGNETIC = "sim/cockpit/radios/nav1_obs_degm"
+# 0 is the first receiver; what the autopilot follows.
+HSI_SOURCE = "sim/cockpit2/radios/actuators/HSI_source_select_pilot"
+HEADING_BUG_MAGNETIC = "sim/cockpit/autopilot/heading_mag"
+AUTOPILOT_ELECTRIC_MASTER = "sim/cockpit2/autopilot/autopilot_electric_master"
+AIRSPEED_IS_MACH = "sim/cockpit2/autopilot/airspeed_is_mach"
 AUTOPILOT_MODE = "sim/cockpit/autopilot/autopilot_mode"
 AUTOTHROTTLE = "sim/cockpit2/autopilot/autothrottle_enabled"
 NAV_STATUS = "sim/cockpit2/autopilot/nav_status"
@@ -115,6 +139,14 @@ class Datarefs:
         if self.has(name):
             ref, kinds, _ = self._must(name)
             self._set_array(ref, kinds, list(values), 0)
+
+    def fill(self, name: str, value: float) -> None:
+        """Writes all elements of an array, if X-Plane has it."""
+        if self.has(name):
+            ref, kinds, _ = self._must(name)
+            xp = self._xp
+            count = (xp.getDatavf if kinds & xp.Type_FloatArray else xp.getDatavi)(ref)
+            self._set_array(ref, kinds, [value] * count, 0)
 
     def _set_array(self, ref: Any, kinds: int, values: list[float], offset: int) -> None:
         if kinds & self._xp.Type_FloatArray:

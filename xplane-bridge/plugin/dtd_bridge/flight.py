@@ -10,14 +10,17 @@ import struct
 import time
 from typing import Any, Generator
 
-from . import autopilot, datarefs as names
+from . import autopilot, datarefs as names, scenery
 from .approach import Dials, before_threshold_m, dials
 from .autopilot import Autopilot
 from .capture import Answer
 from .datarefs import Datarefs
+from .found import set_pause
 from .local_frame import LocalFrame
-from .messages import Fly, Pose, Refusal, Runway
+from .messages import Fly, Refusal, Runway, Start
+from .scenery import Ground
 from .stage import Stage
+from .traffic import Traffic
 
 COLUMNS = (
     "time_s", "latitude_deg", "longitude_deg", "altitude_msl_m", "heading_true_deg", "pitch_deg", "roll_deg",
@@ -26,27 +29,109 @@ COLUMNS = (
 )  # fmt: skip
 ROW = struct.Struct(f"<{len(COLUMNS)}d")
 
-# Scenery around the start: the aircraft is held there for at least so many frames, and until loading ends.
-HOLD_FRAMES = 10
-LOADING_LIMIT_S = 30.0
+# A start is called by X-Plane itself, from a callback of its own that comes once and so much later: called from within another it crashed
+# X-Plane at times, and callbacks after the flight model must not start flights at all.
+START_DELAY_S = 0.5
+START_LIMIT_S = 60.0
 # Engines of an air start run at once; a frame or two may pass until X-Plane says so.
 ENGINES_LIMIT_S = 10.0
-# After a start by X-Plane itself velocities read zero for a while.
-FLYING_ABOVE_KT = 50.0
+# Dials round.
+DIAL_STEP_FT = 1.0
 # The rollout belongs to the recording for so long.
 AFTER_TOUCHDOWN_S = 3.0
 # Touching down farther from the threshold than this is no landing on this runway.
 RUNWAY_AROUND_M = 5_000.0
 
 
-def fly(
+class Flights:
+    """Begins flights and flies them."""
+
+    def __init__(
+        self, stage: Stage, datarefs: Datarefs, frame: LocalFrame, ground: Ground, traffic: Traffic, xp: Any
+    ) -> None:
+        self._stage = stage
+        self._datarefs = datarefs
+        self._frame = frame
+        self._ground = ground
+        self._traffic = traffic
+        self._xp = xp
+
+    def travel(self, start: Start, already_started: bool) -> Generator[None, None, Answer]:
+        """Begins a flight at a place, once, unless X-Plane has begun it there, and holds the aircraft when the scenery has come."""
+        if not already_started:
+            yield from self._begin(start)
+        yield from self._arrive(start)
+        return {"message": "arrived"}, b""
+
+    def fly(self, request: Fly) -> Generator[None, None, Answer]:
+        """Flies the approach and returns its ``flown``."""
+        if not request.already_started:
+            yield from self.travel(request.start, False)
+        self._launch(request.start)
+        return (yield from _fly(request, self._stage, self._datarefs, self._frame, self._xp))
+
+    def _begin(self, start: Start) -> Generator[None, None, None]:
+        """X-Plane's own air start, for its engines: they run after it even if the aircraft was parked cold. Where it puts the aircraft is
+        rounded to 32 bits and flies on at once, so the place is written again when it has arrived."""
+        xp, pose = self._xp, start.pose
+        # A paused X-Plane was seen to ignore a start.
+        set_pause(xp, self._datarefs, False)
+        outcome: list[Exception | None] = []
+
+        def begin(*_: Any) -> float:
+            try:
+                xp.placeUserAtLocation(
+                    pose.latitude_deg, pose.longitude_deg, pose.altitude_msl_m, pose.heading_true_deg, start.speed_mps
+                )
+                outcome.append(None)
+            except Exception as error:  # Nothing may escape into X-Plane.
+                outcome.append(error)
+            return 0.0
+
+        loop = xp.createFlightLoop(begin, xp.FlightLoop_Phase_BeforeFlightModel, None)
+        deadline = time.monotonic() + START_LIMIT_S
+        try:
+            xp.scheduleFlightLoop(loop, START_DELAY_S, 1)
+            while not outcome:
+                if time.monotonic() > deadline:
+                    raise Refusal(f"X-Plane did not call the start within {START_LIMIT_S:.0f} s: is a menu or a question open?")
+                yield
+        finally:
+            xp.destroyFlightLoop(loop)
+        if outcome[0] is not None:
+            raise Refusal(f"X-Plane cannot begin a flight there: {outcome[0]!r}")
+
+    def _arrive(self, start: Start) -> Generator[None, None, None]:
+        """Holds the aircraft at the start until the scenery is there. Converted in each frame: loading moves the local origin."""
+
+        def hold() -> None:
+            # Another flight may have begun with its own overrides.
+            self._stage.hold()
+            self._stage.write_pose(start.pose)
+
+        hold()
+        yield
+        place = (start.pose.latitude_deg, start.pose.longitude_deg)
+        yield from scenery.wait(self._stage, self._ground, place, hold)
+        self._traffic.clear()
+
+    def _launch(self, start: Start) -> None:
+        """Off with a velocity."""
+        heading = math.radians(start.pose.heading_true_deg)
+        ned = (start.speed_mps * math.cos(heading), start.speed_mps * math.sin(heading), 0.0)
+        self._stage.write_pose(start.pose)
+        for name, value in zip(names.LOCAL_VELOCITY, self._frame.velocity_local(start.pose, ned)):
+            self._datarefs.set(name, value)
+        self._stage.let_go()
+        # The jump reads as a crash.
+        self._stage.command("sim/operation/fix_all_systems")
+
+
+def _fly(
     request: Fly, stage: Stage, datarefs: Datarefs, frame: LocalFrame, xp: Any
 ) -> Generator[None, None, Answer]:
-    """Flies the approach and returns its ``flown``."""
-    if request.already_started:
-        yield from _wait_until_flying(datarefs)
-    else:
-        yield from _air_start(request, stage, datarefs, frame, xp)
+    """From the launch to the rollout."""
+    yield
     yield from _wait_for_engines(datarefs)
     _tune(request.runway, datarefs, xp)
     pilot = Autopilot(stage, datarefs, xp)
@@ -58,6 +143,7 @@ def fly(
     while pilot.busy:
         yield
         pilot.step()
+    crew.set(*_progress(_row(0.0, stage, datarefs, frame), request.runway))
     clock = _Clock(datarefs)
     log = bytearray()
     rows, time_s, touchdown_s = 0, 0.0, None
@@ -118,39 +204,6 @@ def _progress(row: tuple[float, ...], runway: Runway) -> tuple[float, float, flo
     return before_threshold_m(runway, row[1], row[2]), row[3], math.hypot(row[7], row[8])
 
 
-def _air_start(
-    request: Fly, stage: Stage, datarefs: Datarefs, frame: LocalFrame, xp: Any
-) -> Generator[None, None, None]:
-    """Into the air with the flight model stopped, until the scenery is there; then off with a velocity."""
-    start = request.start
-    # X-Plane's own air start, for its engines: they run after it even if the aircraft was parked cold. Where it puts the aircraft is
-    # rounded to 32 bits and flies on at once, so the place is written again below.
-    xp.placeUserAtLocation(
-        start.latitude_deg, start.longitude_deg, start.altitude_msl_m, start.heading_true_deg, request.speed_mps
-    )
-    try:
-        deadline = time.monotonic() + LOADING_LIMIT_S
-        held = 0
-        # The jump makes X-Plane load scenery and move its local origin: written anew, converted anew, each frame.
-        while held < HOLD_FRAMES or (stage.scenery_is_loading() and time.monotonic() < deadline):
-            # Another flight may have begun with its own overrides.
-            datarefs.set(names.OVERRIDE_FLIGHT_MODEL, 1)
-            stage.write_pose(start)
-            held += 1
-            yield
-        heading = math.radians(start.heading_true_deg)
-        ned = (request.speed_mps * math.cos(heading), request.speed_mps * math.sin(heading), 0.0)
-        stage.write_pose(start)
-        for name, value in zip(names.LOCAL_VELOCITY, frame.velocity_local(start, ned)):
-            datarefs.set(name, value)
-        datarefs.set_if_there(names.ROTATION_RATES, 0.0)
-    finally:
-        datarefs.set(names.OVERRIDE_FLIGHT_MODEL, 0)
-    # The jump reads as a crash.
-    stage.command("sim/operation/fix_all_systems")
-    yield
-
-
 def _wait_for_engines(datarefs: Datarefs) -> Generator[None, None, None]:
     """Without engines it would be a glider that comes down somewhere."""
     if not datarefs.has(names.ENGINES_RUNNING):
@@ -166,25 +219,17 @@ def _wait_for_engines(datarefs: Datarefs) -> Generator[None, None, None]:
         yield
 
 
-def _wait_until_flying(datarefs: Datarefs) -> Generator[None, None, None]:
-    deadline = time.monotonic() + LOADING_LIMIT_S
-    while datarefs.get(names.INDICATED_AIRSPEED) < FLYING_ABOVE_KT:
-        if time.monotonic() > deadline:
-            raise Refusal(
-                f"the flight was started, but after {LOADING_LIMIT_S:.0f} s the airspeed is still "
-                f"{datarefs.get(names.INDICATED_AIRSPEED):.0f} kt, expected more than {FLYING_ABOVE_KT:.0f}"
-            )
-        yield
-
-
 def _tune(runway: Runway, datarefs: Datarefs, xp: Any) -> None:
-    """The landing system. Its course is magnetic."""
+    """The landing system, and what an autopilot follows it by. Its course is magnetic."""
+    datarefs.set_if_there((names.AUTOPILOT_ELECTRIC_MASTER,), 1)
+    datarefs.set_if_there((names.HSI_SOURCE, names.AIRSPEED_IS_MACH), 0)
     if runway.ils_frequency_mhz is not None:
         datarefs.set(names.NAV1_FREQUENCY_10KHZ, round(runway.ils_frequency_mhz * 100))
     course = runway.course_magnetic_deg
     if course is None:
         course = xp.degTrueToDegMagnetic(runway.course_true_deg)
     datarefs.set(names.NAV1_COURSE_MAGNETIC, course)
+    datarefs.set_if_there((names.HEADING_BUG_MAGNETIC,), course)
 
 
 class _Crew:
@@ -202,10 +247,14 @@ class _Crew:
         now, self._now = self._now, wanted
         if wanted != now:
             self._change(now, wanted)
-        # Switched on, the mode dials the vertical speed of that moment: ours comes after it.
+        if self._pilot.busy:
+            return
+        # Switched on, a mode dials the vertical speed or the altitude of that moment: ours come after it.
         fpm = wanted.vertical_speed_fpm
-        if fpm is not None and not self._pilot.busy and self._datarefs.get(names.VERTICAL_SPEED_FPM) != fpm:
+        if fpm is not None and self._datarefs.get(names.VERTICAL_SPEED_FPM) != fpm:
             self._datarefs.set(names.VERTICAL_SPEED_FPM, fpm)
+        if abs(self._datarefs.get(names.ALTITUDE_DIAL_FT) - wanted.altitude_ft) > DIAL_STEP_FT:
+            self._datarefs.set(names.ALTITUDE_DIAL_FT, wanted.altitude_ft)
 
     def _change(self, now: Dials | None, wanted: Dials) -> None:
         if now is None or wanted.speed_kt != now.speed_kt:

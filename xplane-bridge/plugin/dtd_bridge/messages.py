@@ -45,6 +45,14 @@ class Runway:
 
 
 @dataclass(frozen=True)
+class Clock:
+    """A moment of the year: the day counted from 1, and seconds since midnight UTC."""
+
+    day_of_year: int
+    zulu_time_s: float
+
+
+@dataclass(frozen=True)
 class Capture:
     """One view of one tick."""
 
@@ -71,11 +79,18 @@ class Profile:
 
 
 @dataclass(frozen=True)
+class Start:
+    """Where and how a flight begins."""
+
+    pose: Pose
+    speed_mps: float
+
+
+@dataclass(frozen=True)
 class Fly:
     """A live approach."""
 
-    start: Pose
-    speed_mps: float
+    start: Start
     runway: Runway
     profile: Profile
     time_limit_s: float
@@ -149,6 +164,11 @@ def capture(header: Mapping[str, Any]) -> Capture:
     )
 
 
+def clock(header: Mapping[str, Any]) -> Clock:
+    """A clock."""
+    return Clock(whole(header, "day_of_year", 1, 366), number(header, "zulu_time_s", 0, 86_400))
+
+
 def runway(header: Mapping[str, Any]) -> Runway:
     """A runway."""
     threshold = part(header, "threshold")
@@ -186,22 +206,26 @@ def profile(header: Mapping[str, Any]) -> Profile:
     raise Refusal(f"profile is {kind!r}, expected glide_path, step_down or continuous_descent")
 
 
+def start(header: Mapping[str, Any]) -> Start:
+    """A start in the air."""
+    position = part(header, "position")
+    latitude, longitude = place(position)
+    where = Pose(
+        latitude,
+        longitude,
+        number(position, "altitude_msl_m"),
+        number(header, "heading_true_deg"),
+        0.0,
+        0.0,
+    )
+    # An aircraft put into the air at rest falls out of it.
+    return Start(where, number(header, "speed_mps", 30, 400))
+
+
 def fly(header: Mapping[str, Any]) -> Fly:
     """A ``fly`` request. Its seed has no meaning in X-Plane."""
-    start = part(header, "start")
-    position = part(start, "position")
-    latitude, longitude = place(position)
     return Fly(
-        start=Pose(
-            latitude,
-            longitude,
-            number(position, "altitude_msl_m"),
-            number(start, "heading_true_deg"),
-            0.0,
-            0.0,
-        ),
-        # An aircraft put into the air at rest falls out of it.
-        speed_mps=number(start, "speed_mps", 30, 400),
+        start=start(part(header, "start")),
         runway=runway(part(header, "runway")),
         profile=profile(part(header, "profile")),
         time_limit_s=number(header, "time_limit_s", 1, 86_400),

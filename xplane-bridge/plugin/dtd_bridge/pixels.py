@@ -8,18 +8,28 @@ from . import datarefs as names
 from .check_pattern import rectangles
 from .datarefs import Datarefs
 from .opengl import OpenGl, load_library
+from .stage import Tick
+
+# Width, height, and red, green, blue from the top left.
+Frame = tuple[int, int, bytes]
+# Draw callbacks ask for this of the phase as a whole: X-Plane's SDK has 1 for before it, 0 for after. (XPPython3's documents swap the two.)
+BEFORE, AFTER = 1, 0
 
 
 class Pixels:
-    """What the draw callbacks do. They come 0 to n times a frame, so nothing is counted in them."""
+    """What the draw callbacks do. They come 0 to n times a frame."""
 
     def __init__(self, xp: Any, datarefs: Datarefs, library: Any = None) -> None:
         self._xp = xp
         self._wanted = False
-        self._frame: tuple[int, int, bytes] | None = None
-        self._read_in_cycle: int | None = None
+        self._frame: Frame | None = None
+        # The last picture that counted, and what it shows.
+        self._last: tuple[Tick, Frame] | None = None
+        # Whether pictures move by themselves in a pause.
+        self.restless = False
         self.pattern_code: int | None = None
-        self.pattern_drawn_in: int | None = None
+        # How often it was drawn.
+        self.patterns_drawn = 0
         self.error: str | None = None
         self._gl: OpenGl | None = None
         # X-Plane 11 only: 12 draws with Vulkan or Metal, out of reach for plugins.
@@ -38,40 +48,51 @@ class Pixels:
 
     def register(self) -> None:
         """From now on X-Plane calls."""
-        self._xp.registerDrawCallback(self.on_scene_drawn, self._xp.Phase_Window, 0, None)
-        self._xp.registerDrawCallback(self.on_windows_drawn, self._xp.Phase_Window, 1, None)
+        self._xp.registerDrawCallback(self.on_scene_drawn, self._xp.Phase_Window, BEFORE, None)
+        self._xp.registerDrawCallback(self.on_windows_drawn, self._xp.Phase_Window, AFTER, None)
 
     def unregister(self) -> None:
         """X-Plane calls no more."""
-        self._xp.unregisterDrawCallback(self.on_scene_drawn, self._xp.Phase_Window, 0, None)
-        self._xp.unregisterDrawCallback(self.on_windows_drawn, self._xp.Phase_Window, 1, None)
+        self._xp.unregisterDrawCallback(self.on_scene_drawn, self._xp.Phase_Window, BEFORE, None)
+        self._xp.unregisterDrawCallback(self.on_windows_drawn, self._xp.Phase_Window, AFTER, None)
 
-    def want_frame(self, wanted: bool) -> None:
-        """Whether the next frame is to be read back."""
-        self._wanted, self._frame, self._read_in_cycle = wanted, None, None
+    def want_frame(self) -> None:
+        """Has the next frame that is drawn read back."""
+        self._wanted, self._frame = True, None
 
-    def take_frame(self, cycle: int) -> tuple[int, int, bytes] | None:
-        """The frame of that cycle, if it was read back."""
-        frame, self._frame = self._frame, None
-        return frame if self._read_in_cycle == cycle else None
+    def take_frame(self) -> Frame | None:
+        """The frame that was read back, if one was drawn."""
+        frame, self._frame, self._wanted = self._frame, None, False
+        return frame
 
-    def on_scene_drawn(self, _phase: int, _after: int, _refcon: object) -> int:
+    def forget(self) -> None:
+        """A new client: nothing is wanted, and no picture was taken."""
+        self.take_frame()
+        self.pattern_code, self._last = None, None
+
+    def is_new(self, tick: Tick, picture: Frame) -> bool:
+        """Whether a picture is proven to be that of a tick: the last one, of another tick, shows something else."""
+        return self._last is not None and (self._last[0] == tick or self._last[1] != picture)
+
+    def remember(self, tick: Tick, picture: Frame) -> None:
+        """This picture counted."""
+        self._last = (tick, picture)
+
+    def on_scene_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:
         """Before the windows of the user interface are drawn: the scene is whole and nothing lies over it."""
         try:
-            cycle = self._xp.getCycleNumber()
-            if self._wanted and self._gl and self._read_in_cycle != cycle:
+            if self._wanted and self._frame is None and self._gl:
                 self._frame = self._gl.read_frame()
-                self._read_in_cycle = cycle
         except Exception as error:
             self.error = f"cannot read the frame back: {error!r}"
         return 1
 
-    def on_windows_drawn(self, _phase: int, _after: int, _refcon: object) -> int:
+    def on_windows_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:
         """After everything: the pattern lies over it."""
         try:
             if self.pattern_code is not None and self._gl:
                 self._draw_pattern(self._gl, self.pattern_code)
-                self.pattern_drawn_in = self._xp.getCycleNumber()
+                self.patterns_drawn += 1
         except Exception as error:
             self.error = f"cannot draw the check pattern: {error!r}"
         return 1

@@ -1,22 +1,34 @@
 """Standing still, and being put somewhere: the flight model stopped, time stopped, pose and camera of a tick written together.
 
-X-Plane asks for the camera once a frame, before it draws. In that one callback both pose and camera of the tick are converted with the
-local origin of that moment and written, so no frame shows the pose of one tick from the camera of another. The callback
-fails to come when somebody took the camera (a view key, a screenshot): such frames do not count, and the camera is taken back.
+X-Plane asks for the camera once a frame, before it draws; whether that is before or after our flight loop of the frame is not said, so
+nothing here asks. In that one callback both pose and camera of the tick are converted with the local origin of that moment and
+written, so no frame shows the pose of one tick from the camera of another; the flight loop writes the pose, too, for what X-Plane computes
+in between. What counts is that the callback came at all: it fails to when somebody took the camera (a view key, a screenshot). Such frames do
+not count, and the camera is taken back, in an external view: in any other the cockpit is drawn around it.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 from . import datarefs as names
 from .datarefs import Datarefs
+from .found import command, set_pause
 from .local_frame import LocalFrame, LocalPose, wrapped_360
-from .messages import Pose
+from .messages import Clock, Pose, Refusal
 
 # X-Plane has 10 landing gears.
 GEARS = 10
+# An external view shows within a frame or two; the command is given again after so many.
+VIEW_FRAMES = 30
+FREE_CAMERA = "sim/view/free_camera"
+# What lies over the scene, as far as X-Plane has commands for it.
+CLOSING = (
+    "sim/operation/close_windows", "sim/instruments/map_close", "sim/GPS/g1000n1_popup_close",
+    *(f"sim/instruments/popup_{number}_close" for number in range(1, 13)),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -28,6 +40,7 @@ class Tick:
     gear_ratio: float
     camera: Pose
     hfov_deg: float
+    vfov_deg: float
 
 
 class Stage:
@@ -38,49 +51,85 @@ class Stage:
         self._datarefs = datarefs
         self._frame = frame
         self._tick: Tick | None = None
-        self._written_in_cycle: int | None = None
+        self._running_at: Clock | None = None
+        # Our own counts: X-Plane's cycle number moves at another pace.
+        self._frames = 0
+        self._written = 0
         self._holds_camera = False
+        self._asked_for_view_at: int | None = None
         self._frozen = False
-        self._paused_by_us = False
-        self._field_of_view_before: float | None = None
         self.error: str | None = None
+
+    @property
+    def frames(self) -> int:
+        """Frames since the plugin was enabled."""
+        return self._frames
 
     @property
     def frozen(self) -> bool:
         """Whether the flight model and time stand still on our account."""
         return self._frozen
 
-    def freeze(self) -> None:
-        """Stops flight model and time. Paused, X-Plane still draws and still takes poses, but nothing moves by itself."""
-        if self._frozen:
-            return
+    @property
+    def time_runs(self) -> bool:
+        """Whether time goes on although the aircraft is frozen."""
+        return self._running_at is not None
+
+    def freeze(self, running_at: Clock | None) -> None:
+        """Stops the flight model, and time: paused, X-Plane still draws and still takes poses, but nothing moves by itself. With a clock
+        time goes on instead, and the clock is set back to it in every frame: rain and snow fall only while time runs."""
         self._frozen = True
-        self._field_of_view_before = self._datarefs.get(names.FIELD_OF_VIEW)
-        self._datarefs.set(names.OVERRIDE_FLIGHT_MODEL, 1)
-        if not self.paused():
-            self._pause("sim/operation/pause_on")
-            self._paused_by_us = True
+        self._running_at = running_at
+        self._hold()
+        set_pause(self._xp, self._datarefs, running_at is None)
+        self._clear_the_view()
+
+    def is_still(self) -> bool:
+        """Whether time stands or runs as the freeze wanted it."""
+        return self.paused() != self.time_runs
 
     def release(self) -> None:
-        """Lets everything run again, as far as it was we who stopped it."""
-        self._tick = None
+        """Takes the hands off. What was changed is given back by whoever remembers it."""
+        self._tick = self._running_at = self._asked_for_view_at = None
         if self._holds_camera:
             self._holds_camera = False
             self._xp.dontControlCamera()
+        if self._frozen:
+            self._frozen = False
+            self.let_go()
+
+    def hold(self) -> None:
+        """Stops the flight model alone."""
+        self._datarefs.set(names.OVERRIDE_FLIGHT_MODEL, 1)
+
+    def let_go(self) -> None:
+        """Gives the aircraft back to the flight model, stick and levers."""
+        self._datarefs.set_if_there(names.OVERRIDES, 0)
+
+    def _hold(self) -> None:
+        self._datarefs.set_if_there(names.OVERRIDES, 1)
+
+    def _clear_the_view(self) -> None:
+        """Nothing over the picture: windows, instruments, the cross of a mouse that flies."""
+        for path in CLOSING:
+            found = self._xp.findCommand(path)
+            if found:
+                self._xp.commandOnce(found)
+        self._datarefs.fill(names.POP_UPS, 0)
+        self._datarefs.set_if_there((names.MOUSE_IS_YOKE,), 0)
+
+    def step(self) -> None:
+        """One frame: whatever X-Plane or another flight has changed since the last one is as it was."""
+        self._frames += 1
         if not self._frozen:
             return
-        self._frozen = False
-        if self._field_of_view_before is not None:
-            self._datarefs.set(names.FIELD_OF_VIEW, self._field_of_view_before)
-        self._datarefs.set(names.OVERRIDE_FLIGHT_MODEL, 0)
-        if self._paused_by_us:
-            self._paused_by_us = False
-            if self.paused():
-                self._pause("sim/operation/pause_off")
-
-    def _pause(self, path: str) -> None:
-        # Not every X-Plane 11 has the two commands; the toggle is as good, since we know the state.
-        self.command(path if self._xp.findCommand(path) else "sim/operation/pause_toggle")
+        self._hold()
+        if self._tick is not None:
+            self.write_pose(self._tick.pose)
+        if self._running_at is not None:
+            self._datarefs.set(names.USE_SYSTEM_TIME, 0)
+            self._datarefs.set(names.DATE_DAYS, self._running_at.day_of_year - 1)
+            self._datarefs.set(names.ZULU_TIME_S, self._running_at.zulu_time_s)
 
     def paused(self) -> bool:
         """Whether simulated time stands still."""
@@ -92,11 +141,7 @@ class Stage:
 
     def command(self, path: str) -> None:
         """Runs one of X-Plane's commands once; a missing one is noted in the log."""
-        found = self._xp.findCommand(path)
-        if found:
-            self._xp.commandOnce(found)
-        else:
-            self._xp.log(f"this X-Plane has no command {path}")
+        command(self._xp, path)
 
     def show(self, tick: Tick) -> None:
         """From the next frame on, until told otherwise."""
@@ -104,35 +149,62 @@ class Stage:
         self.error = None
 
     def keep_camera(self) -> None:
-        """Takes the camera unless we have it."""
+        """Takes the camera unless we have it; from an external view only, which is asked for first."""
+        if not self._is_external():
+            if self._holds_camera:
+                self._holds_camera = False
+                self._xp.dontControlCamera()
+            asked_at = self._asked_for_view_at
+            if asked_at is None or self._frames - asked_at >= VIEW_FRAMES:
+                self._asked_for_view_at = self._frames
+                self.command(FREE_CAMERA)
+            return
+        self._asked_for_view_at = None
         if not self._holds_camera:
             self._holds_camera = True
             self._xp.controlCamera(self._xp.ControlCameraForever, self.on_camera, None)
 
-    def written_in(self, cycle: int) -> bool:
-        """Whether pose and camera were written in that frame, and nobody took the camera since."""
-        return self._holds_camera and self._written_in_cycle == cycle
+    def _is_external(self) -> bool:
+        return self._datarefs.get_or(names.VIEW_IS_EXTERNAL, 1.0) != 0
+
+    @property
+    def written(self) -> int:
+        """How often pose and camera were written together, once a frame. The callback comes before our flight loop in some frames and after
+        it in others, so that between two loops there may be none or two of them."""
+        return self._written
+
+    def is_shown(self) -> bool:
+        """Whether the view is ours, and from outside. Once it is lost it stays so until the camera is taken again."""
+        return self._holds_camera and self._is_external()
+
+    def what_is_wrong_with_the_view(self) -> str:
+        """Why no frame counts, for a person."""
+        if self.scenery_is_loading():
+            return "scenery was loading"
+        if not self._is_external():
+            return f"X-Plane shows the cockpit and {FREE_CAMERA} does not help: choose an outside view"
+        return "the camera was not to be had: switch off other camera plugins"
 
     def on_camera(self, position: list[float] | None, is_losing_control: int, _refcon: object) -> int:
-        """X-Plane asks where the camera is. The list must be changed in place; 1 means that it was."""
+        """X-Plane asks where the camera is. The list must be changed in place; 1 means that it was, and 0 gives the camera away."""
         try:
-            if is_losing_control:
+            if is_losing_control or self._tick is None or position is None:
                 self._holds_camera = False
                 return 0
-            if self._tick is None or position is None:
-                # Ours to hold, but nothing to show yet: X-Plane's own view.
-                return 0
             self._write(self._tick, position)
-            self._written_in_cycle = self._xp.getCycleNumber()
+            self._written += 1
             return 1
         except Exception as error:  # Nothing may escape into X-Plane.
             self.error = f"cannot place aircraft and camera: {error!r}"
+            self._holds_camera = False
             return 0
 
     def _write(self, tick: Tick, position: list[float]) -> None:
         self.write_pose(tick.pose)
         self._write_controls(tick.flap_ratio, tick.gear_ratio)
+        self._datarefs.set_if_there((names.NON_PROPORTIONAL_VIEW,), 1)
         self._datarefs.set(names.FIELD_OF_VIEW, tick.hfov_deg)
+        self._datarefs.set_if_there((names.VERTICAL_FIELD_OF_VIEW,), tick.vfov_deg)
         camera = self._frame.place(tick.camera)
         # Pitch comes before heading here, and the zoom is 1: the field of view is set.
         position[:] = [camera.x, camera.y, camera.z, camera.theta, camera.psi, camera.phi, 1.0]
@@ -146,6 +218,7 @@ class Stage:
         for name, value in zip(names.ATTITUDE, (local.psi, local.theta, local.phi)):
             self._datarefs.set(name, value)
         self._datarefs.set_array(names.QUATERNION, local.quaternion())
+        self._datarefs.set_if_there(names.ROTATION_RATES, 0.0)
 
     def _write_controls(self, flap_ratio: float, gear_ratio: float) -> None:
         self._datarefs.set_if_there(names.FLAPS_WANTED, flap_ratio)
@@ -161,8 +234,15 @@ class Stage:
         """Where X-Plane has the aircraft."""
         return self._frame.read(self.read_local_pose())
 
-    def read_camera(self) -> tuple[Pose, float]:
-        """Where X-Plane has the camera, and its horizontal field of view."""
+    def read_camera(self) -> tuple[Pose, float, float]:
+        """Where X-Plane has the camera, and its horizontal and vertical fields of view. An X-Plane that has no vertical one to be
+        written derives it from the window, whose shape is checked."""
         x, y, z, heading, pitch, roll = (self._datarefs.get(name) for name in names.VIEW_POSE)
         camera = self._frame.read(LocalPose(x, y, z, wrapped_360(heading), pitch, roll))
-        return camera, self._datarefs.get(names.FIELD_OF_VIEW)
+        wanted = self._tick.vfov_deg if self._tick is not None else math.nan
+        return camera, self._datarefs.get(names.FIELD_OF_VIEW), self._datarefs.get_or(names.VERTICAL_FIELD_OF_VIEW, wanted)
+
+    def check_it_is_live(self) -> None:
+        """In a replay X-Plane overwrites every pose."""
+        if self._datarefs.get_or(names.IS_IN_REPLAY, 0.0) != 0:
+            raise Refusal("X-Plane shows a replay: leave it (sim/replay/replay_off), then try again")

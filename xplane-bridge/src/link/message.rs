@@ -2,12 +2,13 @@
 
 use std::net::SocketAddr;
 
+use dataset::conditions::Clock;
 use dataset::imaging::Imaging;
 use dataset::runway::Runway;
 use serde::{Deserialize, Serialize};
 
 use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, SharedMemory, SimulatorWindow};
-use crate::fly::FlyRequest;
+use crate::fly::{FlightStart, FlyRequest};
 
 /// From client to simulator. None has a payload.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,6 +34,17 @@ pub enum Request {
         /// that say in [`Answer::Hello`] that they have them.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         imaging: Vec<Imaging>,
+        /// Let time run, and set the clock back to this in every frame: X-Plane's rain and snow stop falling in a pause.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        running_at: Option<Clock>,
+    },
+    /// Begin a flight there, unless it has begun, and hold the aircraft there once the scenery has come. Of a plugin.
+    Travel {
+        /// Where.
+        start: FlightStart,
+        /// Whether the flight has begun there (by X-Plane 12's Web API).
+        #[serde(default)]
+        already_started: bool,
     },
     /// How high is the ground that the simulator shows there?
     ProbeTerrain {
@@ -92,6 +104,8 @@ pub enum Answer {
     MemoryShared,
     /// To [`Request::Freeze`].
     Frozen,
+    /// To [`Request::Travel`].
+    Arrived,
     /// To [`Request::ProbeTerrain`].
     Terrain {
         /// Height of the ground above mean sea level, metres.
@@ -129,6 +143,7 @@ impl Answer {
             Self::Hello { .. } => "hello",
             Self::MemoryShared => "memory_shared",
             Self::Frozen => "frozen",
+            Self::Arrived => "arrived",
             Self::Terrain { .. } => "terrain",
             Self::CheckPatternShown { .. } => "check_pattern_shown",
             Self::Commanded => "commanded",
@@ -184,6 +199,7 @@ mod tests {
             },
             settle_frames: 3,
             imaging,
+            running_at: None,
         };
         let text = serde_json::to_string(&freeze(vec![])).unwrap();
         assert!(!text.contains("imaging"), "{text}");

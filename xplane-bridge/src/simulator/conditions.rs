@@ -10,7 +10,7 @@ use super::vigil::Vigil;
 use super::weather;
 use crate::datarefs::{
     DATE_DAYS, DatarefWrite, Generation, OVERRIDE_FLIGHT_MODEL, USE_SYSTEM_TIME, ZULU_TIME_S,
-    clock_writes, condition_writes,
+    clock_writes, condition_writes, running_clock_writes, weather_writes,
 };
 use crate::error::BridgeError;
 
@@ -70,9 +70,26 @@ impl Simulator {
     }
 
     /// Stops the flight model alone: time goes on, the aircraft does not.
-    async fn hold_aircraft(&mut self) -> Result<(), BridgeError> {
+    pub(super) async fn hold_aircraft(&mut self) -> Result<(), BridgeError> {
         self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 1.0)])
             .await
+    }
+
+    /// A flight that began brought weather with it: waits until it is that of the scenario, if there is one.
+    pub(super) async fn await_weather_of(
+        &mut self,
+        conditions: Option<&Conditions>,
+    ) -> Result<(), BridgeError> {
+        let Some(conditions) = conditions else {
+            return Ok(());
+        };
+        let weather = weather_writes(&conditions.weather, self.generation)?;
+        match self.generation {
+            Generation::XPlane11 => self.write_until_read_back(&weather).await?,
+            Generation::XPlane12 => self.await_weather(&weather).await?,
+        }
+        let clock = running_clock_writes(&conditions.clock);
+        self.write_until_read_back(&clock).await
     }
 
     /// Lets the flight model go on.
@@ -112,7 +129,11 @@ impl Simulator {
         let Some(conditions) = &self.conditions else {
             return Ok(());
         };
-        let clock = clock_writes(&conditions.clock);
+        // A clock that runs is set back in every frame by the plugin.
+        let clock = match self.running_at() {
+            None => clock_writes(&conditions.clock),
+            Some(clock) => running_clock_writes(&clock),
+        };
         self.write_until_read_back(&clock).await?;
         let weather = self.vigil.as_ref().map(Vigil::expected).unwrap_or_default();
         let weather = weather.into_iter().filter(|write| !is_clock(&write.name));

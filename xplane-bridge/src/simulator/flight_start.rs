@@ -1,22 +1,25 @@
 //! How a flight begins: who puts the aircraft where it starts, decided and logged here alone.
 //!
 //! The best way is X-Plane 12.4's Web API, which takes aircraft, place, speed, time and weather together and answers. Where it
-//! is not, our plugin puts the aircraft there as part of the flight. Where no plugin serves the capture link, the UDP packet
-//! `PREL` does, and `RPOS` shows whether it did.
+//! is not, our plugin puts the aircraft there. Where no plugin serves the capture link, the UDP packet `PREL` does, and `RPOS` shows whether
+//! it did. A start is asked for once: X-Plane closes the connection of starts that succeed, and a second one would begin the flight again.
 
 use std::time::Duration;
 
-use dataset::geodesy::Geodetic;
-use tokio::time::Instant;
+use dataset::conditions::Conditions;
+use dataset::geodesy::{Geodetic, LatLon};
+use tokio::time::{Instant, sleep};
 
-use super::Simulator;
+use super::{Simulator, wrong};
 use crate::datarefs::{
-    self, AIRCRAFT_ICAO, AircraftFile, Generation, INDICATED_AIRSPEED_KT, aircraft_file,
+    AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, AIRCRAFT_WIDTH_M, AircraftFile, COMMAND_TOGGLE_MAIN_MENU,
+    FLIGHT_TIME_S, Generation, aircraft_file,
 };
 use crate::error::BridgeError;
 use crate::fly::FlightStart;
+use crate::link::{Answer, Request};
 use crate::packet::{LoadAircraft, PlaceAtStart, Position};
-use crate::web_api::{AirStart, WebApi, flight_body};
+use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
 /// Kind of `PREL` that starts at latitude, longitude and elevation.
 const START_AT_POSITION: i32 = 6;
@@ -26,28 +29,100 @@ const ATTEMPTS: u32 = 8;
 const PLACE_TIMEOUT: Duration = Duration::from_millis(500);
 /// An aircraft that was put somewhere is found this close to it: it flies on while the answer travels.
 const PLACED_WITHIN_M: f64 = 2_000.0;
+/// The same of a flight that X-Plane began while it did not answer, for a minute or two.
+const BEGUN_WITHIN_M: f64 = 12_000.0;
+/// Farther than this from where pictures are to be taken, the aircraft has to travel: scenery and weather are those around it.
+const NEAR_M: f64 = 30_000.0;
 /// How long X-Plane takes at most to load an aircraft.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
-/// How long a flight may take from its beginning to flying speed.
-const FLYING_TIMEOUT: Duration = Duration::from_secs(60);
-/// Velocities read zero just after a start: only above this speed does the aircraft fly.
-const FLYING_KT: f32 = 50.0;
+/// How long a flight may take to begin.
+const START_TIMEOUT: Duration = Duration::from_secs(180);
+/// How long the plugin may take to travel: to start, and for the scenery to come.
+const TRAVEL_TIMEOUT: Duration = Duration::from_secs(150);
+/// How long simulated time may take to move, and a position to come.
+const READY_TIMEOUT: Duration = Duration::from_secs(5);
+/// Sizes that X-Plane has of an aircraft of some type are within these multiples of the type's; they are rough.
+const SIZE_RATIOS: std::ops::RangeInclusive<f64> = 0.4..=1.6;
+
 /// Who begins flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Starter {
     /// X-Plane 12.4's Web API.
     WebApi,
-    /// Our plugin, as part of the flight.
+    /// Our plugin.
     Plugin,
     /// `PREL`.
     Udp,
 }
 
 impl Simulator {
+    /// Sees to it that a flight is on, with the scenario's aircraft, where its pictures are taken or its approach starts, and the scenery
+    /// there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or another one.
+    ///
+    /// # Errors
+    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or whatever keeps the flight from beginning.
+    pub async fn prepare(
+        &mut self,
+        conditions: &Conditions,
+        start: &FlightStart,
+        live: bool,
+    ) -> Result<(), BridgeError> {
+        self.await_flight().await?;
+        let near = match self.position().await? {
+            Some(here) => here.distance_m(start.position.lat_lon()) < NEAR_M,
+            None => false,
+        };
+        if live || !near || !self.has_the_aircraft().await? {
+            self.begin_flight(start, Some(conditions)).await?;
+            self.begun = Some(*start);
+        }
+        self.check_aircraft().await
+    }
+
+    /// Waits until simulated time moves: in a menu it does not, whatever X-Plane answers.
+    async fn await_flight(&mut self) -> Result<(), BridgeError> {
+        for menu_was_toggled in [false, true] {
+            self.resume().await?;
+            let first_s = self.read_one(FLIGHT_TIME_S, |_| true).await?;
+            let moves = |now_s: f32| first_s.is_some_and(|first_s| now_s > first_s);
+            let now_s = self.read_one(FLIGHT_TIME_S, moves).await?;
+            if now_s.is_some_and(moves) {
+                return Ok(());
+            }
+            if !menu_was_toggled {
+                tracing::warn!("simulated time stands still: leaving the menu, if it is one");
+                self.command_once(COMMAND_TOGGLE_MAIN_MENU).await.ok();
+            }
+        }
+        Err(BridgeError::NotReady {
+            address: self.address,
+            waited: READY_TIMEOUT,
+        })
+    }
+
+    /// One value, once it is as wanted, or the last that came.
+    async fn read_one(
+        &mut self,
+        name: &str,
+        wanted: impl Fn(f32) -> bool,
+    ) -> Result<Option<f32>, BridgeError> {
+        let deadline = Instant::now() + READY_TIMEOUT;
+        let enough = |values: &[Option<f32>]| values[0].is_some_and(&wanted);
+        Ok(self.udp.read_until(&[name], deadline, enough).await?[0])
+    }
+
+    /// Where the aircraft is; `None` if X-Plane does not say, or says nowhere.
+    async fn position(&mut self) -> Result<Option<LatLon>, BridgeError> {
+        let plausible = |found: &Position| found.latitude_deg != 0.0 || found.longitude_deg != 0.0;
+        let deadline = Instant::now() + READY_TIMEOUT;
+        let found = self.udp.position_until(deadline, plausible).await?;
+        Ok(found.filter(plausible).as_ref().map(lat_lon))
+    }
+
     /// Who begins flights here.
-    pub(super) fn starter(&self) -> Starter {
+    pub(super) fn starter(&self, conditions: Option<&Conditions>) -> Starter {
         let has_flights = self.web_api.as_ref().is_some_and(WebApi::has_flights);
-        if has_flights && self.aircraft_file().is_some() && self.conditions.is_some() {
+        if has_flights && self.aircraft_file().is_some() && conditions.is_some() {
             Starter::WebApi
         } else if self.description.plugin.is_some() {
             Starter::Plugin
@@ -56,57 +131,143 @@ impl Simulator {
         }
     }
 
-    /// Begins a flight; says whether the aircraft is in the air then, or still to be put there by whoever flies it.
-    pub(super) async fn start_flight(&mut self, start: &FlightStart) -> Result<bool, BridgeError> {
-        let starter = self.starter();
+    /// Begins a flight, once. A plugin holds the aircraft there afterwards.
+    pub(super) async fn begin_flight(
+        &mut self,
+        start: &FlightStart,
+        conditions: Option<&Conditions>,
+    ) -> Result<(), BridgeError> {
+        let starter = self.starter(conditions);
         tracing::info!(?starter, "a flight begins");
-        if starter == Starter::WebApi {
-            match self.start_by_web_api(start).await {
-                Ok(()) => return Ok(true),
+        let mut already_started = false;
+        if let (Starter::WebApi, Some(conditions)) = (starter, conditions) {
+            match self.start_by_web_api(start, conditions).await {
+                Ok(()) => already_started = true,
+                // Refused: nothing has begun.
                 Err(BridgeError::WebApi(error)) => {
                     tracing::warn!(%error, "the flight is begun without the Web API");
                 }
                 Err(error) => return Err(error),
             }
         }
-        self.load_aircraft().await?;
-        if self.description.plugin.is_none() {
-            self.place_by_udp(start).await?;
+        if !already_started {
+            self.load_aircraft().await?;
         }
-        Ok(false)
+        if self.description.plugin.is_some() {
+            self.travel(start, already_started).await
+        } else if already_started {
+            Ok(())
+        } else {
+            self.place_by_udp(start).await
+        }
     }
 
-    async fn start_by_web_api(&mut self, start: &FlightStart) -> Result<(), BridgeError> {
-        let (Some(api), Some(file), Some(conditions)) =
-            (&self.web_api, self.aircraft_file(), &self.conditions)
-        else {
+    async fn travel(
+        &mut self,
+        start: &FlightStart,
+        already_started: bool,
+    ) -> Result<(), BridgeError> {
+        let request = Request::Travel {
+            start: *start,
+            already_started,
+        };
+        match self
+            .link
+            .ask("travelling", &request, TRAVEL_TIMEOUT)
+            .await?
+        {
+            Answer::Arrived => Ok(()),
+            other => Err(wrong("arrived", &other)),
+        }
+    }
+
+    async fn start_by_web_api(
+        &mut self,
+        start: &FlightStart,
+        conditions: &Conditions,
+    ) -> Result<(), BridgeError> {
+        let (Some(api), Some(file)) = (&self.web_api, self.aircraft_file()) else {
             return Ok(());
         };
-        let start = AirStart {
+        let air_start = AirStart {
             start: *start,
             pitch_deg: 0.0,
         };
-        api.start_flight(&flight_body(file.path, &start, conditions)?)
-            .await?;
-        let flying = |values: &[Option<f32>]| values[0].is_some_and(|speed| speed > FLYING_KT);
-        let deadline = Instant::now() + FLYING_TIMEOUT;
-        let found = self
-            .udp
-            .read_until(&[INDICATED_AIRSPEED_KT], deadline, flying)
-            .await?;
-        if !flying(&found) {
-            return Err(BridgeError::NotTaken {
-                name: INDICATED_AIRSPEED_KT.into(),
-                attempts: 1,
-                wanted: FLYING_KT,
-                found: found[0],
+        let body = flight_body(file.path, &air_start, conditions)?;
+        let before_s =
+            self.udp
+                .read_until(&[FLIGHT_TIME_S], Instant::now() + READY_TIMEOUT, |values| {
+                    values[0].is_some()
+                });
+        let before_s = before_s.await?[0].unwrap_or(f32::MAX);
+        let asked = Instant::now();
+        match api.start_flight(&body).await {
+            Ok(()) => {}
+            Err(error @ WebApiError::NotReached { .. }) => {
+                tracing::warn!(%error, "whether the flight begins is seen by where the aircraft is");
+            }
+            Err(error) => return Err(error.into()),
+        }
+        let wanted = start.position.lat_lon();
+        loop {
+            let here = self.position().await?;
+            let flight_s = self.read_one(FLIGHT_TIME_S, |_| true).await?;
+            let is_there = here.is_some_and(|here| here.distance_m(wanted) < BEGUN_WITHIN_M);
+            let has_begun = flight_s
+                .is_some_and(|now_s| now_s < before_s || now_s <= asked.elapsed().as_secs_f32());
+            if is_there && has_begun {
+                return self.hold_aircraft().await;
+            }
+            if asked.elapsed() >= START_TIMEOUT {
+                return Err(BridgeError::NotPlaced {
+                    by: "the Web API",
+                    attempts: 1,
+                    wanted_latitude_deg: wanted.latitude_deg,
+                    wanted_longitude_deg: wanted.longitude_deg,
+                    found: here.map(|here| (here.latitude_deg, here.longitude_deg)),
+                });
+            }
+            sleep(Duration::from_millis(500)).await;
+        }
+    }
+
+    /// Whether the scenario's aircraft is loaded. One that is not known, or a simulator that does not say, is left alone.
+    async fn has_the_aircraft(&mut self) -> Result<bool, BridgeError> {
+        let Some(file) = self.aircraft_file() else {
+            return Ok(true);
+        };
+        let found = self.loaded_icao(Duration::from_secs(1)).await?;
+        Ok(found.is_empty() || found == file.icao)
+    }
+
+    async fn check_aircraft(&mut self) -> Result<(), BridgeError> {
+        let Some(file) = self.aircraft_file() else {
+            return Ok(());
+        };
+        if !self.has_the_aircraft().await? {
+            return Err(BridgeError::WrongAircraft {
+                wanted: file.icao,
+                found: self.loaded_icao(Duration::from_secs(1)).await?,
+                path: file.path,
             });
         }
-        // The flight brought weather with it; whether it is the scenario's is seen as always.
-        let writes = datarefs::weather_writes(&conditions.weather, self.generation)?;
-        let clock = datarefs::running_clock_writes(&conditions.clock);
-        self.await_weather(&writes).await?;
-        self.write_until_read_back(&clock).await
+        for (name, size_m) in [
+            (AIRCRAFT_WIDTH_M, file.size_m.0),
+            (AIRCRAFT_LENGTH_M, file.size_m.1),
+        ] {
+            let found_m = self.read_one(name, |_| true).await?.map_or(0.0, f64::from);
+            // X-Plane reads 0 for a name that it does not have.
+            if found_m != 0.0 && !SIZE_RATIOS.contains(&(found_m / size_m)) {
+                tracing::warn!(
+                    name,
+                    found_m,
+                    expected_m = size_m,
+                    icao = file.icao,
+                    "the aircraft has not the size of its type: boxes may not fit it"
+                );
+            }
+        }
+        Ok(())
     }
 
     /// Loads the scenario's aircraft if the simulator has another one. One that does not say which it has is left alone.
@@ -165,14 +326,7 @@ impl Simulator {
 
     async fn place_by_udp(&mut self, start: &FlightStart) -> Result<(), BridgeError> {
         let wanted = start.position.lat_lon();
-        let is_there = |found: &Position| {
-            let found = Geodetic {
-                latitude_deg: found.latitude_deg,
-                longitude_deg: found.longitude_deg,
-                altitude_msl_m: found.elevation_msl_m,
-            };
-            found.lat_lon().distance_m(wanted) < PLACED_WITHIN_M
-        };
+        let is_there = |found: &Position| lat_lon(found).distance_m(wanted) < PLACED_WITHIN_M;
         let mut found = None;
         for _ in 0..ATTEMPTS {
             self.udp.place_at_start(at_position(start)).await?;
@@ -183,6 +337,7 @@ impl Simulator {
             }
         }
         Err(BridgeError::NotPlaced {
+            by: "PREL",
             attempts: ATTEMPTS,
             wanted_latitude_deg: wanted.latitude_deg,
             wanted_longitude_deg: wanted.longitude_deg,
@@ -196,6 +351,15 @@ impl Simulator {
             .as_deref()
             .and_then(|name| aircraft_file(name, generation))
     }
+}
+
+fn lat_lon(position: &Position) -> LatLon {
+    let found = Geodetic {
+        latitude_deg: position.latitude_deg,
+        longitude_deg: position.longitude_deg,
+        altitude_msl_m: position.elevation_msl_m,
+    };
+    found.lat_lon()
 }
 
 fn at_position(start: &FlightStart) -> PlaceAtStart {

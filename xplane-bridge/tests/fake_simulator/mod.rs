@@ -10,7 +10,8 @@ use tokio::time::{Instant, interval};
 use xplane_bridge::datarefs::{
     AIRCRAFT_ICAO, APPROACH_STATUS, AUTOPILOT_MODE, AUTOTHROTTLE, CAPTURE_PORT, COMMAND_APPROACH,
     COMMAND_AUTOTHROTTLE_ON, COMMAND_GLIDE_SLOPE, COMMAND_NAV, COMMAND_SERVOS_ON,
-    GLIDE_SLOPE_STATUS, NAV_STATUS, PAUSED, RUNNING_TIME_S, VERSION, WEATHER_SETTLE_S,
+    COMMAND_TOGGLE_MAIN_MENU, FLIGHT_TIME_S, GLIDE_SLOPE_STATUS, NAV_STATUS, PAUSED,
+    RUNNING_TIME_S, VERSION, WEATHER_SETTLE_S,
 };
 use xplane_bridge::link::{
     Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
@@ -28,11 +29,16 @@ pub(crate) struct Told {
     pub(crate) commands: Vec<String>,
     pub(crate) starts: Vec<PlaceAtStart>,
     pub(crate) loads: Vec<LoadAircraft>,
+    /// Where the aircraft is before anybody starts a flight.
+    pub(crate) parked: Option<PlaceAtStart>,
     pub(crate) requests: Vec<Request>,
     /// X-Plane 12's habit: clouds keep their old values in all slots until so long after they were last written, by the simulator's clock.
     pub(crate) clouds_take_s: f32,
     pending_clouds: Vec<(String, f32)>,
     clouds_from_s: f32,
+    /// Whether a menu is open, in which simulated time stands still, and whether toggling it helps.
+    pub(crate) menu: Option<bool>,
+    frames: u32,
     /// When its clock began, and how many seconds it counts in one of ours; its running time stands still without.
     clock: Option<(Instant, f32)>,
     subscribed: BTreeMap<(SocketAddr, i32), String>,
@@ -74,6 +80,10 @@ impl Told {
 
     /// What has become of it by now.
     fn pass(&mut self) {
+        if self.menu.is_none() {
+            self.frames += 1;
+            self.set(FLIGHT_TIME_S, self.frames as f32 * 0.02);
+        }
         if self.clock.is_some() {
             self.set(RUNNING_TIME_S, self.now_s());
         }
@@ -204,12 +214,9 @@ fn obey(told: &mut Told, datagram: &[u8], from: SocketAddr) -> Vec<(SocketAddr, 
             told.loads.push(load);
         }
         ToSimulator::SubscribePosition(request) if request.frequency_hz > 0 => {
-            return told
-                .starts
-                .last()
-                .map(|start| (from, FromSimulator::Position(position(start))))
-                .into_iter()
-                .collect();
+            let at = told.starts.last().cloned().or_else(|| told.parked.clone());
+            let at = at.map(|start| (from, FromSimulator::Position(position(&start))));
+            return at.into_iter().collect();
         }
         _ => {}
     }
@@ -260,8 +267,13 @@ async fn talk(
             },
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,
+            Request::Travel { .. } => Answer::Arrived,
             Request::Command { path } => {
-                told.lock().unwrap().commands.push(path.clone());
+                let mut told = told.lock().unwrap();
+                if path == COMMAND_TOGGLE_MAIN_MENU {
+                    told.menu = told.menu.filter(|helps| !helps);
+                }
+                told.commands.push(path.clone());
                 Answer::Commanded
             }
             Request::Fly(_) => Answer::Flown {

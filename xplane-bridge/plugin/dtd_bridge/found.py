@@ -1,0 +1,94 @@
+"""X-Plane as a client found it, and giving it back.
+
+Taken when a client greets, before it changes anything, over whichever way. Given back in two steps. View, pause and overrides return when the
+client releases or leaves, also when it was killed: its connection ends with it. The weather's and the clock's own ways return when no client has
+come back for a while: a run of `dtd` comes and goes with every scenario, and after real weather temperatures slide for minutes.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from . import datarefs as names
+from .datarefs import Datarefs
+
+# What is given back at once: written in this order, the switch of the vertical angle last.
+OF_THE_STAGE = (
+    *names.OVERRIDES, names.MOUSE_IS_YOKE, names.FIELD_OF_VIEW, names.VERTICAL_FIELD_OF_VIEW, names.NON_PROPORTIONAL_VIEW,
+)  # fmt: skip
+# What is given back at the end: real weather or a trend, the computer's clock.
+OF_THE_WORLD = (names.CHANGE_MODE, names.USE_REAL_WEATHER, names.USE_SYSTEM_TIME)
+# Longer than the pauses between scenarios.
+COMES_BACK_WITHIN_S = 20.0
+DEFAULT_VIEW = "sim/view/default_view"
+
+
+class Found:
+    """What is to be given back, if anything."""
+
+    def __init__(self, xp: Any, datarefs: Datarefs) -> None:
+        self._xp = xp
+        self._datarefs = datarefs
+        self._values: dict[str, float] | None = None
+        self._paused = False
+        self._external = True
+        self._left_at: float | None = None
+
+    def remember(self) -> None:
+        """A client begins: what it finds, unless an earlier one's has not been given back."""
+        self._left_at = None
+        if self._values is None:
+            there = [name for name in (*OF_THE_STAGE, *OF_THE_WORLD) if self._datarefs.has(name)]
+            self._values = {name: self._datarefs.get(name) for name in there}
+            self._paused = self._datarefs.get(names.PAUSED) != 0
+            self._external = self._datarefs.get_or(names.VIEW_IS_EXTERNAL, 1.0) != 0
+
+    def give_back_the_stage(self) -> None:
+        """View, overrides, pause."""
+        if self._values is None:
+            return
+        if not self._external and self._datarefs.get_or(names.VIEW_IS_EXTERNAL, 0.0) != 0:
+            command(self._xp, DEFAULT_VIEW)
+        self._put_back(OF_THE_STAGE)
+        set_pause(self._xp, self._datarefs, self._paused)
+
+    def client_left(self) -> None:
+        """Nobody is there now."""
+        if self._values is not None and self._left_at is None:
+            self._left_at = time.monotonic()
+
+    def step(self) -> None:
+        """One frame: gives the rest back when nobody came back."""
+        if self._left_at is not None and time.monotonic() - self._left_at > COMES_BACK_WITHIN_S:
+            self.give_back_everything()
+
+    def give_back_everything(self) -> None:
+        """The stage, and whose weather and time it is."""
+        self.give_back_the_stage()
+        self._put_back(OF_THE_WORLD)
+        self._values = self._left_at = None
+
+    def _put_back(self, wanted: tuple[str, ...]) -> None:
+        values = self._values or {}
+        for name in wanted:
+            if name in values and self._datarefs.get(name) != values[name]:
+                self._datarefs.set(name, values[name])
+
+
+def command(xp: Any, path: str) -> None:
+    """Runs one of X-Plane's commands once; a missing one is noted in the log."""
+    found = xp.findCommand(path)
+    if found:
+        xp.commandOnce(found)
+    else:
+        xp.log(f"this X-Plane has no command {path}")
+
+
+def set_pause(xp: Any, datarefs: Datarefs, wanted: bool) -> None:
+    """Stops simulated time, or lets it run."""
+    if (datarefs.get(names.PAUSED) != 0) == wanted:
+        return
+    path = "sim/operation/pause_on" if wanted else "sim/operation/pause_off"
+    # Not every X-Plane 11 has the two commands; the toggle is as good, since we know the state.
+    command(xp, path if xp.findCommand(path) else "sim/operation/pause_toggle")

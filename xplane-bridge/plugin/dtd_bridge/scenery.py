@@ -1,0 +1,75 @@
+"""Waiting until the ground is there, and its height.
+
+X-Plane says that it loads scenery, and stops saying so before the fine ground has come: the ground is there when its height stands still.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any, Callable, Generator
+
+from .messages import Refusal
+from .stage import Stage
+
+# However soon it seems ready: a jump shows only after a while that it loads.
+HOLD_S = 3.0
+LIMIT_S = 60.0
+# So many looks at the ground, so long apart, agree to so much.
+PROBES, PROBE_GAP_S, PROBES_WITHIN_M = 4, 0.5, 1.0
+
+
+class Ground:
+    """The height of the ground that X-Plane shows."""
+
+    def __init__(self, xp: Any) -> None:
+        self._xp = xp
+        self._probe: Any = None
+
+    def height_msl_m(self, latitude: float, longitude: float) -> float | None:
+        """At a place; ``None`` where none is loaded."""
+        xp = self._xp
+        if self._probe is None:
+            self._probe = xp.createProbe(xp.ProbeY)
+        altitude = 0.0
+        # A probe looks along the local y axis, which leans away from the vertical with distance from the local origin: the second look
+        # starts where the first one landed and hits below the place itself.
+        for _ in range(2):
+            hit = xp.probeTerrainXYZ(self._probe, *xp.worldToLocal(latitude, longitude, altitude))
+            if hit.result != xp.ProbeHitTerrain:
+                return None
+            _, _, altitude = xp.localToWorld(hit.locationX, hit.locationY, hit.locationZ)
+        return altitude
+
+    def close(self) -> None:
+        """Gives the probe back."""
+        if self._probe is not None:
+            self._xp.destroyProbe(self._probe)
+            self._probe = None
+
+
+def wait(
+    stage: Stage, ground: Ground, place: tuple[float, float], each_frame: Callable[[], None]
+) -> Generator[None, None, None]:
+    """Until the scenery around a place has come. ``each_frame`` holds the aircraft there: the jump moves X-Plane's local origin."""
+    began = time.monotonic()
+    heights: list[float] = []
+    probed_at = began - PROBE_GAP_S
+    while True:
+        each_frame()
+        now = time.monotonic()
+        if stage.scenery_is_loading():
+            heights.clear()
+        elif now - probed_at >= PROBE_GAP_S:
+            probed_at = now
+            height = ground.height_msl_m(*place)
+            heights = [] if height is None else [*heights, height][-PROBES:]
+            agree = len(heights) == PROBES and max(heights) - min(heights) <= PROBES_WITHIN_M
+            if agree and now - began >= HOLD_S:
+                return
+        if now - began > LIMIT_S:
+            what = "it still loads" if stage.scenery_is_loading() else f"the ground's height is still {heights or 'not there'}"
+            raise Refusal(
+                f"the scenery at latitude {place[0]:.4f}, longitude {place[1]:.4f} has not come within {LIMIT_S:.0f} s: {what}. Is it "
+                "installed? Lower the graphics settings if it loads slowly"
+            )
+        yield

@@ -1,0 +1,38 @@
+"""Other aircraft: none while pictures are taken."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .messages import Refusal
+
+
+class Traffic:
+    """X-Plane's AI aircraft, which a plugin switches off by taking them for itself."""
+
+    def __init__(self, xp: Any) -> None:
+        self._xp = xp
+        self._holds = False
+        self._found: int | None = None
+
+    def clear(self) -> None:
+        """Leaves the user's aircraft alone in the world. X-Plane brings the others back with every flight."""
+        _, active, _ = self._xp.countAircraft()
+        if active <= 1:
+            return
+        if not self._holds:
+            if not self._xp.acquirePlanes():
+                raise Refusal(
+                    f"{active - 1} other aircraft fly, and another plugin holds them: switch off its traffic (TCAS, online networks), "
+                    "or AI aircraft in Flight Configuration"
+                )
+            self._holds, self._found = True, active
+        self._xp.setActiveAircraftCount(1)
+
+    def give_back(self) -> None:
+        """As many as there were, and whoever wants them."""
+        if self._holds:
+            self._holds = False
+            if self._found is not None:
+                self._xp.setActiveAircraftCount(self._found)
+            self._xp.releasePlanes()
