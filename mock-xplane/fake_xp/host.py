@@ -116,6 +116,8 @@ def run(settings: dict[str, Any]) -> None:
     # Scenery is there at once.
     scenery = importlib.import_module("dtd_bridge.scenery")
     scenery.HOLD_S = scenery.PROBE_GAP_S = 0.0
+    # Clients come back at once, or not at all.
+    importlib.import_module("dtd_bridge.found").COMES_BACK_WITHIN_S = 1.0
     link = importlib.import_module("dtd_bridge.settings").Settings(
         bind=settings["bind"], port=settings["port"], token=settings["token"], weather_settle_s=0.0
     )

@@ -1,6 +1,6 @@
 //! Our plugin's own Python, hosted by the stand-in, draws what the built-in link draws, however the simulator around it misbehaves.
 
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::time::Duration;
 
@@ -14,9 +14,10 @@ use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
 use tokio::sync::oneshot;
-use xplane_bridge::datarefs::Generation;
+use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::PixelKind;
+use xplane_bridge::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
 const SIZE_PX: (u32, u32) = (160, 120);
@@ -32,6 +33,11 @@ fn plugin() -> PluginOptions {
 }
 
 async fn connected(generation: Generation, link: LinkServer) -> Simulator {
+    let address = serving(generation, link).await;
+    Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap()
+}
+
+async fn serving(generation: Generation, link: LinkServer) -> SocketAddr {
     let options = ServerOptions {
         bind: Ipv4Addr::LOCALHOST.into(),
         port: 0,
@@ -46,9 +52,56 @@ async fn connected(generation: Generation, link: LinkServer) -> Simulator {
             .await
             .unwrap();
     });
-    Simulator::connect(told.await.unwrap(), CONNECT_TIMEOUT)
+    told.await.unwrap()
+}
+
+/// Waits until datarefs read so.
+async fn until_read(watch: &mut Subscription, wanted: &[f32]) {
+    let seen = async {
+        while watch
+            .readings()
+            .iter()
+            .zip(wanted)
+            .any(|(reading, wanted)| reading.is_none_or(|reading| reading.value != *wanted))
+        {
+            watch.changed().await;
+        }
+    };
+    let seen = tokio::time::timeout(CONNECT_TIMEOUT, seen).await;
+    assert!(seen.is_ok(), "{wanted:?}: {:?}", watch.readings());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
+    let address = serving(Generation::XPlane12, LinkServer::Plugin(plugin())).await;
+    let names = [
+        datarefs::OVERRIDE_FLIGHT_MODEL,
+        datarefs::PAUSED,
+        "sim/graphics/view/field_of_view_deg",
+        datarefs::CHANGE_MODE,
+        datarefs::USE_SYSTEM_TIME,
+    ];
+    let mut watch = Subscription::start(address, names.map(str::to_owned), 20)
         .await
-        .unwrap()
+        .unwrap();
+    let found = [0.0, 0.0, 60.0, 7.0, 1.0];
+    until_read(&mut watch, &found).await;
+    for _ in 0..2 {
+        let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
+        simulator.set_conditions(&noon()).await.unwrap();
+        simulator.freeze(&runway()).await.unwrap();
+        let drawn = CaptureRequest {
+            deliver: Deliver::Drawn,
+            ..capture(1)
+        };
+        simulator.send_capture(&drawn).await.unwrap();
+        simulator.receive_frame().await.unwrap();
+        until_read(&mut watch, &[1.0, 1.0, 20.0, 3.0, 0.0]).await;
+        // As `kill -9` does: the connection ends without a word.
+        drop(simulator);
+        until_read(&mut watch, &found).await;
+    }
+    watch.end().await;
 }
 
 fn runway() -> Runway {
@@ -285,7 +338,8 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
 #[tokio::test(flavor = "multi_thread")]
 async fn x_plane_12_has_no_readback_but_draws_probes_and_shows_the_check_pattern() {
     let mut simulator = connected(Generation::XPlane12, LinkServer::Plugin(plugin())).await;
-    assert_eq!(simulator.description().version, "12.4.0");
+    // 120400, as X-Plane's own log counts.
+    assert_eq!(simulator.description().version, "12.0.4");
     assert_eq!(simulator.description().pixels, [PixelKind::Screen]);
     let ground = simulator.probe_terrain(1.35, 103.98).await.unwrap();
     assert!((ground - 6.71).abs() < 1e-3, "{ground}");

@@ -9,12 +9,12 @@ from __future__ import annotations
 import sys
 import traceback
 from pathlib import Path
-from typing import Any
+from typing import Any, Callable
 
 try:
-    import xp  # XPPython3 4, X-Plane 12
+    import xp as module  # type: ignore[import-not-found]  # XPPython3 4, X-Plane 12
 except ImportError:
-    from XPPython3 import xp  # XPPython3 3, X-Plane 11
+    from XPPython3 import xp as module  # type: ignore[import-not-found]  # XPPython3 3, X-Plane 11
 
 HERE = Path(__file__).resolve().parent
 if str(HERE) not in sys.path:
@@ -24,8 +24,25 @@ from dtd_bridge import NAME, VERSION  # noqa: E402
 from dtd_bridge import datarefs as names  # noqa: E402
 from dtd_bridge.bridge import Bridge  # noqa: E402
 from dtd_bridge.settings import read_settings  # noqa: E402
+from dtd_bridge.xp_api import Xp  # noqa: E402
+
+xp: Xp = module
 
 EVERY_FRAME = -1.0
+
+
+def _publish(name: str, read: Callable[[], float]) -> Any:
+    """Makes a dataref of a number, as an integer and as a float."""
+
+    def read_int(_refcon: Any) -> int:
+        return int(read())
+
+    def read_float(_refcon: Any) -> float:
+        return float(read())
+
+    return xp.registerDataAccessor(
+        name, dataType=xp.Type_Int | xp.Type_Float, writable=0, readInt=read_int, readFloat=read_float
+    )
 
 
 class PythonInterface:
@@ -44,14 +61,7 @@ class PythonInterface:
                 (names.PUBLISHED_PORT, self._read_port),
                 (names.PUBLISHED_WEATHER_SETTLE_S, self._read_settle_s),
             ):
-                accessor = xp.registerDataAccessor(
-                    name,
-                    dataType=xp.Type_Int | xp.Type_Float,
-                    writable=0,
-                    readInt=lambda refcon, read=read: int(read()),
-                    readFloat=lambda refcon, read=read: float(read()),
-                )
-                self._accessors.append(accessor)
+                self._accessors.append(_publish(name, read))
         except Exception:
             self._log_failure("cannot publish its datarefs")
         return f"{NAME} {VERSION}", "dtd.bridge", "Serves poses and pictures to dtd over the capture link"

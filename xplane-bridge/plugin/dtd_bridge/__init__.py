@@ -12,6 +12,7 @@ Which module answers which question:
 ``flight``         air start, the crew's work, the log; ``approach``: what to dial when, pure. ``autopilot``: its switches, read and set.
 ``local_frame``    WGS-84 poses <-> X-Plane's local OpenGL coordinates. Pure, given the two conversions of ``xp``.
 ``opengl``         the few OpenGL calls; ``check_pattern``: the picture that proves a screen grab.
+``xp_api``         the types of the functions of ``xp`` that are used here; ``mypy --strict`` holds the rest against them.
 ``datarefs``       typed access by name, and all names. ``settings``: the file beside the plugin.
 """
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
 
 from . import datarefs as names
 from .datarefs import Datarefs
 from .messages import Refusal
 from .stage import Stage
+from .xp_api import Xp
 
 # A command shows within a frame or two. After so many frames this aircraft does not show it.
 PATIENCE_FRAMES = 120
@@ -62,7 +62,7 @@ CAPTURE = (APPROACH, LOCALIZER, GLIDE_SLOPE)
 class Autopilot:
     """Brings about what is wanted, in its order, a step each frame."""
 
-    def __init__(self, stage: Stage, datarefs: Datarefs, xp: Any) -> None:
+    def __init__(self, stage: Stage, datarefs: Datarefs, xp: Xp) -> None:
         self._stage = stage
         self._datarefs = datarefs
         self._xp = xp

@@ -25,6 +25,7 @@ from .settings import Settings
 from .stage import Stage
 from .traffic import Traffic
 from .wire import Header, printable
+from .xp_api import Xp
 
 # Frames that the check pattern may take to be drawn, and a pause to take hold.
 FRAMES_LIMIT = 600
@@ -35,7 +36,7 @@ Task = Generator[None, None, Answer]
 class Bridge:
     """Everything between the sockets and X-Plane, from enabling to disabling."""
 
-    def __init__(self, xp: Any, settings: Settings, gl_library: Any = None) -> None:
+    def __init__(self, xp: Xp, settings: Settings, gl_library: Any = None) -> None:
         self._xp = xp
         self._settings = settings
         self._datarefs = Datarefs(xp)
@@ -133,7 +134,8 @@ class Bridge:
             next(task)
             return None
         except StopIteration as ended:
-            return ended.value
+            answer: Answer = ended.value
+            return answer
         except Refusal as refusal:
             return _error(str(refusal))
         except Exception as error:  # A mistake of ours must not take X-Plane along.

@@ -14,6 +14,7 @@ from .datarefs import Datarefs
 from .messages import Capture, Pose, Refusal
 from .pixels import Frame, Pixels
 from .stage import Stage, Tick
+from .xp_api import Xp
 
 # Less than the client's minute, so that it hears why.
 TIME_LIMIT_S = 50.0
@@ -34,7 +35,7 @@ Answer = tuple[dict[str, Any], bytes]
 
 
 def take(
-    request: Capture, stage: Stage, pixels: Pixels, datarefs: Datarefs, settle_frames: int, xp: Any
+    request: Capture, stage: Stage, pixels: Pixels, datarefs: Datarefs, settle_frames: int, xp: Xp
 ) -> Generator[None, None, Answer]:
     """Shows a tick and returns its ``frame``."""
     _check_window(request, datarefs)
@@ -88,7 +89,7 @@ def _settle(stage: Stage, frames: int, deadline: float) -> Generator[None, None,
             raise Refusal(f"no {frames} frames in a row within {TIME_LIMIT_S:.0f} s: {stage.what_is_wrong_with_the_view()}")
 
 
-def _new_picture(tick: Tick, stage: Stage, pixels: Pixels, xp: Any) -> Generator[None, None, Frame | None]:
+def _new_picture(tick: Tick, stage: Stage, pixels: Pixels, xp: Xp) -> Generator[None, None, Frame | None]:
     """The picture of a tick that has settled, proven by what it shows: it is not the one of the tick before, and it stands still. ``None`` if
     it was disturbed."""
     before: Frame | None = None

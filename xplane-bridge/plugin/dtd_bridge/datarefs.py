@@ -6,6 +6,7 @@ import re
 from typing import Any, Sequence
 
 from .messages import Refusal
+from .xp_api import Xp
 
 POSITION = "sim/flightmodel/position/"
 LOCAL_XYZ = (POSITION + "local_x", POSITION + "local_y", POSITION + "local_z")
@@ -87,7 +88,7 @@ _ELEMENT = re.compile(r"^(.*)\[(\d+)\]$")
 class Datarefs:
     """Reads and writes by name; ``name[3]`` is one element of an array. Handles are looked up once."""
 
-    def __init__(self, xp: Any) -> None:
+    def __init__(self, xp: Xp) -> None:
         self._xp = xp
         self._known: dict[str, tuple[Any, int, int | None]] = {}
 
@@ -103,9 +104,13 @@ class Datarefs:
         """Its value with all the bits it has; refuses a name that X-Plane lacks."""
         xp, (ref, kinds, index) = self._xp, self._must(name)
         if index is not None:
-            values: list[float] = []
-            (xp.getDatavf if kinds & xp.Type_FloatArray else xp.getDatavi)(ref, values, index, 1)
-            return float(values[0])
+            if kinds & xp.Type_FloatArray:
+                floats: list[float] = []
+                xp.getDatavf(ref, floats, index, 1)
+                return float(floats[0])
+            integers: list[int] = []
+            xp.getDatavi(ref, integers, index, 1)
+            return float(integers[0])
         if kinds & xp.Type_Double:
             return float(xp.getDatad(ref))
         if kinds & xp.Type_Float:
@@ -145,7 +150,7 @@ class Datarefs:
         if self.has(name):
             ref, kinds, _ = self._must(name)
             xp = self._xp
-            count = (xp.getDatavf if kinds & xp.Type_FloatArray else xp.getDatavi)(ref)
+            count = xp.getDatavf(ref) if kinds & xp.Type_FloatArray else xp.getDatavi(ref)
             self._set_array(ref, kinds, [value] * count, 0)
 
     def _set_array(self, ref: Any, kinds: int, values: list[float], offset: int) -> None:

@@ -21,6 +21,7 @@ from .messages import Fly, Refusal, Runway, Start
 from .scenery import Ground
 from .stage import Stage
 from .traffic import Traffic
+from .xp_api import Xp
 
 COLUMNS = (
     "time_s", "latitude_deg", "longitude_deg", "altitude_msl_m", "heading_true_deg", "pitch_deg", "roll_deg",
@@ -47,7 +48,7 @@ class Flights:
     """Begins flights and flies them."""
 
     def __init__(
-        self, stage: Stage, datarefs: Datarefs, frame: LocalFrame, ground: Ground, traffic: Traffic, xp: Any
+        self, stage: Stage, datarefs: Datarefs, frame: LocalFrame, ground: Ground, traffic: Traffic, xp: Xp
     ) -> None:
         self._stage = stage
         self._datarefs = datarefs
@@ -128,7 +129,7 @@ class Flights:
 
 
 def _fly(
-    request: Fly, stage: Stage, datarefs: Datarefs, frame: LocalFrame, xp: Any
+    request: Fly, stage: Stage, datarefs: Datarefs, frame: LocalFrame, xp: Xp
 ) -> Generator[None, None, Answer]:
     """From the launch to the rollout."""
     yield
@@ -219,7 +220,7 @@ def _wait_for_engines(datarefs: Datarefs) -> Generator[None, None, None]:
         yield
 
 
-def _tune(runway: Runway, datarefs: Datarefs, xp: Any) -> None:
+def _tune(runway: Runway, datarefs: Datarefs, xp: Xp) -> None:
     """The landing system, and what an autopilot follows it by. Its course is magnetic."""
     datarefs.set_if_there((names.AUTOPILOT_ELECTRIC_MASTER,), 1)
     datarefs.set_if_there((names.HSI_SOURCE, names.AIRSPEED_IS_MACH), 0)

@@ -8,10 +8,10 @@ come back for a while: a run of `dtd` comes and goes with every scenario, and af
 from __future__ import annotations
 
 import time
-from typing import Any
 
 from . import datarefs as names
 from .datarefs import Datarefs
+from .xp_api import Xp
 
 # What is given back at once: written in this order, the switch of the vertical angle last.
 OF_THE_STAGE = (
@@ -27,7 +27,7 @@ DEFAULT_VIEW = "sim/view/default_view"
 class Found:
     """What is to be given back, if anything."""
 
-    def __init__(self, xp: Any, datarefs: Datarefs) -> None:
+    def __init__(self, xp: Xp, datarefs: Datarefs) -> None:
         self._xp = xp
         self._datarefs = datarefs
         self._values: dict[str, float] | None = None
@@ -76,7 +76,7 @@ class Found:
                 self._datarefs.set(name, values[name])
 
 
-def command(xp: Any, path: str) -> None:
+def command(xp: Xp, path: str) -> None:
     """Runs one of X-Plane's commands once; a missing one is noted in the log."""
     found = xp.findCommand(path)
     if found:
@@ -85,7 +85,7 @@ def command(xp: Any, path: str) -> None:
         xp.log(f"this X-Plane has no command {path}")
 
 
-def set_pause(xp: Any, datarefs: Datarefs, wanted: bool) -> None:
+def set_pause(xp: Xp, datarefs: Datarefs, wanted: bool) -> None:
     """Stops simulated time, or lets it run."""
     if (datarefs.get(names.PAUSED) != 0) == wanted:
         return

@@ -9,6 +9,7 @@ from .check_pattern import rectangles
 from .datarefs import Datarefs
 from .opengl import OpenGl, load_library
 from .stage import Tick
+from .xp_api import Xp
 
 # Width, height, and red, green, blue from the top left.
 Frame = tuple[int, int, bytes]
@@ -19,7 +20,7 @@ BEFORE, AFTER = 1, 0
 class Pixels:
     """What the draw callbacks do. They come 0 to n times a frame."""
 
-    def __init__(self, xp: Any, datarefs: Datarefs, library: Any = None) -> None:
+    def __init__(self, xp: Xp, datarefs: Datarefs, library: Any = None) -> None:
         self._xp = xp
         self._wanted = False
         self._frame: Frame | None = None

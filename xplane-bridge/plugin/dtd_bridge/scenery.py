@@ -10,6 +10,7 @@ from typing import Any, Callable, Generator
 
 from .messages import Refusal
 from .stage import Stage
+from .xp_api import Xp
 
 # However soon it seems ready: a jump shows only after a while that it loads.
 HOLD_S = 3.0
@@ -21,7 +22,7 @@ PROBES, PROBE_GAP_S, PROBES_WITHIN_M = 4, 0.5, 1.0
 class Ground:
     """The height of the ground that X-Plane shows."""
 
-    def __init__(self, xp: Any) -> None:
+    def __init__(self, xp: Xp) -> None:
         self._xp = xp
         self._probe: Any = None
 

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from . import datarefs as names
 from .datarefs import Datarefs
 from .found import command, set_pause
 from .local_frame import LocalFrame, LocalPose, wrapped_360
 from .messages import Clock, Pose, Refusal
+from .xp_api import Xp
 
 # X-Plane has 10 landing gears.
 GEARS = 10
@@ -46,7 +46,7 @@ class Tick:
 class Stage:
     """The frozen aircraft and the camera. All of it in X-Plane's main thread."""
 
-    def __init__(self, xp: Any, datarefs: Datarefs, frame: LocalFrame) -> None:
+    def __init__(self, xp: Xp, datarefs: Datarefs, frame: LocalFrame) -> None:
         self._xp = xp
         self._datarefs = datarefs
         self._frame = frame

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
 
 from .messages import Refusal
+from .xp_api import Xp
 
 
 class Traffic:
     """X-Plane's AI aircraft, which a plugin switches off by taking them for itself."""
 
-    def __init__(self, xp: Any) -> None:
+    def __init__(self, xp: Xp) -> None:
         self._xp = xp
         self._holds = False
         self._found: int | None = None
