@@ -132,6 +132,41 @@ fn same_scenario(id: &str, one: &Path, other: &Path) {
 }
 
 #[test]
+fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
+    let folder = tempfile::tempdir().unwrap();
+    let sweep = fs::read_to_string(repository().join(SWEEP)).unwrap();
+    let other = folder.path().join("other.toml");
+    let line = sweep
+        .lines()
+        .find(|line| line.starts_with("height_px"))
+        .unwrap()
+        .to_owned();
+    fs::write(&other, sweep.replace(&line, "height_px = 50")).unwrap();
+    let corpus = folder.path().join("corpus");
+    let output = dtd(&[
+        "generate",
+        text(&other),
+        "--out",
+        text(&corpus),
+        "--sim",
+        &format!("tape:{TAPE}"),
+    ]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{said}");
+    assert!(
+        said.contains("height_px was") && said.contains("and is 50 now"),
+        "{said}"
+    );
+    for words in ["again in", "retr", "another plugin"] {
+        assert!(!said.to_lowercase().contains(words), "{words}: {said}");
+    }
+    // Each scenario for itself.
+    for id in IDS {
+        assert!(corpus.join("failed").join(format!("{id}.json")).exists());
+    }
+}
+
+#[test]
 fn a_recorded_session_gives_the_same_corpus_again_and_mcaps_own_reader_reads_it() {
     let folder = tempfile::tempdir().unwrap();
     let (corpus, tape) = recorded(folder.path(), &[], &[]);

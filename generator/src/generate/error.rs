@@ -158,6 +158,17 @@ pub enum ScenarioError {
         /// How that shows.
         message: String,
     },
+    /// The tape that plays the simulator has another session than this one. It will have no other the next time.
+    #[error(
+        "tape {}: this is not the session that was recorded: {what}. Replay the sweep that it was recorded with, or record this one",
+        tape.display()
+    )]
+    NotOnTape {
+        /// The tape.
+        tape: PathBuf,
+        /// The first difference.
+        what: String,
+    },
     /// The simulator flew something that is no approach.
     #[error("the flight {message}")]
     Flight {
@@ -207,6 +218,44 @@ pub(super) enum Blame {
 }
 
 impl ScenarioError {
+    /// What an error means if a tape plays the simulator: not that a plugin holds a dataref, or a menu is open, but that the recorded
+    /// client did something else.
+    pub(super) fn of_tape(self, tape: &Path) -> Self {
+        let what = match self {
+            Self::Bridge(BridgeError::Refused { text, .. }) => text,
+            Self::Bridge(
+                BridgeError::NotTaken {
+                    name,
+                    wanted,
+                    found,
+                    ..
+                }
+                | BridgeError::WeatherNotTaken {
+                    name,
+                    wanted,
+                    found,
+                    ..
+                },
+            ) => match found {
+                Some(found) => format!("{name} was {found} then, and is {wanted} now"),
+                None => format!("{name}, which is {wanted} now, is not on it"),
+            },
+            Self::Bridge(
+                error @ (BridgeError::NotPlaced { .. } | BridgeError::NotReady { .. }),
+            ) => error.to_string(),
+            other => return other,
+        };
+        Self::NotOnTape {
+            tape: tape.to_owned(),
+            what,
+        }
+    }
+
+    /// Whether the next attempt would end in the same way.
+    pub(super) fn is_certain(&self) -> bool {
+        matches!(self, Self::NotOnTape { .. })
+    }
+
     /// Whose fault it is.
     pub(super) fn blame(&self, corpus: &Path) -> Blame {
         match self {

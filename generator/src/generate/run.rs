@@ -261,7 +261,11 @@ impl<'a> Run<'a> {
             reporter: &self.reporter,
             answer_limit: self.patience.answer,
         };
-        let ticks = record(&self.work, scenario, claim, session, &attempt).await?;
+        let recorded = record(&self.work, scenario, claim, session, &attempt).await;
+        let ticks = match session.tape() {
+            Some(tape) => recorded.map_err(|error| error.of_tape(tape))?,
+            None => recorded?,
+        };
         SetAside::clear(self.work.corpus, &scenario.id);
         self.reporter.tell(Event::Committed {
             id: &scenario.id,
@@ -311,7 +315,7 @@ impl<'a> Run<'a> {
         let reason = error.to_string();
         task.reasons.push(reason.clone());
         let failed = task.reasons.len() as u32;
-        if failed < self.patience.attempts {
+        if failed < self.patience.attempts && !error.is_certain() {
             self.reporter.tell(Event::Retrying {
                 id,
                 reason: &reason,

@@ -111,6 +111,14 @@ impl Session {
         &self.name
     }
 
+    /// The tape that plays the simulator, if one does.
+    pub(super) fn tape(&self) -> Option<&Path> {
+        match &self.target {
+            SimulatorTarget::Tape(tape) => Some(tape),
+            _ => None,
+        }
+    }
+
     /// Finds or starts the simulator and connects to it.
     pub(super) async fn open(&mut self) -> Result<(), ScenarioError> {
         let ready = self.connect().await?;

@@ -79,6 +79,9 @@ impl Lag {
     }
 }
 
+/// A picture that is still the one before after so many more grabs is one in which nothing changed; before, it may be late.
+const STALE_GRABS: u32 = 10;
+
 /// A window that is grabbed, and what was measured about it.
 pub struct ScreenSource {
     grabber: Grabber,
@@ -86,6 +89,8 @@ pub struct ScreenSource {
     window: Rectangle,
     lag: Lag,
     codes: Codes,
+    /// The last picture.
+    last: Vec<u8>,
 }
 
 impl ScreenSource {
@@ -117,6 +122,7 @@ impl ScreenSource {
                 window,
                 lag: Lag::default(),
                 codes,
+                last: Vec::new(),
             };
             source.lag = source.measure(display).await?;
             Ok(source)
@@ -223,7 +229,14 @@ impl PixelSource for ScreenSource {
                 rgb: payload,
                 ..RgbPicture::default()
             };
-            let picture = self.grabber.grab(memory, wait.grabs).await?;
+            let mut picture = self.grabber.grab(memory, wait.grabs).await?;
+            for _ in 0..STALE_GRABS {
+                if picture.rgb != self.last {
+                    break;
+                }
+                picture = self.grabber.grab(picture, 0).await?;
+            }
+            self.last.clone_from(&picture.rgb);
             match covers(&picture) {
                 true => Err(PixelError::PatternStays),
                 false => Ok(picture.rgb),

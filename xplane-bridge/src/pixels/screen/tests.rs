@@ -155,6 +155,19 @@ async fn a_screen_that_is_late_is_waited_for() {
 }
 
 #[tokio::test]
+async fn a_picture_that_is_still_the_one_before_is_grabbed_again_and_one_that_stays_is_believed() {
+    let screen = MadeUp::new(|_| ());
+    let mut source = screen.set_up().await.unwrap();
+    let first = source.picture(Vec::new()).await.unwrap();
+    screen.desk().late_grabs = 4;
+    screen.clone().show(None).await.unwrap();
+    let newest = screen.desk().shown.len() as u8;
+    let second = source.picture(Vec::new()).await.unwrap();
+    assert_eq!((second[0], second == first), (newest, false));
+    assert_eq!(source.picture(Vec::new()).await.unwrap(), second);
+}
+
+#[tokio::test]
 async fn a_screen_that_becomes_later_than_measured_ends_the_attempt() {
     let screen = MadeUp::new(|desk| desk.late_grabs = 1);
     let mut source = screen.set_up().await.unwrap();
