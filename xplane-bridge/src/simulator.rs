@@ -100,8 +100,8 @@ pub struct Simulator {
     vigil: Option<Vigil>,
     /// The aircraft that flies, as sweeps name it.
     aircraft: Option<String>,
-    /// The flight that has begun and is still to be flown.
-    begun: Option<FlightStart>,
+    /// The flight that has begun and is still to be flown, and whether it is in the air.
+    begun: Option<(FlightStart, bool)>,
     /// With the memory that was lent for the picture, if it does not travel.
     outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
     sharing: Sharing,
@@ -242,24 +242,27 @@ impl Simulator {
     /// If the aircraft, the radios or the autopilot do not take their settings, the simulator gives up, or it does not have
     /// the conditions any more that were set.
     pub async fn fly(&mut self, request: &FlyRequest) -> Result<Vec<FlightState>, BridgeError> {
-        if self.begun.take() != Some(request.start) {
-            let conditions = self.conditions.clone();
-            self.begin_flight(&request.start, conditions.as_ref())
-                .await?;
-            self.await_weather_of(conditions.as_ref()).await?;
-        }
+        let already_started = match self.begun.take() {
+            Some((start, in_the_air)) if start == request.start => in_the_air,
+            _ => {
+                let conditions = self.conditions.clone();
+                let begun = self.begin_flight(&request.start, conditions.as_ref());
+                let in_the_air = begun.await?;
+                self.await_weather_of(conditions.as_ref()).await?;
+                in_the_air
+            }
+        };
         self.resume().await?;
         let radios = datarefs::approach_writes(&request.runway);
         self.write_until_read_back(&radios).await?;
         // Our plugin holds the aircraft until it lets it go with a velocity, and engages the autopilot itself, once the aircraft is in the air: two
         // who press its buttons switch it off again.
-        let by_plugin = self.description.plugin.is_some();
-        if !by_plugin {
+        if self.description.plugin.is_none() {
             self.let_aircraft_go().await?;
             self.engage_approach().await?;
         }
         let request = FlyRequest {
-            already_started: by_plugin,
+            already_started,
             ..request.clone()
         };
         // X-Plane flies in real time; the margin is for loading scenery around the start.

@@ -43,27 +43,30 @@ def take(
         raise Refusal(f"{pixels.no_readback}; take the pictures off the screen instead (--pixels screen)")
     deadline = time.monotonic() + TIME_LIMIT_S
     tick = tick_of(request)
-    for tried in range(1, TRIES + 1):
+    shown_at, tried = stage.frames, 0
+    while True:
         stage.show(tick)
         yield from _settle(stage, settle_frames, deadline)
         picture = None
         if request.wants_picture:
-            picture = yield from _new_picture(tick, stage, pixels, xp)
+            picture = yield from _new_picture(tick, shown_at, stage, pixels, xp)
         else:
             yield
         _raise_if_failed(stage, pixels)
         pose, (camera, hfov_deg, vfov_deg) = stage.read_pose(), stage.read_camera()
-        whole = stage.is_shown() and (picture is not None or not request.wants_picture)
+        if not stage.is_shown() or (request.wants_picture and picture is None):
+            # Disturbed; how often is limited by the time that settling may take.
+            continue
+        tried += 1
         same = (
             _near(pose, request.pose)
             and _near(camera, request.camera)
             and abs(hfov_deg - tick.hfov_deg) < ANGLE_DEG
             and abs(vfov_deg - tick.vfov_deg) < ANGLE_DEG
         )
-        if whole and (same or tried == TRIES):
+        if same or tried == TRIES:
             _check_shape(request, vfov_deg, tick.vfov_deg)
             return _answer(request, stage.frames, pose, camera, hfov_deg, picture)
-    raise Refusal(f"X-Plane drew no undisturbed frame in {TRIES} tries: is something else moving the camera?")
 
 
 def tick_of(request: Capture) -> Tick:
@@ -89,12 +92,12 @@ def _settle(stage: Stage, frames: int, deadline: float) -> Generator[None, None,
             raise Refusal(f"no {frames} frames in a row within {TIME_LIMIT_S:.0f} s: {stage.what_is_wrong_with_the_view()}")
 
 
-def _new_picture(tick: Tick, stage: Stage, pixels: Pixels, xp: Xp) -> Generator[None, None, Frame | None]:
+def _new_picture(tick: Tick, shown_at: int, stage: Stage, pixels: Pixels, xp: Xp) -> Generator[None, None, Frame | None]:
     """The picture of a tick that has settled, proven by what it shows: it is not the one of the tick before, and it stands still. ``None`` if
     it was disturbed."""
     before: Frame | None = None
     undrawn = 0
-    for frames in range(1, RESTLESS_FRAMES + 1):
+    for _ in range(RESTLESS_FRAMES):
         pixels.want_frame()
         yield
         picture = pixels.take_frame()
@@ -105,7 +108,7 @@ def _new_picture(tick: Tick, stage: Stage, pixels: Pixels, xp: Xp) -> Generator[
             if undrawn > UNDRAWN_FRAMES:
                 return None
             continue
-        is_new = frames > STALE_FRAMES or pixels.is_new(tick, picture)
+        is_new = stage.frames - shown_at > STALE_FRAMES or pixels.is_new(tick, picture)
         stands_still = pixels.restless or stage.time_runs or picture == before
         if is_new and stands_still:
             break

@@ -73,8 +73,8 @@ impl Simulator {
             None => false,
         };
         if live || !near || !self.has_the_aircraft().await? {
-            self.begin_flight(start, Some(conditions)).await?;
-            self.begun = Some(*start);
+            let in_the_air = self.begin_flight(start, Some(conditions)).await?;
+            self.begun = Some((*start, in_the_air));
         }
         self.check_aircraft().await
     }
@@ -131,12 +131,13 @@ impl Simulator {
         }
     }
 
-    /// Begins a flight, once. A plugin holds the aircraft there afterwards.
+    /// Begins a flight, once; says whether the aircraft is in the air then, or is to be put there by whoever flies it. A plugin holds it
+    /// there afterwards.
     pub(super) async fn begin_flight(
         &mut self,
         start: &FlightStart,
         conditions: Option<&Conditions>,
-    ) -> Result<(), BridgeError> {
+    ) -> Result<bool, BridgeError> {
         let starter = self.starter(conditions);
         tracing::info!(?starter, "a flight begins");
         let mut already_started = false;
@@ -154,12 +155,13 @@ impl Simulator {
             self.load_aircraft().await?;
         }
         if self.description.plugin.is_some() {
-            self.travel(start, already_started).await
-        } else if already_started {
-            Ok(())
-        } else {
-            self.place_by_udp(start).await
+            self.travel(start, already_started).await?;
+            return Ok(true);
         }
+        if !already_started {
+            self.place_by_udp(start).await?;
+        }
+        Ok(already_started)
     }
 
     async fn travel(
