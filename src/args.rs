@@ -6,6 +6,7 @@ use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand};
+use dataset::memory::Bytes;
 use generator::generate::Simulators;
 use generator::shard::Shard;
 use mock_xplane::server::Faults;
@@ -32,6 +33,9 @@ pub(crate) struct Args {
     /// Say more: -v what happens, -vv every detail. RUST_LOG overrides it.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub(crate) verbose: u8,
+    /// Refuse what needs more memory than this (512M, 4G) [default: what the machine, its container and `ulimit -v` leave].
+    #[arg(long, global = true, value_name = "SIZE")]
+    pub(crate) max_memory: Option<Bytes>,
     #[command(subcommand)]
     pub(crate) verb: Verb,
 }

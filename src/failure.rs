@@ -59,7 +59,11 @@ impl Failure {
 
 impl<E: Into<anyhow::Error>> From<E> for Failure {
     fn from(error: E) -> Self {
-        Self::Failed(error.into())
+        let error = error.into();
+        match error.downcast_ref::<dataset::Error>() {
+            Some(cause) if cause.is_bad_content() => Self::BadInput(error),
+            _ => Self::Failed(error),
+        }
     }
 }
 

@@ -18,5 +18,8 @@ fn main() -> ExitCode {
     telemetry::switch_off();
     let args = args::Args::parse();
     logging::start(args.verbose);
+    if let Some(limit) = args.max_memory {
+        dataset::memory::set_limit(limit);
+    }
     failure::exit_code(verbs::run(args.verb))
 }

@@ -8,9 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, CameraPose};
 use crate::distortion::Distortion;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::imaging::{Degradation, Imaging, is_zero};
 use crate::json_file::{parse_json, read_json, write_json};
+use crate::limits::{self, Check, FieldOutOfLimits};
 use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION};
 
 /// All cameras of a scenario by their identifiers, in the order of the identifiers.
@@ -135,6 +136,39 @@ impl CameraEntry {
         lens.check(self.camera().corner()).err()
     }
 
+    fn check(&self, check: &mut Check) {
+        for (name, side_px) in [("width_px", self.width_px), ("height_px", self.height_px)] {
+            check.number(name, side_px, limits::PICTURE_SIDE_PX);
+        }
+        check.part("k", |check| {
+            let k = &self.k;
+            for (name, value, limits) in [
+                ("focal_x_px", k[0][0], limits::FOCAL_LENGTH_PX),
+                ("focal_y_px", k[1][1], limits::FOCAL_LENGTH_PX),
+                ("principal_x_px", k[0][2], limits::PRINCIPAL_POINT_PX),
+                ("principal_y_px", k[1][2], limits::PRINCIPAL_POINT_PX),
+            ] {
+                check.number(name, value, limits);
+            }
+        });
+        for coefficient in &self.distortion {
+            check.number("distortion", *coefficient, limits::DISTORTION);
+        }
+        self.imaging().check(check);
+        check.part("ecef_from_camera", |check| {
+            for element in self.ecef_from_camera.rotation.as_flattened() {
+                check.number("rotation", *element, limits::ROTATION);
+            }
+            for coordinate in self.ecef_from_camera.translation_m {
+                check.number("translation_m", coordinate, limits::ECEF_M);
+            }
+        });
+        check.part("placed", |check| {
+            self.placed.pose.check_camera(check);
+            check.number("hfov_deg", self.placed.hfov_deg, limits::HFOV_DEG);
+        });
+    }
+
     /// Whether a reader that knows pinholes and straight light only would misread it.
     pub fn bends_light(&self) -> bool {
         !self.distortion.is_empty() || self.refraction_coefficient != 0.0
@@ -192,19 +226,44 @@ impl Calibration {
         }
     }
 
-    /// Reads `calibration.json`.
+    /// Reads `calibration.json`. A number outside its limits is an error.
     pub fn read(path: &Path) -> Result<Self> {
-        read_json(path, "calibration")
+        Self::sound(read_json(path, "calibration")?, path)
     }
 
     /// Reads the content of `calibration.json`; messages name it as `path`.
     pub fn parse(content: &[u8], path: &Path) -> Result<Self> {
-        parse_json(content, path, "calibration")
+        Self::sound(parse_json(content, path, "calibration")?, path)
     }
 
-    /// Writes `calibration.json`.
+    fn sound(self, path: &Path) -> Result<Self> {
+        match self.out_of_limits().into_iter().next() {
+            None => Ok(self),
+            Some(fault) => Err(Error::out_of_limits(path, None, fault)),
+        }
+    }
+
+    /// The same, with all numbers outside their limits beside it.
+    pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+        let calibration: Self = read_json(path, "calibration")?;
+        let faults = calibration.out_of_limits();
+        Ok((calibration, faults))
+    }
+
+    /// Writes `calibration.json`, if all its numbers lie within their limits.
     pub fn write(&self, path: &Path) -> Result<()> {
-        write_json(path, self)
+        match self.out_of_limits().into_iter().next() {
+            None => write_json(path, self),
+            Some(fault) => Err(Error::out_of_limits(path, None, fault)),
+        }
+    }
+
+    fn out_of_limits(&self) -> Vec<FieldOutOfLimits> {
+        let mut check = Check::default();
+        for (id, entry) in &self.cameras {
+            check.part(format_args!("cameras.{id}"), |check| entry.check(check));
+        }
+        check.into_found()
     }
 }
 

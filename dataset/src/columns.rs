@@ -1,31 +1,45 @@
 //! Parquet tables as named, typed columns.
 //!
-//! Writing is deterministic: the same columns give the same bytes. Reading asks for a column by name and type and says in
-//! its error what the file holds instead.
+//! Writing is deterministic: the same columns give the same bytes. Reading asks for a column by name, type and limits, and says in its
+//! error what the file holds instead. What a file claims to hold is checked before any of it is decoded: a megabyte may unfold to
+//! gigabytes.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use arrow_array::types::Int32Type;
 use arrow_array::{
-    Array, ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray, UInt32Array,
-    UInt64Array,
+    Array, ArrayRef, BooleanArray, DictionaryArray, Float64Array, Int64Array, RecordBatch,
+    StringArray, UInt32Array, UInt64Array,
 };
-use arrow_schema::{Field, Schema};
+use arrow_schema::{DataType, Field, Schema};
 use bytes::Bytes;
 use parquet::arrow::ArrowWriter;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReaderBuilder,
+};
 use parquet::basic::{Compression, ZstdLevel};
 use parquet::file::properties::WriterProperties;
 
 use crate::error::{Error, Result};
+use crate::limits::{FieldOutOfLimits, Limits, OutOfLimits};
+use crate::memory;
 use crate::new_file::NewFile;
 use crate::outside_file::{self, FileKind};
+
+/// Columns of a table: sixteen for each of some dozens of views.
+const MOST_COLUMNS: usize = 2_048;
+/// Identifiers of views and the like are names of files.
+const MOST_TEXT_BYTES: usize = 255;
+/// Rows that are decoded at once.
+const BATCH_ROWS: usize = 1_024;
 
 /// Collects columns and writes them as one Parquet file.
 #[derive(Default)]
 pub struct TableWriter {
     fields: Vec<Field>,
     arrays: Vec<ArrayRef>,
+    out_of_limits: Option<(usize, FieldOutOfLimits)>,
 }
 
 impl TableWriter {
@@ -59,6 +73,53 @@ impl TableWriter {
         )
     }
 
+    /// Adds a column of floats that lie between limits; a table with others is not written.
+    pub fn f64_within(
+        mut self,
+        name: &str,
+        limits: Limits,
+        values: impl IntoIterator<Item = f64> + Clone,
+    ) -> Self {
+        self.look_at(name, limits, values.clone().into_iter().map(Some));
+        self.f64(name, values)
+    }
+
+    /// The same of floats that may be missing.
+    pub fn optional_f64_within(
+        mut self,
+        name: &str,
+        limits: Limits,
+        values: impl IntoIterator<Item = Option<f64>> + Clone,
+    ) -> Self {
+        self.look_at(name, limits, values.clone());
+        self.optional_f64(name, values)
+    }
+
+    /// The table with whatever numbers it has, as somebody else may write it.
+    #[cfg(test)]
+    pub(crate) fn unchecked(self) -> Self {
+        Self {
+            out_of_limits: None,
+            ..self
+        }
+    }
+
+    fn look_at(
+        &mut self,
+        name: &str,
+        limits: Limits,
+        values: impl IntoIterator<Item = Option<f64>>,
+    ) {
+        let mut values = values.into_iter().enumerate();
+        if self.out_of_limits.is_none() {
+            self.out_of_limits = values.find_map(|(row, value)| {
+                let number = limits.check(value?).err()?;
+                let field = name.to_owned();
+                Some((row, FieldOutOfLimits { field, number }))
+            });
+        }
+    }
+
     /// Adds a column of signed integers.
     pub fn i64(self, name: &str, values: impl IntoIterator<Item = i64>) -> Self {
         self.push(name, false, Arc::new(Int64Array::from_iter_values(values)))
@@ -89,7 +150,13 @@ impl TableWriter {
     }
 
     /// Writes the file (zstd, one row group a million rows), whole or not at all.
+    ///
+    /// # Errors
+    /// A number lies outside its limits, and everything that a disk can refuse.
     pub fn write(self, path: &Path) -> Result<()> {
+        if let Some((row, fault)) = self.out_of_limits {
+            return Err(Error::out_of_limits(path, Some(row), fault));
+        }
         let schema = Arc::new(Schema::new(self.fields));
         let batch =
             RecordBatch::try_new(schema.clone(), self.arrays).map_err(|e| Error::table(path, e))?;
@@ -111,7 +178,23 @@ pub struct Table {
     path: PathBuf,
     schema: Arc<Schema>,
     batches: Vec<RecordBatch>,
+    /// Where numbers outside their limits are collected, if they do not end the reading.
+    collected: Option<Vec<ColumnOutOfLimits>>,
 }
+
+/// A column with numbers outside their limits.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColumnOutOfLimits {
+    /// Name of the column.
+    pub column: String,
+    /// The first of them, with their rows.
+    pub first: Vec<(usize, OutOfLimits)>,
+    /// How many there are.
+    pub count: usize,
+}
+
+/// So many numbers of a column are named; the others are counted.
+const NAMED: usize = 3;
 
 macro_rules! typed_column {
     ($(#[$doc:meta])* $name:ident, $array:ty, $value:ty, $convert:expr) => {
@@ -119,14 +202,12 @@ macro_rules! typed_column {
         pub fn $name(&self, column: &str) -> Result<Vec<$value>> {
             let mut values = Vec::with_capacity(self.rows());
             for array in self.arrays(column)? {
-                let typed = array.as_any().downcast_ref::<$array>().ok_or_else(|| {
-                    self.fault(format!("column {column} should hold {}, but holds {}", stringify!($name), array.data_type()))
-                })?;
+                let typed = array
+                    .as_any()
+                    .downcast_ref::<$array>()
+                    .ok_or_else(|| self.wrong_type(column, stringify!($name), array))?;
                 if typed.null_count() > 0 {
-                    return Err(self.fault(format!(
-                        "column {column} has {} missing values, expected none",
-                        typed.null_count()
-                    )));
+                    return Err(self.missing(column, typed.null_count()));
                 }
                 values.extend((0..typed.len()).map(|row| $convert(typed.value(row))));
             }
@@ -136,25 +217,68 @@ macro_rules! typed_column {
 }
 
 impl Table {
-    /// Reads a Parquet file whole.
-    pub fn read(path: &Path) -> Result<Self> {
-        Self::parse(outside_file::read(path, FileKind::TABLE)?, path)
+    /// Reads a Parquet file whole; one with more rows than `most_rows` is refused before any is decoded. The first number outside its
+    /// limits ends the reading.
+    pub fn read(path: &Path, most_rows: u64) -> Result<Self> {
+        Self::parse(outside_file::read(path, FileKind::TABLE)?, path, most_rows)
     }
 
-    /// Reads the bytes of a Parquet file; messages name it as `path`.
-    pub fn parse(bytes: Vec<u8>, path: &Path) -> Result<Self> {
-        let builder = ParquetRecordBatchReaderBuilder::try_new(Bytes::from(bytes))
-            .map_err(|e| Error::table(path, e))?;
-        let schema = builder.schema().clone();
-        let reader = builder.build().map_err(|e| Error::table(path, e))?;
-        let batches = reader
-            .collect::<std::result::Result<Vec<_>, _>>()
-            .map_err(|e| Error::table(path, e))?;
+    /// The same from the bytes of a file; messages name it as `path`.
+    pub fn parse(bytes: Vec<u8>, path: &Path, most_rows: u64) -> Result<Self> {
+        let refused = |e: parquet::errors::ParquetError| Error::table(path, e);
+        let bytes = Bytes::from(bytes);
+        let metadata =
+            ArrowReaderMetadata::load(&bytes, ArrowReaderOptions::new()).map_err(refused)?;
+        let rows = metadata.metadata().file_metadata().num_rows();
+        let rows = u64::try_from(rows).unwrap_or(u64::MAX);
+        if rows > most_rows {
+            return Err(Error::table(
+                path,
+                format!("has {rows} rows, expected at most {most_rows}"),
+            ));
+        }
+        let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
+        let needed = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
+        memory::check(&format!("table {}", path.display()), needed)?;
+        let options = ArrowReaderOptions::new().with_schema(schema.clone());
+        let reader = ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options)
+            .map_err(refused)?
+            .with_batch_size(BATCH_ROWS)
+            .build()
+            .map_err(refused)?;
+        let mut batches = Vec::new();
+        let mut left = rows;
+        for batch in reader {
+            let batch = batch.map_err(|e| Error::table(path, e))?;
+            // The metadata may have lied.
+            left = left.checked_sub(batch.num_rows() as u64).ok_or_else(|| {
+                Error::table(
+                    path,
+                    format!("has more rows than the {rows} that it claims"),
+                )
+            })?;
+            batches.push(batch);
+        }
         Ok(Self {
             path: path.to_owned(),
             schema,
             batches,
+            collected: None,
         })
+    }
+
+    /// The same table, which collects numbers outside their limits instead of refusing them: for whoever looks for all faults.
+    #[must_use]
+    pub fn collecting(self) -> Self {
+        Self {
+            collected: Some(Vec::new()),
+            ..self
+        }
+    }
+
+    /// What a [`Table::collecting`] found in the columns that were asked for.
+    pub fn into_collected(self) -> Vec<ColumnOutOfLimits> {
+        self.collected.unwrap_or_default()
     }
 
     /// Number of rows.
@@ -195,20 +319,78 @@ impl Table {
         /// A column of booleans without gaps.
         bool, BooleanArray, bool, |v| v
     );
-    typed_column!(
-        /// A column of words without gaps.
-        text, StringArray, String, |v: &str| v.to_owned()
-    );
+    /// A column of words without gaps.
+    pub fn text(&self, column: &str) -> Result<Vec<String>> {
+        let mut values = Vec::with_capacity(self.rows());
+        for array in self.arrays(column)? {
+            let typed = array.as_any().downcast_ref::<DictionaryArray<Int32Type>>();
+            let words = typed.and_then(|typed| typed.downcast_dict::<StringArray>());
+            let words = words.ok_or_else(|| self.wrong_type(column, "text", array))?;
+            for word in words {
+                match word {
+                    Some(word) if word.len() <= MOST_TEXT_BYTES => values.push(word.to_owned()),
+                    Some(word) => {
+                        return Err(self.fault(format!(
+                            "column {column} has a text of {} bytes in row {}, expected at most {MOST_TEXT_BYTES}",
+                            word.len(),
+                            values.len()
+                        )));
+                    }
+                    None => return Err(self.missing(column, 1)),
+                }
+            }
+        }
+        Ok(values)
+    }
 
-    /// A column of finite floats without gaps.
-    pub fn finite_f64(&self, column: &str) -> Result<Vec<f64>> {
+    /// A column of floats without gaps that lie between limits.
+    pub fn f64_within(&mut self, column: &str, limits: Limits) -> Result<Vec<f64>> {
         let values = self.f64(column)?;
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(row) => Err(self.fault(format!(
-                "row {row}, column {column}: expected a finite number, found {}",
-                values[row]
-            ))),
-            None => Ok(values),
+        self.look_at(column, limits, values.iter().copied().map(Some))?;
+        Ok(values)
+    }
+
+    /// A column of floats that lie between limits or are missing.
+    pub fn optional_f64_within(
+        &mut self,
+        column: &str,
+        limits: Limits,
+    ) -> Result<Vec<Option<f64>>> {
+        let values = self.optional_f64(column)?;
+        self.look_at(column, limits, values.iter().copied())?;
+        Ok(values)
+    }
+
+    fn look_at(
+        &mut self,
+        column: &str,
+        limits: Limits,
+        values: impl Iterator<Item = Option<f64>>,
+    ) -> Result<()> {
+        let mut outside = values
+            .enumerate()
+            .filter_map(|(row, value)| Some((row, limits.check(value?).err()?)));
+        match &mut self.collected {
+            None => match outside.next() {
+                None => Ok(()),
+                Some((row, number)) => {
+                    let field = column.to_owned();
+                    let fault = FieldOutOfLimits { field, number };
+                    Err(Error::out_of_limits(&self.path, Some(row), fault))
+                }
+            },
+            Some(collected) => {
+                let first: Vec<_> = outside.by_ref().take(NAMED).collect();
+                let count = first.len() + outside.count();
+                if count > 0 {
+                    collected.push(ColumnOutOfLimits {
+                        column: column.to_owned(),
+                        first,
+                        count,
+                    });
+                }
+                Ok(())
+            }
         }
     }
 
@@ -219,12 +401,7 @@ impl Table {
             let typed = array
                 .as_any()
                 .downcast_ref::<Float64Array>()
-                .ok_or_else(|| {
-                    self.fault(format!(
-                        "column {column} should hold f64, but holds {}",
-                        array.data_type()
-                    ))
-                })?;
+                .ok_or_else(|| self.wrong_type(column, "f64", array))?;
             values.extend(typed.iter());
         }
         Ok(values)
@@ -233,6 +410,19 @@ impl Table {
     /// An error about this table.
     pub fn fault(&self, message: impl ToString) -> Error {
         Error::table(&self.path, message)
+    }
+
+    fn wrong_type(&self, column: &str, expected: &str, found: &ArrayRef) -> Error {
+        let found = found.data_type();
+        self.fault(format!(
+            "column {column} should hold {expected}, but holds {found}"
+        ))
+    }
+
+    fn missing(&self, column: &str, count: usize) -> Error {
+        self.fault(format!(
+            "column {column} has {count} missing values, expected none"
+        ))
     }
 
     fn arrays(&self, column: &str) -> Result<Vec<&ArrayRef>> {
@@ -245,5 +435,112 @@ impl Table {
             .iter()
             .filter_map(|batch| batch.column_by_name(column))
             .collect())
+    }
+}
+
+/// How the columns of a file are read, or why they are not: words through their dictionary, so that a long one that is repeated
+/// takes its room once, and nothing that is nested.
+fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
+    let columns = schema.fields().len();
+    if columns > MOST_COLUMNS {
+        return Err(format!(
+            "has {columns} columns, expected at most {MOST_COLUMNS}"
+        ));
+    }
+    let field = |field: &Arc<Field>| {
+        let read_as = match field.data_type() {
+            DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View => {
+                DataType::Dictionary(DataType::Int32.into(), DataType::Utf8.into())
+            }
+            plain if plain.is_primitive() || *plain == DataType::Boolean => plain.clone(),
+            DataType::Dictionary(key, value)
+                if **value == DataType::Utf8 && **key == DataType::Int32 =>
+            {
+                field.data_type().clone()
+            }
+            other => {
+                return Err(format!(
+                    "column {} holds {other}, expected numbers, booleans or text",
+                    field.name()
+                ));
+            }
+        };
+        Ok(Field::new(field.name(), read_as, field.is_nullable()))
+    };
+    let fields: std::result::Result<Vec<_>, String> = schema.fields().iter().map(field).collect();
+    Ok(Arc::new(Schema::new(fields?)))
+}
+
+/// Memory that a value of a column takes as it is read and as it is handed on.
+fn bytes_of(field: &Arc<Field>) -> u64 {
+    match field.data_type() {
+        DataType::Boolean => 2,
+        DataType::Dictionary(..) => 64,
+        plain => 3 * plain.primitive_width().unwrap_or(8) as u64,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A table of one value that is repeated, which takes next to nothing on disk.
+    fn bomb(path: &Path, rows: usize) -> u64 {
+        let values = std::iter::repeat_n("left", rows);
+        TableWriter::new().text("view", values).write(path).unwrap();
+        path.metadata().unwrap().len()
+    }
+
+    #[test]
+    fn a_table_with_more_rows_than_it_may_have_is_refused_before_it_unfolds() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("boxes.parquet");
+        let bytes = bomb(&path, 3_000_000);
+        assert!(bytes < 100_000, "{bytes}");
+        let message = Table::read(&path, 1_000).err().unwrap().to_string();
+        assert!(
+            message.contains("has 3000000 rows, expected at most 1000"),
+            "{message}"
+        );
+    }
+
+    #[test]
+    fn a_table_that_does_not_fit_into_memory_is_refused_with_both_figures() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("boxes.parquet");
+        bomb(&path, 1_000_000);
+        let bytes = outside_file::read(&path, FileKind::TABLE).unwrap();
+        let refused = memory::with_limit(memory::Bytes(1 << 20), || {
+            Table::parse(bytes.clone(), &path, u64::MAX).err().unwrap()
+        });
+        let message = refused.to_string();
+        assert!(
+            message.contains("boxes.parquet needs about") && message.contains("--max-memory"),
+            "{message}"
+        );
+        assert!(Table::parse(bytes, &path, u64::MAX).is_ok());
+    }
+
+    #[test]
+    fn a_long_text_and_a_nested_column_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("boxes.parquet");
+        let long = "x".repeat(100_000);
+        let texts = std::iter::repeat_n(long.as_str(), 100);
+        TableWriter::new().text("view", texts).write(&path).unwrap();
+        let table = Table::read(&path, 2_000).unwrap();
+        let message = table.text("view").unwrap_err().to_string();
+        assert!(
+            message.contains("a text of 100000 bytes in row 0"),
+            "{message}"
+        );
+        let lists =
+            arrow_array::ListArray::from_iter_primitive::<Int32Type, _, _>([Some(vec![Some(1)])]);
+        TableWriter::new()
+            .push("lists", true, Arc::new(lists))
+            .write(&path)
+            .unwrap();
+        let message = Table::read(&path, 2_000).err().unwrap().to_string();
+        assert!(message.contains("column lists holds List"), "{message}");
     }
 }

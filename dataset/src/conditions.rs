@@ -2,6 +2,7 @@
 //!
 //! All SI. The bridge turns them into X-Plane's units in one place.
 
+use crate::limits::{self, Check, Limits};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -76,6 +77,51 @@ pub struct Clock {
     pub day_of_year: u32,
     /// Coordinated universal time, seconds since midnight, 0 to 86 400.
     pub zulu_time_s: f64,
+}
+
+impl Weather {
+    /// Looks for numbers outside their limits.
+    pub fn check(&self, check: &mut Check) {
+        check.number("visibility_m", self.visibility_m, limits::VISIBILITY_M);
+        check.number("rain_ratio", self.rain_ratio, limits::RAIN_RATIO);
+        check.number(
+            "wind_speed_mps",
+            self.wind_speed_mps,
+            limits::WIND_SPEED_MPS,
+        );
+        check.number(
+            "wind_from_true_deg",
+            self.wind_from_true_deg,
+            limits::WIND_FROM_TRUE_DEG,
+        );
+        check.number(
+            "turbulence_ratio",
+            self.turbulence_ratio,
+            limits::TURBULENCE_RATIO,
+        );
+        for (index, layer) in self.clouds.iter().enumerate() {
+            check.part(format_args!("clouds[{index}]"), |check| {
+                check.number("cover_ratio", layer.cover_ratio, limits::COVER_RATIO);
+                check.number("base_msl_m", layer.base_msl_m, limits::CLOUD_BASE_MSL_M);
+                let above_base = Limits {
+                    least: layer.base_msl_m,
+                    ..limits::CLOUD_TOP_MSL_M
+                };
+                check.number("top_msl_m", layer.top_msl_m, above_base);
+            });
+        }
+    }
+}
+
+impl Conditions {
+    /// Looks for numbers outside their limits.
+    pub fn check(&self, check: &mut Check) {
+        check.part("clock", |check| {
+            check.number("day_of_year", self.clock.day_of_year, limits::DAY_OF_YEAR);
+            check.number("zulu_time_s", self.clock.zulu_time_s, limits::ZULU_TIME_S);
+        });
+        check.part("weather", |check| self.weather.check(check));
+    }
 }
 
 /// Weather and time, with the names under which the sweep lists them.

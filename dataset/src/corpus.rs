@@ -46,6 +46,7 @@ impl Corpus {
 
     /// Opens an existing corpus.
     pub fn open(root: &Path) -> Result<Self> {
+        check_path(root)?;
         if !root.join(SCENARIOS).is_dir() {
             return Err(Error::corpus(
                 root,
@@ -60,6 +61,7 @@ impl Corpus {
 
     /// Opens a corpus, creating its folders if they are not there.
     pub fn create(root: &Path) -> Result<Self> {
+        check_path(root)?;
         let scenarios = own_path(root, SCENARIOS)?;
         fs::create_dir_all(&scenarios).map_err(Error::io("create", &scenarios))?;
         Ok(Self {
@@ -114,18 +116,39 @@ impl Corpus {
 
     /// All committed scenarios, sorted by identifier. A folder without a seal does not count.
     pub fn scenarios(&self) -> Result<Vec<ScenarioFolder>> {
+        let mut committed = Vec::new();
+        for scenario in self.folders()? {
+            if scenario.seal()?.is_some() {
+                committed.push(scenario);
+            }
+        }
+        Ok(committed)
+    }
+
+    /// All folders that may be scenarios, sorted: those that are not marked as unfinished.
+    pub fn folders(&self) -> Result<Vec<ScenarioFolder>> {
         let folder = own_path(&self.root, SCENARIOS)?;
         let mut found = Vec::new();
         for entry in fs::read_dir(&folder).map_err(Error::io("list", &folder))? {
             let name = entry.map_err(Error::io("list", &folder))?.file_name();
             let scenario = self.folder(&name.to_string_lossy());
-            let partial = scenario.id().ends_with(PARTIAL_SUFFIX);
-            if !partial && scenario.seal()?.is_some() {
+            if !scenario.id().ends_with(PARTIAL_SUFFIX) && scenario.root.is_dir() {
                 found.push(scenario);
             }
         }
         found.sort_by(|a, b| a.root.cmp(&b.root));
         Ok(found)
+    }
+}
+
+/// Refuses a path at which no corpus can be, before anything is done: FFmpeg takes text only, and so do most tools that read a corpus.
+pub fn check_path(root: &Path) -> Result<()> {
+    match root.to_str() {
+        Some(_) => Ok(()),
+        None => Err(Error::corpus(
+            root,
+            "is a path that is no UTF-8 text, which FFmpeg does not take; rename the folder that is not",
+        )),
     }
 }
 

@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use crate::limits::FieldOutOfLimits;
+use crate::memory::TooMuchMemory;
+
 /// A corpus, or a file of one, that cannot be read or written. Every message says which file.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -56,6 +59,19 @@ pub enum Error {
         /// What was expected and what was found.
         message: String,
     },
+    /// A number lies outside its limits.
+    #[error("{}{}: {fault}", path.display(), in_row(*row))]
+    OutOfLimits {
+        /// The file.
+        path: PathBuf,
+        /// Row of the table, from 0.
+        row: Option<usize>,
+        /// Field, value and range.
+        fault: FieldOutOfLimits,
+    },
+    /// What is asked for does not fit into memory.
+    #[error(transparent)]
+    Memory(#[from] TooMuchMemory),
     /// A video cannot be read or written.
     #[error("video {}: {message}", path.display())]
     Video {
@@ -92,6 +108,10 @@ pub enum Error {
     },
 }
 
+fn in_row(row: Option<usize>) -> String {
+    row.map_or_else(String::new, |row| format!(" row {row}"))
+}
+
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
@@ -116,7 +136,7 @@ impl Error {
         matches!(self, Self::Held { .. } | Self::Changing { .. })
     }
 
-    /// Whether a file was there but did not hold what it should: reading it again will say the same.
+    /// Whether a file was there but did not hold what it should, or more than there is memory for: reading it again will say the same.
     pub fn is_bad_content(&self) -> bool {
         matches!(
             self,
@@ -125,7 +145,18 @@ impl Error {
                 | Self::NotRegular { .. }
                 | Self::TooLarge { .. }
                 | Self::Table { .. }
+                | Self::OutOfLimits { .. }
+                | Self::Memory(_)
         )
+    }
+
+    /// A number of a file that lies outside its limits.
+    pub fn out_of_limits(path: &Path, row: Option<usize>, fault: FieldOutOfLimits) -> Self {
+        Self::OutOfLimits {
+            path: path.to_owned(),
+            row,
+            fault,
+        }
     }
 
     pub(crate) fn table(path: &Path, message: impl ToString) -> Self {

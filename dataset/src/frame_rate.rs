@@ -4,10 +4,12 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::limits::{FRAME_RATE_HZ, MOST_FRAME_RATE_TERM};
 use crate::units::{NANOS_PER_SECOND, SimTime};
 
 /// Frames per second as a fraction: 30/1, 30000/1001, 1/2. Never a float, so that no time is ever accumulated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "Fraction")]
 pub struct FrameRate {
     /// Frames in `denominator` seconds.
     pub numerator: u32,
@@ -15,13 +17,48 @@ pub struct FrameRate {
     pub denominator: u32,
 }
 
+/// A fraction that is no frame rate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{numerator}/{denominator} is no frame rate; expected {} to {} per second, as a whole number or as a fraction of numbers up to \
+     {MOST_FRAME_RATE_TERM}", "1/60", FRAME_RATE_HZ.most
+)]
+pub struct BadFrameRate {
+    numerator: u32,
+    denominator: u32,
+}
+
+/// A fraction as it is written.
+#[derive(Deserialize)]
+struct Fraction {
+    numerator: u32,
+    denominator: u32,
+}
+
+impl TryFrom<Fraction> for FrameRate {
+    type Error = BadFrameRate;
+
+    fn try_from(fraction: Fraction) -> Result<Self, BadFrameRate> {
+        Self::new(fraction.numerator, fraction.denominator)
+    }
+}
+
 impl FrameRate {
-    /// The rate `numerator / denominator`; `None` if either is zero.
-    pub fn new(numerator: u32, denominator: u32) -> Option<Self> {
-        (numerator > 0 && denominator > 0).then_some(Self {
-            numerator,
-            denominator,
-        })
+    /// The rate `numerator / denominator`, if cameras and videos can have it.
+    pub fn new(numerator: u32, denominator: u32) -> Result<Self, BadFrameRate> {
+        let terms = 1..=MOST_FRAME_RATE_TERM;
+        let hz = f64::from(numerator) / f64::from(denominator);
+        if terms.contains(&numerator) && terms.contains(&denominator) && FRAME_RATE_HZ.hold(hz) {
+            Ok(Self {
+                numerator,
+                denominator,
+            })
+        } else {
+            Err(BadFrameRate {
+                numerator,
+                denominator,
+            })
+        }
     }
 
     /// The simulator time of tick `tick`: `round(tick * 1e9 * denominator / numerator)`, computed exactly.
@@ -80,8 +117,24 @@ mod tests {
     }
 
     #[test]
-    fn a_rate_of_zero_does_not_exist() {
-        assert_eq!(FrameRate::new(0, 1), None);
-        assert_eq!(FrameRate::new(1, 0), None);
+    fn what_no_camera_has_is_no_frame_rate() {
+        for (numerator, denominator) in [
+            (0, 1),
+            (1, 0),
+            (1, u32::MAX),
+            (u32::MAX, u32::MAX),
+            (241, 1),
+            (1, 61),
+        ] {
+            let text = format!(r#"{{"numerator":{numerator},"denominator":{denominator}}}"#);
+            let message = serde_json::from_str::<FrameRate>(&text)
+                .unwrap_err()
+                .to_string();
+            let words = format!("{numerator}/{denominator} is no frame rate; expected 1/60 to 240");
+            assert!(message.contains(&words), "{message}");
+        }
+        for (numerator, denominator) in [(30_000, 1_001), (1, 60), (240, 1), (1, 2)] {
+            FrameRate::new(numerator, denominator).unwrap();
+        }
     }
 }

@@ -3,8 +3,10 @@
 use std::path::Path;
 
 use crate::camera::CameraPose;
-use crate::columns::{Table, TableWriter};
+use crate::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::error::Result;
+use crate::limits::{self, Limits};
+use crate::memory;
 use crate::pose::{Controls, Pose};
 
 /// What the simulator reported of the frame that one view holds for one tick.
@@ -67,45 +69,69 @@ pub struct Frames {
     pub rows: Vec<Frame>,
 }
 
-/// Name of a value of a pose and how to get it.
-type PoseField = (&'static str, fn(&Pose) -> f64);
+/// Name of a value of a pose, its limits, and how to get it.
+type PoseField = (&'static str, Limits, fn(&Pose) -> f64);
 
-pub(crate) const POSE_FIELDS: [PoseField; 6] = [
-    ("latitude_deg", |p| p.latitude_deg),
-    ("longitude_deg", |p| p.longitude_deg),
-    ("altitude_msl_m", |p| p.altitude_msl_m),
-    ("heading_true_deg", |p| p.heading_true_deg),
-    ("pitch_deg", |p| p.pitch_deg),
-    ("roll_deg", |p| p.roll_deg),
+/// The pose of an aircraft.
+const POSE_FIELDS: [PoseField; 6] = pose_fields(limits::PITCH_DEG, limits::ROLL_DEG);
+/// The pose of a camera.
+const CAMERA_FIELDS: [PoseField; 6] =
+    pose_fields(limits::CAMERA_PITCH_DEG, limits::CAMERA_ROLL_DEG);
+
+const fn pose_fields(pitch: Limits, roll: Limits) -> [PoseField; 6] {
+    [
+        ("latitude_deg", limits::LATITUDE_DEG, |p| p.latitude_deg),
+        ("longitude_deg", limits::LONGITUDE_DEG, |p| p.longitude_deg),
+        ("altitude_msl_m", limits::ALTITUDE_MSL_M, |p| {
+            p.altitude_msl_m
+        }),
+        ("heading_true_deg", limits::HEADING_TRUE_DEG, |p| {
+            p.heading_true_deg
+        }),
+        ("pitch_deg", pitch, |p| p.pitch_deg),
+        ("roll_deg", roll, |p| p.roll_deg),
+    ]
+}
+
+const VELOCITY_FIELDS: [(&str, Limits); 3] = [
+    ("velocity_north_mps", limits::VELOCITY_MPS),
+    ("velocity_east_mps", limits::VELOCITY_MPS),
+    ("velocity_down_mps", limits::VELOCITY_DOWN_MPS),
 ];
 
 impl Frames {
-    /// Writes the table. Label columns are there if every row has labels.
+    /// Writes the table, if all numbers lie within their limits. Label columns are there if every row has labels.
     pub fn write(&self, path: &Path) -> Result<()> {
+        self.columns().write(path)
+    }
+
+    pub(crate) fn columns(&self) -> TableWriter {
         let rows = &self.rows;
         let mut table = TableWriter::new()
             .u32("tick", rows.iter().map(|r| r.tick))
             .i64("time_ns", rows.iter().map(|r| r.time_ns));
-        for (name, get) in POSE_FIELDS {
-            table = table.f64(name, rows.iter().map(|r| get(&r.pose)));
+        for (name, limits, get) in POSE_FIELDS {
+            table = table.f64_within(name, limits, rows.iter().map(|r| get(&r.pose)));
         }
-        for (axis, name) in [
-            "velocity_north_mps",
-            "velocity_east_mps",
-            "velocity_down_mps",
-        ]
-        .into_iter()
-        .enumerate()
-        {
-            table = table.f64(name, rows.iter().map(|r| r.velocity_ned_mps[axis]));
+        for (axis, (name, limits)) in VELOCITY_FIELDS.into_iter().enumerate() {
+            table = table.f64_within(name, limits, rows.iter().map(|r| r.velocity_ned_mps[axis]));
         }
         table = table
-            .f64(
+            .f64_within(
                 "true_airspeed_mps",
+                limits::TRUE_AIRSPEED_MPS,
                 rows.iter().map(|r| r.true_airspeed_mps),
             )
-            .f64("flap_ratio", rows.iter().map(|r| r.controls.flap_ratio))
-            .f64("gear_ratio", rows.iter().map(|r| r.controls.gear_ratio))
+            .f64_within(
+                "flap_ratio",
+                limits::RATIO,
+                rows.iter().map(|r| r.controls.flap_ratio),
+            )
+            .f64_within(
+                "gear_ratio",
+                limits::RATIO,
+                rows.iter().map(|r| r.controls.gear_ratio),
+            )
             .bool("on_ground", rows.iter().map(|r| r.on_ground));
         for (v, id) in self.views.iter().enumerate() {
             table = table
@@ -114,67 +140,92 @@ impl Frames {
                     rows.iter().map(|r| r.views[v].sim_frame),
                 )
                 .i64(&format!("pts_{id}"), rows.iter().map(|r| r.views[v].pts));
-            for (name, get) in POSE_FIELDS {
-                table = table.f64(
+            for (name, limits, get) in POSE_FIELDS {
+                table = table.f64_within(
                     &format!("echo_{name}_{id}"),
+                    limits,
                     rows.iter().map(|r| get(&r.views[v].echoed_pose)),
                 );
             }
-            for (name, get) in POSE_FIELDS {
-                table = table.f64(
+            for (name, limits, get) in CAMERA_FIELDS {
+                table = table.f64_within(
                     &format!("camera_{name}_{id}"),
+                    limits,
                     rows.iter().map(|r| get(&r.views[v].echoed_camera.pose)),
                 );
             }
-            table = table.f64(
+            table = table.f64_within(
                 &format!("camera_hfov_deg_{id}"),
+                limits::HFOV_DEG,
                 rows.iter().map(|r| r.views[v].echoed_camera.hfov_deg),
             );
         }
         if let Some(labels) = rows.iter().map(|r| r.labels).collect::<Option<Vec<_>>>() {
             table = table
-                .f64("dtd_m", labels.iter().map(|l| l.dtd_m))
-                .f64("along_track_m", labels.iter().map(|l| l.along_track_m))
-                .f64("cross_track_m", labels.iter().map(|l| l.cross_track_m))
-                .f64(
+                .f64_within("dtd_m", limits::DTD_M, labels.iter().map(|l| l.dtd_m))
+                .f64_within(
+                    "along_track_m",
+                    limits::TRACK_M,
+                    labels.iter().map(|l| l.along_track_m),
+                )
+                .f64_within(
+                    "cross_track_m",
+                    limits::TRACK_M,
+                    labels.iter().map(|l| l.cross_track_m),
+                )
+                .f64_within(
                     "height_over_target_m",
+                    limits::HEIGHT_OVER_TARGET_M,
                     labels.iter().map(|l| l.height_over_target_m),
                 )
-                .optional_f64(
+                .optional_f64_within(
                     "time_to_touchdown_s",
+                    limits::TIME_TO_TOUCHDOWN_S,
                     labels.iter().map(|l| l.time_to_touchdown_s),
                 );
         }
-        table.write(path)
+        table
     }
 
-    /// Reads the table.
+    /// Reads the table. A number outside its limits is an error.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::of(&Table::read(path)?)
+        Self::of_table(&mut Table::read(path, limits::MOST_TICKS.into())?)
+    }
+
+    /// The same, with all numbers outside their limits beside it.
+    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<ColumnOutOfLimits>)> {
+        let mut table = Table::read(path, limits::MOST_TICKS.into())?.collecting();
+        let frames = Self::of_table(&mut table)?;
+        Ok((frames, table.into_collected()))
     }
 
     /// Reads the content of the table's file; messages name it as `path`.
     pub fn parse(content: Vec<u8>, path: &Path) -> Result<Self> {
-        Self::of(&Table::parse(content, path)?)
+        Self::of_table(&mut Table::parse(content, path, limits::MOST_TICKS.into())?)
     }
 
-    fn of(table: &Table) -> Result<Self> {
+    fn of_table(table: &mut Table) -> Result<Self> {
         let views: Vec<String> = table
             .column_names()
             .filter_map(|name| name.strip_prefix("sim_frame_"))
             .map(str::to_owned)
             .collect();
-        let pose = read_poses(table, "", "")?;
+        if views.len() > limits::MOST_VIEWS {
+            let (found, most) = (views.len(), limits::MOST_VIEWS);
+            return Err(table.fault(format!("has {found} views, expected at most {most}")));
+        }
+        let row_bytes = size_of::<Frame>() + 2 * views.len() * size_of::<ViewStamp>();
+        memory::check("table of frames", (table.rows() * row_bytes) as u64)?;
+        let pose = read_poses(table, "", "", POSE_FIELDS)?;
         let tick = table.u32("tick")?;
         let time_ns = table.i64("time_ns")?;
-        let velocity = [
-            table.f64("velocity_north_mps")?,
-            table.f64("velocity_east_mps")?,
-            table.f64("velocity_down_mps")?,
-        ];
-        let true_airspeed_mps = table.f64("true_airspeed_mps")?;
-        let flap_ratio = table.f64("flap_ratio")?;
-        let gear_ratio = table.f64("gear_ratio")?;
+        let mut velocity = Vec::with_capacity(VELOCITY_FIELDS.len());
+        for (name, limits) in VELOCITY_FIELDS {
+            velocity.push(table.f64_within(name, limits)?);
+        }
+        let true_airspeed_mps = table.f64_within("true_airspeed_mps", limits::TRUE_AIRSPEED_MPS)?;
+        let flap_ratio = table.f64_within("flap_ratio", limits::RATIO)?;
+        let gear_ratio = table.f64_within("gear_ratio", limits::RATIO)?;
         let on_ground = table.bool("on_ground")?;
         let stamps = views
             .iter()
@@ -201,16 +252,19 @@ impl Frames {
     }
 }
 
-fn read_poses(table: &Table, prefix: &str, suffix: &str) -> Result<Vec<Pose>> {
-    let column = |name: &str| table.f64(&format!("{prefix}{name}{suffix}"));
-    let [latitude, longitude, altitude, heading, pitch, roll] = [
-        column("latitude_deg")?,
-        column("longitude_deg")?,
-        column("altitude_msl_m")?,
-        column("heading_true_deg")?,
-        column("pitch_deg")?,
-        column("roll_deg")?,
-    ];
+fn read_poses(
+    table: &mut Table,
+    prefix: &str,
+    suffix: &str,
+    fields: [PoseField; 6],
+) -> Result<Vec<Pose>> {
+    let mut columns = Vec::with_capacity(fields.len());
+    for (name, limits, _) in fields {
+        columns.push(table.f64_within(&format!("{prefix}{name}{suffix}"), limits)?);
+    }
+    let [latitude, longitude, altitude, heading, pitch, roll] = columns.as_slice() else {
+        unreachable!("as many columns as fields");
+    };
     Ok((0..table.rows())
         .map(|row| Pose {
             latitude_deg: latitude[row],
@@ -223,13 +277,13 @@ fn read_poses(table: &Table, prefix: &str, suffix: &str) -> Result<Vec<Pose>> {
         .collect())
 }
 
-fn read_stamps(table: &Table, id: &str) -> Result<Vec<ViewStamp>> {
+fn read_stamps(table: &mut Table, id: &str) -> Result<Vec<ViewStamp>> {
     let sim_frame = table.u64(&format!("sim_frame_{id}"))?;
     let pts = table.i64(&format!("pts_{id}"))?;
     let suffix = format!("_{id}");
-    let pose = read_poses(table, "echo_", &suffix)?;
-    let camera = read_poses(table, "camera_", &suffix)?;
-    let hfov_deg = table.f64(&format!("camera_hfov_deg_{id}"))?;
+    let pose = read_poses(table, "echo_", &suffix, POSE_FIELDS)?;
+    let camera = read_poses(table, "camera_", &suffix, CAMERA_FIELDS)?;
+    let hfov_deg = table.f64_within(&format!("camera_hfov_deg_{id}"), limits::HFOV_DEG)?;
     Ok((0..table.rows())
         .map(|row| ViewStamp {
             sim_frame: sim_frame[row],
@@ -243,15 +297,17 @@ fn read_stamps(table: &Table, id: &str) -> Result<Vec<ViewStamp>> {
         .collect())
 }
 
-fn read_labels(table: &Table) -> Result<Option<Vec<FrameLabels>>> {
+fn read_labels(table: &mut Table) -> Result<Option<Vec<FrameLabels>>> {
     if !table.has("dtd_m") {
         return Ok(None);
     }
-    let dtd_m = table.f64("dtd_m")?;
-    let along_track_m = table.f64("along_track_m")?;
-    let cross_track_m = table.f64("cross_track_m")?;
-    let height_over_target_m = table.f64("height_over_target_m")?;
-    let time_to_touchdown_s = table.optional_f64("time_to_touchdown_s")?;
+    let dtd_m = table.f64_within("dtd_m", limits::DTD_M)?;
+    let along_track_m = table.f64_within("along_track_m", limits::TRACK_M)?;
+    let cross_track_m = table.f64_within("cross_track_m", limits::TRACK_M)?;
+    let height_over_target_m =
+        table.f64_within("height_over_target_m", limits::HEIGHT_OVER_TARGET_M)?;
+    let time_to_touchdown_s =
+        table.optional_f64_within("time_to_touchdown_s", limits::TIME_TO_TOUCHDOWN_S)?;
     let labels = (0..table.rows()).map(|row| FrameLabels {
         dtd_m: dtd_m[row],
         along_track_m: along_track_m[row],
@@ -321,6 +377,39 @@ mod tests {
         for table in [frames(None), frames(Some(labels))] {
             table.write(&path).unwrap();
             assert_eq!(Frames::read(&path).unwrap(), table);
+        }
+    }
+
+    #[test]
+    fn a_number_that_no_airliner_has_is_neither_written_nor_read() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("frames.parquet");
+        type Change = fn(&mut Frame);
+        let changes: [(&str, Change); 6] = [
+            ("pitch_deg 1e17", |f| f.pose.pitch_deg = 1e17),
+            ("roll_deg 179", |f| f.pose.roll_deg = 179.0),
+            ("true_airspeed_mps 1e308", |f| f.true_airspeed_mps = 1e308),
+            ("gear_ratio -5", |f| f.controls.gear_ratio = -5.0),
+            ("echo_latitude_deg_right NaN", |f| {
+                f.views[1].echoed_pose.latitude_deg = f64::NAN;
+            }),
+            ("camera_hfov_deg_left inf", |f| {
+                f.views[0].echoed_camera.hfov_deg = f64::INFINITY;
+            }),
+        ];
+        for (words, change) in changes {
+            let mut table = frames(None);
+            let mut odd = table.rows[0].clone();
+            change(&mut odd);
+            table.rows.push(odd);
+            let words = format!("frames.parquet row 1: {words} is out of range; expected ");
+            let message = table.write(&path).unwrap_err().to_string();
+            assert!(message.contains(&words), "{message}");
+            table.columns().unchecked().write(&path).unwrap();
+            let message = Frames::read(&path).unwrap_err().to_string();
+            assert!(message.contains(&words), "{message}");
+            let (read, faults) = Frames::read_with_faults(&path).unwrap();
+            assert_eq!((read.rows.len(), faults.len()), (2, 1));
         }
     }
 

@@ -8,6 +8,8 @@ use geo::{Bearing, Destination, Distance, Geodesic, Point};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
+use crate::limits::{self, Check, Limits};
+
 /// Semi-major axis of the WGS-84 ellipsoid, metres.
 pub const WGS84_SEMI_MAJOR_M: f64 = 6_378_137.0;
 /// Flattening of the WGS-84 ellipsoid.
@@ -33,6 +35,15 @@ pub struct Geodetic {
     pub longitude_deg: f64,
     /// Height above mean sea level, taken as height above the ellipsoid, metres.
     pub altitude_msl_m: f64,
+}
+
+impl Geodetic {
+    /// Looks for numbers outside their limits.
+    pub fn check(&self, altitude_msl_m: Limits, check: &mut Check) {
+        check.number("latitude_deg", self.latitude_deg, limits::LATITUDE_DEG);
+        check.number("longitude_deg", self.longitude_deg, limits::LONGITUDE_DEG);
+        check.number("altitude_msl_m", self.altitude_msl_m, altitude_msl_m);
+    }
 }
 
 impl LatLon {

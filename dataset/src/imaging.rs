@@ -6,6 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::distortion::Distortion;
+use crate::limits::{self, Check};
 
 /// How a camera's pictures are made.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
@@ -61,75 +62,62 @@ pub struct Seeing {
     pub correlation_s: f64,
 }
 
-/// Limits beyond which a value is a slip of the finger: least, most.
-pub mod limits {
-    /// Coefficient of refraction: at 1 light goes around the earth.
-    pub const REFRACTION_COEFFICIENT: (f64, f64) = (-1.0, 0.9);
-    /// Blur, pixels.
-    pub const BLUR_SIGMA_PX: (f64, f64) = (0.0, 20.0);
-    /// Full well, electrons.
-    pub const FULL_WELL_ELECTRONS: (f64, f64) = (100.0, 1e6);
-    /// Read noise, electrons.
-    pub const READ_NOISE_ELECTRONS: (f64, f64) = (0.0, 1_000.0);
-    /// Motion by seeing, seconds of arc.
-    pub const TILT_RMS_ARCSEC: (f64, f64) = (0.0, 200.0);
-    /// Blur by seeing, seconds of arc.
-    pub const SEEING_BLUR_ARCSEC: (f64, f64) = (0.0, 200.0);
-    /// Time of correlation, seconds.
-    pub const CORRELATION_S: (f64, f64) = (0.001, 100.0);
-}
-
 impl Imaging {
-    /// Refuses what nobody can draw. Whether a lens folds the picture over depends on the picture: [`Distortion::check`].
-    ///
-    /// # Errors
-    /// What is wrong, in words.
-    pub fn check(&self) -> Result<(), String> {
-        let within = |name: &str, value: f64, (least, most): (f64, f64)| {
-            if (least..=most).contains(&value) {
-                Ok(())
-            } else {
-                Err(format!("{name} is {value}, expected {least} to {most}"))
-            }
-        };
-        within(
+    /// Looks for numbers outside their limits. Whether a lens folds the picture over depends on the picture: [`Distortion::check`].
+    pub fn check(&self, check: &mut Check) {
+        check.number(
             "refraction_coefficient",
             self.refraction_coefficient,
             limits::REFRACTION_COEFFICIENT,
-        )?;
-        let Some(degradation) = self.degradation else {
-            return Ok(());
-        };
-        within(
-            "blur_sigma_px",
-            degradation.blur_sigma_px,
-            limits::BLUR_SIGMA_PX,
-        )?;
-        if let Some(sensor) = degradation.sensor {
-            let (well, read) = (sensor.full_well_electrons, sensor.read_noise_electrons);
-            within("full_well_electrons", well, limits::FULL_WELL_ELECTRONS)?;
-            within("read_noise_electrons", read, limits::READ_NOISE_ELECTRONS)?;
+        );
+        if let Some(degradation) = self.degradation {
+            check.part("degradation", |check| degradation.check(check));
         }
-        if let Some(seeing) = degradation.seeing {
-            let Seeing {
-                tilt_rms_arcsec,
-                blur_sigma_arcsec,
-                correlation_s,
-            } = seeing;
-            within("tilt_rms_arcsec", tilt_rms_arcsec, limits::TILT_RMS_ARCSEC)?;
-            within(
-                "blur_sigma_arcsec",
-                blur_sigma_arcsec,
-                limits::SEEING_BLUR_ARCSEC,
-            )?;
-            within("correlation_s", correlation_s, limits::CORRELATION_S)?;
-        }
-        Ok(())
     }
 
     /// Whether these are the pictures of a pinhole in a vacuum, as X-Plane draws them.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
+    }
+}
+
+impl Degradation {
+    fn check(&self, check: &mut Check) {
+        check.number("blur_sigma_px", self.blur_sigma_px, limits::BLUR_SIGMA_PX);
+        if let Some(Sensor {
+            full_well_electrons,
+            read_noise_electrons,
+        }) = self.sensor
+        {
+            check.number(
+                "sensor.full_well_electrons",
+                full_well_electrons,
+                limits::FULL_WELL_ELECTRONS,
+            );
+            check.number(
+                "sensor.read_noise_electrons",
+                read_noise_electrons,
+                limits::READ_NOISE_ELECTRONS,
+            );
+        }
+        if let Some(Seeing {
+            tilt_rms_arcsec,
+            blur_sigma_arcsec,
+            correlation_s,
+        }) = self.seeing
+        {
+            check.number(
+                "seeing.tilt_rms_arcsec",
+                tilt_rms_arcsec,
+                limits::TILT_RMS_ARCSEC,
+            );
+            check.number(
+                "seeing.blur_sigma_arcsec",
+                blur_sigma_arcsec,
+                limits::SEEING_BLUR_ARCSEC,
+            );
+            check.number("seeing.correlation_s", correlation_s, limits::CORRELATION_S);
+        }
     }
 }
 

@@ -106,10 +106,11 @@ impl OpenScenario {
 
     /// `boxes_truth.parquet`, if the scenario was labelled.
     pub fn truth_boxes_if_labelled(&self) -> Result<Option<Vec<TruthBox>>> {
+        let pictures = self.record()?.pictures();
         let path = self.folder.truth_boxes_path();
         let content = self.contents.get(ScenarioFolder::TRUTH_BOXES);
         content
-            .map(|content| parse_truth_boxes(content.clone(), &path))
+            .map(|content| parse_truth_boxes(content.clone(), &path, pictures))
             .transpose()
     }
 
@@ -129,7 +130,7 @@ impl OpenScenario {
     /// There are none, they were made from other videos or do not say from which, or the table is not the one that was written.
     pub fn detections(&self, model: &str) -> Result<Vec<Detection>> {
         let (path, content) = self.detections_table(model)?;
-        parse_detections(content, &path)
+        parse_detections(content, &path, self.record()?.pictures())
     }
 
     /// Where the table of a model's detections lies now, and its content.

@@ -7,8 +7,10 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use crate::columns::{Table, TableWriter};
+use crate::columns::{ColumnOutOfLimits, Table, TableWriter};
 use crate::error::Result;
+use crate::limits::{self, Limits};
+use crate::memory;
 
 /// An axis-parallel box, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -98,36 +100,60 @@ pub struct TruthBox {
 
 /// Writes `boxes_truth.parquet`.
 pub fn write_truth_boxes(path: &Path, boxes: &[TruthBox]) -> Result<()> {
+    truth_box_columns(boxes).write(path)
+}
+
+pub(crate) fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
     let table = TableWriter::new()
         .u32("tick", boxes.iter().map(|b| b.tick))
         .text("view", boxes.iter().map(|b| &b.view))
         .text("class", boxes.iter().map(|b| &b.class));
     box_columns(table, boxes.iter().map(|b| &b.pixel_box))
-        .f64("visible_fraction", boxes.iter().map(|b| b.visible_fraction))
-        .f64("truncation", boxes.iter().map(|b| b.truncation))
-        .f64("transmission", boxes.iter().map(|b| b.transmission))
-        .write(path)
+        .f64_within(
+            "visible_fraction",
+            limits::RATIO,
+            boxes.iter().map(|b| b.visible_fraction),
+        )
+        .f64_within(
+            "truncation",
+            limits::RATIO,
+            boxes.iter().map(|b| b.truncation),
+        )
+        .f64_within(
+            "transmission",
+            limits::RATIO,
+            boxes.iter().map(|b| b.transmission),
+        )
 }
 
-/// Reads `boxes_truth.parquet`.
-pub fn read_truth_boxes(path: &Path) -> Result<Vec<TruthBox>> {
-    truth_boxes_of(&Table::read(path)?, Table::f64)
+/// Reads `boxes_truth.parquet` of a scenario with so many pictures, of which each has one box at most. A number outside its limits is an
+/// error.
+pub fn read_truth_boxes(path: &Path, pictures: u64) -> Result<Vec<TruthBox>> {
+    truth_boxes_of(&mut Table::read(path, pictures)?)
 }
 
-/// Reads the content of `boxes_truth.parquet`; messages name it as `path`.
-pub fn parse_truth_boxes(content: Vec<u8>, path: &Path) -> Result<Vec<TruthBox>> {
-    truth_boxes_of(&Table::parse(content, path)?, Table::finite_f64)
+/// The same, with all numbers outside their limits beside it.
+pub(crate) fn read_truth_boxes_with_faults(
+    path: &Path,
+    pictures: u64,
+) -> Result<(Vec<TruthBox>, Vec<ColumnOutOfLimits>)> {
+    let mut table = Table::read(path, pictures)?.collecting();
+    let boxes = truth_boxes_of(&mut table)?;
+    Ok((boxes, table.into_collected()))
 }
 
-/// How numbers are read: any, to say what is wrong with them, or finite ones only.
-type Column = fn(&Table, &str) -> Result<Vec<f64>>;
+/// Reads the content of `boxes_truth.parquet` as [`read_truth_boxes`] does; messages name it as `path`.
+pub fn parse_truth_boxes(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<TruthBox>> {
+    truth_boxes_of(&mut Table::parse(content, path, pictures)?)
+}
 
-fn truth_boxes_of(table: &Table, column: Column) -> Result<Vec<TruthBox>> {
+fn truth_boxes_of(table: &mut Table) -> Result<Vec<TruthBox>> {
+    check_memory::<TruthBox>(table)?;
     let tick = table.u32("tick")?;
-    let boxes = read_boxes(table, column)?;
-    let visible_fraction = column(table, "visible_fraction")?;
-    let truncation = column(table, "truncation")?;
-    let transmission = column(table, "transmission")?;
+    let boxes = read_boxes(table)?;
+    let visible_fraction = table.f64_within("visible_fraction", limits::RATIO)?;
+    let truncation = table.f64_within("truncation", limits::RATIO)?;
+    let transmission = table.f64_within("transmission", limits::RATIO)?;
     let words = table.text("view")?.into_iter().zip(table.text("class")?);
     Ok(words
         .enumerate()
@@ -164,25 +190,40 @@ pub fn write_detections(path: &Path, detections: &[Detection]) -> Result<()> {
         .u32("tick", detections.iter().map(|d| d.tick))
         .text("view", detections.iter().map(|d| &d.view));
     box_columns(table, detections.iter().map(|d| &d.pixel_box))
-        .f64("score", detections.iter().map(|d| d.score))
+        .f64_within("score", limits::SCORE, detections.iter().map(|d| d.score))
         .u32("tile", detections.iter().map(|d| d.tile))
         .write(path)
 }
 
-/// Reads `detections/<model>.parquet`.
-pub fn read_detections(path: &Path) -> Result<Vec<Detection>> {
-    detections_of(&Table::read(path)?, Table::f64)
+/// Reads `detections/<model>.parquet` of a scenario with so many pictures. A number outside its limits is an error.
+pub fn read_detections(path: &Path, pictures: u64) -> Result<Vec<Detection>> {
+    detections_of(&mut Table::read(path, most_detections(pictures))?)
 }
 
-/// Reads the content of `detections/<model>.parquet`; messages name it as `path`.
-pub fn parse_detections(content: Vec<u8>, path: &Path) -> Result<Vec<Detection>> {
-    detections_of(&Table::parse(content, path)?, Table::finite_f64)
+/// The same, with all numbers outside their limits beside it.
+pub(crate) fn read_detections_with_faults(
+    path: &Path,
+    pictures: u64,
+) -> Result<(Vec<Detection>, Vec<ColumnOutOfLimits>)> {
+    let mut table = Table::read(path, most_detections(pictures))?.collecting();
+    let detections = detections_of(&mut table)?;
+    Ok((detections, table.into_collected()))
 }
 
-fn detections_of(table: &Table, column: Column) -> Result<Vec<Detection>> {
+/// Reads the content of `detections/<model>.parquet` as [`read_detections`] does; messages name it as `path`.
+pub fn parse_detections(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Detection>> {
+    detections_of(&mut Table::parse(content, path, most_detections(pictures))?)
+}
+
+fn most_detections(pictures: u64) -> u64 {
+    pictures.saturating_mul(limits::MOST_DETECTIONS_PER_PICTURE)
+}
+
+fn detections_of(table: &mut Table) -> Result<Vec<Detection>> {
+    check_memory::<Detection>(table)?;
     let tick = table.u32("tick")?;
-    let boxes = read_boxes(table, column)?;
-    let score = column(table, "score")?;
+    let boxes = read_boxes(table)?;
+    let score = table.f64_within("score", limits::SCORE)?;
     let tile = table.u32("tile")?;
     Ok(table
         .text("view")?
@@ -202,20 +243,38 @@ fn box_columns<'a>(
     table: TableWriter,
     boxes: impl Iterator<Item = &'a PixelBox> + Clone,
 ) -> TableWriter {
-    table
-        .f64("cx_px", boxes.clone().map(|b| b.cx_px))
-        .f64("cy_px", boxes.clone().map(|b| b.cy_px))
-        .f64("width_px", boxes.clone().map(|b| b.width_px))
-        .f64("height_px", boxes.map(|b| b.height_px))
+    BOX_FIELDS
+        .into_iter()
+        .fold(table, |table, (name, limits, get)| {
+            table.f64_within(name, limits, boxes.clone().map(get))
+        })
 }
 
-fn read_boxes(table: &Table, column: Column) -> Result<Vec<PixelBox>> {
-    let [cx, cy, width, height] = [
-        column(table, "cx_px")?,
-        column(table, "cy_px")?,
-        column(table, "width_px")?,
-        column(table, "height_px")?,
-    ];
+/// Name of a value of a box, its limits, and how to get it.
+type BoxField = (&'static str, Limits, fn(&PixelBox) -> f64);
+
+const BOX_FIELDS: [BoxField; 4] = [
+    ("cx_px", limits::BOX_PLACE_PX, |b| b.cx_px),
+    ("cy_px", limits::BOX_PLACE_PX, |b| b.cy_px),
+    ("width_px", limits::BOX_SIZE_PX, |b| b.width_px),
+    ("height_px", limits::BOX_SIZE_PX, |b| b.height_px),
+];
+
+/// Before a table becomes a list of boxes, each with the name of its view.
+fn check_memory<T>(table: &Table) -> Result<()> {
+    let row_bytes = 2 * size_of::<T>() + 32;
+    memory::check("table of boxes", (table.rows() * row_bytes) as u64)?;
+    Ok(())
+}
+
+fn read_boxes(table: &mut Table) -> Result<Vec<PixelBox>> {
+    let mut columns = Vec::with_capacity(BOX_FIELDS.len());
+    for (name, limits, _) in BOX_FIELDS {
+        columns.push(table.f64_within(name, limits)?);
+    }
+    let [cx, cy, width, height] = columns.as_slice() else {
+        unreachable!("as many columns as fields");
+    };
     Ok((0..table.rows())
         .map(|row| PixelBox {
             cx_px: cx[row],
@@ -286,7 +345,7 @@ mod tests {
             transmission: 0.9,
         }];
         write_truth_boxes(&path, &truth).unwrap();
-        assert_eq!(read_truth_boxes(&path).unwrap(), truth);
+        assert_eq!(read_truth_boxes(&path, 1).unwrap(), truth);
         let found = vec![Detection {
             tick: 3,
             view: "left".into(),
@@ -295,8 +354,8 @@ mod tests {
             tile: 2,
         }];
         write_detections(&path, &found).unwrap();
-        assert_eq!(read_detections(&path).unwrap(), found);
+        assert_eq!(read_detections(&path, 1).unwrap(), found);
         write_detections(&path, &[]).unwrap();
-        assert_eq!(read_detections(&path).unwrap(), vec![]);
+        assert_eq!(read_detections(&path, 1).unwrap(), vec![]);
     }
 }

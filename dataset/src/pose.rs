@@ -7,6 +7,7 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::geodesy::Geodetic;
+use crate::limits::{self, Check, Limits};
 
 /// Position and attitude of a body.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -26,6 +27,27 @@ pub struct Pose {
 }
 
 impl Pose {
+    /// Looks for numbers outside the limits of an aircraft.
+    pub fn check_aircraft(&self, check: &mut Check) {
+        self.check((limits::PITCH_DEG, limits::ROLL_DEG), check);
+    }
+
+    /// Looks for numbers outside the limits of a camera.
+    pub fn check_camera(&self, check: &mut Check) {
+        self.check((limits::CAMERA_PITCH_DEG, limits::CAMERA_ROLL_DEG), check);
+    }
+
+    fn check(&self, (pitch, roll): (Limits, Limits), check: &mut Check) {
+        self.position().check(limits::ALTITUDE_MSL_M, check);
+        check.number(
+            "heading_true_deg",
+            self.heading_true_deg,
+            limits::HEADING_TRUE_DEG,
+        );
+        check.number("pitch_deg", self.pitch_deg, pitch);
+        check.number("roll_deg", self.roll_deg, roll);
+    }
+
     /// The position alone.
     pub fn position(&self) -> Geodetic {
         Geodetic {
@@ -81,6 +103,36 @@ pub struct FlightState {
     pub controls: Controls,
     /// Whether a wheel touches the ground.
     pub on_ground: bool,
+}
+
+impl FlightState {
+    /// Looks for numbers that no airliner on approach has.
+    pub fn check(&self, check: &mut Check) {
+        check.number("time_s", self.time_s, limits::FLIGHT_TIME_S);
+        self.pose.check_aircraft(check);
+        check.number(
+            "velocity_north_mps",
+            self.velocity_north_mps,
+            limits::VELOCITY_MPS,
+        );
+        check.number(
+            "velocity_east_mps",
+            self.velocity_east_mps,
+            limits::VELOCITY_MPS,
+        );
+        check.number(
+            "velocity_down_mps",
+            self.velocity_down_mps,
+            limits::VELOCITY_DOWN_MPS,
+        );
+        check.number(
+            "true_airspeed_mps",
+            self.true_airspeed_mps,
+            limits::TRUE_AIRSPEED_MPS,
+        );
+        check.number("flap_ratio", self.controls.flap_ratio, limits::RATIO);
+        check.number("gear_ratio", self.controls.gear_ratio, limits::RATIO);
+    }
 }
 
 #[cfg(test)]

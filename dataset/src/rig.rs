@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::CameraPose;
 use crate::geodesy::Geodetic;
+use crate::limits::{self, Check};
 use crate::pose::Pose;
 use crate::runway::Runway;
 use crate::units::{Degrees, METERS_PER_NAUTICAL_MILE};
@@ -70,6 +71,55 @@ pub struct Jitter {
     pub roll_deg: f64,
     /// Degrees of the field of view.
     pub hfov_deg: f64,
+}
+
+impl Mast {
+    /// Looks for numbers outside their limits.
+    pub fn check(&self, check: &mut Check) {
+        for (name, value, limits) in [
+            (
+                "beyond_touchdown_m",
+                self.beyond_touchdown_m,
+                limits::MAST_DISTANCE_M,
+            ),
+            (
+                "beyond_threshold_m",
+                self.beyond_threshold_m,
+                limits::MAST_DISTANCE_M,
+            ),
+            ("right_m", Some(self.right_m), limits::MAST_DISTANCE_M),
+            ("height_m", Some(self.height_m), limits::MAST_HEIGHT_M),
+            ("inward_deg", self.inward_deg, limits::MAST_TURN_DEG),
+            (
+                "heading_true_deg",
+                self.heading_true_deg,
+                limits::MAST_TURN_DEG,
+            ),
+            ("pitch_deg", Some(self.pitch_deg), limits::MAST_PITCH_DEG),
+            ("hfov_deg", Some(self.hfov_deg), limits::HFOV_DEG),
+        ] {
+            if let Some(value) = value {
+                check.number(name, value, limits);
+            }
+        }
+    }
+}
+
+impl Jitter {
+    /// Looks for numbers outside their limits.
+    pub fn check(&self, check: &mut Check) {
+        for (name, value, limits) in [
+            ("along_m", self.along_m, limits::JITTER_M),
+            ("right_m", self.right_m, limits::JITTER_M),
+            ("height_m", self.height_m, limits::JITTER_M),
+            ("heading_deg", self.heading_deg, limits::JITTER_DEG),
+            ("pitch_deg", self.pitch_deg, limits::JITTER_DEG),
+            ("roll_deg", self.roll_deg, limits::JITTER_DEG),
+            ("hfov_deg", self.hfov_deg, limits::JITTER_DEG),
+        ] {
+            check.number(name, value, limits);
+        }
+    }
 }
 
 /// Where a camera of a scenario stands and looks: as in its rig, or turned elsewhere; and then so far off.

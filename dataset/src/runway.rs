@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::geodesy::{Geodetic, LatLon};
+use crate::limits::{self, Check};
 
 /// A landing runway as a scenario uses it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -39,6 +40,38 @@ pub struct RunwayCoordinates {
 }
 
 impl Runway {
+    /// Looks for numbers outside their limits.
+    pub fn check(&self, check: &mut Check) {
+        check.part("threshold", |check| {
+            self.threshold.check(limits::ELEVATION_MSL_M, check);
+        });
+        check.number(
+            "course_true_deg",
+            self.course_true_deg,
+            limits::COURSE_TRUE_DEG,
+        );
+        check.number(
+            "glide_path_deg",
+            self.glide_path_deg,
+            limits::GLIDE_PATH_DEG,
+        );
+        check.number(
+            "touchdown_past_threshold_m",
+            self.touchdown_past_threshold_m,
+            limits::TOUCHDOWN_PAST_THRESHOLD_M,
+        );
+        if let Some(frequency_mhz) = self.ils_frequency_mhz {
+            check.number("ils_frequency_mhz", frequency_mhz, limits::ILS_MHZ);
+        }
+        if let Some(course_deg) = self.course_magnetic_deg {
+            check.number(
+                "course_magnetic_deg",
+                course_deg,
+                limits::COURSE_MAGNETIC_DEG,
+            );
+        }
+    }
+
     /// The touchdown target: on the centreline, `touchdown_past_threshold_m` past the threshold, at the threshold's elevation.
     pub fn touchdown_target(&self) -> Geodetic {
         self.threshold

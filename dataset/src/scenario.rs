@@ -5,10 +5,12 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::conditions::Conditions;
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::file_name;
 use crate::frame_rate::FrameRate;
 use crate::geodesy::Geodetic;
 use crate::json_file::{parse_json, read_json, write_json};
+use crate::limits::{self, Check, FieldOutOfLimits};
 use crate::runway::Runway;
 
 /// Latest version of the on-disk form. A reader refuses a larger one.
@@ -88,31 +90,95 @@ pub struct Versions {
 }
 
 impl ScenarioRecord {
-    /// Reads `scenario.json`.
+    /// Number of pictures of all views.
+    pub fn pictures(&self) -> u64 {
+        u64::from(self.ticks) * self.views.len() as u64
+    }
+
+    /// Reads `scenario.json`. A number outside its limits is an error, and so is what [`Self::read_with_faults`] refuses.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::check(read_json(path, "scenario record")?, path)
+        Self::sound(read_json(path, "scenario record")?, path)
     }
 
     /// Reads the content of `scenario.json`; messages name it as `path`.
     pub fn parse(content: &[u8], path: &Path) -> Result<Self> {
-        Self::check(parse_json(content, path, "scenario record")?, path)
+        Self::sound(parse_json(content, path, "scenario record")?, path)
     }
 
-    fn check(record: Self, path: &Path) -> Result<Self> {
-        if record.schema_version > SCHEMA_VERSION {
-            return Err(crate::Error::corpus(
-                path,
-                format!(
-                    "has schema version {}, this program knows versions up to {SCHEMA_VERSION}; use a newer dtd",
-                    record.schema_version
-                ),
+    fn sound(self, path: &Path) -> Result<Self> {
+        let (record, faults) = self.readable(path)?;
+        match faults.into_iter().next() {
+            None => Ok(record),
+            Some(fault) => Err(Error::out_of_limits(path, None, fault)),
+        }
+    }
+
+    /// Reads `scenario.json`, with all numbers outside their limits beside it. A version that this program does not know, a number of
+    /// ticks that no scenario has, and a view whose name is no name of a file are errors: with these nothing can be done.
+    pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+        let record: Self = read_json(path, "scenario record")?;
+        record.readable(path)
+    }
+
+    fn readable(self, path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+        match self.unreadable() {
+            Some(message) => Err(Error::corpus(path, message)),
+            None => {
+                let faults = self.out_of_limits();
+                Ok((self, faults))
+            }
+        }
+    }
+
+    /// Writes `scenario.json`, if all its numbers lie within their limits.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let faults = [
+            self.unreadable(),
+            self.out_of_limits().first().map(ToString::to_string),
+        ];
+        match faults.into_iter().flatten().next() {
+            None => write_json(path, self),
+            Some(fault) => Err(Error::corpus(path, format!("is not written: {fault}"))),
+        }
+    }
+
+    fn out_of_limits(&self) -> Vec<FieldOutOfLimits> {
+        let mut check = Check::default();
+        check.part("runway", |check| self.runway.check(check));
+        check.part("touchdown", |check| {
+            self.touchdown.check(limits::ELEVATION_MSL_M, check);
+        });
+        if let Some(touchdown) = self.flight_touchdown {
+            check.part("flight_touchdown", |check| {
+                touchdown.check(limits::ALTITUDE_MSL_M, check);
+            });
+        }
+        check.part("conditions", |check| self.conditions.check(check));
+        check.into_found()
+    }
+
+    /// Why nothing should be done with this record, in words: nobody can say what it means, or which files it names.
+    fn unreadable(&self) -> Option<String> {
+        if self.schema_version > SCHEMA_VERSION {
+            return Some(format!(
+                "has schema version {}, this program knows versions up to {SCHEMA_VERSION}; use a newer dtd",
+                self.schema_version
             ));
         }
-        Ok(record)
-    }
-
-    /// Writes `scenario.json`.
-    pub fn write(&self, path: &Path) -> Result<()> {
-        write_json(path, self)
+        if let Err(found) = limits::TICKS.check(self.ticks.into()) {
+            return Some(format!("ticks {found}"));
+        }
+        let views = self.views.len();
+        if !(1..=limits::MOST_VIEWS).contains(&views) {
+            return Some(format!(
+                "has {views} views, expected 1 to {}",
+                limits::MOST_VIEWS
+            ));
+        }
+        let bad = self
+            .views
+            .iter()
+            .find_map(|view| file_name::check(view).err());
+        bad.map(|bad| format!("view {bad}"))
     }
 }

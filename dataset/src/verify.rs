@@ -23,10 +23,10 @@ use std::fmt;
 use serde::Serialize;
 
 use crate::calibration::Calibration;
+use crate::columns::ColumnOutOfLimits;
 use crate::corpus::{Corpus, ScenarioFolder};
 use crate::error::Result;
-use crate::frames::Frames;
-use crate::pixel_box::TruthBox;
+use crate::limits::FieldOutOfLimits;
 use crate::scenario::ScenarioRecord;
 use crate::seal;
 use pixels::ViewProof;
@@ -122,10 +122,10 @@ pub fn verify_with(
 ) -> VerifyReport {
     let mut report = VerifyReport::default();
     let mut faults = Faults::default();
-    let Some(scenarios) = faults.keep("scenarios", corpus.scenarios()) else {
-        report.findings = faults.into_findings();
-        return report;
-    };
+    // One folder that cannot be read must not hide the others.
+    let folders = faults.keep("scenarios", corpus.folders());
+    let mut scenarios = folders.unwrap_or_default();
+    scenarios.retain(|folder| !matches!(folder.seal(), Ok(None)));
     let mut records = BTreeMap::new();
     let mut calibrations = BTreeMap::new();
     for folder in &scenarios {
@@ -179,34 +179,31 @@ fn verify_scenario(
             .for_each(|message| faults.file(seal::MANIFEST, message)),
         Err(error) => faults.file(seal::MANIFEST, error),
     }
-    let record: ScenarioRecord =
-        faults.keep("scenario.json", ScenarioRecord::read(&folder.record_path()))?;
+    // Each file is read, whatever is wrong with the others, and then held against those that could be.
+    let record = record::read(folder, faults);
+    let calibration = record::read_calibration(folder, faults);
+    let frames = frames::read(folder, faults);
+    let pictures = record.as_ref().map(ScenarioRecord::pictures);
+    let boxes = labels::read_boxes(folder, frames.as_ref(), pictures, faults);
+    report.ticks += frames.as_ref().map_or(0, |frames| frames.rows.len() as u64);
+    if let (Some(frames), Some(calibration)) = (&frames, &calibration) {
+        frames::check_cameras(frames, calibration, faults);
+    }
+    detections::check(folder, record.as_ref(), faults);
+    let record = record?;
     record::check(folder, &record, faults);
-    let calibration: Option<Calibration> = faults.keep(
-        "calibration.json",
-        Calibration::read(&folder.calibration_path()),
-    );
     if let Some(calibration) = &calibration {
         record::check_calibration(&record, calibration, faults);
     }
-    let frames: Option<Frames> =
-        faults.keep(ScenarioFolder::FRAMES, Frames::read(&folder.frames_path()));
-    let mut boxes: Option<Vec<TruthBox>> = None;
     if let Some(frames) = &frames {
-        report.ticks += frames.rows.len() as u64;
         frames::check(&record, frames, faults);
-        if let Some(calibration) = &calibration {
-            frames::check_cameras(frames, calibration, faults);
-        }
         if labels::check(&record, frames, faults) {
             report.labelled += 1;
         }
-        boxes = labels::read_boxes(folder, frames, faults);
         if let (Some(boxes), Some(calibration)) = (&boxes, &calibration) {
             labels::check_boxes(&record, frames, boxes, calibration, faults);
         }
     }
-    detections::check(folder, &record, faults);
     if options.decode {
         let scenario = pixels::Scenario {
             record: &record,
@@ -309,6 +306,40 @@ impl Faults {
     /// The value, or a fault of the file that should hold it.
     fn keep<T>(&mut self, file: &str, read: Result<T>) -> Option<T> {
         read.map_err(|error| self.file(file, error)).ok()
+    }
+
+    /// The same of what was read with the fields that lie outside their limits.
+    fn keep_with<T>(&mut self, file: &str, read: Result<(T, Vec<FieldOutOfLimits>)>) -> Option<T> {
+        let (value, outside) = self.keep(file, read)?;
+        outside.iter().for_each(|fault| self.file(file, fault));
+        Some(value)
+    }
+
+    /// The same of a table with numbers outside their limits.
+    fn keep_table<T>(
+        &mut self,
+        file: &str,
+        read: Result<(T, Vec<ColumnOutOfLimits>)>,
+    ) -> Option<T> {
+        let (value, outside) = self.keep(file, read)?;
+        for ColumnOutOfLimits {
+            column,
+            first,
+            count,
+        } in outside
+        {
+            for (row, number) in &first {
+                self.push(file, Some(*row as u64), None, format!("{column} {number}"));
+            }
+            if count > first.len() {
+                let more = count - first.len();
+                self.file(
+                    file,
+                    format!("{column} is out of range in {more} more rows"),
+                );
+            }
+        }
+        Some(value)
     }
 
     fn push(&mut self, file: &str, row: Option<u64>, view: Option<&str>, message: String) {

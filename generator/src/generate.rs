@@ -38,6 +38,7 @@ use std::sync::Arc;
 
 use dataset::claim::Claim;
 use dataset::corpus::Corpus;
+use dataset::memory;
 use xplane_bridge::pixels::{PixelChoice, Screen};
 
 pub use cancel::Cancel;
@@ -133,6 +134,10 @@ pub async fn generate(
     }
     let on_disk = at_once_on_disk(&to_make, options);
     warn_of_little_space(corpus_root, &plan.common, &on_disk, &reporter);
+    if !to_make.is_empty() {
+        memory::check("recording a scenario", recording_bytes(&plan.common))
+            .map_err(dataset::Error::from)?;
+    }
     // A simulator that is not there is found out before anything is written.
     let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
     let corpus = Corpus::create(corpus_root)?;
@@ -159,6 +164,15 @@ pub async fn generate(
     Run::new(work, reporter, options, &to_make, outcome)
         .work_through(sessions, &staged, cancel)
         .await
+}
+
+/// Memory in which one simulator's pictures wait to be drawn, sent and coded.
+fn recording_bytes(common: &Common) -> u64 {
+    /// Pictures in the hands of simulator and link, all views together, and in those of one encoder, which looks ahead.
+    const UNDER_WAY: (u64, u64) = (8, 12);
+    let picture = common.picture;
+    let rgb_bytes = u64::from(picture.width_px) * u64::from(picture.height_px) * 3;
+    rgb_bytes * (UNDER_WAY.0 + UNDER_WAY.1 * common.cameras.len() as u64)
 }
 
 fn wanted<'a>(

@@ -6,6 +6,7 @@
 //! that only adds scenarios.
 
 mod against;
+mod check;
 mod difference;
 mod estimate;
 mod expand;
@@ -13,13 +14,13 @@ mod split;
 mod summary;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::io::Write;
 use std::path::Path;
 
 use dataset::conditions::Conditions;
 use dataset::imaging::Imaging;
 use dataset::json_file::write_atomically;
+use dataset::outside_file::{self, FileKind};
 use dataset::rig::{Aim, Jitter};
 use dataset::runway::Runway;
 use dataset::scenario::Flight;
@@ -136,7 +137,7 @@ pub struct LiveStart {
 impl Plan {
     /// Reads a `plan.json`.
     pub fn read(path: &Path) -> dataset::Result<Self> {
-        let text = fs::read(path).map_err(dataset::Error::io("read", path))?;
+        let text = outside_file::read(path, FileKind::PLAN)?;
         Self::parse(&text, path)
     }
 
@@ -166,7 +167,11 @@ impl Plan {
                 ),
             ));
         }
-        serde_json::from_slice(text).map_err(invalid)
+        let plan: Self = serde_json::from_slice(text).map_err(invalid)?;
+        match check::fault(&plan) {
+            None => Ok(plan),
+            Some(fault) => Err(dataset::Error::corpus(path, fault)),
+        }
     }
 
     /// Writes a `plan.json`, a line per scenario.

@@ -3,10 +3,11 @@
 //! Columns (by name, in any order): `t_s, latitude_deg, longitude_deg, altitude_msl_m, pitch_deg, roll_deg, heading_true_deg,
 //! tas_mps, v_north_mps, v_east_mps, v_down_mps, flap_norm, gear_norm, on_ground`.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use dataset::limits::{self, Check, FieldOutOfLimits};
+use dataset::outside_file::{self, FileKind};
 use dataset::pose::{Controls, FlightState, Pose};
 use glob::Pattern;
 use serde::Deserialize;
@@ -42,6 +43,39 @@ struct Row {
     on_ground: u8,
 }
 
+impl Row {
+    /// The first number that no airliner on approach has.
+    fn out_of_limits(&self) -> Option<FieldOutOfLimits> {
+        let mut check = Check::default();
+        for (column, value, limits) in [
+            ("t_s", self.t_s, limits::FLIGHT_TIME_S),
+            ("latitude_deg", self.latitude_deg, limits::LATITUDE_DEG),
+            ("longitude_deg", self.longitude_deg, limits::LONGITUDE_DEG),
+            (
+                "altitude_msl_m",
+                self.altitude_msl_m,
+                limits::ALTITUDE_MSL_M,
+            ),
+            ("pitch_deg", self.pitch_deg, limits::PITCH_DEG),
+            ("roll_deg", self.roll_deg, limits::ROLL_DEG),
+            (
+                "heading_true_deg",
+                self.heading_true_deg,
+                limits::HEADING_TRUE_DEG,
+            ),
+            ("tas_mps", self.tas_mps, limits::TRUE_AIRSPEED_MPS),
+            ("v_north_mps", self.v_north_mps, limits::VELOCITY_MPS),
+            ("v_east_mps", self.v_east_mps, limits::VELOCITY_MPS),
+            ("v_down_mps", self.v_down_mps, limits::VELOCITY_DOWN_MPS),
+            ("flap_norm", self.flap_norm, limits::RATIO),
+            ("gear_norm", self.gear_norm, limits::RATIO),
+        ] {
+            check.number(column, value, limits);
+        }
+        check.first()
+    }
+}
+
 impl From<Row> for FlightState {
     fn from(row: Row) -> Self {
         Self {
@@ -70,13 +104,20 @@ impl From<Row> for FlightState {
 impl Recording {
     /// Reads a recording; says in words, with the file and its line, why it cannot.
     pub fn read(path: &Path) -> Result<Self, String> {
-        let bytes = fs::read(path).map_err(|e| format!("cannot read {}: {e}", path.display()))?;
+        let bytes = outside_file::read(path, FileKind::RECORDING).map_err(|e| e.to_string())?;
+        let unreadable = |e: csv::Error| format!("{}: {e}", path.display());
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
-        let states = reader
-            .deserialize::<Row>()
-            .map(|row| row.map(FlightState::from))
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|e| format!("{}: {e}", path.display()))?;
+        let columns = reader.headers().cloned().map_err(unreadable)?;
+        let mut states = Vec::new();
+        for record in reader.records() {
+            let record = record.map_err(unreadable)?;
+            let row: Row = record.deserialize(Some(&columns)).map_err(unreadable)?;
+            if let Some(fault) = row.out_of_limits() {
+                let line = record.position().map_or(0, csv::Position::line);
+                return Err(format!("{}:{line}: {fault}", path.display()));
+            }
+            states.push(FlightState::from(row));
+        }
         let trajectory = Trajectory::new(states).map_err(|e| format!("{} {e}", path.display()))?;
         Ok(Self {
             file: path
@@ -132,6 +173,8 @@ pub fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, Stri
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use std::fs;
+
     use super::*;
 
     const HEADER: &str = "t_s,latitude_deg,longitude_deg,altitude_msl_m,pitch_deg,roll_deg,heading_true_deg,tas_mps,v_north_mps,v_east_mps,v_down_mps,flap_norm,gear_norm,on_ground";
@@ -196,6 +239,37 @@ pub(crate) mod tests {
                 .unwrap_err()
                 .contains("missing field")
         );
+    }
+
+    #[test]
+    fn a_number_that_no_airliner_has_is_refused_with_line_column_and_range() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("odd.csv");
+        let sound = "0,1.3,103.9,700,2,0,23,75,69,29,4,0.5,1,0";
+        for (at, value, words) in [
+            (
+                4,
+                "1e17",
+                "pitch_deg 1e17 is out of range; expected an aircraft's pitch in degrees from -45 to 45",
+            ),
+            (5, "179", "roll_deg 179 is out of range"),
+            (7, "1e308", "tas_mps 1e308 is out of range"),
+            (7, "inf", "tas_mps inf is out of range"),
+            (
+                12,
+                "-5",
+                "gear_norm -5 is out of range; expected a ratio from 0 to 1",
+            ),
+            (1, "NaN", "latitude_deg NaN is out of range"),
+        ] {
+            let mut fields: Vec<&str> = sound.split(',').collect();
+            fields[at] = value;
+            let odd = fields.join(",");
+            fs::write(&path, format!("{HEADER}\n{sound}\n{odd}\n")).unwrap();
+            let message = Recording::read(&path).unwrap_err();
+            let expected = format!("odd.csv:3: {words}");
+            assert!(message.contains(&expected), "{message}");
+        }
     }
 
     #[test]

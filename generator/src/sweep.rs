@@ -26,9 +26,9 @@ mod times;
 mod weather;
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use dataset::outside_file::{self, FileKind};
 use dataset::runway::Runway;
 use dataset::video::VideoSettings;
 use xplane_bridge::fly::ApproachProfile;
@@ -98,8 +98,8 @@ pub struct Sweep {
 impl Sweep {
     /// Reads and checks a sweep. Paths in it are relative to its own folder.
     pub fn read(path: &Path) -> Result<Self, SweepError> {
-        let text =
-            fs::read_to_string(path).map_err(|source| SweepError::unreadable(path, &source))?;
+        let text = outside_file::read_text(path, FileKind::SWEEP)
+            .map_err(|error| SweepError::unreadable(path, &error))?;
         let folder = path.parent().map(PathBuf::from).unwrap_or_default();
         Self::parse(path, &folder, text)
     }

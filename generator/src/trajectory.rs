@@ -5,6 +5,7 @@
 use dataset::flight::state_at;
 use dataset::frame_rate::FrameRate;
 use dataset::geodesy::Geodetic;
+use dataset::limits::{Check, MOST_APPROACH_S};
 use dataset::pose::FlightState;
 use dataset::runway::{Runway, RunwayCoordinates};
 
@@ -53,10 +54,10 @@ impl Trajectory {
             return Err(format!("has {} states, expected at least 2", states.len()));
         }
         for (row, state) in states.iter().enumerate() {
-            if !is_finite(state) {
-                return Err(format!(
-                    "state {row} holds a value that is not a finite number: {state:?}"
-                ));
+            let mut check = Check::default();
+            state.check(&mut check);
+            if let Some(fault) = check.first() {
+                return Err(format!("has state {row} with {fault}"));
             }
         }
         for (row, pair) in states.windows(2).enumerate() {
@@ -164,6 +165,12 @@ impl AlongCourse<'_> {
                 runway.airport, runway.name, self.to_go_m[0], self.to_go_m[last_index]
             ));
         }
+        let takes_s = passing_s.unwrap_or(last) - start_s;
+        if takes_s > MOST_APPROACH_S {
+            return Err(format!(
+                "takes {takes_s:.0} s from {start_dtd_m:.0} m to the touchdown target; expected at most {MOST_APPROACH_S} s"
+            ));
+        }
         Ok(Window {
             start_s,
             passing_s,
@@ -205,27 +212,6 @@ impl AlongCourse<'_> {
         }
         Some(high)
     }
-}
-
-fn is_finite(state: &FlightState) -> bool {
-    let pose = &state.pose;
-    [
-        state.time_s,
-        pose.latitude_deg,
-        pose.longitude_deg,
-        pose.altitude_msl_m,
-        pose.heading_true_deg,
-        pose.pitch_deg,
-        pose.roll_deg,
-        state.velocity_north_mps,
-        state.velocity_east_mps,
-        state.velocity_down_mps,
-        state.true_airspeed_mps,
-        state.controls.flap_ratio,
-        state.controls.gear_ratio,
-    ]
-    .iter()
-    .all(|value| value.is_finite())
 }
 
 #[cfg(test)]

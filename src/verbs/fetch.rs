@@ -1,11 +1,11 @@
 //! `dtd fetch`: a corpus from an object store into a folder.
 
 use std::collections::BTreeSet;
-use std::fs;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
 use dataset::json_file::write_atomically;
+use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use serde::Serialize;
 use store::{CORPUS_FILES, CorpusStore, Fetched, Patience, StoreUrl};
@@ -156,7 +156,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<(), 
     for name in CORPUS_FILES {
         if let Some(theirs) = store.read(name).await.map_err(failure_of)? {
             let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;
-            if fs::read(&path).ok().as_ref() != Some(&theirs) {
+            if outside_file::read(&path, FileKind::PLAN).ok().as_ref() != Some(&theirs) {
                 write_atomically(&path, &theirs)?;
             }
         }

@@ -1,10 +1,10 @@
 //! `dtd push`: a corpus from a folder into an object store.
 
-use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
+use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use generator::plan::Plan;
 use serde::Serialize;
@@ -98,7 +98,7 @@ async fn send_corpus_files(corpus: &Corpus, store: &CorpusStore) -> Result<(), F
         if !path.exists() {
             continue;
         }
-        let ours = fs::read(&path)?;
+        let ours = outside_file::read(&path, FileKind::PLAN)?;
         let is_plan = path == corpus.plan_path();
         let settled = store
             .settle(name, &ours, |theirs| match is_plan {

@@ -1,9 +1,9 @@
 //! `dtd train`: the distance estimators of a corpus.
 
-use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
+use dataset::outside_file::{self, FileKind};
 use serde::Serialize;
 use trainer::{Progress, TrainConfig, TrainOutcome};
 
@@ -95,9 +95,8 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
         None if args.quick => TrainConfig::demo(),
         None => TrainConfig::default(),
         Some(path) => {
-            let text = fs::read_to_string(path).map_err(|error| {
-                Failure::bad_input_message(format!("cannot read {}: {error}", path.display()))
-            })?;
+            let text =
+                outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
             toml::from_str(&text).map_err(|error| {
                 Failure::bad_input_message(format!("{}: {error}", path.display()))
             })?

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use dataset::corpus::ScenarioFolder;
 use dataset::json_file::json_bytes;
+use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use dataset::seal::{self, DONE, MANIFEST, SealedFile};
 use dataset::sealed::Sealed;
@@ -227,7 +228,7 @@ impl CorpusStore {
         blake3: &str,
         watch: &dyn Watch,
     ) -> Result<Option<()>> {
-        let file = File::open(path).map_err(dataset::Error::io("read", path))?;
+        let file = outside_file::open(path, FileKind::VIDEO)?;
         let (_, bytes) = read_part(file, PART_BYTES)
             .await
             .map_err(dataset::Error::io("read", path))?;
@@ -257,7 +258,7 @@ impl CorpusStore {
         watch: &dyn Watch,
     ) -> Result<Option<()>> {
         let failed = |error: object_store::Error| self.error(&format!("write {name}"), &error);
-        let mut file = File::open(path).map_err(dataset::Error::io("read", path))?;
+        let mut file = outside_file::open(path, FileKind::VIDEO)?;
         let options = PutMultipartOptions {
             attributes: self.attributes(blake3),
             ..PutMultipartOptions::default()

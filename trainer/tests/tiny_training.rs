@@ -86,7 +86,7 @@ fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
         "{}",
         mape(&metrics, "mono_pinhole")
     );
-    let table = Table::read(&run.predictions_path()).unwrap();
+    let table = Table::read(&run.predictions_path(), u64::MAX).unwrap();
     let truth = table.f64("dtd_m").unwrap();
     let mean = truth.iter().sum::<f64>() / truth.len() as f64;
     let constant =
@@ -296,7 +296,7 @@ fn no_estimator_answers_where_every_box_is_unlike_any_of_the_training_side() {
         assert_eq!(figures.overall.combination.samples, 0, "{name}");
         assert_eq!(figures.overall.combination.mape_pct, None, "{name}");
     }
-    let table = Table::read(&run.predictions_path()).unwrap();
+    let table = Table::read(&run.predictions_path(), u64::MAX).unwrap();
     assert!(
         table.rows() > 50
             && table
@@ -343,7 +343,7 @@ fn a_run_that_was_copied_predicts_exactly_what_it_predicted_before() {
     let (corpus, run) = trained(folder.path());
     let predictions = |run: &RunFolder| {
         evaluate(run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
-        Table::read(&run.predictions_path())
+        Table::read(&run.predictions_path(), u64::MAX)
             .unwrap()
             .optional_f64("paper_lstm_dtd_m")
             .unwrap()

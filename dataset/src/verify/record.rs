@@ -4,7 +4,6 @@ use glam::DMat3;
 
 use super::{Faults, close};
 use crate::calibration::{Calibration, CameraEntry};
-use crate::conditions::Conditions;
 use crate::corpus::ScenarioFolder;
 use crate::runway::RunwayCoordinates;
 use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION, ScenarioRecord};
@@ -21,6 +20,21 @@ const RELATIVE_TOLERANCE: f64 = 1e-10;
 const FARTHEST_TOUCHDOWN_M: f64 = 5_000.0;
 /// ... and no farther beside its centreline than a wide one, metres.
 const WIDEST_RUNWAY_M: f64 = 100.0;
+
+/// Reads `scenario.json`; all numbers outside their limits are faults.
+pub(super) fn read(folder: &ScenarioFolder, faults: &mut Faults) -> Option<ScenarioRecord> {
+    let read = ScenarioRecord::read_with_faults(&folder.record_path());
+    faults.keep_with(RECORD, read)
+}
+
+/// Reads `calibration.json`; all numbers outside their limits are faults.
+pub(super) fn read_calibration(
+    folder: &ScenarioFolder,
+    faults: &mut Faults,
+) -> Option<Calibration> {
+    let read = Calibration::read_with_faults(&folder.calibration_path());
+    faults.keep_with(CALIBRATION, read)
+}
 
 pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &mut Faults) {
     let folder_id = folder.id();
@@ -54,25 +68,6 @@ pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &m
             ),
         );
     }
-    if record.ticks == 0 || record.views.is_empty() {
-        faults.file(
-            RECORD,
-            format!(
-                "has {} ticks and {} views, expected at least one of each",
-                record.ticks,
-                record.views.len()
-            ),
-        );
-    }
-    if record.frame_rate.numerator == 0 || record.frame_rate.denominator == 0 {
-        faults.file(
-            RECORD,
-            format!(
-                "frame rate is {}, expected a fraction above zero",
-                record.frame_rate
-            ),
-        );
-    }
     let target = record.runway.touchdown_target();
     let off_m = target.to_ecef().distance(record.touchdown.to_ecef());
     if !close(off_m, 0.0, LENGTH_TOLERANCE_M) {
@@ -92,52 +87,6 @@ pub(super) fn check(folder: &ScenarioFolder, record: &ScenarioRecord, faults: &m
                 ),
             );
         }
-    }
-    check_conditions(&record.conditions, faults);
-}
-
-fn check_conditions(conditions: &Conditions, faults: &mut Faults) {
-    let weather = &conditions.weather;
-    let ratio = 0.0..=1.0;
-    let mut within = |what: &str, value: f64, range: std::ops::RangeInclusive<f64>| {
-        if !range.contains(&value) {
-            let (least, most) = (range.start(), range.end());
-            faults.file(
-                RECORD,
-                format!("{what} is {value}, expected {least} to {most}"),
-            );
-        }
-    };
-    within("visibility_m", weather.visibility_m, 1.0..=1e6);
-    within("rain_ratio", weather.rain_ratio, ratio.clone());
-    within("turbulence_ratio", weather.turbulence_ratio, ratio.clone());
-    within("wind_speed_mps", weather.wind_speed_mps, 0.0..=100.0);
-    within(
-        "wind_from_true_deg",
-        weather.wind_from_true_deg,
-        0.0..=360.0,
-    );
-    within(
-        "clock.day_of_year",
-        f64::from(conditions.clock.day_of_year),
-        1.0..=366.0,
-    );
-    within(
-        "clock.zulu_time_s",
-        conditions.clock.zulu_time_s,
-        0.0..=86_400.0,
-    );
-    for (index, layer) in weather.clouds.iter().enumerate() {
-        within(
-            &format!("clouds[{index}].cover_ratio"),
-            layer.cover_ratio,
-            ratio.clone(),
-        );
-        within(
-            &format!("clouds[{index}].top_msl_m"),
-            layer.top_msl_m,
-            layer.base_msl_m..=f64::MAX,
-        );
     }
 }
 
@@ -168,9 +117,6 @@ pub(super) fn check_calibration(
     for (id, entry) in &calibration.cameras {
         if let Some(fault) = entry.fault() {
             faults.file(CALIBRATION, format!("camera {id} {fault}"));
-        }
-        if let Err(fault) = entry.imaging().check() {
-            faults.file(CALIBRATION, format!("camera {id}: {fault}"));
         }
         if let Some(what) = difference(entry) {
             faults.file(

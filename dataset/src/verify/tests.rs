@@ -5,10 +5,10 @@ use super::*;
 use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
 use crate::frame_rate::FrameRate;
-use crate::frames::{Frame, FrameLabels, ViewStamp};
+use crate::frames::{Frame, FrameLabels, Frames, ViewStamp};
 use crate::geodesy::Geodetic;
 use crate::json_file::write_json;
-use crate::pixel_box::{PixelBox, TruthBox, write_truth_boxes};
+use crate::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
 use crate::pose::{Controls, Pose};
 use crate::rig::Mast;
 use crate::runway::{Runway, RunwayCoordinates};
@@ -238,7 +238,8 @@ impl Example {
         Self::with(|example| {
             let mut table = frames();
             change(&mut table.rows);
-            table.write(&example.scenario().frames_path()).unwrap();
+            let columns = table.columns().unchecked();
+            columns.write(&example.scenario().frames_path()).unwrap();
         })
     }
 
@@ -254,7 +255,7 @@ impl Example {
         Self::with(|example| {
             let mut record = record(IDS[0]);
             change(&mut record);
-            record.write(&example.scenario().record_path()).unwrap();
+            write_json(&example.scenario().record_path(), &record).unwrap();
         })
     }
 
@@ -481,7 +482,7 @@ fn a_wrong_time_a_wrong_timestamp_and_a_missing_number_are_found() {
     );
     assert_found(
         &Example::with_table(|rows| rows[3].true_airspeed_mps = f64::NAN),
-        "row 3: not a number: true_airspeed_mps",
+        "row 3: true_airspeed_mps NaN is out of range",
     );
 }
 
@@ -513,7 +514,9 @@ fn a_wrong_touchdown_a_foreign_schema_and_odd_conditions_are_found() {
     );
     let findings = Example::with_record(|r| r.conditions.weather.rain_ratio = 2.0);
     assert!(
-        findings.contains("rain_ratio is 2, expected 0 to 1"),
+        findings.contains(
+            "conditions.weather.rain_ratio 2 is out of range; expected a rain intensity from 0 to 1"
+        ),
         "{findings}"
     );
     assert!(
@@ -588,7 +591,7 @@ fn crowds_of_one_fault_are_counted() {
 #[test]
 fn boxes_that_are_missing_moved_doubled_or_not_numbers_are_found() {
     type Change = fn(&mut Vec<TruthBox>);
-    let changes: [(&str, Change); 5] = [
+    let changes: [(&str, Change); 6] = [
         ("but no box", |boxes| drop(boxes.remove(1))),
         ("is not around the aircraft's centre of gravity", |boxes| {
             boxes[0].pixel_box.cx_px += 4.0;
@@ -596,8 +599,11 @@ fn boxes_that_are_missing_moved_doubled_or_not_numbers_are_found() {
         ("which has a box already", |boxes| {
             boxes.push(boxes[0].clone());
         }),
-        ("is not inside the picture", |boxes| {
+        ("row 0: width_px NaN is out of range", |boxes| {
             boxes[0].pixel_box.width_px = f64::NAN;
+        }),
+        ("is not inside the picture", |boxes| {
+            boxes[0].pixel_box.width_px += 500.0;
         }),
         ("distance and visibility give", |boxes| {
             boxes[0].transmission *= 0.9;
@@ -607,7 +613,10 @@ fn boxes_that_are_missing_moved_doubled_or_not_numbers_are_found() {
         let findings = Example::with(|example| {
             let mut boxes = truth_boxes();
             change(&mut boxes);
-            write_truth_boxes(&example.scenario().truth_boxes_path(), &boxes).unwrap();
+            let columns = truth_box_columns(&boxes).unchecked();
+            columns
+                .write(&example.scenario().truth_boxes_path())
+                .unwrap();
         });
         assert_found(&findings, words);
         assert!(findings.contains("boxes_truth.parquet"), "{findings}");

@@ -10,6 +10,12 @@ use ffmpeg_next::{Packet, color, decoder, frame, media};
 use super::scaler::{Matrix, Scaler};
 use super::{BYTES_PER_PIXEL, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
+use crate::limits::PICTURE_SIDE_PX;
+use crate::memory;
+use crate::outside_file::{self, FileKind};
+
+/// Pictures that a decoder refers back to, the one that it makes, and those that become RGB.
+const FRAMES_HELD: u64 = 8;
 
 /// A video that is being read. Pictures are decoded on the calling thread: read several videos on several threads.
 pub struct VideoReader {
@@ -31,7 +37,10 @@ impl VideoReader {
     /// Opens a video file and its first video stream.
     pub fn open(path: &Path) -> Result<Self> {
         start_ffmpeg();
-        let input = format::input(&ffmpeg_path(path)?).map_err(|e| fault(path, "open it", e))?;
+        let name = ffmpeg_path(path)?;
+        // FFmpeg would wait for a FIFO, and read from a device without an end.
+        outside_file::open(path, FileKind::VIDEO)?;
+        let input = format::input(&name).map_err(|e| fault(path, "open it", e))?;
         let stream = input
             .streams()
             .best(media::Type::Video)
@@ -61,7 +70,20 @@ impl VideoReader {
             .decoder()
             .video()
             .map_err(|e| fault(path, "start the decoder", e))?;
-        let rgb = frame::Video::new(Pixel::RGB24, decoder.width(), decoder.height());
+        let (width_px, height_px) = (decoder.width(), decoder.height());
+        let most_px = PICTURE_SIDE_PX.most as u32;
+        if !(1..=most_px).contains(&width_px) || !(1..=most_px).contains(&height_px) {
+            let found = format!(
+                "its pictures have {width_px}x{height_px} pixels, expected sides of 1 to {most_px}"
+            );
+            return Err(fault(path, "read it", found));
+        }
+        let rgb_bytes = u64::from(width_px) * u64::from(height_px) * BYTES_PER_PIXEL as u64;
+        memory::check(
+            format_args!("video {}", path.display()),
+            FRAMES_HELD * rgb_bytes,
+        )?;
+        let rgb = frame::Video::new(Pixel::RGB24, width_px, height_px);
         Ok(Self {
             path: path.to_owned(),
             input,

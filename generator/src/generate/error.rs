@@ -185,6 +185,21 @@ pub enum ScenarioError {
         /// What differs, drawn and expected.
         what: String,
     },
+    /// A picture shows nothing.
+    #[error(
+        "tick {tick}, view {view}: the picture is of one colour, {color:?}, from edge to edge; expected a view of {visibility_m:.0} m. Is the \
+         simulator's window covered, minimised or still loading?"
+    )]
+    Blank {
+        /// Its tick.
+        tick: u32,
+        /// Its view.
+        view: String,
+        /// Red, green, blue.
+        color: [u8; 3],
+        /// How far one should see, metres.
+        visibility_m: f64,
+    },
     /// A thread that wrote a video broke down.
     #[error("the encoder of view {view} stopped: {message}")]
     Encoder {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
-use dataset::corpus::Corpus;
+use dataset::corpus::{Corpus, check_path};
 use dataset::json_file::write_atomically;
 use dataset::seal;
 use dataset::splits::Splits;
@@ -25,6 +25,7 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
             path: corpus_root.to_owned(),
         });
     }
+    check_path(corpus_root)?;
     let frozen = match Corpus::open(corpus_root) {
         Ok(corpus) if corpus.plan_path().exists() => Plan::read(&corpus.plan_path())?,
         _ => return Ok(None),

@@ -6,6 +6,7 @@
 use std::fmt::Debug;
 
 use dataset::camera::CameraPose;
+use dataset::conditions::Weather;
 use dataset::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::frame_rate::FrameRate;
 use dataset::pose::{FlightState, Pose};
@@ -33,6 +34,7 @@ pub(super) struct Drawn {
 pub(super) async fn capture(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[View], Picture),
+    weather: &Weather,
     encoders: &mut Encoders,
     attempt: &Attempt<'_, '_>,
 ) -> Result<Vec<Vec<Drawn>>, ScenarioError> {
@@ -60,7 +62,16 @@ pub(super) async fn capture(
         }
         let frame = attempt.answered(simulator.receive_frame()).await?;
         let view = due % views.len();
-        let seen = check(&request(due), &frame, &views[view].id, last_sim_frame)?;
+        let id = &views[view].id;
+        let seen = check(&request(due), &frame, id, last_sim_frame)?;
+        if let Some(color) = blank(&frame.rgb, weather) {
+            return Err(ScenarioError::Blank {
+                tick: frame.tick,
+                view: id.clone(),
+                color,
+                visibility_m: weather.visibility_m,
+            });
+        }
         last_sim_frame = Some(seen.sim_frame);
         attempt.cancel.or(encoders.write(view, frame.rgb)).await?;
         while let Some(memory) = encoders.take_written() {
@@ -160,6 +171,22 @@ fn check(
     })
 }
 
+/// No component of a black pixel is brighter: codecs and screens round.
+const BLACK: u8 = 1;
+/// In air clearer than this no fog fills a picture from edge to edge with one colour, metres.
+const FOG_FILLS_PICTURE_M: f64 = 5_000.0;
+
+/// The colour of a picture that shows nothing: one that is black all over, or of a single colour that no fog explains. It costs nothing
+/// where two pixels near the start differ.
+fn blank(rgb: &[u8], weather: &Weather) -> Option<[u8; 3]> {
+    let (pixels, _) = rgb.as_chunks();
+    let first = *pixels.first()?;
+    let one_color =
+        weather.visibility_m >= FOG_FILLS_PICTURE_M && pixels.iter().all(|pixel| *pixel == first);
+    let black = || rgb.iter().all(|value| *value <= BLACK);
+    (one_color || black()).then_some(first)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -210,6 +237,28 @@ mod tests {
             height_px,
             rgb: vec![0; 24].into(),
         }
+    }
+
+    #[test]
+    fn a_picture_that_shows_nothing_is_told_from_night_and_fog() {
+        let weather = |visibility_m: f64| Weather {
+            visibility_m,
+            clouds: Vec::new(),
+            rain_ratio: 0.0,
+            wind_speed_mps: 0.0,
+            wind_from_true_deg: 0.0,
+            turbulence_ratio: 0.0,
+        };
+        let (clear, fog) = (weather(50_000.0), weather(50.0));
+        let filled = |value: u8| vec![value; 64 * 32 * 3];
+        assert_eq!(blank(&filled(0), &clear), Some([0; 3]));
+        assert_eq!(blank(&filled(1), &fog), Some([1; 3]));
+        assert_eq!(blank(&filled(90), &clear), Some([90; 3]));
+        assert_eq!(blank(&filled(90), &fog), None);
+        // A star in the last pixel.
+        let mut night = filled(0);
+        night[64 * 32 * 3 - 1] = 9;
+        assert_eq!(blank(&night, &clear), None);
     }
 
     #[test]

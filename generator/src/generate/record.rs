@@ -138,6 +138,7 @@ async fn record_into(
     let drawn = match capture(
         &mut simulator,
         (&states, &views, picture),
+        &parameters.conditions.weather,
         &mut encoders,
         attempt,
     )

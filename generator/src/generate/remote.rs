@@ -6,9 +6,9 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use dataset::Error;
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
+use dataset::outside_file::{self, FileKind};
 use dataset::seal::Seal;
 use store::{CorpusStore, Keep, OnOther, Pushed, Settled, StoreError, Watch};
 use tokio::sync::mpsc;
@@ -92,8 +92,7 @@ impl Remote {
 
     /// Sends the files that belong to the whole corpus. The plan goes first: whoever loses a race for it hears so there.
     pub(super) async fn publish(&self, stage: &Corpus, plan: &Plan) -> Result<(), GenerateError> {
-        let read = |path: &Path| fs::read(path).map_err(Error::io("read", path));
-        let ours = read(&stage.plan_path())?;
+        let ours = outside_file::read(&stage.plan_path(), FileKind::PLAN)?;
         let settled = self
             .store
             .settle("plan.json", &ours, |theirs| {
@@ -103,11 +102,11 @@ impl Remote {
                 })
             })
             .await?;
-        let splits = read(&stage.splits_path())?;
+        let splits = outside_file::read(&stage.splits_path(), FileKind::json("split"))?;
         self.store
             .settle("splits.json", &splits, |_| Ok::<_, StoreError>(Keep::Ours))
             .await?;
-        let sweep = read(&stage.sweep_path())?;
+        let sweep = outside_file::read(&stage.sweep_path(), FileKind::SWEEP)?;
         self.store
             .settle("corpus.toml", &sweep, |_| {
                 Ok::<_, StoreError>(match settled {

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use dataset::Error;
 use dataset::corpus::Corpus;
 use dataset::json_file::{read_json, write_atomically, write_json};
+use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use serde::{Deserialize, Serialize};
 
@@ -49,7 +50,7 @@ impl SetAside {
     /// The record as it is written.
     pub(super) fn text(corpus: &Corpus, id: &str) -> dataset::Result<Vec<u8>> {
         let path = path(corpus, id);
-        fs::read(&path).map_err(Error::io("read", &path))
+        outside_file::read(&path, FileKind::json("record of a failed scenario"))
     }
 
     /// Takes over a record that was written elsewhere, unless the one that is here has more reasons: another machine may have gone on

@@ -1,17 +1,14 @@
 //! `[aim]`: turns all cameras of a scenario, wherever the rig has them look.
 
+use dataset::limits;
 use dataset::rig::Aim;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::{Checked, fault};
-use super::limits::Limits;
-use super::rigs::PITCH_DEG;
+use super::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
-
-const DTD_NM: Limits = Limits::new(-0.5, 40.0, "a distance to touchdown in nautical miles");
-const HEADING_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees");
 
 /// `[aim]`: where each scenario turns all its cameras: to a point of the glide path, or in a direction.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -23,13 +20,13 @@ const HEADING_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees
 pub struct AimTable {
     /// To the point of the glide path over the extended centreline at this distance to the touchdown target, nautical miles. Either
     /// this or a direction.
-    #[schemars(transform = DTD_NM.in_schema())]
+    #[schemars(transform = limits::AIM_DTD_NM.in_schema())]
     pub dtd_nm: Option<Spread>,
     /// In this direction, degrees true; together with `pitch_deg`.
-    #[schemars(transform = HEADING_DEG.in_schema())]
+    #[schemars(transform = limits::DIRECTION_TRUE_DEG.in_schema())]
     pub heading_true_deg: Option<Spread>,
     /// At this elevation, degrees, up positive; together with `heading_true_deg`.
-    #[schemars(transform = PITCH_DEG.in_schema())]
+    #[schemars(transform = limits::MAST_PITCH_DEG.in_schema())]
     pub pitch_deg: Option<Spread>,
 }
 
@@ -54,9 +51,13 @@ impl AimTable {
 
     pub(super) fn check(&self) -> Checked<()> {
         for (field, limits, spread) in [
-            ("dtd_nm", DTD_NM, &self.dtd_nm),
-            ("heading_true_deg", HEADING_DEG, &self.heading_true_deg),
-            ("pitch_deg", PITCH_DEG, &self.pitch_deg),
+            ("dtd_nm", limits::AIM_DTD_NM, &self.dtd_nm),
+            (
+                "heading_true_deg",
+                limits::DIRECTION_TRUE_DEG,
+                &self.heading_true_deg,
+            ),
+            ("pitch_deg", limits::MAST_PITCH_DEG, &self.pitch_deg),
         ] {
             if let Some(spread) = spread {
                 limits.check_spread(format!("aim.{field}"), spread)?;

@@ -1,7 +1,6 @@
 //! What is wrong with a sweep, and where.
 
 use std::fmt;
-use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -27,7 +26,7 @@ impl fmt::Display for SweepError {
 }
 
 impl SweepError {
-    pub(super) fn unreadable(file: &Path, source: &io::Error) -> Self {
+    pub(super) fn unreadable(file: &Path, source: &dataset::Error) -> Self {
         Self {
             file: file.to_owned(),
             place: None,

@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
+use dataset::file_name;
+
 /// A value that cannot be used.
 #[derive(Debug)]
 pub(super) struct Fault {
@@ -24,17 +26,9 @@ pub(super) fn fault<T>(key: impl Into<String>, message: impl Into<String>) -> Ch
     })
 }
 
-/// Refuses names that do not fit [`NAME_PATTERN`].
+/// Refuses names that do not fit [`NAME_PATTERN`], and those that no file can have everywhere.
 pub(super) fn legal_name(key: impl Into<String>, name: &str) -> Checked<()> {
-    let legal = |c: char| c.is_ascii_alphanumeric() || c == '-' || c == '_';
-    if !name.is_empty() && name.chars().all(legal) {
-        Ok(())
-    } else {
-        fault(
-            key,
-            format!("{name:?} names files; expected letters, digits, - and _ only"),
-        )
-    }
+    file_name::check(name).or_else(|bad| fault(key, bad.to_string()))
 }
 
 /// Refuses a name for which the sweep has no table `[KIND.NAME]`.

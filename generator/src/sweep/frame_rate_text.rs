@@ -3,6 +3,7 @@
 use std::fmt;
 
 use dataset::frame_rate::FrameRate;
+use dataset::limits::FRAME_RATE_HZ;
 use schemars::{Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserializer, Serialize, Serializer};
@@ -10,7 +11,7 @@ use serde::{Deserializer, Serialize, Serializer};
 const EXPECTED: &str = "frames per second above zero, as a whole number (30) or a fraction in quotes (\"30000/1001\", \"1/2\")";
 
 /// No simulator draws faster.
-pub(super) const HIGHEST_HZ: u32 = 240;
+const HIGHEST_HZ: u32 = FRAME_RATE_HZ.most as u32;
 
 pub(super) fn schema(_: &mut SchemaGenerator) -> Schema {
     json_schema!({
@@ -32,29 +33,24 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(input: D) -> Result<FrameRa
         }
 
         fn visit_i64<E: Error>(self, value: i64) -> Result<FrameRate, E> {
-            u32::try_from(value)
-                .ok()
-                .and_then(|rate| FrameRate::new(rate, 1))
-                .ok_or_else(|| E::invalid_value(Unexpected::Signed(value), &self))
+            let rate = u32::try_from(value)
+                .map_err(|_| E::invalid_value(Unexpected::Signed(value), &self))?;
+            FrameRate::new(rate, 1).map_err(E::custom)
         }
 
         fn visit_u64<E: Error>(self, value: u64) -> Result<FrameRate, E> {
             let rate = u32::try_from(value)
-                .ok()
-                .and_then(|rate| FrameRate::new(rate, 1));
-            rate.ok_or_else(|| E::invalid_value(Unexpected::Unsigned(value), &self))
+                .map_err(|_| E::invalid_value(Unexpected::Unsigned(value), &self))?;
+            FrameRate::new(rate, 1).map_err(E::custom)
         }
 
         fn visit_str<E: Error>(self, value: &str) -> Result<FrameRate, E> {
             let (numerator, denominator) = value.split_once('/').unwrap_or((value, "1"));
-            let parsed = numerator
-                .trim()
-                .parse()
-                .ok()
-                .zip(denominator.trim().parse().ok());
-            parsed
-                .and_then(|(numerator, denominator)| FrameRate::new(numerator, denominator))
-                .ok_or_else(|| E::invalid_value(Unexpected::Str(value), &self))
+            let term = |text: &str| {
+                let parsed: Result<u32, _> = text.trim().parse();
+                parsed.map_err(|_| E::invalid_value(Unexpected::Str(value), &self))
+            };
+            FrameRate::new(term(numerator)?, term(denominator)?).map_err(E::custom)
         }
     }
     input.deserialize_any(Rate)

@@ -5,18 +5,17 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use dataset::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::{Checked, NAME_PATTERN, defined, fault, list};
-use super::limits::Limits;
+use super::limits::Enforce;
 use super::times::TimeEntry;
 use crate::time_of_day::TimeOfDay;
 
 /// More is a slip of the finger, and a plan of gigabytes.
 const MOST_SCENARIOS: u64 = 1_000_000;
-const DAY_OF_YEAR: Limits = Limits::new(1.0, 365.0, "a day of the year");
-const UTC_OFFSET_H: Limits = Limits::new(-12.0, 14.0, "hours that local time is ahead of UTC");
 
 /// `[grid]`: every time is combined with every weather (and every profile, if they are listed here), `repeats` times.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
@@ -35,10 +34,10 @@ pub(super) struct Grid {
     #[schemars(range(min = 1, max = MOST_SCENARIOS))]
     repeats: u32,
     /// Day of the year, 1 to 365; it sets the sun's path.
-    #[schemars(transform = DAY_OF_YEAR.in_schema())]
+    #[schemars(transform = limits::DAY_OF_YEAR.in_schema())]
     pub(super) day_of_year: u32,
     /// Local time minus UTC, hours.
-    #[schemars(transform = UTC_OFFSET_H.in_schema())]
+    #[schemars(transform = limits::UTC_OFFSET_H.in_schema())]
     pub(super) utc_offset_h: f64,
 }
 
@@ -135,8 +134,8 @@ pub(super) fn combinations<W, P>(
     }
     check_count("include", all.len() as u64)?;
     check_labels(&all)?;
-    DAY_OF_YEAR.check("grid.day_of_year", f64::from(grid.day_of_year))?;
-    UTC_OFFSET_H.check("grid.utc_offset_h", grid.utc_offset_h)?;
+    limits::DAY_OF_YEAR.check_key("grid.day_of_year", f64::from(grid.day_of_year))?;
+    limits::UTC_OFFSET_H.check_key("grid.utc_offset_h", grid.utc_offset_h)?;
     Ok(all)
 }
 

@@ -1,37 +1,26 @@
 //! `[imaging]`: air and sensor between an ideal picture and a real one. X-Plane has none of it; the stand-in can draw it.
 
-use dataset::imaging::{Degradation, Imaging, Seeing, Sensor, limits as of};
+use dataset::imaging::{Degradation, Imaging, Seeing, Sensor};
+use dataset::limits;
 use rand::Rng;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::Checked;
-use super::limits::Limits;
+use super::limits::Enforce;
 use super::rigs::Camera;
 use crate::seed;
 use crate::spread::Spread;
-
-const REFRACTION: Limits = within(of::REFRACTION_COEFFICIENT, "a coefficient of refraction");
-const BLUR_PX: Limits = within(of::BLUR_SIGMA_PX, "a standard deviation in pixels");
-const FULL_WELL: Limits = within(of::FULL_WELL_ELECTRONS, "a full well in electrons");
-const READ_NOISE: Limits = within(of::READ_NOISE_ELECTRONS, "a read noise in electrons");
-const TILT_ARCSEC: Limits = within(of::TILT_RMS_ARCSEC, "a motion in seconds of arc");
-const BLUR_ARCSEC: Limits = within(of::SEEING_BLUR_ARCSEC, "a blur in seconds of arc");
-const CORRELATION_S: Limits = within(of::CORRELATION_S, "a time in seconds");
-
-const fn within((least, most): (f64, f64), what: &'static str) -> Limits {
-    Limits::new(least, most, what)
-}
 
 /// `[imaging]`: each value is a number or a spread to draw from; all is off if it is left out.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImagingTable {
     /// Coefficient of terrestrial refraction, the same for all cameras of a scenario: 0 straight light, 0.13 Gauss's mean by day.
-    #[schemars(transform = REFRACTION.in_schema())]
+    #[schemars(transform = limits::REFRACTION_COEFFICIENT.in_schema())]
     pub refraction_coefficient: Spread,
     /// Standard deviation of the optics' Gaussian point spread function, pixels.
-    #[schemars(transform = BLUR_PX.in_schema())]
+    #[schemars(transform = limits::BLUR_SIGMA_PX.in_schema())]
     pub blur_sigma_px: Spread,
     /// Noise of the sensor.
     pub sensor: Option<SensorTable>,
@@ -44,11 +33,11 @@ pub struct ImagingTable {
 #[serde(deny_unknown_fields)]
 pub struct SensorTable {
     /// Electrons of a white pixel: sets the noise of the light itself.
-    #[schemars(transform = FULL_WELL.in_schema())]
+    #[schemars(transform = limits::FULL_WELL_ELECTRONS.in_schema())]
     pub full_well_electrons: Spread,
     /// Standard deviation of reading out, electrons.
     #[serde(default)]
-    #[schemars(transform = READ_NOISE.in_schema())]
+    #[schemars(transform = limits::READ_NOISE_ELECTRONS.in_schema())]
     pub read_noise_electrons: Spread,
 }
 
@@ -57,13 +46,13 @@ pub struct SensorTable {
 #[serde(deny_unknown_fields, default)]
 pub struct SeeingTable {
     /// Root mean square of the aircraft's motion along one axis at 10 km, seconds of arc.
-    #[schemars(transform = TILT_ARCSEC.in_schema())]
+    #[schemars(transform = limits::TILT_RMS_ARCSEC.in_schema())]
     pub tilt_rms_arcsec: Spread,
     /// Standard deviation of the blur at 10 km, seconds of arc.
-    #[schemars(transform = BLUR_ARCSEC.in_schema())]
+    #[schemars(transform = limits::SEEING_BLUR_ARCSEC.in_schema())]
     pub blur_sigma_arcsec: Spread,
     /// Time in which the motion's correlation falls to 1/e, seconds.
-    #[schemars(transform = CORRELATION_S.in_schema())]
+    #[schemars(transform = limits::CORRELATION_S.in_schema())]
     pub correlation_s: Spread,
 }
 
@@ -119,21 +108,21 @@ impl ImagingTable {
         let mut checks = vec![
             (
                 "refraction_coefficient",
-                REFRACTION,
+                limits::REFRACTION_COEFFICIENT,
                 &self.refraction_coefficient,
             ),
-            ("blur_sigma_px", BLUR_PX, &self.blur_sigma_px),
+            ("blur_sigma_px", limits::BLUR_SIGMA_PX, &self.blur_sigma_px),
         ];
         if let Some(table) = &self.sensor {
             checks.extend([
                 (
                     "sensor.full_well_electrons",
-                    FULL_WELL,
+                    limits::FULL_WELL_ELECTRONS,
                     &table.full_well_electrons,
                 ),
                 (
                     "sensor.read_noise_electrons",
-                    READ_NOISE,
+                    limits::READ_NOISE_ELECTRONS,
                     &table.read_noise_electrons,
                 ),
             ]);
@@ -142,15 +131,19 @@ impl ImagingTable {
             checks.extend([
                 (
                     "seeing.tilt_rms_arcsec",
-                    TILT_ARCSEC,
+                    limits::TILT_RMS_ARCSEC,
                     &table.tilt_rms_arcsec,
                 ),
                 (
                     "seeing.blur_sigma_arcsec",
-                    BLUR_ARCSEC,
+                    limits::SEEING_BLUR_ARCSEC,
                     &table.blur_sigma_arcsec,
                 ),
-                ("seeing.correlation_s", CORRELATION_S, &table.correlation_s),
+                (
+                    "seeing.correlation_s",
+                    limits::CORRELATION_S,
+                    &table.correlation_s,
+                ),
             ]);
         }
         for (field, limits, spread) in checks {

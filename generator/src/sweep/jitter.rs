@@ -1,43 +1,40 @@
 //! `[jitter]`: how far the cameras of each scenario are off from where the rig has them. Each camera of each scenario draws its own.
 
+use dataset::limits;
 use dataset::rig::Jitter;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::{Checked, fault};
-use super::limits::Limits;
-use super::rigs::{Camera, HFOV_DEG};
+use super::limits::Enforce;
+use super::rigs::Camera;
 use crate::seed;
 use crate::spread::Spread;
-
-/// More is another rig, or centimetres and seconds of arc where metres and degrees belong.
-const OFFSET_M: Limits = Limits::new(-50.0, 50.0, "a small offset in metres");
-const TURN_DEG: Limits = Limits::new(-10.0, 10.0, "a small angle in degrees");
 
 /// `[jitter]`: added to each camera's own values. Each is a number or a spread to draw from.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct JitterTable {
     /// Along the landing course, metres.
-    #[schemars(transform = OFFSET_M.in_schema())]
+    #[schemars(transform = limits::JITTER_M.in_schema())]
     pub along_m: Spread,
     /// Right of the landing course, metres.
-    #[schemars(transform = OFFSET_M.in_schema())]
+    #[schemars(transform = limits::JITTER_M.in_schema())]
     pub right_m: Spread,
     /// Up, metres.
-    #[schemars(transform = OFFSET_M.in_schema())]
+    #[schemars(transform = limits::JITTER_M.in_schema())]
     pub height_m: Spread,
     /// Direction of the optical axis, degrees clockwise.
-    #[schemars(transform = TURN_DEG.in_schema())]
+    #[schemars(transform = limits::JITTER_DEG.in_schema())]
     pub heading_deg: Spread,
     /// Elevation of the optical axis, degrees up.
-    #[schemars(transform = TURN_DEG.in_schema())]
+    #[schemars(transform = limits::JITTER_DEG.in_schema())]
     pub pitch_deg: Spread,
     /// Turn about the optical axis, degrees, right side down.
-    #[schemars(transform = TURN_DEG.in_schema())]
+    #[schemars(transform = limits::JITTER_DEG.in_schema())]
     pub roll_deg: Spread,
     /// Horizontal field of view, degrees.
-    #[schemars(transform = TURN_DEG.in_schema())]
+    #[schemars(transform = limits::JITTER_DEG.in_schema())]
     pub hfov_deg: Spread,
 }
 
@@ -63,13 +60,13 @@ impl JitterTable {
 
     pub(super) fn check(&self, cameras: &[Camera]) -> Checked<()> {
         for (field, limits, spread) in [
-            ("along_m", OFFSET_M, &self.along_m),
-            ("right_m", OFFSET_M, &self.right_m),
-            ("height_m", OFFSET_M, &self.height_m),
-            ("heading_deg", TURN_DEG, &self.heading_deg),
-            ("pitch_deg", TURN_DEG, &self.pitch_deg),
-            ("roll_deg", TURN_DEG, &self.roll_deg),
-            ("hfov_deg", TURN_DEG, &self.hfov_deg),
+            ("along_m", limits::JITTER_M, &self.along_m),
+            ("right_m", limits::JITTER_M, &self.right_m),
+            ("height_m", limits::JITTER_M, &self.height_m),
+            ("heading_deg", limits::JITTER_DEG, &self.heading_deg),
+            ("pitch_deg", limits::JITTER_DEG, &self.pitch_deg),
+            ("roll_deg", limits::JITTER_DEG, &self.roll_deg),
+            ("hfov_deg", limits::JITTER_DEG, &self.hfov_deg),
         ] {
             limits.check_spread(format!("jitter.{field}"), spread)?;
         }
@@ -77,7 +74,7 @@ impl JitterTable {
         let (lower_m, _) = self.height_m.range();
         for camera in cameras {
             let (narrowest, widest) = (camera.hfov_deg + narrower_deg, camera.hfov_deg + wider_deg);
-            if HFOV_DEG.check("", narrowest).is_err() || HFOV_DEG.check("", widest).is_err() {
+            if !limits::HFOV_DEG.hold(narrowest) || !limits::HFOV_DEG.hold(widest) {
                 return fault(
                     "jitter.hfov_deg",
                     format!(

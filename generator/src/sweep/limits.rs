@@ -1,5 +1,6 @@
-//! Between which values a number of a sweep has to lie: said once, for the check and for the schema.
+//! How the limits of [`dataset::limits`] are enforced in a sweep, where a number may be a spread and the schema says them, too.
 
+use dataset::limits::Limits;
 use schemars::Schema;
 use schemars::transform::Transform;
 use serde_json::Value;
@@ -7,40 +8,29 @@ use serde_json::Value;
 use super::fault::{Checked, fault};
 use crate::spread::Spread;
 
-/// The least and the greatest value of a number, and what the number is.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Limits {
-    least: f64,
-    most: f64,
-    what: &'static str,
+/// Limits as the tables of a sweep enforce them.
+pub(super) trait Enforce {
+    /// Refuses a number outside; NaN is in no range.
+    fn check_key(self, key: impl Into<String>, value: f64) -> Checked<()>;
+    /// Refuses a spread from which a number outside could be drawn.
+    fn check_spread(self, key: impl Into<String>, spread: &Spread) -> Checked<()>;
+    /// What writes the limits into the schema of a number or of a spread.
+    fn in_schema(self) -> InSchema;
 }
 
-impl Limits {
-    pub(crate) const fn new(least: f64, most: f64, what: &'static str) -> Self {
-        Self { least, most, what }
+impl Enforce for Limits {
+    fn check_key(self, key: impl Into<String>, value: f64) -> Checked<()> {
+        self.check(value)
+            .or_else(|outside| fault(key, outside.to_string()))
     }
 
-    /// Refuses a number outside; NaN is in no range.
-    pub(super) fn check(self, key: impl Into<String>, value: f64) -> Checked<()> {
-        let Self { least, most, what } = self;
-        if (least..=most).contains(&value) {
-            Ok(())
-        } else {
-            fault(
-                key,
-                format!("{value} is out of range; expected {what} from {least} to {most}"),
-            )
-        }
-    }
-
-    /// Refuses a spread from which a number outside could be drawn.
-    pub(super) fn check_spread(self, key: impl Into<String>, spread: &Spread) -> Checked<()> {
+    fn check_spread(self, key: impl Into<String>, spread: &Spread) -> Checked<()> {
         let (lowest, highest) = spread.range();
         let Self { least, most, what } = self;
         if lowest == highest {
-            return self.check(key, lowest);
+            return self.check_key(key, lowest);
         }
-        if least <= lowest && highest <= most {
+        if self.hold(lowest) && self.hold(highest) {
             return Ok(());
         }
         fault(
@@ -51,15 +41,19 @@ impl Limits {
         )
     }
 
-    /// What writes the limits into the schema of a number or of a spread.
-    pub(super) fn in_schema(self) -> impl Transform {
-        self
+    fn in_schema(self) -> InSchema {
+        InSchema(self)
     }
+}
 
-    fn limit(self, schema: &mut Schema) {
+/// Limits that go into a schema.
+pub(super) struct InSchema(Limits);
+
+impl InSchema {
+    fn limit(&self, schema: &mut Schema) {
         if is_number(schema.get("type")) {
-            schema.insert("minimum".into(), self.least.into());
-            schema.insert("maximum".into(), self.most.into());
+            schema.insert("minimum".into(), self.0.least.into());
+            schema.insert("maximum".into(), self.0.most.into());
         }
         let limit_value = |value: &mut Value| {
             if let Ok(schema) = value.try_into() {
@@ -82,7 +76,7 @@ impl Limits {
     }
 }
 
-impl Transform for Limits {
+impl Transform for InSchema {
     fn transform(&mut self, schema: &mut Schema) {
         self.limit(schema);
     }

@@ -1,15 +1,15 @@
 //! `[picture]`: size and rate of the pictures.
 
 use dataset::frame_rate::FrameRate;
+use dataset::limits::PICTURE_SIDE_PX;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fault::{Checked, fault};
 use super::frame_rate_text;
 
-/// Pictures beyond this are a slip of the finger.
-const LEAST_SIDE_PX: u32 = 64;
-const MOST_SIDE_PX: u32 = 8_192;
+const LEAST_SIDE_PX: u32 = PICTURE_SIDE_PX.least as u32;
+const MOST_SIDE_PX: u32 = PICTURE_SIDE_PX.most as u32;
 
 /// `[picture]`
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -38,14 +38,6 @@ impl Picture {
                     ),
                 );
             }
-        }
-        let rate = self.frame_rate;
-        let highest_hz = frame_rate_text::HIGHEST_HZ;
-        if 1.0 / rate.period_s() > f64::from(highest_hz) {
-            return fault(
-                "picture.frame_rate",
-                format!("{rate} is too fast; expected at most {highest_hz} per second"),
-            );
         }
         Ok(())
     }

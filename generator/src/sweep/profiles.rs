@@ -2,16 +2,16 @@
 
 use std::collections::BTreeMap;
 
+use dataset::limits::{self, Limits};
 use dataset::runway::Runway;
 use dataset::units::METERS_PER_FOOT;
 use xplane_bridge::fly::ApproachProfile;
 
 use super::fault::{Checked, legal_name};
-use super::limits::Limits;
+use super::limits::Enforce;
 
 /// Heights over the runway at which an approach can begin, metres.
 const OVER_RUNWAY_M: (f64, f64) = (100.0, 6_000.0);
-const STEP_FROM_THRESHOLD_M: Limits = Limits::new(500.0, 60_000.0, "a distance in metres");
 
 /// Level at 2500 ft until the glide path comes down to the aircraft.
 pub(super) const LEVEL_THEN_GLIDE_PATH: &str = "level-then-glide-path";
@@ -60,23 +60,24 @@ pub(super) fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) 
     match *profile {
         ApproachProfile::GlidePath {
             level_altitude_msl_m,
-        } => above_ground.check(key("level_altitude_msl_m"), level_altitude_msl_m),
+        } => above_ground.check_key(key("level_altitude_msl_m"), level_altitude_msl_m),
         ApproachProfile::StepDown {
             upper_altitude_msl_m,
             step_from_threshold_m,
             lower_altitude_msl_m,
         } => {
-            above_ground.check(key("upper_altitude_msl_m"), upper_altitude_msl_m)?;
+            above_ground.check_key(key("upper_altitude_msl_m"), upper_altitude_msl_m)?;
             let below_upper = Limits::new(
                 least_m,
                 upper_altitude_msl_m,
                 "an altitude in metres, not above the upper level,",
             );
-            below_upper.check(key("lower_altitude_msl_m"), lower_altitude_msl_m)?;
-            STEP_FROM_THRESHOLD_M.check(key("step_from_threshold_m"), step_from_threshold_m)
+            below_upper.check_key(key("lower_altitude_msl_m"), lower_altitude_msl_m)?;
+            limits::STEP_FROM_THRESHOLD_M
+                .check_key(key("step_from_threshold_m"), step_from_threshold_m)
         }
         ApproachProfile::ContinuousDescent {
             start_altitude_msl_m,
-        } => above_ground.check(key("start_altitude_msl_m"), start_altitude_msl_m),
+        } => above_ground.check_key(key("start_altitude_msl_m"), start_altitude_msl_m),
     }
 }

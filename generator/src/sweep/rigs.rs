@@ -4,20 +4,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
 
 use dataset::distortion::Distortion;
+use dataset::limits;
 use dataset::rig::Mast;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::fault::{Checked, Fault, NAME_PATTERN, fault, legal_name, list};
 use super::jitter::JitterTable;
-use super::limits::Limits;
+use super::limits::Enforce;
 use super::picture::Picture;
-
-const DISTANCE_M: Limits = Limits::new(-50_000.0, 50_000.0, "a distance in metres");
-const HEIGHT_M: Limits = Limits::new(0.0, 5_000.0, "a height over the touchdown target in metres");
-const TURN_DEG: Limits = Limits::new(-180.0, 360.0, "an angle in degrees");
-pub(super) const PITCH_DEG: Limits = Limits::new(-89.0, 89.0, "an elevation in degrees");
-pub(super) const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
 
 /// `[rig.NAME]`
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -41,31 +36,31 @@ pub struct Camera {
     pub id: String,
     /// Distance past the touchdown target along the landing course, metres. Either this or `beyond_threshold_m`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = DISTANCE_M.in_schema())]
+    #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
     pub beyond_touchdown_m: Option<f64>,
     /// Distance past the threshold along the landing course, metres: stays where it is if the touchdown target is moved.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = DISTANCE_M.in_schema())]
+    #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
     pub beyond_threshold_m: Option<f64>,
     /// Offset right of the landing course, metres; negative is left.
-    #[schemars(transform = DISTANCE_M.in_schema())]
+    #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
     pub right_m: f64,
     /// Height above the touchdown target, metres.
-    #[schemars(transform = HEIGHT_M.in_schema())]
+    #[schemars(transform = limits::MAST_HEIGHT_M.in_schema())]
     pub height_m: f64,
     /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees. Either this or `heading_true_deg`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = TURN_DEG.in_schema())]
+    #[schemars(transform = limits::MAST_TURN_DEG.in_schema())]
     pub inward_deg: Option<f64>,
     /// Direction of the optical axis, degrees true.
     #[serde(skip_serializing_if = "Option::is_none")]
-    #[schemars(transform = TURN_DEG.in_schema())]
+    #[schemars(transform = limits::MAST_TURN_DEG.in_schema())]
     pub heading_true_deg: Option<f64>,
     /// Elevation of the optical axis, degrees, up positive.
-    #[schemars(transform = PITCH_DEG.in_schema())]
+    #[schemars(transform = limits::MAST_PITCH_DEG.in_schema())]
     pub pitch_deg: f64,
     /// Horizontal field of view, degrees.
-    #[schemars(transform = HFOV_DEG.in_schema())]
+    #[schemars(transform = limits::HFOV_DEG.in_schema())]
     pub hfov_deg: f64,
     /// Distortion of its lens, with OpenCV's coefficients; left out, it is a pinhole. Only the stand-in can draw it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -184,14 +179,14 @@ impl Camera {
             ("heading_true_deg", self.heading_true_deg),
         )?;
         for (limits, (field, value)) in [
-            (DISTANCE_M, place),
-            (TURN_DEG, aim),
-            (DISTANCE_M, ("right_m", self.right_m)),
-            (HEIGHT_M, ("height_m", self.height_m)),
-            (PITCH_DEG, ("pitch_deg", self.pitch_deg)),
-            (HFOV_DEG, ("hfov_deg", self.hfov_deg)),
+            (limits::MAST_DISTANCE_M, place),
+            (limits::MAST_TURN_DEG, aim),
+            (limits::MAST_DISTANCE_M, ("right_m", self.right_m)),
+            (limits::MAST_HEIGHT_M, ("height_m", self.height_m)),
+            (limits::MAST_PITCH_DEG, ("pitch_deg", self.pitch_deg)),
+            (limits::HFOV_DEG, ("hfov_deg", self.hfov_deg)),
         ] {
-            limits.check(key(field), value)?;
+            limits.check_key(key(field), value)?;
         }
         Ok(())
     }

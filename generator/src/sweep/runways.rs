@@ -3,22 +3,14 @@
 use std::collections::BTreeMap;
 
 use dataset::geodesy::Geodetic;
+use dataset::limits;
 use dataset::runway::Runway;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::{Checked, Fault, list};
-use super::limits::Limits;
+use super::limits::Enforce;
 use crate::airports;
-
-const LATITUDE_DEG: Limits = Limits::new(-85.0, 85.0, "a latitude in degrees");
-const LONGITUDE_DEG: Limits = Limits::new(-180.0, 180.0, "a longitude in degrees");
-const ALTITUDE_MSL_M: Limits = Limits::new(-500.0, 6_000.0, "a height in metres");
-const COURSE_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true course in degrees");
-const COURSE_MAGNETIC_DEG: Limits = Limits::new(0.0, 360.0, "a magnetic course in degrees");
-const GLIDE_PATH_DEG: Limits = Limits::new(1.0, 10.0, "an angle in degrees");
-const TOUCHDOWN_M: Limits = Limits::new(0.0, 3_000.0, "a distance in metres");
-const ILS_MHZ: Limits = Limits::new(108.0, 112.0, "a localizer's frequency in MHz");
 
 /// `[airport.ICAO]`
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -35,19 +27,19 @@ pub(crate) struct RunwayTable {
     /// The landing threshold on the centreline.
     threshold: Option<Threshold>,
     /// Landing course, degrees true, on the WGS-84 ellipsoid at the threshold.
-    #[schemars(transform = COURSE_TRUE_DEG.in_schema())]
+    #[schemars(transform = limits::COURSE_TRUE_DEG.in_schema())]
     course_true_deg: Option<f64>,
     /// Glide path angle, degrees.
-    #[schemars(transform = GLIDE_PATH_DEG.in_schema())]
+    #[schemars(transform = limits::GLIDE_PATH_DEG.in_schema())]
     glide_path_deg: Option<f64>,
     /// Distance of the touchdown target past the threshold along the centreline, metres.
-    #[schemars(transform = TOUCHDOWN_M.in_schema())]
+    #[schemars(transform = limits::TOUCHDOWN_PAST_THRESHOLD_M.in_schema())]
     touchdown_past_threshold_m: Option<f64>,
     /// Frequency of the instrument landing system, MHz, if there is one.
-    #[schemars(transform = ILS_MHZ.in_schema())]
+    #[schemars(transform = limits::ILS_MHZ.in_schema())]
     ils_frequency_mhz: Option<f64>,
     /// Magnetic course of the localizer as a pilot would set it, degrees.
-    #[schemars(transform = COURSE_MAGNETIC_DEG.in_schema())]
+    #[schemars(transform = limits::COURSE_MAGNETIC_DEG.in_schema())]
     course_magnetic_deg: Option<f64>,
 }
 
@@ -56,13 +48,13 @@ pub(crate) struct RunwayTable {
 #[serde(deny_unknown_fields)]
 struct Threshold {
     /// Geodetic latitude, degrees, north positive.
-    #[schemars(transform = LATITUDE_DEG.in_schema())]
+    #[schemars(transform = limits::LATITUDE_DEG.in_schema())]
     latitude_deg: f64,
     /// Longitude, degrees, east positive.
-    #[schemars(transform = LONGITUDE_DEG.in_schema())]
+    #[schemars(transform = limits::LONGITUDE_DEG.in_schema())]
     longitude_deg: f64,
     /// Height above mean sea level, metres.
-    #[schemars(transform = ALTITUDE_MSL_M.in_schema())]
+    #[schemars(transform = limits::ELEVATION_MSL_M.in_schema())]
     altitude_msl_m: f64,
 }
 
@@ -75,35 +67,47 @@ pub(super) fn check(airports: &BTreeMap<String, AirportTable>) -> Checked<()> {
             for (field, limits, value) in [
                 (
                     "threshold.latitude_deg",
-                    LATITUDE_DEG,
+                    limits::LATITUDE_DEG,
                     threshold.map(|t| t.latitude_deg),
                 ),
                 (
                     "threshold.longitude_deg",
-                    LONGITUDE_DEG,
+                    limits::LONGITUDE_DEG,
                     threshold.map(|t| t.longitude_deg),
                 ),
                 (
                     "threshold.altitude_msl_m",
-                    ALTITUDE_MSL_M,
+                    limits::ELEVATION_MSL_M,
                     threshold.map(|t| t.altitude_msl_m),
                 ),
-                ("course_true_deg", COURSE_TRUE_DEG, table.course_true_deg),
-                ("glide_path_deg", GLIDE_PATH_DEG, table.glide_path_deg),
+                (
+                    "course_true_deg",
+                    limits::COURSE_TRUE_DEG,
+                    table.course_true_deg,
+                ),
+                (
+                    "glide_path_deg",
+                    limits::GLIDE_PATH_DEG,
+                    table.glide_path_deg,
+                ),
                 (
                     "touchdown_past_threshold_m",
-                    TOUCHDOWN_M,
+                    limits::TOUCHDOWN_PAST_THRESHOLD_M,
                     table.touchdown_past_threshold_m,
                 ),
-                ("ils_frequency_mhz", ILS_MHZ, table.ils_frequency_mhz),
+                (
+                    "ils_frequency_mhz",
+                    limits::ILS_MHZ,
+                    table.ils_frequency_mhz,
+                ),
                 (
                     "course_magnetic_deg",
-                    COURSE_MAGNETIC_DEG,
+                    limits::COURSE_MAGNETIC_DEG,
                     table.course_magnetic_deg,
                 ),
             ] {
                 if let Some(value) = value {
-                    limits.check(key(field), value)?;
+                    limits.check_key(key(field), value)?;
                 }
             }
         }

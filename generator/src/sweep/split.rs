@@ -1,25 +1,24 @@
 //! `[split]`: how much trains, decides and judges.
 
+use dataset::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::{Checked, fault};
-use super::limits::Limits;
-
-const PART: Limits = Limits::new(0.0, 1.0, "a part");
+use super::limits::Enforce;
 
 /// `[split]`: parts of the scenarios on each side; they add up to 1. Scenarios with the same trajectory stay together.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SplitFractions {
     /// What networks learn from.
-    #[schemars(transform = PART.in_schema())]
+    #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub train: f64,
     /// What decisions during training look at.
-    #[schemars(transform = PART.in_schema())]
+    #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub validation: f64,
     /// What only evaluation looks at.
-    #[schemars(transform = PART.in_schema())]
+    #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub test: f64,
 }
 
@@ -40,7 +39,7 @@ impl SplitFractions {
             ("validation", self.validation),
             ("test", self.test),
         ] {
-            PART.check(format!("split.{side}"), part)?;
+            limits::SPLIT_PART.check_key(format!("split.{side}"), part)?;
         }
         let sum = self.train + self.validation + self.test;
         if (sum - 1.0).abs() > 1e-6 {

@@ -2,39 +2,34 @@
 
 use std::collections::BTreeMap;
 
+use dataset::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 use xplane_bridge::fly::ApproachProfile;
 
 use super::fault::{Checked, NAME_PATTERN, defined, fault};
-use super::limits::Limits;
+use super::limits::Enforce;
 use super::profiles::LEVEL_THEN_GLIDE_PATH;
 use crate::spread::Spread;
-
-const DTD_NM: Limits = Limits::new(0.5, 40.0, "a distance in nautical miles");
-const CROSS_TRACK_M: Limits = Limits::new(-5_000.0, 5_000.0, "an offset in metres");
-const ABOVE_PROFILE_M: Limits = Limits::new(-500.0, 1_000.0, "a height in metres");
-const HEADING_OFFSET_DEG: Limits = Limits::new(-60.0, 60.0, "an angle in degrees");
-const SPEED_MPS: Limits = Limits::new(55.0, 150.0, "an airspeed in m/s");
 
 /// `[start]`: where and how live flights begin. Each value is a number or a spread to draw from.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Start {
     /// Distance to the touchdown target along the course, nautical miles. Recorded flights are cut there too.
-    #[schemars(transform = DTD_NM.in_schema())]
+    #[schemars(transform = limits::START_DTD_NM.in_schema())]
     pub dtd_nm: Spread,
     /// Offset right of the extended centreline, metres.
-    #[schemars(transform = CROSS_TRACK_M.in_schema())]
+    #[schemars(transform = limits::START_CROSS_TRACK_M.in_schema())]
     pub cross_track_m: Spread,
     /// Height above the altitude at which the profile begins, metres.
-    #[schemars(transform = ABOVE_PROFILE_M.in_schema())]
+    #[schemars(transform = limits::START_ABOVE_PROFILE_M.in_schema())]
     pub above_profile_m: Spread,
     /// Heading right of the course, degrees.
-    #[schemars(transform = HEADING_OFFSET_DEG.in_schema())]
+    #[schemars(transform = limits::START_HEADING_OFFSET_DEG.in_schema())]
     pub heading_offset_deg: Spread,
     /// True airspeed, metres per second.
-    #[schemars(transform = SPEED_MPS.in_schema())]
+    #[schemars(transform = limits::START_SPEED_MPS.in_schema())]
     pub speed_mps: Spread,
     /// Names of the profiles to draw from, all equally likely; not together with `grid.profiles`. Left out, it is
     /// `level-then-glide-path`.
@@ -69,15 +64,23 @@ impl Start {
         grid_lists_profiles: bool,
     ) -> Checked<()> {
         for (field, limits, spread) in [
-            ("dtd_nm", DTD_NM, &self.dtd_nm),
-            ("cross_track_m", CROSS_TRACK_M, &self.cross_track_m),
-            ("above_profile_m", ABOVE_PROFILE_M, &self.above_profile_m),
+            ("dtd_nm", limits::START_DTD_NM, &self.dtd_nm),
+            (
+                "cross_track_m",
+                limits::START_CROSS_TRACK_M,
+                &self.cross_track_m,
+            ),
+            (
+                "above_profile_m",
+                limits::START_ABOVE_PROFILE_M,
+                &self.above_profile_m,
+            ),
             (
                 "heading_offset_deg",
-                HEADING_OFFSET_DEG,
+                limits::START_HEADING_OFFSET_DEG,
                 &self.heading_offset_deg,
             ),
-            ("speed_mps", SPEED_MPS, &self.speed_mps),
+            ("speed_mps", limits::START_SPEED_MPS, &self.speed_mps),
         ] {
             limits.check_spread(format!("start.{field}"), spread)?;
         }

@@ -1,52 +1,41 @@
 //! `[weather.NAME]`: what a weather is physically. Each number may be a spread, from which every scenario draws its own.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
+use dataset::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::{Checked, fault, legal_name};
-use super::limits::Limits;
+use super::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
-
-/// X-Plane has room for so many cloud layers.
-const MOST_CLOUD_LAYERS: usize = 3;
-
-const VISIBILITY_M: Limits = Limits::new(50.0, 200_000.0, "a visibility in metres");
-const RAIN_RATIO: Limits = Limits::new(0.0, 1.0, "a rain intensity");
-const WIND_SPEED_MPS: Limits = Limits::new(0.0, 60.0, "a wind speed in m/s");
-const WIND_FROM_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees");
-const TURBULENCE_RATIO: Limits = Limits::new(0.0, 1.0, "a turbulence intensity");
-const COVER_RATIO: Limits = Limits::new(0.0, 1.0, "a part of the sky");
-const BASE_MSL_M: Limits = Limits::new(0.0, 20_000.0, "a height in metres");
-const TOP_MSL_M: Limits = Limits::new(0.0, 25_000.0, "a height in metres");
 
 /// `[weather.NAME]`: the same everywhere and at all times of a scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WeatherTable {
     /// Meteorological visibility (contrast of a black object falls to 2 %), metres.
-    #[schemars(transform = VISIBILITY_M.in_schema())]
+    #[schemars(transform = limits::VISIBILITY_M.in_schema())]
     pub visibility_m: Spread,
     /// At most three layers, lowest first.
     #[serde(default)]
-    #[schemars(length(max = MOST_CLOUD_LAYERS))]
+    #[schemars(length(max = limits::MOST_CLOUD_LAYERS))]
     pub clouds: Vec<CloudTable>,
     /// Rain intensity, 0 to 1.
     #[serde(default)]
-    #[schemars(transform = RAIN_RATIO.in_schema())]
+    #[schemars(transform = limits::RAIN_RATIO.in_schema())]
     pub rain_ratio: Spread,
     /// Wind speed at 10 m above ground, metres per second.
     #[serde(default)]
-    #[schemars(transform = WIND_SPEED_MPS.in_schema())]
+    #[schemars(transform = limits::WIND_SPEED_MPS.in_schema())]
     pub wind_speed_mps: Spread,
     /// Where the wind comes from, degrees true.
     #[serde(default)]
-    #[schemars(transform = WIND_FROM_TRUE_DEG.in_schema())]
+    #[schemars(transform = limits::WIND_FROM_TRUE_DEG.in_schema())]
     pub wind_from_true_deg: Spread,
     /// Turbulence intensity, 0 none to 1 severe.
     #[serde(default)]
-    #[schemars(transform = TURBULENCE_RATIO.in_schema())]
+    #[schemars(transform = limits::TURBULENCE_RATIO.in_schema())]
     pub turbulence_ratio: Spread,
 }
 
@@ -57,13 +46,13 @@ pub struct CloudTable {
     /// What it is made of.
     pub kind: CloudKind,
     /// Part of the sky that it covers, 0 to 1.
-    #[schemars(transform = COVER_RATIO.in_schema())]
+    #[schemars(transform = limits::COVER_RATIO.in_schema())]
     pub cover_ratio: Spread,
     /// Height of its base above mean sea level, metres.
-    #[schemars(transform = BASE_MSL_M.in_schema())]
+    #[schemars(transform = limits::CLOUD_BASE_MSL_M.in_schema())]
     pub base_msl_m: Spread,
     /// Height of its top above mean sea level, metres.
-    #[schemars(transform = TOP_MSL_M.in_schema())]
+    #[schemars(transform = limits::CLOUD_TOP_MSL_M.in_schema())]
     pub top_msl_m: Spread,
 }
 
@@ -99,23 +88,34 @@ impl WeatherTable {
         let key = |field: &str| format!("weather.{name}.{field}");
         legal_name(format!("weather.{name}"), name)?;
         for (field, limits, spread) in [
-            ("visibility_m", VISIBILITY_M, &self.visibility_m),
-            ("rain_ratio", RAIN_RATIO, &self.rain_ratio),
-            ("wind_speed_mps", WIND_SPEED_MPS, &self.wind_speed_mps),
+            ("visibility_m", limits::VISIBILITY_M, &self.visibility_m),
+            ("rain_ratio", limits::RAIN_RATIO, &self.rain_ratio),
+            (
+                "wind_speed_mps",
+                limits::WIND_SPEED_MPS,
+                &self.wind_speed_mps,
+            ),
             (
                 "wind_from_true_deg",
-                WIND_FROM_TRUE_DEG,
+                limits::WIND_FROM_TRUE_DEG,
                 &self.wind_from_true_deg,
             ),
-            ("turbulence_ratio", TURBULENCE_RATIO, &self.turbulence_ratio),
+            (
+                "turbulence_ratio",
+                limits::TURBULENCE_RATIO,
+                &self.turbulence_ratio,
+            ),
         ] {
             limits.check_spread(key(field), spread)?;
         }
-        if self.clouds.len() > MOST_CLOUD_LAYERS {
+        if self.clouds.len() > limits::MOST_CLOUD_LAYERS {
             let found = self.clouds.len();
             return fault(
                 key("clouds"),
-                format!("{found} cloud layers; expected at most {MOST_CLOUD_LAYERS}"),
+                format!(
+                    "{found} cloud layers; expected at most {}",
+                    limits::MOST_CLOUD_LAYERS
+                ),
             );
         }
         let mut below_msl_m = f64::NEG_INFINITY;
@@ -130,9 +130,9 @@ impl WeatherTable {
 impl CloudTable {
     /// Checks a layer that may begin at `below_msl_m`; returns how high it may reach.
     fn check(&self, below_msl_m: f64, key: impl Fn(&str) -> String) -> Checked<f64> {
-        COVER_RATIO.check_spread(key("cover_ratio"), &self.cover_ratio)?;
-        BASE_MSL_M.check_spread(key("base_msl_m"), &self.base_msl_m)?;
-        TOP_MSL_M.check_spread(key("top_msl_m"), &self.top_msl_m)?;
+        limits::COVER_RATIO.check_spread(key("cover_ratio"), &self.cover_ratio)?;
+        limits::CLOUD_BASE_MSL_M.check_spread(key("base_msl_m"), &self.base_msl_m)?;
+        limits::CLOUD_TOP_MSL_M.check_spread(key("top_msl_m"), &self.top_msl_m)?;
         let (lowest_base, highest_base) = self.base_msl_m.range();
         let (lowest_top, highest_top) = self.top_msl_m.range();
         if lowest_top < highest_base {

@@ -8,6 +8,7 @@ use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use dataset::camera::Camera;
+use dataset::limits::Check;
 use dataset::units::SimTime;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
@@ -281,10 +282,9 @@ impl Studio {
                 runway, imaging, ..
             } => {
                 let faulty = (0..).zip(&imaging).find_map(|(view, imaging): (u32, _)| {
-                    imaging
-                        .check()
-                        .err()
-                        .map(|fault| format!("view {view}: {fault}"))
+                    let mut check = Check::default();
+                    imaging.check(&mut check);
+                    check.first().map(|fault| format!("view {view}: {fault}"))
                 });
                 if let Some(text) = faulty {
                     return refusal(text);

@@ -4,6 +4,8 @@ use std::fmt;
 use std::fs;
 use std::path::Path;
 
+use dataset::outside_file::{self, FileKind};
+
 use super::InstallError;
 
 /// Numbers of a version, compared from the left.
@@ -215,10 +217,12 @@ fn holds_a_plugin(folder: &Path) -> bool {
 
 /// A version stands in the first lines of a log.
 const LOG_LINES: usize = 10;
+/// Plugins may write much into the log of a long session.
+const MOST_LOG_BYTES: u64 = 1 << 30;
 
 /// The version behind some words in the first lines of a log.
 fn version_in(log: &Path, words: &str) -> Option<Version> {
-    let bytes = fs::read(log).ok()?;
+    let bytes = outside_file::read(log, FileKind::new("log", MOST_LOG_BYTES)).ok()?;
     let text = String::from_utf8_lossy(&bytes);
     let found = text
         .lines()

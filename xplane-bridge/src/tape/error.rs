@@ -17,6 +17,9 @@ pub enum TapeError {
         /// Why not.
         source: io::Error,
     },
+    /// The file is none that can be read.
+    #[error(transparent)]
+    Outside(#[from] dataset::Error),
     /// A recording never overwrites another one.
     #[error("tape {}: there is a file of that name already; move it away or name another one", path.display())]
     Exists {
@@ -92,6 +95,7 @@ impl TapeError {
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Exists { .. }
+            | Self::Outside(_)
             | Self::NoTape { .. }
             | Self::Mcap { .. }
             | Self::BadMessage { .. }

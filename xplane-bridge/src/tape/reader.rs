@@ -8,6 +8,7 @@ use std::fs::File;
 use std::io::{BufReader, ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use dataset::outside_file::{self, FileKind};
 use mcap::MAGIC;
 use mcap::read::{ChunkReader, parse_record};
 use mcap::records::{MessageHeader, Record, op};
@@ -65,11 +66,7 @@ impl TapeReader {
     /// # Errors
     /// If it cannot be read, or is none, or of another version.
     pub fn open(path: &Path) -> Result<Self, TapeError> {
-        let file = File::open(path).map_err(|source| TapeError::Io {
-            path: path.into(),
-            doing: "open it",
-            source,
-        })?;
+        let file = outside_file::open(path, FileKind::TAPE)?;
         let no_tape = |found: String| TapeError::NoTape {
             path: path.into(),
             found,
