@@ -9,6 +9,7 @@ use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand};
 use dataset::memory::Bytes;
 use generator::generate::Simulators;
 use generator::shard::Shard;
+use mock_xplane::quirks::Quirks;
 use mock_xplane::server::Faults;
 use store::{Place, StoreUrl};
 use xplane_bridge::WebApiPlace;
@@ -118,12 +119,12 @@ pub(crate) struct GenerateArgs {
     /// For a URL: leave scenarios in the staging folder when they are sent
     #[arg(long)]
     pub(crate) keep_staged: bool,
-    /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, HOST:PORT is X-Plane's UDP address, `auto`
-    /// the X-Plane that announces itself on the network, tape:FILE a session recorded with `dtd record`. Several, with commas between,
+    /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of
+    /// a live X-Plane (docs/simulator.md), HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE a session recorded with `dtd record`. Several, with commas between,
     /// share the work
     #[arg(
         long,
-        value_name = "mock[:N]|auto|HOST:PORT|tape:FILE,..",
+        value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
         default_value = "mock"
     )]
     pub(crate) sim: Simulators,
@@ -365,7 +366,7 @@ pub(crate) struct MockXplaneArgs {
     #[arg(long, value_name = "HOST:PORT")]
     pub(crate) data_to: Option<SocketAddr>,
     /// Give the answers of a session recorded with `dtd record`. All but address and beacon is then as recorded
-    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults"])]
+    #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,
     /// What goes wrong, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3. WHEN of
     /// freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N
@@ -376,6 +377,18 @@ pub(crate) struct MockXplaneArgs {
         hide_default_value = true
     )]
     pub(crate) faults: Faults,
+    /// Awkward habits of a live X-Plane to have: all, none, quick (those that make no client wait), or names of docs/simulator.md with
+    /// commas between; a - before a name leaves it out, e.g. all,-late_clouds
+    #[arg(
+        long,
+        value_name = "all|none|quick|NAME,..",
+        default_value = "none",
+        allow_hyphen_values = true
+    )]
+    pub(crate) quirks: Quirks,
+    /// Let the simulator's clock run so much faster than the one on the wall, so that what takes X-Plane minutes takes seconds
+    #[arg(long, value_name = "N", default_value = "1", value_parser = clock_rate)]
+    pub(crate) clock_rate: f64,
     /// Show what is drawn in a window on the X11 display that DISPLAY names, so that `dtd generate --pixels screen` can grab it
     #[arg(
         long,
@@ -385,8 +398,8 @@ pub(crate) struct MockXplaneArgs {
     )]
     pub(crate) window: Option<WindowSize>,
     /// Serve the capture link by the plugin of this folder (xplane-bridge/plugin), run by Python against a fake of XPPython3. Pictures
-    /// come from --xplane 11, which can read them back
-    #[arg(long, value_name = "DIR", conflicts_with = "window")]
+    /// come from --xplane 11, which can read them back, or off the screen with --window, whose size the plugin then sees
+    #[arg(long, value_name = "DIR")]
     pub(crate) plugin: Option<PathBuf>,
     /// Be an X-Plane without our plugin: no capture link, so that nothing can be recorded
     #[arg(long, conflicts_with_all = ["plugin", "window", "tape"])]
@@ -464,6 +477,12 @@ fn generation(text: &str) -> Result<Generation, String> {
         "12" => Ok(Generation::XPlane12),
         _ => Err("expected 11 or 12".into()),
     }
+}
+
+fn clock_rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse::<f64>().ok();
+    rate.filter(|rate| (1.0..=1_000.0).contains(rate))
+        .ok_or_else(|| "expected 1 to 1000".into())
 }
 
 /// Size of a window, pixels.

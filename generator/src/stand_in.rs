@@ -53,8 +53,10 @@ struct ReadyLine {
 /// What a stand-in is started for.
 #[derive(Debug, Clone, Copy)]
 pub enum StandInTask<'a> {
-    /// To be a simulator.
+    /// To be a simulator that makes nobody wait.
     Simulate,
+    /// To be one with all awkward habits of a live X-Plane.
+    BeAwkward,
     /// The same, with a window of this width and height in pixels that shows what is drawn.
     Show((u32, u32)),
     /// To give the answers that are recorded on a tape.
@@ -65,8 +67,12 @@ impl StandInTask<'_> {
     /// How `dtd mock-xplane` is told.
     fn arguments(self) -> Vec<OsString> {
         match self {
-            Self::Simulate => Vec::new(),
-            Self::Show((width, height)) => vec![format!("--window={width}x{height}").into()],
+            Self::Simulate => vec!["--quirks=none".into()],
+            Self::BeAwkward => vec!["--quirks=all".into()],
+            Self::Show((width, height)) => vec![
+                "--quirks=none".into(),
+                format!("--window={width}x{height}").into(),
+            ],
             Self::Play(tape) => vec!["--tape".into(), tape.into()],
         }
     }

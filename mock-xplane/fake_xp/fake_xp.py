@@ -40,6 +40,7 @@ class World(Protocol):
     def begin_frame(self) -> int: ...
     def place_camera(self, position: list[float] | None) -> None: ...
     def lose_camera(self) -> None: ...
+    def show_frame(self, rectangles: list[tuple[float, ...]]) -> None: ...
     def others_fly(self) -> bool: ...
     def let_others_fly(self, fly: bool) -> None: ...
     def render(self, width: int, height: int, windows: bool = False) -> bytes: ...
@@ -79,6 +80,9 @@ class FakeXp:
         self.world = world
         self.quirks = quirks
         self.lines: list[str] = []
+        # Whether somebody looks at the frames, and what was drawn over this one: left, bottom, right, top, red, green, blue.
+        self.shows_frames = False
+        self.rectangles: list[tuple[float, ...]] = []
         self.cycle = 0
         self._thread = threading.get_ident()
         self._frames = 0
@@ -99,6 +103,7 @@ class FakeXp:
     def frame(self) -> None:
         """One frame of the simulator: flight loops before and after the flight model, camera, drawing."""
         self._frames += 1
+        self.rectangles.clear()
         two_cycles = "two_cycles_per_loop" in self.quirks
         camera_first = "camera_callback_order" in self.quirks and self._frames % 2 == 0
         frame = self.world.begin_frame()
@@ -122,6 +127,8 @@ class FakeXp:
                     self._drawing = False
             self._windows = True
         self._windows = False
+        if self.shows_frames:
+            self.world.show_frame(self.rectangles)
         for name, read, refcon in self._accessors.values():
             self.world.publish(name, read(refcon))
 
@@ -453,4 +460,6 @@ class FakeGl:
 
     def glRectf(self, left: Any, bottom: Any, right: Any, top: Any) -> None:
         self._xp.must_be_drawing()
-        self.filled.append((left.value, bottom.value, right.value, top.value, self._colour))
+        edges = (left.value, bottom.value, right.value, top.value)
+        self.filled.append((*edges, self._colour))
+        self._xp.rectangles.append((*edges, *self._colour))

@@ -6,6 +6,7 @@ Each question is one line of JSON, ``[what, ...]``; so is each answer. Only a pi
 from __future__ import annotations
 
 import importlib
+import itertools
 import json
 import sys
 import time
@@ -20,10 +21,11 @@ FRAME_PAUSE_S = 0.001
 class PipeWorld:
     """Implements ``fake_xp.World``."""
 
-    def __init__(self, questions: Any, answers: Any) -> None:
+    def __init__(self, questions: Any, answers: Any, cockpit_view: bool) -> None:
         self._questions, self._answers = questions, answers
         self._kinds: dict[str, Kind | None] = {}
         self._published: dict[str, float] = {}
+        self.cockpit_view = cockpit_view
 
     def _ask(self, *question: Any) -> Any:
         self._questions.write(json.dumps(question).encode() + b"\n")
@@ -47,7 +49,7 @@ class PipeWorld:
         self._ask("set", name, index, value)
 
     def knows_command(self, path: str) -> bool:
-        return path.startswith(("sim/operation/", "sim/autopilot/"))
+        return self._ask("knows_command", path)
 
     def command(self, path: str) -> None:
         self._ask("command", path)
@@ -59,7 +61,8 @@ class PipeWorld:
         return tuple(self._ask("local_to_world", x, y, z))
 
     def ground_below(self, x: float, y: float, z: float) -> tuple[float, float, float] | None:
-        return tuple(self._ask("ground_below", x, y, z))
+        ground = self._ask("ground_below", x, y, z)
+        return None if ground is None else tuple(ground)
 
     def place_user(self, latitude: float, longitude: float, altitude: float, heading: float, speed: float) -> None:
         self._ask("place_user", latitude, longitude, altitude, heading, speed)
@@ -75,18 +78,23 @@ class PipeWorld:
     def place_camera(self, position: list[float] | None) -> None:
         if position is not None:
             self._ask("place_camera", *position)
+        elif self.cockpit_view:
+            self._ask("own_camera")
+
+    def show_frame(self, rectangles: list[tuple[float, ...]]) -> None:
+        self._ask("show", rectangles)
 
     def lose_camera(self) -> None:
-        pass
+        self._ask("lose_camera")
 
     def others_fly(self) -> bool:
-        return False
+        return self._ask("others_fly")
 
     def let_others_fly(self, fly: bool) -> None:
-        pass
+        self._ask("let_others_fly", int(fly))
 
     def render(self, width: int, height: int, windows: bool = False) -> bytes:
-        count = self._ask("render", width, height)
+        count = self._ask("render", width, height, windows)
         return self._answers.read(count)
 
 
@@ -99,10 +107,12 @@ class LoggingXp(FakeXp):
 
 def run(settings: dict[str, Any]) -> None:
     """For ever, or until the stand-in goes away."""
-    world = PipeWorld(sys.stdout.buffer, sys.stdin.buffer)
+    quirks = frozenset(settings["quirks"])
+    world = PipeWorld(sys.stdout.buffer, sys.stdin.buffer, "cockpit_view" in quirks)
     # What the plugin prints must not become a question.
     sys.stdout = sys.stderr
-    xp = LoggingXp(world)
+    xp = LoggingXp(world, quirks)
+    xp.shows_frames = settings["shows_frames"]
     if settings["is_x_plane_11"]:
         package = type(sys)("XPPython3")
         package.xp = xp
@@ -126,8 +136,8 @@ def run(settings: dict[str, Any]) -> None:
     interface.XPluginStart()
     interface.XPluginEnable()
     steal_every = settings["steal_camera_every_frames"]
-    while True:
+    for frame in itertools.count(1):
         xp.frame()
-        if steal_every and xp.cycle % steal_every == 0:
+        if steal_every and frame % steal_every == 0:
             xp.steal_camera()
         time.sleep(FRAME_PAUSE_S)

@@ -8,6 +8,7 @@
 
 pub mod datarefs;
 pub mod flight;
+pub mod quirks;
 pub mod render;
 pub mod server;
 pub mod window;

@@ -19,6 +19,7 @@ mod kept;
 mod lamps;
 mod light;
 mod noise;
+pub mod overlay;
 mod rain;
 mod raster;
 mod seeing;

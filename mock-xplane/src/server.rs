@@ -38,6 +38,7 @@ pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};
 pub use plugin_host::PluginOptions;
 pub use seat::LinkPatience;
 
+use crate::quirks::Quirks;
 use crate::window::Stage;
 pub use tape::serve_tape;
 
@@ -73,6 +74,10 @@ pub struct ServerOptions {
     pub data_to: Option<SocketAddr>,
     /// What goes wrong.
     pub faults: Faults,
+    /// Which awkward habits of a live X-Plane it has.
+    pub quirks: Quirks,
+    /// How much faster than the clock on the wall the simulator's runs, 1 or more.
+    pub clock_rate: f64,
     /// What a client of the capture link must say first. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
     /// How long the capture link waits for clients.
@@ -109,6 +114,8 @@ impl Default for ServerOptions {
             incoming: true,
             data_to: None,
             faults: Faults::default(),
+            quirks: Quirks::NONE,
+            clock_rate: 1.0,
             token: None,
             patience: LinkPatience::default(),
             stage: None,
@@ -335,7 +342,8 @@ impl Server {
     /// A simulator as after its start: its state, and the tasks that answer clients. Dropping the set ends them.
     fn begin_session(&self, number: u64) -> JoinSet<Result<(), MockError>> {
         let options = &self.options;
-        let mut world = world::World::new(options.generation, options.flight_loaded);
+        let mut world =
+            world::World::new(options.generation, options.flight_loaded, options.quirks);
         if matches!(options.link, LinkServer::BuiltIn) {
             world.publish_capture_port(self.addresses.capture_link.port());
         }
@@ -361,6 +369,8 @@ impl Server {
                     link,
                     world.clone(),
                     self.engine.clone(),
+                    outages(),
+                    options.stage.clone(),
                 ));
             }
             LinkServer::BuiltIn => {

@@ -30,6 +30,8 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         incoming: !args.incoming_off,
         data_to: args.data_to,
         faults: args.faults.clone(),
+        quirks: args.quirks,
+        clock_rate: args.clock_rate,
         token: LinkToken::from_environment(),
         patience: LinkPatience::default(),
         stage,
@@ -72,7 +74,7 @@ fn link(args: &MockXplaneArgs) -> LinkServer {
     let WindowSize {
         width_px,
         height_px,
-    } = args.plugin_window;
+    } = args.window.unwrap_or(args.plugin_window);
     match &args.plugin {
         None => LinkServer::BuiltIn,
         Some(folder) => LinkServer::Plugin(PluginOptions {

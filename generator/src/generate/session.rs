@@ -20,6 +20,8 @@ use crate::stand_in::{StandIn, StandInError, StandInTask};
 pub enum SimulatorTarget {
     /// Our own, started for this run.
     StandIn,
+    /// The same, as awkward as a live X-Plane.
+    AwkwardStandIn,
     /// One that runs already and takes UDP packets there.
     Address(SocketAddr),
     /// The one that announces itself by X-Plane's beacon.
@@ -35,6 +37,9 @@ impl FromStr for SimulatorTarget {
         if text == "mock" {
             return Ok(Self::StandIn);
         }
+        if text == AWKWARD {
+            return Ok(Self::AwkwardStandIn);
+        }
         if text == "auto" {
             return Ok(Self::Announced);
         }
@@ -44,7 +49,7 @@ impl FromStr for SimulatorTarget {
                 Err(error) => Err(error.to_string()),
             };
         }
-        let expected = "expected `mock`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
+        let expected = "expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
         let mut found = text
             .to_socket_addrs()
             .map_err(|e| format!("no simulator address: {text:?}: {e}; {expected}"))?;
@@ -63,6 +68,7 @@ impl fmt::Display for SimulatorTarget {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::StandIn => f.write_str("stand-in"),
+            Self::AwkwardStandIn => f.write_str("awkward stand-in"),
             Self::Announced => f.write_str("auto"),
             Self::Address(address) => address.fmt(f),
             Self::Tape(tape) => write!(f, "tape {}", tape.display()),
@@ -70,6 +76,8 @@ impl fmt::Display for SimulatorTarget {
     }
 }
 
+/// The stand-in with all awkward habits, as a person names it.
+pub(super) const AWKWARD: &str = "mock:awkward";
 /// How often a simulator that is gone is looked for.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
@@ -93,7 +101,9 @@ impl Session {
         pictures: &Pictures,
     ) -> Self {
         let name = match target {
-            SimulatorTarget::StandIn => format!("{target} {}", number + 1),
+            SimulatorTarget::StandIn | SimulatorTarget::AwkwardStandIn => {
+                format!("{target} {}", number + 1)
+            }
             other => other.to_string(),
         };
         Self {
@@ -148,25 +158,25 @@ impl Session {
             SimulatorTarget::Address(address) => *address,
             // Asked anew each time: one that was restarted may have another address.
             SimulatorTarget::Announced => the_announced(DISCOVERY_TIMEOUT).await?.address,
-            SimulatorTarget::StandIn => self.own_address(None).await?,
-            SimulatorTarget::Tape(tape) => self.own_address(Some(tape.clone())).await?,
+            SimulatorTarget::StandIn
+            | SimulatorTarget::AwkwardStandIn
+            | SimulatorTarget::Tape(_) => self.own_address().await?,
         };
         Ok(Simulator::connect(address, CONNECT_TIMEOUT).await?)
     }
 
     /// Where the process of our own listens that plays the simulator, or plays it from a tape.
-    async fn own_address(&mut self, tape: Option<PathBuf>) -> Result<SocketAddr, StandInError> {
+    async fn own_address(&mut self) -> Result<SocketAddr, StandInError> {
         if let Some(stand_in) = &mut self.stand_in
             && stand_in.is_running()
         {
             return Ok(stand_in.address());
         }
-        let task = match &tape {
-            Some(tape) => StandInTask::Play(tape),
-            None => match self.pictures.window_px() {
-                Some(picture_px) => StandInTask::Show(picture_px),
-                None => StandInTask::Simulate,
-            },
+        let task = match (&self.target, self.pictures.window_px()) {
+            (SimulatorTarget::Tape(tape), _) => StandInTask::Play(tape),
+            (SimulatorTarget::AwkwardStandIn, _) => StandInTask::BeAwkward,
+            (_, Some(picture_px)) => StandInTask::Show(picture_px),
+            (_, None) => StandInTask::Simulate,
         };
         let fresh = StandIn::start(&self.program, task).await?;
         Ok(self.stand_in.insert(fresh).address())
@@ -239,6 +249,7 @@ mod tests {
     #[test]
     fn targets_are_read_and_wrong_ones_explained() {
         assert_eq!("mock".parse(), Ok(SimulatorTarget::StandIn));
+        assert_eq!(AWKWARD.parse(), Ok(SimulatorTarget::AwkwardStandIn));
         assert_eq!("auto".parse(), Ok(SimulatorTarget::Announced));
         assert_eq!(
             "127.0.0.1:49000".parse(),

@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use super::session::SimulatorTarget;
+use super::session::{AWKWARD, SimulatorTarget};
 
 /// More stand-ins on one machine than this are a slip of the finger.
 const MOST_STAND_INS: usize = 64;
@@ -36,13 +36,13 @@ impl FromStr for Simulators {
     fn from_str(text: &str) -> Result<Self, String> {
         let mut targets = Vec::new();
         for part in text.split(',').map(str::trim) {
-            if let Some(number) = part.strip_prefix("mock:") {
+            if let Some(number) = part.strip_prefix("mock:").filter(|_| part != AWKWARD) {
                 let number: usize = number
                     .parse()
                     .ok()
                     .filter(|number| (1..=MOST_STAND_INS).contains(number))
                     .ok_or_else(|| {
-                        format!("{part:?}: expected mock:N with N from 1 to {MOST_STAND_INS}")
+                        format!("{part:?}: expected mock:awkward, or mock:N with N from 1 to {MOST_STAND_INS}")
                     })?;
                 targets.extend(std::iter::repeat_n(SimulatorTarget::StandIn, number));
                 continue;
@@ -75,6 +75,7 @@ mod tests {
     fn one_or_several_are_read() {
         assert_eq!(number("mock"), 1);
         assert_eq!(number("mock:3"), 3);
+        assert_eq!(number("mock:awkward,mock"), 2);
         assert_eq!(number("127.0.0.1:49000, 127.0.0.1:49100,mock:2"), 4);
     }
 

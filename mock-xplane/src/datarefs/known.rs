@@ -29,6 +29,13 @@ const fn array(name: &'static str, kind: Kind, length: usize, initial: f64) -> D
     }
 }
 
+const fn samples(name: &'static str, length: usize) -> Dataref {
+    Dataref {
+        writable: false,
+        ..array(name, Float, length, 0.0)
+    }
+}
+
 const fn text(name: &'static str, length: usize) -> Dataref {
     Dataref {
         writable: false,
@@ -61,9 +68,22 @@ const BOTH: &[Dataref] = &[
     read_only("sim/time/total_flight_time_sec", Float, 0.0),
     read_only("sim/time/paused", Int, 0.0),
     read_only("sim/time/sim_speed_actual", Float, 1.0),
+    read_only("sim/time/is_in_replay", Int, 0.0),
     writable("sim/operation/misc/frame_rate_period", Float, 1.0 / 60.0),
     writable("sim/operation/override/override_timestep", Int, 0.0),
     array("sim/operation/override/override_planepath", Int, 20, 0.0),
+    writable("sim/operation/override/override_flightcontrol", Int, 0.0),
+    writable("sim/operation/override/override_flight_control", Int, 0.0),
+    writable("sim/operation/override/override_throttles", Int, 0.0),
+    writable("sim/operation/override/override_joystick", Int, 0.0),
+    writable("sim/operation/override/override_airport_lites", Int, 0.0),
+    writable("sim/joystick/mouse_is_yoke", Int, 0.0),
+    writable("sim/graphics/scenery/airport_lights_on", Int, 0.0),
+    read_only(
+        "sim/graphics/scenery/async_scenery_load_in_progress",
+        Int,
+        0.0,
+    ),
     // Where the aircraft is. Latitude and longitude are the simulator's; local coordinates and attitude may be set.
     read_only("sim/flightmodel/position/latitude", Double, 0.0),
     read_only("sim/flightmodel/position/longitude", Double, 0.0),
@@ -81,15 +101,29 @@ const BOTH: &[Dataref] = &[
     writable("sim/flightmodel/position/local_vx", Float, 0.0),
     writable("sim/flightmodel/position/local_vy", Float, 0.0),
     writable("sim/flightmodel/position/local_vz", Float, 0.0),
-    read_only("sim/flightmodel/position/P", Float, 0.0),
-    read_only("sim/flightmodel/position/Q", Float, 0.0),
-    read_only("sim/flightmodel/position/R", Float, 0.0),
+    writable("sim/flightmodel/position/P", Float, 0.0),
+    writable("sim/flightmodel/position/Q", Float, 0.0),
+    writable("sim/flightmodel/position/R", Float, 0.0),
     read_only("sim/flightmodel/position/groundspeed", Float, 0.0),
     read_only("sim/flightmodel/position/true_airspeed", Float, 0.0),
     read_only("sim/flightmodel/position/indicated_airspeed", Float, 0.0),
     read_only("sim/flightmodel/failures/onground_any", Int, 0.0),
     text("sim/aircraft/view/acf_relative_path", 512),
-    // Flaps and gear.
+    text(names::AIRCRAFT_ICAO, 40),
+    // Flaps, gear, brakes, lights and the yoke, by the names that pilots' tools use.
+    writable("sim/cockpit2/controls/flap_ratio", Float, 0.0),
+    writable("sim/cockpit/switches/gear_handle_status", Int, 1.0),
+    writable("sim/cockpit2/controls/parking_brake_ratio", Float, 1.0),
+    writable("sim/cockpit2/controls/yoke_pitch_ratio", Float, 0.0),
+    writable("sim/cockpit2/controls/yoke_roll_ratio", Float, 0.0),
+    writable("sim/cockpit2/controls/yoke_heading_ratio", Float, 0.0),
+    writable("sim/cockpit/electrical/landing_lights_on", Int, 0.0),
+    array(
+        "sim/cockpit2/switches/landing_lights_switch",
+        Float,
+        16,
+        0.0,
+    ),
     read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Float, 0.0),
     writable("sim/cockpit2/controls/gear_handle_down", Int, 0.0),
     read_only("sim/flightmodel2/gear/deploy_ratio", Float, 0.0),
@@ -98,6 +132,13 @@ const BOTH: &[Dataref] = &[
     writable(names::NAV1_COURSE_MAGNETIC, Float, 0.0),
     writable(names::AUTOPILOT_MODE, Int, 0.0),
     writable("sim/cockpit/autopilot/heading_mag", Float, 0.0),
+    writable(
+        "sim/cockpit2/radios/actuators/HSI_source_select_pilot",
+        Int,
+        0.0,
+    ),
+    writable("sim/cockpit2/autopilot/autopilot_electric_master", Int, 1.0),
+    writable("sim/cockpit2/autopilot/airspeed_is_mach", Int, 0.0),
     writable(names::AUTOTHROTTLE, Int, 0.0),
     writable("sim/cockpit2/autopilot/airspeed_dial_kts", Float, 140.0),
     read_only(names::NAV_STATUS, Int, 0.0),
@@ -113,6 +154,17 @@ const BOTH: &[Dataref] = &[
     read_only("sim/graphics/view/view_heading", Float, 0.0),
     read_only("sim/graphics/view/view_roll", Float, 0.0),
     writable("sim/graphics/view/field_of_view_deg", Float, 60.0),
+    writable("sim/graphics/view/vertical_field_of_view_deg", Float, 42.0),
+    writable(
+        "sim/graphics/settings/non_proportional_vertical_FOV",
+        Int,
+        0.0,
+    ),
+    read_only(names::VISIBILITY_EFFECTIVE_M, Float, 32_000.0),
+    read_only("sim/cockpit2/gauges/indicators/wind_speed_kts", Float, 0.0),
+    read_only("sim/graphics/view/view_is_external", Int, 1.0),
+    writable("sim/graphics/view/view_type", Int, 1_028.0),
+    array("sim/cockpit2/radios/indicators/show_popup", Int, 20, 0.0),
     read_only("sim/graphics/view/window_width", Int, 1_920.0),
     read_only("sim/graphics/view/window_height", Int, 1_080.0),
     // What the plugin publishes.
@@ -128,7 +180,7 @@ const TWELVE: &[Dataref] = &[
         Float,
         0.0,
     ),
-    writable(names::CHANGE_MODE, Int, 7.0),
+    writable(names::CHANGE_MODE, Int, 3.0),
     writable(names::VARIABILITY, Float, 0.25),
     writable(names::UPDATE_IMMEDIATELY, Int, 0.0),
     writable(names::VISIBILITY_SM, Float, 20.0),
@@ -152,14 +204,32 @@ const TWELVE: &[Dataref] = &[
     array(names::TURBULENCE, Float, WINDS, 0.0),
     array(names::SHEAR_SPEED, Float, WINDS, 0.0),
     array(names::SHEAR_DIRECTION, Float, WINDS, 0.0),
+    // What instruments and the picture have of it.
+    samples("sim/weather/aircraft/cloud_type", CLOUDS),
+    samples("sim/weather/aircraft/cloud_coverage_percent", CLOUDS),
+    samples("sim/weather/aircraft/cloud_base_msl_m", CLOUDS),
+    samples("sim/weather/aircraft/cloud_tops_msl_m", CLOUDS),
+    read_only("sim/weather/aircraft/visibility_reported_sm", Float, 0.0),
+    read_only("sim/weather/aircraft/wind_now_speed_msc", Float, 0.0),
+    read_only("sim/weather/aircraft/wind_now_direction_degt", Float, 0.0),
+    read_only(
+        "sim/weather/aircraft/precipitation_on_aircraft_ratio",
+        Float,
+        0.0,
+    ),
+    read_only("sim/weather/aircraft/qnh_pas", Float, 0.0),
+    read_only("sim/weather/aircraft/temperature_ambient_deg_c", Float, 0.0),
+    read_only("sim/weather/view/rain_ratio", Float, 0.0),
+    read_only("sim/weather/view/snow_ratio", Float, 0.0),
+    read_only("sim/weather/view/temperature_C", Float, 0.0),
 ];
 
 /// X-Plane 11 alone. Its weather has three layers of wind, and kind and cover of a cloud in one number.
 const ELEVEN: &[Dataref] = &[
     read_only(names::VERSION, Int, 115_501.0),
-    writable("sim/cockpit2/controls/flap_ratio", Float, 0.0),
     writable(names::USE_REAL_WEATHER_11, Int, 0.0),
     writable(names::VISIBILITY_M_11, Float, 32_000.0),
+    read_only("sim/weather/visibility_effective_m", Float, 32_000.0),
     writable(names::RAIN_11, Float, 0.0),
     writable(names::THUNDERSTORM_11, Float, 0.0),
     writable(names::THERMAL_PERCENT_11, Float, 0.0),

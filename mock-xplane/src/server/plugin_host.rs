@@ -8,7 +8,9 @@
 //! the fake does is not shown here.
 
 mod flight;
+mod own;
 mod scene;
+mod shot;
 
 use std::path::PathBuf;
 use std::process::Stdio;
@@ -21,8 +23,13 @@ use xplane_bridge::link::LinkToken;
 
 use self::scene::PluginScene;
 use super::engine::Engine;
+use super::faults::outages::Outages;
 use super::{MockError, Shared};
+use crate::quirks::Quirk;
+use crate::window::Stage;
 
+/// After so many frames [`Quirk::CameraTaken`] takes the camera, again and again.
+const CAMERA_TAKEN_EVERY: u32 = 401;
 const FAKE_XP: &str = include_str!("../../fake_xp/fake_xp.py");
 const HOST: &str = include_str!("../../fake_xp/host.py");
 /// Makes the two modules of the settings in the first line, and runs the host.
@@ -78,6 +85,8 @@ pub(super) async fn run(
     link: LinkAddress,
     world: Shared,
     engine: Arc<dyn Engine>,
+    outages: Arc<Outages>,
+    stage: Option<Arc<dyn Stage>>,
 ) -> Result<(), MockError> {
     let failed = |what: String| MockError::Plugin {
         folder: options.folder.clone(),
@@ -94,7 +103,14 @@ pub(super) async fn run(
     else {
         return Err(failed("it has no pipes".into()));
     };
-    let is_x_plane_11 = world.lock().version() < 120_000;
+    let (is_x_plane_11, quirks) = {
+        let world = world.lock();
+        (world.version() < 120_000, world.quirks())
+    };
+    let quirk_names: Vec<&str> = quirks.iter().map(|quirk| quirk.facts().name).collect();
+    let steal_every = options
+        .steal_camera_every_frames
+        .or_else(|| quirks.has(Quirk::CameraTaken).then_some(CAMERA_TAKEN_EVERY));
     let settings = json!({
         "fake_xp": FAKE_XP,
         "host": HOST,
@@ -103,7 +119,9 @@ pub(super) async fn run(
         "bind": link.bind,
         "port": link.port,
         "token": link.token.as_ref().map(LinkToken::secret),
-        "steal_camera_every_frames": options.steal_camera_every_frames,
+        "steal_camera_every_frames": steal_every,
+        "quirks": quirk_names,
+        "shows_frames": stage.is_some(),
     });
     let broken = |error: std::io::Error| failed(error.to_string());
     let mut line = settings.to_string();
@@ -126,7 +144,18 @@ pub(super) async fn run(
                 let rgb = rgb.ok_or_else(|| failed(format!("it cannot draw {line}")))?;
                 (json!(rgb.len()), rgb)
             }
+            Some((Value::String(what), arguments)) if what == "show" => {
+                let rectangles = arguments.first().unwrap_or(&Value::Null);
+                if let Some(stage) = &stage {
+                    scene.show_frame(rectangles, stage).await.map_err(failed)?;
+                }
+                (Value::Null, Vec::new())
+            }
             Some((Value::String(what), arguments)) => {
+                if what == "begin_frame" {
+                    // A simulator that freezes draws no frame.
+                    outages.over().await;
+                }
                 let answer = scene.answer(what, arguments);
                 let answer = answer.ok_or_else(|| failed(format!("it asks {line}")))?;
                 (answer, Vec::new())

@@ -35,6 +35,7 @@ use super::faults::outages::Outages;
 use super::scenes::Scenes;
 use super::world::World;
 use super::{Addresses, LinkPatience, MockError, Ports, ServerOptions, beacon};
+use crate::quirks::Quirks;
 
 /// Serves a tape until the future is dropped; calls `ready` once it listens. Of the options, those of address, beacon and
 /// token count: all else is as recorded.
@@ -67,7 +68,7 @@ pub async fn serve_tape(
             positions: loaded.positions,
             conversation: loaded.conversation,
             context: Context::default(),
-            world: World::new(generation, true),
+            world: World::new(generation, true, Quirks::NONE),
         }),
         reader: Mutex::new(loaded.reader),
         info: loaded.info,

@@ -44,6 +44,7 @@ pub(super) async fn run(
         incoming_is_on: options.incoming,
         data_to: options.data_to,
         next_data_s: 0.0,
+        clock_rate: options.clock_rate,
     };
     let mut frames = interval(FRAME);
     frames.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -55,7 +56,9 @@ pub(super) async fn run(
             _ = frames.tick() => {
                 outages.count_frame();
                 outages.over().await;
-                server.frame().await;
+                if let Some(freeze_s) = server.frame().await {
+                    outages.freeze_for(Duration::from_secs_f64(freeze_s));
+                }
             }
             received = server.socket.recv_from(&mut buffer) => match received {
                 Ok((length, from)) => {
@@ -83,6 +86,7 @@ struct Server {
     incoming_is_on: bool,
     data_to: Option<SocketAddr>,
     next_data_s: f64,
+    clock_rate: f64,
 }
 
 impl Server {
@@ -163,18 +167,20 @@ impl Server {
         }
     }
 
-    async fn frame(&mut self) {
+    /// A frame; returns for how long the simulator freezes after it, seconds.
+    async fn frame(&mut self) -> Option<f64> {
         let now_s = self.now_s();
         if let Some((datagram, from)) = self.incoming.pass_time() {
             self.take(&datagram, from);
         }
-        let (values, position) = {
+        let (values, position, freeze_s) = {
             let mut world = self.world.lock();
-            world.advance((now_s - self.last_frame_s).min(MAX_FRAME_S));
+            let elapsed_s = (now_s - self.last_frame_s).min(MAX_FRAME_S);
+            world.advance(elapsed_s * self.clock_rate);
             let values = self
                 .subscriptions
                 .due_values(now_s, |_, path| world.read(path));
-            (values, world.position())
+            (values, world.position(), world.take_freeze_s())
         };
         self.last_frame_s = now_s;
         self.subscriptions.begin_frame();
@@ -194,6 +200,7 @@ impl Server {
         if let Some((datagram, client)) = self.outgoing.pass_time() {
             self.put_on_the_wire(&datagram, client).await;
         }
+        freeze_s.map(|freeze_s| freeze_s / self.clock_rate)
     }
 
     async fn send(&mut self, client: SocketAddr, packet: &FromSimulator) {

@@ -11,25 +11,35 @@ pub(super) mod flight_start;
 pub(super) mod local_frame;
 mod motion;
 mod possible;
+mod scenery;
 mod sky;
+mod view;
 
 use std::collections::HashMap;
 
 use dataset::conditions::{Clock, Weather};
+use dataset::geodesy::LatLon;
 use dataset::imaging::Imaging;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use xplane_bridge::datarefs::{self as names, Generation};
+use xplane_bridge::datarefs::{self as names, Generation, Version};
 use xplane_bridge::packet::{PlaceAircraft, Position};
 
 use self::aircraft::{Aircraft, POSITION, at_rest};
-use self::airport::GROUND_MSL_M;
+use self::airport::{GROUND_MSL_M, ON_THRESHOLD, far_away};
+use self::local_frame::LocalFrame;
+use self::scenery::Scenery;
 use self::sky::Sky;
 use crate::datarefs::{Datarefs, Ignored};
+use crate::quirks::{Quirk, Quirks};
 
 const PAUSED: &str = "sim/time/paused";
 const RUNNING_TIME_S: &str = "sim/time/total_running_time_sec";
 const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
+/// [`names::VERSION`] of 12.4.3-r2, as its log has it.
+const VERSION_OF_LOGS: f64 = 124_311.0;
+
+const COMMAND_PAUSE_TOGGLE: &str = "sim/operation/pause_toggle";
 
 /// Everything that has a state.
 #[derive(Debug)]
@@ -46,6 +56,13 @@ pub(super) struct World {
     situations: HashMap<String, State>,
     /// The main menu shows otherwise.
     flight_loaded: bool,
+    quirks: Quirks,
+    /// The aircraft is a plugin's host's, which flies it and tells us where it is.
+    hosted: bool,
+    /// How often somebody else put it somewhere.
+    placements: u64,
+    /// Whether other aircraft fly beside the user's.
+    others_fly: bool,
 }
 
 /// What a situation file holds.
@@ -54,22 +71,41 @@ struct State {
     datarefs: Datarefs,
     aircraft: Aircraft,
     sky: Sky,
+    scenery: Scenery,
 }
 
 impl World {
     /// A fresh simulator, with the aircraft parked, or with the main menu in front of it.
-    pub(super) fn new(generation: Generation, flight_loaded: bool) -> Self {
+    pub(super) fn new(generation: Generation, flight_loaded: bool, quirks: Quirks) -> Self {
+        let quirks = quirks.of(generation);
         let mut datarefs = Datarefs::new(generation);
-        let aircraft = Aircraft::default();
+        let parked = match quirks.has(Quirk::FarAway) {
+            true => far_away(),
+            false => ON_THRESHOLD,
+        };
+        let aircraft = Aircraft::parked(parked);
         aircraft.publish(&mut datarefs);
-        datarefs.set_text(aircraft::FILE, "Aircraft/Stand-in/airliner.acf");
+        let file = match quirks.has(Quirk::LoadedC172) {
+            true => aircraft::C172,
+            false => aircraft::STAND_IN,
+        };
+        aircraft::load(file, &mut datarefs);
+        if quirks.has(Quirk::ElectricMasterOff) {
+            datarefs.set(autopilot::ELECTRIC_MASTER, 0.0);
+        }
+        if quirks.has(Quirk::LogVersionNumbers) && generation == Generation::XPlane12 {
+            datarefs.set(names::VERSION, VERSION_OF_LOGS);
+        }
+        view::begin_flight(quirks, &mut datarefs);
         clock::follow_system(&mut datarefs);
-        let sky = Sky::new(generation, &datarefs);
+        let sky = Sky::new(generation, quirks, &mut datarefs);
+        let scenery = Scenery::around(parked.position().lat_lon(), quirks);
         Self {
             state: State {
                 datarefs,
                 aircraft,
                 sky,
+                scenery,
             },
             frozen: None,
             imaging: vec![],
@@ -77,7 +113,88 @@ impl World {
             check_pattern: None,
             situations: HashMap::new(),
             flight_loaded,
+            quirks,
+            hosted: false,
+            placements: 0,
+            others_fly: quirks.has(Quirk::AiAircraft),
         }
+    }
+
+    /// Which quirks this simulator has.
+    pub(super) fn quirks(&self) -> Quirks {
+        self.quirks
+    }
+
+    /// Leaves the aircraft to a plugin's host from now on, with the local coordinates that it is in.
+    pub(super) fn host(&mut self) -> LocalFrame {
+        self.hosted = true;
+        self.state.aircraft.frame()
+    }
+
+    /// The local coordinates that the aircraft is in.
+    pub(super) fn frame(&self) -> LocalFrame {
+        self.state.aircraft.frame()
+    }
+
+    /// The host says where the aircraft is, and in which local coordinates.
+    pub(super) fn show_hosted(&mut self, state: FlightState, frame: LocalFrame) {
+        self.state.aircraft.set_frame(frame);
+        self.show(state);
+    }
+
+    /// A flight has begun somewhere: view, windows and other aircraft are as a flight brings them.
+    pub(super) fn flight_began(&mut self, at: LatLon) {
+        view::begin_flight(self.quirks, &mut self.state.datarefs);
+        if self.quirks.has(Quirk::RestartingStart) {
+            self.state.scenery.load(at);
+        }
+        self.others_fly = self.quirks.has(Quirk::AiAircraft);
+    }
+
+    /// How often somebody but the host put the aircraft somewhere.
+    pub(super) fn placements(&self) -> u64 {
+        self.placements
+    }
+
+    /// Where the aircraft is, and the speed that it will have when it begins to fly, metres per second.
+    pub(super) fn aircraft(&self) -> (FlightState, f64) {
+        let aircraft = &self.state.aircraft;
+        (*aircraft.state(), aircraft.speed_to_come_mps())
+    }
+
+    /// Whether other aircraft fly beside the user's; `false` has them removed.
+    pub(super) fn others_fly(&self) -> bool {
+        self.others_fly
+    }
+
+    /// Removes all other aircraft, or lets them fly.
+    pub(super) fn let_others_fly(&mut self, fly: bool) {
+        self.others_fly = fly && self.quirks.has(Quirk::AiAircraft);
+    }
+
+    /// The camera that a plugin controlled is not its any more.
+    pub(super) fn lose_camera(&mut self) {
+        view::lose_camera(self.quirks, &mut self.state.datarefs);
+    }
+
+    /// Whether the view shows the cockpit's panel.
+    pub(super) fn shows_panel(&self) -> bool {
+        view::shows_panel(&self.state.datarefs)
+    }
+
+    /// Whether a pop-up lies over the picture.
+    pub(super) fn shows_pop_up(&self) -> bool {
+        view::shows_pop_up(&self.state.datarefs)
+    }
+
+    /// How much larger the aircraft is drawn than the airliner: a Cessna is a smaller one.
+    pub(super) fn aircraft_scale(&self) -> f64 {
+        aircraft::scale(&self.state.datarefs)
+    }
+
+    /// How long the simulator freezes now for what was asked of it, seconds; asked once.
+    pub(super) fn take_freeze_s(&mut self) -> Option<f64> {
+        self.state.sky.take_freeze_s()
     }
 
     /// Makes the capture link known to clients.
@@ -100,6 +217,9 @@ impl World {
     /// The same as people write it.
     pub(super) fn version_text(&self) -> String {
         let version = self.version();
+        if self.quirks.has(Quirk::LogVersionNumbers) {
+            return Version::of_number(version.unsigned_abs()).to_string();
+        }
         match version / 10_000 {
             // 115501 is 11.55r1.
             11 => format!("11.{}", version / 100 % 100),
@@ -133,14 +253,18 @@ impl World {
             datarefs,
             aircraft,
             sky,
+            ..
         } = &mut self.state;
+        let before = datarefs.get(path);
         datarefs.write_exact(path, value)?;
         let name = path.split('[').next().unwrap_or(path);
         if let Some(name) = name.strip_prefix(POSITION) {
             aircraft.follow(name, datarefs);
+            self.placements += 1;
         }
-        let now_s = datarefs.get(RUNNING_TIME_S);
-        sky.written(name, datarefs, now_s);
+        sky.written(path, before, datarefs);
+        view::written(path, datarefs);
+        aircraft::written(path, datarefs);
         Ok(())
     }
 
@@ -150,12 +274,14 @@ impl World {
         match path {
             names::COMMAND_PAUSE_ON => datarefs.set(PAUSED, 1.0),
             names::COMMAND_PAUSE_OFF => datarefs.set(PAUSED, 0.0),
-            names::COMMAND_REGENERATE_WEATHER => {
-                let now_s = datarefs.get(RUNNING_TIME_S);
-                sky.regenerate(datarefs, now_s);
+            COMMAND_PAUSE_TOGGLE => {
+                let paused = datarefs.get(PAUSED) != 0.0;
+                datarefs.set(PAUSED, f64::from(u8::from(!paused)));
             }
+            names::COMMAND_REGENERATE_WEATHER => sky.regenerate(datarefs),
             _ => {
                 return autopilot::command(datarefs, path)
+                    || view::command(datarefs, path)
                     || COMMANDS_WITHOUT_EFFECT.contains(&path);
             }
         }
@@ -167,25 +293,43 @@ impl World {
         let own = [
             names::COMMAND_PAUSE_ON,
             names::COMMAND_PAUSE_OFF,
+            COMMAND_PAUSE_TOGGLE,
             names::COMMAND_REGENERATE_WEATHER,
         ];
         own.into_iter()
             .chain(autopilot::commands())
+            .chain(view::commands())
             .chain(COMMANDS_WITHOUT_EFFECT.iter().copied())
     }
 
     /// Lets `elapsed_s` of time pass.
     pub(super) fn advance(&mut self, elapsed_s: f64) {
         let State {
-            datarefs, aircraft, ..
+            datarefs,
+            aircraft,
+            sky,
+            scenery,
         } = &mut self.state;
         let running_s = datarefs.get(RUNNING_TIME_S) + elapsed_s;
         datarefs.set(RUNNING_TIME_S, running_s);
+        let was_loading = scenery.is_loading();
+        let place = aircraft.state().pose.position();
+        scenery.advance(elapsed_s, place.lat_lon());
+        let loading = scenery.is_loading();
+        datarefs.set(scenery::LOADING, f64::from(u8::from(loading)));
+        if was_loading != loading && self.quirks.has(Quirk::MovingOrigin) {
+            aircraft.move_origin(loading);
+            aircraft.publish(datarefs);
+        }
+        let stopped = self.frozen.is_some() || datarefs.get(PAUSED) != 0.0;
+        sky.advance(datarefs, elapsed_s, stopped);
         if self.frozen.is_some() {
             return;
         }
         clock::run(datarefs, elapsed_s);
-        let stopped = datarefs.get(PAUSED) != 0.0;
+        if self.hosted {
+            return;
+        }
         if !stopped {
             let flight_s = datarefs.get(FLIGHT_TIME_S) + elapsed_s;
             datarefs.set(FLIGHT_TIME_S, flight_s);
@@ -227,6 +371,7 @@ impl World {
             roll_deg: f64::from(place.roll_deg),
         });
         aircraft.publish(datarefs);
+        self.placements += 1;
     }
 
     /// `ACFN`: another aircraft stands where the old one did.
@@ -234,10 +379,11 @@ impl World {
         let State {
             datarefs, aircraft, ..
         } = &mut self.state;
-        datarefs.set_text(aircraft::FILE, file);
+        aircraft::load(file, datarefs);
         let pose = aircraft.state().pose;
         aircraft.start(pose, 0.0);
         aircraft.publish(datarefs);
+        self.placements += 1;
     }
 
     /// `SIMO`: keeps everything under a name.
@@ -254,6 +400,7 @@ impl World {
         self.state = state.clone();
         self.state.datarefs.set(RUNNING_TIME_S, running_s);
         self.flight_loaded = true;
+        self.placements += 1;
         true
     }
 
@@ -315,6 +462,11 @@ impl World {
         runway.map_or(GROUND_MSL_M, |runway| runway.threshold.altitude_msl_m)
     }
 
+    /// How much higher the ground of a place is than it will be, metres; `None` where no scenery is loaded.
+    pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
+        self.state.scenery.ground_off_m(at)
+    }
+
     /// The runway while frozen.
     pub(super) fn frozen_runway(&self) -> Option<&Runway> {
         self.frozen.as_ref()
@@ -341,6 +493,8 @@ impl World {
 const COMMANDS_WITHOUT_EFFECT: &[&str] = &[
     "sim/operation/fix_all_systems",
     "sim/operation/screenshot",
+    "sim/operation/close_windows",
+    "sim/operation/toggle_main_menu",
     "sim/flight_controls/flaps_down",
     "sim/flight_controls/flaps_up",
     "sim/none/none",

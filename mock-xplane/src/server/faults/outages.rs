@@ -4,6 +4,7 @@
 //! they simply never come back from there.
 
 use std::sync::{Mutex, PoisonError};
+use std::time::Duration;
 
 use tokio::sync::watch;
 use tokio::time::{Instant, sleep};
@@ -47,6 +48,22 @@ impl Outages {
     /// A picture was asked for.
     pub(crate) fn count_capture(&self) {
         self.count(|counts| counts.captures += 1);
+    }
+
+    /// The simulator freezes for a while by itself, unless it has an outage already.
+    pub(crate) fn freeze_for(&self, time: Duration) {
+        let freeze = Outage {
+            begins: Moment::After(Duration::ZERO),
+            kind: OutageKind::Freeze,
+            lasts: Some(time),
+        };
+        self.now.send_if_modified(|now| {
+            let free = now.is_none();
+            if free {
+                *now = Some(freeze);
+            }
+            free
+        });
     }
 
     /// Waits until the simulator answers, which is at once unless there is an outage.
@@ -103,8 +120,6 @@ impl Outages {
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use tokio::time::timeout;
 
     use super::*;

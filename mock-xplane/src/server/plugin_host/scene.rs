@@ -11,20 +11,31 @@ use dataset::geodesy::Geodetic;
 use dataset::imaging::Imaging;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
+use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use glam::{DMat3, DQuat, DVec3, EulerRot};
 use serde_json::{Value, json};
 use tokio::task::spawn_blocking;
 use xplane_bridge::datarefs as names;
 use xplane_bridge::fly::FlightStart;
+use xplane_bridge::pixels::RgbPicture;
 
 use super::PluginOptions;
 use super::flight::{self, Playback};
+use super::own::{
+    ALTITUDE_DIAL_FT, ENGINES_RUNNING, FLAPS, FLIGHT_TIME_S, GEAR, INDICATED_AIRSPEED,
+    LOCAL_VELOCITY, LOCAL_XYZ, ON_GROUND, OWN, TRUE_AIRSPEED, VERTICAL_SPEED_FPM,
+};
+use super::shot::{Painter, Shot, Shots};
 use crate::datarefs::Kind;
+use crate::quirks::{Quirk, Quirks};
+use crate::render::overlay::Canvas;
 use crate::server::Shared;
 use crate::server::engine::Engine;
 use crate::server::scenes::{SceneKey, Scenes};
+use crate::server::world::World;
 use crate::server::world::airport::{GROUND_MSL_M, ON_THRESHOLD};
 use crate::server::world::local_frame::LocalFrame;
+use crate::window::Stage;
 
 const POSITION: &str = "sim/flightmodel/position/";
 const VIEW: &str = "sim/graphics/view/";
@@ -37,25 +48,9 @@ const CAMERA: [&str; 6] = [
     "view_heading",
     "view_roll",
 ];
-const FLAPS: &str = "sim/flightmodel/controls/flaprat";
-const GEAR: &str = "sim/aircraft/parts/acf_gear_deploy";
-const TRUE_AIRSPEED: &str = "sim/flightmodel/position/true_airspeed";
-const ON_GROUND: &str = "sim/flightmodel/failures/onground_any";
-const ALTITUDE_DIAL_FT: &str = "sim/cockpit/autopilot/altitude";
 const FRAME_PERIOD: &str = "sim/operation/misc/frame_rate_period";
 const PAUSED: &str = "sim/time/paused";
-const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
-const ENGINES_RUNNING: &str = "sim/flightmodel/engine/ENGN_running";
-const LOCAL_XYZ: [&str; 3] = [
-    "sim/flightmodel/position/local_x",
-    "sim/flightmodel/position/local_y",
-    "sim/flightmodel/position/local_z",
-];
-const LOCAL_VELOCITY: [&str; 3] = [
-    "sim/flightmodel/position/local_vx",
-    "sim/flightmodel/position/local_vy",
-    "sim/flightmodel/position/local_vz",
-];
+const MINUTE_S: f64 = 60.0;
 /// Commands of the autopilot begin so.
 const AUTOPILOT: &str = "sim/autopilot/";
 /// An aircraft that is faster flies, metres per second.
@@ -63,60 +58,13 @@ const FLYING_MPS: f64 = 20.0;
 /// Where the local origin moves on demand: the corners of X-Plane's square of one degree are the farthest that it gets from the airport.
 const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
 
-/// An [`OWN`] dataref: name, kind, length, whether the plugin may write it, first value.
-type Own = (&'static str, Kind, Option<usize>, bool, f64);
-
-const fn own(name: &'static str, kind: Kind) -> Own {
-    (name, kind, None, true, 0.0)
+/// A picture to draw.
+#[derive(Debug, Clone, PartialEq)]
+struct Frame {
+    key: SceneKey,
+    painter: Painter,
+    shot: Shot,
 }
-
-const fn array(name: &'static str, length: usize, first: f64) -> Own {
-    (name, Kind::Float, Some(length), true, first)
-}
-
-const fn read_only(name: &'static str, kind: Kind) -> Own {
-    (name, kind, None, false, 0.0)
-}
-
-/// Datarefs that are kept here: those in local coordinates, and those that only the plugin touches.
-const OWN: [Own; 25] = [
-    own("sim/flightmodel/position/local_x", Kind::Double),
-    own("sim/flightmodel/position/local_y", Kind::Double),
-    own("sim/flightmodel/position/local_z", Kind::Double),
-    own("sim/flightmodel/position/local_vx", Kind::Float),
-    own("sim/flightmodel/position/local_vy", Kind::Float),
-    own("sim/flightmodel/position/local_vz", Kind::Float),
-    own("sim/flightmodel/position/psi", Kind::Float),
-    own("sim/flightmodel/position/theta", Kind::Float),
-    own("sim/flightmodel/position/phi", Kind::Float),
-    array("sim/flightmodel/position/q", 4, 0.0),
-    read_only(TRUE_AIRSPEED, Kind::Float),
-    read_only("sim/flightmodel/position/indicated_airspeed", Kind::Float),
-    read_only(ON_GROUND, Kind::Int),
-    // The flight's own time: the world's runs by the clock on the wall, frames here by their period.
-    read_only(FLIGHT_TIME_S, Kind::Float),
-    (
-        "sim/aircraft/engine/acf_num_engines",
-        Kind::Int,
-        None,
-        false,
-        2.0,
-    ),
-    // Parked, cold and dark.
-    (ENGINES_RUNNING, Kind::Int, Some(8), false, 0.0),
-    read_only("sim/graphics/view/using_modern_driver", Kind::Int),
-    read_only(
-        "sim/graphics/scenery/async_scenery_load_in_progress",
-        Kind::Int,
-    ),
-    read_only("sim/flightmodel2/misc/has_crashed", Kind::Int),
-    read_only("sim/flightmodel2/controls/flap1_deploy_ratio", Kind::Float),
-    array("sim/flightmodel2/gear/deploy_ratio", 10, 1.0),
-    own(FLAPS, Kind::Float),
-    array(GEAR, 10, 1.0),
-    own(ALTITUDE_DIAL_FT, Kind::Float),
-    own("sim/cockpit/autopilot/vertical_velocity", Kind::Float),
-];
 
 /// The plugin's side of the world.
 pub(super) struct PluginScene {
@@ -130,6 +78,13 @@ pub(super) struct PluginScene {
     flight_time_s: f64,
     flight: Option<Playback>,
     move_origin_every_frames: Option<u32>,
+    quirks: Quirks,
+    /// How often somebody else had put the aircraft somewhere when we last looked.
+    placements: u64,
+    shots: Shots,
+    window_px: (u32, u32),
+    /// What a window shows, and the rectangles over it.
+    shown: Option<(Frame, Value)>,
 }
 
 impl PluginScene {
@@ -137,25 +92,32 @@ impl PluginScene {
         let own = OWN.map(|(name, kind, length, writable, first)| {
             (name, (kind, writable, vec![first; length.unwrap_or(1)]))
         });
-        {
+        let (frame, parked, placements, quirks) = {
             let mut world = world.lock();
             let (width, height) = options.window_px;
             world.set_own(&format!("{VIEW}window_width"), f64::from(width));
             world.set_own(&format!("{VIEW}window_height"), f64::from(height));
             world.set_own(FRAME_PERIOD, options.frame_period_s);
-        }
+            let (parked, _) = world.aircraft();
+            (world.host(), parked, world.placements(), world.quirks())
+        };
         let mut scene = Self {
             world,
             engine,
             scenes: Arc::default(),
-            frame: LocalFrame::around(ON_THRESHOLD.position()),
+            frame,
             own: own.into(),
             frames: 0,
             flight_time_s: 0.0,
             flight: None,
             move_origin_every_frames: options.move_origin_every_frames,
+            quirks,
+            placements,
+            shots: Shots::new(quirks.has(Quirk::StaleFrames)),
+            window_px: options.window_px,
+            shown: None,
         };
-        scene.put_aircraft(&ON_THRESHOLD);
+        scene.put_aircraft(&parked.pose);
         scene
     }
 
@@ -181,8 +143,23 @@ impl PluginScene {
                     );
                     return Some(json!(false));
                 }
-                json!(self.world.lock().command(path))
+                let known = self.world.lock().command(path);
+                self.capture_on_command(path);
+                json!(known)
             }
+            "knows_command" => {
+                let path = text(0)?;
+                json!(World::commands().any(|known| known == path))
+            }
+            "lose_camera" => {
+                self.world.lock().lose_camera();
+                Value::Null
+            }
+            "let_others_fly" => {
+                self.world.lock().let_others_fly(number(0)? != 0.0);
+                Value::Null
+            }
+            "others_fly" => json!(self.world.lock().others_fly()),
             "place_user" => {
                 let position = place(vector()?);
                 self.begin_flight(position, number(3)?, number(4)?);
@@ -200,12 +177,16 @@ impl PluginScene {
                     place.altitude_msl_m
                 ])
             }
-            "ground_below" => json!(self.ground_below(vector()?).to_array()),
+            "ground_below" => json!(self.ground_below(vector()?).map(|ground| ground.to_array())),
             "publish" => {
                 self.world.lock().set_own(text(0)?, number(1)?);
                 Value::Null
             }
             "begin_frame" => json!(self.begin_frame()),
+            "own_camera" => {
+                self.show_own_view();
+                Value::Null
+            }
             "place_camera" => {
                 let mut world = self.world.lock();
                 for (at, name) in CAMERA.into_iter().enumerate() {
@@ -221,46 +202,220 @@ impl PluginScene {
         })
     }
 
-    /// What the plugin's pose and camera show.
+    /// What the plugin's pose and camera show, with what lies over the scene: `windows` too, or not yet.
     pub(super) async fn render(&self, arguments: &[Value]) -> Option<Vec<u8>> {
         let side = |at: usize| u32::try_from(arguments.get(at)?.as_u64()?).ok();
         let (width_px, height_px) = (side(0)?, side(1)?);
-        let (key, pose, controls) = {
-            let world = self.world.lock();
-            let view = |name: &str| world.datarefs().get(&format!("{VIEW}{name}"));
-            let camera = CameraPose {
-                pose: self.pose(
-                    DVec3::new(view("view_x"), view("view_y"), view("view_z")),
-                    rotation(view("view_heading"), view("view_pitch"), view("view_roll")),
-                ),
-                hfov_deg: view("field_of_view_deg"),
-            };
-            let key = SceneKey {
-                camera,
-                // Like X-Plane, whose plugin refuses anything else.
-                imaging: Imaging::default(),
-                width_px,
-                height_px,
-                runway: scenery(),
-                weather: world.weather(),
-                clock: world.clock(),
-            };
-            (key, self.aircraft(), self.controls())
+        let windows = arguments.get(2)?.as_bool()?;
+        self.draw(self.frame_to_draw(width_px, height_px, windows))
+            .await
+    }
+
+    /// Shows the frame in a window, with rectangles that the plugin drew over it, unless it shows already.
+    pub(super) async fn show_frame(
+        &mut self,
+        rectangles: &Value,
+        stage: &Arc<dyn Stage>,
+    ) -> Result<(), String> {
+        let (width_px, height_px) = self.window_px;
+        let frame = self.frame_to_draw(width_px, height_px, true);
+        let shown = (frame.clone(), rectangles.clone());
+        if self.shown.as_ref() == Some(&shown) {
+            return Ok(());
+        }
+        let Some(mut rgb) = self.draw(frame).await else {
+            return Err("the frame was not drawn".into());
         };
+        let mut canvas = Canvas {
+            rgb: &mut rgb,
+            width_px: width_px as usize,
+            height_px: height_px as usize,
+        };
+        for rectangle in rectangles.as_array().into_iter().flatten() {
+            let number = |at: usize| rectangle[at].as_f64().unwrap_or_default();
+            let [left, bottom, right, top] = [0, 1, 2, 3].map(number);
+            let colour = [4, 5, 6].map(|at| number(at) as u8);
+            // OpenGL counts rows from the bottom.
+            let height = f64::from(height_px);
+            canvas.fill_px([left, height - top, right, height - bottom], colour);
+        }
+        let picture = RgbPicture {
+            width_px,
+            height_px,
+            rgb,
+        };
+        let stage = stage.clone();
+        let result = spawn_blocking(move || stage.show(&picture)).await;
+        result
+            .map_err(|error| error.to_string())?
+            .map_err(|error| error.to_string())?;
+        self.shown = Some(shown);
+        Ok(())
+    }
+
+    async fn draw(&self, frame: Frame) -> Option<Vec<u8>> {
         let (engine, scenes) = (self.engine.clone(), self.scenes.clone());
         let drawn = spawn_blocking(move || {
-            let mut rgb = vec![0; width_px as usize * height_px as usize * 3];
+            let Frame { key, painter, shot } = frame;
+            let mut rgb = vec![0; key.width_px as usize * key.height_px as usize * 3];
             scenes.with(engine.as_ref(), &key, |picture| {
-                // Paused: clouds, rain and lamps stand still.
-                picture.draw(&pose, &controls, 0.0, &mut rgb);
+                painter.draw(picture, &shot, (key.width_px, key.height_px), &mut rgb);
             });
             rgb
         });
         drawn.await.ok()
     }
 
+    /// The frame as it is now, of a size, with the windows over it or not yet.
+    fn frame_to_draw(&self, width_px: u32, height_px: u32, windows: bool) -> Frame {
+        let shot = self.shots.drawn(self.shot());
+        let world = self.world.lock();
+        let paused = world.datarefs().get(PAUSED) != 0.0;
+        let mut weather = world.weather();
+        if paused && self.quirks.has(Quirk::ParticlesStopWhenPaused) {
+            weather.rain_ratio = 0.0;
+        }
+        let mut clock = world.clock();
+        if !paused {
+            // What a minute changes nobody sees, and preparing a picture for every instant costs too much.
+            clock.zulu_time_s = (clock.zulu_time_s / MINUTE_S).floor() * MINUTE_S;
+        }
+        Frame {
+            key: SceneKey {
+                camera: shot.camera,
+                // Like X-Plane, whose plugin refuses anything else.
+                imaging: Imaging::default(),
+                width_px,
+                height_px,
+                runway: scenery(),
+                weather,
+                clock,
+            },
+            painter: Painter {
+                scale: world.aircraft_scale(),
+                others: world.others_fly(),
+                panel: world.shows_panel(),
+                pop_up: windows && world.shows_pop_up(),
+            },
+            shot,
+        }
+    }
+
+    /// What would be drawn now.
+    fn shot(&self) -> Shot {
+        let world = self.world.lock();
+        let view = |name: &str| world.datarefs().get(&format!("{VIEW}{name}"));
+        Shot {
+            camera: CameraPose {
+                pose: self.pose(
+                    DVec3::new(view("view_x"), view("view_y"), view("view_z")),
+                    rotation(view("view_heading"), view("view_pitch"), view("view_roll")),
+                ),
+                hfov_deg: view("field_of_view_deg"),
+            },
+            pose: self.aircraft(),
+            controls: self.controls(),
+        }
+    }
+
+    /// X-Plane's own view, which nobody controls: out of the aircraft.
+    fn show_own_view(&self) {
+        let [x, y, z] = self.vector(LOCAL_XYZ).to_array();
+        let angle = |name: &str| self.own(&format!("{POSITION}{name}"))[0];
+        let own = [x, y, z, angle("theta"), angle("psi"), angle("phi")];
+        let mut world = self.world.lock();
+        for (name, value) in CAMERA.into_iter().zip(own) {
+            world.set_own(&format!("{VIEW}{name}"), value);
+        }
+    }
+
+    /// Some modes of the autopilot dial what is flown at the moment that they are switched on.
+    fn capture_on_command(&mut self, path: &str) {
+        if !self.quirks.has(Quirk::AltitudeHoldCaptures) {
+            return;
+        }
+        match path {
+            "sim/autopilot/altitude_hold" => {
+                let altitude_ft = self.aircraft().altitude_msl_m / METERS_PER_FOOT;
+                self.put(ALTITUDE_DIAL_FT, altitude_ft);
+            }
+            "sim/autopilot/vertical_speed" => {
+                let up_mps = self.own(LOCAL_VELOCITY[1])[0];
+                self.put(VERTICAL_SPEED_FPM, up_mps * 60.0 / METERS_PER_FOOT);
+            }
+            _ => {}
+        }
+    }
+
+    /// Takes over where somebody else has put the aircraft, and the origin of local coordinates.
+    fn look_at_world(&mut self) {
+        let (placements, (state, speed_mps), frame) = {
+            let world = self.world.lock();
+            (world.placements(), world.aircraft(), world.frame())
+        };
+        if placements != self.placements {
+            self.placements = placements;
+            self.frame = frame;
+            self.adopt(state, speed_mps);
+        } else if frame != self.frame {
+            let pose = self.aircraft();
+            self.frame = frame;
+            self.put_aircraft(&pose);
+        }
+    }
+
+    /// A flight that was started from outside, or an aircraft that was moved.
+    fn adopt(&mut self, state: FlightState, speed_mps: f64) {
+        self.flight = None;
+        let (sin, cos) = state.pose.heading_true_deg.to_radians().sin_cos();
+        if !state.on_ground {
+            self.start_engines();
+        }
+        self.show(&FlightState {
+            velocity_north_mps: speed_mps * cos,
+            velocity_east_mps: speed_mps * sin,
+            true_airspeed_mps: speed_mps,
+            controls: self.controls(),
+            ..state
+        });
+    }
+
+    fn start_engines(&mut self) {
+        if let Some((_, _, engines)) = self.own.get_mut(ENGINES_RUNNING) {
+            engines[..2].fill(1.0);
+        }
+    }
+
+    /// Tells the world where the aircraft is.
+    fn tell_world(&self) {
+        let pose = self.aircraft();
+        let velocity_local = self.vector(LOCAL_VELOCITY);
+        let ned = pose.position().ecef_from_ned().transpose()
+            * self.frame.origin.ecef_from_ned()
+            * DVec3::new(-velocity_local.z, velocity_local.x, -velocity_local.y);
+        let state = FlightState {
+            time_s: self.flight_time_s,
+            pose,
+            velocity_north_mps: ned.x,
+            velocity_east_mps: ned.y,
+            velocity_down_mps: ned.z,
+            true_airspeed_mps: self.own(TRUE_AIRSPEED)[0],
+            controls: self.controls(),
+            on_ground: self.own(ON_GROUND)[0] != 0.0,
+        };
+        let mut world = self.world.lock();
+        if world.placements() != self.placements {
+            // Somebody has just put it somewhere: that counts, from the next frame on.
+            return;
+        }
+        world.show_hosted(state, self.frame);
+        world.set_own(FLIGHT_TIME_S, self.flight_time_s);
+    }
+
     fn begin_frame(&mut self) -> u64 {
         self.frames += 1;
+        self.shots.record(self.shot());
+        self.look_at_world();
         if let Some(every) = self.move_origin_every_frames
             && self.frames.is_multiple_of(u64::from(every.max(1)))
         {
@@ -277,6 +432,7 @@ impl PluginScene {
             self.put_aircraft(&pose);
         }
         self.fly_on();
+        self.tell_world();
         self.frames
     }
 
@@ -286,9 +442,8 @@ impl PluginScene {
         self.flight = None;
         self.flight_time_s = 0.0;
         self.put(FLIGHT_TIME_S, 0.0);
-        if let Some((_, _, engines)) = self.own.get_mut(ENGINES_RUNNING) {
-            engines[..2].fill(1.0);
-        }
+        self.start_engines();
+        self.world.lock().flight_began(position.lat_lon());
         self.show(&FlightState {
             time_s: 0.0,
             pose: Pose {
@@ -394,6 +549,7 @@ impl PluginScene {
             (up, -v.z),
             (south, -v.x),
             (TRUE_AIRSPEED, state.true_airspeed_mps),
+            (INDICATED_AIRSPEED, state.true_airspeed_mps / MPS_PER_KNOT),
             (ON_GROUND, f64::from(u8::from(state.on_ground))),
             ("sim/flightmodel2/controls/flap1_deploy_ratio", flap_ratio),
             ("sim/flightmodel2/gear/deploy_ratio", gear_ratio),
@@ -427,7 +583,7 @@ impl PluginScene {
                 Kind::Int => "int",
                 Kind::Float => "float",
                 Kind::Double => "double",
-                Kind::Byte => return Value::Null,
+                Kind::Byte => "byte",
             };
             json!([kind, length, writable])
         };
@@ -540,12 +696,14 @@ impl PluginScene {
         }
     }
 
-    /// Along the local y axis, as X-Plane's probes look.
-    fn ground_below(&self, mut local: DVec3) -> DVec3 {
+    /// Along the local y axis, as X-Plane's probes look; `None` where no scenery is loaded.
+    fn ground_below(&self, mut local: DVec3) -> Option<DVec3> {
+        let at = self.frame.world(local).lat_lon();
+        let off_m = self.world.lock().ground_off_m(at)?;
         for _ in 0..6 {
-            local.y -= self.frame.world(local).altitude_msl_m - GROUND_MSL_M;
+            local.y -= self.frame.world(local).altitude_msl_m - GROUND_MSL_M - off_m;
         }
-        local
+        Some(local)
     }
 }
 
@@ -583,3 +741,6 @@ fn scenery() -> Runway {
         course_magnetic_deg: Some(23.0),
     }
 }
+
+#[cfg(test)]
+mod tests;

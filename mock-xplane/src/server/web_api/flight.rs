@@ -3,13 +3,19 @@
 //! Strict as X-Plane is: exactly one start, no key unknown, no key of the weather left out. One trap is kept as well: a whole
 //! number where X-Plane expects a float makes it ignore the request while it says that all is well.
 
+use std::io;
+use std::pin::Pin;
 use std::sync::Arc;
+use std::task::{Context, Poll};
 
 use axum::Json;
+use axum::body::{Body, Bytes};
 use axum::extract::State;
+use axum::response::{IntoResponse, Response};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::pose::Pose;
 use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
+use hyper::body::Frame;
 use serde_json::{Value, json};
 use xplane_bridge::datarefs::{self as names, Generation};
 
@@ -20,6 +26,7 @@ use super::flight_form::{
     CloudWord, Envelope, Flight, SetWeather, SpeedWord, TimeOfYear, WeatherChoice,
 };
 use super::refusal::Refusal;
+use crate::quirks::Quirk;
 
 /// Keys whose numbers are whole.
 const WHOLE_NUMBERS: [&str; 2] = ["day_of_year", "index"];
@@ -37,8 +44,12 @@ enum Occasion {
 pub(super) async fn start(
     State(desk): State<Arc<Desk>>,
     Json(body): Json<Value>,
-) -> Result<Json<Value>, Refusal> {
-    desk.fly(&body, Occasion::New)
+) -> Result<Response, Refusal> {
+    let answer = desk.fly(&body, Occasion::New)?;
+    if desk.world.lock().quirks().has(Quirk::DroppedStart) {
+        return Ok(Response::new(Body::new(BrokenOff)));
+    }
+    Ok(answer.into_response())
 }
 
 pub(super) async fn update(
@@ -46,6 +57,21 @@ pub(super) async fn update(
     Json(body): Json<Value>,
 ) -> Result<Json<Value>, Refusal> {
     desk.fly(&body, Occasion::Update)
+}
+
+/// An answer that ends with its connection before it has begun.
+struct BrokenOff;
+
+impl hyper::body::Body for BrokenOff {
+    type Data = Bytes;
+    type Error = io::Error;
+
+    fn poll_frame(
+        self: Pin<&mut Self>,
+        _: &mut Context<'_>,
+    ) -> Poll<Option<io::Result<Frame<Bytes>>>> {
+        Poll::Ready(Some(Err(io::ErrorKind::ConnectionReset.into())))
+    }
 }
 
 impl Desk {

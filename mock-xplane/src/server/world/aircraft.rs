@@ -4,6 +4,7 @@ use dataset::geodesy::Geodetic;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::units::MPS_PER_KNOT;
 use glam::{DQuat, DVec3, EulerRot};
+use xplane_bridge::datarefs as names;
 use xplane_bridge::packet::Position;
 
 use super::airport::{GROUND_MSL_M, ON_THRESHOLD};
@@ -15,6 +16,20 @@ use crate::datarefs::Datarefs;
 pub(super) const POSITION: &str = "sim/flightmodel/position/";
 /// Text dataref with the aircraft's file.
 pub(super) const FILE: &str = "sim/aircraft/view/acf_relative_path";
+/// The airliner that flies without anything being loaded.
+pub(super) const STAND_IN: &str = "Aircraft/Stand-in/airliner.acf";
+/// What X-Plane loads for whoever chooses nothing.
+pub(super) const C172: &str = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf";
+/// Wing spans, metres.
+const SPAN_C172_M: f64 = 11.0;
+const SPAN_AIRLINER_M: f64 = 35.8;
+/// How far the origin of local coordinates is moved while scenery loads, degrees.
+const ORIGIN_OFF_DEG: f64 = 1.0;
+/// Names of the gear's handle.
+const GEAR_HANDLES: [&str; 2] = [
+    "sim/cockpit2/controls/gear_handle_down",
+    "sim/cockpit/switches/gear_handle_status",
+];
 /// A flight that has just begun stands still for so long, seconds, however fast it was told to be.
 const STANDSTILL_S: f64 = 0.5;
 /// How far the squared length of a quaternion may be from 1.
@@ -26,23 +41,56 @@ pub(super) struct Aircraft {
     state: FlightState,
     rates: Rates,
     frame: LocalFrame,
+    /// What `lat_ref` and `lon_ref` say: where the origin was before it moved.
+    published_origin: Geodetic,
     /// Speed to come, and how long until then.
     speed_to_come: Option<(f64, f64)>,
 }
 
-impl Default for Aircraft {
-    /// Parked on the threshold.
-    fn default() -> Self {
+impl Aircraft {
+    /// Parked at a place.
+    pub(super) fn parked(pose: Pose) -> Self {
+        let frame = LocalFrame::around(pose.position());
         Self {
-            state: at_rest(ON_THRESHOLD),
+            state: at_rest(pose),
             rates: Rates::default(),
-            frame: LocalFrame::around(ON_THRESHOLD.position()),
+            frame,
+            published_origin: frame.origin,
             speed_to_come: None,
         }
     }
-}
 
-impl Aircraft {
+    /// The local coordinates that it is in.
+    pub(super) fn frame(&self) -> LocalFrame {
+        self.frame
+    }
+
+    /// Puts it into other local coordinates; where it is on earth stays.
+    pub(super) fn set_frame(&mut self, frame: LocalFrame) {
+        self.frame = frame;
+    }
+
+    /// The speed that it will have when it begins to fly, or has, metres per second.
+    pub(super) fn speed_to_come_mps(&self) -> f64 {
+        let FlightState {
+            velocity_north_mps: north,
+            velocity_east_mps: east,
+            ..
+        } = self.state;
+        self.speed_to_come
+            .map_or(north.hypot(east), |(speed_mps, _)| speed_mps)
+    }
+
+    /// Moves the origin of local coordinates for a scenery that is loading, or to where it belongs.
+    pub(super) fn move_origin(&mut self, loading: bool) {
+        let mut frame = LocalFrame::around(self.state.pose.position());
+        if loading {
+            frame.origin.latitude_deg -= ORIGIN_OFF_DEG;
+            frame.origin.longitude_deg += ORIGIN_OFF_DEG;
+        }
+        self.frame = frame;
+    }
+
     pub(super) fn state(&self) -> &FlightState {
         &self.state
     }
@@ -69,13 +117,13 @@ impl Aircraft {
         if !self.state.on_ground {
             self.set_speed(north.hypot(east));
         }
-        self.frame = LocalFrame::around(pose.position());
+        self.settle_in(pose);
     }
 
     /// Begins a flight. Velocities read zero at first, as they do in X-Plane.
     pub(super) fn start(&mut self, pose: Pose, speed_mps: f64) {
         self.show(at_rest(pose));
-        self.frame = LocalFrame::around(pose.position());
+        self.settle_in(pose);
         if !self.state.on_ground && speed_mps > 0.0 {
             self.speed_to_come = Some((speed_mps, STANDSTILL_S));
         }
@@ -186,8 +234,8 @@ impl Aircraft {
             ("latitude", pose.latitude_deg),
             ("longitude", pose.longitude_deg),
             ("elevation", pose.altitude_msl_m),
-            ("lat_ref", self.frame.origin.latitude_deg),
-            ("lon_ref", self.frame.origin.longitude_deg),
+            ("lat_ref", self.published_origin.latitude_deg),
+            ("lon_ref", self.published_origin.longitude_deg),
             ("local_x", local.x),
             ("local_y", local.y),
             ("local_z", local.z),
@@ -223,6 +271,11 @@ impl Aircraft {
         datarefs.set("sim/flightmodel/failures/onground_any", on_ground);
     }
 
+    fn settle_in(&mut self, pose: Pose) {
+        self.frame = LocalFrame::around(pose.position());
+        self.published_origin = self.frame.origin;
+    }
+
     fn set_speed(&mut self, speed_mps: f64) {
         let (sin, cos) = self.state.pose.heading_true_deg.to_radians().sin_cos();
         self.state.velocity_north_mps = speed_mps * cos;
@@ -232,6 +285,40 @@ impl Aircraft {
 
     fn height_above_ground_m(&self) -> f64 {
         self.state.pose.altitude_msl_m - GROUND_MSL_M - airframe::WHEEL_HEIGHT_BELOW_CG_M
+    }
+}
+
+/// Loads the aircraft of a file, as far as datarefs say it.
+pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
+    datarefs.set_text(FILE, file);
+    datarefs.set_text(names::AIRCRAFT_ICAO, designator(file));
+}
+
+/// The type that a file has. Others than those known have no designator, which is ICAO's ZZZZ.
+fn designator(file: &str) -> &'static str {
+    match file.rsplit('/').next().unwrap_or(file) {
+        "Cessna_172SP.acf" => "C172",
+        "b738.acf" | "airliner.acf" => "B738",
+        _ => "ZZZZ",
+    }
+}
+
+/// How much larger than the airliner the loaded aircraft is drawn.
+pub(super) fn scale(datarefs: &Datarefs) -> f64 {
+    let letter = |at: usize| datarefs.get(&format!("{}[{at}]", names::AIRCRAFT_ICAO));
+    match letter(0) == f64::from(b'C') {
+        true => SPAN_C172_M / SPAN_AIRLINER_M,
+        false => 1.0,
+    }
+}
+
+/// The two names of the gear's handle are one handle.
+pub(super) fn written(path: &str, datarefs: &mut Datarefs) {
+    let [one, other] = GEAR_HANDLES;
+    if path == one {
+        datarefs.set(other, datarefs.get(one));
+    } else if path == other {
+        datarefs.set(one, datarefs.get(other));
     }
 }
 

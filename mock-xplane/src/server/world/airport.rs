@@ -19,9 +19,24 @@ pub(crate) const ON_THRESHOLD: Pose = Pose {
     pitch_deg: 0.0,
     roll_deg: 0.0,
 };
+const FAR_AWAY_NM: f64 = 500.0;
 const GLIDE_PATH_DEG: f64 = 3.0;
 /// What an aircraft flies on a final approach, metres per second.
 pub(crate) const APPROACH_SPEED_MPS: f64 = 72.0;
+
+/// Where an aircraft stands that was left somewhere else: 500 NM to the north, on the ground.
+pub(crate) fn far_away() -> Pose {
+    let threshold = ON_THRESHOLD.position().lat_lon();
+    let LatLon {
+        latitude_deg,
+        longitude_deg,
+    } = threshold.destination(0.0, FAR_AWAY_NM * METERS_PER_NAUTICAL_MILE);
+    Pose {
+        latitude_deg,
+        longitude_deg,
+        ..ON_THRESHOLD
+    }
+}
 
 /// On the extended centre line, on the glide path, so far before the threshold.
 pub(crate) fn on_final(distance_nm: f64) -> Pose {

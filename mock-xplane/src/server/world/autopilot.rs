@@ -10,6 +10,8 @@ use xplane_bridge::fly::FlyRequest;
 use super::World;
 use crate::datarefs::Datarefs;
 
+/// Power of the autopilot.
+pub(super) const ELECTRIC_MASTER: &str = "sim/cockpit2/autopilot/autopilot_electric_master";
 /// The altitude that is dialled: 0 off, 1 armed, 2 captured.
 const ALTITUDE_HOLD_STATUS: &str = "sim/cockpit2/autopilot/altitude_hold_status";
 /// The vertical speed that is dialled: 0 off, 1 armed, 2 captured.
@@ -67,6 +69,10 @@ pub(super) fn command(datarefs: &mut Datarefs, path: &str) -> bool {
     let Some(&(_, effect)) = EFFECTS.iter().find(|(command, _)| *command == path) else {
         return false;
     };
+    if datarefs.get(ELECTRIC_MASTER) == 0.0 {
+        tracing::debug!(path, "ignored: the autopilot has no power");
+        return true;
+    }
     let number = |on: bool| if on { 1.0 } else { 0.0 };
     match effect {
         Effect::Set(dataref, value) => datarefs.set(dataref, value),

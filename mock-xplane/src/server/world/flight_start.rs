@@ -76,17 +76,22 @@ impl World {
         start: &FlightStart,
     ) -> Result<(), (String, Ignored)> {
         let mut state = self.state.clone();
+        if !start.weather.is_empty() {
+            state.sky.open_for_flight();
+        }
         for (path, value) in &start.weather {
+            let before = state.datarefs.get(path);
             state
                 .datarefs
                 .write_exact(path, *value)
                 .map_err(|reason| (path.clone(), reason))?;
+            state.sky.written(path, before, &mut state.datarefs);
         }
         if !start.weather.is_empty() {
-            state.sky.take_over_everything(&state.datarefs);
+            state.sky.close_for_flight(&mut state.datarefs);
         }
         if let Some(file) = &start.aircraft {
-            state.datarefs.set_text(aircraft::FILE, file);
+            aircraft::load(file, &mut state.datarefs);
         }
         if let Some((pose, speed_mps)) = start.place {
             state.aircraft.start(pose, speed_mps);
@@ -100,6 +105,7 @@ impl World {
             }
             state.aircraft.publish(&mut state.datarefs);
             self.flight_loaded = true;
+            self.placements += 1;
         }
         let longitude_deg = state.aircraft.state().pose.longitude_deg;
         match start.time {
@@ -113,6 +119,9 @@ impl World {
             }
         }
         self.state = state;
+        if let Some((pose, _)) = start.place {
+            self.flight_began(pose.position().lat_lon());
+        }
         Ok(())
     }
 }

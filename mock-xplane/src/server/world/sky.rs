@@ -1,77 +1,194 @@
 //! The weather that is flown and drawn, which is not always the one that the datarefs say.
 //!
 //! X-Plane 11 shows what is written at once. X-Plane 12 does so only while `update_immediately` is set, and never for the
-//! clouds: those want the command `regen_weather`, which puts their datarefs back, and then to be written again while the
-//! weather settles. A client that forgets one of these steps flies through other clouds than it reads.
+//! clouds: those want the command `regen_weather`, and then to be written again while the weather settles. A client that
+//! forgets one of these steps flies through other clouds than it reads. What makes that harder is in the quirks.
+
+mod late_clouds;
+mod real;
+mod samples;
 
 use std::collections::BTreeMap;
 
 use dataset::conditions::Weather;
 use xplane_bridge::datarefs::{self as names, Generation};
 
+use self::late_clouds::LateClouds;
 use crate::datarefs::Datarefs;
+use crate::quirks::{Quirk, Quirks};
 
 /// How long after `regen_weather` written clouds are taken over, seconds.
 const SETTLING_S: f64 = 15.0;
-const REGION: &str = "sim/weather/";
+/// How long `regen_weather` freezes the simulator, seconds.
+const REGENERATION_FREEZE_S: f64 = 3.0;
+/// How long the temperature slides after the start, or after real weather, seconds.
+const SLIDING_S: f64 = 60.0;
+/// How fast it does.
+const SLIDING_C_PER_S: f64 = 0.7;
+/// Warmer it does not get.
+const WARMEST_C: f64 = 45.0;
+/// How far above the base asked for a cloud settles, metres.
+const BASE_OFF_M: f64 = 3.5;
+
+/// [`names::WEATHER_PRESET`] without clouds.
+const CLEAR: f64 = 0.0;
 
 /// What the sky shows.
 #[derive(Debug, Clone)]
 pub(super) struct Sky {
     generation: Generation,
+    quirks: Quirks,
     shown: BTreeMap<String, Vec<f64>>,
+    /// The weather's own time, which may stand still in a pause.
+    now_s: f64,
+    stands_still: bool,
+    /// What clients did while it stood still.
+    waiting: Vec<Deed>,
     clouds_open_until_s: f64,
+    late_clouds: LateClouds,
+    real: bool,
+    slides_until_s: f64,
+    /// How long the simulator freezes for what was asked of it, seconds.
+    freeze_s: f64,
+}
+
+/// What a client can do to the weather.
+#[derive(Debug, Clone)]
+enum Deed {
+    Write(String),
+    Regenerate,
 }
 
 impl Sky {
-    /// The sky as the datarefs say.
-    pub(super) fn new(generation: Generation, datarefs: &Datarefs) -> Self {
+    /// The sky as the datarefs say, or real weather.
+    pub(super) fn new(generation: Generation, quirks: Quirks, datarefs: &mut Datarefs) -> Self {
         let mut sky = Self {
             generation,
+            quirks,
             shown: BTreeMap::new(),
+            now_s: 0.0,
+            stands_still: false,
+            waiting: Vec::new(),
             clouds_open_until_s: f64::NEG_INFINITY,
+            late_clouds: LateClouds::default(),
+            real: quirks.has(Quirk::RealWeatherAtStart),
+            slides_until_s: SLIDING_S,
+            freeze_s: 0.0,
         };
+        if sky.real {
+            real::switch_on(generation, datarefs);
+            real::overwrite(generation, datarefs);
+        }
         sky.take_over(datarefs, |_| true);
+        sky.publish(datarefs);
         sky
     }
 
-    /// A client wrote the dataref of this name (without index) at a running time.
-    pub(super) fn written(&mut self, name: &str, datarefs: &Datarefs, now_s: f64) {
-        if !name.starts_with(REGION) {
+    /// A client wrote a dataref, `name` or `name[3]`, which had the value `before`.
+    pub(super) fn written(&mut self, path: &str, before: f64, datarefs: &mut Datarefs) {
+        let name = path.split('[').next().unwrap_or(path);
+        if !name.starts_with(region(self.generation)) {
             return;
         }
-        match self.generation {
-            Generation::XPlane11 => self.take_over(datarefs, |other| other == name),
-            Generation::XPlane12 if names::needs_repeating_after_regeneration(name) => {
-                if now_s <= self.clouds_open_until_s {
-                    self.take_over(datarefs, |other| other == name);
-                }
+        if name == real::switch(self.generation) {
+            self.switch_real_weather(datarefs);
+        }
+        if name == names::WEATHER_PRESET && datarefs.get(name) == CLEAR {
+            self.clear(datarefs);
+            return;
+        }
+        if name == base_name(self.generation) && self.quirks.has(Quirk::CloudBaseOff) {
+            let base_m = datarefs.get(path);
+            if base_m > 0.0 {
+                datarefs.set(path, base_m + BASE_OFF_M);
             }
-            Generation::XPlane12 => {
-                if datarefs.get(names::UPDATE_IMMEDIATELY) != 0.0 {
-                    self.take_over_all_but_clouds(datarefs);
-                }
-            }
+        }
+        if self.quirks.has(Quirk::LateClouds) && is_cloud(name) {
+            let show = self.now_s <= self.clouds_open_until_s;
+            self.late_clouds
+                .hold_back(path, before, datarefs, self.now_s, show);
+        } else if self.stands_still {
+            self.waiting.push(Deed::Write(name.to_owned()));
+        } else {
+            self.take_in(name, datarefs);
         }
     }
 
     /// The command `regen_weather`.
-    pub(super) fn regenerate(&mut self, datarefs: &mut Datarefs, now_s: f64) {
+    pub(super) fn regenerate(&mut self, datarefs: &mut Datarefs) {
         if self.generation == Generation::XPlane11 {
             return;
         }
-        self.take_over_all_but_clouds(datarefs);
-        for (name, values) in &self.shown {
-            if names::needs_repeating_after_regeneration(name) {
-                datarefs.restore(name, values);
-            }
+        if self.quirks.has(Quirk::RegenerationFreeze) {
+            self.freeze_s = REGENERATION_FREEZE_S;
         }
-        self.clouds_open_until_s = now_s + SETTLING_S;
+        if self.stands_still {
+            self.waiting.push(Deed::Regenerate);
+            return;
+        }
+        if self.quirks.has(Quirk::RegenerationRestoresPreset) {
+            self.take_over_all_but_clouds(datarefs);
+            self.late_clouds = LateClouds::default();
+            for (name, values) in &self.shown {
+                if names::needs_repeating_after_regeneration(name) {
+                    datarefs.restore(name, values);
+                }
+            }
+        } else {
+            self.take_over(datarefs, |_| true);
+            self.late_clouds.will_show();
+        }
+        self.clouds_open_until_s = self.now_s + SETTLING_S;
+        self.publish(datarefs);
     }
 
-    /// A new flight has the weather that was asked for, clouds and all.
-    pub(super) fn take_over_everything(&mut self, datarefs: &Datarefs) {
-        self.take_over(datarefs, |_| true);
+    /// Lets time pass; `stopped` in a pause.
+    pub(super) fn advance(&mut self, datarefs: &mut Datarefs, elapsed_s: f64, stopped: bool) {
+        self.stands_still = stopped && self.quirks.has(Quirk::PausedWeather);
+        if self.stands_still {
+            return;
+        }
+        self.now_s += elapsed_s;
+        for deed in std::mem::take(&mut self.waiting) {
+            match deed {
+                Deed::Write(name) => self.take_in(&name, datarefs),
+                Deed::Regenerate => self.regenerate(datarefs),
+            }
+        }
+        if self.real {
+            real::overwrite(self.generation, datarefs);
+            self.late_clouds = LateClouds::default();
+            self.take_over(datarefs, |_| true);
+            self.publish(datarefs);
+            return;
+        }
+        if let Some(snapped) = self.late_clouds.snap(datarefs, self.now_s)
+            && snapped.show
+        {
+            self.take_over(datarefs, |name| snapped.names.iter().any(|new| new == name));
+            self.publish(datarefs);
+        }
+        if self.quirks.has(Quirk::SlidingTemperature) && self.now_s < self.slides_until_s {
+            let warmer_c = datarefs.get(names::TEMPERATURE_C) + SLIDING_C_PER_S * elapsed_s;
+            datarefs.set(names::TEMPERATURE_C, warmer_c.min(WARMEST_C));
+        }
+    }
+
+    /// A new flight brings weather: its clouds show without being written again.
+    pub(super) fn open_for_flight(&mut self) {
+        self.clouds_open_until_s = self.now_s + SETTLING_S;
+    }
+
+    /// The weather that a new flight brought is complete.
+    pub(super) fn close_for_flight(&mut self, datarefs: &mut Datarefs) {
+        self.take_over_all_but_clouds(datarefs);
+        self.publish(datarefs);
+    }
+
+    /// How long the simulator now freezes, seconds, if it does; asked once.
+    pub(super) fn take_freeze_s(&mut self) -> Option<f64> {
+        let freeze_s = std::mem::take(&mut self.freeze_s);
+        (freeze_s > 0.0).then_some(freeze_s)
     }
 
     /// The weather in SI.
@@ -86,6 +203,47 @@ impl Sky {
         })
     }
 
+    fn switch_real_weather(&mut self, datarefs: &mut Datarefs) {
+        if !self.quirks.has(Quirk::RealWeatherAtStart) {
+            // Without it there is none to switch on.
+            return;
+        }
+        let was = std::mem::replace(&mut self.real, real::is_on(self.generation, datarefs));
+        if was && !self.real {
+            self.slides_until_s = self.now_s + SLIDING_S;
+        }
+        real::publish(self.generation, datarefs, self.real);
+    }
+
+    /// The preset without clouds: as if they were written and shown.
+    fn clear(&mut self, datarefs: &mut Datarefs) {
+        self.open_for_flight();
+        for slot in 0..names::CLOUD_LAYERS {
+            let path = format!("{}[{slot}]", names::CLOUD_COVER);
+            let before = datarefs.get(&path);
+            datarefs.set(&path, 0.0);
+            self.written(&path, before, datarefs);
+        }
+    }
+
+    /// What a written dataref changes at once.
+    fn take_in(&mut self, name: &str, datarefs: &mut Datarefs) {
+        match self.generation {
+            Generation::XPlane11 => self.take_over(datarefs, |other| other == name),
+            Generation::XPlane12 if names::needs_repeating_after_regeneration(name) => {
+                if self.now_s <= self.clouds_open_until_s {
+                    self.take_over(datarefs, |other| other == name);
+                }
+            }
+            Generation::XPlane12 => {
+                if datarefs.get(names::UPDATE_IMMEDIATELY) != 0.0 {
+                    self.take_over_all_but_clouds(datarefs);
+                }
+            }
+        }
+        self.publish(datarefs);
+    }
+
     fn take_over_all_but_clouds(&mut self, datarefs: &Datarefs) {
         self.take_over(datarefs, |name| {
             !names::needs_repeating_after_regeneration(name)
@@ -93,82 +251,37 @@ impl Sky {
     }
 
     fn take_over(&mut self, datarefs: &Datarefs, which: impl Fn(&str) -> bool) {
+        let region = region(self.generation);
         for (dataref, values) in datarefs.iter() {
-            if dataref.name.starts_with(REGION) && which(dataref.name) {
+            if dataref.name.starts_with(region) && which(dataref.name) {
                 self.shown.insert(dataref.name.into(), values.to_vec());
             }
         }
     }
+
+    fn publish(&self, datarefs: &mut Datarefs) {
+        samples::publish(self.generation, &self.weather(), &self.shown, datarefs);
+    }
+}
+
+/// Where the weather is written.
+fn region(generation: Generation) -> &'static str {
+    match generation {
+        Generation::XPlane11 => "sim/weather/",
+        Generation::XPlane12 => "sim/weather/region/",
+    }
+}
+
+fn base_name(generation: Generation) -> &'static str {
+    match generation {
+        Generation::XPlane11 => "sim/weather/cloud_base_msl_m",
+        Generation::XPlane12 => names::CLOUD_BASE,
+    }
+}
+
+fn is_cloud(name: &str) -> bool {
+    name.contains("/cloud_")
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn twelve() -> (Datarefs, Sky) {
-        let datarefs = Datarefs::new(Generation::XPlane12);
-        let sky = Sky::new(Generation::XPlane12, &datarefs);
-        (datarefs, sky)
-    }
-
-    fn write(datarefs: &mut Datarefs, sky: &mut Sky, path: &str, value: f64, now_s: f64) {
-        datarefs.write_exact(path, value).unwrap();
-        sky.written(path.split('[').next().unwrap(), datarefs, now_s);
-    }
-
-    fn cover(sky: &Sky) -> f64 {
-        sky.weather()
-            .clouds
-            .iter()
-            .map(|cloud| cloud.cover_ratio)
-            .sum()
-    }
-
-    #[test]
-    fn twelve_shows_all_but_clouds_once_it_may_update() {
-        let (mut datarefs, mut sky) = twelve();
-        let before_m = sky.weather().visibility_m;
-        write(&mut datarefs, &mut sky, names::VISIBILITY_SM, 5.0, 0.0);
-        assert_eq!(sky.weather().visibility_m, before_m);
-        let clouds = format!("{}[0]", names::CLOUD_COVER);
-        write(&mut datarefs, &mut sky, &clouds, 0.75, 0.0);
-        write(&mut datarefs, &mut sky, names::UPDATE_IMMEDIATELY, 1.0, 0.0);
-        assert!((sky.weather().visibility_m - 8_046.72).abs() < 1e-3);
-        assert_eq!(cover(&sky), 0.0);
-        write(&mut datarefs, &mut sky, names::VISIBILITY_SM, 6.0, 0.0);
-        assert!((sky.weather().visibility_m - 9_656.064).abs() < 1e-3);
-    }
-
-    #[test]
-    fn clouds_of_twelve_want_the_command_and_then_to_be_told_again() {
-        let (mut datarefs, mut sky) = twelve();
-        let clouds = format!("{}[0]", names::CLOUD_COVER);
-        write(&mut datarefs, &mut sky, &clouds, 0.75, 0.0);
-        sky.regenerate(&mut datarefs, 1.0);
-        // The command forgets what it did not take over.
-        assert_eq!((cover(&sky), datarefs.get(&clouds)), (0.0, 0.0));
-        write(&mut datarefs, &mut sky, &clouds, 0.75, 2.0);
-        assert_eq!(cover(&sky), 0.75);
-        // Long after the command nothing is taken over any more.
-        write(&mut datarefs, &mut sky, &clouds, 0.25, 30.0);
-        assert_eq!(cover(&sky), 0.75);
-    }
-
-    #[test]
-    fn eleven_shows_everything_at_once() {
-        let mut datarefs = Datarefs::new(Generation::XPlane11);
-        let mut sky = Sky::new(Generation::XPlane11, &datarefs);
-        for (path, value) in [
-            ("sim/weather/visibility_reported_m", 5_000.0),
-            ("sim/weather/cloud_type[0]", 3.0),
-            ("sim/weather/cloud_base_msl_m[0]", 600.0),
-            ("sim/weather/wind_speed_kt[0]", 10.0),
-        ] {
-            write(&mut datarefs, &mut sky, path, value, 0.0);
-        }
-        let weather = sky.weather();
-        assert_eq!(weather.visibility_m, 5_000.0);
-        assert_eq!(weather.clouds[0].base_msl_m, 600.0);
-        assert!((weather.wind_speed_mps - 5.144).abs() < 1e-3);
-    }
-}
+mod tests;

@@ -5,7 +5,7 @@ use super::airport::ON_THRESHOLD;
 use super::*;
 
 fn world() -> World {
-    World::new(Generation::XPlane12, true)
+    World::new(Generation::XPlane12, true, Quirks::NONE)
 }
 
 fn runway() -> Runway {
@@ -342,7 +342,7 @@ fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
     let mut random = ChaCha8Rng::seed_from_u64(0);
     for case in 0..CASES {
         let generation = [Generation::XPlane11, Generation::XPlane12][case as usize % 2];
-        let mut world = World::new(generation, true);
+        let mut world = World::new(generation, true, Quirks::NONE);
         let paths: Vec<String> = world
             .datarefs()
             .iter()

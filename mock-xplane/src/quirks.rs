@@ -1,0 +1,528 @@
+//! What makes a live X-Plane awkward: behaviour that others measured or practise against, and that a stand-in made from documents lacks.
+//!
+//! In: a text such as `all,-late_clouds`. Out: a set that the parts of the stand-in ask. Each quirk has a line in the table below
+//! and one in `docs/simulator.md`, with the source that reports it; what it does lies in the part of the world that it concerns.
+
+use std::fmt;
+use std::str::FromStr;
+
+use xplane_bridge::datarefs::Generation;
+
+/// One awkward behaviour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the table describes each of them")]
+pub enum Quirk {
+    LateClouds,
+    CloudBaseOff,
+    SlidingTemperature,
+    RegenerationFreeze,
+    RegenerationRestoresPreset,
+    PausedWeather,
+    RealWeatherAtStart,
+    CockpitView,
+    LoadedC172,
+    FarAway,
+    SlowScenery,
+    SettlingTerrain,
+    MovingOrigin,
+    DroppedStart,
+    RestartingStart,
+    CameraTaken,
+    PopUps,
+    AiAircraft,
+    TwoCyclesPerLoop,
+    CameraCallbackOrder,
+    DrawBeforeIsOne,
+    AltitudeHoldCaptures,
+    ElectricMasterOff,
+    LogVersionNumbers,
+    ParticlesStopWhenPaused,
+    StaleFrames,
+    LateStartCrashes,
+}
+
+/// How well a report is founded.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Grade {
+    /// Measured on a running X-Plane of this version.
+    Measured(&'static str),
+    /// In Laminar's documents.
+    Documented,
+    /// Several clients work around it.
+    Practised,
+    /// One report.
+    Single,
+}
+
+/// What is known of a quirk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Facts {
+    /// Which one.
+    pub quirk: Quirk,
+    /// Its name on the command line.
+    pub name: &'static str,
+    /// What it does, in a sentence.
+    pub does: &'static str,
+    /// Who reports it.
+    pub source: &'static str,
+    /// How well founded that is.
+    pub grade: Grade,
+    /// Whether a client that copes with it needs longer.
+    pub costs_time: bool,
+    /// Whether X-Plane 11 has it as well as 12.
+    pub in_11: bool,
+}
+
+/// All quirks, in the order of [`Quirk`].
+pub const FACTS: [Facts; 27] = [
+    Facts {
+        quirk: Quirk::LateClouds,
+        name: "late_clouds",
+        does: "clouds read and show their old values in all slots for 55 s after the last of their writes, then all the new ones at once",
+        source: "OIS",
+        grade: Grade::Measured("12.4.3"),
+        costs_time: true,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::CloudBaseOff,
+        name: "cloud_base_off",
+        does: "clouds settle 3.5 m above the base asked for",
+        source: "EFB",
+        grade: Grade::Single,
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::SlidingTemperature,
+        name: "sliding_temperature",
+        does: "for the first 60 s after the start, and after real weather, the temperature rises by 0.7 °C/s whatever is written",
+        source: "OIS",
+        grade: Grade::Measured("12.4.3"),
+        costs_time: true,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::RegenerationFreeze,
+        name: "regeneration_freeze",
+        does: "`regen_weather` freezes the simulator for 3 s: no frame, no answer",
+        source: "SF",
+        grade: Grade::Measured("12.4"),
+        costs_time: true,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::RegenerationRestoresPreset,
+        name: "regeneration_restores_preset",
+        does: "clouds and temperature that were written before `regen_weather` come back from the preset",
+        source: "LARDON",
+        grade: Grade::Measured("12.4.2"),
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::PausedWeather,
+        name: "paused_weather",
+        does: "in a pause the weather stands still: what was written comes into force when time runs again",
+        source: "EFB",
+        grade: Grade::Single,
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::RealWeatherAtStart,
+        name: "real_weather_at_start",
+        does: "real weather rules at the start and overwrites what is written until it is switched off",
+        source: "OIS",
+        grade: Grade::Measured("12.4.3"),
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::CockpitView,
+        name: "cockpit_view",
+        does: "the view begins in the cockpit, and a camera that is controlled from there shows its panel",
+        source: "SDK, XPY, BP",
+        grade: Grade::Documented,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::LoadedC172,
+        name: "loaded_c172",
+        does: "the aircraft that happens to be loaded is a Cessna 172",
+        source: "OIS, AFT",
+        grade: Grade::Measured("12.4"),
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::FarAway,
+        name: "far_away",
+        does: "it stands 500 NM away from the airport",
+        source: "OIS",
+        grade: Grade::Measured("12.4.3"),
+        costs_time: true,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::SlowScenery,
+        name: "slow_scenery",
+        does: "scenery of a new place loads for 20 s, without ground below until then",
+        source: "SF",
+        grade: Grade::Measured("12.4"),
+        costs_time: true,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::SettlingTerrain,
+        name: "settling_terrain",
+        does: "the terrain settles by metres for 3 s after the loading flag has fallen",
+        source: "SF",
+        grade: Grade::Measured("12.4"),
+        costs_time: true,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::MovingOrigin,
+        name: "moving_origin",
+        does: "the local origin moves while scenery loads, and `lat_ref`, `lon_ref` do not say where to",
+        source: "OIS",
+        grade: Grade::Measured("12.4.3"),
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::DroppedStart,
+        name: "dropped_start",
+        does: "the Web API closes the connection of a flight that it starts",
+        source: "GL, AFT",
+        grade: Grade::Measured("12.4"),
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::RestartingStart,
+        name: "restarting_start",
+        does: "a start that is repeated begins all over, scenery and all",
+        source: "GL, AFT",
+        grade: Grade::Measured("12.4"),
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::CameraTaken,
+        name: "camera_taken",
+        does: "the camera is taken from the plugin every 401 frames and by the screenshot command, and the view is the one from before",
+        source: "CINE, BP",
+        grade: Grade::Practised,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::PopUps,
+        name: "pop_ups",
+        does: "a pop-up window lies over the picture at the start and after each start of a flight until it is closed",
+        source: "LAAS, SISL, LC",
+        grade: Grade::Practised,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::AiAircraft,
+        name: "ai_aircraft",
+        does: "another aircraft flies beside the user's, again after each start of a flight, until a plugin has its number set to 1",
+        source: "XPMP2, libxplanemp",
+        grade: Grade::Practised,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::TwoCyclesPerLoop,
+        name: "two_cycles_per_loop",
+        does: "`getCycleNumber` counts two for every flight loop, one of them before the camera callback",
+        source: "XPY",
+        grade: Grade::Single,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::CameraCallbackOrder,
+        name: "camera_callback_order",
+        does: "the camera callback comes before the flight loops after the flight model in every other frame",
+        source: "swift-project/pilotclient issue 67",
+        grade: Grade::Single,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::DrawBeforeIsOne,
+        name: "draw_before_is_one",
+        does: "a draw callback registered with 1 comes before its phase, one with 0 after it",
+        source: "SDK",
+        grade: Grade::Documented,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::AltitudeHoldCaptures,
+        name: "altitude_hold_captures",
+        does: "`altitude_hold` dials the altitude of the moment, `vertical_speed` the vertical speed",
+        source: "S76, AFT",
+        grade: Grade::Measured("12"),
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::ElectricMasterOff,
+        name: "electric_master_off",
+        does: "the autopilot takes no command until its electric master is on",
+        source: "S76",
+        grade: Grade::Measured("12"),
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::LogVersionNumbers,
+        name: "log_version_numbers",
+        does: "X-Plane 12 is 124311 (12.4.3-r2 as logs count), and `getVersions` has five digits of the version",
+        source: "hotbso/xa-snow issue 13, XPC, XPY",
+        grade: Grade::Measured("12.4.3"),
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::ParticlesStopWhenPaused,
+        name: "particles_stop_when_paused",
+        does: "rain is not drawn in a pause",
+        source: "LAAS, LARDON",
+        grade: Grade::Measured("12"),
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::StaleFrames,
+        name: "stale_frames",
+        does: "the first 2 to 4 frames after a pose or camera was written show the one before",
+        source: "WPI, SISL, LXR, AFX",
+        grade: Grade::Practised,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::LateStartCrashes,
+        name: "late_start_crashes",
+        does: "a plugin that starts a flight outside a flight loop before the flight model crashes",
+        source: "SDK, LC",
+        grade: Grade::Documented,
+        costs_time: false,
+        in_11: true,
+    },
+];
+
+impl Quirk {
+    /// What is known of it.
+    pub const fn facts(self) -> &'static Facts {
+        &FACTS[self as usize]
+    }
+
+    const fn bit(self) -> u32 {
+        1 << self as u32
+    }
+}
+
+impl fmt::Display for Grade {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Measured(version) => write!(f, "measured, {version}"),
+            Self::Documented => f.write_str("documented"),
+            Self::Practised => f.write_str("practised"),
+            Self::Single => f.write_str("one report"),
+        }
+    }
+}
+
+/// A set of quirks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Quirks(u32);
+
+impl Quirks {
+    /// None of them: a well-behaved simulator.
+    pub const NONE: Self = Self(0);
+
+    /// All of them.
+    pub fn all() -> Self {
+        Self::those(|_| true)
+    }
+
+    /// Those that make no client wait.
+    pub fn quick() -> Self {
+        Self::those(|facts| !facts.costs_time)
+    }
+
+    /// Those that X-Plane of a generation has.
+    #[must_use]
+    pub fn of(self, generation: Generation) -> Self {
+        let has = Self::those(|facts| facts.in_11 || generation == Generation::XPlane12);
+        Self(self.0 & has.0)
+    }
+
+    /// Whether one of them is in the set.
+    pub const fn has(self, quirk: Quirk) -> bool {
+        self.0 & quirk.bit() != 0
+    }
+
+    /// The set with one more.
+    #[must_use]
+    pub const fn with(self, quirk: Quirk) -> Self {
+        Self(self.0 | quirk.bit())
+    }
+
+    /// The set without one of them.
+    #[must_use]
+    pub const fn without(self, quirk: Quirk) -> Self {
+        Self(self.0 & !quirk.bit())
+    }
+
+    /// Those in the set.
+    pub fn iter(self) -> impl Iterator<Item = Quirk> {
+        FACTS
+            .iter()
+            .map(|facts| facts.quirk)
+            .filter(move |&quirk| self.has(quirk))
+    }
+
+    fn those(of: impl Fn(&Facts) -> bool) -> Self {
+        FACTS
+            .iter()
+            .filter(|facts| of(facts))
+            .fold(Self::NONE, |set, facts| set.with(facts.quirk))
+    }
+}
+
+impl fmt::Display for Quirks {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if *self == Self::NONE {
+            return f.write_str("none");
+        }
+        let names: Vec<&str> = self.iter().map(|quirk| quirk.facts().name).collect();
+        f.write_str(&names.join(","))
+    }
+}
+
+/// A text that names no quirks.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "there is no quirk {found:?}; expected all, none, quick, or names with commas between, each with a - before it to leave it out: {}",
+    names()
+)]
+pub struct UnknownQuirk {
+    found: String,
+}
+
+fn names() -> String {
+    FACTS.map(|facts| facts.name).join(", ")
+}
+
+impl FromStr for Quirks {
+    type Err = UnknownQuirk;
+
+    /// Reads `all`, `none`, `quick` (those that make no client wait), `late_clouds,far_away` or `all,-late_clouds`, from left to right.
+    fn from_str(text: &str) -> Result<Self, UnknownQuirk> {
+        text.split(',')
+            .map(str::trim)
+            .try_fold(Self::NONE, |set, word| {
+                let (name, out) = match word.strip_prefix('-') {
+                    Some(name) => (name, true),
+                    None => (word, false),
+                };
+                let named = match name {
+                    "all" => Self::all(),
+                    "none" => Self::NONE,
+                    "quick" => Self::quick(),
+                    name => FACTS
+                        .iter()
+                        .find(|facts| facts.name == name)
+                        .map(|facts| Self::NONE.with(facts.quirk))
+                        .ok_or_else(|| UnknownQuirk { found: word.into() })?,
+                };
+                Ok(match out {
+                    true => Self(set.0 & !named.0),
+                    false => Self(set.0 | named.0),
+                })
+            })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_has_each_quirk_at_its_place_and_once() {
+        for (at, facts) in FACTS.iter().enumerate() {
+            assert_eq!(facts.quirk as usize, at, "{}", facts.name);
+            let alike = FACTS.iter().filter(|other| other.name == facts.name);
+            assert_eq!(alike.count(), 1, "{}", facts.name);
+        }
+    }
+
+    #[test]
+    fn a_set_is_named_from_left_to_right_and_says_its_names() {
+        let parse = |text: &str| text.parse::<Quirks>().unwrap();
+        assert_eq!(parse("none"), Quirks::NONE);
+        assert_eq!(parse("all").iter().count(), FACTS.len());
+        let but_clouds = parse("all, -late_clouds");
+        assert_eq!(but_clouds, Quirks::all().without(Quirk::LateClouds));
+        let two = parse("far_away,late_clouds");
+        assert_eq!(two.to_string(), "late_clouds,far_away");
+        assert_eq!(parse(&two.to_string()), two);
+        assert!(!parse("quick").has(Quirk::SlowScenery));
+        assert!(parse("quick").has(Quirk::CockpitView));
+        let error = "all,-late_cloud".parse::<Quirks>().unwrap_err().to_string();
+        assert!(
+            error.contains("\"-late_cloud\"") && error.contains("stale_frames"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn eleven_has_a_subset() {
+        let eleven = Quirks::all().of(Generation::XPlane11);
+        assert!(eleven.has(Quirk::CockpitView) && !eleven.has(Quirk::LateClouds));
+        assert_eq!(Quirks::all().of(Generation::XPlane12), Quirks::all());
+    }
+
+    #[test]
+    fn the_documents_table_has_the_same_lines() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/simulator.md");
+        let document = std::fs::read_to_string(path).unwrap();
+        for facts in &FACTS {
+            let yes = |which| if which { "yes" } else { "" };
+            let line = format!(
+                "| `{}` | {} | {}; {} | {} | {} |",
+                facts.name,
+                facts.does,
+                facts.source,
+                facts.grade,
+                yes(facts.costs_time),
+                yes(facts.in_11),
+            )
+            .replace("  ", " ");
+            assert!(
+                document.contains(&line),
+                "docs/simulator.md lacks this line:\n{line}"
+            );
+        }
+        let lines = document
+            .lines()
+            .filter(|line| line.starts_with("| `") && line.ends_with('|'))
+            .filter(|line| {
+                line.contains("; measured")
+                    || line.contains("; documented")
+                    || line.contains("; practised")
+                    || line.contains("; one report")
+            });
+        assert_eq!(lines.count(), FACTS.len());
+    }
+}

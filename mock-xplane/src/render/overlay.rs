@@ -1,0 +1,121 @@
+//! What lies between the scene and the eye: a cockpit's panel, a pop-up window. Drawn so that nobody takes them for anything else.
+
+/// A picture to draw on.
+#[derive(Debug)]
+pub struct Canvas<'a> {
+    /// Rows from the top, red, green, blue.
+    pub rgb: &'a mut [u8],
+    /// Pixels across.
+    pub width_px: usize,
+    /// Pixels down.
+    pub height_px: usize,
+}
+
+/// A rectangle: left, top, right, bottom.
+type Area = [f64; 4];
+
+const PANEL: [u8; 3] = [38, 36, 34];
+const FRAME: [u8; 3] = [24, 23, 22];
+const RIM: [u8; 3] = [150, 150, 146];
+const DIAL: [u8; 3] = [8, 8, 8];
+const NEEDLE: [u8; 3] = [240, 240, 236];
+const WINDOW: [u8; 3] = [230, 232, 235];
+const TITLE: [u8; 3] = [22, 92, 190];
+const TEXT: [u8; 3] = [60, 62, 66];
+
+impl Canvas<'_> {
+    /// The pilot's panel over the lower half, with instruments, and the frame of the windows.
+    pub fn draw_panel(&mut self) {
+        self.fill([0.0, 0.52, 1.0, 1.0], PANEL);
+        self.fill([0.0, 0.0, 0.06, 1.0], FRAME);
+        self.fill([0.94, 0.0, 1.0, 1.0], FRAME);
+        self.fill([0.485, 0.0, 0.515, 0.52], FRAME);
+        self.fill([0.0, 0.0, 1.0, 0.08], FRAME);
+        for row in [0.64, 0.86] {
+            for column in [0.16, 0.33, 0.50, 0.67, 0.84] {
+                self.disc(column, row, 0.095, RIM);
+                self.disc(column, row, 0.085, DIAL);
+                self.fill(
+                    [column - 0.004, row - 0.07, column + 0.004, row + 0.01],
+                    NEEDLE,
+                );
+            }
+        }
+    }
+
+    /// A window with a title and lines of text over the middle.
+    pub fn draw_pop_up(&mut self) {
+        self.fill([0.30, 0.22, 0.70, 0.70], WINDOW);
+        self.fill([0.30, 0.22, 0.70, 0.28], TITLE);
+        for line in 0..6 {
+            let top = 0.34 + 0.055 * f64::from(line);
+            self.fill([0.34, top, 0.62, top + 0.018], TEXT);
+        }
+    }
+
+    /// Fills a rectangle in shares of the picture.
+    fn fill(&mut self, [left, top, right, bottom]: Area, colour: [u8; 3]) {
+        let (width, height) = (self.width_px as f64, self.height_px as f64);
+        let area = [left * width, top * height, right * width, bottom * height];
+        self.fill_px(area, colour);
+    }
+
+    /// Fills a rectangle: left, top, right, bottom in pixels.
+    pub fn fill_px(&mut self, area: Area, colour: [u8; 3]) {
+        let [left, top, right, bottom] = area.map(|edge| edge.round().max(0.0) as usize);
+        let (from, to) = (left, right.min(self.width_px));
+        for row in top..bottom.min(self.height_px) {
+            for column in from..to {
+                self.set(column, row, colour);
+            }
+        }
+    }
+
+    /// Round in pixels; the radius is a share of the height.
+    fn disc(&mut self, x: f64, y: f64, radius: f64, colour: [u8; 3]) {
+        let (x, y) = (x * self.width_px as f64, y * self.height_px as f64);
+        let radius = radius * self.height_px as f64;
+        for row in 0..self.height_px {
+            for column in 0..self.width_px {
+                let away = (column as f64 + 0.5 - x).hypot(row as f64 + 0.5 - y);
+                if away < radius {
+                    self.set(column, row, colour);
+                }
+            }
+        }
+    }
+
+    fn set(&mut self, column: usize, row: usize, colour: [u8; 3]) {
+        let at = 3 * (row * self.width_px + column);
+        if let Some(pixel) = self.rgb.get_mut(at..at + 3) {
+            pixel.copy_from_slice(&colour);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: (usize, usize) = (96, 64);
+
+    fn covered(draw: impl Fn(&mut Canvas<'_>)) -> f64 {
+        let sky = [120, 160, 220];
+        let mut rgb = sky.repeat(SIZE.0 * SIZE.1);
+        draw(&mut Canvas {
+            rgb: &mut rgb,
+            width_px: SIZE.0,
+            height_px: SIZE.1,
+        });
+        let changed = rgb.chunks_exact(3).filter(|pixel| *pixel != sky);
+        changed.count() as f64 / (SIZE.0 * SIZE.1) as f64
+    }
+
+    #[test]
+    fn a_panel_covers_the_lower_half_and_a_pop_up_the_middle() {
+        let panel = covered(|canvas| canvas.draw_panel());
+        let pop_up = covered(|canvas| canvas.draw_pop_up());
+        assert!((0.5..0.75).contains(&panel), "{panel}");
+        assert!((0.15..0.25).contains(&pop_up), "{pop_up}");
+    }
+}

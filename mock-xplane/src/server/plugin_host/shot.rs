@@ -1,0 +1,197 @@
+//! What a frame shows: whom from where, how many frames late, and what else is in the picture.
+
+use std::collections::VecDeque;
+
+use dataset::camera::CameraPose;
+use dataset::geodesy::Geodetic;
+use dataset::pose::{Controls, Pose};
+use glam::DVec3;
+
+use crate::render::overlay::Canvas;
+use crate::server::engine::Picture;
+
+/// How many frames late the pictures after a change are, one change after the other.
+const LATE_FRAMES: [usize; 3] = [2, 4, 3];
+/// Where the other aircraft flies, metres forward, right and down of the user's.
+const BESIDE_M: DVec3 = DVec3::new(-20.0, 55.0, 5.0);
+
+/// Camera and aircraft of a frame.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shot {
+    pub(super) camera: CameraPose,
+    pub(super) pose: Pose,
+    pub(super) controls: Controls,
+}
+
+/// The shots of the last frames.
+#[derive(Debug)]
+pub(super) struct Shots {
+    late: bool,
+    past: VecDeque<Shot>,
+    changes: usize,
+}
+
+impl Shots {
+    /// None yet. `late`: frames show earlier ones.
+    pub(super) fn new(late: bool) -> Self {
+        Self {
+            late,
+            past: VecDeque::new(),
+            changes: 0,
+        }
+    }
+
+    /// A frame is over, and this is what it would have shown.
+    pub(super) fn record(&mut self, shot: Shot) {
+        if !self.late {
+            return;
+        }
+        let still = |at: usize| self.past.get(at) == self.past.get(at + 1);
+        if self.past.front().is_some_and(|last| *last != shot) && still(0) {
+            self.changes += 1;
+        }
+        self.past.push_front(shot);
+        self.past.truncate(5);
+    }
+
+    /// What is drawn in a frame that would show `shot`.
+    pub(super) fn drawn(&self, shot: Shot) -> Shot {
+        let late = LATE_FRAMES[self.changes % LATE_FRAMES.len()];
+        self.past.get(late - 1).copied().unwrap_or(shot)
+    }
+}
+
+/// What is in a picture beside the scene and the aircraft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Painter {
+    /// How much larger than the airliner the aircraft is.
+    pub(super) scale: f64,
+    /// Whether another aircraft flies beside it.
+    pub(super) others: bool,
+    /// Whether a cockpit's panel is in front.
+    pub(super) panel: bool,
+    /// Whether a pop-up lies over it.
+    pub(super) pop_up: bool,
+}
+
+impl Painter {
+    /// Draws it.
+    pub(super) fn draw(
+        &self,
+        picture: &dyn Picture,
+        shot: &Shot,
+        (width_px, height_px): (u32, u32),
+        rgb: &mut [u8],
+    ) {
+        // Paused: clouds, rain and lamps stand still.
+        let draw = |pose: &Pose, rgb: &mut [u8]| picture.draw(pose, &shot.controls, 0.0, rgb);
+        draw(&self.scaled(shot.pose, shot), rgb);
+        if self.others {
+            let beside = moved(shot.pose, BESIDE_M);
+            let [mut other, mut nobody] = [rgb.to_vec(), rgb.to_vec()];
+            draw(&beside, &mut other);
+            draw(&out_of_sight(shot), &mut nobody);
+            let pixels = rgb.chunks_exact_mut(3);
+            let theirs = other.chunks_exact(3).zip(nobody.chunks_exact(3));
+            for (pixel, (other, nobody)) in pixels.zip(theirs) {
+                if other != nobody {
+                    pixel.copy_from_slice(other);
+                }
+            }
+        }
+        let mut canvas = Canvas {
+            rgb,
+            width_px: width_px as usize,
+            height_px: height_px as usize,
+        };
+        if self.panel {
+            canvas.draw_panel();
+        }
+        if self.pop_up {
+            canvas.draw_pop_up();
+        }
+    }
+
+    /// A smaller aircraft looks like one that is farther away.
+    fn scaled(&self, pose: Pose, shot: &Shot) -> Pose {
+        if self.scale == 1.0 {
+            return pose;
+        }
+        let eye = shot.camera.pose.position().to_ecef();
+        let away = (pose.position().to_ecef() - eye) / self.scale;
+        at(pose, eye + away)
+    }
+}
+
+/// Behind the camera.
+fn out_of_sight(shot: &Shot) -> Pose {
+    moved(shot.camera.pose, DVec3::new(-20_000.0, 0.0, 0.0))
+}
+
+/// Moved along its own axes, forward, right and down.
+fn moved(pose: Pose, by_m: DVec3) -> Pose {
+    at(
+        pose,
+        pose.position().to_ecef() + pose.ecef_from_body() * by_m,
+    )
+}
+
+fn at(pose: Pose, ecef: DVec3) -> Pose {
+    let Geodetic {
+        latitude_deg,
+        longitude_deg,
+        altitude_msl_m,
+    } = Geodetic::from_ecef(ecef);
+    Pose {
+        latitude_deg,
+        longitude_deg,
+        altitude_msl_m,
+        ..pose
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::server::world::airport::{ON_THRESHOLD, on_final};
+
+    fn shot(distance_nm: f64) -> Shot {
+        Shot {
+            camera: CameraPose {
+                pose: ON_THRESHOLD,
+                hfov_deg: 10.0,
+            },
+            pose: on_final(distance_nm),
+            controls: Controls::default(),
+        }
+    }
+
+    /// In how many frames the old shot is still drawn after each change.
+    fn stale(late: bool) -> Vec<usize> {
+        let mut shots = Shots::new(late);
+        for _ in 0..6 {
+            shots.record(shot(9.0));
+        }
+        let mut stale = Vec::new();
+        for nm in [8.0, 7.0, 6.0] {
+            let mut frames = 0;
+            for _ in 0..10 {
+                frames += usize::from(shots.drawn(shot(nm)) != shot(nm));
+                shots.record(shot(nm));
+            }
+            stale.push(frames);
+        }
+        stale
+    }
+
+    #[test]
+    fn frames_after_a_pose_show_the_one_before_two_to_four_times() {
+        assert_eq!(stale(false), [0, 0, 0]);
+        let stale = stale(true);
+        assert!(
+            stale.iter().all(|frames| (2..=4).contains(frames)),
+            "{stale:?}"
+        );
+        assert!(stale.windows(2).any(|pair| pair[0] != pair[1]), "{stale:?}");
+    }
+}

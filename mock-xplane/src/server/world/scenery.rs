@@ -1,0 +1,135 @@
+//! Scenery: what is loaded around the aircraft, and how high the ground is there while it settles.
+
+use dataset::geodesy::LatLon;
+
+use crate::quirks::{Quirk, Quirks};
+
+/// Says that scenery is loading.
+pub(super) const LOADING: &str = "sim/graphics/scenery/async_scenery_load_in_progress";
+/// Around its middle, scenery reaches so far, metres.
+const REACH_M: f64 = 45_000.0;
+/// How long scenery of a new place loads, seconds.
+const LOADING_S: f64 = 20.0;
+/// How long the terrain settles after that.
+const SETTLING_S: f64 = 3.0;
+/// Steps in which it does, seconds and metres.
+const STEP_S: f64 = 0.5;
+const STEP_M: f64 = 4.0;
+
+/// The scenery around the aircraft.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scenery {
+    quirks: Quirks,
+    middle: LatLon,
+    /// When the flag falls, by the simulator's running time.
+    loaded_at_s: f64,
+    now_s: f64,
+}
+
+impl Scenery {
+    /// Scenery around a place, loaded long ago.
+    pub(super) fn around(middle: LatLon, quirks: Quirks) -> Self {
+        Self {
+            quirks,
+            middle,
+            loaded_at_s: f64::NEG_INFINITY,
+            now_s: 0.0,
+        }
+    }
+
+    /// Lets time pass with the aircraft at a place; says whether scenery began to load.
+    pub(super) fn advance(&mut self, elapsed_s: f64, aircraft: LatLon) -> bool {
+        self.now_s += elapsed_s;
+        let left = self.middle.distance_m(aircraft) > REACH_M;
+        if left {
+            self.load(aircraft);
+        }
+        left
+    }
+
+    /// Begins to load scenery around a place.
+    pub(super) fn load(&mut self, middle: LatLon) {
+        self.middle = middle;
+        self.loaded_at_s = match self.quirks.has(Quirk::SlowScenery) {
+            true => self.now_s + LOADING_S,
+            false => self.now_s,
+        };
+    }
+
+    /// Whether the flag says that it is loading.
+    pub(super) fn is_loading(&self) -> bool {
+        self.now_s < self.loaded_at_s
+    }
+
+    /// How much higher the ground is than it will be, metres; `None` where none is loaded.
+    pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
+        let quirks = self.quirks;
+        let knows_places = quirks.has(Quirk::SlowScenery) || quirks.has(Quirk::FarAway);
+        if knows_places && (self.is_loading() || self.middle.distance_m(at) > REACH_M) {
+            return None;
+        }
+        let settled_s = self.now_s - self.loaded_at_s;
+        if !quirks.has(Quirk::SettlingTerrain) || settled_s >= SETTLING_S {
+            return Some(0.0);
+        }
+        let steps_to_go = ((SETTLING_S - settled_s) / STEP_S).ceil();
+        Some(STEP_M * steps_to_go)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HERE: LatLon = LatLon {
+        latitude_deg: 1.35,
+        longitude_deg: 103.98,
+    };
+    const ELSEWHERE: LatLon = LatLon {
+        latitude_deg: 9.7,
+        longitude_deg: 104.0,
+    };
+
+    fn travelled(quirks: &[Quirk]) -> Scenery {
+        let quirks = quirks.iter().fold(Quirks::NONE, |set, &one| set.with(one));
+        let mut scenery = Scenery::around(ELSEWHERE, quirks);
+        assert!(scenery.advance(0.1, HERE));
+        scenery
+    }
+
+    #[test]
+    fn without_quirks_the_ground_is_there_at_once_and_everywhere() {
+        let scenery = travelled(&[]);
+        assert!(!scenery.is_loading());
+        assert_eq!(scenery.ground_off_m(ELSEWHERE), Some(0.0));
+    }
+
+    #[test]
+    fn slow_scenery_loads_for_20_s_without_ground_below() {
+        let mut scenery = travelled(&[Quirk::SlowScenery]);
+        assert!(!scenery.advance(19.8, HERE));
+        assert!(scenery.is_loading() && scenery.ground_off_m(HERE).is_none());
+        scenery.advance(0.3, HERE);
+        assert!(!scenery.is_loading());
+        assert_eq!(scenery.ground_off_m(HERE), Some(0.0));
+        assert_eq!(scenery.ground_off_m(ELSEWHERE), None);
+    }
+
+    #[test]
+    fn terrain_settles_for_3_s_after_the_flag_has_fallen() {
+        let mut scenery = travelled(&[Quirk::SlowScenery, Quirk::SettlingTerrain]);
+        scenery.advance(20.1, HERE);
+        assert!(!scenery.is_loading());
+        let mut heights = Vec::new();
+        for _ in 0..8 {
+            heights.push(scenery.ground_off_m(HERE).unwrap());
+            scenery.advance(0.5, HERE);
+        }
+        assert!(heights[0] >= 20.0, "{heights:?}");
+        assert!(heights.windows(2).all(|pair| pair[0] >= pair[1]));
+        assert!(
+            heights[4] > 1.0 && heights[6..] == [0.0, 0.0],
+            "{heights:?}"
+        );
+    }
+}

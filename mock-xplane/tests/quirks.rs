@@ -1,0 +1,155 @@
+//! Awkward habits of a live X-Plane, over the sockets that its clients use.
+
+use std::time::{Duration, Instant};
+
+use mock_xplane::server::{Addresses, ServerOptions, serve};
+use serde_json::{Value, json};
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::net::TcpStream;
+use tokio::sync::oneshot;
+use tokio::time::timeout;
+
+const COVER: &str = "sim/weather/region/cloud_coverage_percent";
+const LATITUDE: &str = "sim/flightmodel/position/latitude";
+const LOADING: &str = "sim/graphics/scenery/async_scenery_load_in_progress";
+/// Nothing takes longer, however busy the machine.
+const PATIENCE: Duration = Duration::from_secs(60);
+
+async fn start(quirks: &str, clock_rate: f64) -> Addresses {
+    let options = ServerOptions {
+        port: 0,
+        beacon: false,
+        quirks: quirks.parse().unwrap(),
+        clock_rate,
+        ..ServerOptions::default()
+    };
+    let (tell, told) = oneshot::channel();
+    tokio::spawn(async move {
+        serve(options, |addresses| tell.send(addresses).unwrap())
+            .await
+            .unwrap();
+    });
+    told.await.unwrap()
+}
+
+/// A request on a connection of its own; `None` if it was closed without an answer.
+async fn request(addresses: Addresses, method: &str, path: &str, body: &Value) -> Option<Value> {
+    let mut stream = TcpStream::connect(addresses.web_api?).await.ok()?;
+    let body = match body {
+        Value::Null => String::new(),
+        body => body.to_string(),
+    };
+    let head = format!(
+        "{method} /api{path} HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\nContent-Type: application/json\r\n\
+         Content-Length: {}\r\n\r\n",
+        body.len()
+    );
+    stream.write_all(head.as_bytes()).await.ok()?;
+    stream.write_all(body.as_bytes()).await.ok()?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).await.ok()?;
+    let (_, body) = answer.split_once("\r\n\r\n")?;
+    serde_json::from_str(body).ok()
+}
+
+async fn id(addresses: Addresses, list: &str, name: &str) -> Value {
+    let path = format!("/v3/{list}?filter[name]={name}");
+    let found = request(addresses, "GET", &path, &Value::Null)
+        .await
+        .unwrap();
+    found["data"][0]["id"].clone()
+}
+
+async fn value(addresses: Addresses, name: &str) -> Value {
+    let path = format!(
+        "/v3/datarefs/{}/value",
+        id(addresses, "datarefs", name).await
+    );
+    let found = request(addresses, "GET", &path, &Value::Null)
+        .await
+        .unwrap();
+    found["data"].clone()
+}
+
+async fn write(addresses: Addresses, name: &str, data: Value) {
+    let path = format!(
+        "/v3/datarefs/{}/value",
+        id(addresses, "datarefs", name).await
+    );
+    request(addresses, "PATCH", &path, &json!({ "data": data }))
+        .await
+        .unwrap();
+}
+
+/// Waits until a dataref is as it should be.
+async fn until(addresses: Addresses, name: &str, right: impl Fn(&Value) -> bool) {
+    let waited = timeout(PATIENCE, async {
+        while !right(&value(addresses, name).await) {}
+    });
+    waited
+        .await
+        .unwrap_or_else(|_| panic!("{name} is not as it should be"));
+}
+
+fn flight() -> Value {
+    json!({ "data": {
+        "aircraft": { "path": "Aircraft/Laminar Research/Boeing 737-800/b738.acf" },
+        "runway_start": { "airport_id": "WSSS", "runway": "02L", "final_distance_in_nautical_miles": 9.5 },
+    }})
+}
+
+#[tokio::test]
+async fn clouds_come_late_by_the_simulators_clock_which_may_run_faster() {
+    let addresses = start("late_clouds", 100.0).await;
+    let began = Instant::now();
+    write(addresses, COVER, json!([0.5, 0.25, 0.0])).await;
+    assert_eq!(value(addresses, COVER).await, json!([0.0, 0.0, 0.0]));
+    until(addresses, COVER, |cover| *cover == json!([0.5, 0.25, 0.0])).await;
+    // 55 s at 100 times the speed; frames that a busy machine skips only make it longer.
+    assert!(began.elapsed() >= Duration::from_millis(500));
+}
+
+#[tokio::test]
+async fn a_start_whose_connection_is_dropped_succeeds_and_its_scenery_loads() {
+    let addresses = start("dropped_start,far_away,slow_scenery", 20.0).await;
+    let away = value(addresses, LATITUDE).await.as_f64().unwrap();
+    assert!(away > 9.0, "{away}");
+    let answer = request(addresses, "POST", "/v3/flight", &flight()).await;
+    assert_eq!(answer, None);
+    until(addresses, LATITUDE, |now| now.as_f64().unwrap() < 2.0).await;
+    until(addresses, LOADING, |loading| *loading == json!(1)).await;
+    until(addresses, LOADING, |loading| *loading == json!(0)).await;
+}
+
+#[tokio::test]
+async fn without_quirks_a_start_is_answered_and_clouds_read_as_written() {
+    let addresses = start("none", 1.0).await;
+    let answer = request(addresses, "POST", "/v3/flight", &flight()).await;
+    assert_eq!(answer, Some(json!({ "error_code": "success" })));
+    write(addresses, COVER, json!([0.5, 0.25, 0.0])).await;
+    assert_eq!(value(addresses, COVER).await, json!([0.5, 0.25, 0.0]));
+    let icao = value(addresses, "sim/aircraft/view/acf_ICAO").await;
+    assert!(
+        icao.as_str().is_some_and(|text| text.starts_with("QjczO")),
+        "{icao}"
+    );
+}
+
+#[tokio::test]
+async fn a_regeneration_freezes_everybody_for_three_seconds_of_the_simulators_clock() {
+    let addresses = start("regeneration_freeze", 3.0).await;
+    let command = id(addresses, "commands", "sim/operation/regen_weather").await;
+    let path = format!("/v3/command/{command}/activate");
+    request(addresses, "POST", &path, &json!({ "duration": 0.0 })).await;
+    // The freeze begins with the next frame: one of the answers from then on takes most of a second.
+    let frozen = timeout(PATIENCE, async {
+        loop {
+            let asked = Instant::now();
+            value(addresses, COVER).await;
+            if asked.elapsed() > Duration::from_millis(800) {
+                return;
+            }
+        }
+    });
+    assert!(frozen.await.is_ok(), "nothing froze");
+}
