@@ -79,15 +79,22 @@ impl Claim {
                 }
             };
             if began.elapsed() >= patience {
+                let scenario = corpus.scenario(name);
+                let whole = name == WHOLE_CORPUS;
+                let path = if whole {
+                    corpus.root()
+                } else {
+                    scenario.root()
+                };
                 return Err(Error::Held {
-                    path: corpus.scenario(name).root().to_owned(),
+                    path: path.to_owned(),
                     holder,
                     waited: patience,
                 });
             }
             if !said && began.elapsed() >= SAID_AFTER {
                 said = true;
-                tracing::warn!("scenario {name}: waiting for {holder}, which is writing it");
+                tracing::warn!("{name}: waiting for {holder}, which is writing it");
             }
             thread::sleep(LOOK_AGAIN);
         }

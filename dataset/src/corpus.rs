@@ -13,7 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::claim::Claim;
+use crate::claim::{Claim, WHOLE_CORPUS};
 use crate::error::{Error, Result};
 use crate::own_path::{own_path, refuse_link};
 use crate::seal::{self, Seal};
@@ -87,6 +87,14 @@ impl Corpus {
     /// The split by trajectory.
     pub fn splits_path(&self) -> PathBuf {
         self.root.join("splits.json")
+    }
+
+    /// The claim that whoever changes the files of the whole corpus holds meanwhile. Another writer is waited for.
+    ///
+    /// # Errors
+    /// Somebody else holds it for long ([`Error::Held`]), or the corpus cannot be written.
+    pub fn claim(&self) -> Result<Claim> {
+        Claim::wait(self, WHOLE_CORPUS, OTHERS_TAKE)
     }
 
     /// Reads the split by trajectory.

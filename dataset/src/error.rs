@@ -80,12 +80,12 @@ pub enum Error {
         /// What was being done and what happened.
         message: String,
     },
-    /// Somebody else is writing the scenario.
+    /// Somebody else is writing the scenario, or the files of the whole corpus.
     #[error(
         "{}: {holder} has been writing it for {waited:?}; if that hangs, end it and run the same command again", path.display()
     )]
     Held {
-        /// The scenario's folder.
+        /// Its folder.
         path: PathBuf,
         /// Who.
         holder: String,

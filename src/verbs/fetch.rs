@@ -153,6 +153,7 @@ fn wanted(
 
 /// The store has the last word on the files of the whole corpus.
 async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<(), Failure> {
+    let _claim = corpus.claim().map_err(Failure::of_corpus)?;
     for name in CORPUS_FILES {
         if let Some(theirs) = store.read(name).await.map_err(failure_of)? {
             let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
 use dataset::corpus::{Corpus, check_path};
 use dataset::json_file::write_atomically;
+use dataset::new_file::clear_leftovers;
 use dataset::seal;
 use dataset::splits::Splits;
 use tokio::time::sleep;
@@ -61,6 +62,7 @@ pub(super) async fn freeze(
             Claimed::Theirs(_) => sleep(LOOK_AGAIN).await,
         }
     };
+    clear_leftovers(corpus.root());
     // Read again: another run may have frozen its plan since this one looked.
     let frozen = frozen_plan(corpus.root(), plan)?;
     let path = corpus.splits_path();
