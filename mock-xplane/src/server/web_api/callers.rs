@@ -40,7 +40,10 @@ fn is_this_computer(host: &str) -> bool {
     let (name, port) = match host.strip_prefix('[') {
         Some(rest) => match rest.split_once(']') {
             Some((name, "")) => (name, None),
-            Some((name, port)) => (name, port.strip_prefix(':')),
+            Some((name, rest)) => match rest.strip_prefix(':') {
+                Some(port) => (name, Some(port)),
+                None => return false,
+            },
             None => return false,
         },
         None => match host.split_once(':') {
