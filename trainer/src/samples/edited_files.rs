@@ -4,7 +4,7 @@
 use std::fs;
 use std::os::unix::fs::symlink;
 
-use dataset::pixel_box::write_detections;
+use dataset::columns::TableWriter;
 use dataset::seal::seal_folder;
 
 use super::*;
@@ -112,7 +112,18 @@ fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
         let mut found = scenario.detections(MODEL_HASH).unwrap();
         found[3].pixel_box.width_px = f64::NAN;
         let path = folder.detections_path(MODEL_HASH);
-        write_detections(&path, &found).unwrap();
+        // Our own writer refuses such a number.
+        TableWriter::new()
+            .u32("tick", found.iter().map(|d| d.tick))
+            .text("view", found.iter().map(|d| &d.view))
+            .f64("cx_px", found.iter().map(|d| d.pixel_box.cx_px))
+            .f64("cy_px", found.iter().map(|d| d.pixel_box.cy_px))
+            .f64("width_px", found.iter().map(|d| d.pixel_box.width_px))
+            .f64("height_px", found.iter().map(|d| d.pixel_box.height_px))
+            .f64("score", found.iter().map(|d| d.score))
+            .u32("tile", found.iter().map(|d| d.tile))
+            .write(&path)
+            .unwrap();
         let record = dataset::detections::record_path(folder, MODEL_HASH);
         let mut provenance = dataset::detections::provenance(folder, MODEL_HASH)
             .unwrap()
@@ -121,7 +132,7 @@ fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
         dataset::json_file::write_json(&record, &provenance).unwrap();
     });
     assert!(
-        message.contains("synthetic.parquet: row 3, column width_px"),
+        message.contains("synthetic.parquet row 3: width_px"),
         "{message}"
     );
 }
