@@ -2,6 +2,7 @@
 //! and copies of it for tests that race, damage or starve the command.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
+use std::env;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
@@ -165,9 +166,10 @@ impl Tiny {
         found
     }
 
-    /// The command, run within the folder by somebody whom no scheduler started.
+    /// The command, run within the folder by somebody whom no scheduler started. `DTD` names another build of it.
     pub(crate) fn dtd(&self, arguments: &[impl AsRef<OsStr>]) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
+        let build = env::var_os("DTD").unwrap_or_else(|| env!("CARGO_BIN_EXE_dtd").into());
+        let mut command = Command::new(build);
         command
             .args(arguments)
             .current_dir(self.root())
