@@ -2,6 +2,7 @@
 
 mod address;
 mod async_runtime;
+mod corpus_files;
 mod demo;
 mod detect;
 mod doctor;

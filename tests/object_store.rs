@@ -9,8 +9,12 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::LazyLock;
 use std::thread::sleep;
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime};
 
+use dataset::claim::{Claim, Claimed};
+use dataset::corpus::Corpus;
+use dataset::detections;
+use dataset::pixel_box::{Detection, PixelBox};
 use s3_server::{S3Server, Way};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
@@ -405,6 +409,277 @@ fn labels_go_back_to_the_bucket_and_another_mirror_gets_them() {
         .unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     assert_eq!(number(&json(&output), "different"), SCENARIOS);
+}
+
+/// A copy of a corpus that may be changed.
+fn copy_of(corpus: &Path) -> (TempDir, PathBuf) {
+    let folder = tempdir().unwrap();
+    let copy = folder.path().join("copy");
+    for (name, bytes) in contents(corpus) {
+        let path = copy.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+    (folder, copy)
+}
+
+fn push(corpus: &Path, url: &str) -> Output {
+    dtd(SERVER.address)
+        .arg("push")
+        .arg(corpus)
+        .args([url, "--json"])
+        .output()
+        .unwrap()
+}
+
+/// What is at the URL, fetched.
+fn mirror(url: &str) -> Vec<(PathBuf, Vec<u8>)> {
+    let (_folder, corpus, output) = fetch(url);
+    assert!(output.status.success(), "{}", said(&output));
+    contents(&corpus)
+}
+
+/// Dates a file: `hours` from now, or ago if that is negative. Stores know seconds only.
+fn date(path: &Path, hours: i64) {
+    let file = fs::File::options().write(true).open(path).unwrap();
+    let span = Duration::from_secs(3600 * hours.unsigned_abs());
+    let now = SystemTime::now();
+    let date = if hours < 0 { now - span } else { now + span };
+    file.set_modified(date).unwrap();
+}
+
+fn seals_of(corpus: &Path) -> Vec<PathBuf> {
+    let scenarios = fs::read_dir(corpus.join("scenarios")).unwrap();
+    scenarios
+        .map(|scenario| scenario.unwrap().path().join("DONE.json"))
+        .collect()
+}
+
+fn flip(path: &Path) {
+    let mut bytes = fs::read(path).unwrap();
+    let place = bytes.len() * 2 / 3;
+    bytes[place] ^= 1;
+    fs::write(path, bytes).unwrap();
+}
+
+#[test]
+fn damaged_files_of_the_whole_corpus_go_neither_way() {
+    let url = bucket("damaged-files");
+    let (_folder, local) = copy_of(&IN_A_FOLDER.0);
+    assert!(push(&local, &url).status.success());
+    let whole = mirror(&url);
+    for name in ["plan.json", "splits.json", "corpus.toml"] {
+        let path = local.join(name);
+        let good = fs::read(&path).unwrap();
+        // In the middle of a name, where TOML has none that end so.
+        let middle = match good.windows(4).position(|text| text == b"[app") {
+            Some(place) => place + 4,
+            None => good.len() / 2,
+        };
+        let other_seed = String::from_utf8_lossy(&good)
+            .replacen("seed = 3", "seed = 4", 1)
+            .replacen("\"seed\":", "\"seed\":1", 1)
+            .replacen("\"train\"", "\"test\"", 1);
+        for damaged in [&b""[..], &good[..middle], other_seed.as_bytes()] {
+            fs::write(&path, damaged).unwrap();
+            let output = push(&local, &url);
+            let message = said(&output);
+            assert_eq!(output.status.code(), Some(2), "{name}: {message}");
+            assert!(message.contains(name), "{message}");
+            assert!(mirror(&url) == whole, "{name} was sent: {message}");
+        }
+        fs::write(&path, &good).unwrap();
+        // Here and damaged, it is brought again, and that is said.
+        let (_other, other) = copy_of(&local);
+        fs::write(other.join(name), "").unwrap();
+        let output = dtd(SERVER.address)
+            .args(["fetch", &url, "--out"])
+            .arg(&other)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        assert!(said(&output).contains("damaged"), "{}", said(&output));
+        assert!(fs::read(other.join(name)).unwrap() == good);
+        // Damaged in the store, it never comes here; a push of a whole one mends it.
+        SERVER.put(&format!("/damaged-files/a/corpus/{name}"), "");
+        let (_third, third) = copy_of(&local);
+        let output = dtd(SERVER.address)
+            .args(["fetch", &url, "--out"])
+            .arg(&third)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+        assert!(fs::read(third.join(name)).unwrap() == good);
+        let output = push(&local, &url);
+        assert!(output.status.success(), "{}", said(&output));
+        assert!(
+            said(&output).contains("which was damaged"),
+            "{}",
+            said(&output)
+        );
+        assert!(mirror(&url) == whole);
+    }
+}
+
+#[test]
+fn a_lost_split_is_made_again_as_it_was_and_a_person_hears_of_it() {
+    let url = bucket("lost-split");
+    let (_folder, local) = copy_of(&IN_A_FOLDER.0);
+    let split = local.join("splits.json");
+    let good = fs::read(&split).unwrap();
+    fs::remove_file(&split).unwrap();
+    let output = push(&local, &url);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("made again"), "{}", said(&output));
+    assert!(fs::read(&split).unwrap() == good);
+    fs::remove_file(&split).unwrap();
+    let output = push(&local, &url);
+    assert!(
+        said(&output).contains("the store keeps its own"),
+        "{}",
+        said(&output)
+    );
+    SERVER.ask("DELETE", "/lost-split/a/corpus/splits.json", "");
+    let (_mirror, corpus, output) = fetch(&url);
+    assert!(said(&output).contains("made again"), "{}", said(&output));
+    assert!(fs::read(corpus.join("splits.json")).unwrap() == good);
+}
+
+#[test]
+fn an_older_mirror_does_not_undo_labels_and_a_damaged_one_replaces_nothing() {
+    let url = bucket("older");
+    let (_older, older) = copy_of(&IN_A_FOLDER.0);
+    for seal in seals_of(&older) {
+        date(&seal, -1);
+    }
+    assert!(push(&older, &url).status.success());
+    let (_labelled, labelled, _) = fetch(&url);
+    let output = dtd(SERVER.address).arg("label").arg(&labelled).output();
+    assert!(output.unwrap().status.success());
+    assert_eq!(number(&json(&push(&labelled, &url)), "replaced"), SCENARIOS);
+    let whole = mirror(&url);
+    let output = push(&older, &url);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert!(said(&output).contains("newer"), "{}", said(&output));
+    assert!(mirror(&url) == whole);
+    // Newer by its clock, but not what was sealed.
+    for seal in seals_of(&older) {
+        flip(&seal.with_file_name("frames.parquet"));
+        date(&seal, 1);
+    }
+    let output = push(&older, &url);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert!(
+        said(&output).contains("frames.parquet"),
+        "{}",
+        said(&output)
+    );
+    assert!(mirror(&url) == whole);
+}
+
+/// Gives a scenario detections of the model `abc`, all with this score.
+fn detect(corpus: &Path, score: f64) -> PathBuf {
+    let corpus = Corpus::open(corpus).unwrap();
+    let scenario = corpus.scenarios().unwrap().remove(0);
+    let claimed = Claim::take(&corpus, &scenario.id()).unwrap();
+    let Claimed::Mine(claim) = claimed else {
+        panic!("nobody else is there");
+    };
+    let source = scenario.open().unwrap();
+    let detection = Detection {
+        tick: 0,
+        view: source.record().unwrap().views[0].clone(),
+        pixel_box: PixelBox {
+            cx_px: 30.0,
+            cy_px: 30.0,
+            width_px: 4.0,
+            height_px: 2.0,
+        },
+        score,
+        tile: 0,
+    };
+    let model = "abc";
+    detections::replace(&claim, &source, "abc0", model, &[detection], |provenance| {
+        provenance
+    })
+    .unwrap();
+    scenario.detections_path(model)
+}
+
+#[test]
+fn detections_are_never_overwritten_here_and_replaced_there_only_by_newer_ones() {
+    let url = bucket("detections");
+    let (_one, one) = copy_of(&IN_A_FOLDER.0);
+    let (_two, two) = copy_of(&IN_A_FOLDER.0);
+    let table = detect(&one, 0.25);
+    date(&table.with_extension("json"), -1);
+    let pushed = json(&push(&one, &url));
+    assert_eq!(number(&pushed, "detections"), 1, "{pushed}");
+    assert_eq!(number(&pushed, "replaced_detections"), 0, "{pushed}");
+    let theirs = detect(&two, 0.75);
+    let ours = fs::read(&theirs).unwrap();
+    let refetch = |corpus: &Path| {
+        dtd(SERVER.address)
+            .args(["fetch", &url, "--json", "--out"])
+            .arg(corpus)
+            .output()
+            .unwrap()
+    };
+    let output = refetch(&two);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert!(
+        said(&output).contains("which are older"),
+        "{}",
+        said(&output)
+    );
+    assert!(fs::read(&theirs).unwrap() == ours);
+
+    let pushed = json(&push(&two, &url));
+    assert_eq!(number(&pushed, "replaced_detections"), 1, "{pushed}");
+    let whole = mirror(&url);
+    let output = push(&one, &url);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert!(said(&output).contains("newer"), "{}", said(&output));
+    let output = refetch(&one);
+    assert!(
+        said(&output).contains("which are newer"),
+        "{}",
+        said(&output)
+    );
+    // Damaged here: not sent; and mended from the store where that has the very same.
+    for (corpus, table) in [(&one, &table), (&two, &theirs)] {
+        flip(table);
+        let output = push(corpus, &url);
+        assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+        assert!(said(&output).contains("hash differs"), "{}", said(&output));
+        assert!(mirror(&url) == whole);
+    }
+    let output = refetch(&two);
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(number(&json(&output), "replaced_detections"), 1);
+    assert!(fs::read(&theirs).unwrap() == ours);
+}
+
+#[test]
+fn what_a_killed_push_left_in_the_store_is_cleared_by_the_next_one() {
+    let url = bucket("leftovers");
+    let unfinished = || {
+        let (status, answer) = SERVER.ask("GET", "/leftovers?uploads", "");
+        assert_eq!(status, 200, "{answer}");
+        let keys = answer.split("<Key>").skip(1);
+        keys.map(|rest| rest.split("</Key>").next().unwrap().to_owned())
+            .collect::<Vec<_>>()
+    };
+    let elsewhere = "a/corpus/scenarios/of-somebody-else/views/left.mp4";
+    for key in ["a/corpus/scenarios/1200-clear-r1/views/left.mp4", elsewhere] {
+        let (status, answer) = SERVER.ask("POST", &format!("/leftovers/{key}?uploads"), "");
+        assert_eq!(status, 200, "{answer}");
+    }
+    assert_eq!(unfinished().len(), 2);
+    let pushed = json(&push(&IN_A_FOLDER.0, &url));
+    assert_eq!(pushed["cleared"], 1, "{pushed}");
+    assert_eq!(unfinished(), [elsewhere]);
+    assert_same(&url);
 }
 
 #[test]

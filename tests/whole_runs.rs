@@ -27,13 +27,13 @@ optimisation = { steps = 60, batch_size = 64, learning_rate = 0.003 }
 optimisation = { steps = 60, batch_size = 64, learning_rate = 0.003 }
 ";
 
-struct Bench {
+struct Workshop {
     corpus: PathBuf,
     settings: PathBuf,
     run: PathBuf,
 }
 
-impl Bench {
+impl Workshop {
     fn train(&self, run: &Path, seed: u32) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
         command
@@ -75,7 +75,7 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
     let path = |name: &str| folder.path().join(name);
     SyntheticCorpus::tiny().write(&path("corpus")).unwrap();
     fs::write(path("train.toml"), SETTINGS).unwrap();
-    let bench = Bench {
+    let workshop = Workshop {
         corpus: path("corpus"),
         settings: path("train.toml"),
         run: path("run"),
@@ -84,7 +84,7 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
     let undisturbed = [0, 1].map(|seed| {
         let began = Instant::now();
         let run = path(&format!("seed-{seed}"));
-        let output = bench.train(&run, seed).output().unwrap();
+        let output = workshop.train(&run, seed).output().unwrap();
         assert!(output.status.success(), "{}", said(&output));
         took = began.elapsed();
         weights_and_settings(&run)
@@ -93,9 +93,9 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
     for kill in 0..KILLS {
         // A training, then an evaluation, then another training ... each ended a little later than the last of its kind.
         let mut command = match kill % 3 {
-            0 => bench.train(&bench.run, 0),
-            1 => bench.evaluate(),
-            _ => bench.train(&bench.run, 1),
+            0 => workshop.train(&workshop.run, 0),
+            1 => workshop.evaluate(),
+            _ => workshop.train(&workshop.run, 1),
         };
         let part = f64::from(kill) / f64::from(KILLS);
         let mut process = command
@@ -106,23 +106,23 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
         sleep(took.mul_f64(1.2 * part));
         let _ = process.kill();
         process.wait().unwrap();
-        if bench.run.exists() {
-            assert_whole(&bench.run);
+        if workshop.run.exists() {
+            assert_whole(&workshop.run);
         }
-        let output = bench.evaluate().output().unwrap();
-        if !bench.run.exists() {
+        let output = workshop.evaluate().output().unwrap();
+        if !workshop.run.exists() {
             // No training has ended yet.
             assert_eq!(output.status.code(), Some(2), "{}", said(&output));
             continue;
         }
         assert!(output.status.success(), "kill {kill}: {}", said(&output));
-        assert_whole(&bench.run);
-        let found = weights_and_settings(&bench.run);
+        assert_whole(&workshop.run);
+        let found = weights_and_settings(&workshop.run);
         assert!(undisturbed.contains(&found), "kill {kill}: a mixture");
         assert!(!path("run.partial").exists(), "kill {kill}");
     }
-    let output = bench.train(&bench.run, 1).output().unwrap();
+    let output = workshop.train(&workshop.run, 1).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
-    assert!(weights_and_settings(&bench.run) == undisturbed[1]);
-    assert!(!bench.run.join("metrics.json").exists());
+    assert!(weights_and_settings(&workshop.run) == undisturbed[1]);
+    assert!(!workshop.run.join("metrics.json").exists());
 }

@@ -28,6 +28,7 @@ use dataset::video::VideoSettings;
 use serde::{Deserialize, Serialize};
 use xplane_bridge::fly::ApproachProfile;
 
+use crate::seed;
 use crate::sweep::{Camera, Picture};
 
 pub use against::{Against, Standing};
@@ -172,6 +173,20 @@ impl Plan {
             None => Ok(plan),
             Some(fault) => Err(dataset::Error::corpus(path, fault)),
         }
+    }
+
+    /// Checks that the plan is what its hashes say; what differs, in words.
+    ///
+    /// # Errors
+    /// A scenario's parameters, or the list of scenarios, are not those that were hashed.
+    pub fn check_hashes(&self) -> Result<(), String> {
+        expand::check_hashes(self)
+    }
+
+    /// Whether the seeds of all scenarios follow from this master seed.
+    pub fn is_seeded_by(&self, master: u64) -> bool {
+        let mut scenarios = self.scenarios.iter();
+        scenarios.all(|scenario| scenario.seed == seed::of_scenario(master, &scenario.id))
     }
 
     /// Writes a `plan.json`, a line per scenario.

@@ -8,10 +8,11 @@ use dataset::json_file::write_atomically;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use serde::Serialize;
-use store::{CORPUS_FILES, CorpusStore, Fetched, Patience, StoreUrl};
+use store::{CorpusStore, Fetched, Patience, StoreUrl};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
+use super::corpus_files::{CorpusFile, CorpusFiles, SPLIT_AGAIN, Standing};
 use super::object_store::{OnBar, failure_of};
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
@@ -29,8 +30,14 @@ struct Mirror {
     different: Vec<String>,
     /// Damaged in the store, with the reason.
     failed: Vec<Lost>,
-    /// Files of detections that were brought.
-    detections: usize,
+    /// Models' detections that were brought, as ID/MODEL.
+    detections: Vec<String>,
+    /// Of these, those that took the place of damaged ones.
+    replaced_detections: Vec<String>,
+    /// Models' detections that were left alone.
+    left_detections: Vec<Lost>,
+    /// What was decided about the files of the whole corpus, where there was something to decide.
+    corpus_files: Vec<String>,
 }
 
 #[derive(Serialize)]
@@ -55,6 +62,15 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
             args.out.display()
         );
     }
+    for said in &mirror.corpus_files {
+        eprintln!("{said}");
+    }
+    for replaced in &mirror.replaced_detections {
+        eprintln!("replaced the damaged detections {replaced}");
+    }
+    for left in &mirror.left_detections {
+        eprintln!("detections {} were not fetched: {}", left.id, left.reason);
+    }
     for id in &mirror.different {
         eprintln!(
             "{id} differs from what the store has and was left alone; move {} away to fetch it, or `dtd push` it",
@@ -64,7 +80,8 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
     for lost in &mirror.failed {
         eprintln!("{} was not fetched: {}", lost.id, lost.reason);
     }
-    Ok(match mirror.different.len() + mirror.failed.len() {
+    let lost = mirror.different.len() + mirror.failed.len() + mirror.left_detections.len();
+    Ok(match lost {
         0 => Ending::Done,
         _ => Ending::Losses,
     })
@@ -80,9 +97,11 @@ async fn mirror(
     store.check().await.map_err(failure_of)?;
     let ids = wanted(store.committed().await.map_err(failure_of)?, args, store)?;
     let corpus = Corpus::create(&args.out).map_err(Failure::bad_input)?;
-    fetch_corpus_files(store, &corpus).await?;
+    let mut mirror = Mirror {
+        corpus_files: fetch_corpus_files(store, &corpus).await?,
+        ..Mirror::default()
+    };
     bar.set_total(ids.len() as u64);
-    let mut mirror = Mirror::default();
     for (done, id) in ids.iter().enumerate() {
         bar.working_on(id);
         bar.set_done(done as u64);
@@ -115,12 +134,23 @@ async fn mirror(
             }
             Err(error) => return Err(failure_of(error)),
         }
-        mirror.detections += patience
+        let moved = patience
             .with(&watch, async |watch| {
                 store.fetch_detections(&corpus.scenario(id), watch).await
             })
             .await
             .map_err(failure_of)?;
+        let name = |model: &String| format!("{id}/{model}");
+        mirror.detections.extend(moved.moved.iter().map(name));
+        mirror
+            .replaced_detections
+            .extend(moved.replaced.iter().map(name));
+        mirror
+            .left_detections
+            .extend(moved.left.into_iter().map(|left| Lost {
+                id: name(&left.model),
+                reason: left.reason,
+            }));
     }
     bar.set_done(ids.len() as u64);
     Ok(mirror)
@@ -151,16 +181,95 @@ fn wanted(
     Ok(committed.into_iter().filter(is_wanted).collect())
 }
 
-/// The store has the last word on the files of the whole corpus.
-async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<(), Failure> {
-    let _claim = corpus.claim().map_err(Failure::of_corpus)?;
-    for name in CORPUS_FILES {
-        if let Some(theirs) = store.read(name).await.map_err(failure_of)? {
-            let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;
-            if outside_file::read(&path, FileKind::PLAN).ok().as_ref() != Some(&theirs) {
-                write_atomically(&path, &theirs)?;
-            }
+/// Brings plan, split and sweep where there are none, or damaged ones, or ones that the store's only add to. Ours stay where they have more;
+/// where they say something else, this is another corpus. Returns what was decided.
+async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<String>, Failure> {
+    let damaged = |name: &str, reason: String| {
+        Failure::Failed(anyhow::anyhow!(
+            "{}/{name}: {reason}. Nothing was fetched; `dtd push` from a whole copy of the corpus replaces it",
+            store.name()
+        ))
+    };
+    let mut theirs = CorpusFiles::default();
+    for name in Corpus::FILES {
+        if let Some(bytes) = store.read(name).await.map_err(failure_of)? {
+            theirs
+                .add(name, bytes)
+                .map_err(|reason| damaged(name, reason))?;
         }
     }
-    Ok(())
+    theirs
+        .check_together()
+        .map_err(|(name, reason)| damaged(name, reason))?;
+    let mut said = Vec::new();
+    let mut to_write = Vec::new();
+    let mut plan_is_theirs = true;
+    for name in Corpus::FILES {
+        let Some((bytes, file)) = theirs.get(name) else {
+            continue;
+        };
+        let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;
+        let ours = match path.exists() {
+            true => {
+                outside_file::read(&path, FileKind::PLAN.unlinked()).map_err(Failure::bad_input)?
+            }
+            false => {
+                to_write.push((path, bytes));
+                continue;
+            }
+        };
+        if ours == *bytes {
+            plan_is_theirs &= name != "plan.json";
+            continue;
+        }
+        let shown = path.display().to_string();
+        let is_theirs = match CorpusFile::parse(name, &ours).map(|ours| ours.standing(file)) {
+            Err(damage) => {
+                said.push(format!("replaced {shown}, which was damaged: {damage}"));
+                true
+            }
+            Ok(Standing::TheirsHasMore) => {
+                said.push(format!("replaced {shown}, which had less than the store's"));
+                true
+            }
+            Ok(Standing::OursHasMore) => {
+                said.push(format!(
+                    "{shown} has more than the store's and stays; `dtd push` sends it"
+                ));
+                false
+            }
+            Ok(Standing::Same) => false,
+            Ok(Standing::AsThePlan) => plan_is_theirs,
+            Ok(Standing::Conflict(difference)) => {
+                return Err(Failure::bad_input_message(format!(
+                    "{shown} is of another corpus than {}: {difference}. Nothing was fetched; name another folder",
+                    store.name()
+                )));
+            }
+        };
+        if name == "plan.json" {
+            plan_is_theirs = is_theirs;
+        }
+        if is_theirs {
+            to_write.push((path, bytes));
+        }
+    }
+    for (path, bytes) in to_write {
+        write_atomically(&path, bytes)?;
+    }
+    let splits = corpus.splits_path();
+    if !splits.exists() {
+        match theirs.split_again() {
+            Some(split) => {
+                split
+                    .map_err(|reason| damaged("plan.json", reason))?
+                    .write(&splits)?;
+                said.push(SPLIT_AGAIN.into());
+            }
+            None => said.push(
+                "splits.json is missing, here and in the store, and cannot be made again without plan.json and corpus.toml".into(),
+            ),
+        }
+    }
+    Ok(said)
 }

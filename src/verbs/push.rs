@@ -1,17 +1,17 @@
 //! `dtd push`: a corpus from a folder into an object store.
 
-use std::path::Path;
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
-use generator::plan::Plan;
 use serde::Serialize;
-use store::{CORPUS_FILES, CorpusStore, Keep, OnOther, Patience, Pushed, Settled};
+use store::{CorpusStore, Keep, OnOther, Patience, Pushed, Settled, StoreError};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
+use super::corpus_files::{CorpusFile, CorpusFiles, SPLIT_AGAIN, Standing};
 use super::object_store::{OnBar, failure_of};
 use super::open_corpus::open_filled_corpus;
 use super::output::{count, print_json};
@@ -19,17 +19,32 @@ use crate::args::PushArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
-/// What happened to the scenarios.
+/// What happened to the corpus.
 #[derive(Default, Serialize)]
 struct Sent {
-    /// Sent by this call.
+    /// Scenarios that this call sent.
     pushed: Vec<String>,
-    /// Of these, those of which the store had another content.
+    /// Of these, those of which the store had another content, which was older.
     replaced: Vec<String>,
     /// Committed already, with this content.
     unchanged: Vec<String>,
-    /// Files of detections that were sent.
-    detections: usize,
+    /// Scenarios, and detections as ID/MODEL, that were not sent.
+    refused: Vec<Refused>,
+    /// Models' detections that were sent, as ID/MODEL.
+    detections: Vec<String>,
+    /// Of these, those that took the place of older ones.
+    replaced_detections: Vec<String>,
+    /// What was decided about the files of the whole corpus, where there was something to decide.
+    corpus_files: Vec<String>,
+    /// Unfinished uploads of earlier calls that were cleared.
+    cleared: usize,
+}
+
+/// Something that was not sent.
+#[derive(Serialize)]
+struct Refused {
+    what: String,
+    reason: String,
 }
 
 /// Runs the verb.
@@ -42,118 +57,234 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
         print_json(&sent)?;
     } else {
         println!(
-            "{} pushed ({} replaced), {} there already: {}",
+            "{} pushed ({} replaced), {} there already; {} of detections pushed ({} replaced): {}",
             count(sent.pushed.len(), "scenario"),
             sent.replaced.len(),
             sent.unchanged.len(),
+            count(sent.detections.len(), "set"),
+            sent.replaced_detections.len(),
             store.name()
         );
+        for replaced in sent.replaced.iter().chain(&sent.replaced_detections) {
+            println!("replaced an older {replaced}");
+        }
     }
-    Ok(Ending::Done)
+    for said in &sent.corpus_files {
+        eprintln!("{said}");
+    }
+    for Refused { what, reason } in &sent.refused {
+        eprintln!("{what} was not pushed: {reason}");
+    }
+    Ok(match sent.refused.len() {
+        0 => Ending::Done,
+        _ => Ending::Losses,
+    })
 }
 
 async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Result<Sent, Failure> {
     let bar = Bar::new("push", "scenarios", None);
     let watch = OnBar(&bar);
-    store.check().await.map_err(failure_of)?;
-    send_corpus_files(corpus, store).await?;
-    let scenarios = corpus.scenarios().map_err(Failure::of_corpus)?;
-    bar.set_total(scenarios.len() as u64);
     let mut sent = Sent::default();
+    let files = files_to_send(corpus, store, &mut sent).await?;
+    let scenarios = corpus.scenarios().map_err(Failure::of_corpus)?;
+    let ids: BTreeSet<String> = scenarios.iter().map(|folder| folder.id()).collect();
+    match store.clear_unfinished(&ids).await {
+        Ok(cleared) => sent.cleared = cleared,
+        // They cost room and do no harm; whoever may write may not always list them.
+        Err(error) => bar.say(&format!("unfinished uploads are left there: {error}")),
+    }
+    send_corpus_files(&files, store, &mut sent).await?;
+    bar.set_total(scenarios.len() as u64);
     for (done, folder) in scenarios.iter().enumerate() {
         let id = folder.id();
         bar.working_on(&id);
         bar.set_done(done as u64);
         let pushed = patience
             .with(&watch, async |watch| {
-                store.push_scenario(folder, OnOther::Replace, watch).await
+                store
+                    .push_scenario(folder, OnOther::ReplaceOlder, watch)
+                    .await
             })
-            .await
-            .map_err(failure_of)?;
-        match pushed {
-            Pushed::Committed { replaced, .. } => {
+            .await;
+        let refused = match pushed {
+            Ok(Pushed::Committed { replaced, .. }) => {
                 if replaced {
                     sent.replaced.push(id.clone());
                 }
-                sent.pushed.push(id);
+                sent.pushed.push(id.clone());
+                None
             }
-            Pushed::Same | Pushed::Other => sent.unchanged.push(id),
+            Ok(Pushed::Same | Pushed::Other) => {
+                sent.unchanged.push(id.clone());
+                None
+            }
+            Ok(Pushed::Newer) => Some(format!(
+                "the store has another one, which is newer; move {} away to fetch it",
+                folder.root().display()
+            )),
+            Err(error @ StoreError::Damaged { .. }) => Some(error.to_string()),
+            Err(error) => return Err(failure_of(error)),
+        };
+        if let Some(reason) = refused {
+            sent.refused.push(Refused { what: id, reason });
+            continue;
         }
-        sent.detections += patience
+        let moved = patience
             .with(&watch, async |watch| {
                 store.push_detections(folder, watch).await
             })
             .await
             .map_err(failure_of)?;
+        let name = |model: &String| format!("{id}/{model}");
+        sent.detections.extend(moved.moved.iter().map(name));
+        sent.replaced_detections
+            .extend(moved.replaced.iter().map(name));
+        sent.refused.extend(moved.left.iter().map(|left| Refused {
+            what: name(&left.model),
+            reason: left.reason.clone(),
+        }));
     }
     bar.set_done(scenarios.len() as u64);
     Ok(sent)
 }
 
-/// Sends plan, split and sweep. A store that was begun with another plan is refused; one whose plan has more scenarios keeps its own.
-async fn send_corpus_files(corpus: &Corpus, store: &CorpusStore) -> Result<(), Failure> {
-    let mut keep = Keep::Ours;
-    for name in CORPUS_FILES {
+/// Plan, split and sweep, each sound and of one corpus; nothing is sent yet. A split that was lost is made again.
+async fn files_to_send(
+    corpus: &Corpus,
+    store: &CorpusStore,
+    sent: &mut Sent,
+) -> Result<CorpusFiles, Failure> {
+    let refuse = |name: &str, reason: String| {
+        Failure::bad_input_message(format!(
+            "{}: {reason}. Nothing was pushed; `dtd fetch {} --out FOLDER` brings the store's own",
+            corpus.root().join(name).display(),
+            store.name()
+        ))
+    };
+    let mut files = CorpusFiles::default();
+    for name in Corpus::FILES {
         let path = own_path(corpus.root(), name).map_err(Failure::bad_input)?;
-        if !path.exists() {
-            continue;
+        if path.exists() {
+            let bytes =
+                outside_file::read(&path, FileKind::PLAN.unlinked()).map_err(Failure::bad_input)?;
+            files
+                .add(name, bytes)
+                .map_err(|reason| refuse(name, reason))?;
         }
-        let ours = outside_file::read(&path, FileKind::PLAN)?;
-        let is_plan = path == corpus.plan_path();
+    }
+    files
+        .check_together()
+        .map_err(|(name, reason)| refuse(name, reason))?;
+    store.check().await.map_err(failure_of)?;
+    for name in files.missing().collect::<Vec<_>>() {
+        if store.read(name).await.map_err(failure_of)?.is_some() {
+            sent.corpus_files.push(format!(
+                "{} is missing; the store keeps its own, and `dtd fetch` brings it",
+                corpus.root().join(name).display()
+            ));
+        } else if name == "splits.json"
+            && let Some(split) = files.split_again()
+        {
+            let split = split.map_err(|reason| refuse(name, reason))?;
+            let path = corpus.splits_path();
+            split.write(&path)?;
+            let bytes =
+                outside_file::read(&path, FileKind::PLAN.unlinked()).map_err(Failure::bad_input)?;
+            files
+                .add(name, bytes)
+                .map_err(|reason| refuse(name, reason))?;
+            sent.corpus_files.push(SPLIT_AGAIN.into());
+        } else {
+            sent.corpus_files.push(format!(
+                "{} is missing, here and in the store",
+                corpus.root().join(name).display()
+            ));
+        }
+    }
+    Ok(files)
+}
+
+/// Sends plan, split and sweep where the store has none, a damaged one or one that ours only adds to. One that says something else is
+/// refused; one that has more stays.
+async fn send_corpus_files(
+    files: &CorpusFiles,
+    store: &CorpusStore,
+    sent: &mut Sent,
+) -> Result<(), Failure> {
+    let mut with_plan = Keep::Ours;
+    for name in Corpus::FILES {
+        let Some((bytes, ours)) = files.get(name) else {
+            continue;
+        };
+        let mut said = None;
         let settled = store
-            .settle(name, &ours, |theirs| match is_plan {
-                true => longer_plan(&ours, &path, theirs, store),
-                false => Ok(keep),
+            .settle(name, bytes, |theirs| {
+                let keep = match CorpusFile::parse(name, theirs)
+                    .map(|theirs| ours.standing(&theirs))
+                {
+                    Err(damage) => {
+                        said = Some(format!(
+                            "replaced the store's {name}, which was damaged: {damage}"
+                        ));
+                        Keep::Ours
+                    }
+                    Ok(Standing::OursHasMore) => {
+                        said = Some(format!(
+                            "replaced the store's {name}, which had less than ours"
+                        ));
+                        Keep::Ours
+                    }
+                    Ok(Standing::TheirsHasMore) => {
+                        said = Some(format!("the store's {name} has more than ours and stays"));
+                        Keep::Theirs
+                    }
+                    Ok(Standing::Same) => Keep::Theirs,
+                    Ok(Standing::AsThePlan) => {
+                        if with_plan == Keep::Ours {
+                            said = Some(format!("replaced the store's {name} along with the plan"));
+                        }
+                        with_plan
+                    }
+                    Ok(Standing::Conflict(difference)) => {
+                        return Err(NotSent::Conflict { name, difference });
+                    }
+                };
+                Ok(keep)
             })
             .await
-            .map_err(Refused::into_failure)?;
-        if is_plan && settled == Settled::Theirs {
-            keep = Keep::Theirs;
+            .map_err(|error| error.into_failure(store))?;
+        if name == "plan.json" && settled != Settled::Sent {
+            with_plan = Keep::Theirs;
         }
+        sent.corpus_files.extend(said);
     }
     Ok(())
 }
 
-/// Why a plan is not sent.
-enum Refused {
-    Store(store::StoreError),
-    Plan(dataset::Error),
-    Other(String),
+/// Why a file of the whole corpus was not sent.
+enum NotSent {
+    Store(StoreError),
+    Conflict {
+        name: &'static str,
+        difference: String,
+    },
 }
 
-impl From<store::StoreError> for Refused {
-    fn from(error: store::StoreError) -> Self {
+impl From<StoreError> for NotSent {
+    fn from(error: StoreError) -> Self {
         Self::Store(error)
     }
 }
 
-impl Refused {
-    fn into_failure(self) -> Failure {
+impl NotSent {
+    fn into_failure(self, store: &CorpusStore) -> Failure {
         match self {
             Self::Store(error) => failure_of(error),
-            Self::Plan(error) => Failure::bad_input(error),
-            Self::Other(message) => Failure::bad_input_message(message),
+            Self::Conflict { name, difference } => Failure::bad_input_message(format!(
+                "{}: the corpus was begun with another plan or split, {name} differs: {difference}. A corpus can only be added to: push to \
+                 another prefix",
+                store.name()
+            )),
         }
-    }
-}
-
-fn longer_plan(
-    ours: &[u8],
-    path: &Path,
-    theirs: &[u8],
-    store: &CorpusStore,
-) -> Result<Keep, Refused> {
-    let their_path = format!("{}/plan.json", store.name());
-    let ours = Plan::parse(ours, path).map_err(Refused::Plan)?;
-    let theirs = Plan::parse(theirs, Path::new(&their_path)).map_err(Refused::Plan)?;
-    if theirs.conflict_with(&ours).is_none() {
-        return Ok(Keep::Theirs);
-    }
-    match ours.conflict_with(&theirs) {
-        None => Ok(Keep::Ours),
-        Some(difference) => Err(Refused::Other(format!(
-            "{}: the corpus was begun with another plan: {difference}. A corpus can only be added to: push to another prefix",
-            store.name()
-        ))),
     }
 }

@@ -2,23 +2,24 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, SystemTime};
 
 use dataset::seal::{DONE, Seal};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as ObjectPath;
 use object_store::{
-    Attribute, Attributes, GetOptions, ObjectStore, ObjectStoreExt, PutMode, PutOptions,
-    UpdateVersion,
+    Attribute, Attributes, GetOptions, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode,
+    PutOptions, UpdateVersion,
 };
 use tokio::time::timeout;
 
 use crate::error::{Result, StoreError};
+use crate::leftovers::Unfinished;
 use crate::open::{Opened, open};
 use crate::place::StoreUrl;
 
 /// Folder of the scenarios, as on disk.
-const SCENARIOS: &str = "scenarios";
+pub(crate) const SCENARIOS: &str = "scenarios";
 /// Key of the metadata that holds an object's hash.
 const HASH: &str = "blake3";
 /// Looking for credentials may ask services that are not there; a person waits no longer than this for the first word.
@@ -37,6 +38,16 @@ pub struct CorpusStore {
     keeps_metadata: bool,
     /// The URL, for messages.
     name: String,
+    /// Where unfinished uploads are found.
+    pub(crate) unfinished: Unfinished,
+}
+
+/// What a listing says of an object.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ObjectInfo {
+    pub(crate) bytes: u64,
+    /// When it was written, by the store's clock.
+    pub(crate) modified: SystemTime,
 }
 
 /// Whose form of a file to keep.
@@ -69,12 +80,14 @@ impl CorpusStore {
             store,
             root,
             keeps_metadata,
+            unfinished,
         } = open(url, create)?;
         Ok(Self {
             store,
             root,
             keeps_metadata,
             name: url.to_string(),
+            unfinished,
         })
     }
 
@@ -86,6 +99,7 @@ impl CorpusStore {
             root: ObjectPath::from("corpora/small"),
             keeps_metadata: true,
             name: "memory:///corpora/small".into(),
+            unfinished: Unfinished::Nowhere,
         }
     }
 
@@ -144,12 +158,17 @@ impl CorpusStore {
 
     /// The seal of a scenario, if it is committed.
     pub async fn seal(&self, id: &str) -> Result<Option<Seal>> {
+        Ok(self.dated_seal(id).await?.map(|(seal, _)| seal))
+    }
+
+    /// The same with the time at which it was committed, by the store's clock.
+    pub(crate) async fn dated_seal(&self, id: &str) -> Result<Option<(Seal, SystemTime)>> {
         let name = scenario_file(id, DONE);
-        let Some(text) = self.read(&name).await? else {
+        let Some((text, object)) = self.read_object(&name).await? else {
             return Ok(None);
         };
         match serde_json::from_slice(&text) {
-            Ok(seal) => Ok(Some(seal)),
+            Ok(seal) => Ok(Some((seal, object.last_modified.into()))),
             Err(error) => Err(StoreError::Damaged {
                 place: format!("{}/{name}", self.name),
                 message: format!("is not a valid seal: {error}"),
@@ -175,25 +194,22 @@ impl CorpusStore {
 
     /// A small file, if it is there; named as in the corpus' folder.
     pub async fn read(&self, name: &str) -> Result<Option<Vec<u8>>> {
-        Ok(self.read_version(name).await?.map(|(bytes, _)| bytes))
+        Ok(self.read_object(name).await?.map(|(bytes, _)| bytes))
     }
 
-    async fn read_version(&self, name: &str) -> Result<Option<(Vec<u8>, UpdateVersion)>> {
+    async fn read_object(&self, name: &str) -> Result<Option<(Vec<u8>, ObjectMeta)>> {
         let doing = || format!("read {name}");
         let got = match self.store.get(&self.key(name)).await {
             Ok(got) => got,
             Err(object_store::Error::NotFound { .. }) => return Ok(None),
             Err(error) => return Err(self.error(&doing(), &error)),
         };
-        let version = UpdateVersion {
-            e_tag: got.meta.e_tag.clone(),
-            version: got.meta.version.clone(),
-        };
+        let object = got.meta.clone();
         let bytes = got
             .bytes()
             .await
             .map_err(|error| self.error(&doing(), &error))?;
-        Ok(Some((bytes.to_vec(), version)))
+        Ok(Some((bytes.to_vec(), object)))
     }
 
     /// Writes a small file, whatever is there; named as in the corpus' folder.
@@ -245,13 +261,16 @@ impl CorpusStore {
                 ) => {}
                 Err(error) => return Err(self.error(&format!("write {name}"), &error).into()),
             }
-            mode = match self.read_version(name).await? {
+            mode = match self.read_object(name).await? {
                 // Stores without conditions.
                 None => PutMode::Overwrite,
                 Some((theirs, _)) if theirs == ours => return Ok(Settled::Same),
-                Some((theirs, version)) => match judge(&theirs)? {
+                Some((theirs, object)) => match judge(&theirs)? {
                     Keep::Theirs => return Ok(Settled::Theirs),
-                    Keep::Ours if self.keeps_metadata => PutMode::Update(version),
+                    Keep::Ours if self.keeps_metadata => PutMode::Update(UpdateVersion {
+                        e_tag: object.e_tag,
+                        version: object.version,
+                    }),
                     // Folders know no versions.
                     Keep::Ours => PutMode::Overwrite,
                 },
@@ -276,8 +295,8 @@ impl CorpusStore {
         Ok(())
     }
 
-    /// Names, within the scenario, and sizes of all objects that a scenario has, committed or not.
-    pub(crate) async fn objects(&self, id: &str) -> Result<BTreeMap<String, u64>> {
+    /// All objects that a scenario has, committed or not, by their names within the scenario.
+    pub(crate) async fn objects(&self, id: &str) -> Result<BTreeMap<String, ObjectInfo>> {
         let folder = self.key(&scenario_file(id, ""));
         let list = self.store.list(Some(&folder));
         let named = list.try_filter_map(|object| {
@@ -286,7 +305,11 @@ impl CorpusStore {
                 let parts: Vec<_> = parts.map(|part| part.as_ref().to_owned()).collect();
                 parts.join("/")
             });
-            std::future::ready(Ok(name.map(|name| (name, object.size))))
+            let info = ObjectInfo {
+                bytes: object.size,
+                modified: object.last_modified.into(),
+            };
+            std::future::ready(Ok(name.map(|name| (name, info))))
         });
         named
             .try_collect()

@@ -18,9 +18,6 @@ use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
 use crate::patience::Watch;
 
-/// The files that belong to the whole corpus, in the order in which they are written.
-pub const CORPUS_FILES: [&str; 3] = ["plan.json", "splits.json", "corpus.toml"];
-
 /// What a person can do about a scenario that is damaged in the store.
 const MEND: &str = "Delete the scenario's DONE.json in the store; then `dtd push` sends it again, or `dtd generate` makes it anew";
 /// Files on their way at once.
@@ -109,36 +106,8 @@ impl CorpusStore {
         })
     }
 
-    /// Brings the detections that a committed scenario has and the folder has not; returns how many files that were.
-    pub async fn fetch_detections(
-        &self,
-        folder: &ScenarioFolder,
-        watch: &dyn Watch,
-    ) -> Result<usize> {
-        let mut brought = 0;
-        let mut claimed = None;
-        for (name, bytes) in self.objects(&folder.id()).await? {
-            if !seal::is_within(Path::new(&name)) {
-                continue;
-            }
-            let target = own_path(folder.root(), &name)?;
-            let missing = fs::metadata(&target).map_or(true, |there| there.len() != bytes);
-            if Path::new(&name).parent() == Some(Path::new("detections")) && missing {
-                if claimed.is_none() {
-                    claimed = Some(claim(folder).await?);
-                }
-                let name = scenario_file(&folder.id(), &name);
-                if let Some(blake3) = self.hash_of(&name).await? {
-                    self.bring(&name, &target, &blake3, watch).await?;
-                    brought += 1;
-                }
-            }
-        }
-        Ok(brought)
-    }
-
     /// One file, under another name until it is whole and has its hash.
-    async fn bring(
+    pub(crate) async fn bring(
         &self,
         name: &str,
         target: &Path,
@@ -184,7 +153,7 @@ impl CorpusStore {
 }
 
 /// The claim of a scenario that is to be written; another writer is waited for.
-async fn claim(folder: &ScenarioFolder) -> Result<Claim> {
+pub(crate) async fn claim(folder: &ScenarioFolder) -> Result<Claim> {
     let folder = folder.clone();
     let claimed = spawn_blocking(move || folder.claim()).await;
     Ok(claimed.unwrap_or_else(|panic| std::panic::resume_unwind(panic.into_panic()))?)

@@ -13,8 +13,10 @@
 #![forbid(unsafe_code)]
 
 mod corpus_store;
+mod detections;
 mod error;
 mod fetch;
+mod leftovers;
 mod open;
 mod patience;
 mod place;
@@ -24,8 +26,9 @@ mod upload;
 mod tests;
 
 pub use corpus_store::{CorpusStore, Keep, Settled};
+pub use detections::{LeftDetections, MovedDetections};
 pub use error::{Result, StoreError};
-pub use fetch::{CORPUS_FILES, Fetched};
+pub use fetch::Fetched;
 pub use patience::{Patience, Watch};
 pub use place::{Place, SCHEMES, StoreUrl};
 pub use upload::{OnOther, Pushed};

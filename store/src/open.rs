@@ -14,6 +14,7 @@ use object_store::path::Path as ObjectPath;
 use object_store::{BackoffConfig, ClientConfigKey, ObjectStore, RetryConfig};
 
 use crate::error::{Result, StoreError};
+use crate::leftovers::Unfinished;
 use crate::place::{Kind, StoreUrl};
 
 /// A request is repeated for so long without a word; whoever waits longer says so (`patience`).
@@ -37,6 +38,8 @@ pub(crate) struct Opened {
     pub(crate) root: ObjectPath,
     /// Whether objects carry metadata.
     pub(crate) keeps_metadata: bool,
+    /// Where unfinished uploads are found.
+    pub(crate) unfinished: Unfinished,
 }
 
 /// Opens the store of a URL with what the environment says. Nothing is asked of it yet.
@@ -49,8 +52,13 @@ pub(crate) fn open(url: &StoreUrl, create: bool) -> Result<Opened> {
         return open_folder(url, create);
     }
     let text = url.url.as_str();
+    let mut unfinished = Unfinished::Nowhere;
     let store: Arc<dyn ObjectStore> = match url.kind {
-        Kind::S3 => Arc::new(s3(text).build().map_err(not_configured)?),
+        Kind::S3 => {
+            let store = Arc::new(s3(text).build().map_err(not_configured)?);
+            unfinished = Unfinished::S3(store.clone());
+            store
+        }
         Kind::Google => {
             let builder = GoogleCloudStorageBuilder::from_env()
                 .with_url(text)
@@ -76,6 +84,7 @@ pub(crate) fn open(url: &StoreUrl, create: bool) -> Result<Opened> {
         store,
         root,
         keeps_metadata: true,
+        unfinished,
     })
 }
 
@@ -121,5 +130,6 @@ fn open_folder(url: &StoreUrl, create: bool) -> Result<Opened> {
         store: Arc::new(store),
         root: ObjectPath::default(),
         keeps_metadata: false,
+        unfinished: Unfinished::Folder(path),
     })
 }

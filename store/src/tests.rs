@@ -4,7 +4,10 @@ use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use dataset::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::detections;
+use dataset::pixel_box::{Detection, PixelBox};
 use dataset::seal::{self, DONE, MANIFEST, seal_folder};
 use object_store::ObjectStoreExt;
 use tempfile::TempDir;
@@ -51,7 +54,9 @@ fn same_files(a: &ScenarioFolder, b: &ScenarioFolder) {
 
 async fn push(store: &CorpusStore, corpus: &Corpus) -> Result<Pushed> {
     let folder = corpus.scenario(ID);
-    store.push_scenario(&folder, OnOther::Replace, &()).await
+    store
+        .push_scenario(&folder, OnOther::ReplaceOlder, &())
+        .await
 }
 
 /// Stops a transfer once so many bytes have passed.
@@ -196,7 +201,7 @@ async fn other_content_is_kept_or_replaced_and_other_parameters_are_refused() {
     let (_third, third) = corpus_with("more labels");
     let folder = third.scenario(ID);
     let stopped = store
-        .push_scenario(&folder, OnOther::Replace, &stop_after(1))
+        .push_scenario(&folder, OnOther::ReplaceOlder, &stop_after(1))
         .await;
     assert!(matches!(stopped, Err(StoreError::Stopped)));
     assert!(store.committed().await.unwrap().is_empty());
@@ -278,27 +283,69 @@ async fn a_manifest_that_names_a_file_outside_is_refused() {
     assert!(error.to_string().contains("outside"), "{error}");
 }
 
+/// Gives the scenario detections of the model `abc`, all with this score.
+fn detect(corpus: &Corpus, score: f64) {
+    let Claimed::Mine(claim) = Claim::take(corpus, ID).unwrap() else {
+        panic!("nobody else is there");
+    };
+    let source = corpus.scenario(ID).open().unwrap();
+    let detection = Detection {
+        tick: 0,
+        view: "left".into(),
+        pixel_box: PixelBox {
+            cx_px: 30.0,
+            cy_px: 30.0,
+            width_px: 4.0,
+            height_px: 2.0,
+        },
+        score,
+        tile: 0,
+    };
+    let record = |provenance| provenance;
+    detections::replace(&claim, &source, "abc0", "abc", &[detection], record).unwrap();
+}
+
 #[tokio::test]
 async fn detections_go_along_and_only_new_ones_are_sent() {
     let (_folder, stores) = stores();
     for store in stores {
         let (_ours, ours) = corpus_with("table");
         push(&store, &ours).await.unwrap();
-        let detections = ours.scenario(ID).detections_folder();
-        fs::create_dir(&detections).unwrap();
-        for (name, text) in [("abc.parquet", "boxes"), ("abc.json", "{}")] {
-            fs::write(detections.join(name), text).unwrap();
-        }
+        detect(&ours, 0.5);
         let folder = ours.scenario(ID);
-        assert_eq!(store.push_detections(&folder, &()).await.unwrap(), 2);
-        assert_eq!(store.push_detections(&folder, &()).await.unwrap(), 0);
+        let moved = |models: &[&str]| MovedDetections {
+            moved: models.iter().map(ToString::to_string).collect(),
+            ..MovedDetections::default()
+        };
+        let push = async || store.push_detections(&folder, &()).await.unwrap();
+        assert_eq!(push().await, moved(&["abc"]));
+        assert_eq!(push().await, moved(&[]));
         let (_theirs, theirs) = empty();
         store.fetch_scenario(ID, &theirs, &()).await.unwrap();
-        let folder = theirs.scenario(ID);
-        assert_eq!(store.fetch_detections(&folder, &()).await.unwrap(), 2);
-        assert_eq!(store.fetch_detections(&folder, &()).await.unwrap(), 0);
-        assert_eq!(fs::read(folder.detections_path("abc")).unwrap(), b"boxes");
-        assert!(seal::faults(folder.root()).unwrap().is_empty());
+        let there = theirs.scenario(ID);
+        let fetch = async || store.fetch_detections(&there, &()).await.unwrap();
+        assert_eq!(fetch().await, moved(&["abc"]));
+        assert_eq!(fetch().await, moved(&[]));
+        for path in [
+            ScenarioFolder::detections_path,
+            |folder: &ScenarioFolder, model: &str| detections::record_path(folder, model),
+        ] {
+            let [a, b] = [&folder, &there].map(|folder| fs::read(path(folder, "abc")).unwrap());
+            assert!(a == b);
+        }
+        assert!(seal::faults(there.root()).unwrap().is_empty());
+        // Half of them is none.
+        store
+            .store
+            .delete(&store.key(&format!("scenarios/{ID}/detections/abc.json")))
+            .await
+            .unwrap();
+        let (_third, third) = empty();
+        store.fetch_scenario(ID, &third, &()).await.unwrap();
+        let left = store.fetch_detections(&third.scenario(ID), &()).await;
+        let left = left.unwrap().left;
+        assert!(left[0].reason.contains("half of them"), "{left:?}");
+        assert!(!third.scenario(ID).detections_path("abc").exists());
     }
 }
 

@@ -7,17 +7,17 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{self, Read};
 use std::path::Path;
+use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
 use dataset::json_file::json_bytes;
 use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
 use dataset::seal::{self, DONE, MANIFEST, SealedFile};
 use dataset::sealed::Sealed;
 use object_store::{ObjectStoreExt, PutMultipartOptions, PutOptions, WriteMultipart};
 use tokio::task::spawn_blocking;
 
-use crate::corpus_store::{CorpusStore, scenario_file};
+use crate::corpus_store::{CorpusStore, ObjectInfo, scenario_file};
 use crate::error::{Result, StoreError};
 use crate::patience::Watch;
 
@@ -29,16 +29,14 @@ const PARTS_AT_ONCE: usize = 4;
 const MOST_PARTS: u64 = 9_000;
 /// How often a file of the folder may have gone to its final name just before it is opened.
 const ROUNDS: u32 = 3;
-/// Detections are versioned by themselves and not sealed.
-const DETECTIONS: &str = "detections";
 
 /// What to do where the store has the scenario already, with other content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnOther {
     /// Leave it: it was there first.
     Keep,
-    /// Put ours in its place. Meanwhile the scenario is not committed.
-    Replace,
+    /// Put ours in its place if ours is newer. Meanwhile the scenario is not committed.
+    ReplaceOlder,
 }
 
 /// What became of a scenario.
@@ -57,6 +55,8 @@ pub enum Pushed {
     Same,
     /// It was committed already, with another content, and was left alone.
     Other,
+    /// The same, since that content is newer than ours.
+    Newer,
 }
 
 impl CorpusStore {
@@ -97,11 +97,15 @@ impl CorpusStore {
         watch: &dyn Watch,
     ) -> Result<Pushed> {
         let id = folder.id();
+        let damaged = |message: String| StoreError::Damaged {
+            place: folder.root().display().to_string(),
+            message,
+        };
         let (ours, files) = (sealed.seal(), sealed.files());
         let mut replaced = false;
-        match self.seal(&id).await? {
-            Some(theirs) if theirs == *ours => return Ok(Pushed::Same),
-            Some(theirs) if theirs.config_hash != ours.config_hash => {
+        match self.dated_seal(&id).await? {
+            Some((theirs, _)) if theirs == *ours => return Ok(Pushed::Same),
+            Some((theirs, _)) if theirs.config_hash != ours.config_hash => {
                 return Err(StoreError::Damaged {
                     place: format!("{}/scenarios/{id}", self.name()),
                     message: format!(
@@ -111,7 +115,12 @@ impl CorpusStore {
                 });
             }
             Some(_) if on_other == OnOther::Keep => return Ok(Pushed::Other),
+            Some((_, committed)) if committed > sealed_at(folder)? => return Ok(Pushed::Newer),
             Some(_) => {
+                // What is there counts until ours is known to be whole.
+                if let Some(fault) = seal::faults(folder.root())?.into_iter().next() {
+                    return Err(damaged(fault));
+                }
                 self.take_seal_away(&id).await?;
                 replaced = true;
             }
@@ -141,41 +150,6 @@ impl CorpusStore {
         })
     }
 
-    /// Sends the detections of a scenario that are not there yet; returns how many files were sent.
-    pub async fn push_detections(
-        &self,
-        folder: &ScenarioFolder,
-        watch: &dyn Watch,
-    ) -> Result<usize> {
-        let detections = own_path(folder.root(), DETECTIONS)?;
-        if !detections.is_dir() {
-            return Ok(0);
-        }
-        let there = self.objects(&folder.id()).await?;
-        let mut names = Vec::new();
-        for entry in fs::read_dir(&detections).map_err(dataset::Error::io("list", &detections))? {
-            let name = entry
-                .map_err(dataset::Error::io("list", &detections))?
-                .file_name();
-            let name = name.to_string_lossy().into_owned();
-            own_path(&detections, &name)?;
-            if name.ends_with(".parquet") || name.ends_with(".json") {
-                names.push(name);
-            }
-        }
-        // The table before the record that describes it.
-        names.sort_by_key(|name| (name.ends_with(".json"), name.clone()));
-        let mut sent = 0;
-        for name in names {
-            let file = SealedFile {
-                blake3: seal::hash_file(&detections.join(&name))?,
-                name: format!("{DETECTIONS}/{name}"),
-            };
-            sent += usize::from(self.send_if_missing(folder, &file, &there, watch).await?);
-        }
-        Ok(sent)
-    }
-
     async fn take_seal_away(&self, id: &str) -> Result<()> {
         let name = scenario_file(id, DONE);
         match self.store.delete(&self.key(&name)).await {
@@ -184,27 +158,39 @@ impl CorpusStore {
         }
     }
 
-    /// Whether the file had to be sent.
-    async fn send_if_missing(
+    /// Whether the store has the very same file.
+    pub(crate) async fn has(
         &self,
         folder: &ScenarioFolder,
         file: &SealedFile,
-        there: &BTreeMap<String, u64>,
+        there: &BTreeMap<String, ObjectInfo>,
+    ) -> Result<bool> {
+        let path = seal::current_path(folder.root(), &file.name)?;
+        let bytes = size_of(&path)?;
+        let name = scenario_file(&folder.id(), &file.name);
+        Ok(
+            there.get(&file.name).map(|there| there.bytes) == Some(bytes)
+                && self.hash_of(&name).await?.as_deref() == Some(file.blake3.as_str()),
+        )
+    }
+
+    /// Whether the file had to be sent.
+    pub(crate) async fn send_if_missing(
+        &self,
+        folder: &ScenarioFolder,
+        file: &SealedFile,
+        there: &BTreeMap<String, ObjectInfo>,
         watch: &dyn Watch,
     ) -> Result<bool> {
         if watch.stopped() {
             return Err(StoreError::Stopped);
         }
-        let path = seal::current_path(folder.root(), &file.name)?;
-        let bytes = fs::metadata(&path)
-            .map_err(dataset::Error::io("read", &path))?
-            .len();
-        let name = scenario_file(&folder.id(), &file.name);
-        if there.get(&file.name) == Some(&bytes)
-            && self.hash_of(&name).await?.as_deref() == Some(file.blake3.as_str())
-        {
+        if self.has(folder, file, there).await? {
             return Ok(false);
         }
+        let path = seal::current_path(folder.root(), &file.name)?;
+        let bytes = size_of(&path)?;
+        let name = scenario_file(&folder.id(), &file.name);
         let hash = if bytes <= PART_BYTES {
             self.send_whole(&path, &name, &file.blake3, watch).await?
         } else {
@@ -228,7 +214,7 @@ impl CorpusStore {
         blake3: &str,
         watch: &dyn Watch,
     ) -> Result<Option<()>> {
-        let file = outside_file::open(path, FileKind::VIDEO)?;
+        let file = outside_file::open(path, FileKind::VIDEO.unlinked())?;
         let (_, bytes) = read_part(file, PART_BYTES)
             .await
             .map_err(dataset::Error::io("read", path))?;
@@ -257,8 +243,16 @@ impl CorpusStore {
         blake3: &str,
         watch: &dyn Watch,
     ) -> Result<Option<()>> {
-        let failed = |error: object_store::Error| self.error(&format!("write {name}"), &error);
-        let mut file = outside_file::open(path, FileKind::VIDEO)?;
+        // Whoever clears unfinished uploads cannot know that this one is still being sent: it begins again.
+        let failed = |error: object_store::Error| match error {
+            object_store::Error::NotFound { .. } => StoreError::Away {
+                url: self.name().into(),
+                doing: format!("write {name}"),
+                message: "another `dtd push` cleared this upload".into(),
+            },
+            error => self.error(&format!("write {name}"), &error),
+        };
+        let mut file = outside_file::open(path, FileKind::VIDEO.unlinked())?;
         let options = PutMultipartOptions {
             attributes: self.attributes(blake3),
             ..PutMultipartOptions::default()
@@ -267,7 +261,7 @@ impl CorpusStore {
             .store
             .put_multipart_opts(&self.key(name), options)
             .await
-            .map_err(failed)?;
+            .map_err(|error| self.error(&format!("write {name}"), &error))?;
         let part_bytes = PART_BYTES.max(bytes.div_ceil(MOST_PARTS));
         let mut parts = WriteMultipart::new_with_chunk_size(upload, part_bytes as usize);
         let mut hasher = blake3::Hasher::new();
@@ -319,6 +313,18 @@ impl CorpusStore {
             .map_err(|error| self.error(&format!("write {name}"), &error))?;
         Ok(())
     }
+}
+
+fn size_of(path: &Path) -> Result<u64> {
+    let found = fs::metadata(path).map_err(dataset::Error::io("read", path))?;
+    Ok(found.len())
+}
+
+/// When a scenario got the seal that it has.
+fn sealed_at(folder: &ScenarioFolder) -> Result<SystemTime> {
+    let path = folder.root().join(DONE);
+    let found = fs::metadata(&path).and_then(|found| found.modified());
+    Ok(found.map_err(dataset::Error::io("look at", &path))?)
 }
 
 /// The next bytes of a file, on a thread that may wait for the disk; empty at the end.

@@ -1,16 +1,19 @@
 //! The files of a training, read back only if they are those that the training wrote.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::PathBuf;
 
 use dataset::json_file::write_atomically;
+use dataset::outside_file::{self, FileKind};
 use dataset::seal::{DONE, MANIFEST};
 use dataset::sealed::Sealed;
 use serde::de::DeserializeOwned;
 
 use crate::error::{Error, Result};
 use crate::run_folder::RunFolder;
+
+/// Any file of a run. The largest are the weights.
+const RUN_FILE: FileKind = FileKind::new("file of a run", 4 << 30).unlinked();
 
 /// The files of a training as they were sealed, in memory.
 pub(crate) struct SealedRun {
@@ -41,7 +44,7 @@ impl SealedRun {
         let mut files = BTreeMap::new();
         for name in RunFolder::TRAINED {
             let path = root.join(name);
-            let bytes = fs::read(&path).map_err(dataset::Error::io("read", &path))?;
+            let bytes = outside_file::read(&path, RUN_FILE)?;
             let hash = blake3::hash(&bytes).to_string();
             if seal.hash_of(name) != Some(&hash) {
                 return Err(Error::Run {

@@ -24,12 +24,12 @@ fn config(seed: u64) -> TrainConfig {
     config
 }
 
-struct Bench {
+struct Workshop {
     folder: TempDir,
     corpus: Corpus,
 }
 
-impl Bench {
+impl Workshop {
     fn new() -> Self {
         let folder = tempdir().unwrap();
         let corpus = SyntheticCorpus::tiny()
@@ -86,66 +86,70 @@ fn assert_whole(run: &Path) {
 
 #[test]
 fn what_is_no_run_is_never_replaced_and_is_named_before_anything_is_computed() {
-    let bench = Bench::new();
-    fs::write(bench.path("file"), "precious").unwrap();
-    assert!(bench.refusal("file").contains("expected a folder"));
-    assert!(bench.refusal("file/run").contains("cannot be made there"));
+    let workshop = Workshop::new();
+    fs::write(workshop.path("file"), "precious").unwrap();
+    assert!(workshop.refusal("file").contains("expected a folder"));
+    assert!(
+        workshop
+            .refusal("file/run")
+            .contains("cannot be made there")
+    );
     for (name, precious, words) in [
         ("mine", "thesis.tex", "holds thesis.tex"),
         ("tool", "config.json", "has no run.json"),
     ] {
-        fs::create_dir(bench.path(name)).unwrap();
-        fs::write(bench.path(name).join(precious), "precious").unwrap();
-        let message = bench.refusal(name);
+        fs::create_dir(workshop.path(name)).unwrap();
+        fs::write(workshop.path(name).join(precious), "precious").unwrap();
+        let message = workshop.refusal(name);
         assert!(message.contains(words), "{message}");
-        assert_eq!(names(&bench.path(name)), [precious]);
+        assert_eq!(names(&workshop.path(name)), [precious]);
     }
-    fs::create_dir(bench.path("taken.partial")).unwrap();
-    fs::write(bench.path("taken.partial/notes"), "precious").unwrap();
-    assert!(bench.refusal("taken").contains("holds notes"));
-    std::os::unix::fs::symlink(bench.path("mine"), bench.path("link")).unwrap();
-    assert!(bench.refusal("link").contains("thesis.tex"));
-    let left = names(bench.folder.path());
+    fs::create_dir(workshop.path("taken.partial")).unwrap();
+    fs::write(workshop.path("taken.partial/notes"), "precious").unwrap();
+    assert!(workshop.refusal("taken").contains("holds notes"));
+    std::os::unix::fs::symlink(workshop.path("mine"), workshop.path("link")).unwrap();
+    assert!(workshop.refusal("link").contains("thesis.tex"));
+    let left = names(workshop.folder.path());
     let expected = ["corpus", "file", "link", "mine", "taken.partial", "tool"];
     assert_eq!(left, expected, "nothing else was made, nothing is gone");
 }
 
 #[test]
 fn a_training_that_fails_leaves_the_run_that_was_there() {
-    let bench = Bench::new();
-    let run = bench.train("run", 0).unwrap();
-    bench.evaluate("run").unwrap();
+    let workshop = Workshop::new();
+    let run = workshop.train("run", 0).unwrap();
+    workshop.evaluate("run").unwrap();
     let before: Vec<_> = names(run.root())
         .iter()
         .map(|name| fs::read(run.root().join(name)).unwrap())
         .collect();
     assert!(run.report_path().is_file());
-    let splits = bench.corpus.splits_path();
+    let splits = workshop.corpus.splits_path();
     let split = fs::read(&splits).unwrap();
     fs::write(&splits, "").unwrap();
-    bench.train("run", 1).unwrap_err();
+    workshop.train("run", 1).unwrap_err();
     let after: Vec<_> = names(run.root())
         .iter()
         .map(|name| fs::read(run.root().join(name)).unwrap())
         .collect();
     assert!(before == after);
-    assert_eq!(names(bench.folder.path()), ["corpus", "run"]);
+    assert_eq!(names(workshop.folder.path()), ["corpus", "run"]);
     // And one that succeeds leaves nothing of it: its figures are not those of the new weights.
     fs::write(&splits, split).unwrap();
-    bench.train("run", 1).unwrap();
+    workshop.train("run", 1).unwrap();
     assert!(!run.metrics_path().exists() && !run.report_path().exists());
     assert_whole(run.root());
-    bench.evaluate("run").unwrap();
+    workshop.evaluate("run").unwrap();
     assert_whole(run.root());
     assert_eq!(names(run.root()).len(), RunFolder::FILES.len());
-    assert_eq!(names(bench.folder.path()), ["corpus", "run"]);
+    assert_eq!(names(workshop.folder.path()), ["corpus", "run"]);
 }
 
 #[test]
 fn files_of_another_training_and_edited_ones_are_refused_by_name() {
-    let bench = Bench::new();
-    let run = bench.train("run", 0).unwrap();
-    let other = bench.train("other", 1).unwrap();
+    let workshop = Workshop::new();
+    let run = workshop.train("run", 0).unwrap();
+    let other = workshop.train("other", 1).unwrap();
     for name in [
         "config.json",
         "run.json",
@@ -165,7 +169,7 @@ fn files_of_another_training_and_edited_ones_are_refused_by_name() {
                 continue;
             }
             fs::write(&path, changed).unwrap();
-            let message = bench.evaluate("run").unwrap_err().to_string();
+            let message = workshop.evaluate("run").unwrap_err().to_string();
             assert!(
                 message.contains(name) && message.contains("not what the training wrote"),
                 "{message}"
@@ -174,21 +178,21 @@ fn files_of_another_training_and_edited_ones_are_refused_by_name() {
         fs::write(&path, whole).unwrap();
     }
     assert!(!run.metrics_path().exists());
-    bench.evaluate("run").unwrap();
+    workshop.evaluate("run").unwrap();
     // A result that somebody marked up does not count, and does not matter: it is made again.
     fs::write(run.report_path(), "my notes").unwrap();
-    bench.evaluate("run").unwrap();
+    workshop.evaluate("run").unwrap();
     assert_whole(run.root());
     fs::remove_file(run.root().join("DONE.json")).unwrap();
-    let message = bench.evaluate("run").unwrap_err().to_string();
+    let message = workshop.evaluate("run").unwrap_err().to_string();
     assert!(message.contains("no DONE.json"), "{message}");
 }
 
 #[test]
 fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
-    let bench = Bench::new();
-    let first = bench.train("first", 0).unwrap();
-    let second = bench.train("second", 1).unwrap();
+    let workshop = Workshop::new();
+    let first = workshop.train("first", 0).unwrap();
+    let second = workshop.train("second", 1).unwrap();
     let half: &[&str] = &["config.json", "weights.safetensors"];
     // What a kill leaves in RUN, RUN.partial/new and RUN.partial/old, and which of the two runs must come of it.
     let cases: [(&str, [Option<&RunFolder>; 3], Option<&[&str]>, &RunFolder); 6] = [
@@ -221,8 +225,8 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
     ];
     for (what, [run, new, old], unsealed, expected) in cases {
         let name = what.replace(' ', "-");
-        let root = bench.path(&name);
-        let beside = bench.path(&format!("{name}.partial"));
+        let root = workshop.path(&name);
+        let beside = workshop.path(&format!("{name}.partial"));
         fs::create_dir(&beside).unwrap();
         fs::write(beside.join("claim"), "{}").unwrap();
         for (from, to) in [
@@ -240,7 +244,7 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
                 fs::copy(second.root().join(file), beside.join("new").join(file)).unwrap();
             }
         }
-        bench
+        workshop
             .evaluate(&name)
             .unwrap_or_else(|error| panic!("{what}: {error}"));
         assert_whole(&root);
@@ -273,8 +277,8 @@ impl Progress for Gate {
 
 #[test]
 fn two_who_work_on_one_run_exclude_each_other_and_neighbours_do_not() {
-    let bench = Bench::new();
-    bench.train("run", 0).unwrap();
+    let workshop = Workshop::new();
+    workshop.train("run", 0).unwrap();
     let (at_work, is_at_work) = mpsc::channel();
     let (go_on, may_go_on) = mpsc::channel();
     thread::scope(|scope| {
@@ -284,20 +288,26 @@ fn two_who_work_on_one_run_exclude_each_other_and_neighbours_do_not() {
                 go_on: may_go_on,
                 passed: false,
             };
-            train(&bench.corpus, &bench.path("run"), &config(1), &mut gate).unwrap();
+            train(
+                &workshop.corpus,
+                &workshop.path("run"),
+                &config(1),
+                &mut gate,
+            )
+            .unwrap();
         });
         is_at_work.recv().unwrap();
         for error in [
-            bench.train("run", 2).unwrap_err(),
-            bench.evaluate("run").unwrap_err(),
+            workshop.train("run", 2).unwrap_err(),
+            workshop.evaluate("run").unwrap_err(),
         ] {
             assert!(matches!(error, Error::Held { .. }), "{error}");
         }
-        bench.train("neighbour", 2).unwrap();
+        workshop.train("neighbour", 2).unwrap();
         go_on.send(()).unwrap();
         first.join().unwrap();
     });
-    let text = fs::read_to_string(bench.path("run/config.json")).unwrap();
+    let text = fs::read_to_string(workshop.path("run/config.json")).unwrap();
     assert!(text.contains("\"seed\": 1"), "{text}");
-    assert_whole(&bench.path("run"));
+    assert_whole(&workshop.path("run"));
 }

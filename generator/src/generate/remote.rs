@@ -323,7 +323,9 @@ impl<'a> Run<'a> {
                 let outcome = &mut lock(&self.tally).outcome;
                 match pushed {
                     Pushed::Committed { .. } => outcome.committed.push(id.to_owned()),
-                    Pushed::Same | Pushed::Other => outcome.skipped.push(id.to_owned()),
+                    Pushed::Same | Pushed::Other | Pushed::Newer => {
+                        outcome.skipped.push(id.to_owned())
+                    }
                 }
                 self.reporter.tell(Event::Uploaded {
                     id,

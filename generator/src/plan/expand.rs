@@ -188,6 +188,28 @@ fn json(value: &impl serde::Serialize) -> Vec<u8> {
     serde_json::to_vec(value).expect("plain structs without maps of odd keys are always JSON")
 }
 
+/// Checks the hashes of a plan that was read; what differs, in words.
+pub(super) fn check_hashes(plan: &Plan) -> Result<(), String> {
+    let hashed_common = json(&plan.common);
+    for scenario in &plan.scenarios {
+        let PlannedScenario {
+            id,
+            seed,
+            parameters,
+            ..
+        } = scenario;
+        if config_hash(id, *seed, &hashed_common, parameters) != scenario.config_hash {
+            return Err(format!(
+                "the parameters of scenario {id} are not those that its config_hash is of"
+            ));
+        }
+    }
+    match plan_hash(&plan.scenarios) == plan.plan_hash {
+        true => Ok(()),
+        false => Err("its scenarios are not those that its plan_hash is of".into()),
+    }
+}
+
 fn plan_hash(scenarios: &[PlannedScenario]) -> String {
     let mut hasher = blake3::Hasher::new();
     for scenario in scenarios {

@@ -1,0 +1,231 @@
+//! The files of the whole corpus, `plan.json`, `splits.json` and `corpus.toml`, here and in an object store: whether each is what it
+//! should be, whether they belong together, and which of two forms has the last word.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use dataset::corpus::Corpus;
+use dataset::splits::Splits;
+use generator::plan::{Plan, assign_sides};
+use generator::sweep::SplitFractions;
+use serde::Deserialize;
+
+/// One of the files, read and found sound.
+pub(super) enum CorpusFile {
+    Plan(Plan),
+    Splits(Splits),
+    Sweep(SweepHead),
+}
+
+/// What the text of a sweep says without the files that it names.
+#[derive(Deserialize)]
+pub(super) struct SweepHead {
+    corpus: generator::sweep::Corpus,
+    #[serde(default)]
+    split: SplitFractions,
+}
+
+/// How our form of a file stands to theirs.
+pub(super) enum Standing {
+    /// They say the same.
+    Same,
+    /// Ours has what theirs has, and more.
+    OursHasMore,
+    /// Theirs has what ours has, and more.
+    TheirsHasMore,
+    /// They contradict each other.
+    Conflict(String),
+    /// Nothing in them says which is right: it goes with the plan.
+    AsThePlan,
+}
+
+impl CorpusFile {
+    /// Reads a file by its name; what is wrong with it, in words.
+    pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<Self, String> {
+        if bytes.iter().all(u8::is_ascii_whitespace) {
+            return Err("it is empty".into());
+        }
+        match name {
+            "plan.json" => {
+                let plan =
+                    Plan::parse(bytes, Path::new(name)).map_err(|error| error.to_string())?;
+                plan.check_hashes()?;
+                Ok(Self::Plan(plan))
+            }
+            "splits.json" => {
+                let splits: Splits =
+                    serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
+                match splits.leak() {
+                    None => Ok(Self::Splits(splits)),
+                    Some(leak) => Err(leak),
+                }
+            }
+            _ => {
+                let text = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
+                toml::from_str(text)
+                    .map(Self::Sweep)
+                    .map_err(|error| error.message().to_owned())
+            }
+        }
+    }
+
+    /// How this file stands to the one of the same name there.
+    pub(super) fn standing(&self, theirs: &Self) -> Standing {
+        match (self, theirs) {
+            (Self::Plan(ours), Self::Plan(theirs)) => {
+                match (ours.conflict_with(theirs), theirs.conflict_with(ours)) {
+                    (None, None) => Standing::Same,
+                    (None, Some(_)) => Standing::OursHasMore,
+                    (Some(_), None) => Standing::TheirsHasMore,
+                    (Some(difference), Some(_)) => Standing::Conflict(difference),
+                }
+            }
+            (Self::Splits(ours), Self::Splits(theirs)) => {
+                let other = ours.scenarios.iter().find(|(id, side)| {
+                    let theirs = theirs.scenarios.get(*id);
+                    theirs.is_some_and(|theirs| theirs != *side)
+                });
+                if let Some((id, ours)) = other {
+                    return Standing::Conflict(format!(
+                        "scenario {id} is on the {:?} side in one and on another in the other",
+                        ours.side
+                    ));
+                }
+                let lacks = |some: &Splits, others: &Splits| {
+                    others
+                        .scenarios
+                        .keys()
+                        .any(|id| !some.scenarios.contains_key(id))
+                };
+                match (lacks(theirs, ours), lacks(ours, theirs)) {
+                    (false, false) => Standing::Same,
+                    (true, false) => Standing::OursHasMore,
+                    (false, true) => Standing::TheirsHasMore,
+                    (true, true) => Standing::Conflict("each lacks scenarios of the other".into()),
+                }
+            }
+            _ => Standing::AsThePlan,
+        }
+    }
+}
+
+/// The files of one corpus that are there, with their bytes.
+#[derive(Default)]
+pub(super) struct CorpusFiles {
+    files: BTreeMap<&'static str, (Vec<u8>, CorpusFile)>,
+}
+
+impl CorpusFiles {
+    /// Adds a file that is there.
+    pub(super) fn add(&mut self, name: &'static str, bytes: Vec<u8>) -> Result<(), String> {
+        let file = CorpusFile::parse(name, &bytes)?;
+        self.files.insert(name, (bytes, file));
+        Ok(())
+    }
+
+    pub(super) fn get(&self, name: &str) -> Option<&(Vec<u8>, CorpusFile)> {
+        self.files.get(name)
+    }
+
+    fn plan(&self) -> Option<&Plan> {
+        match self.get("plan.json") {
+            Some((_, CorpusFile::Plan(plan))) => Some(plan),
+            _ => None,
+        }
+    }
+
+    fn sweep(&self) -> Option<&SweepHead> {
+        match self.get("corpus.toml") {
+            Some((_, CorpusFile::Sweep(sweep))) => Some(sweep),
+            _ => None,
+        }
+    }
+
+    /// Checks that the files belong to one corpus: name of the file that does not, and why.
+    pub(super) fn check_together(&self) -> Result<(), (&'static str, String)> {
+        let Some(plan) = self.plan() else {
+            return Ok(());
+        };
+        if let Some((_, CorpusFile::Splits(splits))) = self.get("splits.json") {
+            for scenario in &plan.scenarios {
+                let found = splits.scenarios.get(&scenario.id);
+                let found = found.map(|assignment| assignment.trajectory.as_str());
+                if found != Some(&scenario.trajectory) {
+                    return Err((
+                        "splits.json",
+                        format!(
+                            "it has {} for scenario {}, which flies trajectory {} by plan.json",
+                            found.map_or("nothing".into(), |found| format!("trajectory {found}")),
+                            scenario.id,
+                            scenario.trajectory
+                        ),
+                    ));
+                }
+            }
+        }
+        let Some(sweep) = self.sweep() else {
+            return Ok(());
+        };
+        if sweep.corpus.name != plan.corpus || !plan.is_seeded_by(sweep.corpus.seed) {
+            return Err((
+                "corpus.toml",
+                format!(
+                    "its corpus {:?} with seed {} is not the one that plan.json was made from, {:?}",
+                    sweep.corpus.name, sweep.corpus.seed, plan.corpus
+                ),
+            ));
+        }
+        Ok(())
+    }
+
+    /// A split made again from the plan, for a corpus that lost it; `None` without plan and sweep.
+    pub(super) fn split_again(&self) -> Option<Result<Splits, String>> {
+        let (plan, sweep) = (self.plan()?, self.sweep()?);
+        Some(assign_sides(plan, &sweep.split, sweep.corpus.seed, None))
+    }
+
+    /// Names of the files that are not there.
+    pub(super) fn missing(&self) -> impl Iterator<Item = &'static str> {
+        let names = Corpus::FILES.into_iter();
+        names.filter(|name| !self.files.contains_key(name))
+    }
+}
+
+/// What is said of a split that was made again.
+pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been made again from plan and seed; if the corpus was ever added to, its \
+                                      sides may not be those of before: train again before you evaluate";
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPLIT: &str =
+        r#"{"by": "trajectory", "scenarios": {"a": {"trajectory": "x", "side": "train"}}}"#;
+
+    #[test]
+    fn empty_and_damaged_files_are_told_from_sound_ones() {
+        for name in Corpus::FILES {
+            for damaged in ["", "  \n", "\0\0\0", "{", "[1"] {
+                assert!(
+                    CorpusFile::parse(name, damaged.as_bytes()).is_err(),
+                    "{name}: {damaged:?}"
+                );
+            }
+        }
+        assert!(CorpusFile::parse("splits.json", SPLIT.as_bytes()).is_ok());
+        let leak = SPLIT.replace("}}}", r#"}, "b": {"trajectory": "x", "side": "test"}}}"#);
+        assert!(CorpusFile::parse("splits.json", leak.as_bytes()).is_err());
+    }
+
+    #[test]
+    fn a_split_with_more_scenarios_wins_and_one_with_other_sides_contradicts() {
+        let parse = |text: &str| CorpusFile::parse("splits.json", text.as_bytes()).unwrap();
+        let ours = parse(SPLIT);
+        let more = parse(&SPLIT.replace("}}}", r#"}, "b": {"trajectory": "y", "side": "test"}}}"#));
+        let other = parse(&SPLIT.replace("train", "test"));
+        assert!(matches!(ours.standing(&ours), Standing::Same));
+        assert!(matches!(ours.standing(&more), Standing::TheirsHasMore));
+        assert!(matches!(more.standing(&ours), Standing::OursHasMore));
+        assert!(matches!(ours.standing(&other), Standing::Conflict(_)));
+    }
+}

@@ -1,0 +1,231 @@
+//! The detections of a scenario on their way. They are not sealed: each model has its own, and table and record are one thing, told apart
+//! from damage by the hash that the record has of the table. Neither way are detections replaced by older ones, and on the way here
+//! never at all.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use std::time::SystemTime;
+
+use dataset::corpus::ScenarioFolder;
+use dataset::detections::{FOLDER, Provenance, models_of, provenance, record_path};
+use dataset::own_path::own_path;
+use dataset::seal::{SealedFile, hash_file, is_within};
+
+use crate::corpus_store::{CorpusStore, ObjectInfo, scenario_file};
+use crate::error::Result;
+use crate::fetch::claim;
+use crate::patience::Watch;
+
+/// What happened to the detections of a scenario.
+#[derive(Debug, Default, PartialEq, Eq)]
+pub struct MovedDetections {
+    /// Models whose detections went along.
+    pub moved: Vec<String>,
+    /// Of these, those that took the place of others, which were older or damaged.
+    pub replaced: Vec<String>,
+    /// Models whose detections were left alone, and why.
+    pub left: Vec<LeftDetections>,
+}
+
+/// Detections that were left alone.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LeftDetections {
+    /// The model.
+    pub model: String,
+    /// Why.
+    pub reason: String,
+}
+
+impl MovedDetections {
+    fn leave(&mut self, model: &str, reason: impl ToString) {
+        self.left.push(LeftDetections {
+            model: model.into(),
+            reason: reason.to_string(),
+        });
+    }
+}
+
+/// The two files of a model's detections, within the scenario.
+fn files_of(model: &str) -> [String; 2] {
+    ["parquet", "json"].map(|ending| format!("{FOLDER}/{model}.{ending}"))
+}
+
+impl CorpusStore {
+    /// Sends the detections of a scenario that the store has not, or has older.
+    pub async fn push_detections(
+        &self,
+        folder: &ScenarioFolder,
+        watch: &dyn Watch,
+    ) -> Result<MovedDetections> {
+        let mut result = MovedDetections::default();
+        let models = models_of(folder)?;
+        if models.is_empty() {
+            return Ok(result);
+        }
+        let there = self.objects(&folder.id()).await?;
+        for model in models {
+            let ours = match sound(folder, &model) {
+                Ok(ours) => ours,
+                Err(damage) => {
+                    result.leave(&model, damage);
+                    continue;
+                }
+            };
+            let [table, record] = files_of(&model);
+            let files = [
+                SealedFile {
+                    name: table,
+                    blake3: ours.table_blake3,
+                },
+                SealedFile {
+                    blake3: hash_file(&record_path(folder, &model))?,
+                    name: record,
+                },
+            ];
+            let mut same = true;
+            for file in &files {
+                same &= self.has(folder, file, &there).await?;
+            }
+            if same {
+                continue;
+            }
+            // The record decides, there as here.
+            if let Some(theirs) = there.get(&files[1].name) {
+                let path = record_path(folder, &model);
+                let ours = fs::metadata(&path).and_then(|found| found.modified());
+                let ours = ours.map_err(dataset::Error::io("look at", &path))?;
+                if theirs.modified > ours {
+                    result.leave(
+                        &model,
+                        "the store has others, which are newer; move these away and `dtd fetch`, or detect again",
+                    );
+                    continue;
+                }
+                result.replaced.push(model.clone());
+            }
+            for file in &files {
+                self.send_if_missing(folder, file, &there, watch).await?;
+            }
+            result.moved.push(model);
+        }
+        Ok(result)
+    }
+
+    /// Brings the detections that a committed scenario has and the folder has not. Those that the folder has stay as they are.
+    pub async fn fetch_detections(
+        &self,
+        folder: &ScenarioFolder,
+        watch: &dyn Watch,
+    ) -> Result<MovedDetections> {
+        let mut result = MovedDetections::default();
+        let there = self.objects(&folder.id()).await?;
+        // Held while something is written.
+        let mut claimed = None;
+        for model in models_in(&there) {
+            let [table, record] = files_of(&model);
+            let name = scenario_file(&folder.id(), &record);
+            let Some(theirs) = self
+                .read(&name)
+                .await?
+                .filter(|_| there.contains_key(&table))
+            else {
+                result.leave(
+                    &model,
+                    "the store has half of them: table or record is missing",
+                );
+                continue;
+            };
+            let Ok(Provenance { table_blake3, .. }) = serde_json::from_slice(&theirs) else {
+                result.leave(
+                    &model,
+                    "the store's record of them does not say what they were made from",
+                );
+                continue;
+            };
+            let record_blake3 = blake3::hash(&theirs).to_string();
+            let local = record_path(folder, &model);
+            let ours = local.exists().then(|| hash_file(&local)).transpose()?;
+            let table_there = folder.detections_path(&model).exists();
+            let mut mends = false;
+            match ours {
+                Some(ours) if ours == record_blake3 => match sound(folder, &model) {
+                    Ok(_) => continue,
+                    // The same detections, damaged here.
+                    Err(_) => mends = table_there,
+                },
+                None if !table_there => {}
+                _ => {
+                    let is_newer = there.get(&record).zip(modified(&local));
+                    let standing = match is_newer.map(|(theirs, ours)| theirs.modified > ours) {
+                        Some(true) => {
+                            "the store has others, which are newer; move these away to fetch them"
+                        }
+                        Some(false) => {
+                            "the store has others, which are older; `dtd push` replaces them there"
+                        }
+                        None => {
+                            "here is a table without its record; move it away to fetch the store's"
+                        }
+                    };
+                    result.leave(&model, standing);
+                    continue;
+                }
+            }
+            if claimed.is_none() {
+                claimed = Some(claim(folder).await?);
+            }
+            let names = [(table, table_blake3), (record, record_blake3)];
+            let mut failed = None;
+            for (name, blake3) in &names {
+                let target = own_path(folder.root(), name)?;
+                let name = scenario_file(&folder.id(), name);
+                match self.bring(&name, &target, blake3, watch).await {
+                    Err(error @ crate::StoreError::Damaged { .. }) => {
+                        failed = Some(error);
+                        break;
+                    }
+                    brought => brought?,
+                }
+            }
+            match failed {
+                Some(error) => result.leave(&model, error),
+                None => {
+                    if mends {
+                        result.replaced.push(model.clone());
+                    }
+                    result.moved.push(model);
+                }
+            }
+        }
+        Ok(result)
+    }
+}
+
+/// The provenance of detections whose table is the one that their record tells of, made from this scenario.
+fn sound(folder: &ScenarioFolder, model: &str) -> dataset::Result<Provenance> {
+    folder.open()?.detections(model)?;
+    provenance(folder, model)?
+        .ok_or_else(|| dataset::Error::corpus(&record_path(folder, model), "is missing"))
+}
+
+fn modified(path: &Path) -> Option<SystemTime> {
+    fs::metadata(path).ok()?.modified().ok()
+}
+
+/// The models that the objects of a scenario hold detections of.
+fn models_in(there: &BTreeMap<String, ObjectInfo>) -> Vec<String> {
+    let mut models: Vec<String> = there
+        .keys()
+        .map(Path::new)
+        .filter(|name| name.parent() == Some(Path::new(FOLDER)) && is_within(name))
+        .filter(|name| {
+            let ending = name.extension().and_then(|ending| ending.to_str());
+            matches!(ending, Some("parquet" | "json"))
+        })
+        .filter_map(|name| Some(name.file_stem()?.to_str()?.to_owned()))
+        .collect();
+    models.sort();
+    models.dedup();
+    models
+}
