@@ -201,6 +201,8 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
     theirs
         .check_together()
         .map_err(|(name, reason)| damaged(name, reason))?;
+    // Nobody else changes them meanwhile.
+    let _claim = corpus.claim().map_err(Failure::of_corpus)?;
     let mut said = Vec::new();
     let mut to_write = Vec::new();
     let mut plan_is_theirs = true;

@@ -187,6 +187,7 @@ async fn files_to_send(
         {
             let split = split.map_err(|reason| refuse(name, reason))?;
             let path = corpus.splits_path();
+            let _claim = corpus.claim().map_err(Failure::of_corpus)?;
             split.write(&path)?;
             let bytes =
                 outside_file::read(&path, FileKind::PLAN.unlinked()).map_err(Failure::bad_input)?;
