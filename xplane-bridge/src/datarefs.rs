@@ -145,6 +145,10 @@ pub const SHEAR_DIRECTION_11: &str = "sim/weather/shear_direction_degt";
 pub const NAV1_FREQUENCY: &str = "sim/cockpit/radios/nav1_freq_hz";
 /// Course set on the first navigation receiver, degrees **magnetic**.
 pub const NAV1_COURSE_MAGNETIC: &str = "sim/cockpit/radios/nav1_obs_degm";
+/// What the autopilot follows: 0 is the first navigation receiver.
+pub const HSI_SOURCE: &str = "sim/cockpit2/radios/actuators/HSI_source_select_pilot";
+/// 1 gives the autopilot power.
+pub const AUTOPILOT_ELECTRIC_MASTER: &str = "sim/cockpit2/autopilot/autopilot_electric_master";
 /// 0 off, 1 flight director, 2 autopilot flies.
 pub const AUTOPILOT_MODE: &str = "sim/cockpit/autopilot/autopilot_mode";
 
@@ -389,7 +393,8 @@ pub fn clock_from_datarefs(read: impl Fn(&str) -> f32) -> Clock {
     }
 }
 
-/// The radio settings of an instrument approach; empty for a runway without one.
+/// What an autopilot needs for an instrument approach: power, the first receiver as its source, and the radio settings of the runway, if
+/// it has any.
 ///
 /// The course knob is magnetic. A runway that does not know its magnetic course leaves the knob alone: on a localizer
 /// frequency it turns a needle's card only, and a true course there would be wrong.
@@ -400,7 +405,11 @@ pub fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
     let course = runway
         .course_magnetic_deg
         .map(|course| DatarefWrite::new(NAV1_COURSE_MAGNETIC, course));
-    frequency.into_iter().chain(course).collect()
+    // Not every aircraft has them.
+    let power = DatarefWrite::new(AUTOPILOT_ELECTRIC_MASTER, 1.0).unread();
+    let source = DatarefWrite::new(HSI_SOURCE, 0.0).unread();
+    let radios = frequency.into_iter().chain(course);
+    [power, source].into_iter().chain(radios).collect()
 }
 
 /// An aircraft that X-Plane brings along.

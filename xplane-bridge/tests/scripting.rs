@@ -116,6 +116,8 @@ async fn x_plane_11_is_told_its_own_datarefs_in_its_own_units() {
         ("sim/weather/wind_direction_degt[0]", 340.0),
         ("sim/cockpit/radios/nav1_freq_hz", 11_090.0),
         ("sim/cockpit/radios/nav1_obs_degm", 22.7),
+        ("sim/cockpit2/autopilot/autopilot_electric_master", 1.0),
+        ("sim/cockpit2/radios/actuators/HSI_source_select_pilot", 0.0),
     ] {
         let found = told
             .wrote(name)
