@@ -89,9 +89,16 @@ impl Simulator {
             if now_s.is_some_and(moves) {
                 return Ok(());
             }
+            // Silence is no menu: X-Plane hangs for seconds when it loads something.
+            if first_s.is_none() || now_s.is_none() {
+                return Err(BridgeError::NobodyAnswers {
+                    address: self.address,
+                    waited: READY_TIMEOUT * 2,
+                });
+            }
             if !menu_was_toggled {
                 tracing::warn!("simulated time stands still: leaving the menu, if it is one");
-                self.command_once(COMMAND_TOGGLE_MAIN_MENU).await.ok();
+                self.command_once(COMMAND_TOGGLE_MAIN_MENU).await?;
             }
         }
         Err(BridgeError::NotReady {
