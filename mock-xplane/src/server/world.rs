@@ -259,8 +259,7 @@ impl World {
         datarefs.write_exact(path, value)?;
         let name = path.split('[').next().unwrap_or(path);
         if let Some(name) = name.strip_prefix(POSITION) {
-            aircraft.follow(name, datarefs);
-            self.placements += 1;
+            self.placements += u64::from(aircraft.follow(name, datarefs));
         }
         sky.written(path, before, datarefs);
         view::written(path, datarefs);

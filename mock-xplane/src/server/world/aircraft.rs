@@ -152,8 +152,8 @@ impl Aircraft {
         }
     }
 
-    /// A client wrote a dataref that begins with [`POSITION`]: the aircraft follows.
-    pub(super) fn follow(&mut self, name: &str, datarefs: &mut Datarefs) {
+    /// A client wrote a dataref that begins with [`POSITION`]: the aircraft follows. Says whether that moved or turned it.
+    pub(super) fn follow(&mut self, name: &str, datarefs: &mut Datarefs) -> bool {
         let read = |name: &str| datarefs.get(&format!("{POSITION}{name}"));
         let FlightState { pose, .. } = &mut self.state;
         match name {
@@ -165,7 +165,7 @@ impl Aircraft {
                 let attitude = DQuat::from_xyzw(x, y, z, w);
                 // Elements are written one by one: until the last one, this is no rotation.
                 if (attitude.length_squared() - 1.0).abs() > NEARLY_UNIT {
-                    return;
+                    return false;
                 }
                 let (heading, pitch, roll) = attitude.normalize().to_euler(EulerRot::ZYX);
                 pose.heading_true_deg = heading.to_degrees().rem_euclid(360.0);
@@ -186,9 +186,10 @@ impl Aircraft {
             "local_vx" => self.state.velocity_east_mps = read("local_vx"),
             "local_vy" => self.state.velocity_down_mps = -read("local_vy"),
             "local_vz" => self.state.velocity_north_mps = -read("local_vz"),
-            _ => {}
+            _ => return false,
         }
         self.publish(datarefs);
+        true
     }
 
     /// What `RPOS` says.

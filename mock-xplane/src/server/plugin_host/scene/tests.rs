@@ -211,6 +211,17 @@ fn a_flight_that_the_web_api_starts_is_the_plugins_and_the_other_way_round() {
 }
 
 #[test]
+fn rates_that_a_plugin_writes_put_the_aircraft_nowhere() {
+    let mut hosted = Hosted::new("none");
+    hosted.frame();
+    let north_m = hosted.scene.vector(LOCAL_XYZ).z - 1_000.0;
+    hosted.ask("set", json!([LOCAL_XYZ[2], 0, north_m]));
+    hosted.ask("set", json!(["sim/flightmodel/position/Q", 0, 0.0]));
+    hosted.frame();
+    assert_eq!(hosted.scene.vector(LOCAL_XYZ).z, north_m);
+}
+
+#[test]
 fn scenery_of_a_new_place_has_no_ground_for_20_s_and_settles_then() {
     let mut hosted = Hosted::new("far_away,slow_scenery,settling_terrain,moving_origin");
     let origin = |hosted: &mut Hosted| hosted.ask("local_to_world", json!([0.0, 0.0, 0.0]));
