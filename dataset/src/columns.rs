@@ -239,7 +239,7 @@ impl Table {
         }
         let schema = readable(metadata.schema()).map_err(|message| Error::table(path, message))?;
         let needed = rows.saturating_mul(schema.fields().iter().map(bytes_of).sum());
-        memory::check(&format!("table {}", path.display()), needed)?;
+        memory::check(format!("table {}", path.display()), needed)?;
         let options = ArrowReaderOptions::new().with_schema(schema.clone());
         let reader = ParquetRecordBatchReaderBuilder::try_new_with_options(bytes, options)
             .map_err(refused)?

@@ -12,7 +12,7 @@ use serde::Deserialize;
 
 /// One of the files, read and found sound.
 pub(super) enum CorpusFile {
-    Plan(Plan),
+    Plan(Box<Plan>),
     Splits(Splits),
     Sweep(SweepHead),
 }
@@ -50,7 +50,7 @@ impl CorpusFile {
                 let plan =
                     Plan::parse(bytes, Path::new(name)).map_err(|error| error.to_string())?;
                 plan.check_hashes()?;
-                Ok(Self::Plan(plan))
+                Ok(Self::Plan(Box::new(plan)))
             }
             "splits.json" => {
                 let splits: Splits =

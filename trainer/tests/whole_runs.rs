@@ -195,7 +195,13 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
     let second = workshop.train("second", 1).unwrap();
     let half: &[&str] = &["config.json", "weights.safetensors"];
     // What a kill leaves in RUN, RUN.partial/new and RUN.partial/old, and which of the two runs must come of it.
-    let cases: [(&str, [Option<&RunFolder>; 3], Option<&[&str]>, &RunFolder); 6] = [
+    type Case<'a> = (
+        &'a str,
+        [Option<&'a RunFolder>; 3],
+        Option<&'a [&'a str]>,
+        &'a RunFolder,
+    );
+    let cases: [Case; 6] = [
         (
             "while training",
             [Some(&first), None, None],

@@ -324,7 +324,7 @@ impl<'a> Run<'a> {
                 match pushed {
                     Pushed::Committed { .. } => outcome.committed.push(id.to_owned()),
                     Pushed::Same | Pushed::Other | Pushed::Newer => {
-                        outcome.skipped.push(id.to_owned())
+                        outcome.skipped.push(id.to_owned());
                     }
                 }
                 self.reporter.tell(Event::Uploaded {
