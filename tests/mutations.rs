@@ -246,9 +246,12 @@ fn file_name(pattern: &str, tiny: &Tiny, random: &mut ChaCha12Rng) -> String {
     pattern
         .replace("{id}", &id)
         .replace("{model}", &model)
-        .replace("{object}", pick(&objects, random))
-        .replace("{run}", pick(&of_run, random))
-        .replace("{whole}", pick(&["plan.json", "splits.json"], random))
+        .replace("{object}", pick::<&str>(&objects, random))
+        .replace("{run}", pick::<&str>(&of_run, random))
+        .replace(
+            "{whole}",
+            pick::<&str>(&["plan.json", "splits.json"], random),
+        )
 }
 
 /// What no input may do to a process.

@@ -146,8 +146,8 @@ const CASES: &[Case] = &[
     ("width_px = 96", "width_px = 97", "97", "even number", Schema),
     ("width_px = 96", "width_px = 0", "0\nheight", "from 64 to 8192", Schema),
     ("\"1/2\"", "-30", "-30", "expected frames per second", Schema),
-    ("\"1/2\"", "\"30/0\"", "\"30/0\"", "expected frames per second", Schema),
-    ("\"1/2\"", "500", "500", "at most 240", Schema),
+    ("\"1/2\"", "\"30/0\"", "\"30/0\"", "expected 1/60 to 240 per second", Schema),
+    ("\"1/2\"", "500", "500", "expected 1/60 to 240 per second", Schema),
     ("crf = 12", "crf = 99", "99", "expected 0 (best) to 51", Schema),
     ("crf = 12", "preset = \"warp\"", "\"warp\"", "superfast", Schema),
     // Start.

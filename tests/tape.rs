@@ -141,7 +141,7 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
         .find(|line| line.starts_with("height_px"))
         .unwrap()
         .to_owned();
-    fs::write(&other, sweep.replace(&line, "height_px = 50")).unwrap();
+    fs::write(&other, sweep.replace(&line, "height_px = 96")).unwrap();
     let corpus = folder.path().join("corpus");
     let output = dtd(&[
         "generate",
@@ -154,7 +154,7 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(3), "{said}");
     assert!(
-        said.contains("height_px was") && said.contains("and is 50 now"),
+        said.contains("height_px was") && said.contains("and is 96 now"),
         "{said}"
     );
     for words in ["again in", "retr", "another plugin"] {

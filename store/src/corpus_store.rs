@@ -26,6 +26,8 @@ const HASH: &str = "blake3";
 const FIRST_WORD: Duration = Duration::from_secs(20);
 /// Small questions under way at once.
 const QUESTIONS_AT_ONCE: usize = 16;
+/// The largest object that is read whole: a plan of a hundred thousand scenarios. Anything larger is nothing of ours.
+const MOST_BYTES: u64 = 256 << 20;
 /// Rounds with others who write the same file at the same time.
 const ROUNDS: u32 = 8;
 
@@ -205,6 +207,15 @@ impl CorpusStore {
             Err(error) => return Err(self.error(&doing(), &error)),
         };
         let object = got.meta.clone();
+        if object.size > MOST_BYTES {
+            return Err(StoreError::Damaged {
+                place: format!("{}/{name}", self.name),
+                message: format!(
+                    "is {} bytes large, expected at most {MOST_BYTES}; remove it from the store and push it again",
+                    object.size
+                ),
+            });
+        }
         let bytes = got
             .bytes()
             .await

@@ -25,6 +25,11 @@ fn corpus_with(table: &str) -> (TempDir, Corpus) {
     let root = corpus.scenario(ID).root().to_owned();
     fs::create_dir_all(root.join("views")).unwrap();
     fs::write(root.join("frames.parquet"), table).unwrap();
+    fs::write(
+        root.join("scenario.json"),
+        include_str!("tests/scenario.json"),
+    )
+    .unwrap();
     let noise: Vec<u8> = (0..LARGE).map(|i| (i * i / 7) as u8).collect();
     fs::write(root.join("views/left.mp4"), noise).unwrap();
     seal_folder(&root, "config").unwrap();

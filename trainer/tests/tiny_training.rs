@@ -173,27 +173,6 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
 }
 
 #[test]
-fn a_distance_that_cannot_be_is_refused_with_scenario_tick_and_column() {
-    for impossible in [1e308, f64::INFINITY, f64::NAN] {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let scenario = corpus.scenarios().unwrap().remove(0);
-        let mut frames = scenario.open().unwrap().frames().unwrap();
-        frames.rows[3].labels.as_mut().unwrap().dtd_m = impossible;
-        frames.write(&scenario.frames_path()).unwrap();
-        seal_folder(scenario.root(), "synthetic").unwrap();
-        let out = folder.path().join("run");
-        let message = train(&corpus, &out, &few_steps(), &mut Silent)
-            .unwrap_err()
-            .to_string();
-        for words in ["0000", "dtd_m"] {
-            assert!(message.contains(words), "no {words:?} in {message}");
-        }
-        assert!(!out.exists());
-    }
-}
-
-#[test]
 fn one_trajectory_a_side_is_enough_and_one_in_all_is_explained() {
     let folder = tempfile::tempdir().unwrap();
     let sides = |name: &str, train: usize, validation, test| {

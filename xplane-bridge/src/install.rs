@@ -31,14 +31,18 @@ const FILES: [(&str, &str); 18] = [
     plugin_file!("dtd_bridge/check_pattern.py"),
     plugin_file!("dtd_bridge/datarefs.py"),
     plugin_file!("dtd_bridge/flight.py"),
+    plugin_file!("dtd_bridge/found.py"),
     plugin_file!("dtd_bridge/local_frame.py"),
     plugin_file!("dtd_bridge/messages.py"),
     plugin_file!("dtd_bridge/opengl.py"),
     plugin_file!("dtd_bridge/pixels.py"),
+    plugin_file!("dtd_bridge/scenery.py"),
     plugin_file!("dtd_bridge/server.py"),
     plugin_file!("dtd_bridge/settings.py"),
     plugin_file!("dtd_bridge/stage.py"),
+    plugin_file!("dtd_bridge/traffic.py"),
     plugin_file!("dtd_bridge/wire.py"),
+    plugin_file!("dtd_bridge/xp_api.py"),
     // For whoever opens the folder.
     ("dtd_bridge/README.txt", README),
 ];

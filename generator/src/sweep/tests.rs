@@ -162,7 +162,7 @@ const FAULTS: [Fault; 36] = [
         "\"1/2\"",
         "\"30/0\"",
         Some((21, 14)),
-        "expected frames per second",
+        "expected 1/60 to 240 per second",
     ),
     (
         "\"1/2\"",
@@ -170,7 +170,12 @@ const FAULTS: [Fault; 36] = [
         Some((21, 14)),
         "expected frames per second",
     ),
-    ("\"1/2\"", "500", Some((21, 14)), "at most 240"),
+    (
+        "\"1/2\"",
+        "500",
+        Some((21, 14)),
+        "expected 1/60 to 240 per second",
+    ),
     ("sd = 0.05", "sd = -1", Some((24, 10)), "sd >= 0"),
     (
         "mean = 2.0",

@@ -76,6 +76,7 @@ impl OrtDetector {
             planes: Vec::new(),
         };
         detector.layout = detector.probe()?;
+        detector.read_blank_answer()?;
         Ok(detector)
     }
 
@@ -97,6 +98,20 @@ impl OrtDetector {
                 self.path.display()
             ))
         })
+    }
+
+    /// Reads the answer to the blank windows of the probe: what does not fit the layout is known before the first picture.
+    fn read_blank_answer(&mut self) -> Result<()> {
+        let windows = self.planes.len() / self.input.plane_numbers();
+        let profile = self.profile;
+        let decoding = Decoding {
+            layout: self.layout,
+            profile: &profile,
+            window_px: self.input.window_px,
+            score_floor: 1.0,
+        };
+        self.run(windows, |answer| decoding.decode(answer, windows))?;
+        Ok(())
     }
 
     /// Runs the model on the first `windows` windows in `planes`.
