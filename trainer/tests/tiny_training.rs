@@ -9,7 +9,6 @@ use dataset::corpus::Corpus;
 use dataset::detections::replace;
 use dataset::json_file::read_json;
 use dataset::pixel_box::PixelBox;
-use dataset::seal::seal_folder;
 use dataset::splits::{Side, Splits};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,

@@ -21,7 +21,7 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as this program carries it: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 18] = [
+const FILES: [(&str, &str); 22] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
