@@ -141,7 +141,11 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
         .find(|line| line.starts_with("height_px"))
         .unwrap()
         .to_owned();
-    fs::write(&other, sweep.replace(&line, "height_px = 96")).unwrap();
+    let flights = repository().join("tests/data/flights");
+    let sweep = sweep
+        .replace(&line, "height_px = 96")
+        .replace("../flights", text(&flights));
+    fs::write(&other, sweep).unwrap();
     let corpus = folder.path().join("corpus");
     let output = dtd(&[
         "generate",

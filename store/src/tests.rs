@@ -25,13 +25,18 @@ fn corpus_with(table: &str) -> (TempDir, Corpus) {
     let root = corpus.scenario(ID).root().to_owned();
     fs::create_dir_all(root.join("views")).unwrap();
     fs::write(root.join("frames.parquet"), table).unwrap();
-    fs::write(
-        root.join("scenario.json"),
-        include_str!("tests/scenario.json"),
-    )
-    .unwrap();
     let noise: Vec<u8> = (0..LARGE).map(|i| (i * i / 7) as u8).collect();
     fs::write(root.join("views/left.mp4"), noise).unwrap();
+    seal_folder(&root, "config").unwrap();
+    (folder, corpus)
+}
+
+/// The same with a record, as whoever reads detections needs it.
+fn corpus_with_record() -> (TempDir, Corpus) {
+    let (folder, corpus) = corpus_with("table");
+    let root = corpus.scenario(ID).root().to_owned();
+    let record = include_str!("tests/scenario.json");
+    fs::write(root.join("scenario.json"), record).unwrap();
     seal_folder(&root, "config").unwrap();
     (folder, corpus)
 }
@@ -314,7 +319,7 @@ fn detect(corpus: &Corpus, score: f64) {
 async fn detections_go_along_and_only_new_ones_are_sent() {
     let (_folder, stores) = stores();
     for store in stores {
-        let (_ours, ours) = corpus_with("table");
+        let (_ours, ours) = corpus_with_record();
         push(&store, &ours).await.unwrap();
         detect(&ours, 0.5);
         let folder = ours.scenario(ID);
