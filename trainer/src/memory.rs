@@ -43,10 +43,7 @@ struct Stage {
 
 /// Refuses a training that takes more memory than there is.
 pub(crate) fn check(config: &TrainConfig, views: usize, samples: SampleCounts) -> Result<()> {
-    match available_bytes() {
-        Some(available) => check_against(config, views, samples, available),
-        None => Ok(()),
-    }
+    check_against(config, views, samples, dataset::memory::available().bytes)
 }
 
 fn check_against(
@@ -191,14 +188,6 @@ fn dense(inputs: u64, hidden: &[usize], outputs: u64) -> u64 {
         from = to;
         total.saturating_add(layer)
     })
-}
-
-/// Memory that the system could still give, if it says.
-fn available_bytes() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|l| l.strip_prefix("MemAvailable:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib << 10)
 }
 
 #[cfg(test)]
