@@ -355,6 +355,20 @@ fn what_needs_more_memory_than_allowed_says_how_much() {
         .unwrap();
     let words = &["of memory; there are", "by --max-memory"];
     let little = ["--max-memory", "1M", "verify", "--quick", "corpus"];
+    let detect = [
+        "--max-memory",
+        "1M",
+        "detect",
+        "corpus",
+        "--model",
+        tiny::MODEL,
+    ];
+    assert_says(
+        &tiny,
+        &detect,
+        2,
+        &["a run of 1 windows", words[0], words[1]],
+    );
     assert_says(&tiny, &little, 1, words);
     assert_says(&tiny, &["--max-memory", "none", "schema"], 2, &["e.g. 2G"]);
 }

@@ -7,6 +7,7 @@
 //! the whole new one from then on, and never write; a change that a killed process left decided is completed by the next writer, one
 //! that it left undecided is dropped by it.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
@@ -29,6 +30,8 @@ const NEW_SUFFIX: &str = ".new";
 const NEVER_FINISHED: &str = "DONE.json is missing: the folder was never finished";
 /// Written by later steps, versioned by themselves and not part of the seal.
 const UNSEALED_FOLDER: &str = "detections";
+/// Where the videos are.
+const VIDEOS: &str = "views/";
 
 /// Content of `DONE.json`.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,6 +40,10 @@ pub struct Seal {
     pub config_hash: String,
     /// BLAKE3 hash of `MANIFEST.b3`.
     pub manifest_blake3: String,
+    /// Sizes of the videos by name, in bytes: a check that does not read them still sees one that was cut short. Empty in seals of
+    /// earlier versions, and where there are no videos.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub video_bytes: BTreeMap<String, u64>,
 }
 
 /// A file that a manifest lists.
@@ -98,9 +105,24 @@ pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
     let seal = Seal {
         config_hash: config_hash.into(),
         manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+        video_bytes: video_bytes(folder)?,
     };
     write_json(&folder.join(DONE), &seal)?;
     Ok(seal)
+}
+
+/// Sizes of the videos of a folder, by name.
+fn video_bytes(folder: &Path) -> Result<BTreeMap<String, u64>> {
+    let videos = files_of(folder)?
+        .into_iter()
+        .filter(|name| name.starts_with(VIDEOS));
+    videos
+        .map(|name| {
+            let path = folder.join(&name);
+            let about = fs::metadata(&path).map_err(Error::io("read the size of", &path))?;
+            Ok((name, about.len()))
+        })
+        .collect()
 }
 
 /// Renames a sealed folder to its final name and makes the renaming durable.
@@ -144,15 +166,13 @@ pub fn faults(folder: &Path) -> Result<Vec<String>> {
     })
 }
 
-/// What is missing or changed, without reading the videos, which only have to be there: quick enough to ask before every run.
+/// What is missing or changed, without reading the videos, of which only the sizes are compared: quick enough to ask before every run.
 pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
     while_it_stays(folder, || {
         let Some(sealed) = Sealed::read(folder)? else {
             return Ok(vec![NEVER_FINISHED.into()]);
         };
-        Ok(faults_of_listed(&sealed, |name| {
-            !name.starts_with("views/")
-        }))
+        Ok(faults_of_listed(&sealed, |name| !name.starts_with(VIDEOS)))
     })
 }
 
@@ -180,6 +200,16 @@ fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<St
         } else {
             sealed.find_unread(name)
         };
+        if let (Ok(Found::Whole(path)), Some(&sealed_bytes)) =
+            (&found, sealed.seal().video_bytes.get(name))
+        {
+            let bytes = fs::metadata(path).map_or(0, |about| about.len());
+            if bytes != sealed_bytes {
+                return Some(format!(
+                    "{name} is not what was sealed: it has {bytes} bytes, expected {sealed_bytes}"
+                ));
+            }
+        }
         match found {
             Ok(Found::Whole(_)) => None,
             Ok(Found::Missing) => Some(format!("{name} is missing")),

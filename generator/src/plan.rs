@@ -138,7 +138,7 @@ pub struct LiveStart {
 impl Plan {
     /// Reads a `plan.json`.
     pub fn read(path: &Path) -> dataset::Result<Self> {
-        let text = outside_file::read(path, FileKind::PLAN)?;
+        let text = outside_file::read(path, FileKind::PLAN.unlinked())?;
         Self::parse(&text, path)
     }
 

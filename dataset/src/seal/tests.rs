@@ -141,16 +141,30 @@ fn a_changed_a_missing_and_a_foreign_file_are_each_named() {
 }
 
 #[test]
-fn the_quick_look_sees_tables_and_lost_videos_but_not_what_is_in_a_video() {
+fn the_quick_look_sees_tables_and_lost_or_cut_videos_but_not_what_is_in_a_video() {
     let example = Example::sealed();
     let video = example.path("views/left.mp4");
     fs::write(&video, "vides").unwrap();
     fs::write(example.path("notes.txt"), "").unwrap();
     let quick = || faults_besides_videos(&example.folder).unwrap();
     assert_eq!(quick(), Vec::<String>::new());
+    fs::write(&video, "vid").unwrap();
+    let cut = "views/left.mp4 is not what was sealed: it has 3 bytes, expected 5";
+    assert_eq!(quick(), [cut]);
     fs::remove_file(video).unwrap();
     fs::write(example.path("frames.parquet"), "vandal").unwrap();
     assert_eq!(quick().len(), 2, "{:?}", quick());
+}
+
+#[test]
+fn a_seal_of_an_earlier_version_says_nothing_of_sizes_and_holds() {
+    let example = Example::sealed();
+    let mut seal = read_seal(&example.folder).unwrap().unwrap();
+    assert_eq!(seal.video_bytes["views/left.mp4"], 5);
+    seal.video_bytes.clear();
+    write_json(&example.path(DONE), &seal).unwrap();
+    assert!(!example.text(DONE).contains("video_bytes"));
+    assert_eq!(example.faults(), Vec::<String>::new());
 }
 
 #[test]

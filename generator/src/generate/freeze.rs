@@ -8,7 +8,6 @@ use dataset::corpus::{Corpus, check_path};
 use dataset::json_file::write_atomically;
 use dataset::new_file::clear_leftovers;
 use dataset::seal;
-use dataset::splits::Splits;
 use tokio::time::sleep;
 
 use super::error::GenerateError;
@@ -70,7 +69,7 @@ pub(super) async fn freeze(
         write_atomically(&path, split)?;
     }
     let earlier = if path.exists() {
-        Some(Splits::read(&path)?)
+        Some(corpus.splits()?)
     } else {
         None
     };

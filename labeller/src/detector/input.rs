@@ -1,5 +1,6 @@
 //! What a model takes: its windows' size and number, checked before memory is taken for them.
 
+use dataset::memory::{self, TooMuchMemory};
 use ort::session::Session;
 use ort::value::{TensorElementType, ValueType};
 
@@ -14,6 +15,8 @@ const USUAL_WINDOW_PX: u32 = 640;
 const LEAST_WINDOW_PX: u32 = 32;
 /// Larger than the sides of pictures that cameras give, pixels.
 const MOST_WINDOW_PX: u32 = 4_096;
+/// A window's pixels lie in memory so often: where they are gathered, and at least once more inside the model.
+const COPIES: usize = 2;
 /// Windows in one run.
 const MOST_BATCH: usize = 256;
 
@@ -63,6 +66,8 @@ pub(super) enum InputFault {
         "output {name:?} has the shape {shape:?}, more than {MOST_RUN_BYTES} bytes; expected a few thousand candidates a window"
     )]
     Output { name: String, shape: Vec<i64> },
+    #[error(transparent)]
+    Memory(#[from] TooMuchMemory),
 }
 
 impl Input {
@@ -88,7 +93,7 @@ impl Input {
                 ty: TensorElementType::Float32,
                 shape,
                 ..
-            } => Self::of_shape(input.name(), shape, profile.input.size_px, batch),
+            } => Self::of_shape(input.name(), shape, profile.input.size_px, batch)?.in_memory(),
             other => Err(InputFault::Form {
                 name: input.name().to_owned(),
                 found: format!("{other:?}"),
@@ -146,6 +151,25 @@ impl Input {
                 });
             }
         };
+        Ok(Self { window_px, batch })
+    }
+
+    /// With as many windows in a run as there is memory for, where that is open.
+    fn in_memory(self) -> Result<Self, InputFault> {
+        let Self { window_px, batch } = self;
+        let window_bytes = (self.plane_numbers() * size_of::<f32>() * COPIES) as u64;
+        let (windows, batch) = match batch {
+            Batch::Exactly(windows) => (windows, batch),
+            Batch::UpTo(windows) => {
+                let fitting = memory::available().bytes / window_bytes;
+                let windows = windows
+                    .min(usize::try_from(fitting).unwrap_or(usize::MAX))
+                    .max(1);
+                (windows, Batch::UpTo(windows))
+            }
+        };
+        let what = format!("a run of {windows} windows of {window_px} px");
+        memory::check(what, windows as u64 * window_bytes)?;
         Ok(Self { window_px, batch })
     }
 
