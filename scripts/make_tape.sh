@@ -20,7 +20,7 @@ address() {
     sed 's/.*"udp":"\([^"]*\)".*/\1/' "$1"
 }
 
-"$dtd" mock-xplane --port 0 --no-beacon >"$work/simulator" &
+"$dtd" mock-xplane --port 0 --no-beacon --quirks none >"$work/simulator" &
 simulator=$!
 simulator_address=$(address "$work/simulator")
 "$dtd" record --sim "$simulator_address" --port 0 --out "$work/session.mcap" >"$work/recorder" &

@@ -377,12 +377,13 @@ pub(crate) struct MockXplaneArgs {
         hide_default_value = true
     )]
     pub(crate) faults: Faults,
-    /// Awkward habits of a live X-Plane to have: all, none, quick (those that make no client wait), or names of docs/simulator.md with
-    /// commas between; a - before a name leaves it out, e.g. all,-late_clouds
+    /// Awkward habits of a live X-Plane to have: all that this X-Plane has, none, quick (those that make no client wait), or names of
+    /// docs/simulator.md with commas between; a - before a name leaves it out, e.g. all,-late_clouds. A first scenario takes minutes with
+    /// all of them
     #[arg(
         long,
         value_name = "all|none|quick|NAME,..",
-        default_value = "none",
+        default_value = "all",
         allow_hyphen_values = true
     )]
     pub(crate) quirks: Quirks,

@@ -68,7 +68,7 @@ fn is_greeted(link: SocketAddr) {
 
 #[test]
 fn a_hundred_and_twenty_idle_connections_end_no_stand_in() {
-    let server = Server::start(&["mock-xplane", "--no-beacon"]);
+    let server = Server::start(&["mock-xplane", "--no-beacon", "--quirks=none"]);
     let (link, web) = (server.address("capture_link"), server.address("web_api"));
     let _idle = [idle(link), idle(web)];
     is_greeted(link);
@@ -87,7 +87,7 @@ fn a_hundred_and_twenty_idle_connections_end_no_stand_in() {
 
 #[test]
 fn a_hundred_and_twenty_idle_connections_and_clients_end_no_recorder() {
-    let stand_in = Server::start(&["mock-xplane", "--no-beacon"]);
+    let stand_in = Server::start(&["mock-xplane", "--no-beacon", "--quirks=none"]);
     let folder = tempfile::tempdir().unwrap();
     let tape = folder.path().join("session.mcap");
     let recorder = Server::start(&[

@@ -81,7 +81,7 @@ impl Drop for Server {
 /// Records the making of some scenarios; the tape lies beside the corpus.
 fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
     let (corpus, tape) = (folder.join("corpus"), folder.join("session.mcap"));
-    let simulator = Server::start(&["mock-xplane", "--no-beacon"]);
+    let simulator = Server::start(&["mock-xplane", "--no-beacon", "--quirks=none"]);
     let arguments = [
         &["record", "--sim", &simulator.udp, "--out", text(&tape)],
         more,

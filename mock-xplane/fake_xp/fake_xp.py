@@ -192,8 +192,7 @@ class FakeXp:
         """X-Plane's version in five digits, 12430 for 12.4.3; the SDK's; the host application, 1 for X-Plane."""
         self._here()
         internal = int(self.world.get("sim/version/xplane_internal_version", 0))
-        logs = "log_version_numbers" in self.quirks and internal >= 120_000
-        return (internal // 100 * 10 if logs else internal // 10), 411, 1
+        return (internal // 100 * 10 if internal >= 120_000 else internal // 10), 411, 1
 
     def countAircraft(self) -> tuple[int, int, int]:
         """Aircraft that there are, those that fly, and the plugin that holds the others."""

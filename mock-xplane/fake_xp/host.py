@@ -123,13 +123,19 @@ def run(settings: dict[str, Any]) -> None:
     plugin = importlib.import_module("PI_dtd_bridge")
     pixels = importlib.import_module("dtd_bridge.pixels")
     pixels.load_library = lambda: FakeGl(xp)
-    # Scenery is there at once.
-    scenery = importlib.import_module("dtd_bridge.scenery")
-    scenery.HOLD_S = scenery.PROBE_GAP_S = 0.0
+    # How long a second of the plugin's waits is: as the simulator's clock has it, or nothing where there is nothing to wait for.
+    pace = settings["pace"]
+    scenery, found = (importlib.import_module(f"dtd_bridge.{name}") for name in ("scenery", "found"))
+    scenery.HOLD_S *= pace
+    scenery.PROBE_GAP_S *= pace
     # Clients come back at once, or not at all.
-    importlib.import_module("dtd_bridge.found").COMES_BACK_WITHIN_S = 1.0
-    link = importlib.import_module("dtd_bridge.settings").Settings(
-        bind=settings["bind"], port=settings["port"], token=settings["token"], weather_settle_s=0.0
+    found.COMES_BACK_WITHIN_S = max(1.0, found.COMES_BACK_WITHIN_S * pace)
+    defaults = importlib.import_module("dtd_bridge.settings").Settings
+    link = defaults(
+        bind=settings["bind"],
+        port=settings["port"],
+        token=settings["token"],
+        weather_settle_s=defaults.weather_settle_s * pace,
     )
     plugin.read_settings = lambda _path: link
     interface = plugin.PythonInterface()

@@ -291,7 +291,7 @@ mod tests {
         let version = xplane_bridge::datarefs::VERSION;
         assert_eq!(
             (eleven.read(version), twelve.read(version)),
-            (115_501.0, 120_400.0)
+            (115_501.0, 124_009.0)
         );
         assert!(eleven.find("sim/weather/visibility_reported_m").is_some());
         assert!(

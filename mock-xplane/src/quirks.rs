@@ -35,7 +35,6 @@ pub enum Quirk {
     DrawBeforeIsOne,
     AltitudeHoldCaptures,
     ElectricMasterOff,
-    LogVersionNumbers,
     ParticlesStopWhenPaused,
     StaleFrames,
     LateStartCrashes,
@@ -74,7 +73,7 @@ pub struct Facts {
 }
 
 /// All quirks, in the order of [`Quirk`].
-pub const FACTS: [Facts; 27] = [
+pub const FACTS: [Facts; 26] = [
     Facts {
         quirk: Quirk::LateClouds,
         name: "late_clouds",
@@ -96,7 +95,7 @@ pub const FACTS: [Facts; 27] = [
     Facts {
         quirk: Quirk::SlidingTemperature,
         name: "sliding_temperature",
-        does: "for the first 60 s after the start, and after real weather, the temperature rises by 0.7 °C/s whatever is written",
+        does: "for the first 150 s after the start, and after real weather, the temperature rises by 0.7 °C/s whatever is written",
         source: "OIS",
         grade: Grade::Measured("12.4.3"),
         costs_time: true,
@@ -279,15 +278,6 @@ pub const FACTS: [Facts; 27] = [
         does: "the autopilot takes no command until its electric master is on",
         source: "S76",
         grade: Grade::Measured("12"),
-        costs_time: false,
-        in_11: true,
-    },
-    Facts {
-        quirk: Quirk::LogVersionNumbers,
-        name: "log_version_numbers",
-        does: "X-Plane 12 is 124311 (12.4.3-r2 as logs count), and `getVersions` has five digits of the version",
-        source: "hotbso/xa-snow issue 13, XPC, XPY",
-        grade: Grade::Measured("12.4.3"),
         costs_time: false,
         in_11: true,
     },

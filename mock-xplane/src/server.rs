@@ -359,14 +359,15 @@ impl Server {
         ));
         match options.link.clone() {
             LinkServer::Plugin(plugin) => {
-                let link = plugin_host::LinkAddress {
+                let host = plugin_host::HostSettings {
                     bind: options.bind,
                     port: self.addresses.capture_link.port(),
                     token: options.token.clone(),
+                    clock_rate: options.clock_rate,
                 };
                 session.spawn(plugin_host::run(
                     plugin,
-                    link,
+                    host,
                     world.clone(),
                     self.engine.clone(),
                     outages(),

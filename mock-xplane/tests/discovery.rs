@@ -23,6 +23,6 @@ async fn a_stand_in_on_this_computer_is_found_with_its_port_and_version() {
         .find(|one| one.address.port() == address.port());
     let this = this.unwrap_or_else(|| panic!("{address} is not among {found:?}"));
     assert_eq!(this.address, address);
-    assert_eq!((this.beacon.host, this.beacon.version), (1, 120_400));
+    assert_eq!((this.beacon.host, this.beacon.version), (1, 124_009));
     server.abort();
 }

@@ -643,7 +643,7 @@ async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
         };
         assert_eq!(
             (reply.values[0].index, reply.values[0].value),
-            (42, 120_400.0)
+            (42, 124_009.0)
         );
     }
     let end = SubscribeDataref {

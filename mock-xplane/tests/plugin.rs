@@ -38,13 +38,20 @@ async fn connected(generation: Generation, link: LinkServer) -> Simulator {
 }
 
 async fn serving(generation: Generation, link: LinkServer) -> SocketAddr {
+    serving_with(ServerOptions {
+        generation,
+        link,
+        ..ServerOptions::default()
+    })
+    .await
+}
+
+async fn serving_with(options: ServerOptions) -> SocketAddr {
     let options = ServerOptions {
         bind: Ipv4Addr::LOCALHOST.into(),
         port: 0,
         beacon: false,
-        generation,
-        link,
-        ..ServerOptions::default()
+        ..options
     };
     let (tell, told) = oneshot::channel();
     tokio::spawn(async move {
@@ -73,18 +80,26 @@ async fn until_read(watch: &mut Subscription, wanted: &[f32]) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
-    let address = serving(Generation::XPlane12, LinkServer::Plugin(plugin())).await;
+    let address = serving_with(ServerOptions {
+        link: LinkServer::Plugin(plugin()),
+        quirks: "real_weather_at_start,cockpit_view".parse().unwrap(),
+        ..ServerOptions::default()
+    })
+    .await;
     let names = [
         datarefs::OVERRIDE_FLIGHT_MODEL,
         datarefs::PAUSED,
         "sim/graphics/view/field_of_view_deg",
         datarefs::CHANGE_MODE,
         datarefs::USE_SYSTEM_TIME,
+        "sim/graphics/view/view_is_external",
+        "sim/cockpit/electrical/landing_lights_on",
     ];
     let mut watch = Subscription::start(address, names.map(str::to_owned), 20)
         .await
         .unwrap();
-    let found = [0.0, 0.0, 60.0, 3.0, 1.0];
+    // Real weather, the computer's clock, the cockpit, in the dark.
+    let found = [0.0, 0.0, 60.0, 7.0, 1.0, 0.0, 0.0];
     until_read(&mut watch, &found).await;
     for _ in 0..2 {
         let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
@@ -96,7 +111,7 @@ async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
         };
         simulator.send_capture(&drawn).await.unwrap();
         simulator.receive_frame().await.unwrap();
-        until_read(&mut watch, &[1.0, 1.0, 20.0, 3.0, 0.0]).await;
+        until_read(&mut watch, &[1.0, 1.0, 20.0, 3.0, 0.0, 1.0, 1.0]).await;
         // As `kill -9` does: the connection ends without a word.
         drop(simulator);
         until_read(&mut watch, &found).await;
@@ -338,8 +353,7 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
 #[tokio::test(flavor = "multi_thread")]
 async fn x_plane_12_has_no_readback_but_draws_probes_and_shows_the_check_pattern() {
     let mut simulator = connected(Generation::XPlane12, LinkServer::Plugin(plugin())).await;
-    // 120400, as X-Plane's own log counts.
-    assert_eq!(simulator.description().version, "12.0.4");
+    assert_eq!(simulator.description().version, "12.4.0");
     assert_eq!(simulator.description().pixels, [PixelKind::Screen]);
     let ground = simulator.probe_terrain(1.35, 103.98).await.unwrap();
     assert!((ground - 6.71).abs() < 1e-3, "{ground}");

@@ -16,6 +16,9 @@ use crate::args::{MockXplaneArgs, WindowSize};
 use crate::failure::{Ending, Failure};
 use crate::signals;
 
+/// A faster clock makes frames longer. Longer than this, and a flight cannot be followed from frame to frame.
+const LONGEST_FRAME_S: f64 = 0.1;
+
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
     let stage = args.window.map(open_window).transpose()?;
@@ -79,6 +82,7 @@ fn link(args: &MockXplaneArgs) -> LinkServer {
         None => LinkServer::BuiltIn,
         Some(folder) => LinkServer::Plugin(PluginOptions {
             window_px: (width_px, height_px),
+            frame_period_s: (PluginOptions::FRAME_PERIOD_S * args.clock_rate).min(LONGEST_FRAME_S),
             steal_camera_every_frames: args.steal_camera_every,
             move_origin_every_frames: args.move_origin_every,
             ..PluginOptions::new(folder)

@@ -33,7 +33,7 @@ try:
     client.requestXPDref(FREQUENCY)
     client.requestXPDref(PAUSED)
     version = lambda: client.getData("sim/version/xplane_internal_version")
-    wait_until("the version", lambda: version() == 120400.0)
+    wait_until("the version", lambda: version() == 124009.0)
     wait_until("a frequency", lambda: client.getData(FREQUENCY) == 11030.0)
 
     # Write; the client makes nav1_freq_hz[0] of it.

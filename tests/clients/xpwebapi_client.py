@@ -115,7 +115,7 @@ def over_websocket():
 
 
 found = discover()
-expect("version in the beacon", found.xplane_version, 120400)
+expect("version in the beacon", found.xplane_version, 124009)
 over_udp()
 over_rest()
 over_websocket()

@@ -14,7 +14,7 @@ use crate::error::BridgeError;
 
 pub use tolerance::Tolerance;
 pub use version::{Generation, Version};
-pub use weather::{weather_from_datarefs, weather_writes};
+pub use weather::{weather_effects, weather_from_datarefs, weather_writes};
 
 /// Metres in one statute mile (exact by definition). X-Plane 12 measures visibility in them.
 pub const METERS_PER_STATUTE_MILE: f64 = 1_609.344;
@@ -104,6 +104,14 @@ pub const WEATHER_PRESET: &str = "sim/weather/region/weather_preset";
 pub const WEATHER_SOURCE: &str = "sim/weather/region/weather_source";
 /// How far one sees, metres: what is drawn, which follows what was set.
 pub const VISIBILITY_EFFECTIVE_M: &str = "sim/graphics/view/visibility_effective_m";
+/// X-Plane 12, read-only, per cloud layer: cover around the aircraft, 0 to 1.
+pub const CLOUD_COVER_AT_AIRCRAFT: &str = "sim/weather/aircraft/cloud_coverage_percent";
+/// X-Plane 12, read-only: wind at the aircraft, metres per second.
+pub const WIND_SPEED_AT_AIRCRAFT: &str = "sim/weather/aircraft/wind_now_speed_msc";
+/// X-Plane 12, read-only: where it comes from, degrees true.
+pub const WIND_DIRECTION_AT_AIRCRAFT: &str = "sim/weather/aircraft/wind_now_direction_degt";
+/// X-Plane 12, read-only: rain or snow on the aircraft, 0 to 1.
+pub const RAIN_AT_AIRCRAFT: &str = "sim/weather/aircraft/precipitation_on_aircraft_ratio";
 
 /// X-Plane 11: 1 while real weather overwrites whatever is set.
 pub const USE_REAL_WEATHER_11: &str = "sim/weather/use_real_weather_bool";
@@ -449,6 +457,24 @@ mod tests {
     use dataset::conditions::{CloudKind, CloudLayer, Weather};
 
     use super::*;
+
+    #[test]
+    fn what_shows_of_a_weather_is_held_against_it_roughly() {
+        let writes = weather_writes(&stormy().weather, Generation::XPlane12).unwrap();
+        let effects = weather_effects(&writes);
+        for (name, near, other) in [
+            (VISIBILITY_EFFECTIVE_M, 8_500.0, 32_000.0),
+            // 10 m/s taken for knots would be 5.1 m/s.
+            (WIND_SPEED_AT_AIRCRAFT, 8.0, 5.1),
+            (RAIN_AT_AIRCRAFT, 0.4975, 0.0),
+            ("sim/weather/aircraft/cloud_coverage_percent[0]", 0.65, 0.0),
+            ("sim/weather/aircraft/cloud_coverage_percent[1]", 0.1, 0.4),
+        ] {
+            let effect = effects.iter().find(|effect| effect.name == name).unwrap();
+            assert!(effect.is_met_by(near), "{name}");
+            assert!(!effect.is_met_by(other), "{name}");
+        }
+    }
 
     fn stormy() -> Conditions {
         Conditions {

@@ -122,6 +122,23 @@ pub enum BridgeError {
         /// File of the wanted one.
         path: &'static str,
     },
+    /// An aircraft of the right type that cannot be it.
+    #[error(
+        "the aircraft that is loaded says that it is a {icao}, but is {found_m:.1} m large ({name}), expected about {expected_m:.1} m: true boxes \
+         would not fit it. Load {path} in X-Plane, and run the same command again"
+    )]
+    WrongSize {
+        /// Dataref of the dimension.
+        name: &'static str,
+        /// The type.
+        icao: &'static str,
+        /// What it has.
+        found_m: f64,
+        /// What the type has.
+        expected_m: f64,
+        /// File of an aircraft that has it.
+        path: &'static str,
+    },
     /// The aircraft is not where a flight was to begin.
     #[error(
         "the aircraft was put to {wanted_latitude_deg:.4}, {wanted_longitude_deg:.4} {attempts} times ({by}), but {}",

@@ -59,6 +59,9 @@ const LINK_SHARE: f64 = 0.2;
 /// Frames that X-Plane draws with a new pose and camera before the one that counts, unless told otherwise: what is written
 /// in one frame is drawn in the next, and shadows and effects follow one later.
 pub const SETTLE_FRAMES: u32 = 3;
+/// The same where pictures come off the screen. A picture that the plugin reads back is proven by what it shows; here frames are only counted,
+/// and clients of a live X-Plane were seen to wait for up to four.
+const SETTLE_FRAMES_ON_SCREEN: u32 = 5;
 
 /// Who is at the other end.
 #[derive(Debug, Clone, PartialEq)]

@@ -287,6 +287,31 @@ async fn weather_that_never_comes_is_an_error_that_names_the_habit_and_who_makes
 }
 
 #[tokio::test]
+async fn a_temperature_that_slides_for_minutes_is_written_until_it_holds_and_clouds_are_left_alone()
+{
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    fake.told().run_clock(50.0);
+    fake.told().temperature_slides_until_s = 150.0;
+    let mut simulator = fake.connect().await;
+    simulator.set_conditions(&conditions()).await.unwrap();
+    let told = fake.told();
+    assert_eq!(told.datarefs[datarefs::TEMPERATURE_C], 15.0);
+    let times = |name: &str| told.writes.iter().filter(|(path, _)| path == name).count();
+    let (temperature, cloud) = (times(datarefs::TEMPERATURE_C), times(CLOUD_BASE_12));
+    assert!(temperature > cloud + 5, "{temperature} {cloud}");
+    drop(told);
+
+    let fake = Fake::start(TWELVE, "B738", None).await;
+    fake.told().run_clock(100.0);
+    fake.told().temperature_slides_until_s = f32::INFINITY;
+    let error = fake.connect().await.set_conditions(&conditions()).await;
+    let text = error.unwrap_err().to_string();
+    for words in ["sealevel_temperature_c", "reads 25 300s later"] {
+        assert!(text.contains(words), "{words}: {text}");
+    }
+}
+
+#[tokio::test]
 async fn weather_that_settles_a_little_elsewhere_is_the_weather_that_was_set() {
     let fake = Fake::start(TWELVE, "B738", None).await;
     let mut simulator = fake.connect().await;
@@ -375,6 +400,30 @@ async fn an_aircraft_that_is_far_away_or_another_one_travels_and_one_that_is_the
         });
         assert_eq!(travelled, travels, "{icao} at {latitude_deg}");
         assert_eq!(told.loads.len(), usize::from(icao != "B738"));
+    }
+}
+
+#[tokio::test]
+async fn an_aircraft_that_says_the_right_type_and_has_another_size_is_an_error_that_says_what_to_load()
+ {
+    for (width_m, message) in [(33.0, ""), (11.0, "11.0 m large")] {
+        let fake = Fake::start(TWELVE, "B738", Some("dtd plugin")).await;
+        fake.told().parked = Some(at_latitude(1.36));
+        fake.told().set(datarefs::AIRCRAFT_WIDTH_M, width_m);
+        fake.told().set(datarefs::AIRCRAFT_LENGTH_M, 39.5);
+        let mut simulator = fake.connect().await;
+        simulator.set_aircraft("B737-800");
+        let start = flight().start;
+        let prepared = simulator.prepare(&conditions(), &start, false).await;
+        let text = prepared.map_or_else(|error| error.to_string(), |()| String::new());
+        assert!(
+            text.contains(message) && text.is_empty() == message.is_empty(),
+            "{text}"
+        );
+        assert!(
+            message.is_empty() || text.contains("Boeing 737-800/b738.acf in X-Plane"),
+            "{text}"
+        );
     }
 }
 

@@ -283,6 +283,7 @@ impl ScenarioError {
                 | BridgeError::NotTaken { .. }
                 | BridgeError::WeatherNotTaken { .. }
                 | BridgeError::WrongAircraft { .. }
+                | BridgeError::WrongSize { .. }
                 | BridgeError::Packet(_) => Blame::Scenario,
                 _ => Blame::Simulator,
             },

@@ -110,6 +110,8 @@ const BOTH: &[Dataref] = &[
     read_only("sim/flightmodel/failures/onground_any", Int, 0.0),
     text("sim/aircraft/view/acf_relative_path", 512),
     text(names::AIRCRAFT_ICAO, 40),
+    read_only(names::AIRCRAFT_WIDTH_M, Float, 0.0),
+    read_only(names::AIRCRAFT_LENGTH_M, Float, 0.0),
     // Flaps, gear, brakes, lights and the yoke, by the names that pilots' tools use.
     writable("sim/cockpit2/controls/flap_ratio", Float, 0.0),
     writable("sim/cockpit/switches/gear_handle_status", Int, 1.0),
@@ -174,7 +176,7 @@ const BOTH: &[Dataref] = &[
 
 /// X-Plane 12 alone. Weather: fair, as a fresh simulator has it.
 const TWELVE: &[Dataref] = &[
-    read_only(names::VERSION, Int, 120_400.0),
+    read_only(names::VERSION, Int, 124_009.0),
     writable(
         "sim/cockpit2/controls/flap_handle_request_ratio",
         Float,
@@ -210,13 +212,9 @@ const TWELVE: &[Dataref] = &[
     samples("sim/weather/aircraft/cloud_base_msl_m", CLOUDS),
     samples("sim/weather/aircraft/cloud_tops_msl_m", CLOUDS),
     read_only("sim/weather/aircraft/visibility_reported_sm", Float, 0.0),
-    read_only("sim/weather/aircraft/wind_now_speed_msc", Float, 0.0),
-    read_only("sim/weather/aircraft/wind_now_direction_degt", Float, 0.0),
-    read_only(
-        "sim/weather/aircraft/precipitation_on_aircraft_ratio",
-        Float,
-        0.0,
-    ),
+    read_only(names::WIND_SPEED_AT_AIRCRAFT, Float, 0.0),
+    read_only(names::WIND_DIRECTION_AT_AIRCRAFT, Float, 0.0),
+    read_only(names::RAIN_AT_AIRCRAFT, Float, 0.0),
     read_only("sim/weather/aircraft/qnh_pas", Float, 0.0),
     read_only("sim/weather/aircraft/temperature_ambient_deg_c", Float, 0.0),
     read_only("sim/weather/view/rain_ratio", Float, 0.0),

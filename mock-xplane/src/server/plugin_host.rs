@@ -58,31 +58,35 @@ pub struct PluginOptions {
 }
 
 impl PluginOptions {
+    /// Simulated time between two frames of a simulator that draws 60 a second.
+    pub const FRAME_PERIOD_S: f64 = 1.0 / 60.0;
+
     /// Runs the plugin of a folder undisturbed.
     pub fn new(folder: impl Into<PathBuf>) -> Self {
         Self {
             folder: folder.into(),
             python: "python3".into(),
             window_px: (1_920, 1_280),
-            frame_period_s: 1.0 / 60.0,
+            frame_period_s: Self::FRAME_PERIOD_S,
             steal_camera_every_frames: None,
             move_origin_every_frames: None,
         }
     }
 }
 
-/// Where the plugin's link shall listen.
+/// What the plugin's settings would say, and how fast the simulator's clock runs.
 #[derive(Debug, Clone)]
-pub(super) struct LinkAddress {
+pub(super) struct HostSettings {
     pub(super) bind: std::net::IpAddr,
     pub(super) port: u16,
     pub(super) token: Option<LinkToken>,
+    pub(super) clock_rate: f64,
 }
 
 /// Runs the plugin until the future is dropped.
 pub(super) async fn run(
     options: PluginOptions,
-    link: LinkAddress,
+    host: HostSettings,
     world: Shared,
     engine: Arc<dyn Engine>,
     outages: Arc<Outages>,
@@ -107,6 +111,13 @@ pub(super) async fn run(
         let world = world.lock();
         (world.version() < 120_000, world.quirks())
     };
+    // The plugin waits by the clock on the wall; here for as long as what it waits for takes, which may be no time at all.
+    let makes_wait = quirks.iter().any(|quirk| quirk.facts().costs_time);
+    let pace = if makes_wait {
+        1.0 / host.clock_rate
+    } else {
+        0.0
+    };
     let quirk_names: Vec<&str> = quirks.iter().map(|quirk| quirk.facts().name).collect();
     let steal_every = options
         .steal_camera_every_frames
@@ -116,9 +127,10 @@ pub(super) async fn run(
         "host": HOST,
         "plugin": options.folder,
         "is_x_plane_11": is_x_plane_11,
-        "bind": link.bind,
-        "port": link.port,
-        "token": link.token.as_ref().map(LinkToken::secret),
+        "bind": host.bind,
+        "port": host.port,
+        "token": host.token.as_ref().map(LinkToken::secret),
+        "pace": pace,
         "steal_camera_every_frames": steal_every,
         "quirks": quirk_names,
         "shows_frames": stage.is_some(),

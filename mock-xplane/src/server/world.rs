@@ -36,8 +36,6 @@ use crate::quirks::{Quirk, Quirks};
 const PAUSED: &str = "sim/time/paused";
 const RUNNING_TIME_S: &str = "sim/time/total_running_time_sec";
 const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
-/// [`names::VERSION`] of 12.4.3-r2, as its log has it.
-const VERSION_OF_LOGS: f64 = 124_311.0;
 
 const COMMAND_PAUSE_TOGGLE: &str = "sim/operation/pause_toggle";
 
@@ -92,9 +90,6 @@ impl World {
         aircraft::load(file, &mut datarefs);
         if quirks.has(Quirk::ElectricMasterOff) {
             datarefs.set(autopilot::ELECTRIC_MASTER, 0.0);
-        }
-        if quirks.has(Quirk::LogVersionNumbers) && generation == Generation::XPlane12 {
-            datarefs.set(names::VERSION, VERSION_OF_LOGS);
         }
         view::begin_flight(quirks, &mut datarefs);
         clock::follow_system(&mut datarefs);
@@ -209,22 +204,14 @@ impl World {
         self.state.datarefs.set(path, value);
     }
 
-    /// Which X-Plane this is like, 120400 for 12.4.0.
+    /// Which X-Plane this is like, as its log counts: 124009 for 12.4.0-r2.
     pub(super) fn version(&self) -> i32 {
         self.state.datarefs.get(names::VERSION) as i32
     }
 
     /// The same as people write it.
     pub(super) fn version_text(&self) -> String {
-        let version = self.version();
-        if self.quirks.has(Quirk::LogVersionNumbers) {
-            return Version::of_number(version.unsigned_abs()).to_string();
-        }
-        match version / 10_000 {
-            // 115501 is 11.55r1.
-            11 => format!("11.{}", version / 100 % 100),
-            major => format!("{major}.{}.{}", version / 100 % 100, version % 100),
-        }
+        Version::of_number(self.version().unsigned_abs()).to_string()
     }
 
     /// All datarefs.

@@ -28,6 +28,11 @@ OVERRIDES = (
     "sim/operation/override/override_flightcontrol",
     "sim/operation/override/override_throttles",
 )
+# Airliners land with them on, by day too; the newer name has a switch for each. The airport's X-Plane lights itself at dusk and in bad sight.
+LANDING_LIGHTS = (
+    "sim/cockpit/electrical/landing_lights_on",
+    *(f"sim/cockpit2/switches/landing_lights_switch[{at}]" for at in range(4)),
+)  # fmt: skip
 MOUSE_IS_YOKE = "sim/joystick/mouse_is_yoke"
 IS_IN_REPLAY = "sim/time/is_in_replay"
 POP_UPS = "sim/cockpit2/radios/indicators/show_popup"

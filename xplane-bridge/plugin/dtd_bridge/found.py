@@ -15,7 +15,7 @@ from .xp_api import Xp
 
 # What is given back at once: written in this order, the switch of the vertical angle last.
 OF_THE_STAGE = (
-    *names.OVERRIDES, names.MOUSE_IS_YOKE, names.FIELD_OF_VIEW, names.VERTICAL_FIELD_OF_VIEW, names.NON_PROPORTIONAL_VIEW,
+    *names.OVERRIDES, names.MOUSE_IS_YOKE, *names.LANDING_LIGHTS, names.FIELD_OF_VIEW, names.VERTICAL_FIELD_OF_VIEW, names.NON_PROPORTIONAL_VIEW,
 )  # fmt: skip
 # What is given back at the end: real weather or a trend, the computer's clock.
 OF_THE_WORLD = (names.CHANGE_MODE, names.USE_REAL_WEATHER, names.USE_SYSTEM_TIME)

@@ -110,13 +110,14 @@ class Stage:
         self._datarefs.set_if_there(names.OVERRIDES, 1)
 
     def _clear_the_view(self) -> None:
-        """Nothing over the picture: windows, instruments, the cross of a mouse that flies."""
+        """Nothing over the picture: windows, instruments, the cross of a mouse that flies. The aircraft with its landing lights on."""
         for path in CLOSING:
             found = self._xp.findCommand(path)
             if found:
                 self._xp.commandOnce(found)
         self._datarefs.fill(names.POP_UPS, 0)
         self._datarefs.set_if_there((names.MOUSE_IS_YOKE,), 0)
+        self._datarefs.set_if_there(names.LANDING_LIGHTS, 1)
 
     def step(self) -> None:
         """One frame: whatever X-Plane or another flight has changed since the last one is as it was."""

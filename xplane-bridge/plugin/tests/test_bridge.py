@@ -28,7 +28,7 @@ FREEZE = {"message": "freeze", "runway": RUNWAY, "settle_frames": 3}
 OVERRIDE = "sim/operation/override/override_planepath"
 # Callbacks in the order that is worst, two cycles in a frame, starts that crash where X-Plane would.
 QUIRKS = frozenset({
-    "two_cycles_per_loop", "camera_callback_order", "draw_before_is_one", "camera_taken", "late_start_crashes", "log_version_numbers",
+    "two_cycles_per_loop", "camera_callback_order", "draw_before_is_one", "camera_taken", "late_start_crashes",
 })  # fmt: skip
 
 

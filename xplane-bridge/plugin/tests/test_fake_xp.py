@@ -109,9 +109,10 @@ class Frames(unittest.TestCase):
 
     def test_versions_have_five_digits(self):
         self.assertEqual(self.fake().getVersions()[0], 11_550)
-        xp = self.fake("log_version_numbers")
-        self.world.values["sim/version/xplane_internal_version"] = [124_311.0]
-        self.assertEqual(xp.getVersions()[0], 12_430)
+        xp = self.fake()
+        for internal, version in [(124_009.0, 12_400), (124_311.0, 12_430)]:
+            self.world.values["sim/version/xplane_internal_version"] = [internal]
+            self.assertEqual(xp.getVersions()[0], version)
 
     def test_pixels_are_read_with_or_without_windows(self):
         xp = self.fake("draw_before_is_one")

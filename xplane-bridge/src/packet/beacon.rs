@@ -26,7 +26,7 @@ pub struct Beacon {
     pub minor: u8,
     /// Program: 1 is X-Plane.
     pub host: i32,
-    /// Version of the program, 120400 for 12.4.0.
+    /// Version of the program, 124009 for 12.4.0.
     pub version: i32,
     /// Role: 1 is the master of a network of simulators.
     pub role: u32,
@@ -45,7 +45,7 @@ impl Default for Beacon {
             major: 1,
             minor: 2,
             host: 1,
-            version: 120_400,
+            version: 124_009,
             role: 1,
             port: 49_000,
             name: None,

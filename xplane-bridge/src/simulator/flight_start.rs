@@ -267,13 +267,13 @@ impl Simulator {
             let found_m = self.read_one(name, |_| true).await?.map_or(0.0, f64::from);
             // X-Plane reads 0 for a name that it does not have.
             if found_m != 0.0 && !SIZE_RATIOS.contains(&(found_m / size_m)) {
-                tracing::warn!(
+                return Err(BridgeError::WrongSize {
                     name,
+                    icao: file.icao,
                     found_m,
-                    expected_m = size_m,
-                    icao = file.icao,
-                    "the aircraft has not the size of its type: boxes may not fit it"
-                );
+                    expected_m: size_m,
+                    path: file.path,
+                });
             }
         }
         Ok(())

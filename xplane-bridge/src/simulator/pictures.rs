@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::Simulator;
 use super::link_client::LinkClient;
 use super::setup::show_check_pattern;
+use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
 use crate::link::Deliver;
 use crate::pixels::{
@@ -27,6 +27,7 @@ impl Simulator {
         self.pixels = match kind {
             PixelKind::Screen => {
                 let reported = self.description.window.as_ref();
+                self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
                 let display = &mut LinkDisplay(&mut self.link);
                 Box::new(ScreenSource::set_up(screen, picture_px, reported, display).await?)
             }

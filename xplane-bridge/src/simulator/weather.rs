@@ -3,7 +3,8 @@
 //! Written values read back at once or after a while: clouds keep their old values in all slots for up to a minute and then change all
 //! together, temperatures slide for minutes after real weather. Writing them meanwhile only makes it last longer. So everything is
 //! written, regenerated once (which puts clouds and temperatures back to a preset's), those are written once more, and then only read,
-//! with tolerances, until it is there. Sources: `docs/x-plane.md`.
+//! with tolerances, until it is there. Values that read right are not yet what shows: so the sky at the aircraft is read as well, and one
+//! that stays another is regenerated once more. Sources: `docs/x-plane.md`.
 
 use std::time::Duration;
 
@@ -11,9 +12,9 @@ use tokio::time::{Instant, sleep};
 
 use super::Simulator;
 use crate::datarefs::{
-    COMMAND_REGENERATE_WEATHER, DatarefWrite, METERS_PER_STATUTE_MILE, RUNNING_TIME_S,
-    UPDATE_IMMEDIATELY, VISIBILITY_EFFECTIVE_M, VISIBILITY_SM, WEATHER_PRESET, WEATHER_SOURCE,
-    WeatherSource, needs_repeating_after_regeneration,
+    CLOUD_COVER_AT_AIRCRAFT, COMMAND_REGENERATE_WEATHER, DatarefWrite, RUNNING_TIME_S,
+    TEMPERATURE_C, UPDATE_IMMEDIATELY, WEATHER_PRESET, WEATHER_SOURCE, WeatherSource,
+    needs_repeating_after_regeneration, weather_effects,
 };
 use crate::error::BridgeError;
 
@@ -27,15 +28,19 @@ const POLL: Duration = Duration::from_secs(1);
 const PATIENCE: Duration = Duration::from_secs(70);
 /// A regeneration stops X-Plane for seconds; one that says nothing for longer is gone.
 const LONGEST_HITCH: Duration = Duration::from_secs(30);
-/// How long what is drawn may take to follow the visibility that was set, and how closely it does.
+/// The same while nothing but the temperature is missing: after the start, and after real weather, it slides for minutes.
+const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
+/// How often it is written again meanwhile. That disturbs no clouds.
+const TEMPERATURE_AGAIN: Duration = Duration::from_secs(5);
+/// How long what the aircraft is in and what is drawn may take to follow what was set.
 const SHOWING: Duration = Duration::from_secs(10);
-const VISIBILITY_SHOWN_WITHIN: f64 = 0.1;
 
 /// What is not as it should be.
 struct Missing {
     write: DatarefWrite,
     found: Option<f32>,
     made_by: Option<WeatherSource>,
+    patience: Duration,
 }
 
 /// What X-Plane 12 has to read besides what was written: that nobody else makes the weather.
@@ -56,6 +61,22 @@ impl Simulator {
             self.pause_for_weather(PRESET_PAUSE).await;
         }
         self.write_weather(writes).await?;
+        self.regenerate(writes).await?;
+        let mut late = self.await_effects(writes).await?;
+        if late.iter().any(|(write, _)| is_cloud(write)) {
+            tracing::warn!("the sky is another than was set: the weather is regenerated once more");
+            self.regenerate(writes).await?;
+            late = self.await_effects(writes).await?;
+        }
+        for (write, found) in late {
+            let (name, wanted) = (&write.name, write.value);
+            tracing::warn!(name, wanted, found, "another weather shows than was set");
+        }
+        Ok(())
+    }
+
+    /// Has X-Plane rebuild the weather that was written, tells it again what that puts back, and waits until it has everything.
+    async fn regenerate(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
         self.command_once(COMMAND_REGENERATE_WEATHER).await?;
         let regenerated = Instant::now();
         self.pause_for_weather(REGENERATION_PAUSE).await;
@@ -67,7 +88,7 @@ impl Simulator {
         self.write_weather(&again).await?;
         self.await_weather(writes).await?;
         sleep(self.weather_settle.saturating_sub(regenerated.elapsed())).await;
-        self.await_visibility(writes).await
+        Ok(())
     }
 
     /// Waits until the weather reads as it was written; writes it once more if it is late.
@@ -81,6 +102,10 @@ impl Simulator {
         let Some(late) = self.poll_weather(writes).await? else {
             return Ok(());
         };
+        if is_temperature(&late.write) {
+            // It was written again all the time.
+            return Err(not_taken(late));
+        }
         tracing::warn!(
             dataref = late.write.name, wanted = late.write.value, found = ?late.found,
             "the weather is late, and is written once more"
@@ -88,13 +113,7 @@ impl Simulator {
         self.write_weather(writes).await?;
         match self.poll_weather(writes).await? {
             None => Ok(()),
-            Some(missing) => Err(BridgeError::WeatherNotTaken {
-                name: missing.write.name,
-                wanted: missing.write.value,
-                found: missing.found,
-                patience: PATIENCE,
-                made_by: missing.made_by,
-            }),
+            Some(missing) => Err(not_taken(missing)),
         }
     }
 
@@ -123,16 +142,21 @@ impl Simulator {
         watched.push(DatarefWrite::new(RUNNING_TIME_S, 0.0));
         let began = Instant::now();
         let (mut heard, mut running_from_s) = (began, None);
+        let mut temperature_written_s = 0.0;
         loop {
             let found = self.read(&watched).await?;
             self.check_vigil()?;
-            let missing = expected
+            let mut missing = expected
                 .iter()
                 .zip(&found)
-                .find(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)));
-            let Some((write, &value)) = missing else {
+                .filter(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)))
+                // The temperature last: it is waited for in another way, once all else is there.
+                .collect::<Vec<_>>();
+            missing.sort_by_key(|(write, _)| is_temperature(write));
+            let Some(&(write, &value)) = missing.first() else {
                 return Ok(None);
             };
+            let slides = is_temperature(write);
             if found.iter().any(Option::is_some) {
                 heard = Instant::now();
             } else if heard.elapsed() > LONGEST_HITCH {
@@ -143,40 +167,49 @@ impl Simulator {
             }
             let running_s = found.last().copied().flatten();
             running_from_s = running_from_s.or(running_s);
-            let passed_s = running_s
+            let simulated_s = running_s
                 .zip(running_from_s)
                 .map_or(0.0, |(now_s, from_s)| now_s - from_s);
-            if began.elapsed().as_secs_f32().max(passed_s) >= PATIENCE.as_secs_f32() {
+            let passed_s = began.elapsed().as_secs_f32().max(simulated_s);
+            let patience = match slides {
+                true => PATIENCE_WITH_TEMPERATURE,
+                false => PATIENCE,
+            };
+            if passed_s >= patience.as_secs_f32() {
                 let source = found.get(expected.len() - 1).copied().flatten();
                 return Ok(Some(Missing {
                     write: write.clone(),
                     found: value,
                     made_by: source.and_then(WeatherSource::of_value),
+                    patience,
                 }));
+            }
+            if slides && passed_s - temperature_written_s >= TEMPERATURE_AGAIN.as_secs_f32() {
+                temperature_written_s = passed_s;
+                self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
+                self.write_surely(&write.name, write.value).await?;
             }
             sleep(POLL).await;
         }
     }
 
-    /// Waits until what is drawn follows the visibility that was set. X-Plane has more to say about it (rain, haze, what the aircraft is in),
-    /// so that one that stays elsewhere is noted and no error.
-    async fn await_visibility(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
-        let Some(asked) = writes.iter().find(|write| write.name == VISIBILITY_SM) else {
-            return Ok(());
-        };
-        let asked_m = f64::from(asked.value) * METERS_PER_STATUTE_MILE;
-        let shows = |found_m: f64| (found_m / asked_m - 1.0).abs() <= VISIBILITY_SHOWN_WITHIN;
+    /// Waits until the air around the aircraft and what is drawn follow what was set; what does not. X-Plane has more to say about them
+    /// (haze, gusts, a cloud's edge), so that it is no error.
+    async fn await_effects(
+        &mut self,
+        writes: &[DatarefWrite],
+    ) -> Result<Vec<(DatarefWrite, f32)>, BridgeError> {
+        let wanted = weather_effects(writes);
         let began = Instant::now();
         loop {
-            let wanted = [DatarefWrite::new(VISIBILITY_EFFECTIVE_M, asked_m)];
-            // X-Plane reads 0 for a name that it does not have.
-            let found_m = self.read(&wanted).await?[0].map_or(0.0, f64::from);
-            if found_m == 0.0 || shows(found_m) {
-                return Ok(());
-            }
-            if began.elapsed() >= SHOWING {
-                tracing::warn!(asked_m, found_m, "another visibility is drawn than was set");
-                return Ok(());
+            let found = self.read(&wanted).await?;
+            let pairs = wanted.iter().cloned().zip(found);
+            let late: Vec<_> = pairs
+                .filter_map(|(write, found)| Some((write, found?)))
+                .filter(|(write, found)| !write.is_met_by(*found))
+                .collect();
+            if late.is_empty() || began.elapsed() >= SHOWING {
+                return Ok(late);
             }
             sleep(POLL).await;
         }
@@ -185,5 +218,23 @@ impl Simulator {
     /// A pause that a simulator does not need whose weather shows at once.
     async fn pause_for_weather(&self, pause: Duration) {
         sleep(pause.min(self.weather_settle)).await;
+    }
+}
+
+fn is_temperature(write: &DatarefWrite) -> bool {
+    write.name == TEMPERATURE_C
+}
+
+fn is_cloud(effect: &DatarefWrite) -> bool {
+    effect.name.starts_with(CLOUD_COVER_AT_AIRCRAFT)
+}
+
+fn not_taken(missing: Missing) -> BridgeError {
+    BridgeError::WeatherNotTaken {
+        name: missing.write.name,
+        wanted: missing.write.value,
+        found: missing.found,
+        patience: missing.patience,
+        made_by: missing.made_by,
     }
 }

@@ -8,10 +8,12 @@ use std::time::Duration;
 use tokio::net::{TcpListener, TcpStream, UdpSocket};
 use tokio::time::{Instant, interval};
 use xplane_bridge::datarefs::{
-    AIRCRAFT_ICAO, APPROACH_STATUS, AUTOPILOT_MODE, AUTOTHROTTLE, CAPTURE_PORT, COMMAND_APPROACH,
-    COMMAND_AUTOTHROTTLE_ON, COMMAND_GLIDE_SLOPE, COMMAND_NAV, COMMAND_SERVOS_ON,
-    COMMAND_TOGGLE_MAIN_MENU, FLIGHT_TIME_S, GLIDE_SLOPE_STATUS, NAV_STATUS, PAUSED,
-    RUNNING_TIME_S, VERSION, WEATHER_SETTLE_S,
+    AIRCRAFT_ICAO, APPROACH_STATUS, AUTOPILOT_MODE, AUTOTHROTTLE, CAPTURE_PORT, CLOUD_COVER,
+    CLOUD_COVER_AT_AIRCRAFT, COMMAND_APPROACH, COMMAND_AUTOTHROTTLE_ON, COMMAND_GLIDE_SLOPE,
+    COMMAND_NAV, COMMAND_SERVOS_ON, COMMAND_TOGGLE_MAIN_MENU, FLIGHT_TIME_S, GLIDE_SLOPE_STATUS,
+    METERS_PER_STATUTE_MILE, NAV_STATUS, PAUSED, RAIN, RAIN_AT_AIRCRAFT, RUNNING_TIME_S,
+    TEMPERATURE_C, VERSION, VISIBILITY_EFFECTIVE_M, VISIBILITY_SM, WEATHER_SETTLE_S,
+    WIND_DIRECTION_AT_AIRCRAFT, WIND_SPEED_AT_AIRCRAFT,
 };
 use xplane_bridge::link::{
     Answer, FLIGHT_COLUMNS, PixelKind, Request, exchange_greetings, read_header, write_message,
@@ -34,6 +36,8 @@ pub(crate) struct Told {
     pub(crate) requests: Vec<Request>,
     /// X-Plane 12's habit: clouds keep their old values in all slots until so long after they were last written, by the simulator's clock.
     pub(crate) clouds_take_s: f32,
+    /// Its habit after real weather: until then, by the simulator's clock, the temperature is another than was written.
+    pub(crate) temperature_slides_until_s: f32,
     pending_clouds: Vec<(String, f32)>,
     clouds_from_s: f32,
     /// Whether a menu is open, in which simulated time stands still, and whether toggling it helps.
@@ -72,8 +76,28 @@ impl Told {
         if self.clouds_take_s > 0.0 && path.contains("/region/cloud_") {
             self.pending_clouds.push((path.clone(), value));
             self.clouds_from_s = self.now_s() + self.clouds_take_s;
+        } else if path == TEMPERATURE_C && self.now_s() < self.temperature_slides_until_s {
+            self.set(&path, value + 10.0);
         } else {
             self.set(&path, value);
+        }
+        if let Some(layer) = path.strip_prefix(CLOUD_COVER) {
+            self.set(&format!("{CLOUD_COVER_AT_AIRCRAFT}{layer}"), value);
+        }
+        let effect = match path.as_str() {
+            VISIBILITY_SM => Some((
+                VISIBILITY_EFFECTIVE_M,
+                value * METERS_PER_STATUTE_MILE as f32,
+            )),
+            RAIN => Some((RAIN_AT_AIRCRAFT, value)),
+            "sim/weather/region/wind_speed_msc[0]" => Some((WIND_SPEED_AT_AIRCRAFT, value)),
+            "sim/weather/region/wind_direction_degt[0]" => {
+                Some((WIND_DIRECTION_AT_AIRCRAFT, value))
+            }
+            _ => None,
+        };
+        if let Some((name, value)) = effect {
+            self.set(name, value);
         }
         self.writes.push((path, value));
     }

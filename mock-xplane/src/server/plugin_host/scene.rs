@@ -349,13 +349,22 @@ impl PluginScene {
 
     /// Takes over where somebody else has put the aircraft, and the origin of local coordinates.
     fn look_at_world(&mut self) {
-        let (placements, (state, speed_mps), frame) = {
+        let (placements, (state, speed_mps), frame, flight_time_s) = {
             let world = self.world.lock();
-            (world.placements(), world.aircraft(), world.frame())
+            let flight_time_s = world.datarefs().get(FLIGHT_TIME_S);
+            (
+                world.placements(),
+                world.aircraft(),
+                world.frame(),
+                flight_time_s,
+            )
         };
         if placements != self.placements {
             self.placements = placements;
             self.frame = frame;
+            // A flight that has begun counts from 0, an aircraft that was moved goes on counting.
+            self.flight_time_s = flight_time_s;
+            self.put(FLIGHT_TIME_S, flight_time_s);
             self.adopt(state, speed_mps);
         } else if frame != self.frame {
             let pose = self.aircraft();
@@ -443,6 +452,8 @@ impl PluginScene {
         self.flight_time_s = 0.0;
         self.put(FLIGHT_TIME_S, 0.0);
         self.start_engines();
+        // X-Plane's local origin is always near: far from it 32 bits are too few for a camera.
+        self.frame = LocalFrame::around(position);
         self.world.lock().flight_began(position.lat_lon());
         self.show(&FlightState {
             time_s: 0.0,

@@ -17,7 +17,7 @@ use super::history::Histories;
 use super::positions::Positions;
 
 /// What to say who one is when nobody has asked on the tape: 12.4.0.
-const USUAL_VERSION: i32 = 120_400;
+const USUAL_VERSION: i32 = 124_009;
 
 /// A tape as a replay uses it.
 pub(super) struct Loaded {
@@ -26,7 +26,7 @@ pub(super) struct Loaded {
     pub(super) histories: Histories<SocketAddr>,
     pub(super) positions: Positions,
     pub(super) conversation: Conversation,
-    /// Version of the recorded simulator, 120400 for 12.4.0.
+    /// Version of the recorded simulator, 124009 for 12.4.0.
     pub(super) version: i32,
     /// Version of the recorded capture link.
     pub(super) link_version: u32,

@@ -20,9 +20,9 @@ pub(super) const FILE: &str = "sim/aircraft/view/acf_relative_path";
 pub(super) const STAND_IN: &str = "Aircraft/Stand-in/airliner.acf";
 /// What X-Plane loads for whoever chooses nothing.
 pub(super) const C172: &str = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf";
-/// Wing spans, metres.
-const SPAN_C172_M: f64 = 11.0;
-const SPAN_AIRLINER_M: f64 = 35.8;
+/// Wing span and length, metres.
+const SIZE_C172_M: (f64, f64) = (11.0, 8.3);
+const SIZE_AIRLINER_M: (f64, f64) = (35.8, 39.5);
 /// How far the origin of local coordinates is moved while scenery loads, degrees.
 const ORIGIN_OFF_DEG: f64 = 1.0;
 /// Names of the gear's handle.
@@ -292,7 +292,14 @@ impl Aircraft {
 /// Loads the aircraft of a file, as far as datarefs say it.
 pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
     datarefs.set_text(FILE, file);
-    datarefs.set_text(names::AIRCRAFT_ICAO, designator(file));
+    let icao = designator(file);
+    datarefs.set_text(names::AIRCRAFT_ICAO, icao);
+    let (span_m, length_m) = match icao {
+        "C172" => SIZE_C172_M,
+        _ => SIZE_AIRLINER_M,
+    };
+    datarefs.set(names::AIRCRAFT_WIDTH_M, span_m);
+    datarefs.set(names::AIRCRAFT_LENGTH_M, length_m);
 }
 
 /// The type that a file has. Others than those known have no designator, which is ICAO's ZZZZ.
@@ -306,11 +313,7 @@ fn designator(file: &str) -> &'static str {
 
 /// How much larger than the airliner the loaded aircraft is drawn.
 pub(super) fn scale(datarefs: &Datarefs) -> f64 {
-    let letter = |at: usize| datarefs.get(&format!("{}[{at}]", names::AIRCRAFT_ICAO));
-    match letter(0) == f64::from(b'C') {
-        true => SPAN_C172_M / SPAN_AIRLINER_M,
-        false => 1.0,
-    }
+    datarefs.get(names::AIRCRAFT_WIDTH_M) / SIZE_AIRLINER_M.0
 }
 
 /// The two names of the gear's handle are one handle.

@@ -17,12 +17,12 @@ use self::late_clouds::LateClouds;
 use crate::datarefs::Datarefs;
 use crate::quirks::{Quirk, Quirks};
 
-/// How long after `regen_weather` written clouds are taken over, seconds.
-const SETTLING_S: f64 = 15.0;
+/// How long after `regen_weather` written clouds are taken over, seconds: clouds were seen to take about a minute.
+const SETTLING_S: f64 = 60.0;
 /// How long `regen_weather` freezes the simulator, seconds.
 const REGENERATION_FREEZE_S: f64 = 3.0;
 /// How long the temperature slides after the start, or after real weather, seconds.
-const SLIDING_S: f64 = 60.0;
+const SLIDING_S: f64 = 150.0;
 /// How fast it does.
 const SLIDING_C_PER_S: f64 = 0.7;
 /// Warmer it does not get.

@@ -193,8 +193,15 @@ fn a_flight_that_the_web_api_starts_is_the_plugins_and_the_other_way_round() {
     let mut hosted = Hosted::new("far_away");
     let away_deg = hosted.world.lock().position().latitude_deg;
     assert!(away_deg > 9.0, "{away_deg}");
+    (0..60).for_each(|_| hosted.frame());
+    let before_s = hosted.get(FLIGHT_TIME_S);
     hosted.start(9.0);
     hosted.frame();
+    let flight_s = hosted.get(FLIGHT_TIME_S);
+    assert!(
+        flight_s < 0.1 && flight_s < before_s,
+        "{before_s} {flight_s}"
+    );
     let speed_mps = hosted.scene.vector(LOCAL_VELOCITY).length();
     assert!((speed_mps - 72.0).abs() < 1e-3, "{speed_mps}");
     let off_m = |hosted: &Hosted| {
@@ -208,6 +215,8 @@ fn a_flight_that_the_web_api_starts_is_the_plugins_and_the_other_way_round() {
     hosted.frame();
     let found_deg = hosted.world.lock().position().latitude_deg;
     assert!((found_deg - 1.5).abs() < 1e-3, "{found_deg}");
+    let from_origin_m = hosted.scene.vector(LOCAL_XYZ).length();
+    assert!(from_origin_m < 100_000.0, "{from_origin_m}");
 }
 
 #[test]

@@ -66,16 +66,13 @@ pub(super) fn publish(
             "sim/weather/aircraft/visibility_reported_sm",
             weather.visibility_m / METERS_PER_STATUTE_MILE,
         ),
+        (names::WIND_SPEED_AT_AIRCRAFT, weather.wind_speed_mps),
         (
-            "sim/weather/aircraft/wind_now_speed_msc",
-            weather.wind_speed_mps,
-        ),
-        (
-            "sim/weather/aircraft/wind_now_direction_degt",
+            names::WIND_DIRECTION_AT_AIRCRAFT,
             weather.wind_from_true_deg,
         ),
         (
-            "sim/weather/aircraft/precipitation_on_aircraft_ratio",
+            names::RAIN_AT_AIRCRAFT,
             weather.rain_ratio * RAIN_AT_AIRCRAFT,
         ),
         ("sim/weather/view/rain_ratio", rain),

@@ -1,0 +1,289 @@
+//! A corpus through our plugin from stand-ins that are as awkward as a live X-Plane: all habits at once, each alone, some at random. Recorded
+//! flights have to give the pictures that a well-behaved simulator gives; live ones have to be sound.
+#![cfg(target_os = "linux")]
+
+#[path = "awkward/pictures.rs"]
+mod pictures;
+#[path = "awkward/simulator.rs"]
+mod simulator;
+#[path = "../mock-xplane/tests/xvfb/mod.rs"]
+mod xvfb;
+
+use std::env;
+use std::path::Path;
+use std::sync::{LazyLock, Mutex};
+use std::thread;
+
+use dataset::corpus::Corpus;
+use dataset::verify::verify;
+use mock_xplane::quirks::{FACTS, Quirks};
+use tokio::time::timeout;
+use xplane_bridge::datarefs::{self, Generation};
+use xplane_bridge::subscription::Subscription;
+
+use pictures::{ALIKE, farthest, pictures};
+use simulator::{PATIENCE, PLUGIN, SWEEP, Simulator, plugin_with, said};
+
+/// The scenarios of the sweep: one flown live, and two that fly a recording.
+const LIVE: &str = "1200-clear-r1";
+const STORM: &str = "1200-stormy-r1";
+const HAZE: &str = "1200-hazy-r1";
+/// Simulators at work at the same time: most of what they do is wait.
+const AT_ONCE: usize = 4;
+/// How many combinations of habits are drawn, unless the environment says otherwise.
+const COMBINATIONS_VARIABLE: &str = "DTD_QUIRK_COMBINATIONS";
+const COMBINATIONS: usize = 6;
+
+/// Pictures of storm and haze as well-behaved simulators give them, of X-Plane 11 and 12.
+static WANTED: LazyLock<[[Vec<Vec<u8>>; 2]; 2]> = LazyLock::new(|| {
+    ["11", "12"].map(|xplane| {
+        let simulator = Simulator::start(xplane, Some("none"), Path::new(PLUGIN));
+        let corpus = made(&simulator, &format!("{STORM},{HAZE}")).unwrap();
+        [STORM, HAZE].map(|id| pictures(&corpus, id))
+    })
+});
+
+fn wanted(xplane: &str, id: &str) -> &'static [Vec<u8>] {
+    &WANTED[usize::from(xplane == "12")][usize::from(id == HAZE)]
+}
+
+/// Makes scenarios, or says why not.
+fn made(simulator: &Simulator, only: &str) -> Result<std::path::PathBuf, String> {
+    let corpus = simulator.folder().join("corpus");
+    let output = simulator.generate(only, &corpus);
+    match output.status.success() {
+        true => Ok(corpus),
+        false => Err(said(&output)),
+    }
+}
+
+/// What is wrong with scenarios that a simulator with some habits gives, if anything.
+fn wrong_with(xplane: &str, quirks: Option<&str>, only: &str) -> Option<String> {
+    let simulator = Simulator::start(xplane, quirks, Path::new(PLUGIN));
+    let corpus = match made(&simulator, only) {
+        Ok(corpus) => corpus,
+        Err(said) => return Some(format!("{said}\nthe simulator: {}", simulator.log())),
+    };
+    let opened = Corpus::open(&corpus).unwrap();
+    let report = verify(&opened);
+    if !report.is_sound() {
+        return Some(format!("{:#?}", report.findings));
+    }
+    let made: Vec<String> = opened
+        .scenarios()
+        .unwrap()
+        .iter()
+        .map(|s| s.id().to_owned())
+        .collect();
+    for id in [STORM, HAZE] {
+        if made.iter().any(|made| made == id) {
+            let apart = farthest(&pictures(&corpus, id), wanted(xplane, id));
+            if apart > ALIKE {
+                return Some(format!(
+                    "{id}: pictures are {apart:.2} levels from those wanted"
+                ));
+            }
+        }
+    }
+    None
+}
+
+/// Runs cases side by side; what is wrong with each that is wrong.
+fn all_of(cases: Vec<(String, &'static str, &'static str)>) -> Vec<String> {
+    LazyLock::force(&WANTED);
+    let cases = Mutex::new(cases);
+    let wrong = Mutex::new(Vec::new());
+    thread::scope(|scope| {
+        for _ in 0..AT_ONCE {
+            scope.spawn(|| {
+                while let Some((quirks, xplane, only)) = { cases.lock().unwrap().pop() } {
+                    if let Some(found) = wrong_with(xplane, Some(&quirks), only) {
+                        let text = format!("X-Plane {xplane} with {quirks}: {found}");
+                        wrong.lock().unwrap().push(text);
+                    }
+                }
+            });
+        }
+    });
+    wrong.into_inner().unwrap()
+}
+
+#[test]
+fn x_plane_12_as_awkward_as_it_is_by_default_gives_a_whole_corpus() {
+    assert_eq!(wrong_with("12", None, ""), None);
+}
+
+#[test]
+fn x_plane_11_as_awkward_as_it_is_by_default_gives_a_whole_corpus() {
+    assert_eq!(wrong_with("11", None, ""), None);
+}
+
+#[test]
+fn each_awkward_habit_alone_gives_the_pictures_of_a_well_behaved_simulator() {
+    let cases = FACTS.iter().map(|facts| {
+        // Some touch a flight that is flown live alone, some clouds and rain.
+        let only = match facts.name {
+            "dropped_start"
+            | "restarting_start"
+            | "late_start_crashes"
+            | "altitude_hold_captures"
+            | "electric_master_off" => LIVE,
+            "late_clouds"
+            | "cloud_base_off"
+            | "regeneration_restores_preset"
+            | "paused_weather"
+            | "particles_stop_when_paused" => STORM,
+            _ => HAZE,
+        };
+        (facts.name.to_owned(), "12", only)
+    });
+    let wrong = all_of(cases.collect());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
+
+#[test]
+fn awkward_habits_at_random_give_the_pictures_of_a_well_behaved_simulator() {
+    let number = env::var(COMBINATIONS_VARIABLE).map_or(COMBINATIONS, |text| text.parse().unwrap());
+    let cases = (0..number).map(|seed| {
+        let (xplane, generation) = match seed % 2 {
+            0 => ("12", Generation::XPlane12),
+            _ => ("11", Generation::XPlane11),
+        };
+        (drawn(seed).of(generation).to_string(), xplane, "")
+    });
+    let wrong = all_of(cases.collect());
+    assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
+}
+
+/// Each habit or not, as a coin says that a seed throws.
+fn drawn(seed: usize) -> Quirks {
+    let coins = blake3::hash(&seed.to_le_bytes());
+    FACTS
+        .iter()
+        .zip(coins.as_bytes())
+        .filter(|(_, coin)| *coin % 2 == 0)
+        .fold(Quirks::NONE, |set, (facts, _)| set.with(facts.quirk))
+}
+
+#[test]
+fn a_start_whose_connection_the_web_api_drops_is_found_by_where_the_aircraft_is_and_asked_for_once()
+{
+    let habits = "dropped_start,restarting_start,far_away,slow_scenery";
+    let simulator = Simulator::start("12", Some(habits), Path::new(PLUGIN));
+    let output = simulator.generate(LIVE, &simulator.folder().join("corpus"));
+    let said = said(&output);
+    assert!(output.status.success(), "{said}");
+    let times = |words: &str| said.matches(words).count();
+    assert_eq!(times("a flight begins starter=WebApi"), 1, "{said}");
+    assert_eq!(times("seen by where the aircraft is"), 1, "{said}");
+}
+
+#[test]
+fn a_storm_leaves_no_cloud_in_the_haze_after_it() {
+    let storm_from_haze = farthest(wanted("12", STORM), wanted("12", HAZE));
+    assert!(storm_from_haze > 4.0, "{storm_from_haze}");
+    let habits = "late_clouds,regeneration_restores_preset,paused_weather,cloud_base_off";
+    let simulator = Simulator::start("12", Some(habits), Path::new(PLUGIN));
+    for id in [STORM, HAZE] {
+        let corpus = made(&simulator, id).unwrap();
+        let apart = farthest(&pictures(&corpus, id), wanted("12", id));
+        assert!(apart < ALIKE, "{id}: {apart} levels");
+    }
+}
+
+/// Waits until datarefs read so; `None` is anything.
+async fn until_read(watch: &mut Subscription, wanted: &[Option<f32>]) {
+    let right = |watch: &Subscription| {
+        let readings = watch.readings();
+        let pairs = readings.iter().zip(wanted);
+        pairs.clone().all(|(reading, wanted)| {
+            wanted.is_none_or(|wanted| reading.is_some_and(|reading| reading.value == wanted))
+        })
+    };
+    let seen = async {
+        while !right(watch) {
+            watch.changed().await;
+        }
+    };
+    let seen = timeout(PATIENCE, seen).await;
+    assert!(seen.is_ok(), "{wanted:?}: {:?}", watch.readings());
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one_goes_on() {
+    let simulator = Simulator::start("12", None, Path::new(PLUGIN));
+    let names = [
+        datarefs::OVERRIDE_FLIGHT_MODEL,
+        datarefs::PAUSED,
+        "sim/graphics/view/view_is_external",
+        "sim/graphics/view/field_of_view_deg",
+        datarefs::CHANGE_MODE,
+        datarefs::USE_SYSTEM_TIME,
+    ];
+    let mut watch = Subscription::start(simulator.udp(), names.map(str::to_owned), 20)
+        .await
+        .unwrap();
+    // In a cockpit, in real weather, by the computer's clock.
+    let found = [0.0, 0.0, 0.0, 60.0, 7.0, 1.0].map(Some);
+    until_read(&mut watch, &found).await;
+    let corpus = simulator.folder().join("corpus");
+    let arguments = [
+        "generate",
+        SWEEP,
+        "--only",
+        HAZE,
+        "--out",
+        corpus.to_str().unwrap(),
+    ];
+    let mut making = simulator.dtd(&arguments).spawn().unwrap();
+    let capturing = [Some(1.0), Some(1.0), Some(1.0), None, Some(3.0), Some(0.0)];
+    until_read(&mut watch, &capturing).await;
+    // SIGKILL.
+    making.kill().unwrap();
+    making.wait().unwrap();
+    until_read(&mut watch, &found).await;
+    simulator.dtd(&["doctor"]).output().unwrap();
+    until_read(&mut watch, &found).await;
+    made(&simulator, HAZE).unwrap();
+    until_read(&mut watch, &found).await;
+    assert!(farthest(&pictures(&corpus, HAZE), wanted("12", HAZE)) < ALIKE);
+    watch.end().await;
+}
+
+/// How far the haze's pictures are from those wanted if the plugin lacks what it does about a habit; `None` if there is no corpus then.
+fn without_remedy(quirk: &str, (file, from, to): (&str, &str, &str)) -> Option<f64> {
+    let folder = tempfile::tempdir().unwrap();
+    let plugin = plugin_with(folder.path(), file, from, to);
+    let simulator = Simulator::start("12", Some(quirk), &plugin);
+    let corpus = made(&simulator, HAZE).ok()?;
+    Some(farthest(&pictures(&corpus, HAZE), wanted("12", HAZE)))
+}
+
+#[test]
+fn the_comparison_of_pictures_sees_a_cockpit() {
+    let blind = (
+        "stage.py",
+        "return self._datarefs.get_or(names.VIEW_IS_EXTERNAL, 1.0) != 0",
+        "return True",
+    );
+    let apart = without_remedy("cockpit_view", blind);
+    assert!(apart.is_none_or(|apart| apart > ALIKE), "{apart:?}");
+}
+
+#[test]
+fn the_comparison_of_pictures_sees_a_pop_up() {
+    let blind = ("stage.py", "        self._clear_the_view()\n", "");
+    let apart = without_remedy("pop_ups", blind);
+    assert!(apart.is_none_or(|apart| apart > ALIKE), "{apart:?}");
+}
+
+#[test]
+fn the_comparison_of_pictures_sees_a_stale_frame() {
+    let blind = (
+        "capture.py",
+        "while stage.written - first < frames:",
+        "while stage.written - first < 1:",
+    );
+    let apart = without_remedy("stale_frames", blind);
+    assert!(apart.is_none_or(|apart| apart > ALIKE), "{apart:?}");
+}
