@@ -472,6 +472,7 @@ impl PluginScene {
             controls: self.controls(),
             on_ground: false,
         });
+        self.tell_world();
     }
 
     /// One more frame of the flight, unless the flight model is stopped or there is a pause: down the approach while the autopilot
