@@ -357,6 +357,15 @@ impl Quirks {
         Self(self.0 & has.0)
     }
 
+    /// How long a second of a client's waits is where the simulator's clock runs so much faster: nothing at all where there is nothing to wait
+    /// for.
+    pub(crate) fn pace(self, clock_rate: f64) -> f64 {
+        match self.iter().any(|quirk| quirk.facts().costs_time) {
+            true => 1.0 / clock_rate,
+            false => 0.0,
+        }
+    }
+
     /// Whether one of them is in the set.
     pub const fn has(self, quirk: Quirk) -> bool {
         self.0 & quirk.bit() != 0

@@ -27,7 +27,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
-use xplane_bridge::datarefs::Generation;
+use xplane_bridge::datarefs::{self as names, Generation};
 use xplane_bridge::doorway::Doorway;
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
@@ -50,6 +50,9 @@ pub const DEFAULT_PORT: u16 = 49_000;
 pub const DEFAULT_WEB_PORT: u16 = 8086;
 /// The capture link listens so much above the UDP port.
 const CAPTURE_PORT_OFFSET: u16 = 10;
+
+/// How long our plugin says that weather takes to settle, seconds, unless its settings say otherwise.
+const WEATHER_SETTLE_S: f64 = 15.0;
 
 /// Where to listen.
 #[derive(Debug, Clone)]
@@ -346,6 +349,8 @@ impl Server {
             world::World::new(options.generation, options.flight_loaded, options.quirks);
         if matches!(options.link, LinkServer::BuiltIn) {
             world.publish_capture_port(self.addresses.capture_link.port());
+            let settle_s = WEATHER_SETTLE_S * world.quirks().pace(options.clock_rate);
+            world.set_own(names::WEATHER_SETTLE_S, settle_s);
         }
         let version = world.version();
         let world = Shared(Arc::new(Mutex::new(world)));

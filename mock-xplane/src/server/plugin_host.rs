@@ -112,12 +112,7 @@ pub(super) async fn run(
         (world.version() < 120_000, world.quirks())
     };
     // The plugin waits by the clock on the wall; here for as long as what it waits for takes, which may be no time at all.
-    let makes_wait = quirks.iter().any(|quirk| quirk.facts().costs_time);
-    let pace = if makes_wait {
-        1.0 / host.clock_rate
-    } else {
-        0.0
-    };
+    let pace = quirks.pace(host.clock_rate);
     let quirk_names: Vec<&str> = quirks.iter().map(|quirk| quirk.facts().name).collect();
     let steal_every = options
         .steal_camera_every_frames

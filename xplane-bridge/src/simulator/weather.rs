@@ -30,8 +30,8 @@ const PATIENCE: Duration = Duration::from_secs(70);
 const LONGEST_HITCH: Duration = Duration::from_secs(30);
 /// The same while nothing but the temperature is missing: after the start, and after real weather, it slides for minutes.
 const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
-/// How often it is written again meanwhile. That disturbs no clouds.
-const TEMPERATURE_AGAIN: Duration = Duration::from_secs(5);
+/// How long a temperature has to be right after it was written: one that slides is within its tolerance for the first second or two.
+const TEMPERATURE_HOLDS: Duration = Duration::from_secs(5);
 /// How long what the aircraft is in and what is drawn may take to follow what was set.
 const SHOWING: Duration = Duration::from_secs(10);
 
@@ -143,15 +143,27 @@ impl Simulator {
         let began = Instant::now();
         let (mut heard, mut running_from_s) = (began, None);
         let mut temperature_written_s = 0.0;
+        // As with a pause, a simulator whose weather shows at once does not need it.
+        let holds_s = TEMPERATURE_HOLDS.min(self.weather_settle).as_secs_f32();
         loop {
             let found = self.read(&watched).await?;
             self.check_vigil()?;
-            let mut missing = expected
+            let running_s = found.last().copied().flatten();
+            running_from_s = running_from_s.or(running_s);
+            let simulated_s = running_s
+                .zip(running_from_s)
+                .map_or(0.0, |(now_s, from_s)| now_s - from_s);
+            let passed_s = began.elapsed().as_secs_f32().max(simulated_s);
+            let holds = passed_s - temperature_written_s >= holds_s;
+            let mut missing: Vec<_> = expected
                 .iter()
                 .zip(&found)
-                .filter(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)))
-                // The temperature last: it is waited for in another way, once all else is there.
-                .collect::<Vec<_>>();
+                .filter(|(write, found)| {
+                    let is_met = found.is_some_and(|value| write.is_met_by(value));
+                    !is_met || is_temperature(write) && !holds
+                })
+                .collect();
+            // The temperature last: it is waited for in another way, once all else is there.
             missing.sort_by_key(|(write, _)| is_temperature(write));
             let Some(&(write, &value)) = missing.first() else {
                 return Ok(None);
@@ -165,12 +177,6 @@ impl Simulator {
                     waited: heard.elapsed(),
                 });
             }
-            let running_s = found.last().copied().flatten();
-            running_from_s = running_from_s.or(running_s);
-            let simulated_s = running_s
-                .zip(running_from_s)
-                .map_or(0.0, |(now_s, from_s)| now_s - from_s);
-            let passed_s = began.elapsed().as_secs_f32().max(simulated_s);
             let patience = match slides {
                 true => PATIENCE_WITH_TEMPERATURE,
                 false => PATIENCE,
@@ -184,7 +190,8 @@ impl Simulator {
                     patience,
                 }));
             }
-            if slides && passed_s - temperature_written_s >= TEMPERATURE_AGAIN.as_secs_f32() {
+            let is_wrong = !value.is_some_and(|value| write.is_met_by(value));
+            if slides && is_wrong {
                 temperature_written_s = passed_s;
                 self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
                 self.write_surely(&write.name, write.value).await?;
