@@ -8,8 +8,8 @@ cargo build --release --locked --workspace
 dtd=target/release/dtd
 folder=tests/data/tape
 work=$(mktemp -d)
-simulator= recorder=
-trap 'kill $simulator $recorder 2>/dev/null || true; rm -rf "$work"' EXIT
+recorder=
+trap 'kill $recorder 2>/dev/null || true; rm -rf "$work"' EXIT
 
 # The address in the line of JSON with which a process says that it is ready.
 address() {
@@ -20,10 +20,7 @@ address() {
     sed 's/.*"udp":"\([^"]*\)".*/\1/' "$1"
 }
 
-"$dtd" mock-xplane --port 0 --no-beacon --quirks none >"$work/simulator" &
-simulator=$!
-simulator_address=$(address "$work/simulator")
-"$dtd" record --sim "$simulator_address" --port 0 --out "$work/session.mcap" >"$work/recorder" &
+"$dtd" record --sim mock --port 0 --out "$work/session.mcap" >"$work/recorder" &
 recorder=$!
 recorder_address=$(address "$work/recorder")
 "$dtd" generate "$folder/session.toml" --out "$work/corpus" --sim "$recorder_address"

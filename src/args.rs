@@ -427,6 +427,15 @@ pub(crate) struct DoctorArgs {
     /// Address of X-Plane 12's Web API; without it, what DTD_WEB_API says, or port 8086 if X-Plane runs on this computer
     #[arg(long, value_name = "HOST:PORT|off")]
     pub(crate) web_api: Option<WebApiPlace>,
+    /// The sweep that is to be recorded: is the window as large as its pictures? Without it, demo.toml if it is there
+    #[arg(long, value_name = "SWEEP.toml")]
+    pub(crate) sweep: Option<PathBuf>,
+    /// Measure what reports disagree on although this installation has a profile
+    #[arg(long)]
+    pub(crate) measure: bool,
+    /// Measure nothing, which is quick
+    #[arg(long, conflicts_with = "measure")]
+    pub(crate) no_measure: bool,
     /// Print the checks as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -434,8 +443,9 @@ pub(crate) struct DoctorArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RecordArgs {
-    /// X-Plane's UDP address, or `auto` for the X-Plane that announces itself on the network
-    #[arg(long, value_name = "auto|HOST:PORT")]
+    /// X-Plane's UDP address, `auto` for the X-Plane that announces itself on the network, or the stand-in (with the awkward habits of a live
+    /// X-Plane), which runs as long as the recorder
+    #[arg(long, value_name = "auto|mock|mock:awkward|HOST:PORT")]
     pub(crate) sim: String,
     /// The tape to write. A file that is there already is never overwritten
     #[arg(long, value_name = "FILE.mcap", value_parser = output())]

@@ -47,12 +47,20 @@ impl Drop for StandIn {
     }
 }
 
-/// `dtd doctor` with these arguments, on a machine that says nothing of a Web API and has no screen.
+/// `dtd doctor` with these arguments, on a machine that says nothing of a Web API and has no screen, in a folder without a sweep. What it
+/// measures is tested with the stand-in.
 fn doctor(arguments: &[&str]) -> Command {
+    let mut command = measuring_doctor(arguments);
+    command.arg("--no-measure");
+    command
+}
+
+fn measuring_doctor(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
     command
         .args(["doctor", "--json"])
         .args(arguments)
+        .current_dir(std::env::temp_dir())
         .env_remove("DTD_WEB_API")
         .env_remove("DISPLAY");
     command
@@ -211,6 +219,69 @@ fn our_own_plugin_is_found_well_although_nobody_knows_where_its_window_lies() {
         let unseen = found(&checks, "lockstep").contains("was not seen");
         assert_eq!(unseen, generation == "12", "{checks:#?}");
     }
+}
+
+#[test]
+fn a_window_of_another_size_than_the_sweeps_pictures_is_named_with_both_ways_out_and_a_fitting_one_with_the_command_to_run()
+ {
+    let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/demo.toml");
+    for (window, verdict_of_window) in [("480x300", "warning"), ("1920x1280", "ok")] {
+        let simulator = StandIn::start(&[
+            "--xplane",
+            "11",
+            "--plugin",
+            "xplane-bridge/plugin",
+            "--plugin-window",
+            window,
+        ]);
+        let (code, checks) = outcome(doctor(&["--sim", &simulator.udp, "--sweep", sweep]));
+        assert_eq!(code, Some(0), "{checks:#?}");
+        assert_eq!(verdict(&checks, "window"), verdict_of_window, "{checks:#?}");
+        let next = found(&checks, "next");
+        if verdict_of_window == "ok" {
+            let command = format!("dtd generate {sweep} --out corpus --sim {}", simulator.udp);
+            assert_eq!(next, command);
+        } else {
+            let hint = check(&checks, "window")["hint"].as_str().unwrap();
+            for words in ["--window=1920x1280", "width_px = 480 and height_px = 300"] {
+                assert!(hint.contains(words), "{words}: {hint}");
+            }
+            assert!(next.starts_with("see to the window"), "{next}");
+        }
+    }
+}
+
+#[test]
+fn an_installation_is_measured_once_by_the_command_too() {
+    let simulator = StandIn::start(&["--xplane", "11"]);
+    let measure = |arguments: &[&str]| {
+        outcome(measuring_doctor(
+            &[&["--sim", &simulator.udp], arguments].concat(),
+        ))
+        .1
+    };
+    assert_eq!(verdict(&measure(&[]), "still pictures"), "ok");
+    assert!(found(&measure(&[]), "profile").contains("--measure measures again"));
+    assert_eq!(verdict(&measure(&["--measure"]), "pause"), "ok");
+}
+
+#[test]
+fn what_the_user_has_before_the_eyes_is_looked_at() {
+    let simulator = StandIn::start(&["--quirks", "pop_ups,cockpit_view,loaded_c172"]);
+    let (_, checks) = examined(&simulator.udp);
+    assert_eq!(verdict(&checks, "pop-ups"), "warning", "{checks:#?}");
+    assert!(found(&checks, "pop-ups").starts_with("open: 1"));
+    assert!(found(&checks, "view").starts_with("from inside"));
+    assert!(found(&checks, "aircraft").contains("C172"), "{checks:#?}");
+    assert_eq!(verdict(&checks, "menus"), "ok");
+    let menu = StandIn::start(&["--main-menu"]);
+    let (code, checks) = examined(&menu.udp);
+    assert_eq!(
+        (code, verdict(&checks, "menus")),
+        (Some(1), "failed"),
+        "{checks:#?}"
+    );
+    assert!(found(&checks, "next").contains("menus"));
 }
 
 #[test]

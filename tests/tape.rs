@@ -81,12 +81,7 @@ impl Drop for Server {
 /// Records the making of some scenarios; the tape lies beside the corpus.
 fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
     let (corpus, tape) = (folder.join("corpus"), folder.join("session.mcap"));
-    let simulator = Server::start(&["mock-xplane", "--no-beacon", "--quirks=none"]);
-    let arguments = [
-        &["record", "--sim", &simulator.udp, "--out", text(&tape)],
-        more,
-    ]
-    .concat();
+    let arguments = [&["record", "--sim", "mock", "--out", text(&tape)], more].concat();
     let recorder = Server::start(&arguments);
     let generate = [
         "generate",
@@ -98,7 +93,6 @@ fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
     ];
     must(&[&generate[..], only].concat());
     recorder.end();
-    simulator.end();
     (corpus, tape)
 }
 

@@ -98,6 +98,19 @@ class PipeWorld:
         return self._answers.read(count)
 
 
+class KeptInMemory:
+    """A profile as long as this stand-in lives: the plugin's folder is the user's."""
+
+    def __init__(self, _path: Any) -> None:
+        self._profile: dict[str, Any] | None = None
+
+    def read(self) -> dict[str, Any] | None:
+        return self._profile
+
+    def keep(self, profile: dict[str, Any]) -> None:
+        self._profile = profile
+
+
 class LoggingXp(FakeXp):
     """Logs into the stand-in's log."""
 
@@ -138,6 +151,7 @@ def run(settings: dict[str, Any]) -> None:
         weather_settle_s=defaults.weather_settle_s * pace,
     )
     plugin.read_settings = lambda _path: link
+    plugin.ProfileFile = KeptInMemory
     interface = plugin.PythonInterface()
     interface.XPluginStart()
     interface.XPluginEnable()

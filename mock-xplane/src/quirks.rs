@@ -38,6 +38,12 @@ pub enum Quirk {
     ParticlesStopWhenPaused,
     StaleFrames,
     LateStartCrashes,
+    WindInKnots,
+    RegenerationNeeded,
+    RegenerationNotNeeded,
+    PauseKeepsPose,
+    WaterMoves,
+    SlowExposure,
 }
 
 /// How well a report is founded.
@@ -51,6 +57,8 @@ pub enum Grade {
     Practised,
     /// One report.
     Single,
+    /// Nobody says.
+    Unknown,
 }
 
 /// What is known of a quirk.
@@ -73,7 +81,7 @@ pub struct Facts {
 }
 
 /// All quirks, in the order of [`Quirk`].
-pub const FACTS: [Facts; 26] = [
+pub const FACTS: [Facts; 32] = [
     Facts {
         quirk: Quirk::LateClouds,
         name: "late_clouds",
@@ -308,6 +316,70 @@ pub const FACTS: [Facts; 26] = [
         costs_time: false,
         in_11: true,
     },
+    Facts {
+        quirk: Quirk::WindInKnots,
+        name: "wind_in_knots",
+        does: "`wind_speed_msc` is in knots, whatever its name says",
+        source: "SF against OIS, EFB",
+        grade: Grade::Single,
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::RegenerationNeeded,
+        name: "regeneration_needed",
+        does: "without `regen_weather` nothing of what is written shows, and the datarefs read it all the same",
+        source: "LARDON against SF",
+        grade: Grade::Measured("12.4.2"),
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::RegenerationNotNeeded,
+        name: "regeneration_not_needed",
+        does: "clouds show as soon as they read back, without `regen_weather`",
+        source: "OIS, EFB, LT against LARDON, LC",
+        grade: Grade::Practised,
+        costs_time: false,
+        in_11: false,
+    },
+    Facts {
+        quirk: Quirk::PauseKeepsPose,
+        name: "pause_keeps_pose",
+        does: "in a pause the picture keeps the pose and the camera that it had before",
+        source: "EFB against WPI, LXR, AFX",
+        grade: Grade::Single,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::WaterMoves,
+        name: "water_moves",
+        does: "water in the foreground moves in a pause, too",
+        source: "nobody",
+        grade: Grade::Unknown,
+        costs_time: false,
+        in_11: true,
+    },
+    Facts {
+        quirk: Quirk::SlowExposure,
+        name: "slow_exposure",
+        does: "when the camera turns, the picture is too bright at first and settles within 30 frames",
+        source: "nobody",
+        grade: Grade::Unknown,
+        costs_time: false,
+        in_11: true,
+    },
+];
+
+/// What others contradict, or nobody has seen: `dtd doctor` finds out which it is. Part of no group, each is switched on by its name.
+pub const OPEN: [Quirk; 6] = [
+    Quirk::WindInKnots,
+    Quirk::RegenerationNeeded,
+    Quirk::RegenerationNotNeeded,
+    Quirk::PauseKeepsPose,
+    Quirk::WaterMoves,
+    Quirk::SlowExposure,
 ];
 
 impl Quirk {
@@ -316,8 +388,8 @@ impl Quirk {
         &FACTS[self as usize]
     }
 
-    const fn bit(self) -> u32 {
-        1 << self as u32
+    const fn bit(self) -> u64 {
+        1 << self as u64
     }
 }
 
@@ -328,26 +400,27 @@ impl fmt::Display for Grade {
             Self::Documented => f.write_str("documented"),
             Self::Practised => f.write_str("practised"),
             Self::Single => f.write_str("one report"),
+            Self::Unknown => f.write_str("unknown"),
         }
     }
 }
 
 /// A set of quirks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Quirks(u32);
+pub struct Quirks(u64);
 
 impl Quirks {
     /// None of them: a well-behaved simulator.
     pub const NONE: Self = Self(0);
 
-    /// All of them.
+    /// All that nobody contradicts ([`OPEN`]).
     pub fn all() -> Self {
-        Self::those(|_| true)
+        Self::those(|facts| !OPEN.contains(&facts.quirk))
     }
 
     /// Those that make no client wait.
     pub fn quick() -> Self {
-        Self::those(|facts| !facts.costs_time)
+        Self::those(|facts| !facts.costs_time && !OPEN.contains(&facts.quirk))
     }
 
     /// Those that X-Plane of a generation has.
@@ -470,7 +543,8 @@ mod tests {
     fn a_set_is_named_from_left_to_right_and_says_its_names() {
         let parse = |text: &str| text.parse::<Quirks>().unwrap();
         assert_eq!(parse("none"), Quirks::NONE);
-        assert_eq!(parse("all").iter().count(), FACTS.len());
+        assert_eq!(parse("all").iter().count(), FACTS.len() - OPEN.len());
+        assert!(parse("all,water_moves").has(Quirk::WaterMoves));
         let but_clouds = parse("all, -late_clouds");
         assert_eq!(but_clouds, Quirks::all().without(Quirk::LateClouds));
         let two = parse("far_away,late_clouds");
@@ -521,6 +595,7 @@ mod tests {
                     || line.contains("; documented")
                     || line.contains("; practised")
                     || line.contains("; one report")
+                    || line.contains("; unknown")
             });
         assert_eq!(lines.count(), FACTS.len());
     }

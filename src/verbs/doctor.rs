@@ -1,7 +1,11 @@
 //! `dtd doctor`: a live connection examined point by point.
 
+use std::path::{Path, PathBuf};
+
+use generator::sweep::Sweep;
 use xplane_bridge::WebApiPlace;
-use xplane_bridge::doctor::{Check, Patient, Verdict, examine};
+use xplane_bridge::doctor::{Check, Intent, Measuring, Patient, Verdict, examine};
+use xplane_bridge::link::PictureSize;
 
 use super::Outcome;
 use super::address::simulator;
@@ -9,6 +13,9 @@ use super::async_runtime::async_runtime;
 use super::output::print_json;
 use crate::args::DoctorArgs;
 use crate::failure::{Ending, Failure};
+
+/// What most people record first.
+const USUAL_SWEEP: &str = "demo.toml";
 
 /// Runs the verb. Fails if a check does.
 pub(crate) fn run(args: &DoctorArgs) -> Outcome {
@@ -23,8 +30,20 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
     };
     let patient = Patient {
         web_api,
+        measuring: match (args.measure, args.no_measure) {
+            (true, _) => Measuring::Again,
+            (_, true) => Measuring::Never,
+            _ => Measuring::Once,
+        },
+        intent: intent(args.sweep.as_deref())?,
         ..Patient::at(address)
     };
+    if patient.measuring != Measuring::Never && !args.json {
+        eprintln!(
+            "doctor: what reports disagree on is measured once per installation, which takes up to eight minutes where clouds are slow \
+             (--no-measure leaves it out)"
+        );
+    }
     let mut show = |check: &Check| {
         if !args.json {
             print(check);
@@ -45,6 +64,25 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
             checks.len()
         ))),
     }
+}
+
+/// The sweep that is meant, and the size of its pictures.
+fn intent(sweep: Option<&Path>) -> Result<Option<Intent>, Failure> {
+    let file = match sweep {
+        Some(file) => file.to_owned(),
+        None => PathBuf::from(USUAL_SWEEP),
+    };
+    if sweep.is_none() && !file.is_file() {
+        return Ok(None);
+    }
+    let picture = Sweep::read(&file).map_err(Failure::bad_input)?.picture;
+    Ok(Some(Intent {
+        sweep: file.display().to_string(),
+        pictures: PictureSize {
+            width_px: picture.width_px,
+            height_px: picture.height_px,
+        },
+    }))
 }
 
 fn print(check: &Check) {

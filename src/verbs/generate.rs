@@ -308,6 +308,9 @@ impl ShowEvents {
                 let planned = self.current.get(id).map_or(0, |current| current.planned);
                 self.ended(id, planned);
             }
+            Event::Profile { simulator, known } => {
+                self.bar.say(&format!("simulator {simulator} {known}"));
+            }
             Event::SimulatorLost { simulator, reason } => self.bar.say(&format!(
                 "simulator {simulator} does not answer and is waited for: {reason}"
             )),

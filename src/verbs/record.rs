@@ -1,9 +1,12 @@
 //! `dtd record`: a session with X-Plane on a tape.
 
+use std::env;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use generator::generate::Cancel;
+use generator::stand_in::{StandIn, StandInTask};
+use tokio::runtime::Runtime;
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::tape::{RecordOptions, TapeSummary, record};
@@ -23,9 +26,13 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 /// Runs the verb, until it is stopped.
 pub(crate) fn run(args: &RecordArgs) -> Outcome {
     let runtime = async_runtime()?;
-    let address = match simulator(&args.sim)? {
-        Some(address) => address,
-        None => runtime.block_on(announced())?,
+    let stand_in = own_stand_in(&args.sim, &runtime)?;
+    let address = match &stand_in {
+        Some(stand_in) => stand_in.address(),
+        None => match simulator(&args.sim)? {
+            Some(address) => address,
+            None => runtime.block_on(announced())?,
+        },
     };
     let options = RecordOptions {
         simulator: address,
@@ -56,6 +63,9 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         }
         recording.await
     });
+    if let Some(stand_in) = stand_in {
+        runtime.block_on(stand_in.stop());
+    }
     let summary = recorded.map_err(|error| match error {
         error if error.is_bad_input() => Failure::bad_input(error),
         error => error.into(),
@@ -68,6 +78,17 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
         summary.path.display()
     );
     Ok(Ending::Done)
+}
+
+/// A stand-in of our own, if that is to be recorded: as long as the recorder runs.
+fn own_stand_in(sim: &str, runtime: &Runtime) -> Result<Option<StandIn>, Failure> {
+    let task = match sim {
+        "mock" => StandInTask::Simulate,
+        "mock:awkward" => StandInTask::BeAwkward,
+        _ => return Ok(None),
+    };
+    let started = runtime.block_on(StandIn::start(&env::current_exe()?, task));
+    Ok(Some(started.map_err(anyhow::Error::from)?))
 }
 
 /// Where the one simulator is that announces itself.

@@ -23,6 +23,7 @@ if str(HERE) not in sys.path:
 from dtd_bridge import NAME, VERSION  # noqa: E402
 from dtd_bridge import datarefs as names  # noqa: E402
 from dtd_bridge.bridge import Bridge  # noqa: E402
+from dtd_bridge.profile import ProfileFile  # noqa: E402
 from dtd_bridge.settings import read_settings  # noqa: E402
 from dtd_bridge.xp_api import Xp  # noqa: E402
 
@@ -71,7 +72,7 @@ class PythonInterface:
         try:
             settings = read_settings(HERE / "dtd_bridge.ini")
             self._settle_s = settings.weather_settle_s
-            self._bridge = Bridge(xp, settings)
+            self._bridge = Bridge(xp, settings, profile=ProfileFile(HERE / "dtd_profile.json"))
             self._flight_loop = xp.createFlightLoop(self._on_frame, xp.FlightLoop_Phase_AfterFlightModel, None)
             xp.scheduleFlightLoop(self._flight_loop, EVERY_FRAME)
         except Exception:

@@ -21,12 +21,13 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as this program carries it: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 22] = [
+const FILES: [(&str, &str); 24] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
     plugin_file!("dtd_bridge/autopilot.py"),
     plugin_file!("dtd_bridge/bridge.py"),
+    plugin_file!("dtd_bridge/callbacks.py"),
     plugin_file!("dtd_bridge/capture.py"),
     plugin_file!("dtd_bridge/check_pattern.py"),
     plugin_file!("dtd_bridge/datarefs.py"),
@@ -36,6 +37,7 @@ const FILES: [(&str, &str); 22] = [
     plugin_file!("dtd_bridge/messages.py"),
     plugin_file!("dtd_bridge/opengl.py"),
     plugin_file!("dtd_bridge/pixels.py"),
+    plugin_file!("dtd_bridge/profile.py"),
     plugin_file!("dtd_bridge/scenery.py"),
     plugin_file!("dtd_bridge/server.py"),
     plugin_file!("dtd_bridge/settings.py"),

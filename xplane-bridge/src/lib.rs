@@ -15,6 +15,7 @@ pub mod install;
 pub mod link;
 pub mod packet;
 pub mod pixels;
+pub mod profile;
 mod simulator;
 pub mod subscription;
 pub mod tape;

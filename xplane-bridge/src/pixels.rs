@@ -45,6 +45,11 @@ pub trait PixelSource: Debug + Send {
     /// Captures that may be outstanding at once. A frame that has to stay on the screen until it is grabbed allows one.
     fn most_outstanding(&self) -> usize;
 
+    /// How late its pictures are at most, if that was measured.
+    fn lag(&self) -> Option<Lag> {
+        None
+    }
+
     /// The picture of the frame just drawn. `payload` is what came with the simulator's answer: the picture, or memory for it.
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_>;
 

@@ -11,6 +11,7 @@ mod find_web_api;
 mod flight_start;
 mod link_client;
 mod pictures;
+mod profile;
 mod setup;
 mod sharing;
 mod udp;
@@ -35,6 +36,7 @@ use crate::link::{
     PictureBytes, PictureSize, PixelKind, Request, SharedPicture, SimulatorWindow, decode_flight,
 };
 use crate::pixels::{Payload, PixelSource};
+use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
 pub use connect_options::{
     ConnectOptions, LINK_TOKEN_VARIABLE, SHARED_MEMORY_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
@@ -82,6 +84,10 @@ pub struct SimulatorDescription {
     pub drawn_size: Option<PictureSize>,
     /// Whether it can draw through lenses, bent and turbulent air and with noise.
     pub imaging: bool,
+    /// What was measured of it.
+    pub profile: KnownProfile,
+    /// Whether a tape gives the answers.
+    pub replayed: bool,
 }
 
 /// A connected simulator.
@@ -172,6 +178,8 @@ impl Simulator {
             drawn_size,
             shares_memory_with,
             imaging,
+            profile,
+            replayed,
         } = answer
         else {
             return Err(wrong("hello", &answer));
@@ -180,6 +188,11 @@ impl Simulator {
             true => Sharing::Impossible,
             false => Sharing::with(shares_memory_with, link.local_address()),
         };
+        let profile = KnownProfile::of(
+            profile,
+            &format!("{name} {simulator_version}"),
+            plugin.as_deref(),
+        );
         let description = SimulatorDescription {
             name,
             version: simulator_version,
@@ -189,6 +202,8 @@ impl Simulator {
             window,
             drawn_size,
             imaging,
+            profile,
+            replayed,
         };
         let generation = Generation::of_version(version);
         let web_api = match (generation, web_api) {
@@ -205,9 +220,13 @@ impl Simulator {
             address,
             description,
             generation,
-            weather_settle: Duration::from_secs_f32(
-                settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0),
-            ),
+            // A tape's weather has settled.
+            weather_settle: match replayed {
+                true => Duration::ZERO,
+                false => {
+                    Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
+                }
+            },
             settle_frames: SETTLE_FRAMES,
             pixels: Box::new(Payload(PixelKind::Link)),
             conditions: None,
@@ -225,7 +244,8 @@ impl Simulator {
         &self.description
     }
 
-    /// Sets how many frames X-Plane draws with a new pose and camera before the one that counts, from the next freeze on.
+    /// Sets how many frames X-Plane draws with a new pose and camera before the one that counts, from the next freeze on. More, where its
+    /// profile says so.
     pub fn set_settle_frames(&mut self, frames: u32) {
         self.settle_frames = frames;
     }
@@ -311,25 +331,55 @@ impl Simulator {
     ) -> Result<(), BridgeError> {
         self.check_imaging(views)?;
         let ideal = views.iter().all(Imaging::is_ideal);
-        let request = Request::Freeze {
+        self.ask_to_freeze(Request::Freeze {
             runway: runway.clone(),
-            settle_frames: self.settle_frames,
+            settle_frames: self.frames_to_settle(),
             imaging: if ideal { vec![] } else { views.to_vec() },
             running_at: self.running_at(),
-        };
-        match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
-            Answer::Frozen => {}
-            other => return Err(wrong("frozen", &other)),
-        }
+        })
+        .await?;
         self.set_clock_exactly().await
+    }
+
+    /// Freezes for ideal views, with exactly so many frames that settle, in a pause or with a clock that runs on.
+    async fn freeze_raw(
+        &mut self,
+        runway: &Runway,
+        settle_frames: u32,
+        running_at: Option<Clock>,
+    ) -> Result<(), BridgeError> {
+        self.ask_to_freeze(Request::Freeze {
+            runway: runway.clone(),
+            settle_frames,
+            imaging: vec![],
+            running_at,
+        })
+        .await
+    }
+
+    async fn ask_to_freeze(&mut self, request: Request) -> Result<(), BridgeError> {
+        match self.link.ask("freezing", &request, SWITCH_TIMEOUT).await? {
+            Answer::Frozen => Ok(()),
+            other => Err(wrong("frozen", &other)),
+        }
     }
 
     /// The clock, if time has to run while pictures are taken: X-Plane's rain and snow fall only then.
     fn running_at(&self) -> Option<Clock> {
-        let falls = |conditions: &&Conditions| conditions.weather.rain_ratio > 0.0;
         self.description.plugin.as_ref()?;
-        let conditions = self.conditions.as_ref().filter(falls)?;
-        Some(conditions.clock)
+        let conditions = self.conditions.as_ref()?;
+        let profile = self.description.profile.current();
+        let needed =
+            conditions.weather.rain_ratio > 0.0 || profile.is_some_and(Profile::time_has_to_run);
+        needed.then_some(conditions.clock)
+    }
+
+    /// Frames that settle: as many as were set, or were measured to be needed.
+    fn frames_to_settle(&self) -> u32 {
+        match self.description.profile.current() {
+            Some(profile) => profile.settle_frames(self.settle_frames),
+            None => self.settle_frames,
+        }
     }
 
     /// Whether this simulator can draw such views; nothing is sent.

@@ -2,6 +2,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use xplane_bridge::profile::KnownProfile;
+
 /// What a run is doing, for whoever shows it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event<'a> {
@@ -109,6 +111,13 @@ pub enum Event<'a> {
         id: &'a str,
         /// Why.
         reason: &'a str,
+    },
+    /// What `dtd doctor` measured of a simulator behind a plugin, or that it did not. Said once for each.
+    Profile {
+        /// Which.
+        simulator: &'a str,
+        /// That it has one that is used, or how to get one.
+        known: &'a KnownProfile,
     },
     /// A simulator does not answer any more; the run waits for it.
     SimulatorLost {

@@ -108,6 +108,12 @@ async fn record_into(
     let picture = common.picture;
     let cancel = attempt.cancel;
     let mut simulator = cancel.or(session.connect()).await?;
+    if let Some(known) = session.news_of(&simulator) {
+        attempt.reporter.tell(Event::Profile {
+            simulator: session.name(),
+            known: &known,
+        });
+    }
     simulator.set_aircraft(&common.aircraft);
     let (start, live) = start(work, scenario);
     cancel

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
+use xplane_bridge::profile::KnownProfile;
 use xplane_bridge::tape::TapeReader;
 use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, Simulator};
 
@@ -90,6 +91,8 @@ pub(super) struct Session {
     stand_in: Option<StandIn>,
     /// A connection that nobody has used yet; the next scenario uses it.
     ready: Option<Simulator>,
+    /// What was said of its profile.
+    profile_told: Option<KnownProfile>,
 }
 
 impl Session {
@@ -113,7 +116,18 @@ impl Session {
             pictures: pictures.clone(),
             stand_in: None,
             ready: None,
+            profile_told: None,
         }
+    }
+
+    /// What is known of a simulator behind a plugin, if that was not told yet.
+    pub(super) fn news_of(&mut self, simulator: &Simulator) -> Option<KnownProfile> {
+        let known = &simulator.description().profile;
+        if simulator.description().plugin.is_none() || self.profile_told.as_ref() == Some(known) {
+            return None;
+        }
+        self.profile_told = Some(known.clone());
+        self.profile_told.clone()
     }
 
     /// What messages call the simulator.

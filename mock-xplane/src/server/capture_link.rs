@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use dataset::camera::Camera;
 use dataset::limits::Check;
 use dataset::units::SimTime;
+use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncWrite};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{Semaphore, mpsc};
@@ -62,6 +63,7 @@ pub(super) async fn run(
         painters: Arc::new(Semaphore::new(cores)),
         buffers: Mutex::default(),
         seat: Seat::default(),
+        profile: Mutex::default(),
     });
     // Like the server's own tasks, those of clients end with it.
     let mut clients = JoinSet::new();
@@ -105,6 +107,8 @@ struct Studio {
     /// Memory of sent pictures, for the next ones.
     buffers: Mutex<Vec<Vec<u8>>>,
     seat: Seat,
+    /// What a client measured of us.
+    profile: Mutex<Option<Value>>,
 }
 
 /// A client's connection.
@@ -274,6 +278,8 @@ impl Studio {
                     drawn_size: None,
                     shares_memory_with: DrawingSlots::POSSIBLE.then_some(from.address),
                     imaging: true,
+                    profile: self.lock_profile().clone(),
+                    replayed: false,
                 })
             }
             Request::ShareMemory(offer) => share_memory(from, &offer),
@@ -314,6 +320,13 @@ impl Studio {
                 true => ready(Answer::Commanded),
                 false => refusal(format!("the stand-in has no command {path}")),
             },
+            Request::KeepProfile { profile } => {
+                *self.lock_profile() = Some(profile);
+                ready(Answer::ProfileKept)
+            }
+            Request::WatchCallbacks { .. } => {
+                refusal("the stand-in draws without a plugin: nobody is called back".into())
+            }
             Request::Release => {
                 self.world.lock().release();
                 ready(Answer::Released)
@@ -490,6 +503,10 @@ impl Studio {
             height_px: key.height_px,
         };
         (Answer::Frame(header), payload)
+    }
+
+    fn lock_profile(&self) -> MutexGuard<'_, Option<Value>> {
+        self.profile.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     fn lock_buffers(&self) -> MutexGuard<'_, Vec<Vec<u8>>> {

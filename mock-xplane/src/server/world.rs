@@ -316,7 +316,8 @@ impl World {
         if self.hosted {
             return;
         }
-        if !stopped {
+        // Behind the main menu time stands still, whatever the pause says.
+        if !stopped && self.flight_loaded {
             let flight_s = datarefs.get(FLIGHT_TIME_S) + elapsed_s;
             datarefs.set(FLIGHT_TIME_S, flight_s);
         }

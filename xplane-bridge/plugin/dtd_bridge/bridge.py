@@ -10,8 +10,9 @@ import queue
 from collections import deque
 from typing import Any, Generator
 
-from . import NAME, VERSION, capture, messages
+from . import NAME, VERSION, callbacks, capture, messages
 from . import datarefs as names
+from .callbacks import Callbacks
 from .capture import Answer
 from .datarefs import Datarefs
 from .flight import Flights
@@ -19,6 +20,7 @@ from .found import Found
 from .local_frame import LocalFrame
 from .messages import Refusal
 from .pixels import Pixels
+from .profile import ProfileFile, still_pictures_move
 from .scenery import Ground
 from .server import Asked, Closed, Connection, LinkServer, Note, Opened
 from .settings import Settings
@@ -29,6 +31,8 @@ from .xp_api import Xp
 
 # Frames that the check pattern may take to be drawn, and a pause to take hold.
 FRAMES_LIMIT = 600
+# Callbacks are watched for so many frames at most.
+WATCH_LIMIT = 600
 
 Task = Generator[None, None, Answer]
 
@@ -36,13 +40,15 @@ Task = Generator[None, None, Answer]
 class Bridge:
     """Everything between the sockets and X-Plane, from enabling to disabling."""
 
-    def __init__(self, xp: Xp, settings: Settings, gl_library: Any = None) -> None:
+    def __init__(self, xp: Xp, settings: Settings, gl_library: Any = None, profile: ProfileFile | None = None) -> None:
         self._xp = xp
         self._settings = settings
         self._datarefs = Datarefs(xp)
         self._frame = LocalFrame(xp.worldToLocal, xp.localToWorld)
-        self._stage = Stage(xp, self._datarefs, self._frame)
-        self._pixels = Pixels(xp, self._datarefs, gl_library)
+        self._profile = profile
+        self._callbacks = Callbacks(xp)
+        self._stage = Stage(xp, self._datarefs, self._frame, self._callbacks)
+        self._pixels = Pixels(xp, self._datarefs, self._callbacks, gl_library)
         self._ground = Ground(xp)
         self._traffic = Traffic(xp)
         self._flights = Flights(self._stage, self._datarefs, self._frame, self._ground, self._traffic, xp)
@@ -70,6 +76,7 @@ class Bridge:
 
     def step(self) -> None:
         """One frame."""
+        self._callbacks.note(callbacks.AFTER)
         self._stage.step()
         self._found.step()
         self._take_events()
@@ -171,14 +178,21 @@ class Bridge:
             return self._probe_terrain(header)
         if message == "check_pattern":
             return self._check_pattern(header)
+        if message == "keep_profile":
+            return self._keep_profile(header)
+        if message == "watch_callbacks":
+            return self._watch_callbacks(header)
         raise Refusal(f"the plugin knows no message {message!r}")
 
     def _hello(self) -> Task:
         pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
         # The size is X-Plane's to tell in any case, the window's place on the desktop only sometimes.
         width, height = (int(self._datarefs.get_or(name, 0.0)) for name in names.WINDOW_SIZE)
+        profile = self._profile.read() if self._profile else None
+        self._pixels.restless = still_pictures_move(profile)
         return _at_once(
             {
+                **({"profile": profile} if profile is not None else {}),
                 "message": "hello",
                 "name": "X-Plane",
                 "version": self._version(),
@@ -276,6 +290,21 @@ class Bridge:
                 return {"message": "check_pattern_shown", "sim_frame": self._stage.frames}, b""
         self._pixels.pattern_code = None
         raise Refusal("X-Plane called no draw callback: it cannot show the check pattern")
+
+    def _keep_profile(self, header: Header) -> Task:
+        if self._profile is None:
+            raise Refusal("this plugin has no place to keep a profile")
+        profile = dict(messages.part(header, "profile"))
+        self._profile.keep(profile)
+        self._pixels.restless = still_pictures_move(profile)
+        return _at_once({"message": "profile_kept"})
+
+    def _watch_callbacks(self, header: Header) -> Task:
+        frames = messages.whole(header, "frames", 1, WATCH_LIMIT)
+        if not self._stage.is_shown():
+            raise Refusal("the camera calls back only while it is ours: freeze and capture first")
+        watched = yield from self._callbacks.watch(frames)
+        return {"message": "callbacks", **watched}, b""
 
     def _probe_terrain(self, header: Header) -> Task:
         latitude, longitude = messages.place(header)

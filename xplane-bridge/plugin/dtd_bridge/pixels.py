@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+from . import callbacks
 from . import datarefs as names
+from .callbacks import Callbacks
 from .check_pattern import rectangles
 from .datarefs import Datarefs
 from .opengl import OpenGl, load_library
@@ -20,8 +22,9 @@ BEFORE, AFTER = 1, 0
 class Pixels:
     """What the draw callbacks do. They come 0 to n times a frame."""
 
-    def __init__(self, xp: Xp, datarefs: Datarefs, library: Any = None) -> None:
+    def __init__(self, xp: Xp, datarefs: Datarefs, callbacks_seen: Callbacks, library: Any = None) -> None:
         self._xp = xp
+        self._callbacks = callbacks_seen
         self._wanted = False
         self._frame: Frame | None = None
         # The last picture that counted, and what it shows.
@@ -82,6 +85,7 @@ class Pixels:
     def on_scene_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:
         """Before the windows of the user interface are drawn: the scene is whole and nothing lies over it."""
         try:
+            self._callbacks.note(callbacks.DRAW)
             if self._wanted and self._frame is None and self._gl:
                 self._frame = self._gl.read_frame()
         except Exception as error:

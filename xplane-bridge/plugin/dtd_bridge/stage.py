@@ -12,7 +12,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from . import callbacks
 from . import datarefs as names
+from .callbacks import Callbacks
 from .datarefs import Datarefs
 from .found import command, set_pause
 from .local_frame import LocalFrame, LocalPose, wrapped_360
@@ -46,8 +48,9 @@ class Tick:
 class Stage:
     """The frozen aircraft and the camera. All of it in X-Plane's main thread."""
 
-    def __init__(self, xp: Xp, datarefs: Datarefs, frame: LocalFrame) -> None:
+    def __init__(self, xp: Xp, datarefs: Datarefs, frame: LocalFrame, callbacks_seen: Callbacks) -> None:
         self._xp = xp
+        self._callbacks = callbacks_seen
         self._datarefs = datarefs
         self._frame = frame
         self._tick: Tick | None = None
@@ -192,6 +195,7 @@ class Stage:
             if is_losing_control or self._tick is None or position is None:
                 self._holds_camera = False
                 return 0
+            self._callbacks.note(callbacks.CAMERA)
             self._write(self._tick, position)
             self._written += 1
             return 1

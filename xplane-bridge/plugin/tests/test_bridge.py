@@ -14,6 +14,7 @@ from pathlib import Path
 
 from dtd_bridge import capture as capturing, flight as flying, found, scenery, wire
 from dtd_bridge.bridge import Bridge
+from dtd_bridge.profile import ProfileFile
 from dtd_bridge.settings import Settings, SettingsError, read_settings
 from fake_xp import FakeGl, FakeXp, Kind
 from paper_world import GROUND_MSL_M, PaperWorld
@@ -98,6 +99,7 @@ class WithBridge(unittest.TestCase):
         self.patch(scenery, HOLD_S=0.0, PROBE_GAP_S=0.0)
         self.gl = FakeGl(self.xp)
         self.bridge = None
+        self.profile = None
 
     def patch(self, module, **values):
         for name, value in values.items():
@@ -105,7 +107,7 @@ class WithBridge(unittest.TestCase):
             setattr(module, name, value)
 
     def start(self, **settings):
-        self.bridge = Bridge(self.xp, Settings(port=0, **settings), self.gl)
+        self.bridge = Bridge(self.xp, Settings(port=0, **settings), self.gl, self.profile)
         self.xp.scheduleFlightLoop(self.xp.createFlightLoop(self._loop, FakeXp.FlightLoop_Phase_AfterFlightModel))
         self.bridge.step_in_frame = self.xp.frame
         self.addCleanup(self.bridge.close)
@@ -193,6 +195,48 @@ class Greeting(WithBridge):
         self.assertRegex(client.refused({"message": "dance"}), "dance")
         self.assertRegex(client.refused(capture(width_px=0)), "width_px")
         self.assertEqual(client.ask(capture())[0]["message"], "frame")
+
+
+class Profiles(WithBridge):
+    def hello(self, client):
+        return client.ask({"message": "hello", "client": "test"})[0]
+
+    def test_a_profile_lies_beside_the_plugin_and_comes_with_every_hello(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "dtd_profile.json"
+            self.profile = ProfileFile(path)
+            client = self.start()
+            self.assertNotIn("profile", self.hello(client))
+            profile = {"format": 1, "still_pictures_move": {"found": True}}
+            self.assertEqual(client.ask({"message": "keep_profile", "profile": profile})[0], {"message": "profile_kept"})
+            self.assertEqual([item.name for item in Path(folder).iterdir()], ["dtd_profile.json"])
+            self.assertEqual(self.hello(client)["profile"], profile)
+            # What moves by itself is not waited for.
+            self.assertTrue(self.bridge._pixels.restless)
+            client.ask({"message": "keep_profile", "profile": {}})
+            self.assertFalse(self.bridge._pixels.restless)
+            path.write_text("{")
+            self.assertNotIn("profile", self.hello(client))
+            self.profile._path = Path(folder) / "no" / "such.json"
+            self.assertRegex(client.refused({"message": "keep_profile", "profile": profile}), "such.json.*writable")
+
+    def test_the_order_of_callbacks_is_watched(self):
+        for quirks, cycles, orders in [
+            (frozenset(), 20, {"after_flight_model camera draw": 20}),
+            (
+                frozenset({"camera_callback_order", "two_cycles_per_loop"}), 40,
+                {"after_flight_model camera draw": 10, "camera after_flight_model draw": 10},
+            ),
+        ]:  # fmt: skip
+            self.setUp()
+            self.xp.quirks = quirks
+            client = self.frozen()
+            loops = len(self.xp._loops)
+            self.assertRegex(client.refused({"message": "watch_callbacks", "frames": 20}), "capture first")
+            client.ask(capture())
+            answer, _ = client.ask({"message": "watch_callbacks", "frames": 20})
+            self.assertEqual(answer, {"message": "callbacks", "frames": 20, "cycles": cycles, "orders": orders})
+            self.assertEqual(len(self.xp._loops), loops)
 
 
 class Capturing(WithBridge):

@@ -6,9 +6,11 @@ use dataset::conditions::Clock;
 use dataset::imaging::Imaging;
 use dataset::runway::Runway;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, SharedMemory, SimulatorWindow};
 use crate::fly::{FlightStart, FlyRequest};
+use crate::profile::CallbackOrders;
 
 /// From client to simulator. None has a payload.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -64,6 +66,16 @@ pub enum Request {
         /// Its name, e.g. `sim/operation/regen_weather`.
         path: String,
     },
+    /// Keep what was measured of this simulator, and give it to every client with the hello.
+    KeepProfile {
+        /// A [`crate::profile::Profile`], of whichever version.
+        profile: Value,
+    },
+    /// In what order is the plugin called back? Of a plugin, behind a capture.
+    WatchCallbacks {
+        /// Frames to watch, at most 600.
+        frames: u32,
+    },
     /// Let everything run again.
     Release,
     /// Fly an approach, as fast as the simulator can.
@@ -99,6 +111,12 @@ pub enum Answer {
         /// Whether it can draw through lenses, bent and turbulent air and with noise; X-Plane cannot.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         imaging: bool,
+        /// What was measured of it, if anything was: a [`crate::profile::Profile`], of whichever version.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        profile: Option<Value>,
+        /// Whether a tape gives the answers: what it does not have it will not have later either.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        replayed: bool,
     },
     /// To [`Request::ShareMemory`].
     MemoryShared,
@@ -118,6 +136,10 @@ pub enum Answer {
     },
     /// To [`Request::Command`].
     Commanded,
+    /// To [`Request::KeepProfile`].
+    ProfileKept,
+    /// To [`Request::WatchCallbacks`].
+    Callbacks(CallbackOrders),
     /// To [`Request::Release`].
     Released,
     /// To [`Request::Fly`]; the payload is `rows` x `columns` 64-bit floats.
@@ -147,6 +169,8 @@ impl Answer {
             Self::Terrain { .. } => "terrain",
             Self::CheckPatternShown { .. } => "check_pattern_shown",
             Self::Commanded => "commanded",
+            Self::ProfileKept => "profile_kept",
+            Self::Callbacks(_) => "callbacks",
             Self::Released => "released",
             Self::Flown { .. } => "flown",
             Self::Frame(_) => "frame",

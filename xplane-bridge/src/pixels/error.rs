@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use super::check_pattern::Unreadable;
 use super::{PixelChoice, PixelKind, Rectangle};
+use crate::link::PictureSize;
 
 /// Why pictures cannot be had, or cannot be trusted.
 #[derive(Debug, thiserror::Error)]
@@ -85,6 +86,32 @@ pub enum PixelError {
         /// The code that was there last.
         found: u32,
     },
+    /// The simulator draws into a window of another size.
+    #[error(
+        "pictures of {wanted} pixels are wanted, and the simulator draws those of its window alone, which has {window}. Start X-Plane with \
+         --window={wanted}, or change [picture] in the sweep to width_px = {}, height_px = {}",
+        .window.width_px, .window.height_px
+    )]
+    OtherWindow {
+        /// The pictures.
+        wanted: PictureSize,
+        /// The window.
+        window: PictureSize,
+    },
+    /// No window on this screen can show such pictures.
+    #[error(
+        "pictures of {wanted} pixels do not fit this screen, which has {screen}: {}. The window's frame and the desktop's bars need room besides; \
+         or let X-Plane run on a larger screen",
+        fitting_advice(.fitting)
+    )]
+    ScreenTooSmall {
+        /// The pictures.
+        wanted: PictureSize,
+        /// The screen.
+        screen: PictureSize,
+        /// Smaller ones of the same shape.
+        fitting: Vec<PictureSize>,
+    },
     /// The window is not as large as the pictures.
     #[error("the simulator's window is {} on the screen, the pictures shall be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
     WrongSize {
@@ -128,7 +155,20 @@ pub enum PixelError {
 impl PixelError {
     /// Whether the caller asked for what this simulator does not have: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
-        matches!(self, Self::NotOffered { .. })
+        matches!(
+            self,
+            Self::NotOffered { .. } | Self::OtherWindow { .. } | Self::ScreenTooSmall { .. }
+        )
+    }
+}
+
+fn fitting_advice(fitting: &[PictureSize]) -> String {
+    match fitting {
+        [] => "nothing of this shape does; choose another shape in [picture] of the sweep".into(),
+        sizes => {
+            let sizes: Vec<String> = sizes.iter().map(ToString::to_string).collect();
+            format!("{} do; change [picture] in the sweep", sizes.join(", "))
+        }
     }
 }
 

@@ -8,6 +8,7 @@
 
 mod device;
 mod ffmpeg_screen;
+mod fitting;
 mod grabber;
 mod pixel_form;
 #[cfg(test)]
@@ -23,7 +24,7 @@ use super::ComingPicture;
 use super::check_pattern::{Sighting, Unreadable, covers};
 use super::{Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource, Rectangle, RgbPicture};
 use crate::error::BridgeError;
-use crate::link::SimulatorWindow;
+use crate::link::{PictureSize, SimulatorWindow};
 pub use ffmpeg_screen::FfmpegScreen;
 use grabber::Grabber;
 
@@ -107,6 +108,14 @@ impl ScreenSource {
     ) -> Result<Self, BridgeError> {
         let result = async {
             let mut codes = Codes::fresh();
+            check_room(
+                screen,
+                PictureSize {
+                    width_px,
+                    height_px,
+                },
+            )
+            .await?;
             let window = find(screen, &mut codes, reported, display).await?;
             if (window.width_px, window.height_px) != (width_px, height_px) {
                 return Err(BridgeError::Pixels(PixelError::WrongSize {
@@ -219,6 +228,10 @@ impl PixelSource for ScreenSource {
         1
     }
 
+    fn lag(&self) -> Option<Lag> {
+        Some(self.lag)
+    }
+
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_> {
         Box::pin(async move {
             let wait = self.allowed();
@@ -257,6 +270,24 @@ impl fmt::Debug for ScreenSource {
             .field("lag", &self.lag)
             .finish_non_exhaustive()
     }
+}
+
+/// Refuses pictures that are larger than the screen, where no window could show them.
+async fn check_room(screen: &Arc<dyn Screen>, wanted: PictureSize) -> Result<(), PixelError> {
+    let whole = Grabber::open(screen, None).await?;
+    let picture = whole.grab(RgbPicture::default(), 0).await?;
+    let found = PictureSize {
+        width_px: picture.width_px,
+        height_px: picture.height_px,
+    };
+    if wanted.width_px <= found.width_px && wanted.height_px <= found.height_px {
+        return Ok(());
+    }
+    Err(PixelError::ScreenTooSmall {
+        wanted,
+        screen: found,
+        fitting: fitting::sizes_that_fit(wanted, found),
+    })
 }
 
 /// The rectangle of the simulator's window on the whole screen.

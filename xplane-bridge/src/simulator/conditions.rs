@@ -30,7 +30,7 @@ impl Simulator {
     /// [`BridgeError::BadConditions`] before anything is sent; [`BridgeError::NotTaken`] names the dataref, the value
     /// wanted and the value found, after many attempts.
     pub async fn set_conditions(&mut self, conditions: &Conditions) -> Result<(), BridgeError> {
-        let writes = condition_writes(conditions, self.generation)?;
+        let writes = self.in_its_units(condition_writes(conditions, self.generation)?);
         let expected = self.expected_of(&writes);
         match &mut self.vigil {
             // Watched already; until they are set again they may be anything.
@@ -62,6 +62,14 @@ impl Simulator {
         Ok(())
     }
 
+    /// Weather in the units that this simulator was measured to take.
+    fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
+        match self.description.profile.current() {
+            Some(profile) => profile.in_its_units(writes),
+            None => writes,
+        }
+    }
+
     /// What has to read back and stay, once conditions are set.
     fn expected_of(&self, writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
         let read_back = writes.iter().filter(|write| write.is_read_back()).cloned();
@@ -83,7 +91,7 @@ impl Simulator {
         let Some(conditions) = conditions else {
             return Ok(());
         };
-        let weather = weather_writes(&conditions.weather, self.generation)?;
+        let weather = self.in_its_units(weather_writes(&conditions.weather, self.generation)?);
         match self.generation {
             Generation::XPlane11 => self.write_until_read_back(&weather).await?,
             Generation::XPlane12 => self.await_weather(&weather).await?,

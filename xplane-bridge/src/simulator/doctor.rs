@@ -1,12 +1,19 @@
 //! Examines a live connection point by point, for a person who wants to know what to fix.
 //!
 //! In: where the simulator should be. Out: one [`Check`] after the other, each with what was found and, where it is not well,
-//! what to do. A check that needs an earlier one that failed is skipped and says so. Whatever is changed on the way is put back:
-//! one course, the pause, and the aircraft's place for the time of the lockstep test.
+//! what to do. A check that needs an earlier one that failed is skipped and says so. Once per installation what reports disagree on is
+//! measured, too, and kept as a [`Profile`]. Whatever is changed on the way is put back: one course, the pause, the weather, and the
+//! aircraft's place for the time of the pictures.
 
 mod announcement;
+mod eyes;
 mod lockstep;
+mod measure;
+mod next;
+mod pictures;
 mod readable;
+mod sky;
+mod state;
 mod talk;
 mod web;
 mod window;
@@ -16,12 +23,15 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::Arc;
 use std::time::Duration;
 
+use dataset::conditions::Clock;
 use serde::Serialize;
 
 use self::talk::Talk;
 use crate::datarefs::{CAPTURE_PORT, Generation};
 use crate::error::BridgeError;
+use crate::link::PictureSize;
 use crate::pixels::{FfmpegScreen, Screen};
+use crate::profile::Finding;
 use crate::{Simulator, SimulatorDescription, WebApiPlace};
 
 /// Where X-Plane is if nobody says anything else.
@@ -100,6 +110,18 @@ impl Check {
         Self::bad(name, Verdict::Warning, found, hint)
     }
 
+    /// Something that was to be measured; a person may read why it was not.
+    fn measured<T>(
+        name: &'static str,
+        finding: &Finding<T>,
+        say: impl FnOnce(&T) -> String,
+    ) -> Self {
+        match finding {
+            Finding::Found(value) => Self::ok(name, say(value)),
+            Finding::NotMeasured(reason) => Self::skipped(name, reason.clone()),
+        }
+    }
+
     fn skipped(name: &'static str, reason: impl Into<String>) -> Self {
         Self {
             name,
@@ -108,6 +130,27 @@ impl Check {
             hint: None,
         }
     }
+}
+
+/// When to measure what reports disagree on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Measuring {
+    /// If this installation has no profile.
+    #[default]
+    Once,
+    /// In any case.
+    Again,
+    /// Not at all.
+    Never,
+}
+
+/// What is to be recorded afterwards.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Intent {
+    /// File of the sweep, as a person names it.
+    pub sweep: String,
+    /// How large its pictures are.
+    pub pictures: PictureSize,
 }
 
 /// What to examine.
@@ -123,6 +166,10 @@ pub struct Patient {
     pub listen: Duration,
     /// How long to wait for values over UDP.
     pub wait: Duration,
+    /// Whether to measure.
+    pub measuring: Measuring,
+    /// What is to be recorded with it, if that is known.
+    pub intent: Option<Intent>,
 }
 
 impl Patient {
@@ -134,6 +181,8 @@ impl Patient {
             screen: Arc::new(FfmpegScreen::here()),
             listen: Duration::from_millis(2_500),
             wait: Duration::from_secs(4),
+            measuring: Measuring::Once,
+            intent: None,
         }
     }
 }
@@ -148,7 +197,9 @@ const OVER_UDP: [&str; 6] = [
     "frame rate",
 ];
 /// Names of the checks behind a capture link.
-const OVER_LINK: [&str; 5] = ["pixels", "window", "terrain", "lockstep", "release"];
+const OVER_LINK: [&str; 6] = [
+    "pixels", "window", "terrain", "profile", "lockstep", "release",
+];
 
 /// Examines everything, and calls `on_check` with each point as it is known.
 pub async fn examine(patient: &Patient, on_check: &mut (dyn FnMut(&Check) + Send)) -> Vec<Check> {
@@ -156,7 +207,9 @@ pub async fn examine(patient: &Patient, on_check: &mut (dyn FnMut(&Check) + Send
         checks: Vec::new(),
         on_check,
     };
-    examination.run(patient).await;
+    let address = examination.run(patient).await;
+    let next = next::check(&examination.checks, address, patient);
+    examination.note(next);
     examination.checks
 }
 
@@ -177,7 +230,8 @@ impl Examination<'_> {
         }
     }
 
-    async fn run(&mut self, patient: &Patient) {
+    /// Returns where the simulator is, if that is known.
+    async fn run(&mut self, patient: &Patient) -> Option<SocketAddr> {
         let (check, announced) = announcement::listen(patient).await;
         let heard = check.verdict == Verdict::Ok;
         let undecided = check.verdict == Verdict::Failed;
@@ -185,7 +239,8 @@ impl Examination<'_> {
         if undecided {
             let reason = "it is not known which simulator is meant";
             self.skip(&["udp"], reason);
-            return self.skip_all(reason);
+            self.skip_all(reason);
+            return None;
         }
         let usual = patient
             .address
@@ -196,13 +251,15 @@ impl Examination<'_> {
             Err(error) => {
                 let hint = "Is this the simulator's address, and is a network there?";
                 self.note(Check::failed("udp", error.to_string(), hint));
-                return self.skip_all("there is no UDP socket");
+                self.skip_all("there is no UDP socket");
+                return Some(usual);
             }
         };
         let web_api = patient.web_api.of(usual);
         let Some(version) = talk.version().await else {
             self.note(silent(usual, patient, heard, web_api).await);
-            return self.skip_all("the simulator does not answer over UDP");
+            self.skip_all("the simulator does not answer over UDP");
+            return Some(usual);
         };
         self.note(Check::ok("udp", format!("{usual} answers")));
         let generation = Generation::of_version(version);
@@ -225,19 +282,24 @@ impl Examination<'_> {
         for check in [readable, writable, commands, frame_rate] {
             self.note(check);
         }
-        let place = talk.place().await;
+        for check in state::checks(&mut talk).await {
+            self.note(check);
+        }
+        let (place, clock) = (talk.place().await, talk.clock().await);
         talk.end().await;
         match Simulator::connect(usual, LINK_TIMEOUT).await {
             Err(error) => {
                 self.note(no_link(&error));
                 self.skip(&OVER_LINK, "there is no capture link");
             }
-            Ok(simulator) => self.over_link(simulator, place, &patient.screen).await,
+            Ok(simulator) => self.over_link(simulator, place.zip(clock), patient).await,
         }
+        Some(usual)
     }
 
     fn skip_all(&mut self, reason: &str) {
         self.skip(&OVER_UDP, reason);
+        self.skip(&state::NAMES, reason);
         self.skip(&["plugin"], reason);
         self.skip(&OVER_LINK, reason);
     }
@@ -245,16 +307,18 @@ impl Examination<'_> {
     async fn over_link(
         &mut self,
         mut simulator: Simulator,
-        place: Option<talk::PlaceOnGround>,
-        screen: &Arc<dyn Screen>,
+        here: Option<(talk::PlaceOnGround, Clock)>,
+        patient: &Patient,
     ) {
         let description = simulator.description().clone();
         self.note(plugin(&description));
         self.note(pixels(&description));
-        self.note(window::check(&mut simulator, screen).await);
-        let Some(place) = place else {
+        let intent = patient.intent.as_ref();
+        let (check, grabbing) = window::check(&mut simulator, &patient.screen, intent).await;
+        self.note(check);
+        let Some((place, clock)) = here else {
             self.skip(
-                &["terrain", "lockstep"],
+                &["terrain", "profile", "lockstep"],
                 "the simulator does not say where its aircraft is",
             );
             let released = simulator.release().await;
@@ -262,7 +326,10 @@ impl Examination<'_> {
             return;
         };
         self.note(lockstep::terrain(&mut simulator, &place).await);
-        self.note(lockstep::lockstep(&mut simulator, &place).await);
+        let note = &mut |check| self.note(check);
+        measure::measure(&mut simulator, place, grabbing, patient.measuring, note).await;
+        let running_at = simulator.running_clock(clock);
+        self.note(lockstep::lockstep(&mut simulator, &place, running_at).await);
         let released = simulator.release().await;
         self.note(release(released));
     }

@@ -6,9 +6,9 @@ use super::link_client::LinkClient;
 use super::setup::show_check_pattern;
 use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
-use crate::link::Deliver;
+use crate::link::{Deliver, PictureSize};
 use crate::pixels::{
-    Confirmed, PatternDisplay, Payload, PixelChoice, PixelKind, Screen, ScreenSource,
+    Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, Screen, ScreenSource,
 };
 
 impl Simulator {
@@ -24,6 +24,16 @@ impl Simulator {
         screen: &Arc<dyn Screen>,
     ) -> Result<PixelKind, BridgeError> {
         let kind = choice.among(&self.description.pixels)?;
+        let (width_px, height_px) = picture_px;
+        let wanted = PictureSize {
+            width_px,
+            height_px,
+        };
+        // A minimised window has none: what to do about that is said when it is looked for.
+        let window = self.description.drawn_size;
+        if let Some(window) = window.filter(|size| *size != wanted && size.width_px > 0) {
+            return Err(PixelError::OtherWindow { wanted, window }.into());
+        }
         self.pixels = match kind {
             PixelKind::Screen => {
                 let reported = self.description.window.as_ref();

@@ -17,6 +17,7 @@ use crate::datarefs::{
     needs_repeating_after_regeneration, weather_effects,
 };
 use crate::error::BridgeError;
+use crate::profile::Profile;
 
 /// How long X-Plane has for the preset before the values come: it sets winds of its own half a second later.
 const PRESET_PAUSE: Duration = Duration::from_secs(1);
@@ -24,6 +25,9 @@ const PRESET_PAUSE: Duration = Duration::from_secs(1);
 const REGENERATION_PAUSE: Duration = Duration::from_secs(1);
 /// How often is looked whether the weather is there.
 const POLL: Duration = Duration::from_secs(1);
+/// The same of a tape, and after how many looks without a change nothing new will come.
+const REPLAYED_POLL: Duration = Duration::from_millis(50);
+const REPLAYED_POLLS: u32 = 10;
 /// How long the weather may take, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
 const PATIENCE: Duration = Duration::from_secs(70);
 /// A regeneration stops X-Plane for seconds; one that says nothing for longer is gone.
@@ -61,7 +65,13 @@ impl Simulator {
             self.pause_for_weather(PRESET_PAUSE).await;
         }
         self.write_weather(writes).await?;
-        self.regenerate(writes).await?;
+        let profile = self.description.profile.current();
+        if profile.is_none_or(Profile::regenerates) {
+            self.regenerate(writes).await?;
+        } else {
+            // It shows by itself.
+            self.await_weather(writes).await?;
+        }
         let mut late = self.await_effects(writes).await?;
         if late.iter().any(|(write, _)| is_cloud(write)) {
             tracing::warn!("the sky is another than was set: the weather is regenerated once more");
@@ -75,20 +85,36 @@ impl Simulator {
         Ok(())
     }
 
-    /// Has X-Plane rebuild the weather that was written, tells it again what that puts back, and waits until it has everything.
+    /// Has X-Plane rebuild the weather that was written, and waits until it has everything.
     async fn regenerate(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
-        self.command_once(COMMAND_REGENERATE_WEATHER).await?;
         let regenerated = Instant::now();
+        self.rebuild_weather(writes).await?;
+        self.await_weather(writes).await?;
+        sleep(self.weather_settle.saturating_sub(regenerated.elapsed())).await;
+        Ok(())
+    }
+
+    /// Has X-Plane rebuild the weather that was written, and tells it again what that puts back.
+    pub(super) async fn rebuild_weather(
+        &mut self,
+        writes: &[DatarefWrite],
+    ) -> Result<(), BridgeError> {
+        self.command_once(COMMAND_REGENERATE_WEATHER).await?;
         self.pause_for_weather(REGENERATION_PAUSE).await;
         let again: Vec<DatarefWrite> = writes
             .iter()
             .filter(|write| needs_repeating_after_regeneration(&write.name))
             .cloned()
             .collect();
-        self.write_weather(&again).await?;
-        self.await_weather(writes).await?;
-        sleep(self.weather_settle.saturating_sub(regenerated.elapsed())).await;
-        Ok(())
+        self.write_weather(&again).await
+    }
+
+    /// How long the weather may take here.
+    fn weather_patience(&self) -> Duration {
+        match self.description.profile.current() {
+            Some(profile) => profile.weather_patience(PATIENCE),
+            None => PATIENCE,
+        }
     }
 
     /// Waits until the weather reads as it was written; writes it once more if it is late.
@@ -102,8 +128,8 @@ impl Simulator {
         let Some(late) = self.poll_weather(writes).await? else {
             return Ok(());
         };
-        if is_temperature(&late.write) {
-            // It was written again all the time.
+        if is_temperature(&late.write) || self.description.replayed {
+            // It was written again all the time, or a tape gives the answers, which are always the same.
             return Err(not_taken(late));
         }
         tracing::warn!(
@@ -119,7 +145,10 @@ impl Simulator {
 
     /// Writes weather; all but the clouds is applied at once. What is lost on the way is written again in the first moments, and
     /// whatever then takes its time is left in peace.
-    async fn write_weather(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
+    pub(super) async fn write_weather(
+        &mut self,
+        writes: &[DatarefWrite],
+    ) -> Result<(), BridgeError> {
         const ROUNDS: u32 = 5;
         self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
         self.write_in_rounds(writes, ROUNDS).await?;
@@ -145,6 +174,7 @@ impl Simulator {
         let mut temperature_written_s = 0.0;
         // As with a pause, a simulator whose weather shows at once does not need it.
         let holds_s = TEMPERATURE_HOLDS.min(self.weather_settle).as_secs_f32();
+        let (mut before, mut unchanged) = (Vec::new(), 0);
         loop {
             let found = self.read(&watched).await?;
             self.check_vigil()?;
@@ -177,11 +207,16 @@ impl Simulator {
                     waited: heard.elapsed(),
                 });
             }
+            let weather = &found[..expected.len()];
+            unchanged = if before == weather { unchanged + 1 } else { 0 };
+            before = weather.to_vec();
+            let is_wrong = !value.is_some_and(|value| write.is_met_by(value));
+            let is_over = self.description.replayed && is_wrong && unchanged >= REPLAYED_POLLS;
             let patience = match slides {
                 true => PATIENCE_WITH_TEMPERATURE,
-                false => PATIENCE,
+                false => self.weather_patience(),
             };
-            if passed_s >= patience.as_secs_f32() {
+            if is_over || passed_s >= patience.as_secs_f32() {
                 let source = found.get(expected.len() - 1).copied().flatten();
                 return Ok(Some(Missing {
                     write: write.clone(),
@@ -190,13 +225,20 @@ impl Simulator {
                     patience,
                 }));
             }
-            let is_wrong = !value.is_some_and(|value| write.is_met_by(value));
             if slides && is_wrong {
                 temperature_written_s = passed_s;
                 self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
                 self.write_surely(&write.name, write.value).await?;
             }
-            sleep(POLL).await;
+            sleep(self.poll_pause()).await;
+        }
+    }
+
+    /// A tape gives its next values whenever it is asked.
+    fn poll_pause(&self) -> Duration {
+        match self.description.replayed {
+            true => REPLAYED_POLL,
+            false => POLL,
         }
     }
 
@@ -218,12 +260,12 @@ impl Simulator {
             if late.is_empty() || began.elapsed() >= SHOWING {
                 return Ok(late);
             }
-            sleep(POLL).await;
+            sleep(self.poll_pause()).await;
         }
     }
 
     /// A pause that a simulator does not need whose weather shows at once.
-    async fn pause_for_weather(&self, pause: Duration) {
+    pub(super) async fn pause_for_weather(&self, pause: Duration) {
         sleep(pause.min(self.weather_settle)).await;
     }
 }

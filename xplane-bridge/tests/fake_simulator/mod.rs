@@ -288,6 +288,8 @@ async fn talk(
                 drawn_size: None,
                 shares_memory_with: None,
                 imaging: false,
+                profile: None,
+                replayed: false,
             },
             Request::Freeze { .. } => Answer::Frozen,
             Request::Release => Answer::Released,

@@ -25,7 +25,7 @@ use super::own::{
     ALTITUDE_DIAL_FT, ENGINES_RUNNING, FLAPS, FLIGHT_TIME_S, GEAR, INDICATED_AIRSPEED,
     LOCAL_VELOCITY, LOCAL_XYZ, ON_GROUND, OWN, TRUE_AIRSPEED, VERTICAL_SPEED_FPM,
 };
-use super::shot::{Painter, Shot, Shots};
+use super::shot::{Exposure, Painter, Shot, Shots};
 use crate::datarefs::Kind;
 use crate::quirks::{Quirk, Quirks};
 use crate::render::overlay::Canvas;
@@ -82,6 +82,9 @@ pub(super) struct PluginScene {
     /// How often somebody else had put the aircraft somewhere when we last looked.
     placements: u64,
     shots: Shots,
+    /// What was shown last before the pause, if a pause keeps it.
+    before_pause: Option<Shot>,
+    exposure: Exposure,
     window_px: (u32, u32),
     /// What a window shows, and the rectangles over it.
     shown: Option<(Frame, Value)>,
@@ -114,6 +117,8 @@ impl PluginScene {
             quirks,
             placements,
             shots: Shots::new(quirks.has(Quirk::StaleFrames)),
+            before_pause: None,
+            exposure: Exposure::NEW,
             window_px: options.window_px,
             shown: None,
         };
@@ -268,7 +273,10 @@ impl PluginScene {
 
     /// The frame as it is now, of a size, with the windows over it or not yet.
     fn frame_to_draw(&self, width_px: u32, height_px: u32, windows: bool) -> Frame {
-        let shot = self.shots.drawn(self.shot());
+        let mut shot = self.shots.drawn(self.shot());
+        if let Some(before) = self.before_pause {
+            shot = before;
+        }
         let world = self.world.lock();
         let paused = world.datarefs().get(PAUSED) != 0.0;
         let mut weather = world.weather();
@@ -296,6 +304,11 @@ impl PluginScene {
                 others: world.others_fly(),
                 panel: world.shows_panel(),
                 pop_up: windows && world.shows_pop_up(),
+                gain: match self.quirks.has(Quirk::SlowExposure) {
+                    true => self.exposure.gain(),
+                    false => 1.0,
+                },
+                wave: self.quirks.has(Quirk::WaterMoves).then_some(self.frames),
             },
             shot,
         }
@@ -423,7 +436,10 @@ impl PluginScene {
 
     fn begin_frame(&mut self) -> u64 {
         self.frames += 1;
-        self.shots.record(self.shot());
+        let shot = self.shot();
+        self.shots.record(shot);
+        self.exposure.record(&shot.camera);
+        self.keep_through_pause(shot);
         self.look_at_world();
         if let Some(every) = self.move_origin_every_frames
             && self.frames.is_multiple_of(u64::from(every.max(1)))
@@ -443,6 +459,16 @@ impl PluginScene {
         self.fly_on();
         self.tell_world();
         self.frames
+    }
+
+    /// Remembers what a pause goes on showing, as long as there is one.
+    fn keep_through_pause(&mut self, shot: Shot) {
+        let paused = self.world.lock().datarefs().get(PAUSED) != 0.0;
+        if !paused || !self.quirks.has(Quirk::PauseKeepsPose) {
+            self.before_pause = None;
+        } else {
+            self.before_pause.get_or_insert(shot);
+        }
     }
 
     /// X-Plane's own start in the air: another flight, with the engines running.

@@ -72,6 +72,10 @@ pub(super) struct Painter {
     pub(super) panel: bool,
     /// Whether a pop-up lies over it.
     pub(super) pop_up: bool,
+    /// How much brighter than it should be it still is: 1 when the exposure has settled.
+    pub(super) gain: f64,
+    /// Where the waves are, if water moves.
+    pub(super) wave: Option<u64>,
 }
 
 impl Painter {
@@ -99,6 +103,14 @@ impl Painter {
                 }
             }
         }
+        if let Some(wave) = self.wave {
+            ripple(rgb, width_px as usize, wave);
+        }
+        if self.gain != 1.0 {
+            for value in rgb.iter_mut() {
+                *value = (f64::from(*value) * self.gain).min(255.0) as u8;
+            }
+        }
         let mut canvas = Canvas {
             rgb,
             width_px: width_px as usize,
@@ -120,6 +132,58 @@ impl Painter {
         let eye = shot.camera.pose.position().to_ecef();
         let away = (pose.position().to_ecef() - eye) / self.scale;
         at(pose, eye + away)
+    }
+}
+
+/// Moves the lowest quarter of a picture, as water in the foreground does.
+fn ripple(rgb: &mut [u8], width_px: usize, wave: u64) {
+    let from = rgb.len() / (3 * width_px) * 3 / 4;
+    for (row, pixels) in rgb.chunks_exact_mut(3 * width_px).enumerate().skip(from) {
+        let up = (row as u64 * 31 + wave * 17) % 61;
+        for value in pixels {
+            *value = value.saturating_add(up as u8 / 3);
+        }
+    }
+}
+
+/// An exposure that follows the light with delay.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Exposure {
+    /// Where the camera looked last, heading and pitch.
+    looks: Option<(f64, f64)>,
+    frames: u32,
+}
+
+impl Exposure {
+    /// After so many frames nothing of the old light is left.
+    const SETTLED: u32 = 30;
+    /// How far a camera turns before it meets another light, degrees.
+    const TURNED_DEG: f64 = 1.0;
+
+    /// Settled.
+    pub(super) const NEW: Self = Self {
+        looks: None,
+        frames: Self::SETTLED,
+    };
+
+    /// A frame with the camera like this is over.
+    pub(super) fn record(&mut self, camera: &CameraPose) {
+        self.frames = self.frames.saturating_add(1);
+        let now = (camera.pose.heading_true_deg, camera.pose.pitch_deg);
+        let turned = self.looks.replace(now).is_some_and(|before| {
+            (now.0 - before.0).abs().max((now.1 - before.1).abs()) > Self::TURNED_DEG
+        });
+        if turned {
+            self.frames = 0;
+        }
+    }
+
+    /// How much brighter than it should be the next frame is.
+    pub(super) fn gain(self) -> f64 {
+        match self.frames {
+            Self::SETTLED.. => 1.0,
+            frames => 1.0 + 0.5 * 0.87_f64.powi(frames as i32),
+        }
     }
 }
 
@@ -182,6 +246,23 @@ mod tests {
             stale.push(frames);
         }
         stale
+    }
+
+    #[test]
+    fn an_exposure_settles_within_thirty_frames_after_the_camera_turned() {
+        let mut exposure = Exposure::NEW;
+        let mut camera = shot(9.0).camera;
+        exposure.record(&camera);
+        assert_eq!(exposure.gain(), 1.0);
+        camera.pose.pitch_deg += 40.0;
+        exposure.record(&camera);
+        let mut gains = vec![exposure.gain()];
+        for _ in 0..30 {
+            exposure.record(&camera);
+            gains.push(exposure.gain());
+        }
+        assert!(gains[0] > 1.4 && gains.is_sorted_by(|a, b| a > b || *b == 1.0));
+        assert_eq!(gains.last(), Some(&1.0));
     }
 
     #[test]

@@ -116,6 +116,9 @@ impl Player {
                 tracing::warn!("{text}");
                 error(&text)
             }
+            Ok(AnswerPlace::Whole(place)) if is_hello(&request) => {
+                marked_as_replayed(&self.whole(place))
+            }
             Ok(AnswerPlace::Whole(place)) => self.whole(place),
             Ok(AnswerPlace::Reference(place)) => {
                 let key = scene_key(&playback, &request);
@@ -176,6 +179,17 @@ impl Player {
             ));
         }
         LinkMessage::new(&recorded.header, &rgb)
+    }
+}
+
+/// A recorded hello that says what answers: a client does not wait for what a tape does not have.
+fn marked_as_replayed(hello: &LinkMessage) -> LinkMessage {
+    match serde_json::from_slice(hello.header()) {
+        Ok(Value::Object(mut header)) => {
+            header.insert("replayed".into(), true.into());
+            LinkMessage::new(Value::Object(header).to_string().as_bytes(), &[])
+        }
+        _ => error("the recorded answer to hello is no object"),
     }
 }
 

@@ -11,6 +11,7 @@ mod samples;
 use std::collections::BTreeMap;
 
 use dataset::conditions::Weather;
+use dataset::units::MPS_PER_KNOT;
 use xplane_bridge::datarefs::{self as names, Generation};
 
 use self::late_clouds::LateClouds;
@@ -104,7 +105,7 @@ impl Sky {
             }
         }
         if self.quirks.has(Quirk::LateClouds) && is_cloud(name) {
-            let show = self.now_s <= self.clouds_open_until_s;
+            let show = self.clouds_show();
             self.late_clouds
                 .hold_back(path, before, datarefs, self.now_s, show);
         } else if self.stands_still {
@@ -193,14 +194,18 @@ impl Sky {
 
     /// The weather in SI.
     pub(super) fn weather(&self) -> Weather {
-        names::weather_from_datarefs(self.generation, |path| {
+        let mut weather = names::weather_from_datarefs(self.generation, |path| {
             let (name, rest) = path.split_once('[').unwrap_or((path, "0]"));
             let index = rest.trim_end_matches(']').parse::<usize>().unwrap_or(0);
             let values = self.shown.get(name);
             values
                 .and_then(|values| values.get(index))
                 .map_or(0.0, |&value| value as f32)
-        })
+        });
+        if self.quirks.has(Quirk::WindInKnots) {
+            weather.wind_speed_mps *= MPS_PER_KNOT;
+        }
+        weather
     }
 
     fn switch_real_weather(&mut self, datarefs: &mut Datarefs) {
@@ -231,17 +236,23 @@ impl Sky {
         match self.generation {
             Generation::XPlane11 => self.take_over(datarefs, |other| other == name),
             Generation::XPlane12 if names::needs_repeating_after_regeneration(name) => {
-                if self.now_s <= self.clouds_open_until_s {
+                if self.clouds_show() {
                     self.take_over(datarefs, |other| other == name);
                 }
             }
             Generation::XPlane12 => {
-                if datarefs.get(names::UPDATE_IMMEDIATELY) != 0.0 {
+                let now = datarefs.get(names::UPDATE_IMMEDIATELY) != 0.0;
+                if now && !self.quirks.has(Quirk::RegenerationNeeded) {
                     self.take_over_all_but_clouds(datarefs);
                 }
             }
         }
         self.publish(datarefs);
+    }
+
+    /// Whether clouds that are written now will be drawn.
+    fn clouds_show(&self) -> bool {
+        self.now_s <= self.clouds_open_until_s || self.quirks.has(Quirk::RegenerationNotNeeded)
     }
 
     fn take_over_all_but_clouds(&mut self, datarefs: &Datarefs) {

@@ -63,6 +63,19 @@ impl MadeUp {
     }
 }
 
+#[tokio::test]
+async fn pictures_larger_than_the_screen_are_refused_with_the_sizes_that_fit() {
+    let screen: Arc<dyn Screen> = Arc::new(MadeUp::new(|_| {}));
+    let mut display = MadeUp::new(|_| {});
+    let set_up = ScreenSource::set_up(&screen, (1_920, 1_280), None, &mut display).await;
+    let said = set_up.unwrap_err().to_string();
+    assert!(
+        said.contains("pictures of 1920x1280 pixels do not fit this screen")
+            && said.contains(" do; change [picture]"),
+        "{said}"
+    );
+}
+
 impl PatternDisplay for MadeUp {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
         let mut desk = self.desk();

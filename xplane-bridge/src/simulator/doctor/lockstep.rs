@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use dataset::camera::CameraPose;
+use dataset::conditions::Clock;
 use dataset::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
@@ -23,11 +24,11 @@ const SHOWN_ABOVE_M: f64 = 300.0;
 /// From where the camera looks at it.
 const CAMERA_BEHIND_M: f64 = 150.0;
 /// How far it is moved between pictures that must differ.
-const MOVED_M: f64 = 15.0;
+pub(super) const MOVED_M: f64 = 15.0;
 /// Pictures of the same pose may differ by so much on the average, of 255: film grain and temporal smoothing.
 const SAME: f64 = 1.0;
 /// Size of the pictures of a simulator that draws any.
-const ANY_SIZE: PictureSize = PictureSize {
+pub(super) const ANY_SIZE: PictureSize = PictureSize {
     width_px: 320,
     height_px: 214,
 };
@@ -57,11 +58,16 @@ pub(super) async fn terrain(simulator: &mut Simulator, place: &PlaceOnGround) ->
     }
 }
 
-/// Takes pictures A A B A: all as asked, A the same each time, B another, frame numbers growing.
-pub(super) async fn lockstep(simulator: &mut Simulator, place: &PlaceOnGround) -> Check {
+/// Takes pictures A A B A: all as asked, A the same each time, B another, frame numbers growing. In a pause, unless pauses show nothing new
+/// and a clock runs on.
+pub(super) async fn lockstep(
+    simulator: &mut Simulator,
+    place: &PlaceOnGround,
+    running_at: Option<Clock>,
+) -> Check {
     const NAME: &str = "lockstep";
     let began = Instant::now();
-    let frames = match pictures(simulator, place).await {
+    let frames = match pictures(simulator, place, running_at).await {
         Ok(frames) => frames,
         Err(error) => {
             return Check::failed(
@@ -99,6 +105,7 @@ pub(super) async fn lockstep(simulator: &mut Simulator, place: &PlaceOnGround) -
 async fn pictures(
     simulator: &mut Simulator,
     place: &PlaceOnGround,
+    running_at: Option<Clock>,
 ) -> Result<Vec<(CaptureRequest, CapturedFrame)>, BridgeError> {
     // If they come off a screen that cannot be seen from here, all but their content can be examined.
     let deliver = match (simulator.pixels(), simulator.description().pixels.first()) {
@@ -106,7 +113,9 @@ async fn pictures(
         (_, Some(PixelKind::Link | PixelKind::Gl)) => Deliver::Picture,
     };
     let size = picture_size(simulator.description()).unwrap_or(ANY_SIZE);
-    simulator.freeze(&runway(place)).await?;
+    simulator
+        .freeze_raw(&runway(place), simulator.frames_to_settle(), running_at)
+        .await?;
     let mut frames = Vec::new();
     for (tick, moved_m) in [0.0, 0.0, MOVED_M, 0.0].into_iter().enumerate() {
         let request = request(place, tick as u32, moved_m, size, deliver);
@@ -116,7 +125,7 @@ async fn pictures(
     Ok(frames)
 }
 
-fn request(
+pub(super) fn request(
     place: &PlaceOnGround,
     tick: u32,
     moved_m: f64,
@@ -199,7 +208,8 @@ fn judge(frames: &[(CaptureRequest, CapturedFrame)]) -> Result<(), String> {
     Ok(())
 }
 
-fn difference(one: &[u8], other: &[u8]) -> f64 {
+/// How far two pictures are from each other on the average, of 255.
+pub(super) fn difference(one: &[u8], other: &[u8]) -> f64 {
     let sum: u64 = one
         .iter()
         .zip(other)
@@ -217,7 +227,7 @@ fn largest_difference(one: &[u8], other: &[u8]) -> u8 {
 }
 
 /// A runway at the aircraft's place: the plugin wants to know what surroundings to load.
-fn runway(place: &PlaceOnGround) -> Runway {
+pub(super) fn runway(place: &PlaceOnGround) -> Runway {
     let ground = Pose {
         latitude_deg: place.latitude_deg,
         longitude_deg: place.longitude_deg,

@@ -3,12 +3,13 @@
 use std::net::SocketAddr;
 use std::time::Duration;
 
+use dataset::conditions::Clock;
 use tokio::time::Instant;
 
 use super::Check;
 use crate::datarefs::{
-    CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DatarefWrite, NAV1_COURSE_MAGNETIC, PAUSED,
-    VERSION, Version,
+    CAPTURE_PORT, COMMAND_PAUSE_OFF, COMMAND_PAUSE_ON, DATE_DAYS, DatarefWrite,
+    NAV1_COURSE_MAGNETIC, PAUSED, VERSION, Version, ZULU_TIME_S,
 };
 use crate::error::BridgeError;
 use crate::simulator::udp::UdpClient;
@@ -134,24 +135,9 @@ impl Talk {
         let Some(before) = self.read(&[PAUSED]).await[0] else {
             return Check::skipped(NAME, format!("{PAUSED} could not be read"));
         };
-        let is_paused = |value: f32| value != 0.0;
-        let order = match is_paused(before) {
-            true => [(COMMAND_PAUSE_OFF, false), (COMMAND_PAUSE_ON, true)],
-            false => [(COMMAND_PAUSE_ON, true), (COMMAND_PAUSE_OFF, false)],
-        };
-        for (command, paused) in order {
-            let mut found = None;
-            for _ in 0..3 {
-                let _ = self.udp.command(command).await;
-                found = self
-                    .read_expecting(PAUSED, |value| is_paused(value) == paused)
-                    .await;
-                if found.is_some_and(|value| is_paused(value) == paused) {
-                    break;
-                }
-            }
-            if found.is_none_or(|value| is_paused(value) != paused) {
-                let found = format!("after {command}, {PAUSED} reads {found:?}");
+        let was_paused = before != 0.0;
+        for paused in [!was_paused, was_paused] {
+            if let Err(found) = self.set_pause(paused).await {
                 return Check::failed(
                     NAME,
                     found,
@@ -160,6 +146,49 @@ impl Talk {
             }
         }
         Check::ok(NAME, "pause and resume were taken")
+    }
+
+    /// Pauses or resumes; what was found if it does not.
+    async fn set_pause(&mut self, paused: bool) -> Result<(), String> {
+        let command = match paused {
+            true => COMMAND_PAUSE_ON,
+            false => COMMAND_PAUSE_OFF,
+        };
+        let is_so = |value: f32| (value != 0.0) == paused;
+        let mut found = None;
+        for _ in 0..3 {
+            let _ = self.udp.command(command).await;
+            found = self.read_expecting(PAUSED, is_so).await;
+            if found.is_some_and(is_so) {
+                return Ok(());
+            }
+        }
+        Err(format!("after {command}, {PAUSED} reads {found:?}"))
+    }
+
+    /// Does something while time runs, and pauses again if there was a pause.
+    pub(super) async fn while_running<T>(&mut self, look: impl AsyncFnOnce(&mut Self) -> T) -> T {
+        let was_paused = self.read(&[PAUSED]).await[0].is_some_and(|value| value != 0.0);
+        if was_paused {
+            let _ = self.set_pause(false).await;
+        }
+        let seen = look(self).await;
+        if was_paused {
+            let _ = self.set_pause(true).await;
+        }
+        seen
+    }
+
+    /// The simulator's clock.
+    pub(super) async fn clock(&mut self) -> Option<Clock> {
+        let values = self.read(&[DATE_DAYS, ZULU_TIME_S]).await;
+        let [Some(days), Some(zulu_time_s)] = values[..] else {
+            return None;
+        };
+        Some(Clock {
+            day_of_year: days as u32 + 1,
+            zulu_time_s: zulu_time_s.into(),
+        })
     }
 
     pub(super) async fn frame_rate(&mut self) -> Check {

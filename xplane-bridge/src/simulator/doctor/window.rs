@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use super::Check;
+use super::{Check, Intent, Verdict};
 use crate::link::{PictureSize, PixelKind};
 use crate::pixels::{PixelChoice, Screen};
+use crate::profile::{Finding, Grabbing};
 use crate::{Simulator, SimulatorDescription};
 
-const NAME: &str = "window";
+pub(super) const NAME: &str = "window";
 
 /// The size that the simulator's pictures have to have; `None` if it draws any.
 pub(super) fn picture_size(description: &SimulatorDescription) -> Option<PictureSize> {
@@ -18,9 +19,39 @@ pub(super) fn picture_size(description: &SimulatorDescription) -> Option<Picture
     description.drawn_size.or(of_window)
 }
 
+/// What to do about a window of another size than the pictures.
+pub(super) fn misfit(size: PictureSize, intent: Option<&Intent>) -> Option<String> {
+    let Intent { sweep, pictures } = intent.filter(|intent| intent.pictures != size)?;
+    Some(format!(
+        "Pictures of {sweep} have {pictures} pixels, and X-Plane draws those of its window alone. Start X-Plane with --window={pictures}, or \
+         give the sweep's [picture] width_px = {} and height_px = {}",
+        size.width_px, size.height_px
+    ))
+}
+
 /// Looks at the window. If pictures come off the screen alone, it is found there by its check pattern, and pictures come from there
-/// from now on.
-pub(super) async fn check(simulator: &mut Simulator, screen: &Arc<dyn Screen>) -> Check {
+/// from now on; how late they are is returned.
+pub(super) async fn check(
+    simulator: &mut Simulator,
+    screen: &Arc<dyn Screen>,
+    intent: Option<&Intent>,
+) -> (Check, Finding<Grabbing>) {
+    let mut grabbing = Finding::NotMeasured("pictures do not come off the screen".into());
+    let check = look(simulator, screen, &mut grabbing).await;
+    let size = picture_size(simulator.description());
+    let misfit = size.and_then(|size| misfit(size, intent));
+    let check = match (check.verdict, misfit) {
+        (Verdict::Ok | Verdict::Skipped, Some(hint)) => Check::warning(NAME, check.found, hint),
+        _ => check,
+    };
+    (check, grabbing)
+}
+
+async fn look(
+    simulator: &mut Simulator,
+    screen: &Arc<dyn Screen>,
+    grabbing: &mut Finding<Grabbing>,
+) -> Check {
     let description = simulator.description().clone();
     let first = description.pixels.first();
     let Some(size) = picture_size(&description) else {
@@ -38,7 +69,7 @@ pub(super) async fn check(simulator: &mut Simulator, screen: &Arc<dyn Screen>) -
         return Check::failed(NAME, format!("{size} pixels"), hint);
     }
     if first == Some(&PixelKind::Screen) {
-        return grabbed(simulator, size, screen).await;
+        return grabbed(simulator, size, screen, grabbing).await;
     }
     let Some(window) = &description.window else {
         let found = format!(
@@ -55,19 +86,36 @@ pub(super) async fn check(simulator: &mut Simulator, screen: &Arc<dyn Screen>) -
     }
 }
 
-async fn grabbed(simulator: &mut Simulator, size: PictureSize, screen: &Arc<dyn Screen>) -> Check {
+async fn grabbed(
+    simulator: &mut Simulator,
+    size: PictureSize,
+    screen: &Arc<dyn Screen>,
+    grabbing: &mut Finding<Grabbing>,
+) -> Check {
     let choice = PixelChoice::Only(PixelKind::Screen);
     let picture_px = (size.width_px, size.height_px);
     match simulator.use_pixels(choice, picture_px, screen).await {
-        Ok(_) => Check::ok(
-            NAME,
-            format!("{size} pixels, found on the screen by its check pattern, whole and unscaled"),
-        ),
-        Err(error) => Check::warning(
-            NAME,
-            format!("{size} pixels, but not to be seen from here: {error}"),
-            "Pictures of this simulator come off the screen: run dtd on its computer, in its desktop session, with its window uncovered and \
+        Ok(_) => {
+            let lag = simulator.pixels.lag().unwrap_or_default();
+            *grabbing = Finding::Found(Grabbing {
+                late_grabs: lag.grabs,
+                lag_ms: lag.time.as_secs_f64() * 1e3,
+            });
+            let found = format!(
+                "{size} pixels, found on the screen by its check pattern, whole and unscaled, {} grabs and {:.0} ms late at most",
+                lag.grabs,
+                lag.time.as_secs_f64() * 1e3
+            );
+            Check::ok(NAME, found)
+        }
+        Err(error) => {
+            *grabbing = Finding::NotMeasured(error.to_string());
+            Check::warning(
+                NAME,
+                format!("{size} pixels, but not to be seen from here: {error}"),
+                "Pictures of this simulator come off the screen: run dtd on its computer, in its desktop session, with its window uncovered and \
              the desktop's scale at 100 %",
-        ),
+            )
+        }
     }
 }

@@ -257,3 +257,37 @@ fn scenery_of_a_new_place_has_no_ground_for_20_s_and_settles_then() {
     origins.dedup();
     assert!(origins.len() >= 2 && origins[0] != before, "{origins:?}");
 }
+
+/// All bytes of a frame.
+async fn bytes(hosted: &Hosted) -> Vec<u8> {
+    let arguments = [json!(SIZE.0), json!(SIZE.1), json!(false)];
+    hosted.scene.render(&arguments).await.unwrap()
+}
+
+#[tokio::test]
+async fn a_pause_may_keep_the_pose_water_may_move_and_an_exposure_be_slow() {
+    for (quirk, kept, moves, bright) in [
+        ("none", false, false, false),
+        ("pause_keeps_pose", true, false, false),
+        ("water_moves", false, true, false),
+        ("slow_exposure", false, false, true),
+    ] {
+        let mut hosted = Hosted::new(quirk);
+        let [x, y, z] = hosted.scene.vector(LOCAL_XYZ).to_array();
+        hosted.ask("place_camera", json!([x, y, z, 0.0, 0.0, 0.0]));
+        hosted.frame();
+        hosted.ask("command", json!([names::COMMAND_PAUSE_ON]));
+        hosted.frame();
+        let before = bytes(&hosted).await;
+        assert_eq!(before[2], 1, "{quirk}: near");
+        hosted.frame();
+        assert_eq!(bytes(&hosted).await != before, moves, "{quirk}");
+        // Two kilometres up nothing is near the camera.
+        hosted.ask("set", json!([LOCAL_XYZ[1], 0, y + 2_000.0]));
+        hosted.frame();
+        assert_eq!(bytes(&hosted).await[2] == 1, kept, "{quirk}");
+        hosted.ask("place_camera", json!([x, y, z, 40.0, 0.0, 0.0]));
+        hosted.frame();
+        assert_eq!(bytes(&hosted).await[1] > 100, bright, "{quirk}");
+    }
+}

@@ -260,3 +260,31 @@ fn the_clear_preset_takes_the_clouds_away() {
     outdoors.write("sim/weather/region/weather_preset", 0.0);
     assert_eq!((outdoors.cover(), outdoors.reads(COVER_0)), (0.0, 0.0));
 }
+
+#[test]
+fn reports_that_contradict_each_other_make_another_sky_each() {
+    for (quirk, wind_mps, visible, covered) in [
+        ("none", 10.0, true, false),
+        ("wind_in_knots", 5.144, true, false),
+        ("regeneration_needed", 0.0, false, false),
+        ("regeneration_not_needed", 10.0, true, true),
+    ] {
+        let mut outdoors = Outdoors::twelve(quirk);
+        outdoors.write(names::UPDATE_IMMEDIATELY, 1.0);
+        for (path, value) in [
+            ("sim/weather/region/wind_speed_msc[0]", 10.0),
+            (names::VISIBILITY_SM, 5.0),
+            (COVER_0, 0.75),
+        ] {
+            outdoors.write(path, value);
+            assert_eq!(outdoors.reads(path), value, "{quirk}");
+        }
+        let weather = outdoors.sky.weather();
+        assert!((weather.wind_speed_mps - wind_mps).abs() < 1e-3, "{quirk}");
+        assert_eq!(weather.visibility_m < 9_000.0, visible, "{quirk}");
+        assert_eq!(outdoors.cover() > 0.0, covered, "{quirk}");
+        outdoors.regenerate();
+        assert!(outdoors.sky.weather().visibility_m < 9_000.0, "{quirk}");
+        assert!(outdoors.cover() > 0.0, "{quirk}");
+    }
+}

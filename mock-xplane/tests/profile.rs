@@ -1,0 +1,238 @@
+//! What `dtd doctor` measures where reports disagree: for each quirk that may or may not be there, another answer.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::Path;
+use std::time::Duration;
+
+use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
+use tokio::sync::oneshot;
+use tokio::time::timeout;
+use xplane_bridge::datarefs::Generation;
+use xplane_bridge::doctor::{Check, Measuring, Patient, Verdict, examine};
+use xplane_bridge::profile::{Finding, KnownProfile, Profile, WindUnit};
+use xplane_bridge::subscription::Subscription;
+use xplane_bridge::{ConnectOptions, Simulator, WebApiPlace};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn options(generation: Generation, quirks: &str) -> ServerOptions {
+    ServerOptions {
+        bind: Ipv4Addr::LOCALHOST.into(),
+        port: 0,
+        beacon: false,
+        generation,
+        quirks: quirks.parse().unwrap(),
+        clock_rate: 20.0,
+        ..ServerOptions::default()
+    }
+}
+
+/// An X-Plane 12 whose pictures are seen.
+fn twelve(quirks: &str) -> ServerOptions {
+    options(Generation::XPlane12, quirks)
+}
+
+/// An X-Plane 11 behind its plugin, which reads its frames back.
+fn plugin(quirks: &str) -> ServerOptions {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
+    ServerOptions {
+        link: LinkServer::Plugin(PluginOptions {
+            window_px: (96, 64),
+            ..PluginOptions::new(folder)
+        }),
+        ..options(Generation::XPlane11, quirks)
+    }
+}
+
+async fn start(options: ServerOptions) -> SocketAddr {
+    let (tell, told) = oneshot::channel();
+    tokio::spawn(async move {
+        serve(options, |addresses| tell.send(addresses.udp).unwrap())
+            .await
+            .unwrap();
+    });
+    told.await.unwrap()
+}
+
+async fn connected(address: SocketAddr) -> Simulator {
+    let options = ConnectOptions {
+        web_api: None,
+        ..ConnectOptions::from_environment(address).unwrap()
+    };
+    Simulator::connect_with(address, PATIENCE, options)
+        .await
+        .unwrap()
+}
+
+async fn examined(address: SocketAddr, measuring: Measuring) -> Vec<Check> {
+    let patient = Patient {
+        web_api: WebApiPlace::Off,
+        listen: Duration::from_millis(1),
+        measuring,
+        ..Patient::at(Some(address))
+    };
+    examine(&patient, &mut |_| {}).await
+}
+
+/// What the next client is told of a simulator that was examined.
+async fn measured(options: ServerOptions) -> (Profile, Vec<Check>) {
+    let address = start(options).await;
+    let checks = examined(address, Measuring::Once).await;
+    let simulator = connected(address).await;
+    let profile = simulator.description().profile.clone();
+    simulator.release().await.unwrap();
+    match profile {
+        KnownProfile::Current(profile) => (*profile, checks),
+        other => panic!("{other:?} {checks:#?}"),
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_unit_of_the_wind_is_measured() {
+    for (quirk, unit) in [
+        ("none", WindUnit::MetersPerSecond),
+        ("wind_in_knots", WindUnit::Knots),
+    ] {
+        let (profile, checks) = measured(twelve(quirk)).await;
+        assert_eq!(profile.wind_unit, Finding::Found(unit), "{checks:#?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn whether_weather_has_to_be_regenerated_is_measured() {
+    for (quirk, visibility, clouds) in [
+        ("none", false, true),
+        ("regeneration_needed", true, true),
+        ("regeneration_not_needed", false, false),
+    ] {
+        let (profile, checks) = measured(twelve(quirk)).await;
+        assert_eq!(
+            [
+                &profile.visibility_needs_regeneration,
+                &profile.clouds_need_regeneration
+            ],
+            [&Finding::Found(visibility), &Finding::Found(clouds)],
+            "{quirk}: {checks:#?}"
+        );
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn how_long_clouds_take_is_measured_in_simulated_time() {
+    for (quirk, seconds) in [("none", 0.0..20.0), ("late_clouds", 50.0..170.0)] {
+        let (profile, checks) = measured(twelve(quirk)).await;
+        let took_s = profile.clouds_take_s.found().copied().unwrap_or(f64::NAN);
+        assert!(seconds.contains(&took_s), "{quirk}: {took_s} {checks:#?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn what_a_pause_shows_is_measured() {
+    for (quirk, shows, moves) in [
+        ("none", true, false),
+        ("pause_keeps_pose", false, false),
+        ("water_moves", true, true),
+    ] {
+        let (profile, checks) = measured(plugin(quirk)).await;
+        assert_eq!(
+            [&profile.pause_shows_poses, &profile.still_pictures_move],
+            [&Finding::Found(shows), &Finding::Found(moves)],
+            "{quirk}: {checks:#?}"
+        );
+        // Either can be recorded.
+        let failed: Vec<&Check> = checks
+            .iter()
+            .filter(|check| check.verdict == Verdict::Failed)
+            .collect();
+        assert!(failed.is_empty(), "{quirk}: {failed:#?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn how_many_frames_a_picture_takes_is_measured() {
+    let frames = |finding: Finding<u32>| finding.found().copied().unwrap_or(u32::MAX);
+    let (sound, checks) = measured(plugin("none")).await;
+    let (still, settled) = (
+        frames(sound.frames_until_still),
+        frames(sound.frames_until_settled),
+    );
+    assert!(still <= 4 && settled == 1, "{checks:#?}");
+    let (stale, checks) = measured(plugin("stale_frames")).await;
+    assert!(frames(stale.frames_until_still) > still, "{checks:#?}");
+    let (slow, checks) = measured(plugin("slow_exposure")).await;
+    let settled = frames(slow.frames_until_settled);
+    assert!((12..=32).contains(&settled), "{checks:#?}");
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn the_order_of_callbacks_is_measured() {
+    for (quirk, orders, cycles) in [
+        ("none", 1, 55..=65),
+        ("camera_callback_order,two_cycles_per_loop", 2, 110..=130),
+    ] {
+        let (profile, checks) = measured(plugin(quirk)).await;
+        let found = profile
+            .callbacks
+            .found()
+            .unwrap_or_else(|| panic!("{checks:#?}"));
+        assert_eq!(found.orders.len(), orders, "{found:?}");
+        assert!(cycles.contains(&found.cycles), "{found:?}");
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn an_installation_is_measured_once_unless_asked_and_left_as_it_was() {
+    let address = start(twelve("none")).await;
+    let names = [
+        "sim/weather/region/visibility_reported_sm",
+        "sim/weather/region/cloud_coverage_percent[0]",
+        "sim/weather/region/wind_speed_msc[0]",
+        "sim/weather/region/change_mode",
+        "sim/time/paused",
+        "sim/operation/override/override_planepath[0]",
+    ];
+    let mut watch = Subscription::start(address, names.map(str::to_owned), 20)
+        .await
+        .unwrap();
+    let values = |watch: &Subscription| -> Option<Vec<f32>> {
+        let readings = watch.readings().into_iter();
+        readings.map(|found| Some(found?.value)).collect()
+    };
+    let before = loop {
+        if let Some(values) = values(&watch) {
+            break values;
+        }
+        watch.changed().await;
+    };
+    let first = examined(address, Measuring::Once).await;
+    let profile_of = |checks: &[Check]| {
+        let found = checks.iter().find(|check| check.name == "profile");
+        found.unwrap().found.clone()
+    };
+    assert!(
+        profile_of(&first).contains("kept by the plugin"),
+        "{first:#?}"
+    );
+    assert!(first.iter().any(|check| check.name == "wind unit"));
+    let second = examined(address, Measuring::Once).await;
+    assert!(profile_of(&second).contains("--measure measures again"));
+    assert!(!second.iter().any(|check| check.name == "wind unit"));
+    let never = examined(address, Measuring::Never).await;
+    assert!(profile_of(&never).contains("which is used"), "{never:#?}");
+    let again = examined(address, Measuring::Again).await;
+    assert!(again.iter().any(|check| check.name == "wind unit"));
+    let given_back = async {
+        while values(&watch) != Some(before.clone()) {
+            watch.changed().await;
+        }
+    };
+    let given_back = timeout(PATIENCE, given_back).await.is_ok();
+    assert!(given_back, "{before:?} {:?}", values(&watch));
+    watch.end().await;
+    let next = again.last().unwrap();
+    assert_eq!(next.name, "next");
+    assert_eq!(
+        next.found,
+        format!("dtd generate SWEEP.toml --out corpus --sim {address}")
+    );
+}

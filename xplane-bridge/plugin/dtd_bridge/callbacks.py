@@ -1,0 +1,54 @@
+"""In what order X-Plane calls back within a frame. Nothing here relies on it; ``dtd doctor`` watches it, since reports differ."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import Any, Generator
+
+from .xp_api import Xp
+
+BEFORE, AFTER, CAMERA, DRAW = "before_flight_model", "after_flight_model", "camera", "draw"
+
+
+class Callbacks:
+    """Whoever is called back says so here; while nobody watches, that is forgotten."""
+
+    def __init__(self, xp: Xp) -> None:
+        self._xp = xp
+        self._seen: list[str] | None = None
+
+    def note(self, what: str) -> None:
+        """This callback has come."""
+        if self._seen is not None:
+            self._seen.append(what)
+
+    def watch(self, frames: int) -> Generator[None, None, dict[str, Any]]:
+        """So many frames: how often each order came, and how far X-Plane's cycle number moved."""
+        loop = self._xp.createFlightLoop(self._on_frame, self._xp.FlightLoop_Phase_BeforeFlightModel, None)
+        self._xp.scheduleFlightLoop(loop, -1.0)
+        try:
+            # Into a frame that is watched from its beginning.
+            yield
+            self._seen = []
+            cycle = self._xp.getCycleNumber()
+            for _ in range(frames + 1):
+                yield
+            cycles = self._xp.getCycleNumber() - cycle
+            return {"frames": frames, "cycles": round(cycles * frames / (frames + 1)), "orders": self._orders()}
+        finally:
+            self._seen = None
+            self._xp.destroyFlightLoop(loop)
+
+    def _orders(self) -> dict[str, int]:
+        """Frames begin with the callback before the flight model; the first and the last may be cut."""
+        orders: list[list[str]] = []
+        for what in self._seen or []:
+            if what == BEFORE:
+                orders.append([])
+            elif orders:
+                orders[-1].append(what)
+        return dict(Counter(" ".join(order) for order in orders[:-1]))
+
+    def _on_frame(self, _since_last: float, _since_loop: float, _counter: int, _refcon: Any) -> float:
+        self.note(BEFORE)
+        return -1.0

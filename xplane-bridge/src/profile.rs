@@ -1,0 +1,331 @@
+//! What `dtd doctor` measured of one installation of X-Plane, where reports contradict each other or there are none.
+//!
+//! In: a few minutes of writing, reading and looking at pictures ([`crate::doctor`]). Out: a record that the plugin keeps beside itself and
+//! gives to every client with its `hello`, so that whichever computer a client runs on, it knows. [`crate::Simulator`] uses what it
+//! can; the rest is for people, who send it to us.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::time::Duration;
+
+use dataset::units::MPS_PER_KNOT;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::datarefs::{DatarefWrite, WIND_SPEED};
+use crate::link::{PictureSize, PixelKind};
+
+/// Version of the record. Another one is measured again.
+pub const PROFILE_FORMAT: u32 = 1;
+
+/// Something that was to be measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Finding<T> {
+    /// It was.
+    Found(T),
+    /// It was not, for this reason.
+    NotMeasured(String),
+}
+
+impl<T> Finding<T> {
+    /// What was found, if anything.
+    pub fn found(&self) -> Option<&T> {
+        match self {
+            Self::Found(value) => Some(value),
+            Self::NotMeasured(_) => None,
+        }
+    }
+}
+
+/// In which unit X-Plane takes `wind_speed_msc`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WindUnit {
+    /// As its name says.
+    MetersPerSecond,
+    /// As Laminar's list of datarefs says.
+    Knots,
+}
+
+/// In what order the plugin is called back.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct CallbackOrders {
+    /// Frames that were watched.
+    pub frames: u32,
+    /// How far X-Plane's cycle number moved in them.
+    pub cycles: u32,
+    /// Callbacks after the one before the flight model, and in how many frames they came so.
+    pub orders: BTreeMap<String, u32>,
+}
+
+/// How a grabbed screen follows what is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Grabbing {
+    /// Grabs that still showed something older, at most.
+    pub late_grabs: u32,
+    /// How long that lasted at most, milliseconds.
+    pub lag_ms: f64,
+}
+
+/// All that was measured.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Profile {
+    /// [`PROFILE_FORMAT`].
+    pub format: u32,
+    /// When, UTC.
+    pub measured_at: String,
+    /// Version of `dtd` that measured.
+    pub dtd: String,
+    /// Name and version of the simulator.
+    pub simulator: String,
+    /// Name and version of the plugin, if one serves the link.
+    pub plugin: Option<String>,
+    /// How pictures came, if they did.
+    pub pixels: Option<PixelKind>,
+    /// The window that X-Plane draws into, which is the only size of its pictures.
+    pub window: Finding<PictureSize>,
+    /// How the screen is grabbed.
+    pub grabbing: Finding<Grabbing>,
+    /// The unit of `wind_speed_msc`.
+    pub wind_unit: Finding<WindUnit>,
+    /// Whether a visibility that was written shows only after `regen_weather`.
+    pub visibility_needs_regeneration: Finding<bool>,
+    /// Whether clouds that were written, and read back, show only after `regen_weather`.
+    pub clouds_need_regeneration: Finding<bool>,
+    /// How long clouds take to read back, seconds of simulated time.
+    pub clouds_take_s: Finding<f64>,
+    /// Whether a pose and a camera that are written in a pause are drawn.
+    pub pause_shows_poses: Finding<bool>,
+    /// After how many frames two pictures in a row agree when the aircraft has moved.
+    pub frames_until_still: Finding<u32>,
+    /// After how many frames a picture is the final one when the camera has turned: shadows and exposure.
+    pub frames_until_settled: Finding<u32>,
+    /// Whether pictures of a scene that stands still move by themselves in a pause: water.
+    pub still_pictures_move: Finding<bool>,
+    /// In what order the plugin is called back.
+    pub callbacks: Finding<CallbackOrders>,
+}
+
+/// Why a profile is of no use.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum ProfileError {
+    /// Written by another version.
+    #[error("it has format {found:?}, expected {PROFILE_FORMAT}")]
+    Format {
+        /// What it has.
+        found: Option<u64>,
+    },
+    /// It is none.
+    #[error("it cannot be read: {why}")]
+    Unreadable {
+        /// Why.
+        why: String,
+    },
+    /// X-Plane or the plugin was updated.
+    #[error("it was measured with {measured}, and this is {found}")]
+    OtherVersion {
+        /// Simulator and plugin then.
+        measured: String,
+        /// Simulator and plugin now.
+        found: String,
+    },
+}
+
+/// What is known of the simulator at the other end.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub enum KnownProfile {
+    /// Nothing was measured.
+    #[default]
+    None,
+    /// Something was, and is of no use.
+    Unusable(ProfileError),
+    /// All of this.
+    Current(Box<Profile>),
+}
+
+impl KnownProfile {
+    /// What came with a `hello` of this simulator and plugin.
+    pub(crate) fn of(kept: Option<Value>, simulator: &str, plugin: Option<&str>) -> Self {
+        let Some(kept) = kept else {
+            return Self::None;
+        };
+        match Profile::read(kept, simulator, plugin) {
+            Ok(profile) => Self::Current(Box::new(profile)),
+            Err(error) => Self::Unusable(error),
+        }
+    }
+
+    /// The profile, if it may be used.
+    pub fn current(&self) -> Option<&Profile> {
+        match self {
+            Self::Current(profile) => Some(profile),
+            Self::None | Self::Unusable(_) => None,
+        }
+    }
+}
+
+/// For people: which profile is used, or how to get one.
+impl fmt::Display for KnownProfile {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Current(profile) => write!(
+                f,
+                "has a profile, measured at {}, which is used",
+                profile.measured_at
+            ),
+            Self::None => f.write_str(
+                "has no profile: what sources disagree on is taken as most of them have it. `dtd doctor` measures it",
+            ),
+            Self::Unusable(error) => write!(
+                f,
+                "has a profile that is not used: {error}. `dtd doctor` measures it again"
+            ),
+        }
+    }
+}
+
+impl Profile {
+    fn read(kept: Value, simulator: &str, plugin: Option<&str>) -> Result<Self, ProfileError> {
+        let format = kept.get("format").and_then(Value::as_u64);
+        if format != Some(u64::from(PROFILE_FORMAT)) {
+            return Err(ProfileError::Format { found: format });
+        }
+        let profile: Self =
+            serde_json::from_value(kept).map_err(|error| ProfileError::Unreadable {
+                why: error.to_string(),
+            })?;
+        let words = |simulator: &str, plugin: Option<&str>| match plugin {
+            Some(plugin) => format!("{simulator} and {plugin}"),
+            None => simulator.to_owned(),
+        };
+        let measured = words(&profile.simulator, profile.plugin.as_deref());
+        let found = words(simulator, plugin);
+        match measured == found {
+            true => Ok(profile),
+            false => Err(ProfileError::OtherVersion { measured, found }),
+        }
+    }
+
+    /// Frames that a new pose and camera are drawn before the one that counts, `usual` or more.
+    pub(crate) fn settle_frames(&self, usual: u32) -> u32 {
+        let measured = self.frames_until_settled.found();
+        usual.max(measured.copied().unwrap_or(0))
+    }
+
+    /// Whether weather has to be regenerated before it shows. Unless it was seen that it need not be, it has to.
+    pub(crate) fn regenerates(&self) -> bool {
+        let needed = |finding: &Finding<bool>| finding.found() != Some(&false);
+        needed(&self.visibility_needs_regeneration) || needed(&self.clouds_need_regeneration)
+    }
+
+    /// How long weather may take, `usual` or more: half as long again as clouds took.
+    pub(crate) fn weather_patience(&self, usual: Duration) -> Duration {
+        let took_s = self.clouds_take_s.found().copied().unwrap_or(0.0);
+        let measured = Duration::try_from_secs_f64(1.5 * took_s.min(600.0));
+        usual.max(measured.unwrap_or_default())
+    }
+
+    /// Whether time has to run while pictures are taken, because a pause shows nothing new.
+    pub(crate) fn time_has_to_run(&self) -> bool {
+        self.pause_shows_poses.found() == Some(&false)
+    }
+
+    /// Weather as it has to be written here: winds in X-Plane's own unit.
+    pub(crate) fn in_its_units(&self, mut writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
+        if self.wind_unit.found() == Some(&WindUnit::Knots) {
+            let winds = writes
+                .iter_mut()
+                .filter(|write| write.name.split('[').next() == Some(WIND_SPEED));
+            for wind in winds {
+                wind.value = (f64::from(wind.value) / MPS_PER_KNOT) as f32;
+            }
+        }
+        writes
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn measured() -> Profile {
+        let not = || "not today".to_owned();
+        Profile {
+            format: PROFILE_FORMAT,
+            measured_at: "2026-11-22T06:00:00Z".into(),
+            dtd: "0.1.0".into(),
+            simulator: "X-Plane 12.4.3".into(),
+            plugin: Some("dtd_bridge 0.1.0".into()),
+            pixels: Some(PixelKind::Screen),
+            window: Finding::NotMeasured(not()),
+            grabbing: Finding::NotMeasured(not()),
+            wind_unit: Finding::Found(WindUnit::Knots),
+            visibility_needs_regeneration: Finding::Found(false),
+            clouds_need_regeneration: Finding::NotMeasured(not()),
+            clouds_take_s: Finding::Found(80.0),
+            pause_shows_poses: Finding::Found(false),
+            frames_until_still: Finding::Found(4),
+            frames_until_settled: Finding::Found(24),
+            still_pictures_move: Finding::Found(true),
+            callbacks: Finding::NotMeasured(not()),
+        }
+    }
+
+    #[test]
+    fn a_profile_is_used_by_the_versions_that_it_was_measured_with_and_by_no_other() {
+        let kept = || Some(serde_json::to_value(measured()).unwrap());
+        let plugin = Some("dtd_bridge 0.1.0");
+        let known = KnownProfile::of(kept(), "X-Plane 12.4.3", plugin);
+        assert_eq!(known.current(), Some(&measured()));
+        for (simulator, plugin) in [("X-Plane 12.5.0", plugin), ("X-Plane 12.4.3", None)] {
+            let known = KnownProfile::of(kept(), simulator, plugin);
+            assert_eq!(known.current(), None);
+            let said = known.to_string();
+            assert!(
+                said.contains("X-Plane 12.4.3 and dtd_bridge 0.1.0") && said.contains(simulator),
+                "{said}"
+            );
+        }
+        let mut other = kept().unwrap();
+        other["format"] = 2.into();
+        let said = KnownProfile::of(Some(other), "X-Plane 12.4.3", plugin).to_string();
+        assert!(said.contains("format Some(2), expected 1"), "{said}");
+        let said = KnownProfile::of(None, "X-Plane 12.4.3", plugin).to_string();
+        assert!(
+            said.contains("no profile") && said.contains("dtd doctor"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn what_was_measured_changes_what_is_written_and_waited_for() {
+        let mut profile = measured();
+        assert_eq!(profile.settle_frames(3), 24);
+        assert_eq!(profile.settle_frames(30), 30);
+        assert!(profile.regenerates(), "not known of the clouds");
+        profile.clouds_need_regeneration = Finding::Found(false);
+        assert!(!profile.regenerates());
+        let usual = Duration::from_secs(70);
+        assert_eq!(profile.weather_patience(usual), Duration::from_secs(120));
+        profile.clouds_take_s = Finding::Found(5.0);
+        assert_eq!(profile.weather_patience(usual), usual);
+        assert!(profile.time_has_to_run());
+        let writes = || {
+            vec![
+                DatarefWrite::new(format!("{WIND_SPEED}[3]"), 10.0),
+                DatarefWrite::new("sim/weather/region/rain_percent", 0.5),
+            ]
+        };
+        let values = |writes: &[DatarefWrite]| -> Vec<f32> {
+            writes.iter().map(|write| write.value).collect()
+        };
+        let knots = values(&profile.in_its_units(writes()));
+        assert!(
+            (knots[0] - 19.438).abs() < 1e-3 && knots[1] == 0.5,
+            "{knots:?}"
+        );
+        profile.wind_unit = Finding::Found(WindUnit::MetersPerSecond);
+        assert_eq!(values(&profile.in_its_units(writes())), [10.0, 0.5]);
+    }
+}

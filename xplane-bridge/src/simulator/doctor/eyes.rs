@@ -1,0 +1,152 @@
+//! Pictures for measurements: the aircraft where lockstep shows it, the camera beside it, so many frames after the last change.
+
+use std::time::Duration;
+
+use tokio::time::sleep;
+
+use super::lockstep::{self, difference};
+use super::talk::PlaceOnGround;
+use super::window::picture_size;
+use crate::Simulator;
+use crate::error::BridgeError;
+use crate::link::{CapturedFrame, Deliver, PixelKind};
+
+/// Pictures of the same shot may differ by so much on the average, of 255, beside what moves by itself.
+pub(super) const SAME: f64 = 1.0;
+/// After so many frames everything has settled, as far as anything does.
+pub(super) const SETTLED: u32 = 60;
+
+/// When a scene that stands still is looked at again.
+const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
+
+/// What is in a picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Shot {
+    /// How far the aircraft is moved to the east.
+    pub(super) moved_m: f64,
+    /// How far the camera is turned to the right.
+    pub(super) turned_deg: f64,
+    /// And upwards.
+    pub(super) up_deg: f64,
+}
+
+impl Shot {
+    /// The aircraft from behind.
+    pub(super) const BEHIND: Self = Self {
+        moved_m: 0.0,
+        turned_deg: 0.0,
+        up_deg: 0.0,
+    };
+    /// The same with the aircraft beside its place.
+    pub(super) const MOVED: Self = Self {
+        moved_m: lockstep::MOVED_M,
+        ..Self::BEHIND
+    };
+    /// The other way, into the sky: another light.
+    pub(super) const AWAY: Self = Self {
+        turned_deg: 180.0,
+        up_deg: 40.0,
+        ..Self::BEHIND
+    };
+    /// The horizon and the sky above it.
+    pub(super) const SKY: Self = Self {
+        up_deg: 15.0,
+        ..Self::BEHIND
+    };
+}
+
+/// How pictures are taken.
+pub(super) struct Eyes<'a> {
+    pub(super) simulator: &'a mut Simulator,
+    place: PlaceOnGround,
+    tick: u32,
+}
+
+impl<'a> Eyes<'a> {
+    /// Looks at the aircraft's place.
+    pub(super) fn at(simulator: &'a mut Simulator, place: PlaceOnGround) -> Self {
+        Self {
+            simulator,
+            place,
+            tick: 0,
+        }
+    }
+
+    /// Why nothing can be seen, if so.
+    pub(super) fn blind(&self) -> Option<String> {
+        deliver(self.simulator).is_none().then(|| {
+            "pictures cannot be seen from here: run the doctor on X-Plane's own computer, in its desktop session".into()
+        })
+    }
+
+    /// Stands still from now on, and lets this many frames settle.
+    pub(super) async fn freeze(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
+        let runway = lockstep::runway(&self.place);
+        self.simulator
+            .freeze_raw(&runway, settle_frames, None)
+            .await
+    }
+
+    /// Takes pictures one behind the other, without a pause between.
+    pub(super) async fn take<const N: usize>(
+        &mut self,
+        shots: [Shot; N],
+    ) -> Result<[CapturedFrame; N], BridgeError> {
+        let deliver = deliver(self.simulator).unwrap_or(Deliver::Drawn);
+        let size = picture_size(self.simulator.description()).unwrap_or(lockstep::ANY_SIZE);
+        let ahead = self.simulator.most_outstanding();
+        let mut frames = Vec::with_capacity(N);
+        let mut asked = 0;
+        while frames.len() < N {
+            while asked < N && asked - frames.len() < ahead {
+                let shot = shots[asked];
+                let mut request =
+                    lockstep::request(&self.place, self.tick, shot.moved_m, size, deliver);
+                let camera = &mut request.camera.pose;
+                camera.heading_true_deg = (camera.heading_true_deg + shot.turned_deg) % 360.0;
+                camera.pitch_deg += shot.up_deg;
+                self.tick += 1;
+                self.simulator.send_capture(&request).await?;
+                asked += 1;
+            }
+            frames.push(self.simulator.receive_frame().await?);
+        }
+        frames
+            .try_into()
+            .map_err(|frames: Vec<_>| BridgeError::WrongAnswer {
+                expected: format!("{N} pictures"),
+                found: frames.len().to_string(),
+            })
+    }
+
+    /// One picture in which everything has settled; time and weather go on afterwards.
+    pub(super) async fn glance(&mut self, shot: Shot) -> Result<CapturedFrame, BridgeError> {
+        self.freeze(SETTLED).await?;
+        let [frame] = self.take([shot]).await?;
+        self.simulator.let_go().await?;
+        self.simulator.resume().await?;
+        Ok(frame)
+    }
+
+    /// How different settled pictures of a shot are within a second: the first from two more, since waves may be the same again.
+    pub(super) async fn noise(&mut self, shot: Shot) -> Result<f64, BridgeError> {
+        self.freeze(SETTLED).await?;
+        let [first] = self.take([shot]).await?;
+        let mut most: f64 = 0.0;
+        for pause in LATER {
+            sleep(pause).await;
+            let [later] = self.take([shot]).await?;
+            most = most.max(difference(&first.rgb, &later.rgb));
+        }
+        Ok(most)
+    }
+}
+
+/// How pictures can be had, if they can. Those of the screen only once its window was found there.
+fn deliver(simulator: &Simulator) -> Option<Deliver> {
+    match (simulator.pixels(), simulator.description().pixels.first()) {
+        (PixelKind::Screen, _) => Some(Deliver::Drawn),
+        (_, Some(PixelKind::Link | PixelKind::Gl)) => Some(Deliver::Picture),
+        (_, Some(PixelKind::Screen) | None) => None,
+    }
+}

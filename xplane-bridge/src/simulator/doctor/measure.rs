@@ -1,0 +1,156 @@
+//! What reports disagree on, measured once per installation and kept by the plugin.
+
+use chrono::{SecondsFormat, Utc};
+use dataset::conditions::Clock;
+use serde_json::json;
+
+use super::eyes::Eyes;
+use super::pictures::PictureFindings;
+use super::sky::SkyFindings;
+use super::talk::PlaceOnGround;
+use super::{Check, Measuring};
+use crate::Simulator;
+use crate::datarefs::{DatarefWrite, USE_SYSTEM_TIME};
+use crate::error::BridgeError;
+use crate::link::{Answer, Request};
+use crate::profile::{Finding, Grabbing, KnownProfile, PROFILE_FORMAT, Profile};
+use crate::simulator::{SWITCH_TIMEOUT, wrong};
+
+const NAME: &str = "profile";
+
+/// Measures, if that is to be done, and has the profile kept. It takes minutes, so that each point is noted as it is known.
+pub(super) async fn measure(
+    simulator: &mut Simulator,
+    place: PlaceOnGround,
+    grabbing: Finding<Grabbing>,
+    measuring: Measuring,
+    note: &mut (dyn FnMut(Check) + Send),
+) {
+    match (measuring, simulator.description().profile.current()) {
+        (Measuring::Never, _) => {
+            let known = &simulator.description().profile;
+            return note(Check::skipped(
+                NAME,
+                format!("not measured; this simulator {known}"),
+            ));
+        }
+        (Measuring::Once, Some(profile)) => {
+            let found = format!(
+                "measured at {} with {}; --measure measures again",
+                profile.measured_at, profile.simulator
+            );
+            return note(Check::ok(NAME, found));
+        }
+        _ => {}
+    }
+    if let Err(error) = simulator.forget_profile().await {
+        let hint =
+            "Install plugin and program of the same release: `dtd install-plugin XPLANE_DIR`";
+        return note(Check::failed(NAME, error.to_string(), hint));
+    }
+    // A clock that follows the computer's goes on in a pause, and the sun with it.
+    let system_time = simulator.take_clock().await;
+    let mut eyes = Eyes::at(simulator, place);
+    let pictures = PictureFindings::measure(&mut eyes).await;
+    pictures.checks().into_iter().for_each(&mut *note);
+    // Weather changes while time runs.
+    let gone_on = match eyes.simulator.let_go().await {
+        Ok(()) => eyes.simulator.resume().await,
+        Err(error) => Err(error),
+    };
+    if let Err(error) = gone_on {
+        tracing::warn!(%error, "the simulator does not go on");
+    }
+    let sky = SkyFindings::measure(&mut eyes).await;
+    sky.checks().into_iter().for_each(&mut *note);
+    if let Ok(before) = &system_time {
+        let given_back = simulator.write_until_read_back(before).await;
+        if let Err(error) = given_back {
+            tracing::warn!(%error, "the clock was not given back");
+        }
+    }
+    let profile = profile(simulator, pictures, sky, grabbing);
+    note(keep(simulator, profile).await);
+}
+
+fn profile(
+    simulator: &Simulator,
+    pictures: PictureFindings,
+    sky: SkyFindings,
+    grabbing: Finding<Grabbing>,
+) -> Profile {
+    let description = simulator.description();
+    let window = super::window::picture_size(description);
+    Profile {
+        format: PROFILE_FORMAT,
+        measured_at: Utc::now().to_rfc3339_opts(SecondsFormat::Secs, true),
+        dtd: env!("CARGO_PKG_VERSION").into(),
+        simulator: format!("{} {}", description.name, description.version),
+        plugin: description.plugin.clone(),
+        pixels: pictures
+            .still_pictures_move
+            .found()
+            .map(|_| simulator.pixels()),
+        window: match window {
+            Some(size) => Finding::Found(size),
+            None => Finding::NotMeasured("it draws pictures of any size".into()),
+        },
+        grabbing,
+        wind_unit: sky.wind_unit,
+        visibility_needs_regeneration: sky.visibility_needs_regeneration,
+        clouds_need_regeneration: sky.clouds_need_regeneration,
+        clouds_take_s: sky.clouds_take_s,
+        pause_shows_poses: pictures.pause_shows_poses,
+        frames_until_still: pictures.frames_until_still,
+        frames_until_settled: pictures.frames_until_settled,
+        still_pictures_move: pictures.still_pictures_move,
+        callbacks: pictures.callbacks,
+    }
+}
+
+async fn keep(simulator: &mut Simulator, profile: Profile) -> Check {
+    match simulator.keep_profile(profile).await {
+        Ok(()) => Check::ok(
+            NAME,
+            "kept by the plugin, beside itself (dtd_profile.json); dtd generate uses it",
+        ),
+        Err(error) => Check::warning(
+            NAME,
+            format!("measured, but not kept: {error}"),
+            "dtd generate goes on without it, and takes what sources disagree on as most of them have it",
+        ),
+    }
+}
+
+impl Simulator {
+    /// Measures without what was measured before, on both sides. If this examination is broken off there is no profile.
+    async fn forget_profile(&mut self) -> Result<(), BridgeError> {
+        self.description.profile = KnownProfile::None;
+        let request = Request::KeepProfile { profile: json!({}) };
+        let answer = self
+            .link
+            .ask("forgetting the profile", &request, SWITCH_TIMEOUT);
+        match answer.await {
+            Ok(Answer::ProfileKept) => Ok(()),
+            Ok(other) => Err(wrong("profile_kept", &other)),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// Lets the clock go its own way; what is to be written to give it back.
+    async fn take_clock(&mut self) -> Result<Vec<DatarefWrite>, BridgeError> {
+        let ours = DatarefWrite::new(USE_SYSTEM_TIME, 0.0);
+        let found = self.read(std::slice::from_ref(&ours)).await?;
+        self.write_until_read_back(&[ours]).await?;
+        let before = found[0].map(|value| DatarefWrite::new(USE_SYSTEM_TIME, value.into()));
+        Ok(before.into_iter().collect())
+    }
+
+    /// The clock that has to run on while pictures are taken here, if one has to.
+    pub(super) fn running_clock(&self, clock: Clock) -> Option<Clock> {
+        let profile = self.description.profile.current();
+        profile
+            .is_some_and(Profile::time_has_to_run)
+            .then_some(clock)
+    }
+}

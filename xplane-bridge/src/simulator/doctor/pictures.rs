@@ -1,0 +1,190 @@
+//! What pictures show of a simulator that stands still: whether a pause shows new poses, how soon, and what moves by itself.
+
+use super::Check;
+use super::eyes::{Eyes, SAME, SETTLED, Shot};
+use super::lockstep::difference;
+use crate::error::BridgeError;
+use crate::link::PixelKind;
+use crate::profile::{CallbackOrders, Finding};
+
+/// Settle frames that are tried.
+const TRIED: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
+/// Frames in which callbacks are watched.
+const WATCHED: u32 = 60;
+
+/// All that was found.
+pub(super) struct PictureFindings {
+    pub(super) pause_shows_poses: Finding<bool>,
+    pub(super) still_pictures_move: Finding<bool>,
+    pub(super) frames_until_still: Finding<u32>,
+    pub(super) frames_until_settled: Finding<u32>,
+    pub(super) callbacks: Finding<CallbackOrders>,
+}
+
+impl PictureFindings {
+    /// Measures, one after the other, since each needs what the one before found.
+    pub(super) async fn measure(eyes: &mut Eyes<'_>) -> Self {
+        if let Some(reason) = eyes.blind() {
+            return Self {
+                callbacks: callbacks(eyes).await,
+                ..Self::nothing(&reason)
+            };
+        }
+        let still_pictures_move = finding(eyes.noise(Shot::BEHIND).await);
+        let noise = still_pictures_move.found().copied().unwrap_or(0.0);
+        let pause_shows_poses = finding(shows_poses(eyes, noise).await);
+        let paused = Self {
+            still_pictures_move: map(still_pictures_move, |noise| noise > 0.0),
+            callbacks: callbacks(eyes).await,
+            ..Self::nothing("a pause does not show what is new")
+        };
+        if pause_shows_poses.found() != Some(&true) {
+            return Self {
+                pause_shows_poses,
+                ..paused
+            };
+        }
+        let moves = paused.still_pictures_move.found() == Some(&true);
+        Self {
+            pause_shows_poses,
+            frames_until_still: match moves {
+                true => Finding::NotMeasured("pictures move by themselves".into()),
+                false => until_still(eyes).await,
+            },
+            frames_until_settled: match until_settled(eyes, noise).await {
+                Ok(finding) => finding,
+                Err(error) => Finding::NotMeasured(error.to_string()),
+            },
+            ..paused
+        }
+    }
+
+    fn nothing(reason: &str) -> Self {
+        Self {
+            pause_shows_poses: Finding::NotMeasured(reason.into()),
+            still_pictures_move: Finding::NotMeasured(reason.into()),
+            frames_until_still: Finding::NotMeasured(reason.into()),
+            frames_until_settled: Finding::NotMeasured(reason.into()),
+            callbacks: Finding::NotMeasured(reason.into()),
+        }
+    }
+
+    /// For a person.
+    pub(super) fn checks(&self) -> Vec<Check> {
+        let pause = match &self.pause_shows_poses {
+            Finding::Found(false) => Check::warning(
+                "pause",
+                "a pause keeps the picture that was there: a pose that is written then does not show",
+                "Nothing: pictures are taken with time running. If another plugin holds the pause or the camera, switch it off and measure again",
+            ),
+            other => Check::measured("pause", other, |_| {
+                "poses and cameras that are written in a pause show".into()
+            }),
+        };
+        vec![
+            Check::measured("still pictures", &self.still_pictures_move, |moves| {
+                match moves {
+                    true => {
+                        "move by themselves in a pause (water): nothing waits for two that agree"
+                    }
+                    false => "two of the same scene, a second apart, are the same",
+                }
+                .into()
+            }),
+            pause,
+            Check::measured("frames", &self.frames_until_still, |frames| {
+                format!(
+                    "the aircraft moved: two pictures in a row agree after {frames} frames at most"
+                )
+            }),
+            Check::measured("exposure", &self.frames_until_settled, |frames| {
+                format!(
+                    "the camera turned: the picture is the final one with settle_frames = {frames}"
+                )
+            }),
+            Check::measured("callbacks", &self.callbacks, |found| {
+                let orders: Vec<String> = found
+                    .orders
+                    .iter()
+                    .map(|(order, frames)| format!("{frames}x {order}"))
+                    .collect();
+                format!(
+                    "in {} frames, {} cycles: {}",
+                    found.frames,
+                    found.cycles,
+                    orders.join("; ")
+                )
+            }),
+        ]
+    }
+}
+
+/// Whether another shot is another picture.
+async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<bool, BridgeError> {
+    eyes.freeze(SETTLED).await?;
+    let [behind, away] = eyes.take([Shot::BEHIND, Shot::AWAY]).await?;
+    Ok(difference(&behind.rgb, &away.rgb) > noise + SAME)
+}
+
+/// The most frames from one picture that stands still to the next, when only the aircraft has moved.
+async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
+    if eyes.simulator.pixels() == PixelKind::Screen {
+        return Finding::NotMeasured(
+            "pictures come off the screen: frames cannot be counted in them".into(),
+        );
+    }
+    let measured = async {
+        eyes.freeze(1).await?;
+        let (there, here) = (Shot::MOVED, Shot::BEHIND);
+        let frames = eyes
+            .take([here, there, here, there, here, there, here])
+            .await?;
+        let gaps = frames
+            .windows(2)
+            .map(|pair| pair[1].sim_frame.saturating_sub(pair[0].sim_frame));
+        Ok(gaps.max().unwrap_or(0) as u32)
+    };
+    finding(measured.await)
+}
+
+/// The fewest settle frames that give the final picture after the camera has looked at another light.
+async fn until_settled(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<u32>, BridgeError> {
+    eyes.freeze(SETTLED).await?;
+    let [_, last] = eyes.take([Shot::AWAY, Shot::BEHIND]).await?;
+    for frames in TRIED {
+        eyes.freeze(SETTLED).await?;
+        let [_] = eyes.take([Shot::AWAY]).await?;
+        eyes.freeze(frames).await?;
+        let [found] = eyes.take([Shot::BEHIND]).await?;
+        if difference(&found.rgb, &last.rgb) <= noise + SAME {
+            return Ok(Finding::Found(frames));
+        }
+    }
+    Ok(Finding::NotMeasured(format!(
+        "after {} frames a picture still differs from the one after {SETTLED}",
+        TRIED[TRIED.len() - 1]
+    )))
+}
+
+async fn callbacks(eyes: &mut Eyes<'_>) -> Finding<CallbackOrders> {
+    let watched = async {
+        eyes.freeze(1).await?;
+        let [_] = eyes.take([Shot::BEHIND]).await?;
+        eyes.simulator.watch_callbacks(WATCHED).await
+    };
+    finding(watched.await)
+}
+
+pub(super) fn finding<T>(measured: Result<T, BridgeError>) -> Finding<T> {
+    match measured {
+        Ok(value) => Finding::Found(value),
+        Err(error) => Finding::NotMeasured(error.to_string()),
+    }
+}
+
+fn map<T, U>(finding: Finding<T>, with: impl FnOnce(T) -> U) -> Finding<U> {
+    match finding {
+        Finding::Found(value) => Finding::Found(with(value)),
+        Finding::NotMeasured(reason) => Finding::NotMeasured(reason),
+    }
+}

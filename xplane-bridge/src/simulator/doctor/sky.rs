@@ -1,0 +1,439 @@
+//! What X-Plane 12 makes of weather that is written, by what reads back, by its gauges and by pictures. The weather that was there is put back.
+
+use std::time::Duration;
+
+use dataset::conditions::{CloudKind, CloudLayer, Weather};
+use dataset::units::MPS_PER_KNOT;
+use tokio::time::{Instant, sleep};
+
+use super::Check;
+use super::eyes::{Eyes, Shot};
+use super::lockstep::difference;
+use crate::Simulator;
+use crate::datarefs::{
+    CHANGE_MODE, CLOUD_BASE, CLOUD_COVER, CLOUD_TOP, CLOUD_TYPE, COMMAND_REGENERATE_WEATHER,
+    DatarefWrite, Generation, METERS_PER_STATUTE_MILE, RUNNING_TIME_S, VARIABILITY,
+    VISIBILITY_EFFECTIVE_M, VISIBILITY_SM, WIND_ALTITUDE, WIND_DIRECTION, WIND_SPEED,
+    weather_writes,
+};
+use crate::error::BridgeError;
+use crate::profile::{Finding, WindUnit};
+
+/// The wind that the aircraft has, knots.
+const WIND_GAUGE_KT: &str = "sim/cockpit2/gauges/indicators/wind_speed_kts";
+/// Winds that are written, and one that shows as this many knots for each was taken as metres per second, or as knots. Near the ground it is
+/// weaker, so that the two ranges are wide, and two winds have to agree.
+const WINDS: [f64; 2] = [10.0, 20.0];
+const AS_METERS_PER_SECOND: std::ops::RangeInclusive<f64> = 1.6..=2.2;
+const AS_KNOTS: std::ops::RangeInclusive<f64> = 0.8..=1.15;
+/// How long what is written may take to show, but for clouds.
+const SHOWING: Duration = Duration::from_secs(12);
+/// How long clouds may take to read back.
+const CLOUDS_WITHIN: Duration = Duration::from_secs(180);
+/// How long a regeneration may take to begin before clouds are written again.
+const REGENERATION: Duration = Duration::from_secs(1);
+/// Another visibility or cover changes a picture by more than this on the average, of 255; clouds that drift do not.
+const CHANGED: f64 = 3.0;
+/// After so much simulated time a regeneration has nothing to do with what is written.
+const AFTER_REGENERATION_S: f64 = 75.0;
+const POLL: Duration = Duration::from_millis(500);
+/// The visibilities that are tried: the one that is farther from what is shown.
+const VISIBILITIES_M: [f64; 2] = [4_000.0, 30_000.0];
+
+/// All that was found.
+pub(super) struct SkyFindings {
+    pub(super) wind_unit: Finding<WindUnit>,
+    pub(super) visibility_needs_regeneration: Finding<bool>,
+    pub(super) clouds_need_regeneration: Finding<bool>,
+    pub(super) clouds_take_s: Finding<f64>,
+}
+
+impl SkyFindings {
+    /// Measures, and puts the weather back.
+    pub(super) async fn measure(eyes: &mut Eyes<'_>) -> Self {
+        if eyes.simulator.generation == Generation::XPlane11 {
+            return Self::nothing("X-Plane 11 has other datarefs, which nobody disagrees on");
+        }
+        let before = match eyes.simulator.weather_now().await {
+            Ok(before) => before,
+            Err(error) => return Self::nothing(&error.to_string()),
+        };
+        let found = Self::measure_any(eyes).await;
+        if let Err(error) = eyes.simulator.put_weather_back(&before).await {
+            tracing::warn!(%error, "the weather was not put back");
+        }
+        found
+    }
+
+    async fn measure_any(eyes: &mut Eyes<'_>) -> Self {
+        let visibility = match visibility(eyes).await {
+            Ok(finding) => finding,
+            Err(error) => Finding::NotMeasured(error.to_string()),
+        };
+        let regenerate = visibility.found() == Some(&true);
+        let (clouds_take_s, clouds) = match clouds(eyes, regenerate).await {
+            Ok(findings) => findings,
+            Err(error) => (
+                Finding::NotMeasured(error.to_string()),
+                Finding::NotMeasured(error.to_string()),
+            ),
+        };
+        Self {
+            visibility_needs_regeneration: visibility,
+            clouds_need_regeneration: clouds,
+            clouds_take_s,
+            wind_unit: match wind(eyes.simulator, regenerate).await {
+                Ok(finding) => finding,
+                Err(error) => Finding::NotMeasured(error.to_string()),
+            },
+        }
+    }
+
+    fn nothing(reason: &str) -> Self {
+        Self {
+            wind_unit: Finding::NotMeasured(reason.into()),
+            visibility_needs_regeneration: Finding::NotMeasured(reason.into()),
+            clouds_need_regeneration: Finding::NotMeasured(reason.into()),
+            clouds_take_s: Finding::NotMeasured(reason.into()),
+        }
+    }
+
+    /// For a person.
+    pub(super) fn checks(&self) -> Vec<Check> {
+        let needs = |what: &'static str| {
+            move |needed: &bool| match needed {
+                true => format!("{what} shows only after {COMMAND_REGENERATE_WEATHER}"),
+                false => format!("{what} shows without {COMMAND_REGENERATE_WEATHER}"),
+            }
+        };
+        vec![
+            Check::measured(
+                "visibility",
+                &self.visibility_needs_regeneration,
+                needs("a visibility that was written"),
+            ),
+            Check::measured("clouds", &self.clouds_take_s, |took_s| {
+                format!("read back {took_s:.0} s after they were written")
+            }),
+            Check::measured(
+                "cloud pictures",
+                &self.clouds_need_regeneration,
+                needs("a cover that reads back"),
+            ),
+            Check::measured("wind unit", &self.wind_unit, |unit| {
+                let unit = match unit {
+                    WindUnit::MetersPerSecond => "metres per second",
+                    WindUnit::Knots => "knots",
+                };
+                format!("{WIND_SPEED} is in {unit}, by {WIND_GAUGE_KT}")
+            }),
+        ]
+    }
+}
+
+impl Simulator {
+    /// All of the weather that a scenario would write, as it is now.
+    async fn weather_now(&mut self) -> Result<Vec<DatarefWrite>, BridgeError> {
+        let any = Weather {
+            visibility_m: 10_000.0,
+            clouds: Vec::new(),
+            rain_ratio: 0.0,
+            wind_speed_mps: 0.0,
+            wind_from_true_deg: 0.0,
+            turbulence_ratio: 0.0,
+        };
+        let names = weather_writes(&any, self.generation)?;
+        let found = self.read(&names).await?;
+        let known = names.into_iter().zip(found);
+        Ok(known
+            .filter_map(|(write, found)| Some(DatarefWrite::new(write.name, found?.into())))
+            .collect())
+    }
+
+    /// Writes it again; whose weather it is comes last, since real weather overwrites the rest.
+    async fn put_weather_back(&mut self, before: &[DatarefWrite]) -> Result<(), BridgeError> {
+        let (whose, values): (Vec<_>, Vec<_>) = before
+            .iter()
+            .cloned()
+            .partition(|write| write.name == CHANGE_MODE);
+        self.resume().await?;
+        self.write_weather(&values).await?;
+        self.rebuild_weather(&values).await?;
+        self.write_weather(&whose).await
+    }
+
+    /// Writes weather that stays as it is written.
+    async fn write_steady(
+        &mut self,
+        writes: impl IntoIterator<Item = DatarefWrite>,
+    ) -> Result<(), BridgeError> {
+        let steady = [
+            DatarefWrite::new(CHANGE_MODE, 3.0),
+            DatarefWrite::new(VARIABILITY, 0.0),
+        ];
+        let all: Vec<DatarefWrite> = steady.into_iter().chain(writes).collect();
+        self.write_weather(&all).await
+    }
+
+    async fn value(&mut self, name: &str) -> Result<f64, BridgeError> {
+        let read = self.read(&[DatarefWrite::new(name, 0.0)]).await?;
+        Ok(read[0].map_or(0.0, f64::from))
+    }
+
+    /// Waits for so much simulated time.
+    async fn let_time_pass(&mut self, seconds: f64) -> Result<(), BridgeError> {
+        let (began, began_s) = (Instant::now(), self.value(RUNNING_TIME_S).await?);
+        // A clock that stands still ends it, too.
+        while self.value(RUNNING_TIME_S).await? < began_s + seconds
+            && began.elapsed().as_secs_f64() < 2.0 * seconds
+        {
+            sleep(POLL).await;
+        }
+        Ok(())
+    }
+
+    /// Waits until a value is as wanted; the last one, if it never is.
+    async fn value_once(
+        &mut self,
+        name: &str,
+        wanted: impl Fn(f64) -> bool,
+    ) -> Result<f64, BridgeError> {
+        let began = Instant::now();
+        loop {
+            let value = self.value(name).await?;
+            if wanted(value) || began.elapsed() >= SHOWING {
+                return Ok(value);
+            }
+            sleep(POLL).await;
+        }
+    }
+}
+
+/// Writes another visibility, and sees whether it shows: in pictures, or by what X-Plane says that it draws where they cannot be seen.
+async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
+    let sees = eyes.blind().is_none();
+    let before_m = eyes.simulator.value(VISIBILITY_EFFECTIVE_M).await?;
+    let [near_m, far_m] = VISIBILITIES_M;
+    let wanted_m = if before_m > 2.0 * near_m {
+        near_m
+    } else {
+        far_m
+    };
+    let before = match sees {
+        true => Some(eyes.glance(Shot::BEHIND).await?),
+        false => None,
+    };
+    let write = || {
+        [DatarefWrite::new(
+            VISIBILITY_SM,
+            wanted_m / METERS_PER_STATUTE_MILE,
+        )]
+    };
+    for regenerated in [false, true] {
+        eyes.simulator.write_steady(write()).await?;
+        if regenerated {
+            eyes.simulator
+                .command_once(COMMAND_REGENERATE_WEATHER)
+                .await?;
+            eyes.simulator.write_steady(write()).await?;
+        }
+        let near = |shown_m: f64| (shown_m / wanted_m - 1.0).abs() < 0.1;
+        let shown_m = eyes
+            .simulator
+            .value_once(VISIBILITY_EFFECTIVE_M, near)
+            .await?;
+        let shows = match &before {
+            Some(before) => {
+                let now = eyes.glance(Shot::BEHIND).await?;
+                difference(&before.rgb, &now.rgb) > CHANGED
+            }
+            None => near(shown_m),
+        };
+        if shows {
+            return Ok(Finding::Found(regenerated));
+        }
+    }
+    Ok(Finding::NotMeasured(format!(
+        "{wanted_m} m were written, and neither showed by themselves nor after {COMMAND_REGENERATE_WEATHER}: is real weather on, or another \
+         weather plugin?"
+    )))
+}
+
+/// Writes other clouds: how long they take to read back, and whether they show then or after a regeneration.
+async fn clouds(
+    eyes: &mut Eyes<'_>,
+    regenerate: bool,
+) -> Result<(Finding<f64>, Finding<bool>), BridgeError> {
+    let blind = eyes.blind();
+    // In fog no cloud is seen.
+    let far = DatarefWrite::new(VISIBILITY_SM, VISIBILITIES_M[1] / METERS_PER_STATUTE_MILE);
+    eyes.simulator.write_steady([far]).await?;
+    if regenerate {
+        eyes.simulator
+            .command_once(COMMAND_REGENERATE_WEATHER)
+            .await?;
+        // Clouds that are written soon after it show because of it.
+        eyes.simulator.let_time_pass(AFTER_REGENERATION_S).await?;
+    }
+    let cover = eyes.simulator.value(&format!("{CLOUD_COVER}[0]")).await?;
+    let writes = layers(cover < 0.5, eyes.simulator.generation)?;
+    let before = match &blind {
+        None => Some(eyes.glance(Shot::SKY).await?),
+        Some(_) => None,
+    };
+    let took_s = await_clouds(eyes.simulator, &writes).await?;
+    let Some(took_s) = took_s else {
+        let late = || {
+            format!(
+                "clouds do not read back within {} s: is real weather on, or another weather plugin?",
+                CLOUDS_WITHIN.as_secs()
+            )
+        };
+        return Ok((Finding::NotMeasured(late()), Finding::NotMeasured(late())));
+    };
+    let took = Finding::Found(took_s);
+    let (Some(before), None) = (before, &blind) else {
+        return Ok((took, Finding::NotMeasured(blind.unwrap_or_default())));
+    };
+    for regenerated in [false, true] {
+        if regenerated {
+            eyes.simulator
+                .command_once(COMMAND_REGENERATE_WEATHER)
+                .await?;
+            eyes.simulator.pause_for_weather(REGENERATION).await;
+            await_clouds(eyes.simulator, &writes).await?;
+        }
+        sleep(eyes.simulator.weather_settle).await;
+        let now = eyes.glance(Shot::SKY).await?;
+        if difference(&before.rgb, &now.rgb) > CHANGED {
+            return Ok((took, Finding::Found(regenerated)));
+        }
+    }
+    let reason = format!(
+        "another cover reads back, and the sky looks the same, after {COMMAND_REGENERATE_WEATHER} too"
+    );
+    Ok((took, Finding::NotMeasured(reason)))
+}
+
+/// A covered sky, or an empty one, all three slots of it.
+fn layers(covered: bool, generation: Generation) -> Result<Vec<DatarefWrite>, BridgeError> {
+    let layer = CloudLayer {
+        kind: CloudKind::Stratus,
+        cover_ratio: 0.9,
+        base_msl_m: 1_500.0,
+        top_msl_m: 2_500.0,
+    };
+    let weather = Weather {
+        visibility_m: VISIBILITIES_M[1],
+        clouds: if covered { vec![layer] } else { Vec::new() },
+        rain_ratio: 0.0,
+        wind_speed_mps: 0.0,
+        wind_from_true_deg: 0.0,
+        turbulence_ratio: 0.0,
+    };
+    let all = weather_writes(&weather, generation)?.into_iter();
+    Ok(all
+        .filter(|write| {
+            let name = write.name.split('[').next();
+            [CLOUD_TYPE, CLOUD_COVER, CLOUD_BASE, CLOUD_TOP]
+                .into_iter()
+                .any(|cloud| name == Some(cloud))
+        })
+        .collect())
+}
+
+/// Writes clouds once and waits until all slots read so; how long it took, seconds of simulated time or ours, whichever is more. Writing them
+/// meanwhile would make it last longer.
+async fn await_clouds(
+    simulator: &mut Simulator,
+    writes: &[DatarefWrite],
+) -> Result<Option<f64>, BridgeError> {
+    let began = Instant::now();
+    let began_s = simulator.value(RUNNING_TIME_S).await?;
+    simulator.write_steady(writes.iter().cloned()).await?;
+    loop {
+        let found = simulator.read(writes).await?;
+        let passed_s = simulator.value(RUNNING_TIME_S).await? - began_s;
+        let passed_s = passed_s.max(began.elapsed().as_secs_f64());
+        let mut pairs = writes.iter().zip(found);
+        if pairs.all(|(write, found)| found.is_some_and(|value| write.is_met_by(value))) {
+            return Ok(Some(passed_s));
+        }
+        if passed_s >= CLOUDS_WITHIN.as_secs_f64() {
+            return Ok(None);
+        }
+        sleep(POLL).await;
+    }
+}
+
+/// Writes two winds and reads the cockpit's gauge.
+async fn wind(
+    simulator: &mut Simulator,
+    regenerate: bool,
+) -> Result<Finding<WindUnit>, BridgeError> {
+    let mut units = Vec::new();
+    let mut shown = Vec::new();
+    for written in WINDS {
+        let any = Weather {
+            visibility_m: VISIBILITIES_M[1],
+            clouds: Vec::new(),
+            rain_ratio: 0.0,
+            wind_speed_mps: written,
+            wind_from_true_deg: 90.0,
+            turbulence_ratio: 0.0,
+        };
+        let winds = weather_writes(&any, simulator.generation)?
+            .into_iter()
+            .filter(|write| {
+                let name = write.name.split('[').next();
+                [WIND_ALTITUDE, WIND_SPEED, WIND_DIRECTION]
+                    .into_iter()
+                    .any(|wind| name == Some(wind))
+            });
+        simulator.write_steady(winds).await?;
+        if regenerate {
+            simulator.command_once(COMMAND_REGENERATE_WEATHER).await?;
+        }
+        let is_one = |knots: f64| unit_of(written, knots).is_some();
+        let knots = simulator.value_once(WIND_GAUGE_KT, is_one).await?;
+        units.push(unit_of(written, knots));
+        shown.push(knots);
+    }
+    Ok(match units[..] {
+        [Some(one), Some(other)] if one == other => Finding::Found(one),
+        _ => Finding::NotMeasured(format!(
+            "{WIND_GAUGE_KT} shows {shown:.1?} for {WINDS:?}: about {:.0} kt and {:.0} kt would be metres per second, 10 kt and 20 kt knots",
+            WINDS[0] / MPS_PER_KNOT,
+            WINDS[1] / MPS_PER_KNOT
+        )),
+    })
+}
+
+/// What a wind was taken as that shows as so many knots.
+fn unit_of(written: f64, knots: f64) -> Option<WindUnit> {
+    let ratio = knots / written;
+    match ratio {
+        _ if AS_METERS_PER_SECOND.contains(&ratio) => Some(WindUnit::MetersPerSecond),
+        _ if AS_KNOTS.contains(&ratio) => Some(WindUnit::Knots),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gauge_tells_knots_from_metres_per_second_or_nothing() {
+        for (written, knots, unit) in [
+            (10.0, 19.4, Some(WindUnit::MetersPerSecond)),
+            (20.0, 36.0, Some(WindUnit::MetersPerSecond)),
+            (10.0, 10.0, Some(WindUnit::Knots)),
+            (20.0, 17.5, Some(WindUnit::Knots)),
+            (10.0, 13.9, None),
+            (10.0, 0.0, None),
+        ] {
+            assert_eq!(unit_of(written, knots), unit, "{written} {knots}");
+        }
+    }
+}
