@@ -10,7 +10,7 @@ use dataset::frames::Frame;
 use dataset::scenario::Flight;
 use dataset::verify::verify;
 use dataset::video::VideoReader;
-use generator::generate::{Cancel, GenerateOptions, Patience, SimulatorTarget, generate};
+use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
 use generator::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{Addresses, LinkServer, PluginOptions, ServerOptions, serve};
@@ -132,7 +132,14 @@ async fn stand_in(link: LinkServer) -> SimulatorTarget {
     SimulatorTarget::Address(address)
 }
 
-async fn record(folder: &Path, target: SimulatorTarget, sweep: &str, scenarios: usize) -> Corpus {
+/// Records scenarios; of how many simulators it is told what was measured of them.
+async fn record(
+    folder: &Path,
+    target: SimulatorTarget,
+    sweep: &str,
+    scenarios: usize,
+    profiles: usize,
+) -> Corpus {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
     let sweep = Sweep::parse(Path::new("test.toml"), &data, sweep.to_owned()).unwrap();
     let options = GenerateOptions {
@@ -145,9 +152,19 @@ async fn record(folder: &Path, target: SimulatorTarget, sweep: &str, scenarios: 
         patience: Patience::default(),
         remote: None,
     };
-    let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut |_| {})
+    let mut told = Vec::new();
+    let mut listen = |event: Event<'_>| {
+        if let Event::Profile { known, .. } = event {
+            told.push(known.to_string());
+        }
+    };
+    let outcome = generate(&sweep, folder, &options, &Cancel::new(), &mut listen)
         .await
         .unwrap();
+    assert_eq!(told.len(), profiles, "once for each: {told:?}");
+    for known in told {
+        assert!(known.contains("`dtd doctor` measures it"), "{known}");
+    }
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     assert_eq!(outcome.committed.len(), scenarios);
     Corpus::open(folder).unwrap()
@@ -157,9 +174,9 @@ async fn record(folder: &Path, target: SimulatorTarget, sweep: &str, scenarios: 
 async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link() {
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let built_in = stand_in(LinkServer::BuiltIn).await;
-    let built_in = record(folders[0].path(), built_in, SWEEP, 1).await;
+    let built_in = record(folders[0].path(), built_in, SWEEP, 1, 0).await;
     let plugged = stand_in(plugin((96, 64))).await;
-    let plugged = record(folders[1].path(), plugged, SWEEP, 1).await;
+    let plugged = record(folders[1].path(), plugged, SWEEP, 1, 1).await;
 
     let report = verify(&plugged);
     assert!(report.is_sound(), "{:#?}", report.findings);
@@ -209,7 +226,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
 async fn live_flights_through_the_plugin_make_a_sound_corpus() {
     let folder = tempfile::tempdir().unwrap();
     let target = stand_in(plugin((64, 64))).await;
-    let corpus = record(folder.path(), target, LIVE_SWEEP, 2).await;
+    let corpus = record(folder.path(), target, LIVE_SWEEP, 2, 1).await;
     let report = verify(&corpus);
     assert!(report.is_sound(), "{:#?}", report.findings);
     for scenario in corpus.scenarios().unwrap() {

@@ -4,6 +4,10 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::time::Duration;
 
+use dataset::camera::CameraPose;
+use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::pose::{Controls, Pose};
+use dataset::runway::Runway;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
 use tokio::sync::oneshot;
 use tokio::time::timeout;
@@ -11,7 +15,7 @@ use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{Check, Measuring, Patient, Verdict, examine};
 use xplane_bridge::profile::{Finding, KnownProfile, Profile, WindUnit};
 use xplane_bridge::subscription::Subscription;
-use xplane_bridge::{ConnectOptions, Simulator, WebApiPlace};
+use xplane_bridge::{CaptureRequest, ConnectOptions, Deliver, Simulator, WebApiPlace};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -177,6 +181,118 @@ async fn the_order_of_callbacks_is_measured() {
             .unwrap_or_else(|| panic!("{checks:#?}"));
         assert_eq!(found.orders.len(), orders, "{found:?}");
         assert!(cycles.contains(&found.cycles), "{found:?}");
+    }
+}
+
+fn windy_noon() -> Conditions {
+    Conditions {
+        time_of_day: "12:00".into(),
+        clock: Clock {
+            day_of_year: 172,
+            zulu_time_s: 14_400.0,
+        },
+        weather_name: "windy".into(),
+        weather: Weather {
+            visibility_m: 30_000.0,
+            clouds: Vec::new(),
+            rain_ratio: 0.0,
+            wind_speed_mps: 10.0,
+            wind_from_true_deg: 60.0,
+            turbulence_ratio: 0.0,
+        },
+    }
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn winds_are_written_in_the_unit_that_was_measured() {
+    let address = start(ServerOptions {
+        clock_rate: 1.0,
+        ..twelve("wind_in_knots")
+    })
+    .await;
+    let gauge = "sim/cockpit2/gauges/indicators/wind_speed_kts".to_owned();
+    let mut watch = Subscription::start(address, [gauge], 20).await.unwrap();
+    for (measured, knots) in [(false, 10.0), (true, 19.44)] {
+        if measured {
+            examined(address, Measuring::Once).await;
+        }
+        let mut simulator = connected(address).await;
+        simulator.set_conditions(&windy_noon()).await.unwrap();
+        let shown = async {
+            while watch.readings()[0].is_none_or(|found| (found.value - knots).abs() > 0.05) {
+                watch.changed().await;
+            }
+        };
+        let shown = timeout(PATIENCE, shown).await.is_ok();
+        assert!(shown, "{measured}: {:?}", watch.readings());
+        simulator.release().await.unwrap();
+    }
+    watch.end().await;
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn where_a_pause_keeps_its_picture_pictures_are_taken_while_time_runs() {
+    let address = start(ServerOptions {
+        clock_rate: 1.0,
+        ..plugin("pause_keeps_pose")
+    })
+    .await;
+    for measured in [false, true] {
+        if measured {
+            examined(address, Measuring::Once).await;
+        }
+        let mut simulator = connected(address).await;
+        simulator.set_conditions(&windy_noon()).await.unwrap();
+        simulator.freeze(&runway()).await.unwrap();
+        let mut pictures = Vec::new();
+        for tick in 0..2 {
+            simulator.send_capture(&capture(tick)).await.unwrap();
+            pictures.push(simulator.receive_frame().await.unwrap().rgb);
+        }
+        assert_eq!(pictures[0] != pictures[1], measured);
+        simulator.release().await.unwrap();
+    }
+}
+
+fn pose(latitude_deg: f64, heading_true_deg: f64) -> Pose {
+    Pose {
+        latitude_deg,
+        longitude_deg: 103.98,
+        altitude_msl_m: 300.0,
+        heading_true_deg,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    }
+}
+
+fn runway() -> Runway {
+    Runway {
+        airport: "WSSS".into(),
+        name: "02L".into(),
+        threshold: pose(1.35, 0.0).position(),
+        course_true_deg: 23.02,
+        glide_path_deg: 3.0,
+        touchdown_past_threshold_m: 340.1,
+        ils_frequency_mhz: Some(110.9),
+        course_magnetic_deg: None,
+    }
+}
+
+/// Each looks another way.
+fn capture(tick: u32) -> CaptureRequest {
+    CaptureRequest {
+        tick,
+        time_ns: 0,
+        view: 0,
+        pose: pose(1.35, 0.0),
+        controls: Controls::default(),
+        camera: CameraPose {
+            pose: pose(1.34, 90.0 * f64::from(tick)),
+            hfov_deg: 40.0,
+        },
+        width_px: 96,
+        height_px: 64,
+        deliver: Deliver::Picture,
     }
 }
 
