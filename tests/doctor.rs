@@ -224,8 +224,8 @@ fn our_own_plugin_is_found_well_although_nobody_knows_where_its_window_lies() {
 #[test]
 fn a_window_of_another_size_than_the_sweeps_pictures_is_named_with_both_ways_out_and_a_fitting_one_with_the_command_to_run()
  {
-    let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/demo.toml");
-    for (window, verdict_of_window) in [("480x300", "warning"), ("1920x1280", "ok")] {
+    let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tape/session.toml");
+    for (window, verdict_of_window) in [("480x300", "warning"), ("96x64", "ok")] {
         let simulator = StandIn::start(&[
             "--xplane",
             "11",
@@ -243,7 +243,7 @@ fn a_window_of_another_size_than_the_sweeps_pictures_is_named_with_both_ways_out
             assert_eq!(next, command);
         } else {
             let hint = check(&checks, "window")["hint"].as_str().unwrap();
-            for words in ["--window=1920x1280", "width_px = 480 and height_px = 300"] {
+            for words in ["--window=96x64", "width_px = 480 and height_px = 300"] {
                 assert!(hint.contains(words), "{words}: {hint}");
             }
             assert!(next.starts_with("see to the window"), "{next}");
