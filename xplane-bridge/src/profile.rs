@@ -231,6 +231,11 @@ impl Profile {
         self.pause_shows_poses.found() == Some(&false)
     }
 
+    /// Whether pictures move by themselves, so that two of the same pose are no proof of anything.
+    pub(crate) fn pictures_move(&self) -> bool {
+        self.still_pictures_move.found() == Some(&true)
+    }
+
     /// Weather as it has to be written here: winds in X-Plane's own unit.
     pub(crate) fn in_its_units(&self, mut writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
         if self.wind_unit.found() == Some(&WindUnit::Knots) {
