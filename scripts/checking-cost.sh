@@ -3,9 +3,11 @@
 # that other work on the machine hits both. Usage: scripts/checking-cost.sh OLD NEW [ROUNDS] [SWEEP.toml]
 #
 # NEW makes the corpus, from tests/data/chain.toml unless another sweep is given. Prints the median of each verb for both, and the ratio of their sums.
+# Build both alike, without CARGO_INCREMENTAL. Training uses one thread here: idle threads of a pool spin, for as long as other work keeps the machine busy.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
+export RAYON_NUM_THREADS=1
 old=$(realpath "$1") new=$(realpath "$2") rounds=${3:-5} sweep=${4:-tests/data/chain.toml}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
