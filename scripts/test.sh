@@ -7,6 +7,8 @@ cd "$(dirname "$0")/.."
 bash scripts/setup.sh
 cargo fmt --all --check
 (cd xplane-bridge/plugin && ../../.venv/bin/python -m mypy --strict --cache-dir=/dev/null PI_dtd_bridge.py dtd_bridge)
+# Minutes the first time, when it builds its tool.
+bash scripts/supply-chain.sh
 cargo clippy --release --locked --workspace --all-targets -- -D warnings
 # One failure does not hide the others.
 cargo test --release --locked --workspace --no-fail-fast "$@"

@@ -1,0 +1,26 @@
+#!/usr/bin/env bash
+# Holds every crate that is built on against deny.toml (licences, sources, bans), and against RustSec's database of known holes, which
+# `cargo audit` reads as well: one tool for both.
+#
+# Builds cargo-deny if it is not there, without optimisation, which costs less than it saves here. The database is a git repository on GitHub: where
+# that cannot be reached, this says so and holds the rest; DTD_ADVISORIES=must makes it a failure.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+version=0.20.2
+database=https://github.com/RustSec/advisory-db
+
+if [ "$(cargo deny --version 2>/dev/null)" != "cargo-deny $version" ]; then
+    CARGO_PROFILE_DEV_DEBUG=0 cargo install --quiet --debug --locked "cargo-deny@$version"
+fi
+
+failed=0
+cargo deny --locked check licenses bans sources || failed=1
+
+if GIT_TERMINAL_PROMPT=0 timeout 20 git ls-remote --exit-code "$database" HEAD >/dev/null 2>&1; then
+    cargo deny --locked check advisories || failed=1
+else
+    echo "supply-chain: ADVISORIES WERE NOT CHECKED: $database cannot be reached from here" >&2
+    [ "${DTD_ADVISORIES:-}" != must ] || failed=1
+fi
+exit $failed
