@@ -3,15 +3,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-
-/// The bridge's packets alone, from their sources: with the whole crate the fuzzer would have to build FFmpeg and Parquet.
-#[path = "../../xplane-bridge/src"]
-#[allow(dead_code, unused_imports, reason = "only the decoders and encoders are called")]
-mod bridge {
-    pub(crate) mod packet;
-}
-
-use bridge::packet::{DatarefValuesView, FromSimulator, ToSimulator};
+use xplane_bridge::packet::{DatarefValuesView, FromSimulator, ToSimulator};
 
 fuzz_target!(|datagram: &[u8]| {
     if let Ok(view) = DatarefValuesView::new(datagram) {

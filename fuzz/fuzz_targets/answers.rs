@@ -1,0 +1,119 @@
+//! Any numbers in any shape, taken for what an ONNX model answers: no panic, boxes that are boxes, and suppression that ends.
+
+#![no_main]
+
+use arbitrary::Arbitrary;
+use libfuzzer_sys::fuzz_target;
+
+/// What a model answers, as the fuzzer makes it up.
+#[derive(Debug, Arbitrary)]
+struct Made {
+    /// Which layout a profile says; none if it is beyond the last.
+    layout: u8,
+    shape: Vec<u16>,
+    /// Repeated until there are as many as the shape says.
+    numbers: Vec<f32>,
+    windows: u8,
+    window_px: u16,
+    class: Option<u8>,
+    corner: bool,
+    /// In 255ths.
+    floor: u8,
+    /// Whether there is a number more than the shape says.
+    surplus: bool,
+}
+
+fuzz_target!(|made: Made| detector::decode(&made));
+
+/// The labeller's decoder alone, from its sources: with the whole crate the fuzzer would have to load ONNX Runtime.
+#[path = "../../labeller/src/detector"]
+#[allow(dead_code, reason = "only the decoders are called")]
+mod detector {
+    mod answer;
+    mod layout;
+    mod profile;
+    mod suppression;
+
+    use super::Made;
+    use answer::{Answer, numbers_of};
+    use layout::{Decoding, Layout};
+    use profile::{BoxOrigin, ModelProfile};
+
+    /// More would be slow and teach nothing.
+    const MOST_NUMBERS: usize = 1 << 16;
+    const LAYOUTS: [Layout; 6] = [
+        Layout::Rows,
+        Layout::AnchorRows,
+        Layout::Yolox,
+        Layout::Columns,
+        Layout::Corners,
+        Layout::BatchCorners,
+    ];
+
+    /// As the labeller has it.
+    #[derive(Debug, Clone, Copy, PartialEq)]
+    pub struct ScoredBox {
+        pub pixel_box: dataset::pixel_box::PixelBox,
+        pub score: f64,
+    }
+
+    pub(super) fn decode(made: &Made) {
+        let shape: Vec<usize> = made.shape.iter().map(|side| usize::from(*side)).collect();
+        let window_px = u32::from(made.window_px);
+        let profile = ModelProfile {
+            aircraft_class: made.class.map(usize::from),
+            box_origin: made.corner.then_some(BoxOrigin::PixelCorner),
+            ..ModelProfile::default()
+        };
+        let said = LAYOUTS.get(usize::from(made.layout)).copied();
+        let Some(layout) = said.or_else(|| Layout::of_shape(&shape, window_px)) else {
+            return;
+        };
+        let count = match numbers_of(&shape) {
+            Some(count) if count <= MOST_NUMBERS => count,
+            _ => made.numbers.len(),
+        };
+        let endless = made.numbers.iter().chain([&1.0]).copied().cycle();
+        let numbers: Vec<f32> = endless.take(count + usize::from(made.surplus)).collect();
+        let Ok(answer) = Answer::new(&shape, &numbers) else {
+            return;
+        };
+        let decoding = Decoding {
+            layout,
+            profile: &profile,
+            window_px,
+            score_floor: f64::from(made.floor) / 255.0,
+        };
+        let windows = usize::from(made.windows % 8);
+        let Ok(found) = decoding.decode(answer, windows) else {
+            return;
+        };
+        assert_eq!(found.len(), windows);
+        for boxes in found {
+            for scored in &boxes {
+                let edges = scored.pixel_box.edges();
+                assert!(edges.iter().all(|edge| edge.is_finite()), "{scored:?}");
+                assert!((0.0..=1.0).contains(&scored.score), "{scored:?}");
+            }
+            let kept = suppression::keep_best(boxes, 0.5, 100, |scored| *scored);
+            assert!(kept.len() <= 100);
+        }
+    }
+}
+
+/// As far as the decoder names it.
+#[allow(dead_code, reason = "only profiles of files fail so")]
+mod error {
+    use std::path::Path;
+
+    #[derive(Debug)]
+    pub struct Error(String);
+
+    pub type Result<T> = std::result::Result<T, Error>;
+
+    impl Error {
+        pub(crate) fn model(path: &Path, message: impl ToString) -> Self {
+            Self(format!("{}: {}", path.display(), message.to_string()))
+        }
+    }
+}

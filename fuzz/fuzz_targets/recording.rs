@@ -1,0 +1,35 @@
+//! Any bytes, taken for a recorded flight (CSV): no panic, and what is accepted can be flown at the ticks of a scenario.
+
+#![no_main]
+
+use std::sync::LazyLock;
+
+use dataset::frame_rate::FrameRate;
+use dataset::runway::Runway;
+use dtd_fuzz::airports::bundled;
+use dtd_fuzz::as_file;
+use dtd_fuzz::recording::Recording;
+use libfuzzer_sys::fuzz_target;
+
+static CHANGI: LazyLock<Runway> = LazyLock::new(|| bundled("WSSS", "02L").unwrap());
+
+fuzz_target!(|bytes: &[u8]| {
+    as_file(bytes, "flight.csv", |path| {
+        let Ok(recording) = Recording::read(path) else {
+            return;
+        };
+        let flight = recording.trajectory;
+        let _ = flight.touchdown();
+        // From wherever it begins.
+        if let Ok(window) = flight.approach(&CHANGI, f64::MAX) {
+            let rate = FrameRate::new(1, 2).unwrap();
+            let states = flight.resample(window, rate);
+            assert_eq!(states.len(), window.ticks(rate) as usize);
+            assert!(
+                states
+                    .iter()
+                    .all(|state| state.pose.altitude_msl_m.is_finite())
+            );
+        }
+    });
+});

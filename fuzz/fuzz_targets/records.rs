@@ -1,0 +1,78 @@
+//! Any bytes, taken for a JSON file of a corpus; the first one says which. No panic, and what is accepted is written and read again as the same.
+
+#![no_main]
+
+use std::fmt::Debug;
+use std::path::Path;
+
+use dataset::calibration::Calibration;
+use dataset::detections::Provenance;
+use dataset::json_file::parse_json;
+use dataset::scenario::ScenarioRecord;
+use dataset::seal::{Seal, is_within, sealed_files};
+use dataset::splits::Splits;
+use dtd_fuzz::as_file;
+use dtd_fuzz::plan::Plan;
+use libfuzzer_sys::fuzz_target;
+use serde::Serialize;
+
+fuzz_target!(|bytes: &[u8]| {
+    let (kind, bytes) = bytes.split_first().unwrap_or((&0, &[]));
+    let path = Path::new("record.json");
+    match kind % 7 {
+        0 => {
+            if let Some(plan) = survives(bytes, |bytes| Plan::parse(bytes, path)) {
+                assert_eq!(plan.conflict_with(&plan), None);
+                let _ = (plan.check_hashes(), plan.is_seeded_by(3));
+            }
+        }
+        1 => {
+            let read = |bytes: &[u8]| as_file(bytes, "splits.json", Splits::read);
+            if let Some(splits) = survives(bytes, read) {
+                assert_eq!(splits.leak(), None);
+            }
+        }
+        2 => {
+            if let Some(record) = survives(bytes, |bytes| ScenarioRecord::parse(bytes, path)) {
+                let _ = record.pictures();
+            }
+        }
+        3 => {
+            if let Some(calibration) = survives(bytes, |bytes| Calibration::parse(bytes, path)) {
+                for entry in calibration.cameras.values() {
+                    if entry.fault().is_none() {
+                        let _ = entry.camera();
+                    }
+                }
+            }
+        }
+        4 => drop(survives(bytes, |bytes| {
+            parse_json::<Provenance>(bytes, path, "record of detections")
+        })),
+        5 => drop(survives(bytes, |bytes| {
+            parse_json::<Seal>(bytes, path, "seal")
+        })),
+        // A manifest is believed because its hash is in the seal: it is fuzzed behind that.
+        _ => {
+            let manifest = String::from_utf8_lossy(bytes);
+            let seal = Seal {
+                config_hash: String::new(),
+                manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+            };
+            for file in sealed_files(&manifest, &seal).into_iter().flatten() {
+                assert!(is_within(file.name.as_ref()), "{}", file.name);
+            }
+        }
+    }
+});
+
+/// What was read, if it is accepted, which it then is again once written.
+fn survives<T: Serialize + PartialEq + Debug, E: Debug>(
+    bytes: &[u8],
+    read: impl Fn(&[u8]) -> Result<T, E>,
+) -> Option<T> {
+    let first = read(bytes).ok()?;
+    let again = read(&serde_json::to_vec(&first).unwrap());
+    assert_eq!(again.unwrap(), first);
+    Some(first)
+}

@@ -1,0 +1,48 @@
+//! Any bytes, taken for a table of a corpus; the first one says which. No panic, and what is accepted is written and read again as the same.
+
+#![no_main]
+
+use std::fs;
+use std::path::Path;
+
+use dataset::frames::Frames;
+use dataset::pixel_box::{
+    parse_detections, parse_truth_boxes, write_detections, write_truth_boxes,
+};
+use dtd_fuzz::place;
+use libfuzzer_sys::fuzz_target;
+
+/// As many as a scenario of some minutes has.
+const PICTURES: u64 = 2_000;
+
+fuzz_target!(|bytes: &[u8]| {
+    let (kind, bytes) = bytes.split_first().unwrap_or((&0, &[]));
+    let path = Path::new("table.parquet");
+    match kind % 3 {
+        0 => {
+            if let Ok(frames) = Frames::parse(bytes.to_vec(), path) {
+                let again = written(|path| frames.write(path));
+                assert_eq!(Frames::parse(again, path).unwrap(), frames);
+            }
+        }
+        1 => {
+            if let Ok(boxes) = parse_truth_boxes(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| write_truth_boxes(path, &boxes));
+                assert_eq!(parse_truth_boxes(again, path, PICTURES).unwrap(), boxes);
+            }
+        }
+        _ => {
+            if let Ok(found) = parse_detections(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| write_detections(path, &found));
+                assert_eq!(parse_detections(again, path, PICTURES).unwrap(), found);
+            }
+        }
+    }
+});
+
+/// The bytes of the table that is written.
+fn written(write: impl FnOnce(&Path) -> dataset::Result<()>) -> Vec<u8> {
+    let path = place("again.parquet");
+    write(&path).unwrap();
+    fs::read(&path).unwrap()
+}

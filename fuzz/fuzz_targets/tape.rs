@@ -1,0 +1,82 @@
+//! Any bytes, taken for a tape, or (by the first one) for what is in a chunk of a sound tape, which compression and checksums would hide from the
+//! fuzzer: no panic, every message is found again where it was, and what the link said is taken apart as the stand-in does.
+
+#![no_main]
+
+use std::sync::LazyLock;
+
+use dtd_fuzz::as_file;
+use libfuzzer_sys::fuzz_target;
+use xplane_bridge::tape::{Channel, LinkMessage, ReferencedMessage, TapeReader};
+
+static SESSION: &[u8] = include_bytes!("../../tests/data/tape/session.mcap");
+const MAGIC_BYTES: usize = 8;
+/// Code and length of a record.
+const HEAD_BYTES: usize = 9;
+const CHUNK: u8 = 0x06;
+const DATA_END: [u8; HEAD_BYTES + 4] = [0x0F, 4, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+
+/// A tape up to its first chunk.
+static BEGINNING: LazyLock<&[u8]> = LazyLock::new(|| {
+    let mut at = MAGIC_BYTES;
+    while SESSION[at] != CHUNK {
+        let length = SESSION[at + 1..at + HEAD_BYTES].try_into().unwrap();
+        at += HEAD_BYTES + u64::from_le_bytes(length) as usize;
+    }
+    &SESSION[..at]
+});
+
+fuzz_target!(|bytes: &[u8]| {
+    let (kind, bytes) = bytes.split_first().unwrap_or((&0, &[]));
+    match kind % 2 {
+        0 => as_file(bytes, "session.mcap", read),
+        _ => as_file(&with_chunk(bytes), "session.mcap", read),
+    }
+});
+
+fn read(path: &std::path::Path) {
+    let Ok(mut tape) = TapeReader::open(path) else {
+        return;
+    };
+    let mut places = Vec::new();
+    while let Ok(Some(entry)) = tape.next_entry() {
+        if places.len() < 64 {
+            places.push(entry.place);
+        }
+        match entry.channel {
+            Channel::Udp { .. } => {}
+            Channel::Link {
+                reference: true, ..
+            } => drop(ReferencedMessage::parse(&entry.data)),
+            Channel::Link { .. } => {
+                if let Ok(message) = LinkMessage::parse(entry.data.clone()) {
+                    let _ = message.token();
+                    let sent_on = LinkMessage::new(message.header(), message.payload());
+                    assert_eq!(sent_on.into_bytes(), entry.data);
+                }
+            }
+        }
+    }
+    for place in places {
+        assert!(tape.read_again(place).is_ok(), "{place:?}");
+    }
+}
+
+/// A tape with one chunk, uncompressed, whose checksum nobody checks because it is 0.
+fn with_chunk(records: &[u8]) -> Vec<u8> {
+    let length = (records.len() as u64).to_le_bytes();
+    let no_times = [0; 16];
+    let no_checksum = [0; 4];
+    let no_compression = [0; 4];
+    let chunk = [
+        &no_times[..],
+        &length,
+        &no_checksum,
+        &no_compression,
+        &length,
+        records,
+    ]
+    .concat();
+    let chunk_length = (chunk.len() as u64).to_le_bytes();
+    [*BEGINNING, &[CHUNK], &chunk_length, &chunk, &DATA_END].concat()
+}
