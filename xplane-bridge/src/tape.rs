@@ -7,6 +7,7 @@
 //! What is on it ([`format`](self::format) says it in code, `docs/tape.md` for other readers): a channel per client and
 //! direction, one datagram or one message of the link to a message of MCAP.
 
+mod chunk;
 mod error;
 mod format;
 mod link_message;

@@ -10,14 +10,14 @@ use std::path::{Path, PathBuf};
 
 use dataset::outside_file::{self, FileKind};
 use mcap::MAGIC;
-use mcap::read::{ChunkReader, parse_record};
 use mcap::records::{MessageHeader, Record, op};
 
+use super::chunk::{channels_and_messages, parse};
 use super::error::TapeError;
 use super::format::{Channel, LINK_VERSION_KEY, METADATA_NAME, PROFILE, TapeInfo};
 
 /// Longest record that is believed, bytes: a chunk with the largest picture, and ample.
-const MAX_RECORD_BYTES: u64 = 1 << 30;
+pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// Where a message lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +82,15 @@ impl TapeReader {
             let Some((_, op, body)) = next_record(&mut file, path)? else {
                 return Err(no_tape(format!("its metadata has no {METADATA_NAME}")));
             };
-            match parse(op, &body, path)? {
+            // What is not ours is not looked into.
+            let record = match op {
+                op::HEADER | op::METADATA => parse(op, &body, path)?,
+                op::CHUNK | op::DATA_END => {
+                    return Err(no_tape(format!("its metadata has no {METADATA_NAME}")));
+                }
+                _ => continue,
+            };
+            match record {
                 Record::Header(header) => profile = Some(header.profile),
                 Record::Metadata(metadata) if metadata.name == METADATA_NAME => {
                     if profile.as_deref() != Some(PROFILE) {
@@ -99,9 +107,6 @@ impl TapeReader {
                         whole: false,
                         kept: None,
                     });
-                }
-                Record::Chunk { .. } | Record::DataEnd(_) => {
-                    return Err(no_tape(format!("its metadata has no {METADATA_NAME}")));
                 }
                 _ => {}
             }
@@ -140,7 +145,7 @@ impl TapeReader {
             match op {
                 op::CHUNK => {
                     let mut ready = std::mem::take(&mut self.ready);
-                    for record in chunk_records(&body, &self.path)? {
+                    for record in channels_and_messages(&body, &self.path)? {
                         match record {
                             Record::Channel(channel) => {
                                 let version = channel.metadata.get(LINK_VERSION_KEY);
@@ -200,7 +205,7 @@ impl TapeReader {
             self.file.seek(SeekFrom::Start(back)).map_err(position)?;
             let mut messages = HashMap::new();
             if let Some((_, op::CHUNK, body)) = record {
-                for record in chunk_records(&body, &self.path)? {
+                for record in channels_and_messages(&body, &self.path)? {
                     if let Record::Message { header, data } = record {
                         messages.insert(header.sequence, data.into_owned());
                     }
@@ -218,32 +223,6 @@ impl TapeReader {
                 "it is not where it was: the file was changed",
             ))
         })
-    }
-}
-
-/// The records in a chunk, whose checksum is checked.
-fn chunk_records(body: &[u8], path: &Path) -> Result<Vec<Record<'static>>, TapeError> {
-    let Record::Chunk { header, data } = parse(op::CHUNK, body, path)? else {
-        return Ok(Vec::new());
-    };
-    let records = ChunkReader::new(header, &data).map_err(|source| damaged(path, source))?;
-    records
-        .map(|record| match record {
-            Ok(record) => Ok(record.into_owned()),
-            Err(source) => Err(damaged(path, source)),
-        })
-        .collect()
-}
-
-fn parse<'a>(op: u8, body: &'a [u8], path: &Path) -> Result<Record<'a>, TapeError> {
-    parse_record(op, body).map_err(|source| damaged(path, source))
-}
-
-fn damaged(path: &Path, source: mcap::McapError) -> TapeError {
-    TapeError::Mcap {
-        path: path.into(),
-        doing: "read a record",
-        source: Box::new(source),
     }
 }
 
