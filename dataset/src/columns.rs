@@ -25,6 +25,7 @@ use crate::error::{Error, Result};
 use crate::limits::{FieldOutOfLimits, Limits, OutOfLimits};
 use crate::memory;
 use crate::new_file::NewFile;
+use crate::others_decoder;
 use crate::outside_file::{self, FileKind};
 
 /// Columns of a table: sixteen for each of some dozens of views.
@@ -225,6 +226,11 @@ impl Table {
 
     /// The same from the bytes of a file; messages name it as `path`.
     pub fn parse(bytes: Vec<u8>, path: &Path, most_rows: u64) -> Result<Self> {
+        let decoded = others_decoder::guarded(|| Self::decode(bytes, path, most_rows));
+        decoded.map_err(|error| Error::table(path, error))?
+    }
+
+    fn decode(bytes: Vec<u8>, path: &Path, most_rows: u64) -> Result<Self> {
         let refused = |e: parquet::errors::ParquetError| Error::table(path, e);
         let bytes = Bytes::from(bytes);
         let metadata =
@@ -542,5 +548,27 @@ mod tests {
             .unwrap();
         let message = Table::read(&path, 2_000).err().unwrap().to_string();
         assert!(message.contains("column lists holds List"), "{message}");
+    }
+
+    #[test]
+    fn a_page_that_breaks_its_decoder_is_damage() {
+        let values: ArrayRef = Arc::new(Float64Array::from(vec![1.0, 2.0]));
+        let batch = RecordBatch::try_from_iter([("score", values)]).unwrap();
+        let plain = WriterProperties::builder().set_dictionary_enabled(false);
+        let mut writer =
+            ArrowWriter::try_new(Vec::new(), batch.schema(), Some(plain.build())).unwrap();
+        writer.write(&batch).unwrap();
+        let mut bytes = writer.into_inner().unwrap();
+        let path = Path::new("boxes.parquet");
+        assert!(Table::parse(bytes.clone(), path, 2).is_ok());
+        // In the page's header: the values are plain, the levels are run lengths. Now the values are entries of a dictionary that is not there.
+        let header = [0x15, 0x00, 0x15, 0x06, 0x15, 0x06];
+        let at = bytes.windows(6).position(|six| six == header).unwrap();
+        bytes[at + 1] = 0x10;
+        let message = Table::parse(bytes, path, 2).err().unwrap().to_string();
+        assert!(
+            message.contains("boxes.parquet") && message.contains("its decoder broke down"),
+            "{message}"
+        );
     }
 }

@@ -26,6 +26,7 @@ pub mod limits;
 pub mod memory;
 pub mod new_file;
 pub mod open_scenario;
+mod others_decoder;
 pub mod outside_file;
 pub mod own_path;
 pub mod pixel_box;

@@ -8,7 +8,7 @@
 //! that it left undecided is dropped by it.
 
 use std::collections::BTreeMap;
-use std::fs;
+use std::fs::{self, File};
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
@@ -84,8 +84,20 @@ pub fn is_within(name: &Path) -> bool {
 
 /// BLAKE3 hash of a file, in hexadecimal digits.
 pub fn hash_file(path: &Path) -> Result<String> {
+    hash_opened(outside_file::open(path, FileKind::VIDEO)?, path)
+}
+
+/// The same of what lies in the place of a sealed file: what is far too large to be that file is refused and not read.
+pub(crate) fn hash_sealed(name: &str, path: &Path) -> Result<String> {
+    let kind = match name.starts_with(VIDEOS) {
+        true => FileKind::VIDEO,
+        false => FileKind::TABLE,
+    };
+    hash_opened(outside_file::open(path, kind)?, path)
+}
+
+fn hash_opened(mut file: File, path: &Path) -> Result<String> {
     let mut hasher = blake3::Hasher::new();
-    let mut file = outside_file::open(path, FileKind::VIDEO)?;
     io::copy(&mut file, &mut hasher).map_err(Error::io("read", path))?;
     Ok(hasher.finalize().to_hex().to_string())
 }
@@ -195,21 +207,16 @@ fn while_it_stays(folder: &Path, look: impl Fn() -> Result<Vec<String>>) -> Resu
 fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<String> {
     let fault = |file: &SealedFile| {
         let name = &file.name;
+        if let Ok(Some((bytes, sealed_bytes))) = sealed.other_size(name) {
+            return Some(format!(
+                "{name} is not what was sealed: it has {bytes} bytes, expected {sealed_bytes}"
+            ));
+        }
         let found = if is_hashed(name) {
             sealed.find(name, &file.blake3)
         } else {
             sealed.find_unread(name)
         };
-        if let (Ok(Found::Whole(path)), Some(&sealed_bytes)) =
-            (&found, sealed.seal().video_bytes.get(name))
-        {
-            let bytes = fs::metadata(path).map_or(0, |about| about.len());
-            if bytes != sealed_bytes {
-                return Some(format!(
-                    "{name} is not what was sealed: it has {bytes} bytes, expected {sealed_bytes}"
-                ));
-            }
-        }
         match found {
             Ok(Found::Whole(_)) => None,
             Ok(Found::Missing) => Some(format!("{name} is missing")),
@@ -276,7 +283,7 @@ pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
         for (name, blake3) in listed.chain(manifest) {
             let path = folder.join(name);
             let new = with_new_suffix(&path);
-            if new.exists() && hash_file(&new)? == blake3 {
+            if new.exists() && hash_sealed(name, &new)? == blake3 {
                 fs::rename(&new, &path).map_err(Error::io("rename into place", &path))?;
             }
         }

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::outside_file::{self, FileKind};
 use crate::own_path::{own_path, refuse_link};
 use crate::seal::{
-    DONE, MANIFEST, Seal, SealedFile, hash_file, read_seal, sealed_files, with_new_suffix,
+    DONE, MANIFEST, Seal, SealedFile, hash_sealed, read_seal, sealed_files, with_new_suffix,
 };
 
 /// A reader starts again so often before it gives up. A change takes milliseconds, and a step of the chain changes a scenario once.
@@ -147,11 +147,26 @@ impl Sealed {
         ))
     }
 
-    /// The path under which a sealed file has this hash now. All of it is read.
+    /// The path under which a sealed file has this hash now. All of it is read, unless its size says already that it is another one.
     pub(crate) fn find(&self, name: &str, blake3: &str) -> Result<Found<PathBuf>> {
+        if self.other_size(name)?.is_some() {
+            return Ok(Found::Other);
+        }
         find(&self.folder, name, blake3, |path| {
-            Ok((hash_file(path)?, path.to_owned()))
+            Ok((hash_sealed(name, path)?, path.to_owned()))
         })
+    }
+
+    /// The sizes of a file that has another one than it was sealed with: found and sealed, bytes. Only those of videos are sealed.
+    pub(crate) fn other_size(&self, name: &str) -> Result<Option<(u64, u64)>> {
+        let Some(&sealed) = self.seal.video_bytes.get(name) else {
+            return Ok(None);
+        };
+        let about = own_path(&self.folder, name)?.metadata();
+        let found = about.ok().filter(|about| about.is_file());
+        Ok(found
+            .map(|about| (about.len(), sealed))
+            .filter(|(found, sealed)| found != sealed))
     }
 
     /// Whether a file is there, whatever it holds.

@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::json_file::{read_json, write_json};
+use crate::json_file::{parse_json, read_json, write_json};
 
 /// The side of a split.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
@@ -19,6 +19,11 @@ pub enum Side {
     /// Only evaluation looks at these.
     Test,
 }
+
+/// What messages call it.
+const WHAT: &str = "split";
+/// What a split never parts.
+const BY_TRAJECTORY: &str = "trajectory";
 
 /// A scenario as the split sees it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,7 +47,7 @@ impl Splits {
     /// A split by trajectory; refuses one that leaks.
     pub fn new(scenarios: BTreeMap<String, Assignment>) -> std::result::Result<Self, String> {
         let splits = Self {
-            by: "trajectory".into(),
+            by: BY_TRAJECTORY.into(),
             scenarios,
         };
         match splits.leak() {
@@ -76,11 +81,26 @@ impl Splits {
         None
     }
 
-    /// Reads `splits.json`; refuses a split that leaks.
+    /// Reads `splits.json`; refuses a split that leaks, or that is none by trajectory.
     pub fn read(path: &Path) -> Result<Self> {
-        let splits: Self = read_json(path, "split")?;
-        match splits.leak() {
-            None => Ok(splits),
+        Self::sound(read_json(path, WHAT)?, path)
+    }
+
+    /// Reads the content of `splits.json`; messages name it as `path`.
+    pub fn parse(content: &[u8], path: &Path) -> Result<Self> {
+        Self::sound(parse_json(content, path, WHAT)?, path)
+    }
+
+    fn sound(self, path: &Path) -> Result<Self> {
+        if self.by != BY_TRAJECTORY {
+            let found = &self.by;
+            return Err(Error::corpus(
+                path,
+                format!("is a split by {found:?}, expected {BY_TRAJECTORY:?}"),
+            ));
+        }
+        match self.leak() {
+            None => Ok(self),
             Some(leak) => Err(Error::corpus(
                 path,
                 format!("{leak}; a trajectory must be on one side only"),
@@ -116,6 +136,19 @@ mod tests {
             message.contains("flight-a") && message.contains("0001") && message.contains("0002"),
             "{message}"
         );
+    }
+
+    #[test]
+    fn a_split_by_something_else_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("splits.json");
+        let mut splits = Splits::new(BTreeMap::new()).unwrap();
+        splits.write(&path).unwrap();
+        assert_eq!(Splits::read(&path).unwrap(), splits);
+        splits.by = "\u{1b}[31mred".into();
+        splits.write(&path).unwrap();
+        let message = Splits::read(&path).unwrap_err().to_string();
+        assert!(message.contains("expected \"trajectory\""), "{message}");
     }
 
     #[test]

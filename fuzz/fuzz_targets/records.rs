@@ -11,7 +11,6 @@ use dataset::json_file::parse_json;
 use dataset::scenario::ScenarioRecord;
 use dataset::seal::{Seal, is_within, sealed_files};
 use dataset::splits::Splits;
-use dtd_fuzz::as_file;
 use dtd_fuzz::plan::Plan;
 use libfuzzer_sys::fuzz_target;
 use serde::Serialize;
@@ -27,8 +26,7 @@ fuzz_target!(|bytes: &[u8]| {
             }
         }
         1 => {
-            let read = |bytes: &[u8]| as_file(bytes, "splits.json", Splits::read);
-            if let Some(splits) = survives(bytes, read) {
+            if let Some(splits) = survives(bytes, |bytes| Splits::parse(bytes, path)) {
                 assert_eq!(splits.leak(), None);
             }
         }

@@ -333,3 +333,22 @@ fn planted_links_are_never_written_through() {
     assert_eq!(fs::read(&target).unwrap(), b"precious");
     assert_eq!(example.text("frames.parquet"), "new");
 }
+
+#[test]
+fn files_of_a_terabyte_are_named_and_not_read() {
+    for (name, found) in [
+        ("views/left.mp4", "it has 1099511627776 bytes, expected 5"),
+        ("frames.parquet", "has 1099511627776 bytes"),
+    ] {
+        let example = Example::sealed();
+        // Takes no room on the disk.
+        let file = fs::File::create(example.path(name)).unwrap();
+        file.set_len(1 << 40).unwrap();
+        let faults = example.faults();
+        assert_eq!(faults.len(), 1, "{faults:?}");
+        assert!(faults[0].contains(name), "{faults:?}");
+        assert!(faults[0].contains(found), "{faults:?}");
+        let sealed = Sealed::read(&example.folder).unwrap().unwrap();
+        assert!(sealed.check(name).is_err());
+    }
+}

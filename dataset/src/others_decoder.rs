@@ -1,0 +1,62 @@
+//! Decoders that others wrote, and that may panic on bytes that no writer makes. Here that is an error like any other, and nothing is printed.
+
+use std::any::Any;
+use std::cell::Cell;
+use std::panic::{self, AssertUnwindSafe};
+use std::sync::Once;
+
+thread_local! {
+    static IS_GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// A decoder that panicked.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("is damaged: its decoder broke down ({said})")]
+pub(crate) struct BrokeDown {
+    said: String,
+}
+
+/// Runs a decoder. It must leave nothing half-done that is used after a panic.
+pub(crate) fn guarded<T>(decode: impl FnOnce() -> T) -> Result<T, BrokeDown> {
+    static QUIET: Once = Once::new();
+    // What panics elsewhere is a mistake of ours, and is reported as ever.
+    QUIET.call_once(|| {
+        let usual = panic::take_hook();
+        panic::set_hook(Box::new(move |about| {
+            if !IS_GUARDED.get() {
+                usual(about);
+            }
+        }));
+    });
+    let before = IS_GUARDED.replace(true);
+    let decoded = panic::catch_unwind(AssertUnwindSafe(decode));
+    IS_GUARDED.set(before);
+    decoded.map_err(|payload| BrokeDown {
+        said: words_of(payload.as_ref()),
+    })
+}
+
+fn words_of(payload: &(dyn Any + Send)) -> String {
+    let literal = payload.downcast_ref::<&str>().copied();
+    let formatted = payload.downcast_ref::<String>().map(String::as_str);
+    literal
+        .or(formatted)
+        .unwrap_or("no reason given")
+        .to_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_is_an_error_with_its_words_and_what_works_passes_through() {
+        assert_eq!(guarded(|| 7), Ok(7));
+        let said = |decode: fn()| guarded(decode).unwrap_err().to_string();
+        assert!(said(|| panic!("no dictionary")).contains("no dictionary"));
+        let number = 3;
+        let formatted = guarded(|| panic!("page {number}")).map(|()| ());
+        assert!(formatted.unwrap_err().to_string().contains("page 3"));
+        assert!(!IS_GUARDED.get());
+    }
+}
