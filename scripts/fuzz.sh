@@ -111,4 +111,4 @@ tape)
 esac
 
 command -v cargo-fuzz >/dev/null || cargo install --locked cargo-fuzz@0.13.2
-exec cargo fuzz run --sanitizer none "$target" -- -max_total_time="$seconds" -max_len="$longest" -timeout=20 -rss_limit_mb=2048 -print_final_stats=1
+exec cargo fuzz run --sanitizer none "$target" -- -max_total_time="$seconds" -max_len="$longest" -timeout=60 -rss_limit_mb=2048 -print_final_stats=1
