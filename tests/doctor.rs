@@ -21,7 +21,7 @@ impl StandIn {
     fn announced(arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_dtd"))
             .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
-            .arg("--quirks=none")
+            .args((!arguments.contains(&"--quirks")).then_some("--quirks=none"))
             .args(arguments)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
