@@ -53,12 +53,8 @@ impl CorpusFile {
                 Ok(Self::Plan(Box::new(plan)))
             }
             "splits.json" => {
-                let splits: Splits =
-                    serde_json::from_slice(bytes).map_err(|error| error.to_string())?;
-                match splits.leak() {
-                    None => Ok(Self::Splits(splits)),
-                    Some(leak) => Err(leak),
-                }
+                let splits = Splits::parse(bytes, Path::new(name));
+                splits.map(Self::Splits).map_err(|error| error.to_string())
             }
             _ => {
                 let text = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;

@@ -1,14 +1,16 @@
 //! A corpus in an object store: what is committed in it, and the files that belong to the whole of it.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
+use dataset::outside_file::{self, FileKind};
 use dataset::seal::{DONE, Seal};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as ObjectPath;
 use object_store::{
-    Attribute, Attributes, GetOptions, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode,
+    Attribute, Attributes, GetOptions, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode,
     PutOptions, UpdateVersion,
 };
 use tokio::time::timeout;
@@ -28,6 +30,8 @@ const FIRST_WORD: Duration = Duration::from_secs(20);
 const QUESTIONS_AT_ONCE: usize = 16;
 /// The largest object that is read whole: a plan of a hundred thousand scenarios. Anything larger is nothing of ours.
 const MOST_BYTES: u64 = 256 << 20;
+/// A file of a store that is a folder. How large it may be depends on what it is.
+const OBJECT: FileKind = FileKind::new("object", u64::MAX);
 /// Rounds with others who write the same file at the same time.
 const ROUNDS: u32 = 8;
 
@@ -36,8 +40,8 @@ const ROUNDS: u32 = 8;
 pub struct CorpusStore {
     pub(crate) store: Arc<dyn ObjectStore>,
     root: ObjectPath,
-    /// Whether objects carry metadata.
-    keeps_metadata: bool,
+    /// The folder, if it is one: its objects carry no metadata, and what lies there may be no file at all.
+    folder: Option<PathBuf>,
     /// The URL, for messages.
     name: String,
     /// Where unfinished uploads are found.
@@ -81,13 +85,13 @@ impl CorpusStore {
         let Opened {
             store,
             root,
-            keeps_metadata,
+            folder,
             unfinished,
         } = open(url, create)?;
         Ok(Self {
             store,
             root,
-            keeps_metadata,
+            folder,
             name: url.to_string(),
             unfinished,
         })
@@ -99,7 +103,7 @@ impl CorpusStore {
         Self {
             store: Arc::new(object_store::memory::InMemory::new()),
             root: ObjectPath::from("corpora/small"),
-            keeps_metadata: true,
+            folder: None,
             name: "memory:///corpora/small".into(),
             unfinished: Unfinished::Nowhere,
         }
@@ -200,11 +204,8 @@ impl CorpusStore {
     }
 
     async fn read_object(&self, name: &str) -> Result<Option<(Vec<u8>, ObjectMeta)>> {
-        let doing = || format!("read {name}");
-        let got = match self.store.get(&self.key(name)).await {
-            Ok(got) => got,
-            Err(object_store::Error::NotFound { .. }) => return Ok(None),
-            Err(error) => return Err(self.error(&doing(), &error)),
+        let Some(got) = self.get(name, GetOptions::default()).await? else {
+            return Ok(None);
         };
         let object = got.meta.clone();
         if object.size > MOST_BYTES {
@@ -219,8 +220,31 @@ impl CorpusStore {
         let bytes = got
             .bytes()
             .await
-            .map_err(|error| self.error(&doing(), &error))?;
+            .map_err(|error| self.error(&format!("read {name}"), &error))?;
         Ok(Some((bytes.to_vec(), object)))
+    }
+
+    fn keeps_metadata(&self) -> bool {
+        self.folder.is_none()
+    }
+
+    /// An object, if it is there.
+    pub(crate) async fn get(&self, name: &str, options: GetOptions) -> Result<Option<GetResult>> {
+        // Nobody writes to the other end of a FIFO: opening it would not end.
+        if let Some(folder) = &self.folder
+            && let Err(error) = outside_file::open(&folder.join(name), OBJECT)
+            && !error.is_not_found()
+        {
+            return Err(StoreError::Damaged {
+                place: format!("{}/{name}", self.name),
+                message: format!("cannot be read: {error}"),
+            });
+        }
+        match self.store.get_opts(&self.key(name), options).await {
+            Ok(got) => Ok(Some(got)),
+            Err(object_store::Error::NotFound { .. }) => Ok(None),
+            Err(error) => Err(self.error(&format!("read {name}"), &error)),
+        }
     }
 
     /// Writes a small file, whatever is there; named as in the corpus' folder.
@@ -278,7 +302,7 @@ impl CorpusStore {
                 Some((theirs, _)) if theirs == ours => return Ok(Settled::Same),
                 Some((theirs, object)) => match judge(&theirs)? {
                     Keep::Theirs => return Ok(Settled::Theirs),
-                    Keep::Ours if self.keeps_metadata => PutMode::Update(UpdateVersion {
+                    Keep::Ours if self.keeps_metadata() => PutMode::Update(UpdateVersion {
                         e_tag: object.e_tag,
                         version: object.version,
                     }),
@@ -330,17 +354,14 @@ impl CorpusStore {
 
     /// BLAKE3 hash of an object, if it carries one. A folder's files carry none and are read.
     pub(crate) async fn hash_of(&self, name: &str) -> Result<Option<String>> {
-        let doing = || format!("look at {name}");
         let options = GetOptions {
-            head: self.keeps_metadata,
+            head: self.keeps_metadata(),
             ..GetOptions::default()
         };
-        let got = match self.store.get_opts(&self.key(name), options).await {
-            Ok(got) => got,
-            Err(object_store::Error::NotFound { .. }) => return Ok(None),
-            Err(error) => return Err(self.error(&doing(), &error)),
+        let Some(got) = self.get(name, options).await? else {
+            return Ok(None);
         };
-        if self.keeps_metadata {
+        if self.keeps_metadata() {
             let hash = got.attributes.get(&Attribute::Metadata(HASH.into()));
             return Ok(hash.map(|hash| (**hash).to_owned()));
         }
@@ -349,7 +370,7 @@ impl CorpusStore {
         while let Some(bytes) = stream
             .try_next()
             .await
-            .map_err(|error| self.error(&doing(), &error))?
+            .map_err(|error| self.error(&format!("read {name}"), &error))?
         {
             hasher.update(&bytes);
         }
@@ -359,7 +380,7 @@ impl CorpusStore {
     /// What an object of this hash carries.
     pub(crate) fn attributes(&self, blake3: &str) -> Attributes {
         let mut attributes = Attributes::new();
-        if self.keeps_metadata {
+        if self.keeps_metadata() {
             attributes.insert(Attribute::Metadata(HASH.into()), blake3.to_owned().into());
         }
         attributes

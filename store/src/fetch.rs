@@ -11,7 +11,7 @@ use dataset::new_file::{NewFile, clear_leftovers};
 use dataset::own_path::{own_path, refuse_link};
 use dataset::seal::{self, DONE, MANIFEST};
 use futures_util::{StreamExt, TryStreamExt, stream};
-use object_store::ObjectStoreExt;
+use object_store::GetOptions;
 use tokio::task::spawn_blocking;
 
 use crate::corpus_store::{CorpusStore, scenario_file};
@@ -117,16 +117,12 @@ impl CorpusStore {
         let doing = || format!("read {name}");
         let folder = target.parent().unwrap_or(target);
         fs::create_dir_all(folder).map_err(dataset::Error::io("create", folder))?;
-        let mut content = match self.store.get(&self.key(name)).await {
-            Ok(got) => got.into_stream(),
-            Err(object_store::Error::NotFound { .. }) => {
-                return Err(StoreError::Damaged {
-                    place: format!("{}/{name}", self.name()),
-                    message: format!("is missing, though {MANIFEST} lists it. {MEND}"),
-                });
-            }
-            Err(error) => return Err(self.error(&doing(), &error)),
-        };
+        let found = self.get(name, GetOptions::default()).await?;
+        let found = found.ok_or_else(|| StoreError::Damaged {
+            place: format!("{}/{name}", self.name()),
+            message: format!("is missing, though {MANIFEST} lists it. {MEND}"),
+        })?;
+        let mut content = found.into_stream();
         let mut file = NewFile::create(target)?;
         let mut hasher = blake3::Hasher::new();
         while let Some(bytes) = content

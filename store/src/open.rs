@@ -36,8 +36,8 @@ const LONGEST_REQUEST: &str = "1 day";
 pub(crate) struct Opened {
     pub(crate) store: Arc<dyn ObjectStore>,
     pub(crate) root: ObjectPath,
-    /// Whether objects carry metadata.
-    pub(crate) keeps_metadata: bool,
+    /// The folder, if it is one.
+    pub(crate) folder: Option<PathBuf>,
     /// Where unfinished uploads are found.
     pub(crate) unfinished: Unfinished,
 }
@@ -83,7 +83,7 @@ pub(crate) fn open(url: &StoreUrl, create: bool) -> Result<Opened> {
     Ok(Opened {
         store,
         root,
-        keeps_metadata: true,
+        folder: None,
         unfinished,
     })
 }
@@ -129,7 +129,7 @@ fn open_folder(url: &StoreUrl, create: bool) -> Result<Opened> {
     Ok(Opened {
         store: Arc::new(store),
         root: ObjectPath::default(),
-        keeps_metadata: false,
+        folder: Some(path.clone()),
         unfinished: Unfinished::Folder(path),
     })
 }

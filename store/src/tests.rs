@@ -391,3 +391,29 @@ async fn a_folder_that_is_not_there_is_said_before_it_is_read() {
     assert!(error.is_bad_input());
     assert!(error.to_string().contains("no such folder"), "{error}");
 }
+
+#[tokio::test]
+async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
+    let (_here, corpus) = corpus_with("table");
+    let (folder, [_, store]) = stores();
+    push(&store, &corpus).await.unwrap();
+    let (_there, other) = empty();
+    let object = folder
+        .path()
+        .join(format!("a bucket/scenarios/{ID}/frames.parquet"));
+    fs::remove_file(&object).unwrap();
+    rustix::fs::mknodat(
+        rustix::fs::CWD,
+        &object,
+        rustix::fs::FileType::Fifo,
+        rustix::fs::Mode::RUSR | rustix::fs::Mode::WUSR,
+        0,
+    )
+    .unwrap();
+    let error = store.fetch_scenario(ID, &other, &()).await.unwrap_err();
+    let message = error.to_string();
+    assert!(
+        message.contains("frames.parquet") && message.contains("FIFO"),
+        "{message}"
+    );
+}

@@ -32,10 +32,28 @@ pub(super) fn fault(plan: &Plan) -> Option<String> {
             Some(format!("scenario {bad}"))
         } else if !ids.insert(id) {
             Some(format!("has two scenarios {id}"))
+        } else if !is_named_after(scenario) {
+            let PlannedScenario {
+                time_of_day,
+                weather,
+                ..
+            } = scenario;
+            Some(format!(
+                "scenario {id}: its time is {time_of_day:?} and its weather {weather:?}, expected those of its name"
+            ))
         } else {
             out_of_limits(scenario).map(|fault| format!("scenario {id}: {fault}"))
         }
     })
+}
+
+/// Whether the name begins with the time and the weather, as all names of scenarios do.
+fn is_named_after(scenario: &PlannedScenario) -> bool {
+    let digits = scenario.time_of_day.replace(':', "");
+    let rest = scenario.id.strip_prefix(&digits);
+    let rest = rest.and_then(|rest| rest.strip_prefix('-'));
+    let rest = rest.and_then(|rest| rest.strip_prefix(&scenario.weather));
+    rest.is_some_and(|rest| rest.starts_with('-'))
 }
 
 fn common(common: &Common, check: &mut Check) {
