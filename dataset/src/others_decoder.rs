@@ -55,7 +55,7 @@ mod tests {
         let said = |decode: fn()| guarded(decode).unwrap_err().to_string();
         assert!(said(|| panic!("no dictionary")).contains("no dictionary"));
         let number = 3;
-        let formatted = guarded(|| panic!("page {number}")).map(|()| ());
+        let formatted: Result<(), _> = guarded(|| panic!("page {number}"));
         assert!(formatted.unwrap_err().to_string().contains("page 3"));
         assert!(!IS_GUARDED.get());
     }

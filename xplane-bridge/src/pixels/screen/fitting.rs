@@ -16,7 +16,7 @@ pub(super) fn sizes_that_fit(wanted: PictureSize, screen: PictureSize) -> Vec<Pi
         return Vec::new();
     }
     let most = (screen.width_px / across).min(screen.height_px / down);
-    let even = |times: &u32| (across * times) % 2 == 0 && (down * times) % 2 == 0;
+    let even = |times: &u32| (across * times).is_multiple_of(2) && (down * times).is_multiple_of(2);
     let mut sizes: Vec<PictureSize> = [most, most * 3 / 4, most / 2]
         .into_iter()
         .filter_map(|most| (1..=most).rev().find(even))
