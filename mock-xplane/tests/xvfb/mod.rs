@@ -20,6 +20,8 @@ impl Xvfb {
                 "-screen",
                 "0",
                 screen,
+                // Without clients it stays as it is.
+                "-noreset",
                 "-nolisten",
                 "tcp",
             ])

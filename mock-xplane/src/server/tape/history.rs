@@ -199,10 +199,14 @@ impl<C: PartialEq + Clone> History<C> {
             None if unread => return true,
             None => match ahead.iter().position(same) {
                 Some(steps) => self.at + steps,
-                None if standing.is_some() => return true,
-                None => match behind.iter().position(same) {
-                    Some(step) => step,
-                    None => return false,
+                None => match standing {
+                    // Past the last write of the tape: whoever writes it again reads again what was read behind it, not what came of it.
+                    Some(step) if !ahead.iter().any(|step| matches!(step, Step::Write(_))) => step,
+                    Some(_) => return true,
+                    None => match behind.iter().position(same) {
+                        Some(step) => step,
+                        None => return false,
+                    },
                 },
             },
         };
@@ -348,6 +352,23 @@ mod tests {
         assert_eq!(tape.read(&"doctor", "clock"), Some(12.8));
         assert_eq!(tape.read(&"doctor", "clock"), Some(12.9));
         assert_eq!(tape.first_value("clock"), Some(10.0));
+    }
+
+    #[test]
+    fn the_last_write_of_a_tape_reads_back_in_every_pass_although_the_clock_ran_on_after_it() {
+        let mut tape = Histories::default();
+        tape.add_write("clock", 10.0);
+        tape.add_value(1, "clock", 10.0);
+        tape.add_command("go on");
+        tape.add_value(1, "clock", 10.05);
+        for _ in 0..3 {
+            assert!(tape.write("clock", 10.0));
+            for _ in 0..3 {
+                assert_eq!(tape.read(&"us", "clock"), Some(10.0));
+            }
+            assert!(tape.command("go on"));
+            assert_eq!(tape.read(&"us", "clock"), Some(10.05));
+        }
     }
 
     #[test]
