@@ -138,8 +138,10 @@ fn is_true_ending(verb: &str, other: &str, output: &Output) -> bool {
         Some(0) => true,
         // Somebody else is at it; the message says so.
         Some(75) => words.contains("error: "),
-        // A scenario that the other one changed meanwhile is another than the store's.
-        Some(3) => verb == "fetch" && ["generate", "label", "push", "fetch"].contains(&other),
+        // A scenario that the other one changed meanwhile is another than the store's, and detections that it made are newer.
+        Some(3) => {
+            verb == "fetch" && ["generate", "label", "detect", "push", "fetch"].contains(&other)
+        }
         // The other one brought a scenario that nobody labelled or searched yet.
         Some(2) => {
             ["train", "evaluate", "train-detector"].contains(&verb)
