@@ -37,7 +37,7 @@ need_corpus() {
     [ -n "$scenario" ] || echo "fuzz: $target has few seeds without DTD_FUZZ_CORPUS, see the head of scripts/fuzz.sh" >&2
 }
 
-# A number as so many bytes, the lowest first.
+# Prints a number ($1) as $2 bytes, little-endian.
 bytes_of() {
     local shift
     for ((shift = 0; shift < 8 * $2; shift += 8)); do printf "\\x$(printf %02x $(($1 >> shift & 255)))"; done

@@ -341,7 +341,7 @@ impl Simulator {
         self.set_clock_exactly().await
     }
 
-    /// Freezes for ideal views, with exactly so many frames that settle, in a pause or with a clock that runs on.
+    /// Freezes for ideal views, with exactly this number of settle frames, in a pause or with a clock that runs on.
     async fn freeze_raw(
         &mut self,
         runway: &Runway,

@@ -31,7 +31,7 @@ from .xp_api import Xp
 
 # Frames that the check pattern may take to be drawn, and a pause to take hold.
 FRAMES_LIMIT = 600
-# Callbacks are watched for so many frames at most.
+# The most frames for which callbacks are watched.
 WATCH_LIMIT = 600
 
 Task = Generator[None, None, Answer]

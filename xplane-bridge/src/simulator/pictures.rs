@@ -29,7 +29,7 @@ impl Simulator {
             width_px,
             height_px,
         };
-        // A minimised window has none: what to do about that is said when it is looked for.
+        // A minimised window has none; looking for it reports what to do.
         let window = self.description.drawn_size;
         if let Some(window) = window.filter(|size| *size != wanted && size.width_px > 0) {
             return Err(PixelError::OtherWindow { wanted, window }.into());

@@ -1,6 +1,6 @@
 //! What is in a chunk of a tape: a file from somewhere, whose lengths may say anything.
 //!
-//! MCAP's own reader of a chunk believes the lengths of the records in it, and asks for that much memory. So the chunk goes through its reader of whole
+//! MCAP's own chunk reader trusts the lengths of the records in it, and asks for that much memory. So the chunk goes through its reader of whole
 //! files, which takes a limit; and only records that a tape is made of are parsed.
 
 use std::path::Path;
@@ -89,7 +89,7 @@ fn damaged(path: &Path, source: McapError) -> TapeError {
 mod tests {
     use super::*;
 
-    /// A chunk that says it holds so many bytes, with a checksum that nobody checks.
+    /// A chunk that claims this many bytes, with a checksum that is not checked.
     fn chunk(compression: &str, uncompressed_bytes: u64, data: &[u8]) -> Vec<u8> {
         [
             &[0; 16][..],

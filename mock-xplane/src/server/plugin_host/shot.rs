@@ -155,7 +155,7 @@ pub(super) struct Exposure {
 }
 
 impl Exposure {
-    /// After so many frames nothing of the old light is left.
+    /// Frames until nothing of the old light is left.
     const SETTLED: u32 = 30;
     /// How far a camera turns before it meets another light, degrees.
     const TURNED_DEG: f64 = 1.0;

@@ -1,4 +1,4 @@
-//! Pictures for measurements: the aircraft where lockstep shows it, the camera beside it, so many frames after the last change.
+//! Pictures for measurements: the aircraft where lockstep shows it, the camera beside it, a given number of frames after the last change.
 
 use std::time::Duration;
 
@@ -13,7 +13,7 @@ use crate::link::{CapturedFrame, Deliver, PixelKind};
 
 /// Pictures of the same shot may differ by so much on the average, of 255, beside what moves by itself.
 pub(super) const SAME: f64 = 1.0;
-/// After so many frames everything has settled, as far as anything does.
+/// Frames after which everything that settles has settled.
 pub(super) const SETTLED: u32 = 60;
 
 /// When a scene that stands still is looked at again.

@@ -409,7 +409,7 @@ async fn wind(
     })
 }
 
-/// What a wind was taken as that shows as so many knots.
+/// The unit in which a written wind was taken, by the knots that it shows.
 fn unit_of(written: f64, knots: f64) -> Option<WindUnit> {
     let ratio = knots / written;
     match ratio {
