@@ -30,6 +30,11 @@ pub fn write_json<T: Serialize + ?Sized>(path: &Path, value: &T) -> Result<()> {
     write_atomically(path, &json_bytes(value, path)?)
 }
 
+/// Writes a value like [`write_json`], as [`write_unsynced`] writes a file.
+pub fn write_json_unsynced<T: Serialize + ?Sized>(path: &Path, value: &T) -> Result<()> {
+    write_unsynced(path, &json_bytes(value, path)?)
+}
+
 /// A value as [`write_json`] writes it; messages name its file as `path`.
 pub fn json_bytes<T: Serialize + ?Sized>(value: &T, path: &Path) -> Result<Vec<u8>> {
     let mut text = serde_json::to_vec_pretty(value).map_err(|source| Error::Json {
@@ -46,4 +51,11 @@ pub fn write_atomically(path: &Path, content: &[u8]) -> Result<()> {
     let mut file = NewFile::create(path)?;
     file.write_all(content).map_err(Error::io("write", path))?;
     file.commit()
+}
+
+/// Writes a file into a folder that is sealed afterwards ([`crate::seal::seal_folder`] makes it durable).
+pub fn write_unsynced(path: &Path, content: &[u8]) -> Result<()> {
+    let mut file = NewFile::create(path)?;
+    file.write_all(content).map_err(Error::io("write", path))?;
+    file.commit_unsynced()
 }

@@ -58,14 +58,25 @@ impl NewFile {
     ///
     /// # Errors
     /// The disk is full, or the place cannot be written.
-    pub fn commit(mut self) -> Result<()> {
+    pub fn commit(self) -> Result<()> {
         self.file
             .sync_all()
             .map_err(Error::io("write", &self.path))?;
+        let path = self.path.clone();
+        self.commit_unsynced()?;
+        sync(folder_of(&path))
+    }
+
+    /// Puts the file into its place, where a failing power may still take it back: for folders that are sealed afterwards, which syncs all
+    /// their files at once.
+    ///
+    /// # Errors
+    /// The place cannot be written.
+    pub fn commit_unsynced(mut self) -> Result<()> {
         fs::rename(&self.temporary, &self.path)
             .map_err(Error::io("rename into place", &self.path))?;
         self.committed = true;
-        sync(folder_of(&self.path))
+        Ok(())
     }
 }
 

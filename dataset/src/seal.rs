@@ -7,7 +7,7 @@
 //! the whole new one from then on, and never write; a change that a killed process left decided is completed by the next writer, one
 //! that it left undecided is dropped by it.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::io;
 use std::path::{Component, Path, PathBuf};
@@ -105,12 +105,14 @@ fn hash_opened(mut file: File, path: &Path) -> Result<String> {
 /// Seals a folder whose files are all written.
 pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
     // Nothing may be sealed that a failing power could still take back.
+    let mut folders = BTreeSet::new();
     for name in files_of(folder)? {
         let path = folder.join(name);
         sync(&path)?;
-        if let Some(parent) = path.parent().filter(|parent| *parent != folder) {
-            sync(parent)?;
-        }
+        folders.extend(path.parent().map(Path::to_owned));
+    }
+    for folder in folders {
+        sync(&folder)?;
     }
     let manifest = manifest_of(folder)?;
     write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;

@@ -7,7 +7,7 @@ use burn::tensor::Device;
 use dataset::calibration::CameraEntry;
 use dataset::columns::TableWriter;
 use dataset::corpus::Corpus;
-use dataset::json_file::write_json;
+use dataset::json_file::write_json_unsynced;
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
@@ -155,9 +155,9 @@ pub fn evaluate(
     };
     let new = place.begin()?;
     sealed.write(&new)?;
-    write_json(&new.evaluation_path(), config)?;
+    write_json_unsynced(&new.evaluation_path(), config)?;
     write_predictions(&new, &samples, &test, &predictions)?;
-    write_json(&new.metrics_path(), &metrics)?;
+    write_json_unsynced(&new.metrics_path(), &metrics)?;
     report::write(
         &new,
         &trained,

@@ -6,7 +6,7 @@
 mod plots;
 mod tables;
 
-use dataset::json_file::write_atomically;
+use dataset::json_file::write_unsynced;
 use dataset::splits::Side;
 use minijinja::value::Serde;
 use minijinja::{Environment, Value, context};
@@ -118,7 +118,7 @@ pub fn write(
             None => Value::UNDEFINED,
         },
     })?;
-    Ok(write_atomically(&run.report_path(), page.as_bytes())?)
+    Ok(write_unsynced(&run.report_path(), page.as_bytes())?)
 }
 
 /// An estimator's colour in the plots.

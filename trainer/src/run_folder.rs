@@ -21,7 +21,7 @@ use burn::module::Module;
 use burn::store::{ModuleSnapshot, SafetensorsStore, SafetensorsStoreError};
 use burn::tensor::Device;
 use dataset::calibration::CameraEntry;
-use dataset::json_file::{write_atomically, write_json};
+use dataset::json_file::{write_json_unsynced, write_unsynced};
 use dataset::seal::{self, DONE, MANIFEST};
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
@@ -257,12 +257,12 @@ pub struct TrainedRun {
 impl TrainedRun {
     /// Writes all files into a folder that is there.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
-        write_json(&folder.config_path(), &self.config)?;
-        write_json(&folder.normalisation_path(), &self.normalisation)?;
-        write_json(&folder.baselines_path(), &self.baselines)?;
-        write_json(&folder.convergence_path(), &self.convergence)?;
-        write_atomically(&folder.weights_path(), &self.weights(folder)?)?;
-        Ok(write_json(&folder.summary_path(), &self.summary)?)
+        write_json_unsynced(&folder.config_path(), &self.config)?;
+        write_json_unsynced(&folder.normalisation_path(), &self.normalisation)?;
+        write_json_unsynced(&folder.baselines_path(), &self.baselines)?;
+        write_json_unsynced(&folder.convergence_path(), &self.convergence)?;
+        write_unsynced(&folder.weights_path(), &self.weights(folder)?)?;
+        Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
     }
 
     /// Puts the run into a place that is ours, as a whole.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use dataset::json_file::write_atomically;
+use dataset::json_file::write_unsynced;
 use dataset::outside_file::{self, FileKind};
 use dataset::seal::{DONE, MANIFEST};
 use dataset::sealed::Sealed;
@@ -66,7 +66,7 @@ impl SealedRun {
     /// Writes the same files into another folder.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
         for (name, bytes) in &self.files {
-            write_atomically(&folder.root().join(name), bytes)?;
+            write_unsynced(&folder.root().join(name), bytes)?;
         }
         Ok(())
     }
