@@ -129,8 +129,8 @@ pub(crate) struct GenerateArgs {
     )]
     pub(crate) sim: Simulators,
     /// Where the pictures come from: `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's
-    /// window on this machine; `auto` takes the first of them that the simulator offers
-    #[arg(long, value_name = "auto|link|gl|screen", default_value_t = PixelChoice::Auto)]
+    /// window, `screenshot` has X-Plane write files (slow: a picture takes seconds); `auto` takes the first of them that the simulator offers
+    #[arg(long, value_name = "auto|link|gl|screen|screenshot", default_value_t = PixelChoice::Auto)]
     pub(crate) pixels: PixelChoice,
     /// Make only these scenarios (identifiers as `dtd plan` prints them), with commas between
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]

@@ -155,9 +155,13 @@ fn awkward_habits_at_random_give_the_pictures_of_a_well_behaved_simulator() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
 
-/// All that a client copes with unprepared. Those that reports disagree on need `dtd doctor` first (mock-xplane/tests/profile.rs).
+/// All that a client copes with unprepared. Of those that reports disagree on it looks at pictures for itself; the weather needs `dtd doctor`
+/// first (mock-xplane/tests/profile.rs).
 fn habits() -> impl Iterator<Item = &'static Facts> {
-    FACTS.iter().filter(|facts| !OPEN.contains(&facts.quirk))
+    const LOOKED_AT: [&str; 3] = ["pause_keeps_pose", "water_moves", "slow_exposure"];
+    FACTS
+        .iter()
+        .filter(|facts| !OPEN.contains(&facts.quirk) || LOOKED_AT.contains(&facts.name))
 }
 
 /// Each habit or not, as a coin says that a seed throws.
@@ -254,13 +258,13 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
     watch.end().await;
 }
 
-/// How far the haze's pictures are from those wanted if the plugin lacks what it does about a habit; `None` if there is no corpus then.
-fn without_remedy(quirk: &str, (file, from, to): (&str, &str, &str)) -> Option<f64> {
+/// How far the haze's pictures are from those wanted if the plugin lacks what it does about a habit.
+fn without_remedy(quirk: &str, (file, from, to): (&str, &str, &str)) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let plugin = plugin_with(folder.path(), file, from, to);
     let simulator = Simulator::start("12", Some(quirk), &plugin);
-    let corpus = made(&simulator, HAZE).ok()?;
-    Some(farthest(&pictures(&corpus, HAZE), wanted("12", HAZE)))
+    let corpus = made(&simulator, HAZE).unwrap();
+    farthest(&pictures(&corpus, HAZE), wanted("12", HAZE))
 }
 
 #[test]
@@ -271,14 +275,14 @@ fn the_comparison_of_pictures_sees_a_cockpit() {
         "return True",
     );
     let apart = without_remedy("cockpit_view", blind);
-    assert!(apart.is_none_or(|apart| apart > ALIKE), "{apart:?}");
+    assert!(apart > ALIKE, "{apart}");
 }
 
 #[test]
 fn the_comparison_of_pictures_sees_a_pop_up() {
     let blind = ("stage.py", "        self._clear_the_view()\n", "");
     let apart = without_remedy("pop_ups", blind);
-    assert!(apart.is_none_or(|apart| apart > ALIKE), "{apart:?}");
+    assert!(apart > ALIKE, "{apart}");
 }
 
 #[test]
@@ -289,5 +293,5 @@ fn the_comparison_of_pictures_sees_a_stale_frame() {
         "while stage.written - first < 1:",
     );
     let apart = without_remedy("stale_frames", blind);
-    assert!(apart.is_none_or(|apart| apart > ALIKE), "{apart:?}");
+    assert!(apart > ALIKE, "{apart}");
 }

@@ -84,7 +84,7 @@ pub struct Versions {
     pub simulator: String,
     /// Version of the capture link that it spoke.
     pub capture_link: u32,
-    /// Where the pixels came from: `link`, `gl` or `screen`; missing in records made before there was a choice.
+    /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in records made before there was a choice.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixels: Option<String>,
 }

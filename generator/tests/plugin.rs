@@ -163,7 +163,7 @@ async fn record(
         .unwrap();
     assert_eq!(told.len(), profiles, "once for each: {told:?}");
     for known in told {
-        assert!(known.contains("`dtd doctor` measures it"), "{known}");
+        assert!(known.contains("its pictures were looked at now"), "{known}");
     }
     assert!(outcome.failed.is_empty(), "{:?}", outcome.failed);
     assert_eq!(outcome.committed.len(), scenarios);

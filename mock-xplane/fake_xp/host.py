@@ -9,6 +9,7 @@ import importlib
 import itertools
 import json
 import sys
+import tempfile
 import time
 from typing import Any
 
@@ -26,6 +27,8 @@ class PipeWorld:
         self._kinds: dict[str, Kind | None] = {}
         self._published: dict[str, float] = {}
         self.cockpit_view = cockpit_view
+        # X-Plane's folder, for what it writes itself.
+        self._path = tempfile.TemporaryDirectory(prefix="dtd-stand-in-")
 
     def _ask(self, *question: Any) -> Any:
         self._questions.write(json.dumps(question).encode() + b"\n")
@@ -92,6 +95,9 @@ class PipeWorld:
 
     def let_others_fly(self, fly: bool) -> None:
         self._ask("let_others_fly", int(fly))
+
+    def system_path(self) -> str:
+        return self._path.name
 
     def render(self, width: int, height: int, windows: bool = False) -> bytes:
         count = self._ask("render", width, height, windows)

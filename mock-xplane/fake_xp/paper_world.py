@@ -72,7 +72,7 @@ DATAREFS = {
 }
 COMMANDS = {
     "sim/operation/pause_on", "sim/operation/pause_off", "sim/operation/pause_toggle", "sim/operation/fix_all_systems",
-    "sim/operation/regen_weather", "sim/view/free_camera", "sim/view/default_view",
+    "sim/operation/regen_weather", "sim/operation/screenshot", "sim/view/free_camera", "sim/view/default_view",
     "sim/autopilot/servos_on", "sim/autopilot/autothrottle_on", "sim/autopilot/NAV", "sim/autopilot/approach",
     "sim/autopilot/glide_slope", "sim/autopilot/altitude_hold", "sim/autopilot/vertical_speed",
 }  # fmt: skip
@@ -126,6 +126,9 @@ class PaperWorld:
         # What is drawn is so many frames old.
         self.lag_frames = 0
         self.shown: list[int] = [0]
+        self.path = ""
+        # Whether the view is X-Plane's own again once nobody controls the camera.
+        self.own_view = False
         # Called at the beginning of each frame, to disturb.
         self.disturb = lambda world: None
 
@@ -264,6 +267,8 @@ class PaperWorld:
 
     def place_camera(self, position: list[float] | None) -> None:
         self.shown = [*self.shown, self.colour()][-1 - self.lag_frames :]
+        if position is None and self.own_view:
+            self.set("sim/graphics/view/view_heading", 0, 0.0)
         if position is not None:
             for name, value in zip(("x", "y", "z", "pitch", "heading", "roll"), position):
                 self.set(f"sim/graphics/view/view_{name}", 0, value)
@@ -277,11 +282,16 @@ class PaperWorld:
     def let_others_fly(self, fly: bool) -> None:
         self.others = fly
 
+    def system_path(self) -> str:
+        return self.path
+
     def render(self, width: int, height: int, windows: bool = False) -> bytes:
-        """Red grows to the right, green downwards, blue is where the aircraft was so many frames ago; a window has the first pixel."""
+        """Red grows to the right, green downwards, blue is where the aircraft was so many frames ago; a window has the first pixel, and the last
+        one shows where the camera looks."""
         self.rendered.append(tuple(self.get(f"sim/graphics/view/view_{name}") for name in ("x", "y", "z")))
         blue = self.shown[0]
         rgb = bytearray(b"".join(bytes((x % 256, y % 256, blue)) for y in range(height) for x in range(width)))
+        rgb[-3:] = bytes((0, int(self.get("sim/graphics/view/view_heading")) % 256, blue))
         if windows:
             rgb[:3] = b"\xff\x00\xff"
         return bytes(rgb)

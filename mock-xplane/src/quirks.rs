@@ -44,6 +44,7 @@ pub enum Quirk {
     PauseKeepsPose,
     WaterMoves,
     SlowExposure,
+    ScreenshotWithoutCamera,
 }
 
 /// How well a report is founded.
@@ -81,7 +82,7 @@ pub struct Facts {
 }
 
 /// All quirks, in the order of [`Quirk`].
-pub const FACTS: [Facts; 32] = [
+pub const FACTS: [Facts; 33] = [
     Facts {
         quirk: Quirk::LateClouds,
         name: "late_clouds",
@@ -370,16 +371,26 @@ pub const FACTS: [Facts; 32] = [
         costs_time: false,
         in_11: true,
     },
+    Facts {
+        quirk: Quirk::ScreenshotWithoutCamera,
+        name: "screenshot_without_camera",
+        does: "the screenshot command takes the camera away before the frame that it keeps is drawn",
+        source: "nobody; CINE sees the camera go",
+        grade: Grade::Unknown,
+        costs_time: false,
+        in_11: true,
+    },
 ];
 
 /// What others contradict, or nobody has seen: `dtd doctor` finds out which it is. Part of no group, each is switched on by its name.
-pub const OPEN: [Quirk; 6] = [
+pub const OPEN: [Quirk; 7] = [
     Quirk::WindInKnots,
     Quirk::RegenerationNeeded,
     Quirk::RegenerationNotNeeded,
     Quirk::PauseKeepsPose,
     Quirk::WaterMoves,
     Quirk::SlowExposure,
+    Quirk::ScreenshotWithoutCamera,
 ];
 
 impl Quirk {

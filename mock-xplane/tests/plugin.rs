@@ -2,6 +2,7 @@
 
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::camera::CameraPose;
@@ -17,6 +18,7 @@ use tokio::sync::oneshot;
 use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::PixelKind;
+use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 use xplane_bridge::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
@@ -202,8 +204,13 @@ async fn pictures(simulator: &mut Simulator) -> Vec<CapturedFrame> {
     simulator.set_conditions(&noon()).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let mut frames = Vec::new();
+    let deliver = simulator.deliver();
     for tick in 0..4 {
-        simulator.send_capture(&capture(tick)).await.unwrap();
+        let capture = CaptureRequest {
+            deliver,
+            ..capture(tick)
+        };
+        simulator.send_capture(&capture).await.unwrap();
         frames.push(simulator.receive_frame().await.unwrap());
     }
     frames
@@ -327,7 +334,10 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
         let description = simulator.description().clone();
         assert_eq!(description.name, "X-Plane");
         assert!(description.plugin.unwrap().starts_with("dtd_bridge "));
-        assert_eq!(description.pixels, [PixelKind::Gl, PixelKind::Screen]);
+        assert_eq!(
+            description.pixels,
+            [PixelKind::Gl, PixelKind::Screen, PixelKind::Screenshot]
+        );
         let found = pictures(&mut simulator).await;
         for (tick, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
             let asked = capture(tick as u32);
@@ -351,10 +361,66 @@ async fn the_plugins_pictures_are_those_of_the_built_in_link_in_any_attitude_and
 }
 
 #[tokio::test(flavor = "multi_thread")]
+async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_the_camera() {
+    let mut built_in = connected(Generation::XPlane12, LinkServer::BuiltIn).await;
+    let wanted = pictures(&mut built_in).await;
+    let mut simulator = taking_screenshots("camera_taken,stale_frames").await;
+    let found = pictures(&mut simulator).await;
+    for (tick, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
+        assert_eq!(
+            aircraft_mismatch(&found.pose, &capture(tick as u32).pose),
+            None
+        );
+        let (mean, largest) = difference(&found.rgb, &wanted.rgb);
+        assert!(mean < 0.1, "tick {tick}: {mean} {largest}");
+    }
+    simulator.release().await.unwrap();
+}
+
+#[tokio::test(flavor = "multi_thread")]
+async fn screenshots_of_another_view_than_the_cameras_are_refused() {
+    let mut simulator = taking_screenshots("cockpit_view,screenshot_without_camera").await;
+    simulator.set_conditions(&noon()).await.unwrap();
+    simulator.freeze(&runway()).await.unwrap();
+    let capture = CaptureRequest {
+        deliver: simulator.deliver(),
+        ..capture(0)
+    };
+    simulator.send_capture(&capture).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err().to_string();
+    assert!(
+        error.contains("do not follow the camera") && error.contains("--pixels screen"),
+        "{error}"
+    );
+}
+
+/// An X-Plane 12 with some habits, whose pictures are its own screenshots.
+async fn taking_screenshots(quirks: &str) -> Simulator {
+    let address = serving_with(ServerOptions {
+        generation: Generation::XPlane12,
+        link: LinkServer::Plugin(plugin()),
+        quirks: quirks.parse().unwrap(),
+        ..ServerOptions::default()
+    })
+    .await;
+    let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
+    let choice = PixelChoice::Only(PixelKind::Screenshot);
+    let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::here());
+    simulator
+        .use_pixels(choice, SIZE_PX, &screen)
+        .await
+        .unwrap();
+    simulator
+}
+
+#[tokio::test(flavor = "multi_thread")]
 async fn x_plane_12_has_no_readback_but_draws_probes_and_shows_the_check_pattern() {
     let mut simulator = connected(Generation::XPlane12, LinkServer::Plugin(plugin())).await;
     assert_eq!(simulator.description().version, "12.4.0");
-    assert_eq!(simulator.description().pixels, [PixelKind::Screen]);
+    assert_eq!(
+        simulator.description().pixels,
+        [PixelKind::Screen, PixelKind::Screenshot]
+    );
     let ground = simulator.probe_terrain(1.35, 103.98).await.unwrap();
     assert!((ground - 6.71).abs() < 1e-3, "{ground}");
     simulator.freeze(&runway()).await.unwrap();

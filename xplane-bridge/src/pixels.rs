@@ -1,9 +1,9 @@
 //! Where the pixels of a drawn frame come from, and how it is proven that they are those of that frame.
 //!
-//! Three ways ([`PixelKind`]): the stand-in sends its pictures over the capture link (`link`); the plugin reads X-Plane's frame
-//! back from OpenGL and sends it (`gl`); or the simulator only says that the frame is drawn, and the picture is grabbed from the screen
-//! (`screen`). To the client's core they are one trait, [`PixelSource`]. The first two come as they are; for the third, [`ScreenSource`]
-//! proves by a check pattern, before the first picture and after the last, that what is grabbed is the window, whole and unscaled, and
+//! Four ways ([`PixelKind`]): the stand-in sends its pictures over the capture link (`link`); the plugin reads X-Plane's frame
+//! back from OpenGL and sends it (`gl`); the simulator only says that the frame is drawn, and the picture is grabbed from the screen
+//! (`screen`); or X-Plane writes a file, which the plugin sends (`screenshot`). To the client's core they are one trait, [`PixelSource`].
+//! The plugin proves that what it sends is the frame asked for; for the screen, [`ScreenSource`] proves by a check pattern, before the first picture and after the last, that what is grabbed is the window, whole and unscaled, and
 //! never an older frame than the one asked for.
 
 pub mod check_pattern;
@@ -12,6 +12,7 @@ mod error;
 mod payload;
 mod picture;
 mod screen;
+mod screenshots;
 
 use std::fmt::Debug;
 use std::pin::Pin;
@@ -21,6 +22,7 @@ pub use error::PixelError;
 pub use payload::Payload;
 pub use picture::{Rectangle, RgbPicture};
 pub use screen::{FfmpegScreen, Grab, Lag, Screen, ScreenSource};
+pub use screenshots::Screenshots;
 
 use crate::error::BridgeError;
 pub use crate::link::PixelKind;

@@ -142,6 +142,8 @@ pub enum KnownProfile {
     Unusable(ProfileError),
     /// All of this.
     Current(Box<Profile>),
+    /// What pictures show, looked at by this client for itself; of the weather nothing.
+    PicturesOnly(Box<Profile>),
 }
 
 impl KnownProfile {
@@ -159,7 +161,7 @@ impl KnownProfile {
     /// The profile, if it may be used.
     pub fn current(&self) -> Option<&Profile> {
         match self {
-            Self::Current(profile) => Some(profile),
+            Self::Current(profile) | Self::PicturesOnly(profile) => Some(profile),
             Self::None | Self::Unusable(_) => None,
         }
     }
@@ -177,6 +179,14 @@ impl fmt::Display for KnownProfile {
             Self::None => f.write_str(
                 "has no profile: what sources disagree on is taken as most of them have it. `dtd doctor` measures it",
             ),
+            Self::PicturesOnly(profile) => {
+                f.write_str("has no profile of this version: ")?;
+                match profile.pictures_in_doubt() {
+                    None => f.write_str("its pictures were looked at now")?,
+                    Some(why) => write!(f, "its pictures may be wrong, since it could not be seen how they settle ({why})")?,
+                }
+                f.write_str(", and its weather is taken as most sources have it. `dtd doctor` measures both")
+            }
             Self::Unusable(error) => write!(
                 f,
                 "has a profile that is not used: {error}. `dtd doctor` measures it again"
@@ -231,14 +241,28 @@ impl Profile {
         self.pause_shows_poses.found() == Some(&false)
     }
 
+    /// Why nobody knows whether a picture shows what was written, if so.
+    fn pictures_in_doubt(&self) -> Option<&str> {
+        match (&self.pause_shows_poses, &self.frames_until_settled) {
+            (Finding::NotMeasured(why), _) => Some(why),
+            (Finding::Found(true), Finding::NotMeasured(why)) => Some(why),
+            _ => None,
+        }
+    }
+
     /// Whether pictures move by themselves, so that two of the same pose are no proof of anything.
     pub(crate) fn pictures_move(&self) -> bool {
         self.still_pictures_move.found() == Some(&true)
     }
 
+    /// Whether X-Plane takes winds in knots.
+    pub(crate) fn winds_are_in_knots(&self) -> bool {
+        self.wind_unit.found() == Some(&WindUnit::Knots)
+    }
+
     /// Weather as it has to be written here: winds in X-Plane's own unit.
     pub(crate) fn in_its_units(&self, mut writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
-        if self.wind_unit.found() == Some(&WindUnit::Knots) {
+        if self.winds_are_in_knots() {
             let winds = writes
                 .iter_mut()
                 .filter(|write| write.name.split('[').next() == Some(WIND_SPEED));

@@ -108,17 +108,17 @@ async fn record_into(
     let picture = common.picture;
     let cancel = attempt.cancel;
     let mut simulator = cancel.or(session.connect()).await?;
+    simulator.set_aircraft(&common.aircraft);
+    let (start, live) = start(work, scenario);
+    cancel
+        .or(simulator.prepare(&parameters.conditions, &start, live))
+        .await?;
     if let Some(known) = session.news_of(&simulator) {
         attempt.reporter.tell(Event::Profile {
             simulator: session.name(),
             known: &known,
         });
     }
-    simulator.set_aircraft(&common.aircraft);
-    let (start, live) = start(work, scenario);
-    cancel
-        .or(simulator.prepare(&parameters.conditions, &start, live))
-        .await?;
     cancel
         .or(simulator.set_conditions(&parameters.conditions))
         .await?;

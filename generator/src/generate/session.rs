@@ -91,8 +91,8 @@ pub(super) struct Session {
     stand_in: Option<StandIn>,
     /// A connection that nobody has used yet; the next scenario uses it.
     ready: Option<Simulator>,
-    /// What was said of its profile.
-    profile_told: Option<KnownProfile>,
+    /// What is known of it, and was told.
+    known: Option<KnownProfile>,
 }
 
 impl Session {
@@ -116,18 +116,18 @@ impl Session {
             pictures: pictures.clone(),
             stand_in: None,
             ready: None,
-            profile_told: None,
+            known: None,
         }
     }
 
-    /// What is known of a simulator behind a plugin, if that was not told yet.
+    /// What is known of a simulator behind a plugin, if that was not told yet. The next connection knows it, too.
     pub(super) fn news_of(&mut self, simulator: &Simulator) -> Option<KnownProfile> {
         let known = &simulator.description().profile;
-        if simulator.description().plugin.is_none() || self.profile_told.as_ref() == Some(known) {
+        if simulator.description().plugin.is_none() || self.known.as_ref() == Some(known) {
             return None;
         }
-        self.profile_told = Some(known.clone());
-        self.profile_told.clone()
+        self.known = Some(known.clone());
+        self.known.clone()
     }
 
     /// What messages call the simulator.
@@ -164,7 +164,11 @@ impl Session {
             }
             (connected, _) => connected?,
         };
-        Ok(self.pictures.set_up(simulator).await?)
+        let mut simulator = self.pictures.set_up(simulator).await?;
+        if let Some(known) = &self.known {
+            simulator.use_profile(known.clone());
+        }
+        Ok(simulator)
     }
 
     async fn connect_to_target(&mut self) -> Result<Simulator, ScenarioError> {

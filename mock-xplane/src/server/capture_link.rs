@@ -380,6 +380,9 @@ impl Studio {
             (Deliver::Slot(_), None) => {
                 return refusal("no memory is shared: send share_memory first".into());
             }
+            (Deliver::Screenshot, _) => {
+                return refusal("only an X-Plane writes screenshots: ask for the picture".into());
+            }
             (Deliver::Picture | Deliver::Drawn, _) => None,
         };
         let (key, sim_frame) = {
@@ -416,7 +419,7 @@ impl Studio {
             studio.draw(&request, &key, sim_frame, slot)
         });
         match request.deliver {
-            Deliver::Picture | Deliver::Slot(_) => Pending::Drawing(drawing),
+            Deliver::Picture | Deliver::Slot(_) | Deliver::Screenshot => Pending::Drawing(drawing),
             // The window shows one picture: the next one is not begun before this one is there.
             Deliver::Drawn => {
                 let (answer, rgb) = drawing.await.unwrap_or_else(failed);

@@ -22,6 +22,7 @@ from .messages import Refusal
 from .pixels import Pixels
 from .profile import ProfileFile, still_pictures_move
 from .scenery import Ground
+from .screenshots import Screenshots
 from .server import Asked, Closed, Connection, LinkServer, Note, Opened
 from .settings import Settings
 from .stage import Stage
@@ -49,6 +50,7 @@ class Bridge:
         self._callbacks = Callbacks(xp)
         self._stage = Stage(xp, self._datarefs, self._frame, self._callbacks)
         self._pixels = Pixels(xp, self._datarefs, self._callbacks, gl_library)
+        self._screenshots = Screenshots(xp)
         self._ground = Ground(xp)
         self._traffic = Traffic(xp)
         self._flights = Flights(self._stage, self._datarefs, self._frame, self._ground, self._traffic, xp)
@@ -127,6 +129,7 @@ class Bridge:
             self._task.close()
             self._task = None
         self._pixels.forget()
+        self._screenshots.proven = False
         self._leave_stage()
         self._found.client_left()
 
@@ -186,6 +189,8 @@ class Bridge:
 
     def _hello(self) -> Task:
         pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
+        if self._screenshots.is_offered():
+            pixels.append("screenshot")
         # The size is X-Plane's to tell in any case, the window's place on the desktop only sometimes.
         width, height = (int(self._datarefs.get_or(name, 0.0)) for name in names.WINDOW_SIZE)
         profile = self._profile.read() if self._profile else None
@@ -264,7 +269,7 @@ class Bridge:
                 else "X-Plane was taken out of its pause while frozen: nothing stands still. Freeze again"
             )
         return (yield from capture.take(
-            request, self._stage, self._pixels, self._datarefs, self._settle_frames, self._xp
+            request, self._stage, self._pixels, self._screenshots, self._datarefs, self._settle_frames, self._xp
         ))
 
     def _command(self, header: Header) -> Task:
@@ -317,6 +322,7 @@ class Bridge:
 
     def _leave_stage(self) -> None:
         self._pixels.pattern_code = None
+        self._stage.put_back()
         self._stage.release()
         self._traffic.give_back()
         self._found.give_back_the_stage()

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any, Generator
+from dataclasses import replace
+from typing import Any, Callable, Generator
 
 from . import datarefs as names
 from .datarefs import Datarefs
 from .messages import Capture, Pose, Refusal
 from .pixels import Frame, Pixels
+from .screenshots import NOT_OURS, Screenshots
 from .stage import Stage, Tick
 from .xp_api import Xp
 
@@ -27,34 +29,48 @@ TRIES = 5
 STALE_FRAMES = 10
 # In a pause two pictures in a row agree once exposure and shadows have settled. Where they never do (water that moves), that is no sign.
 RESTLESS_FRAMES = 30
+# Whoever looks away from the scene sees something else: pitch up to there, degrees.
+AWAY_PITCH_DEG = 60.0
 # Draw callbacks come 0 to n times a frame.
 UNDRAWN_FRAMES = 10
 METERS_PER_DEGREE = 111_320.0
 
 Answer = tuple[dict[str, Any], bytes]
+# The next frame, or nothing if it was disturbed.
+Look = Generator[None, None, "Frame | None"]
 
 
 def take(
-    request: Capture, stage: Stage, pixels: Pixels, datarefs: Datarefs, settle_frames: int, xp: Xp
+    request: Capture, stage: Stage, pixels: Pixels, screenshots: Screenshots, datarefs: Datarefs, settle_frames: int, xp: Xp
 ) -> Generator[None, None, Answer]:
     """Shows a tick and returns its ``frame``."""
     _check_window(request, datarefs)
-    if request.wants_picture and pixels.no_readback:
+    if request.deliver == "picture" and pixels.no_readback:
         raise Refusal(f"{pixels.no_readback}; take the pictures off the screen instead (--pixels screen)")
     deadline = time.monotonic() + TIME_LIMIT_S
+
+    def look() -> Look:
+        if request.deliver == "picture":
+            return _read_back(stage, pixels)
+        return _screenshot(stage, screenshots, settle_frames, deadline)
+
     tick = tick_of(request)
     shown_at, tried = stage.frames, 0
     while True:
         stage.show(tick)
         yield from _settle(stage, settle_frames, deadline)
         picture = None
-        if request.wants_picture:
-            picture = yield from _new_picture(tick, shown_at, stage, pixels, xp)
-        else:
+        if request.deliver == "drawn":
             yield
+        else:
+            picture = yield from _new_picture(tick, shown_at, stage, pixels, xp, look)
+        if picture is not None and request.deliver == "screenshot" and not screenshots.proven:
+            yield from _look_away(tick, picture, stage, settle_frames, deadline, look)
+            screenshots.proven = True
+            continue
         _raise_if_failed(stage, pixels)
         pose, (camera, hfov_deg, vfov_deg) = stage.read_pose(), stage.read_camera()
-        if not stage.is_shown() or (request.wants_picture and picture is None):
+        if not stage.is_shown() or (request.deliver != "drawn" and picture is None):
             # Disturbed; how often is limited by the time that settling may take.
             continue
         tried += 1
@@ -92,22 +108,48 @@ def _settle(stage: Stage, frames: int, deadline: float) -> Generator[None, None,
             raise Refusal(f"no {frames} frames in a row within {TIME_LIMIT_S:.0f} s: {stage.what_is_wrong_with_the_view()}")
 
 
-def _new_picture(tick: Tick, shown_at: int, stage: Stage, pixels: Pixels, xp: Xp) -> Generator[None, None, Frame | None]:
-    """The picture of a tick that has settled, proven by what it shows: it is not the one of the tick before, and it stands still. ``None`` if
-    it was disturbed."""
-    before: Frame | None = None
-    undrawn = 0
-    for _ in range(RESTLESS_FRAMES):
+def _read_back(stage: Stage, pixels: Pixels) -> Look:
+    for _ in range(UNDRAWN_FRAMES):
         pixels.want_frame()
         yield
         picture = pixels.take_frame()
         if stage.error or pixels.error or not stage.is_shown():
             return None
+        if picture is not None:
+            return picture
+    return None
+
+
+def _screenshot(stage: Stage, screenshots: Screenshots, settle_frames: int, deadline: float) -> Look:
+    """X-Plane takes the camera for it, and it is taken back at once."""
+    picture = yield from screenshots.take(stage.is_shown)
+    yield from _settle(stage, settle_frames, deadline)
+    return picture
+
+
+def _look_away(
+    tick: Tick, picture: Frame, stage: Stage, settle_frames: int, deadline: float, look: Callable[[], Look]
+) -> Generator[None, None, None]:
+    """Proves that screenshots show what our camera sees: X-Plane takes the camera for them, and nobody says whether before or after it draws."""
+    stage.show(replace(tick, camera=replace(tick.camera, heading_true_deg=tick.camera.heading_true_deg + 180.0, pitch_deg=AWAY_PITCH_DEG)))
+    yield from _settle(stage, settle_frames, deadline)
+    for _ in range(TRIES):
+        other = yield from look()
+        if other != picture:
+            return
+    raise Refusal(NOT_OURS)
+
+
+def _new_picture(
+    tick: Tick, shown_at: int, stage: Stage, pixels: Pixels, xp: Xp, look: Callable[[], Look]
+) -> Generator[None, None, Frame | None]:
+    """The picture of a tick that has settled, proven by what it shows: it is not the one of the tick before, and it stands still. ``None`` if
+    it was disturbed."""
+    before: Frame | None = None
+    for _ in range(RESTLESS_FRAMES):
+        picture = yield from look()
         if picture is None:
-            undrawn += 1
-            if undrawn > UNDRAWN_FRAMES:
-                return None
-            continue
+            return None
         is_new = stage.frames - shown_at > STALE_FRAMES or pixels.is_new(tick, picture)
         stands_still = pixels.restless or stage.time_runs or picture == before
         if is_new and stands_still:

@@ -65,7 +65,8 @@ class Capture:
     hfov_deg: float
     width_px: int
     height_px: int
-    wants_picture: bool
+    # "picture": read back; "drawn": on the screen; "screenshot": as X-Plane writes it.
+    deliver: str
 
 
 @dataclass(frozen=True)
@@ -145,8 +146,8 @@ def capture(header: Mapping[str, Any]) -> Capture:
     """A ``capture`` request."""
     camera, controls = part(header, "camera"), part(header, "controls")
     deliver = header.get("deliver", "picture")
-    if deliver not in ("picture", "drawn"):
-        raise Refusal(f"deliver is {deliver!r}, expected picture or drawn")
+    if deliver not in ("picture", "drawn", "screenshot"):
+        raise Refusal(f"deliver is {deliver!r}, expected picture, drawn or screenshot")
     hfov_deg = number(camera, "hfov_deg")
     if not 0 < hfov_deg < 180:
         raise Refusal(f"hfov_deg is {hfov_deg}, expected more than 0 and less than 180")
@@ -160,7 +161,7 @@ def capture(header: Mapping[str, Any]) -> Capture:
         hfov_deg=hfov_deg,
         width_px=whole(header, "width_px", 1, MAX_PICTURE_SIDE_PX),
         height_px=whole(header, "height_px", 1, MAX_PICTURE_SIDE_PX),
-        wants_picture=deliver == "picture",
+        deliver=deliver,
     )
 
 

@@ -61,6 +61,8 @@ class Stage:
         self._holds_camera = False
         self._asked_for_view_at: int | None = None
         self._frozen = False
+        # Where the aircraft was when it was frozen.
+        self._before: Pose | None = None
         self.error: str | None = None
 
     @property
@@ -81,6 +83,8 @@ class Stage:
     def freeze(self, running_at: Clock | None) -> None:
         """Stops the flight model, and time: paused, X-Plane still draws and still takes poses, but nothing moves by itself. With a clock
         time goes on instead, and the clock is set back to it in every frame: rain and snow fall only while time runs."""
+        if not self._frozen:
+            self._before = self.read_pose()
         self._frozen = True
         self._running_at = running_at
         self._hold()
@@ -90,6 +94,11 @@ class Stage:
     def is_still(self) -> bool:
         """Whether time stands or runs as the freeze wanted it."""
         return self.paused() != self.time_runs
+
+    def put_back(self) -> None:
+        """The aircraft where it was: shown in the air, a parked one would fall and crash."""
+        if self._frozen and self._before is not None:
+            self.write_pose(self._before)
 
     def release(self) -> None:
         """Takes the hands off. What was changed is given back by whoever remembers it."""

@@ -142,7 +142,7 @@ class Greeting(WithBridge):
         self.assertEqual(client.greeting, wire.GREETING)
         answer, payload = client.ask({"message": "hello", "client": "test"})
         self.assertEqual((answer["name"], answer["version"], payload), ("X-Plane", "11.55", b""))
-        self.assertEqual((answer["pixels"], answer["window"]), (["gl", "screen"], None))
+        self.assertEqual((answer["pixels"], answer["window"]), (["gl", "screen", "screenshot"], None))
 
     def test_versions_are_those_of_x_planes_own_log(self):
         for number, text in [(115_202, "11.52"), (120_403, "12.0.4"), (121_407, "12.1.4"), (124_311, "12.4.3")]:
@@ -172,7 +172,7 @@ class Greeting(WithBridge):
             self.setUp()
             self.world.set(name, 0, value)
             client = self.frozen()
-            self.assertEqual(client.ask({"message": "hello", "client": "test"})[0]["pixels"], ["screen"])
+            self.assertEqual(client.ask({"message": "hello", "client": "test"})[0]["pixels"], ["screen", "screenshot"])
             self.assertRegex(client.refused(capture()), "Vulkan or Metal.*--pixels screen")
             self.assertEqual(client.ask(capture(deliver="drawn"))[0]["message"], "frame")
 
@@ -439,6 +439,17 @@ class Capturing(WithBridge):
                     if name.startswith(given_back):
                         self.assertEqual(self.world.values[name], values, name)
                 self.assertIsNone(self.xp._camera)
+
+    def test_the_aircraft_is_put_back_to_where_it_stood(self):
+        stood = [self.world.get(f"sim/flightmodel/position/local_{axis}") for axis in "xyz"]
+        client = self.frozen()
+        client.ask(capture())
+        shown = [self.world.get(f"sim/flightmodel/position/local_{axis}") for axis in "xyz"]
+        self.assertGreater(math.dist(stood, shown), 100.0)
+        client.ask(FREEZE)
+        client.ask({"message": "release"})
+        found = [self.world.get(f"sim/flightmodel/position/local_{axis}") for axis in "xyz"]
+        self.assertLess(math.dist(stood, found), 0.01)
 
     def test_a_client_that_comes_back_soon_finds_its_weather_and_what_was_found_first_is_given_back_last(self):
         self.patch(found, COMES_BACK_WITHIN_S=30.0)

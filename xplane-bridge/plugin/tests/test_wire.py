@@ -41,7 +41,7 @@ class Wire(unittest.TestCase):
 
     def test_requests_are_understood(self):
         capture = messages.capture(golden("link_capture")[0])
-        self.assertEqual((capture.tick, capture.view, capture.hfov_deg, capture.wants_picture), (12, 1, 10.0, True))
+        self.assertEqual((capture.tick, capture.view, capture.hfov_deg, capture.deliver), (12, 1, 10.0, "picture"))
         self.assertEqual(capture.pose.latitude_deg, 1.194827667)
         fly = messages.fly(golden("link_fly")[0])
         self.assertTrue(fly.already_started)

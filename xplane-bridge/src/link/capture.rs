@@ -1,10 +1,13 @@
 //! One view of one instant: what to draw, and what was drawn.
 
+use std::ops::RangeInclusive;
+
 use dataset::camera::CameraPose;
 use dataset::pose::{Controls, Pose};
 use serde::{Deserialize, Serialize};
 
 use super::PictureBytes;
+use super::wire::MAX_PAYLOAD_BYTES;
 
 /// Longest side of a picture, pixels. Bounds what a request can make the other side allocate.
 pub const MAX_PICTURE_SIDE_PX: u32 = 8_192;
@@ -18,6 +21,8 @@ pub enum Deliver {
     Picture,
     /// It stays on the screen until the next request; the client grabs it there. The payload is empty.
     Drawn,
+    /// The file that X-Plane's screenshot command writes is the answer's payload: PNG.
+    Screenshot,
     /// Its pixels are drawn into a slot of the memory that the client shares ([`crate::link::SharedMemory`]). The payload is empty.
     Slot(u32),
 }
@@ -53,11 +58,12 @@ impl CaptureRequest {
         rgb_bytes(self.width_px, self.height_px)
     }
 
-    /// Size of the answer's payload, bytes: that of the picture, or none when it is only drawn.
-    pub fn payload_bytes(&self) -> usize {
+    /// Sizes that the answer's payload may have, bytes: that of the picture, none when it is only drawn, or whatever a file has.
+    pub fn payload_bytes(&self) -> RangeInclusive<usize> {
         match self.deliver {
-            Deliver::Picture => self.rgb_bytes(),
-            Deliver::Drawn | Deliver::Slot(_) => 0,
+            Deliver::Picture => self.rgb_bytes()..=self.rgb_bytes(),
+            Deliver::Drawn | Deliver::Slot(_) => 0..=0,
+            Deliver::Screenshot => 1..=MAX_PAYLOAD_BYTES,
         }
     }
 
@@ -193,12 +199,15 @@ mod tests {
             deliver: Deliver::Picture,
         };
         assert_eq!(good.check(), Ok(()));
-        assert_eq!(good.payload_bytes(), 7_372_800);
+        assert_eq!(good.payload_bytes(), 7_372_800..=7_372_800);
         let drawn = CaptureRequest {
             deliver: Deliver::Drawn,
             ..good
         };
-        assert_eq!((drawn.rgb_bytes(), drawn.payload_bytes()), (7_372_800, 0));
+        assert_eq!(
+            (drawn.rgb_bytes(), drawn.payload_bytes()),
+            (7_372_800, 0..=0)
+        );
         let huge = CaptureRequest {
             width_px: u32::MAX,
             ..good

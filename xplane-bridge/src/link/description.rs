@@ -14,6 +14,8 @@ pub enum PixelKind {
     Gl,
     /// The client grabs the simulator's window off the screen.
     Screen,
+    /// The simulator writes files by its own screenshot command, which the plugin sends.
+    Screenshot,
 }
 
 /// How large a picture is.

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use dataset::conditions::Clock;
 use dataset::imaging::Imaging;
 use dataset::runway::Runway;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
 use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, SharedMemory, SimulatorWindow};
@@ -96,7 +96,8 @@ pub enum Answer {
         version: String,
         /// Name and version of the plugin that serves the link; `None` if it is the simulator itself.
         plugin: Option<String>,
-        /// Where pictures can come from, the best first.
+        /// Where pictures can come from, the best first. Ways that are not known here are passed over.
+        #[serde(deserialize_with = "known_kinds")]
         pixels: Vec<PixelKind>,
         /// The window that shows what is drawn, if there is one.
         window: Option<SimulatorWindow>,
@@ -158,6 +159,12 @@ pub enum Answer {
     },
 }
 
+fn known_kinds<'de, D: Deserializer<'de>>(source: D) -> Result<Vec<PixelKind>, D::Error> {
+    let names = Vec::<String>::deserialize(source)?;
+    let known = |name: &String| PixelKind::ALL.into_iter().find(|kind| kind.name() == name);
+    Ok(names.iter().filter_map(known).collect())
+}
+
 impl Answer {
     /// The answer's name, for messages.
     pub fn name(&self) -> &'static str {
@@ -192,6 +199,9 @@ mod tests {
         );
         let answer: Answer = serde_json::from_str(&frame).unwrap();
         assert!(matches!(answer, Answer::Frame(header) if header.sim_frame == 9));
+        let hello = r#"{"message":"hello","name":"X-Plane","version":"13.00","plugin":null,"pixels":["hologram","screen"],"window":null}"#;
+        let answer: Answer = serde_json::from_str(hello).unwrap();
+        assert!(matches!(answer, Answer::Hello { pixels, .. } if pixels == [PixelKind::Screen]));
         let capture = |more: &str| {
             format!(
                 r#"{{"message":"capture","tick":1,"time_ns":0,"view":0,"pose":{pose},"controls":{{"flap_ratio":0,"gear_ratio":1}},"camera":{camera},"width_px":4,"height_px":2{more}}}"#

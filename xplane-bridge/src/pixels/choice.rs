@@ -8,7 +8,7 @@ use crate::link::PixelKind;
 
 impl PixelKind {
     /// All of them, the preferred one first.
-    pub const ALL: [Self; 3] = [Self::Link, Self::Gl, Self::Screen];
+    pub const ALL: [Self; 4] = [Self::Link, Self::Gl, Self::Screen, Self::Screenshot];
 
     /// Its name, as typed and recorded.
     pub fn name(self) -> &'static str {
@@ -16,6 +16,7 @@ impl PixelKind {
             Self::Link => "link",
             Self::Gl => "gl",
             Self::Screen => "screen",
+            Self::Screenshot => "screenshot",
         }
     }
 }
@@ -45,7 +46,7 @@ impl FromStr for PixelChoice {
             Some(kind) => Ok(Self::Only(kind)),
             None if text == "auto" => Ok(Self::Auto),
             None => Err(format!(
-                "{text:?} is no source of pixels, expected auto, link, gl or screen"
+                "{text:?} is no source of pixels, expected auto, link, gl, screen or screenshot"
             )),
         }
     }
@@ -82,14 +83,15 @@ impl PixelChoice {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use PixelKind::{Gl, Link, Screen};
+    use PixelKind::{Gl, Link, Screen, Screenshot};
 
     #[test]
     fn auto_takes_the_best_that_is_offered_in_whatever_order() {
         for (offered, expected) in [
             (vec![Screen, Gl, Link], Link),
             (vec![Screen, Gl], Gl),
-            (vec![Screen], Screen),
+            (vec![Screenshot, Screen], Screen),
+            (vec![Screenshot], Screenshot),
         ] {
             assert_eq!(PixelChoice::Auto.among(&offered).unwrap(), expected);
         }

@@ -139,6 +139,12 @@ pub enum PixelError {
         "the check pattern is still on the screen where a picture should be: the simulator did not remove it, or draws late"
     )]
     PatternStays,
+    /// X-Plane's screenshot is not the picture that was asked for.
+    #[error("X-Plane's screenshot cannot be used: {what}")]
+    Screenshot {
+        /// Why not.
+        what: String,
+    },
     /// After the recording, frames appeared later than before it.
     #[error(
         "frames took {found:.1?} to appear on the screen after the recording, more than the {allowed:.1?} waited for during it: \

@@ -9,6 +9,7 @@ use crate::error::BridgeError;
 use crate::link::{Deliver, PictureSize};
 use crate::pixels::{
     Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, Screen, ScreenSource,
+    Screenshots,
 };
 
 impl Simulator {
@@ -41,7 +42,8 @@ impl Simulator {
                 let display = &mut LinkDisplay(&mut self.link);
                 Box::new(ScreenSource::set_up(screen, picture_px, reported, display).await?)
             }
-            kind => Box::new(Payload(kind)),
+            PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
+            PixelKind::Link | PixelKind::Gl => Box::new(Payload(kind)),
         };
         Ok(kind)
     }
@@ -63,6 +65,7 @@ impl Simulator {
     pub fn deliver(&self) -> Deliver {
         match self.pixels.kind() {
             PixelKind::Screen => Deliver::Drawn,
+            PixelKind::Screenshot => Deliver::Screenshot,
             PixelKind::Link | PixelKind::Gl => Deliver::Picture,
         }
     }

@@ -29,6 +29,13 @@ impl Simulator {
         }
     }
 
+    /// Uses what an earlier connection to the same simulator found out for itself, unless the plugin keeps more.
+    pub fn use_profile(&mut self, known: KnownProfile) {
+        if self.description.profile.current().is_none() {
+            self.description.profile = known;
+        }
+    }
+
     /// In what order the plugin is called back in the next frames. Only behind a capture.
     ///
     /// # Errors

@@ -13,8 +13,8 @@ use tokio::time::{Instant, sleep};
 use super::Simulator;
 use crate::datarefs::{
     CLOUD_COVER_AT_AIRCRAFT, COMMAND_REGENERATE_WEATHER, DatarefWrite, RUNNING_TIME_S,
-    TEMPERATURE_C, UPDATE_IMMEDIATELY, WEATHER_PRESET, WEATHER_SOURCE, WeatherSource,
-    needs_repeating_after_regeneration, weather_effects,
+    TEMPERATURE_C, UPDATE_IMMEDIATELY, WEATHER_PRESET, WEATHER_SOURCE, WIND_SPEED_AT_AIRCRAFT,
+    WeatherSource, needs_repeating_after_regeneration, weather_effects,
 };
 use crate::error::BridgeError;
 use crate::profile::Profile;
@@ -248,7 +248,12 @@ impl Simulator {
         &mut self,
         writes: &[DatarefWrite],
     ) -> Result<Vec<(DatarefWrite, f32)>, BridgeError> {
-        let wanted = weather_effects(writes);
+        let mut wanted = weather_effects(writes);
+        let profile = self.description.profile.current();
+        if profile.is_some_and(Profile::winds_are_in_knots) {
+            // Nobody knows the unit at the aircraft then; the doctor has seen the wind blow.
+            wanted.retain(|write| write.name != WIND_SPEED_AT_AIRCRAFT);
+        }
         let began = Instant::now();
         loop {
             let found = self.read(&wanted).await?;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use dataset::conditions::Clock;
 use tokio::time::sleep;
 
 use super::lockstep::{self, difference};
@@ -15,6 +16,9 @@ use crate::link::{CapturedFrame, Deliver, PixelKind};
 pub(super) const SAME: f64 = 1.0;
 /// Frames after which everything that settles has settled.
 pub(super) const SETTLED: u32 = 60;
+
+/// The sun is up at noon on every day, but near the poles.
+const ANY_DAY: u32 = 172;
 
 /// When a scene that stands still is looked at again.
 const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
@@ -81,9 +85,27 @@ impl<'a> Eyes<'a> {
 
     /// Stands still from now on, and lets this many frames settle.
     pub(super) async fn freeze(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
+        self.hold(settle_frames, None).await
+    }
+
+    /// The same with time that runs, at noon.
+    pub(super) async fn freeze_at_noon(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
+        let hours = (12.0 - self.place.longitude_deg / 15.0).rem_euclid(24.0);
+        let noon = Clock {
+            day_of_year: ANY_DAY,
+            zulu_time_s: hours * 3_600.0,
+        };
+        self.hold(settle_frames, Some(noon)).await
+    }
+
+    async fn hold(
+        &mut self,
+        settle_frames: u32,
+        running_at: Option<Clock>,
+    ) -> Result<(), BridgeError> {
         let runway = lockstep::runway(&self.place);
         self.simulator
-            .freeze_raw(&runway, settle_frames, None)
+            .freeze_raw(&runway, settle_frames, running_at)
             .await
     }
 
@@ -146,7 +168,8 @@ impl<'a> Eyes<'a> {
 fn deliver(simulator: &Simulator) -> Option<Deliver> {
     match (simulator.pixels(), simulator.description().pixels.first()) {
         (PixelKind::Screen, _) => Some(Deliver::Drawn),
+        (PixelKind::Screenshot, _) => Some(Deliver::Screenshot),
         (_, Some(PixelKind::Link | PixelKind::Gl)) => Some(Deliver::Picture),
-        (_, Some(PixelKind::Screen) | None) => None,
+        (_, Some(PixelKind::Screen | PixelKind::Screenshot) | None) => None,
     }
 }

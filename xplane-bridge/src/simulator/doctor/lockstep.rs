@@ -113,7 +113,9 @@ async fn pictures(
 ) -> Result<Vec<(CaptureRequest, CapturedFrame)>, BridgeError> {
     // If they come off a screen that cannot be seen from here, all but their content can be examined.
     let deliver = match (simulator.pixels(), simulator.description().pixels.first()) {
-        (PixelKind::Screen, _) | (_, Some(PixelKind::Screen) | None) => Deliver::Drawn,
+        (PixelKind::Screen, _) | (_, Some(PixelKind::Screen | PixelKind::Screenshot) | None) => {
+            Deliver::Drawn
+        }
         (_, Some(PixelKind::Link | PixelKind::Gl)) => Deliver::Picture,
     };
     let size = picture_size(simulator.description()).unwrap_or(ANY_SIZE);

@@ -10,9 +10,10 @@ use super::sky::SkyFindings;
 use super::talk::PlaceOnGround;
 use super::{Check, Measuring};
 use crate::Simulator;
-use crate::datarefs::{DatarefWrite, USE_SYSTEM_TIME};
+use crate::datarefs::{DatarefWrite, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
+use crate::packet::Position;
 use crate::profile::{Finding, Grabbing, KnownProfile, PROFILE_FORMAT, Profile};
 use crate::simulator::{SWITCH_TIMEOUT, wrong};
 
@@ -71,6 +72,36 @@ pub(super) async fn measure(
     }
     let profile = profile(simulator, pictures, sky, grabbing);
     note(keep(simulator, profile).await);
+}
+
+impl Simulator {
+    /// Looks at the pictures of an X-Plane that nobody measured: some seconds, for this run alone. An X-Plane that keeps its picture in a
+    /// pause, or whose exposure settles slowly, would give wrong ones.
+    pub(in crate::simulator) async fn look_at_pictures(
+        &mut self,
+        here: &Position,
+    ) -> Result<(), BridgeError> {
+        let place = PlaceOnGround {
+            latitude_deg: here.latitude_deg,
+            longitude_deg: here.longitude_deg,
+            altitude_msl_m: here.elevation_msl_m,
+            ground_msl_m: here.elevation_msl_m - f64::from(here.height_agl_m),
+        };
+        tracing::info!("nobody measured this simulator: its pictures are looked at first");
+        // By night nothing shows.
+        let noon_s = (12.0 - here.longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0;
+        self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
+        self.write_surely(ZULU_TIME_S, noon_s as f32).await?;
+        let mut eyes = Eyes::at(self, place);
+        let pictures = PictureFindings::measure(&mut eyes).await;
+        self.let_go().await?;
+        self.resume().await?;
+        let sky = SkyFindings::nothing("only `dtd doctor` measures the weather");
+        let grabbing = Finding::NotMeasured("only `dtd doctor` measures it".into());
+        let profile = profile(self, pictures, sky, grabbing);
+        self.description.profile = KnownProfile::PicturesOnly(Box::new(profile));
+        Ok(())
+    }
 }
 
 fn profile(

@@ -32,7 +32,9 @@ impl PictureFindings {
         }
         let still_pictures_move = finding(eyes.noise(Shot::BEHIND).await);
         let noise = still_pictures_move.found().copied().unwrap_or(0.0);
-        let pause_shows_poses = finding(shows_poses(eyes, noise).await);
+        let pause_shows_poses = shows_poses(eyes, noise)
+            .await
+            .unwrap_or_else(|error| Finding::NotMeasured(error.to_string()));
         let paused = Self {
             still_pictures_move: map(still_pictures_move, |noise| noise > 0.0),
             callbacks: callbacks(eyes).await,
@@ -119,9 +121,22 @@ impl PictureFindings {
     }
 }
 
-/// Whether another shot is another picture.
-async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<bool, BridgeError> {
+/// Whether another shot is another picture in a pause. If it is none, it has to be one while time runs: in fog all look alike.
+async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, BridgeError> {
     eyes.freeze(SETTLED).await?;
+    if differ(eyes, noise).await? {
+        return Ok(Finding::Found(true));
+    }
+    eyes.freeze_at_noon(SETTLED).await?;
+    match differ(eyes, noise).await? {
+        true => Ok(Finding::Found(false)),
+        false => Ok(Finding::NotMeasured(
+            "the sky and the aircraft give the same picture, as in fog".into(),
+        )),
+    }
+}
+
+async fn differ(eyes: &mut Eyes<'_>, noise: f64) -> Result<bool, BridgeError> {
     let [behind, away] = eyes.take([Shot::BEHIND, Shot::AWAY]).await?;
     Ok(difference(&behind.rgb, &away.rgb) > noise + SAME)
 }

@@ -89,7 +89,7 @@ impl SkyFindings {
         }
     }
 
-    fn nothing(reason: &str) -> Self {
+    pub(super) fn nothing(reason: &str) -> Self {
         Self {
             wind_unit: Finding::NotMeasured(reason.into()),
             visibility_needs_regeneration: Finding::NotMeasured(reason.into()),

@@ -1,0 +1,109 @@
+"""Pictures by X-Plane's own screenshot command: the one way that needs neither OpenGL nor a screen that somebody can grab.
+
+X-Plane names the file itself and writes it into ``Output/screenshots`` some tenths of a second later. It takes the camera for it, so whoever takes
+a screenshot has to take the camera back. That makes it slow: good for a picture every few seconds of flight.
+"""
+
+from __future__ import annotations
+
+import struct
+import time
+from pathlib import Path
+from typing import Callable, Generator
+
+from .messages import Refusal
+from .pixels import Frame
+from .xp_api import Xp
+
+COMMAND = "sim/operation/screenshot"
+# Live clients wait for 0.2 or 0.3 s; a large picture on a slow disk takes longer.
+FILE_LIMIT_S = 10.0
+MAX_FILE_BYTES = 192 << 20
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+END = b"\0\0\0\0IEND\xaeB`\x82"
+NOT_OURS = (
+    "X-Plane's screenshots do not follow the camera: it takes the camera away before it draws them, so they show another view. "
+    "Take the pictures off the screen instead (--pixels screen)"
+)
+# Chunks without which there is no picture. Others (the time, the program) would make two files of one picture differ.
+CRITICAL = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
+
+
+class Screenshots:
+    """The folder into which X-Plane writes them."""
+
+    def __init__(self, xp: Xp) -> None:
+        self._xp = xp
+        self._folder = Path(xp.getSystemPath()) / "Output" / "screenshots"
+        # Whether this client's were seen to show what the camera sees.
+        self.proven = False
+
+    def is_offered(self) -> bool:
+        """Whether this X-Plane has the command."""
+        return self._xp.findCommand(COMMAND) is not None
+
+    def take(self, camera_is_ours: Callable[[], bool]) -> Generator[None, None, Frame]:
+        """The next frame that X-Plane draws, as a PNG file; the camera may be gone then."""
+        command = self._xp.findCommand(COMMAND)
+        if command is None:
+            raise Refusal(f"X-Plane does not know the command {COMMAND}")
+        before = self._names()
+        self._xp.commandOnce(command)
+        if not camera_is_ours():
+            # Nothing was drawn since.
+            raise Refusal(NOT_OURS)
+        deadline = time.monotonic() + FILE_LIMIT_S
+        while time.monotonic() < deadline:
+            yield
+            for name in sorted(self._names() - before):
+                png = _whole(self._folder / name)
+                if png is not None:
+                    self._remove(name)
+                    return parse(png)
+        raise Refusal(
+            f"X-Plane wrote no screenshot into {self._folder} within {FILE_LIMIT_S:.0f} s: is the disk full, or the folder not to be written?"
+        )
+
+    def _names(self) -> set[str]:
+        try:
+            return {entry.name for entry in self._folder.iterdir() if entry.suffix == ".png"}
+        except FileNotFoundError:
+            # X-Plane makes it with the first one.
+            return set()
+
+    def _remove(self, name: str) -> None:
+        """A sweep would fill the disk."""
+        try:
+            (self._folder / name).unlink()
+        except OSError as error:
+            self._xp.log(f"the screenshot {name} cannot be removed: {error}")
+
+
+def _whole(path: Path) -> bytes | None:
+    """A file that X-Plane has written to its end."""
+    try:
+        if path.stat().st_size > MAX_FILE_BYTES:
+            raise Refusal(f"{path} has more than {MAX_FILE_BYTES} bytes: that is no screenshot of X-Plane")
+        png = path.read_bytes()
+    except OSError:
+        # Windows lets nobody read what is being written.
+        return None
+    return png if png.startswith(SIGNATURE) and png.endswith(END) else None
+
+
+def parse(png: bytes) -> Frame:
+    """Width, height, and the file without what is not the picture."""
+    size, kept, at = None, [SIGNATURE], len(SIGNATURE)
+    while at + 12 <= len(png):
+        length, kind = struct.unpack_from(">I4s", png, at)
+        end = at + 12 + length
+        if end > len(png):
+            break
+        if kind == b"IHDR" and length >= 8:
+            size = struct.unpack_from(">II", png, at + 8)
+        if kind in CRITICAL:
+            kept.append(png[at:end])
+        at = end
+    if size is None or at != len(png):
+        raise Refusal("X-Plane's screenshot is no sound PNG file")
+    return size[0], size[1], b"".join(kept)
