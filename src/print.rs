@@ -22,15 +22,22 @@ macro_rules! eprintln {
     ($($words:tt)*) => { $crate::print::to_stderr(format_args!($($words)*)) };
 }
 
-/// Writes a line of a result. A result that cannot be written to where it should go, e.g. a full disk, ends the process.
+/// Writes a line of a result for a person, who may read it through a pager or a file. A result that cannot be written to where it should go, e.g. a full disk, ends the process.
 pub(crate) fn to_stdout(line: Arguments<'_>) {
+    write_to_stdout(&plain(&line.to_string()));
+}
+
+/// Writes a document for a program, which gets it to the last character. A person at a terminal reads it like any other words.
+pub(crate) fn document_to_stdout(document: &str) {
+    match io::stdout().is_terminal() {
+        true => write_to_stdout(&plain(document)),
+        false => write_to_stdout(document),
+    }
+}
+
+fn write_to_stdout(line: &str) {
     let mut stdout = io::stdout().lock();
-    // A program that reads a result gets it to the last character.
-    let written = if stdout.is_terminal() {
-        writeln!(stdout, "{}", plain(&line.to_string()))
-    } else {
-        writeln!(stdout, "{line}")
-    };
+    let written = writeln!(stdout, "{line}");
     match written.and_then(|()| stdout.flush()) {
         Err(error) if error.kind() != ErrorKind::BrokenPipe => {
             to_stderr(format_args!(

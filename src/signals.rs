@@ -15,6 +15,9 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::failure::TRY_AGAIN;
 
+/// SIGXFSZ, of a file that would grow beyond `ulimit -f`: unhandled it kills the process; handled, the write fails with an error.
+const FILE_TOO_LARGE: i32 = 25;
+
 /// The switch of the verb that is at work, if it has one.
 static SWITCH: Mutex<Option<Cancel>> = Mutex::new(None);
 
@@ -22,7 +25,7 @@ fn switch() -> MutexGuard<'static, Option<Cancel>> {
     SWITCH.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes over Ctrl-C and SIGTERM for the rest of the process.
+/// Takes over Ctrl-C, SIGTERM and SIGXFSZ for the rest of the process.
 pub(crate) fn watch() -> io::Result<()> {
     let runtime = Builder::new_current_thread().enable_io().build()?;
     // Before the thread runs, so that not even a signal that comes at once has its usual effect.
@@ -33,6 +36,11 @@ pub(crate) fn watch() -> io::Result<()> {
             signal(SignalKind::terminate())?,
         )
     };
+    {
+        let _inside = runtime.enter();
+        // Nobody listens, but the handler stays.
+        let _handled = signal(SignalKind::from_raw(FILE_TOO_LARGE))?;
+    }
     thread::Builder::new()
         .name("signals".into())
         .spawn(move || {

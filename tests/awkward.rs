@@ -158,7 +158,7 @@ fn awkward_habits_at_random_give_the_pictures_of_a_well_behaved_simulator() {
 /// All that a client copes with unprepared. Of those that reports disagree on it looks at pictures for itself; the weather needs `dtd doctor`
 /// first (mock-xplane/tests/profile.rs).
 fn habits() -> impl Iterator<Item = &'static Facts> {
-    const LOOKED_AT: [&str; 3] = ["pause_keeps_pose", "water_moves", "slow_exposure"];
+    const LOOKED_AT: [&str; 2] = ["pause_keeps_pose", "slow_exposure"];
     FACTS
         .iter()
         .filter(|facts| !OPEN.contains(&facts.quirk) || LOOKED_AT.contains(&facts.name))

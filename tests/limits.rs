@@ -372,3 +372,21 @@ fn what_needs_more_memory_than_allowed_says_how_much() {
     assert_says(&tiny, &little, 1, words);
     assert_says(&tiny, &["--max-memory", "none", "schema"], 2, &["e.g. 2G"]);
 }
+
+/// A file system's quota or `ulimit -f` ends no process: what cannot be written is an error, and nothing half is left.
+#[test]
+fn a_file_that_may_not_grow_is_an_error_and_no_death_by_signal() {
+    let tiny = Tiny::made().copy();
+    let mut limited = std::process::Command::new("bash");
+    limited
+        .args([
+            "-c",
+            "ulimit -f 2; exec \"$0\" label \"$1\"",
+            env!("CARGO_BIN_EXE_dtd"),
+        ])
+        .arg(tiny.corpus());
+    let output = run(&mut limited, PATIENCE).expect("ends");
+    let said = said(&output);
+    assert!(output.status.code().is_some_and(|code| code != 0), "{said}");
+    assert!(said.contains("File too large"), "{said}");
+}

@@ -465,6 +465,16 @@ async fn a_websocket_subscribes_sets_commands_and_hears_what_changes() {
     let update = receive(&mut socket, "command_update_is_active").await;
     assert_eq!(update["data"], json!({ pause.to_string(): true }));
 
+    send(
+        &mut socket,
+        &json!({ "req_id": 7, "type": "dataref_subscribe_values", "params": {
+            "datarefs": [{ "id": clouds, "index": [0, 1_000_000] }],
+        }}),
+    )
+    .await;
+    let result = receive(&mut socket, "result").await;
+    assert_eq!(result["error_code"], json!("invalid_index"), "{result}");
+
     send(&mut socket, &json!({ "req_id": 5, "type": "dataref_unsubscribe_values", "params": { "datarefs": "all" } })).await;
     assert_eq!(receive(&mut socket, "result").await["success"], json!(true));
     send(&mut socket, &json!({ "req_id": 6, "type": "dataref_subscribe_values", "params": { "datarefs": [{ "id": 3 }] } })).await;

@@ -3,10 +3,11 @@
 use serde::Serialize;
 
 use crate::failure::Failure;
+use crate::print::document_to_stdout;
 
 /// Prints a value as one JSON document.
 pub(crate) fn print_json(value: &impl Serialize) -> Result<(), Failure> {
-    println!("{}", serde_json::to_string_pretty(value)?);
+    document_to_stdout(&serde_json::to_string_pretty(value)?);
     Ok(())
 }
 

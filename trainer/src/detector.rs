@@ -7,12 +7,11 @@
 //! `network` and `convolution` compute, `grid` says what the numbers mean, `targets` and `loss` what they should be;
 //! `picture`, `crop`, `samples` and `corpus_samples` feed `training`; `evaluation` judges; `export` and `onnx` write the model.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
-use dataset::json_file::{write_atomically, write_json};
+use dataset::json_file::{read_json, write_atomically, write_json};
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
@@ -130,7 +129,7 @@ pub fn train_detector(
         held_out,
     };
     write_json(&beside(out, "json"), &report)?;
-    fs::remove_dir_all(&checkpoint).map_err(dataset::Error::io("remove", &checkpoint))?;
+    checkpoint::clear(&checkpoint)?;
     Ok(report)
 }
 
@@ -143,7 +142,15 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     if out.is_dir() || out.file_name().is_none() {
         return Err(refused("is a folder; expected the name of a file".into()));
     }
-    match Claim::take_in(checkpoint, "claim") {
+    let report = beside(out, "json");
+    if report.exists() && read_json::<DetectorReport>(&report, "report of a detector").is_err() {
+        return Err(refused(format!(
+            "would have its report in {}, where something else lies; move that away, or give another --out",
+            report.display()
+        )));
+    }
+    checkpoint::refuse_strangers(checkpoint)?;
+    match Claim::take_in(checkpoint, checkpoint::CLAIM) {
         Ok(Claimed::Mine(claim)) => Ok(claim),
         Ok(Claimed::Theirs(holder)) => Err(Error::Held {
             run: out.to_owned(),

@@ -244,9 +244,8 @@ impl Profile {
     /// Why nobody knows whether a picture shows what was written, if so.
     fn pictures_in_doubt(&self) -> Option<&str> {
         match (&self.pause_shows_poses, &self.frames_until_settled) {
-            (Finding::NotMeasured(why), _) => Some(why),
-            (Finding::Found(true), Finding::NotMeasured(why)) => Some(why),
-            _ => None,
+            (Finding::NotMeasured(why), _) | (_, Finding::NotMeasured(why)) => Some(why),
+            (Finding::Found(_), Finding::Found(_)) => None,
         }
     }
 

@@ -25,7 +25,9 @@ use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
 use serde_json::json;
-use tokio::net::TcpListener;
+#[cfg(target_os = "linux")]
+use socket2::SockRef;
+use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::watch;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
@@ -43,6 +45,8 @@ const MOST_SOCKETS: usize = 32;
 /// How long the head of a request may take, from the end of the last one, and how long the rest of it with its answer.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
+/// How long a client may leave what was sent to it unread.
+const READ_WITHIN: Duration = Duration::from_secs(10);
 
 /// What all requests share.
 struct Desk {
@@ -83,6 +87,7 @@ pub(super) async fn run(
         tokio::select! {
             (stream, from, room) = doorway.next(&listener) => {
                 let service = service.clone();
+                end_if_unread(&stream);
                 clients.spawn(async move {
                     let _room = room;
                     let served = http1::Builder::new()
@@ -99,6 +104,16 @@ pub(super) async fn run(
             Some(_) = clients.join_next() => {}
         }
     }
+}
+
+/// Has the system close a connection whose client does not read. Elsewhere such clients are limited by their number alone.
+fn end_if_unread(stream: &TcpStream) {
+    #[cfg(target_os = "linux")]
+    if let Err(error) = SockRef::from(stream).set_tcp_user_timeout(Some(READ_WITHIN)) {
+        tracing::debug!(%error, "a client may leave its answers unread");
+    }
+    #[cfg(not(target_os = "linux"))]
+    let _ = (stream, READ_WITHIN);
 }
 
 fn router(desk: Arc<Desk>) -> Router {

@@ -3,6 +3,7 @@
 //! A marker file, written before anything else, says that `corpus` and `run` are a demo's. Whatever is not of the form of a demo's files
 //! is somebody else's: it is never removed, and `--fresh` refuses to begin beside it.
 
+use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 
@@ -17,6 +18,7 @@ use crate::failure::Failure;
 const MARKER: &str = "DEMO.json";
 const CORPUS: &str = "corpus";
 const RUN: &str = "run";
+const PLAN: &str = "plan.json";
 /// As many strange files are named in a refusal.
 const MOST_NAMED: usize = 20;
 
@@ -61,10 +63,16 @@ impl OwnFolder {
         let marked = folder.is_marked();
         if marked {
             folder.lock()?;
+        } else if fs::symlink_metadata(folder.marker()).is_ok() {
+            return Err(Failure::bad_input_message(format!(
+                "{} is not what `dtd demo` writes there; move it away, or give another --out",
+                folder.marker().display()
+            )));
         }
         if fresh {
-            folder.refuse(&folder.of_others(marked)?)?;
-            folder.remove_own()?;
+            let found = folder.look(marked)?;
+            folder.refuse(&found.of_others)?;
+            folder.remove(&found)?;
         }
         if !marked && !folder.corpus().exists() && !folder.run().exists() {
             write_json(&folder.marker(), &Marker::ours()).map_err(Failure::bad_input)?;
@@ -132,9 +140,10 @@ impl OwnFolder {
         )))
     }
 
-    /// What is not a demo's; in a folder that no demo marked, everything.
-    fn of_others(&self, marked: bool) -> Result<Vec<PathBuf>, Failure> {
-        let mut others = Vec::new();
+    /// What is a demo's and what is not; in a folder that no demo marked, nothing is.
+    fn look(&self, marked: bool) -> Result<Found, Failure> {
+        let mut found = Found::default();
+        let planned = self.planned();
         let mut folders = vec![PathBuf::new()];
         while let Some(folder) = folders.pop() {
             let path = self.root.join(&folder);
@@ -144,33 +153,68 @@ impl OwnFolder {
                 let kind = entry
                     .file_type()
                     .map_err(dataset::Error::io("look at", &path))?;
-                match marked && is_own(&name, kind.is_dir(), kind.is_file()) {
-                    true if kind.is_dir() => folders.push(name),
-                    true => {}
-                    false => others.push(name),
+                match marked && is_own(&name, kind.is_dir(), kind.is_file(), &planned) {
+                    true if kind.is_dir() => {
+                        found.folders.push(name.clone());
+                        folders.push(name);
+                    }
+                    true if name == Path::new(MARKER) => {}
+                    true => found.files.push(name),
+                    false => found.of_others.push(name),
                 }
             }
         }
-        others.sort();
-        Ok(others)
+        found.of_others.sort();
+        // What a folder holds comes before the folder.
+        found.folders.sort();
+        found.folders.reverse();
+        Ok(found)
     }
 
-    fn remove_own(&self) -> Result<(), Failure> {
-        for path in [
-            self.corpus(),
-            self.run(),
-            RunFolder::place_beside(&self.run()),
-        ] {
-            if path.exists() {
-                fs::remove_dir_all(&path).map_err(dataset::Error::io("remove", &path))?;
+    /// Identifiers of the scenarios that the demo made or was about to make.
+    fn planned(&self) -> BTreeSet<String> {
+        #[derive(Deserialize)]
+        struct Plan {
+            scenarios: Vec<Scenario>,
+        }
+        #[derive(Deserialize)]
+        struct Scenario {
+            id: String,
+        }
+        let plan = read_json::<Plan>(&self.corpus().join(PLAN), "plan");
+        let scenarios = plan.map_or_else(|_| Vec::new(), |plan| plan.scenarios);
+        scenarios.into_iter().map(|scenario| scenario.id).collect()
+    }
+
+    /// Removes what was found to be a demo's, and nothing that came since. The plan, which says what is, goes last.
+    fn remove(&self, found: &Found) -> Result<(), Failure> {
+        let plan = Path::new(CORPUS).join(PLAN);
+        let is_late = |name: &Path| name == plan || name == Path::new(CORPUS);
+        for late in [false, true] {
+            let now = |name: &&PathBuf| is_late(name) == late;
+            for name in found.files.iter().filter(now) {
+                let path = self.root.join(name);
+                fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
+            }
+            for name in found.folders.iter().filter(now) {
+                let path = self.root.join(name);
+                fs::remove_dir(&path).map_err(dataset::Error::io("remove", &path))?;
             }
         }
         Ok(())
     }
 }
 
-/// Whether something at this place, relative to the folder of a demo, has the form of what a demo makes.
-fn is_own(name: &Path, is_folder: bool, is_file: bool) -> bool {
+/// What lies in the folder of a demo, relative to it.
+#[derive(Debug, Default)]
+struct Found {
+    files: Vec<PathBuf>,
+    folders: Vec<PathBuf>,
+    of_others: Vec<PathBuf>,
+}
+
+/// Whether something at this place, relative to the folder of a demo, is of the form of what a demo makes of these scenarios.
+fn is_own(name: &Path, is_folder: bool, is_file: bool, planned: &BTreeSet<String>) -> bool {
     let parts: Option<Vec<&str>> = name.iter().map(|part| part.to_str()).collect();
     let Some(parts) = parts else {
         return false;
@@ -182,15 +226,25 @@ fn is_own(name: &Path, is_folder: bool, is_file: bool) -> bool {
     match inside {
         [] if is_folder => [CORPUS, RUN].contains(place) || beside == Path::new(place),
         [] => is_file && without_temporary_ending(place) == MARKER,
-        _ if *place == CORPUS => is_of_corpus(inside, is_folder, is_file),
-        // What is being made there is nobody else's.
-        _ if *place != RUN => is_folder || is_file,
-        [file] => is_file && RunFolder::FILES.contains(&without_temporary_ending(file)),
+        _ if *place == CORPUS => is_of_corpus(inside, is_folder, is_file, planned),
+        [file] if *place == RUN => is_file && is_of_run(file),
+        ["claim"] => is_file && *place != RUN,
+        ["new" | "old"] => is_folder && *place != RUN,
+        ["new" | "old", file] => is_file && *place != RUN && is_of_run(file),
         _ => false,
     }
 }
 
-fn is_of_corpus(inside: &[&str], is_folder: bool, is_file: bool) -> bool {
+fn is_of_run(file: &str) -> bool {
+    RunFolder::FILES.contains(&without_temporary_ending(file))
+}
+
+fn is_of_corpus(
+    inside: &[&str],
+    is_folder: bool,
+    is_file: bool,
+    planned: &BTreeSet<String>,
+) -> bool {
     let ends = |name: &str, endings: [&str; 2]| {
         let name = without_temporary_ending(name);
         endings.iter().any(|ending| name.ends_with(ending))
@@ -198,9 +252,13 @@ fn is_of_corpus(inside: &[&str], is_folder: bool, is_file: bool) -> bool {
     match inside {
         ["scenarios" | "claims" | "failed"] => is_folder,
         [name] => is_file && Corpus::FILES.contains(&without_temporary_ending(name)),
-        ["claims" | "failed", _] => is_file,
+        ["claims", id] => is_file && planned.contains(*id),
+        ["failed", name] => {
+            let id = without_temporary_ending(name).strip_suffix(".json");
+            is_file && id.is_some_and(|id| planned.contains(id))
+        }
+        ["scenarios", id, ..] if !planned.contains(id.trim_end_matches(PARTIAL_SUFFIX)) => false,
         ["scenarios", _] => is_folder,
-        ["scenarios", id, ..] if id.ends_with(PARTIAL_SUFFIX) => is_folder || is_file,
         ["scenarios", _, "views" | "detections"] => is_folder,
         ["scenarios", _, "views", name] => is_file && ends(name, [".mp4", ".mov"]),
         ["scenarios", _, "detections", name] => is_file && ends(name, [".parquet", ".json"]),
@@ -232,6 +290,7 @@ mod tests {
         let place = tempfile::tempdir().unwrap();
         let place = place.path();
         let made = [
+            "corpus/plan.json",
             "corpus/splits.json",
             "corpus/claims/1200-clear-r1",
             "corpus/scenarios/1200-clear-r1.partial/views/left.mp4",
@@ -246,15 +305,42 @@ mod tests {
         for name in made {
             let path = place.join(name);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, "").unwrap();
+            fs::write(path, r#"{"scenarios": [{"id": "1200-clear-r1"}]}"#).unwrap();
         }
         let second = OwnFolder::open(place, true);
         assert!(matches!(second, Err(Failure::TryAgain(_))), "one at a time");
         drop(folder);
         drop(OwnFolder::open(place, false).unwrap());
         assert!(place.join("run/weights.safetensors").exists());
+        for strange in [
+            "corpus/failed/notes.txt",
+            "corpus/scenarios/mine/views/left.mp4",
+            "corpus/scenarios/1200-clear-r1.partial/thesis.docx",
+            "run.partial/new/photos/a.jpg",
+        ] {
+            let path = place.join(strange);
+            fs::create_dir_all(path.parent().unwrap()).unwrap();
+            fs::write(&path, "").unwrap();
+            let refused = OwnFolder::open(place, true);
+            assert!(matches!(refused, Err(Failure::BadInput(_))), "{strange}");
+            assert!(path.exists() && place.join("run/weights.safetensors").exists());
+            fs::remove_file(&path).unwrap();
+            // Folders of ours may be empty.
+            let _ = fs::remove_dir(path.parent().unwrap());
+            let _ = fs::remove_dir(path.parent().unwrap().parent().unwrap());
+        }
         drop(OwnFolder::open(place, true).unwrap());
         let left: Vec<_> = fs::read_dir(place).unwrap().collect();
         assert_eq!(left.len(), 1, "only the marker: {left:?}");
+    }
+
+    #[test]
+    fn a_file_of_the_markers_name_that_no_demo_wrote_stays() {
+        let place = tempfile::tempdir().unwrap();
+        let marker = place.path().join(MARKER);
+        fs::write(&marker, r#"{"precious": 1}"#).unwrap();
+        let refused = OwnFolder::open(place.path(), false);
+        assert!(matches!(refused, Err(Failure::BadInput(_))));
+        assert_eq!(fs::read_to_string(&marker).unwrap(), r#"{"precious": 1}"#);
     }
 }

@@ -14,6 +14,60 @@ use serde::{Deserialize, Serialize};
 use super::training::{Training, TrainingConfig};
 use crate::error::{Error, Result};
 
+/// Locked by whoever trains.
+pub(super) const CLAIM: &str = "claim";
+const STATE: &str = "checkpoint.json";
+const PARTS: [&str; 2] = ["network", "optimizer"];
+
+/// Refuses a folder that holds anything but a checkpoint: it goes when the training is done.
+pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
+    for path in content(folder)? {
+        if !is_own(&path) {
+            return Err(Error::Run {
+                path: folder.to_owned(),
+                message: format!(
+                    "is where the training keeps its checkpoint, but holds {}; move that away, or give another --out",
+                    path.file_name().unwrap_or_default().to_string_lossy()
+                ),
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Removes the checkpoint of a training that is done.
+pub(super) fn clear(folder: &Path) -> Result<()> {
+    for path in content(folder)? {
+        if is_own(&path) {
+            fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
+        }
+    }
+    Ok(fs::remove_dir(folder).map_err(dataset::Error::io("remove", folder))?)
+}
+
+fn content(folder: &Path) -> Result<Vec<PathBuf>> {
+    if !folder.is_dir() {
+        return Ok(Vec::new());
+    }
+    let failed = |error| Error::from(dataset::Error::io("list", folder)(error));
+    fs::read_dir(folder)
+        .map_err(failed)?
+        .map(|entry| Ok(entry.map_err(failed)?.path()))
+        .collect()
+}
+
+/// Whether a file has the name of one of ours, finished or being written.
+fn is_own(path: &Path) -> bool {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let is_part = PARTS.iter().any(|part| {
+        let step = name.strip_suffix(part).and_then(|n| n.strip_suffix('.'));
+        step.is_some_and(|step| step.parse::<u64>().is_ok())
+    });
+    let is_state =
+        name == STATE || name.starts_with(&format!(".{STATE}.")) && name.ends_with(".tmp");
+    path.is_file() && (is_part || is_state || name == CLAIM)
+}
+
 /// How far a training has come.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Position {
@@ -47,7 +101,7 @@ impl<'a> Checkpoint<'a> {
     }
 
     fn state_path(&self) -> PathBuf {
-        self.folder.join("checkpoint.json")
+        self.folder.join(STATE)
     }
 
     fn part_path(&self, step: u64, part: &str) -> PathBuf {
@@ -125,5 +179,30 @@ impl<'a> Checkpoint<'a> {
             .map_err(|error| self.fault(error))?;
         fresh.position = state.position;
         Ok(fresh)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_checkpoint_goes_and_what_somebody_else_put_there_keeps_a_training_from_beginning() {
+        let place = tempfile::tempdir().unwrap();
+        let folder = place.path().join("model.checkpoint");
+        refuse_strangers(&folder).unwrap();
+        fs::create_dir(&folder).unwrap();
+        for name in [CLAIM, STATE, "120.network", "120.optimizer"] {
+            fs::write(folder.join(name), "").unwrap();
+        }
+        refuse_strangers(&folder).unwrap();
+        for strange in ["notes.txt", "x.network", "claims"] {
+            fs::write(folder.join(strange), "").unwrap();
+            let refused = refuse_strangers(&folder).unwrap_err().to_string();
+            assert!(refused.contains(strange), "{refused}");
+            fs::remove_file(folder.join(strange)).unwrap();
+        }
+        clear(&folder).unwrap();
+        assert!(!folder.exists());
     }
 }

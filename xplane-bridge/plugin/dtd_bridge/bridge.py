@@ -134,7 +134,7 @@ class Bridge:
         self._found.client_left()
 
     def _begin_next(self) -> None:
-        if self._waiting:
+        if self._waiting and self._waiting[0].connection.takes_more():
             asked = self._waiting.popleft()
             self._task = self._run(asked.header)
 

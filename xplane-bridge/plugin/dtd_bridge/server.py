@@ -27,6 +27,8 @@ SILENCE_S = 120.0
 MAX_CONNECTIONS = 16
 # Requests of a client that wait for their answer, or whose answer waits to be taken. A client may send 64 captures ahead.
 MAX_OUTSTANDING = 128
+# Answers that wait to be taken, bytes. Beyond that no request is begun: pictures that nobody takes would fill X-Plane's memory.
+MAX_QUEUED_BYTES = 64 << 20
 # How long to wait after a client could not be taken: what is short, descriptors or threads, others have to give back first.
 ACCEPT_PAUSE_S = 0.1
 
@@ -43,14 +45,23 @@ class Connection:
         self._deadline: float | None = time.monotonic() + HELLO_TIMEOUT_S
         self._lock = threading.Lock()
         self._unanswered = 0
+        self._queued_bytes = 0
         self._last_heard = time.monotonic()
         self._writer = threading.Thread(target=self._write, name="dtd link writer", daemon=True)
         self._writer.start()
 
     def answer(self, header: Header, payload: bytes = b"") -> None:
         """Queues one answer. What cannot be sent any more is lost with its client."""
-        self._outbox.put(pack(header, payload))
+        message = pack(header, payload)
+        with self._lock:
+            self._queued_bytes += len(message)
+        self._outbox.put(message)
         self._heard(-1)
+
+    def takes_more(self) -> bool:
+        """Whether the client has taken enough of its answers for the next request to be begun."""
+        with self._lock:
+            return self._queued_bytes < MAX_QUEUED_BYTES
 
     def greet(self) -> None:
         """Exchanges greetings."""
@@ -92,8 +103,10 @@ class Connection:
 
     def silent_s(self) -> float:
         """For how long it is the client that nothing comes from; 0 while it waits for us."""
+        takes_more = self.takes_more()
         with self._lock:
-            return 0.0 if self._unanswered > 0 else time.monotonic() - self._last_heard
+            waits_for_us = self._unanswered > 0 and takes_more
+            return 0.0 if waits_for_us else time.monotonic() - self._last_heard
 
     def finish(self) -> None:
         """Sends what is queued, then closes."""
@@ -123,6 +136,8 @@ class Connection:
             except OSError:
                 self._closed.set()
                 return
+            with self._lock:
+                self._queued_bytes -= len(message)
             self._heard()
             self._room.release()
 

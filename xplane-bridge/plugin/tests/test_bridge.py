@@ -12,7 +12,7 @@ import time
 import unittest
 from pathlib import Path
 
-from dtd_bridge import capture as capturing, flight as flying, found, scenery, wire
+from dtd_bridge import capture as capturing, flight as flying, found, scenery, server, wire
 from dtd_bridge.bridge import Bridge
 from dtd_bridge.profile import ProfileFile
 from dtd_bridge.settings import Settings, SettingsError, read_settings
@@ -189,6 +189,16 @@ class Greeting(WithBridge):
         second = self.another()
         self.assertRegex(second.refused({"message": "hello", "client": "late"}), "another client")
         self.assertEqual(first.ask(capture())[0]["message"], "frame")
+
+    def test_nothing_is_drawn_for_a_client_that_takes_no_answers(self):
+        client = self.frozen()
+        self.patch(server, MAX_QUEUED_BYTES=0)
+        client.send(capture())
+        for _ in range(50):
+            self.xp.frame()
+        self.assertEqual(self.world.rendered, [])
+        self.patch(server, MAX_QUEUED_BYTES=1 << 20)
+        self.assertEqual(client.receive()[0]["message"], "frame")
 
     def test_what_cannot_be_understood_is_said_and_the_link_goes_on(self):
         client = self.frozen()

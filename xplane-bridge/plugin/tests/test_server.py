@@ -109,6 +109,22 @@ class Silence(WithServer):
         self.patch(SILENCE_S=1e-6, SEAT_TIMEOUT_S=0.2)
         self.assertIn(b"another client holds", self.all_of(self.greet()))
 
+    def test_a_client_that_takes_no_answers_gets_no_more_of_them_and_loses_its_seat(self):
+        self.patch(MAX_QUEUED_BYTES=1 << 20)
+        self.start()
+        first = self.greet()
+        connection = self.wait_for(Asked).connection
+        self.assertTrue(connection.takes_more())
+        first.sendall(wire.pack({"message": "release"}) * 3)
+        for _ in range(3):
+            self.wait_for(Asked)
+        # More than sockets keep on their way.
+        connection.answer({"message": "hello"}, bytes(32 << 20))
+        self.assertFalse(connection.takes_more())
+        self.patch(SILENCE_S=1e-6)
+        self.greet()
+        self.assertIsNotNone(self.wait_for(Opened))
+
 
 class Hostility(WithServer):
     def test_what_a_request_announces_is_not_read(self):

@@ -4,18 +4,21 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
+use axum::body::Bytes;
 use axum::extract::State;
 use axum::extract::ws::{Message, WebSocket, WebSocketUpgrade};
 use axum::response::Response;
 use serde::Deserialize;
 use serde_json::{Map, Value, json};
-use tokio::time::{MissedTickBehavior, interval};
+use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::refusal::Refusal;
 use super::{Desk, value};
 
 /// X-Plane sends about ten updates a second.
 const PERIOD: Duration = Duration::from_millis(100);
+/// A client that nothing was heard of for so long is asked whether it is there, and has as long again to say so.
+const SILENCE: Duration = Duration::from_secs(10);
 
 pub(super) async fn open(
     State(desk): State<Arc<Desk>>,
@@ -116,17 +119,31 @@ impl Client {
     async fn talk(mut self, mut socket: WebSocket) {
         let mut ticks = interval(PERIOD);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
+        let mut heard = Instant::now();
+        let mut was_asked = false;
         loop {
             let messages = tokio::select! {
-                received = socket.recv() => match received {
-                    Some(Ok(Message::Text(text))) => {
-                        self.desk.outages.over().await;
-                        vec![self.answer(&text)]
+                received = socket.recv() => {
+                    (heard, was_asked) = (Instant::now(), false);
+                    match received {
+                        Some(Ok(Message::Text(text))) => {
+                            self.desk.outages.over().await;
+                            vec![self.answer(&text)]
+                        }
+                        Some(Ok(Message::Close(_)) | Err(_)) | None => return,
+                        Some(Ok(_)) => continue,
                     }
-                    Some(Ok(Message::Close(_)) | Err(_)) | None => return,
-                    Some(Ok(_)) => continue,
-                },
+                }
                 _ = ticks.tick() => {
+                    if heard.elapsed() > 2 * SILENCE {
+                        return;
+                    }
+                    if heard.elapsed() > SILENCE && !was_asked {
+                        was_asked = true;
+                        if socket.send(Message::Ping(Bytes::new())).await.is_err() {
+                            return;
+                        }
+                    }
                     self.desk.outages.over().await;
                     self.updates()
                 }
@@ -191,10 +208,24 @@ impl Client {
 
     fn subscribe_datarefs(&mut self, list: &[Subject]) -> Result<(), Refusal> {
         for subject in list {
-            self.desk.dataref(subject.id)?;
+            let name = self.desk.dataref(subject.id)?;
+            let length = self
+                .desk
+                .world
+                .lock()
+                .datarefs()
+                .find(name)
+                .map_or(0, |(_, values)| values.len());
+            let wanted = subject.index.iter().flat_map(Indices::list);
+            if let Some(index) = wanted.clone().find(|index| *index >= length) {
+                return Err(Refusal::bad_request(
+                    "invalid_index",
+                    format!("{name} has {length} elements, and no index {index}"),
+                ));
+            }
             let (indices, told) = self.datarefs.entry(subject.id).or_default();
             // Further elements join those already subscribed.
-            indices.extend(subject.index.iter().flat_map(Indices::list));
+            indices.extend(wanted);
             *told = None;
         }
         Ok(())

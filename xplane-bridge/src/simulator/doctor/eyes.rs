@@ -85,24 +85,21 @@ impl<'a> Eyes<'a> {
 
     /// Stands still from now on, and lets this many frames settle.
     pub(super) async fn freeze(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
-        self.hold(settle_frames, None).await
+        self.hold(settle_frames, true).await
     }
 
-    /// The same with time that runs, at noon.
-    pub(super) async fn freeze_at_noon(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
+    /// The same in a pause, or while time runs at noon.
+    pub(super) async fn hold(
+        &mut self,
+        settle_frames: u32,
+        is_paused: bool,
+    ) -> Result<(), BridgeError> {
         let hours = (12.0 - self.place.longitude_deg / 15.0).rem_euclid(24.0);
         let noon = Clock {
             day_of_year: ANY_DAY,
             zulu_time_s: hours * 3_600.0,
         };
-        self.hold(settle_frames, Some(noon)).await
-    }
-
-    async fn hold(
-        &mut self,
-        settle_frames: u32,
-        running_at: Option<Clock>,
-    ) -> Result<(), BridgeError> {
+        let running_at = (!is_paused).then_some(noon);
         let runway = lockstep::runway(&self.place);
         self.simulator
             .freeze_raw(&runway, settle_frames, running_at)

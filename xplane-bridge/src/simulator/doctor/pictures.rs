@@ -38,22 +38,27 @@ impl PictureFindings {
         let paused = Self {
             still_pictures_move: map(still_pictures_move, |noise| noise > 0.0),
             callbacks: callbacks(eyes).await,
-            ..Self::nothing("a pause does not show what is new")
+            ..Self::nothing("nothing new shows")
         };
-        if pause_shows_poses.found() != Some(&true) {
+        let Some(&is_paused) = pause_shows_poses.found() else {
             return Self {
                 pause_shows_poses,
                 ..paused
             };
-        }
+        };
         let moves = paused.still_pictures_move.found() == Some(&true);
+        let unsteady = match (is_paused, moves) {
+            (false, _) => Some("pictures are taken while time runs"),
+            (true, true) => Some("pictures move by themselves"),
+            (true, false) => None,
+        };
         Self {
             pause_shows_poses,
-            frames_until_still: match moves {
-                true => Finding::NotMeasured("pictures move by themselves".into()),
-                false => until_still(eyes).await,
+            frames_until_still: match unsteady {
+                Some(why) => Finding::NotMeasured(why.into()),
+                None => until_still(eyes).await,
             },
-            frames_until_settled: match until_settled(eyes, noise).await {
+            frames_until_settled: match until_settled(eyes, noise, is_paused).await {
                 Ok(finding) => finding,
                 Err(error) => Finding::NotMeasured(error.to_string()),
             },
@@ -127,7 +132,7 @@ async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, B
     if differ(eyes, noise).await? {
         return Ok(Finding::Found(true));
     }
-    eyes.freeze_at_noon(SETTLED).await?;
+    eyes.hold(SETTLED, false).await?;
     match differ(eyes, noise).await? {
         true => Ok(Finding::Found(false)),
         false => Ok(Finding::NotMeasured(
@@ -163,13 +168,17 @@ async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
 }
 
 /// The fewest settle frames that give the final picture after the camera has looked at another light.
-async fn until_settled(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<u32>, BridgeError> {
-    eyes.freeze(SETTLED).await?;
+async fn until_settled(
+    eyes: &mut Eyes<'_>,
+    noise: f64,
+    is_paused: bool,
+) -> Result<Finding<u32>, BridgeError> {
+    eyes.hold(SETTLED, is_paused).await?;
     let [_, last] = eyes.take([Shot::AWAY, Shot::BEHIND]).await?;
     for frames in TRIED {
-        eyes.freeze(SETTLED).await?;
+        eyes.hold(SETTLED, is_paused).await?;
         let [_] = eyes.take([Shot::AWAY]).await?;
-        eyes.freeze(frames).await?;
+        eyes.hold(frames, is_paused).await?;
         let [found] = eyes.take([Shot::BEHIND]).await?;
         if difference(&found.rgb, &last.rgb) <= noise + SAME {
             return Ok(Finding::Found(frames));
