@@ -21,7 +21,7 @@ macro_rules! plugin_file {
 }
 
 /// The plugin as this program carries it: path below `PythonPlugins`, text.
-const FILES: [(&str, &str); 25] = [
+const FILES: [(&str, &str); 28] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
     plugin_file!("dtd_bridge/approach.py"),
@@ -39,6 +39,9 @@ const FILES: [(&str, &str); 25] = [
     plugin_file!("dtd_bridge/pixels.py"),
     plugin_file!("dtd_bridge/profile.py"),
     plugin_file!("dtd_bridge/scenery.py"),
+    plugin_file!("dtd_bridge/screen_gdi.py"),
+    plugin_file!("dtd_bridge/screen_grab.py"),
+    plugin_file!("dtd_bridge/screen_x11.py"),
     plugin_file!("dtd_bridge/screenshots.py"),
     plugin_file!("dtd_bridge/server.py"),
     plugin_file!("dtd_bridge/settings.py"),

@@ -21,7 +21,7 @@ pub use choice::PixelChoice;
 pub use error::PixelError;
 pub use payload::Payload;
 pub use picture::{Rectangle, RgbPicture};
-pub use screen::{FfmpegScreen, Grab, Lag, Screen, ScreenSource};
+pub use screen::{FfmpegScreen, Grab, Lag, RemoteScreen, Screen, ScreenSource};
 pub use screenshots::Screenshots;
 
 use crate::error::BridgeError;

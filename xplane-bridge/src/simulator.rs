@@ -42,6 +42,7 @@ pub use connect_options::{
     ConnectOptions, LINK_TOKEN_VARIABLE, SHARED_MEMORY_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
 };
 use link_client::LinkClient;
+use pictures::DrawnOn;
 use sharing::Sharing;
 use udp::UdpClient;
 pub use udp::somebody_answers;
@@ -103,6 +104,8 @@ pub struct Simulator {
     settle_frames: u32,
     /// Where the pixels of a drawn frame come from.
     pixels: Box<dyn PixelSource>,
+    /// The screen that shows them.
+    drawn_on: DrawnOn,
     /// What was set last. Its clock is set again exactly once it stands still.
     conditions: Option<Conditions>,
     /// Sees to it that they stay set.
@@ -164,10 +167,14 @@ impl Simulator {
             Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
             _ => return Err(BridgeError::NoPlugin { address, waited }),
         };
-        let mut link = LinkClient::open(SocketAddr::new(address.ip(), port), deadline).await?;
+        let link_address = SocketAddr::new(address.ip(), port);
+        let mut link = LinkClient::open(link_address, deadline).await?;
         let client = concat!("dtd ", env!("CARGO_PKG_VERSION")).to_owned();
         let limit = deadline.saturating_duration_since(Instant::now());
-        let hello = Request::Hello { client, token };
+        let hello = Request::Hello {
+            client,
+            token: token.clone(),
+        };
         let answer = link.ask("hello", &hello, limit).await?;
         let Answer::Hello {
             name,
@@ -178,6 +185,7 @@ impl Simulator {
             drawn_size,
             shares_memory_with,
             imaging,
+            screen,
             profile,
             replayed,
         } = answer
@@ -229,6 +237,7 @@ impl Simulator {
             },
             settle_frames: SETTLE_FRAMES,
             pixels: Box::new(Payload(PixelKind::Link)),
+            drawn_on: DrawnOn::offered(screen, link_address, token),
             conditions: None,
             vigil: None,
             aircraft: None,

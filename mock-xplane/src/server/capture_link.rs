@@ -276,6 +276,7 @@ impl Studio {
                     pixels,
                     window,
                     drawn_size: None,
+                    screen: None,
                     shares_memory_with: DrawingSlots::POSSIBLE.then_some(from.address),
                     imaging: true,
                     profile: self.lock_profile().clone(),

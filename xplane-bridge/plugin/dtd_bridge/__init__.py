@@ -14,6 +14,7 @@ Which module answers which question:
 ``local_frame``    WGS-84 poses <-> X-Plane's local OpenGL coordinates. Pure, given the two conversions of ``xp``.
 ``opengl``         the few OpenGL calls; ``check_pattern``: the picture that proves a screen grab.
 ``xp_api``         the types of the functions of ``xp`` that are used here; ``mypy --strict`` holds the rest against them.
+``screen_grab``    the screen of this computer, for a client on another one; ``screen_gdi``: of Windows, ``screen_x11``: of Linux. No ``xp``.
 ``datarefs``       typed access by name, and all names. ``settings``: the file beside the plugin.
 """
 

@@ -195,8 +195,10 @@ class Bridge:
         width, height = (int(self._datarefs.get_or(name, 0.0)) for name in names.WINDOW_SIZE)
         profile = self._profile.read() if self._profile else None
         self._pixels.restless = still_pictures_move(profile)
+        screen = self._server.screen_for(self._client) if self._client else None
         return _at_once(
             {
+                **({"screen": screen} if screen is not None else {}),
                 **({"profile": profile} if profile is not None else {}),
                 "message": "hello",
                 "name": "X-Plane",

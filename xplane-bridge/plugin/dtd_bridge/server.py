@@ -1,5 +1,7 @@
 """The sockets of the capture link, in threads of their own. Nothing here calls ``xp``: X-Plane is not thread-safe.
 
+A connection for the screen (:class:`Watchers`) takes no seat and is answered by its own thread; the main thread never sees it.
+
 What the main thread sees: a queue of events (:class:`Opened`, :class:`Asked`, :class:`Closed`, :class:`Note`), and a
 :class:`Connection` to answer on. One client at a time, see :class:`Seat`; it has to say hello, with the token if there is one,
 before it is let in.
@@ -8,12 +10,15 @@ before it is let in.
 from __future__ import annotations
 
 import hmac
+import ipaddress
 import queue
 import socket
 import threading
 import time
 from dataclasses import dataclass
 
+from . import screen_grab
+from .screen_grab import ScreenError
 from .settings import Settings
 from .wire import GREETING, Header, WireError, check_greeting, pack, read_request
 
@@ -29,6 +34,8 @@ MAX_CONNECTIONS = 16
 MAX_OUTSTANDING = 128
 # Answers that wait to be taken, bytes. Beyond that no request is begun: pictures that nobody takes would fill X-Plane's memory.
 MAX_QUEUED_BYTES = 64 << 20
+# Connections for the screen at a time. A client needs one, and another one while it looks for the window.
+MAX_WATCHERS = 4
 # How long to wait after a client could not be taken: what is short, descriptors or threads, others have to give back first.
 ACCEPT_PAUSE_S = 0.1
 
@@ -70,10 +77,22 @@ class Connection:
         self._stream.sendall(GREETING)
         check_greeting(self.read_exactly(8))
 
-    def admitted(self) -> None:
-        """From now on the client may take its time."""
+    def admitted(self, one_by_one: bool = False) -> None:
+        """From now on the client may take its time. `one_by_one`: what it asks is read when it has taken the answer before."""
         self._deadline = None
         self._stream.settimeout(None)
+        if one_by_one:
+            # The answer to come makes room for the next.
+            self._room = threading.Semaphore(0)
+
+    def comes_from_elsewhere(self) -> bool:
+        """Whether the client is on another computer: its address is not the one by which it reaches this one."""
+        try:
+            client, here = (ipaddress.ip_address(name()[0].split("%")[0]) for name in (self._stream.getpeername, self._stream.getsockname))
+        except OSError:
+            # It is gone.
+            return False
+        return client != here and not client.is_loopback
 
     def next_request(self) -> Header:
         """Blocks for a request, and before that for room for its answer."""
@@ -168,6 +187,31 @@ class Seat:
         self._place.release()
 
 
+class Watchers:
+    """The connections for the screen. One that has been silent for long gives way to a new one."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._there: set[Connection] = set()
+
+    def enter(self, connection: Connection) -> bool:
+        """Whether there is room."""
+        with self._lock:
+            if len(self._there) >= MAX_WATCHERS:
+                longest = max(self._there, key=Connection.silent_s)
+                if longest.silent_s() < SILENCE_S:
+                    return False
+                longest.abort()
+                self._there.remove(longest)
+            self._there.add(connection)
+            return True
+
+    def leave(self, connection: Connection) -> None:
+        """Gives the room back."""
+        with self._lock:
+            self._there.discard(connection)
+
+
 @dataclass(frozen=True)
 class Opened:
     """A client said hello."""
@@ -207,6 +251,8 @@ class LinkServer:
         self.events: queue.Queue[Event] = queue.Queue()
         self._token = (settings.token or "").strip() or None
         self._seat = Seat()
+        self._grab = settings.grab
+        self._watchers = Watchers()
         self._room = threading.Semaphore(MAX_CONNECTIONS)
         self._closing = threading.Event()
         self._open: set[Connection] = set()
@@ -214,6 +260,21 @@ class LinkServer:
         self._listener = socket.create_server((settings.bind, settings.port), family=family)
         self.port: int = self._listener.getsockname()[1]
         threading.Thread(target=self._accept, name="dtd link", daemon=True).start()
+
+    def screen_for(self, connection: Connection) -> Header | None:
+        """What a client is told of this computer's screen: nothing if it can grab it itself, else `refused` says why it is not given."""
+        if not connection.comes_from_elsewhere():
+            return None
+        reason = self._no_screen()
+        return {} if reason is None else {"refused": reason}
+
+    def _no_screen(self) -> str | None:
+        """Why the screen is not given, if it is not."""
+        if not self._grab:
+            return (
+                "its plugin may not show this computer's screen: put `grab = on` below the token in [link] of dtd_bridge.ini, and restart X-Plane"
+            )
+        return screen_grab.no_way_here()
 
     def close(self) -> None:
         """Ends listening and all connections."""
@@ -259,6 +320,9 @@ class LinkServer:
         try:
             connection.greet()
             hello = self._admit(connection)
+            if hello["message"] == "open_screen":
+                self._show_screen(connection)
+                return
             connection.admitted()
             if not self._seat.take(connection):
                 connection.answer({"message": "error", "text": "another client holds the capture link"})
@@ -278,10 +342,10 @@ class LinkServer:
             self._open.discard(connection)
 
     def _admit(self, connection: Connection) -> Header:
-        """The hello of a client that may come in."""
+        """The first message of a client that may come in."""
         header = connection.next_request()
-        if header["message"] != "hello":
-            raise WireError(f"the first message is {header['message']!r}, expected hello")
+        if header["message"] not in ("hello", "open_screen"):
+            raise WireError(f"the first message is {header['message']!r}, expected hello or open_screen")
         if self._token is not None:
             given = header.get("token")
             # JSON may hold halves of characters, which have no bytes in UTF-8.
@@ -293,6 +357,28 @@ class LinkServer:
                     "the token of dtd_bridge.ini"
                 )
         return header
+
+    def _show_screen(self, connection: Connection) -> None:
+        """Serves a connection for the screen, in the thread that is its own."""
+        reason = self._no_screen()
+        if reason is not None:
+            raise WireError(reason)
+        if not self._watchers.enter(connection):
+            raise WireError(f"{MAX_WATCHERS} connections watch the screen already, which is the most")
+        try:
+            connection.admitted(one_by_one=True)
+            screen = screen_grab.open_screen()
+            try:
+                width, height = screen.size()
+                connection.answer({"message": "screen_opened", "width_px": width, "height_px": height})
+                while True:
+                    connection.answer(*screen_grab.answer(screen, connection.next_request()))
+            finally:
+                screen.close()
+        except ScreenError as error:
+            raise WireError(str(error)) from error
+        finally:
+            self._watchers.leave(connection)
 
     def _converse(self, connection: Connection, hello: Header) -> None:
         self.events.put(Opened(connection))

@@ -6,6 +6,7 @@
     bind = 127.0.0.1     ; another address opens the link to other machines and wants a token
     port = 49010         ; 0 takes any free one; clients find it in the dataref dtd/bridge/capture_port
     token =              ; a secret; clients give it in the environment variable DTD_LINK_TOKEN
+    grab = off           ; on gives pictures of this computer's screen, all of it, to clients on other ones who know the token
 
     [weather]
     settle_s = 15        ; how long regenerated weather takes to show
@@ -30,15 +31,18 @@ class Settings:
     bind: str = "127.0.0.1"
     port: int = 49010
     token: str | None = None
+    grab: bool = False
     weather_settle_s: float = 15.0
 
     def __post_init__(self) -> None:
         """Whoever reaches the link commands the simulator: a link that others reach has a secret, and an empty one is none."""
         if not ipaddress.ip_address(self.bind).is_loopback and not (self.token or "").strip():
             raise SettingsError(f"bind = {self.bind} opens the link to other machines: give a token as well")
+        if self.grab and not (self.token or "").strip():
+            raise SettingsError("grab = on shows this computer's screen to whoever reaches the link: give a token as well")
 
 
-KNOWN = {"link": {"bind", "port", "token"}, "weather": {"settle_s"}}
+KNOWN = {"link": {"bind", "port", "token", "grab"}, "weather": {"settle_s"}}
 
 
 def read_settings(path: Path) -> Settings:
@@ -59,6 +63,7 @@ def read_settings(path: Path) -> Settings:
             bind=parser.get("link", "bind", fallback=Settings.bind),
             port=parser.getint("link", "port", fallback=Settings.port),
             token=parser.get("link", "token", fallback="") or None,
+            grab=parser.getboolean("link", "grab", fallback=Settings.grab),
             weather_settle_s=parser.getfloat("weather", "settle_s", fallback=Settings.weather_settle_s),
         )
     except (ValueError, SettingsError) as error:

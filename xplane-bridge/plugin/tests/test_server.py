@@ -5,12 +5,14 @@ import paths  # noqa: F401
 import errno
 import socket
 import struct
+import threading
 import unittest
 from unittest import mock
 
 from dtd_bridge import server, wire
 from dtd_bridge.server import Asked, LinkServer, Note, Opened
 from dtd_bridge.settings import Settings, SettingsError
+from test_screen_grab import PaperScreen
 
 HELLO = {"message": "hello", "client": "test"}
 # How long a test waits for what has to come.
@@ -124,6 +126,114 @@ class Silence(WithServer):
         self.patch(SILENCE_S=1e-6)
         self.greet()
         self.assertIsNotNone(self.wait_for(Opened))
+
+
+class Screen(WithServer):
+    """Connections for the screen, which take no seat."""
+
+    def start(self, **settings):
+        self.screens = []
+
+        def open_screen():
+            self.screens.append(PaperScreen())
+            return self.screens[-1]
+
+        patcher = mock.patch.object(server.screen_grab, "open_screen", open_screen)
+        patcher.start()
+        self.addCleanup(patcher.stop)
+        return super().start(**{"token": "open sesame", "grab": True, **settings})
+
+    def open(self, token="open sesame"):
+        stream = self.greet({"message": "open_screen", "client": "test", "token": token})
+        self.assertEqual(self.read(stream, 8), wire.GREETING)
+        return stream
+
+    def read(self, stream, count):
+        received = b""
+        while len(received) < count:
+            chunk = stream.recv(count - len(received))
+            if not chunk:
+                raise EOFError
+            received += chunk
+        return received
+
+    def answer(self, stream):
+        return wire.read_message(lambda count: self.read(stream, count))
+
+    def test_pictures_come_while_somebody_has_the_seat_and_the_main_thread_sleeps(self):
+        self.start()
+        self.greet({**HELLO, "token": "open sesame"})
+        self.wait_for(Asked)
+        stream = self.open()
+        self.assertEqual(self.answer(stream)[0], {"message": "screen_opened", "width_px": 40, "height_px": 30})
+        stream.sendall(wire.pack({"message": "grab"}) * 3 + wire.pack({"message": "release"}))
+        for _ in range(3):
+            header, payload = self.answer(stream)
+            self.assertEqual((header["message"], len(payload)), ("grabbed", 3_600))
+        self.assertEqual(self.answer(stream)[0]["message"], "error")
+        # Of all that the main thread has seen nothing.
+        self.assertTrue(self.server.events.empty())
+        stream.close()
+        self.wait_for(Note)
+        self.assertTrue(self.screens[0].closed)
+
+    def test_without_the_token_or_leave_nothing_is_shown(self):
+        self.start()
+        for token in ("", "open", None):
+            self.assertIn(b"DTD_LINK_TOKEN", self.all_of(self.open(token)))
+        self.start(grab=False)
+        self.assertIn(b"grab = on", self.all_of(self.open()))
+        self.assertEqual(self.screens, [])
+        for token in (None, "", " "):
+            with self.assertRaisesRegex(SettingsError, "grab = on"):
+                Settings(grab=True, token=token)
+
+    def test_a_screen_that_cannot_be_opened_says_why(self):
+        self.start()
+        with mock.patch.object(server.screen_grab, "open_screen", side_effect=server.ScreenError("the session is locked")):
+            self.assertIn(b"the session is locked", self.all_of(self.open()))
+
+    def test_some_may_watch_and_one_that_is_silent_gives_way(self):
+        self.start()
+        watching = [self.open() for _ in range(server.MAX_WATCHERS)]
+        for stream in watching:
+            self.answer(stream)
+        self.assertIn(b"which is the most", self.all_of(self.open()))
+        self.patch(SILENCE_S=1e-6)
+        self.assertEqual(self.answer(self.open())[0]["message"], "screen_opened")
+
+    def test_a_client_that_takes_no_picture_is_sent_no_further_one(self):
+        self.start()
+        stream = self.open()
+        self.answer(stream)
+        taken = threading.Semaphore(0)
+        paper = self.screens[0]
+        paper.size = lambda: (4_000, 4_000)
+        paper.grab = lambda *part: taken.release() or bytes(48_000_000)
+        stream.sendall(wire.pack({"message": "grab"}) * 20)
+        self.assertTrue(taken.acquire(timeout=PATIENCE_S))
+        # The first one does not fit into what both systems keep for us.
+        self.assertFalse(taken.acquire(timeout=0.5))
+
+    def test_only_a_client_on_another_computer_is_told_of_the_screen(self):
+        for peer, here, elsewhere in (
+            ("127.0.0.1", "127.0.0.1", False),
+            ("127.0.0.1", "127.0.0.2", False),
+            ("10.0.0.5", "10.0.0.5", False),
+            ("10.0.0.5", "10.0.0.9", True),
+            ("fe80::1%eth0", "fe80::1%eth0", False),
+            ("fd00::5", "fd00::9", True),
+        ):
+            self.start()
+            stream = self.greet({**HELLO, "token": "open sesame"})
+            connection = self.wait_for(Opened).connection
+            addresses = mock.Mock(getpeername=lambda: (peer, 40_000), getsockname=lambda: (here, 49_010))
+            with mock.patch.object(connection, "_stream", addresses):
+                self.assertEqual(self.server.screen_for(connection), {} if elsewhere else None, peer)
+                self.server._grab = False
+                refused = self.server.screen_for(connection)
+                self.assertEqual(refused is not None and "grab = on" in refused["refused"], elsewhere)
+            stream.close()
 
 
 class Hostility(WithServer):

@@ -8,7 +8,9 @@ use dataset::runway::Runway;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 
-use super::{CaptureRequest, FrameHeader, PictureSize, PixelKind, SharedMemory, SimulatorWindow};
+use super::{
+    CaptureRequest, FrameHeader, PictureSize, PixelKind, ScreenOffer, SharedMemory, SimulatorWindow,
+};
 use crate::fly::{FlightStart, FlyRequest};
 use crate::profile::CallbackOrders;
 
@@ -112,6 +114,9 @@ pub enum Answer {
         /// Whether it can draw through lenses, bent and turbulent air and with noise; X-Plane cannot.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         imaging: bool,
+        /// The screen that it draws on, if that is out of the client's reach: the plugin's, to a client on another computer.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        screen: Option<ScreenOffer>,
         /// What was measured of it, if anything was: a [`crate::profile::Profile`], of whichever version.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         profile: Option<Value>,

@@ -1,10 +1,11 @@
 //! Why there are no pictures, with what a person can do about it.
 
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use super::check_pattern::Unreadable;
 use super::{PixelChoice, PixelKind, Rectangle};
-use crate::link::PictureSize;
+use crate::link::{LinkError, PictureSize};
 
 /// Why pictures cannot be had, or cannot be trusted.
 #[derive(Debug, thiserror::Error)]
@@ -41,6 +42,33 @@ pub enum PixelError {
         source: ffmpeg_next::Error,
         /// What to look at.
         advice: &'static str,
+    },
+    /// X-Plane runs on another computer, whose screen nobody grabs for us.
+    #[error(
+        "pictures come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there \
+         (docs/x-plane.md, \"X-Plane on another computer\")"
+    )]
+    ScreenElsewhere {
+        /// Why its plugin does not.
+        reason: String,
+    },
+    /// The connection to the plugin that grabs the screen fails.
+    #[error(
+        "the screen of X-Plane's computer cannot be grabbed through its plugin at {link}: {source}"
+    )]
+    RemoteScreen {
+        /// The plugin's capture link.
+        link: SocketAddr,
+        /// What happened.
+        source: LinkError,
+    },
+    /// The plugin does not give a picture.
+    #[error("the plugin at {link} gives no picture of its screen: {text}")]
+    RemoteRefused {
+        /// Its capture link.
+        link: SocketAddr,
+        /// What it said.
+        text: String,
     },
     /// A picture of the screen did not come.
     #[error(
@@ -163,7 +191,10 @@ impl PixelError {
     pub fn is_bad_input(&self) -> bool {
         matches!(
             self,
-            Self::NotOffered { .. } | Self::OtherWindow { .. } | Self::ScreenTooSmall { .. }
+            Self::NotOffered { .. }
+                | Self::OtherWindow { .. }
+                | Self::ScreenElsewhere { .. }
+                | Self::ScreenTooSmall { .. }
         )
     }
 }

@@ -11,6 +11,7 @@ mod ffmpeg_screen;
 mod fitting;
 mod grabber;
 mod pixel_form;
+mod remote_screen;
 #[cfg(test)]
 mod tests;
 
@@ -27,6 +28,7 @@ use crate::error::BridgeError;
 use crate::link::{PictureSize, SimulatorWindow};
 pub use ffmpeg_screen::FfmpegScreen;
 use grabber::Grabber;
+pub use remote_screen::RemoteScreen;
 
 /// How long a pattern may take to be seen.
 const PATIENCE: Duration = match cfg!(test) {
@@ -138,7 +140,7 @@ impl ScreenSource {
         };
         let source = clearing(result.await, display).await?;
         source.wait_until_gone().await?;
-        tracing::info!(window = %source.window, lag = ?source.lag, "the simulator's window is grabbed");
+        tracing::info!(screen = source.screen, window = %source.window, lag = ?source.lag, "the simulator's window is grabbed");
         Ok(source)
     }
 

@@ -1,20 +1,63 @@
 //! Where this client's pictures come from: chosen after connecting, proven before the first picture and after the last.
 
+use std::net::SocketAddr;
 use std::sync::Arc;
 
 use super::link_client::LinkClient;
 use super::setup::show_check_pattern;
 use super::{SETTLE_FRAMES_ON_SCREEN, Simulator};
 use crate::error::BridgeError;
-use crate::link::{Deliver, PictureSize};
+use crate::link::{Deliver, PictureSize, ScreenOffer};
 use crate::pixels::{
-    Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, Screen, ScreenSource,
-    Screenshots,
+    Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, RemoteScreen, Screen,
+    ScreenSource, Screenshots,
 };
 
+/// The screen that the simulator draws on, as it says.
+#[derive(Debug)]
+pub(super) enum DrawnOn {
+    /// The one that the caller can grab.
+    Here,
+    /// That of another computer, which the plugin there grabs for us.
+    Elsewhere(Arc<dyn Screen>),
+    /// That of another computer; why nobody grabs it.
+    OutOfReach(String),
+}
+
+impl DrawnOn {
+    /// What a hello says of it, and the way to it for who gave that `token` to the link.
+    pub(super) fn offered(
+        offer: Option<ScreenOffer>,
+        link: SocketAddr,
+        token: Option<String>,
+    ) -> Self {
+        match offer {
+            None => Self::Here,
+            Some(ScreenOffer { refused: None }) => {
+                Self::Elsewhere(Arc::new(RemoteScreen::new(link, token)))
+            }
+            Some(ScreenOffer {
+                refused: Some(reason),
+            }) => Self::OutOfReach(reason),
+        }
+    }
+}
+
 impl Simulator {
-    /// Chooses where pictures come from, and proves that they can: for those of the screen, that the simulator's window is seen on
-    /// `screen`, whole, and in the size of the pictures, width and height in pixels. Without this, pictures come over the link.
+    /// The screen to grab: `here`, or that of the computer that the simulator is on.
+    pub(super) fn screen(&self, here: &Arc<dyn Screen>) -> Result<Arc<dyn Screen>, PixelError> {
+        match &self.drawn_on {
+            DrawnOn::Here => Ok(here.clone()),
+            DrawnOn::Elsewhere(there) => Ok(there.clone()),
+            DrawnOn::OutOfReach(reason) => Err(PixelError::ScreenElsewhere {
+                reason: reason.clone(),
+            }),
+        }
+    }
+
+    /// Chooses where pictures come from, and proves that they can: for those of the screen, that the simulator's window is seen whole, and
+    /// in the size of the pictures, width and height in pixels, on `screen`, or on that of its own computer if that is another one and the
+    /// plugin grabs there. Without this, pictures come over the link.
     ///
     /// # Errors
     /// If the simulator does not offer the choice, or the proof fails; the message says what to change.
@@ -37,6 +80,7 @@ impl Simulator {
         }
         self.pixels = match kind {
             PixelKind::Screen => {
+                let screen = &self.screen(screen)?;
                 let reported = self.description.window.as_ref();
                 self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
                 let display = &mut LinkDisplay(&mut self.link);

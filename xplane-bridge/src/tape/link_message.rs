@@ -3,7 +3,7 @@
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncReadExt};
 
-use crate::link::{LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES};
+use crate::link::{LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, ScreenRequest};
 
 /// First bytes of a greeting of the link.
 pub const MAGIC: [u8; 4] = *b"DTDL";
@@ -136,6 +136,12 @@ impl LinkMessage {
     pub fn token(&self) -> Option<String> {
         let header: Value = serde_json::from_slice(self.header()).ok()?;
         Some(header.get("token")?.as_str()?.to_owned())
+    }
+
+    /// Whether it begins a conversation about the screen.
+    pub(super) fn opens_the_screen(&self) -> bool {
+        let request = serde_json::from_slice(self.header());
+        matches!(request, Ok(ScreenRequest::OpenScreen { .. }))
     }
 
     /// As it may be kept: a token is a secret, and a tape is passed on.

@@ -286,6 +286,7 @@ async fn talk(
                 pixels: vec![PixelKind::Link],
                 window: None,
                 drawn_size: None,
+                screen: None,
                 shares_memory_with: None,
                 imaging: false,
                 profile: None,

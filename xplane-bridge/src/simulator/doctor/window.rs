@@ -101,8 +101,10 @@ async fn grabbed(
                 late_grabs: lag.grabs,
                 lag_ms: lag.time.as_secs_f64() * 1e3,
             });
+            let name = simulator.screen(screen).map(|screen| screen.name());
             let found = format!(
-                "{size} pixels, found on the screen by its check pattern, whole and unscaled, {} grabs and {:.0} ms late at most",
+                "{size} pixels, found on the screen {} by its check pattern, whole and unscaled, {} grabs and {:.0} ms late at most",
+                name.unwrap_or_default(),
                 lag.grabs,
                 lag.time.as_secs_f64() * 1e3
             );
@@ -113,8 +115,8 @@ async fn grabbed(
             Check::warning(
                 NAME,
                 format!("{size} pixels, but not to be seen from here: {error}"),
-                "Pictures of this simulator come off the screen: run dtd on its computer, in its desktop session, with its window uncovered and \
-             the desktop's scale at 100 %",
+                "Pictures of this simulator come off the screen: run dtd on its computer, in its desktop session, or have its plugin grab there \
+                 (docs/x-plane.md, \"X-Plane on another computer\"), with its window uncovered and the desktop's scale at 100 %",
             )
         }
     }

@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::Duration;
 
-use tokio::io::{AsyncReadExt, AsyncWriteExt};
+use tokio::io::{AsyncReadExt, AsyncWriteExt, copy};
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::JoinSet;
@@ -84,6 +84,17 @@ impl Connection {
             client: (client_reads, mut client_writes),
             simulator: (simulator_reads, mut simulator_writes),
         } = admitted;
+        if hello.opens_the_screen() {
+            // All that is on that desktop is nobody's business but the client's: a tape is passed on.
+            tracing::info!(%from, "pictures of the screen pass, and are not recorded");
+            simulator_writes.write_all(hello.bytes()).await?;
+            let (mut asks, mut answers) = (client_reads, simulator_reads);
+            tokio::select! {
+                ended = copy(&mut asks, &mut simulator_writes) => ended?,
+                ended = copy(&mut answers, &mut client_writes) => ended?,
+            };
+            return Ok(());
+        }
         for direction in [Direction::ToSimulator, Direction::FromSimulator] {
             let channel = self.channel(direction);
             let about = [

@@ -1,0 +1,72 @@
+//! What a connection for the screen carries: a client on another computer grabs the simulator's screen through its plugin.
+//!
+//! It is a conversation of its own, beside that of the seat, so that pictures never wait for the simulator's frames. A server that
+//! does not know it refuses its first message.
+
+use serde::{Deserialize, Serialize};
+
+/// From client to plugin. None has a payload.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "message", rename_all = "snake_case")]
+pub enum ScreenRequest {
+    /// First of all, in the place of a hello.
+    OpenScreen {
+        /// Name and version of the client.
+        client: String,
+        /// The secret of the link.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        token: Option<String>,
+    },
+    /// Take a picture of the screen now.
+    Grab {
+        /// Which part; all of it if none is named.
+        #[serde(flatten)]
+        part: Option<ScreenPart>,
+    },
+}
+
+/// A part of the screen: all monitors together, physical pixels from the top left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ScreenPart {
+    /// Its leftmost column.
+    pub x_px: u32,
+    /// Its topmost row.
+    pub y_px: u32,
+    /// Number of columns.
+    pub width_px: u32,
+    /// Number of rows.
+    pub height_px: u32,
+}
+
+/// From plugin to client: one for every request, in the same order.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(tag = "message", rename_all = "snake_case")]
+pub enum ScreenAnswer {
+    /// To [`ScreenRequest::OpenScreen`]: how large the screen is.
+    ScreenOpened {
+        /// Width of the whole screen, pixels.
+        width_px: u32,
+        /// Its height.
+        height_px: u32,
+    },
+    /// To [`ScreenRequest::Grab`]; the payload is the picture.
+    Grabbed {
+        /// Width of the picture, pixels.
+        width_px: u32,
+        /// Its height.
+        height_px: u32,
+    },
+    /// In place of either.
+    Error {
+        /// What went wrong.
+        text: String,
+    },
+}
+
+/// What a plugin says in its hello, to a client on another computer only, of the screen that it draws on.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ScreenOffer {
+    /// Why the plugin does not grab it; missing if it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refused: Option<String>,
+}

@@ -1,0 +1,178 @@
+//! The screen of the computer that X-Plane runs on, where that is another one: grabbed by the plugin, over a connection of its own.
+
+use std::fmt;
+use std::io;
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use tokio::io::BufReader;
+use tokio::net::TcpStream;
+use tokio::runtime::Handle;
+use tokio::time::timeout;
+
+use super::{Grab, Screen};
+use crate::link::{
+    LinkError, ScreenAnswer, ScreenPart, ScreenRequest, exchange_greetings, read_header,
+    read_payload, write_message,
+};
+use crate::pixels::{PixelError, Rectangle, RgbPicture};
+
+/// How long opening or a grab may take: a little less than whoever waits for it allows, so that the thread ends before.
+const PATIENCE: Duration = Duration::from_secs(4);
+
+/// Buffered for the small reads of headers; a payload goes past the buffer into its own memory.
+type Stream = BufReader<TcpStream>;
+
+/// That computer's screen.
+#[derive(Clone)]
+pub struct RemoteScreen {
+    link: SocketAddr,
+    token: Option<String>,
+}
+
+impl RemoteScreen {
+    /// That of the plugin whose capture link is there, with the link's token. It is opened and grabbed on threads of a runtime that may wait
+    /// (`spawn_blocking`).
+    pub fn new(link: SocketAddr, token: Option<String>) -> Self {
+        Self { link, token }
+    }
+}
+
+impl fmt::Debug for RemoteScreen {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // Without the token.
+        f.debug_tuple("RemoteScreen").field(&self.link).finish()
+    }
+}
+
+impl Screen for RemoteScreen {
+    fn name(&self) -> String {
+        format!("of {}, grabbed by its plugin,", self.link.ip())
+    }
+
+    fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError> {
+        let stream = before_timeout(self.link, self.opened())?;
+        Ok(Box::new(RemoteGrab {
+            link: self.link,
+            part: part.map(|part| ScreenPart {
+                x_px: part.x_px,
+                y_px: part.y_px,
+                width_px: part.width_px,
+                height_px: part.height_px,
+            }),
+            stream: Some(stream),
+        }))
+    }
+}
+
+impl RemoteScreen {
+    async fn opened(&self) -> Result<Stream, PixelError> {
+        let link = self.link;
+        let failed = |source| PixelError::RemoteScreen { link, source };
+        let connected = TcpStream::connect(link).await;
+        let connected = connected.and_then(|stream| stream.set_nodelay(true).map(|()| stream));
+        let mut stream = BufReader::new(connected.map_err(|error| failed(error.into()))?);
+        exchange_greetings(&mut stream).await.map_err(failed)?;
+        let open = ScreenRequest::OpenScreen {
+            client: concat!("dtd ", env!("CARGO_PKG_VERSION")).to_owned(),
+            token: self.token.clone(),
+        };
+        match ask(&mut stream, link, &open).await? {
+            (ScreenAnswer::ScreenOpened { .. }, 0) => Ok(stream),
+            other => Err(wrong(link, format!("{other:?}, expected screen_opened"))),
+        }
+    }
+}
+
+/// A part of it that is being grabbed.
+struct RemoteGrab {
+    link: SocketAddr,
+    part: Option<ScreenPart>,
+    /// Missing after a failure: nobody knows then where the next message begins.
+    stream: Option<Stream>,
+}
+
+impl Grab for RemoteGrab {
+    fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError> {
+        let (link, part) = (self.link, self.part);
+        let mut stream = self
+            .stream
+            .take()
+            .ok_or_else(|| wrong(link, "nothing more after an earlier failure".into()))?;
+        before_timeout(link, grabbed(&mut stream, link, part, picture))?;
+        self.stream = Some(stream);
+        Ok(())
+    }
+}
+
+async fn grabbed(
+    stream: &mut Stream,
+    link: SocketAddr,
+    part: Option<ScreenPart>,
+    picture: &mut RgbPicture,
+) -> Result<(), PixelError> {
+    let (answer, payload_bytes) = ask(stream, link, &ScreenRequest::Grab { part }).await?;
+    let ScreenAnswer::Grabbed {
+        width_px,
+        height_px,
+    } = answer
+    else {
+        return Err(wrong(link, format!("{answer:?}, expected grabbed")));
+    };
+    let size = (width_px, height_px);
+    if let Some(asked) = part.filter(|part| (part.width_px, part.height_px) != size) {
+        return Err(wrong(
+            link,
+            format!("{width_px}x{height_px} pixels, asked for {asked:?}"),
+        ));
+    }
+    if u64::from(width_px) * u64::from(height_px) * 3 != payload_bytes as u64 {
+        let found = format!("{payload_bytes} bytes as {width_px}x{height_px} pixels");
+        return Err(wrong(link, found));
+    }
+    read_payload(stream, payload_bytes, &mut picture.rgb)
+        .await
+        .map_err(|source| PixelError::RemoteScreen { link, source })?;
+    (picture.width_px, picture.height_px) = size;
+    Ok(())
+}
+
+/// The answer to a request, and the bytes of the payload that is still to be read.
+async fn ask(
+    stream: &mut Stream,
+    link: SocketAddr,
+    request: &ScreenRequest,
+) -> Result<(ScreenAnswer, usize), PixelError> {
+    let answer = async {
+        write_message(stream, request, &[]).await?;
+        read_header::<ScreenAnswer>(stream)
+            .await?
+            .ok_or(LinkError::Ended {
+                inside: "a conversation",
+            })
+    };
+    match answer.await {
+        Ok((ScreenAnswer::Error { text }, _)) => Err(PixelError::RemoteRefused { link, text }),
+        Ok(answer) => Ok(answer),
+        Err(source) => Err(PixelError::RemoteScreen { link, source }),
+    }
+}
+
+/// Waits on the thread that may, which screens are opened and grabbed on.
+fn before_timeout<T>(
+    link: SocketAddr,
+    work: impl Future<Output = Result<T, PixelError>>,
+) -> Result<T, PixelError> {
+    let done = Handle::current().block_on(async { timeout(PATIENCE, work).await });
+    done.unwrap_or_else(|_| {
+        let source = LinkError::Io(io::ErrorKind::TimedOut.into());
+        Err(PixelError::RemoteScreen { link, source })
+    })
+}
+
+/// Something else than what was asked for.
+fn wrong(link: SocketAddr, found: String) -> PixelError {
+    PixelError::Grab {
+        what: format!("the plugin at {link} sends {found}"),
+    }
+}
