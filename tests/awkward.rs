@@ -5,6 +5,7 @@
 #[path = "awkward/pictures.rs"]
 mod pictures;
 #[path = "awkward/simulator.rs"]
+#[allow(dead_code, reason = "each test file uses a part of it")]
 mod simulator;
 #[path = "../mock-xplane/tests/xvfb/mod.rs"]
 mod xvfb;
@@ -259,9 +260,9 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
 }
 
 /// How far the haze's pictures are from those wanted if the plugin lacks what it does about a habit.
-fn without_remedy(quirk: &str, (file, from, to): (&str, &str, &str)) -> f64 {
+fn without_remedy(quirk: &str, change: (&str, &str, &str)) -> f64 {
     let folder = tempfile::tempdir().unwrap();
-    let plugin = plugin_with(folder.path(), file, from, to);
+    let plugin = plugin_with(folder.path(), &[change]);
     let simulator = Simulator::start("12", Some(quirk), &plugin);
     let corpus = made(&simulator, HAZE).unwrap();
     farthest(&pictures(&corpus, HAZE), wanted("12", HAZE))

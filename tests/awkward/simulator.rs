@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use mock_xplane::server::Addresses;
 use tempfile::TempDir;
+use xplane_bridge::LINK_TOKEN_VARIABLE;
 
 use super::xvfb::Xvfb;
 
@@ -32,11 +33,23 @@ pub(crate) struct Simulator {
     /// X-Plane 12's pictures can be had off the screen only.
     screen: Option<Xvfb>,
     folder: TempDir,
+    /// What its link demands; nothing if it is empty.
+    token: String,
 }
 
 impl Simulator {
     /// An X-Plane of a generation, 11 or 12, with some habits, or all that it has by default, and with a plugin.
     pub(crate) fn start(xplane: &str, quirks: Option<&str>, plugin: &Path) -> Self {
+        Self::start_with_token(xplane, quirks, plugin, "")
+    }
+
+    /// The same with a link that demands a token, unless that is empty.
+    pub(crate) fn start_with_token(
+        xplane: &str,
+        quirks: Option<&str>,
+        plugin: &Path,
+        token: &str,
+    ) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let screen = (xplane == "12").then(|| Xvfb::start("96x64x24"));
         let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
@@ -55,6 +68,7 @@ impl Simulator {
         let log = File::create(folder.path().join("log")).unwrap();
         let mut process = command
             .env("RUST_LOG", "info")
+            .env(LINK_TOKEN_VARIABLE, token)
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .stderr(log)
@@ -68,6 +82,7 @@ impl Simulator {
             addresses,
             screen,
             folder,
+            token: token.to_owned(),
         };
         match serde_json::from_str(&line) {
             Ok(addresses) => simulator(addresses).with_its_plugin(),
@@ -104,6 +119,11 @@ impl Simulator {
         self.addresses.udp
     }
 
+    /// The display that its window is on; empty if it has none.
+    pub(crate) fn display(&self) -> &str {
+        self.screen.as_ref().map_or("", Xvfb::display)
+    }
+
     /// A `dtd` verb that uses it.
     pub(crate) fn dtd<S: AsRef<OsStr>>(&self, arguments: &[S]) -> Command {
         let web_api = self.addresses.web_api;
@@ -115,6 +135,7 @@ impl Simulator {
                 "DTD_WEB_API",
                 web_api.map_or("off".to_owned(), |address| address.to_string()),
             )
+            .env(LINK_TOKEN_VARIABLE, &self.token)
             .env_remove("SLURM_ARRAY_TASK_ID")
             .env_remove("JOB_COMPLETION_INDEX");
         if let Some(screen) = &self.screen {
@@ -160,8 +181,8 @@ pub(crate) fn said(output: &Output) -> String {
     )
 }
 
-/// A copy of the plugin, in which a text of a file is another.
-pub(crate) fn plugin_with(folder: &Path, file: &str, from: &str, to: &str) -> PathBuf {
+/// A copy of the plugin with changes: in a file, a text is another one.
+pub(crate) fn plugin_with(folder: &Path, changes: &[(&str, &str, &str)]) -> PathBuf {
     let copy = folder.join("plugin");
     let package = copy.join("dtd_bridge");
     fs::create_dir_all(&package).unwrap();
@@ -176,9 +197,11 @@ pub(crate) fn plugin_with(folder: &Path, file: &str, from: &str, to: &str) -> Pa
             fs::copy(&path, package.join(path.file_name().unwrap())).unwrap();
         }
     }
-    let path = package.join(file);
-    let text = fs::read_to_string(&path).unwrap();
-    assert!(text.contains(from), "{file} has no {from:?}");
-    fs::write(path, text.replace(from, to)).unwrap();
+    for (file, from, to) in changes {
+        let path = package.join(file);
+        let text = fs::read_to_string(&path).unwrap();
+        assert!(text.contains(from), "{file} has no {from:?}");
+        fs::write(path, text.replace(from, to)).unwrap();
+    }
     copy
 }

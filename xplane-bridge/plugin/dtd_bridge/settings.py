@@ -31,8 +31,8 @@ class Settings:
     bind: str = "127.0.0.1"
     port: int = 49010
     token: str | None = None
-    grab: bool = False
     weather_settle_s: float = 15.0
+    grab: bool = False
 
     def __post_init__(self) -> None:
         """Whoever reaches the link commands the simulator: a link that others reach has a secret, and an empty one is none."""
@@ -63,8 +63,8 @@ def read_settings(path: Path) -> Settings:
             bind=parser.get("link", "bind", fallback=Settings.bind),
             port=parser.getint("link", "port", fallback=Settings.port),
             token=parser.get("link", "token", fallback="") or None,
-            grab=parser.getboolean("link", "grab", fallback=Settings.grab),
             weather_settle_s=parser.getfloat("weather", "settle_s", fallback=Settings.weather_settle_s),
+            grab=parser.getboolean("link", "grab", fallback=Settings.grab),
         )
     except (ValueError, SettingsError) as error:
         raise SettingsError(f"{path}: {error}") from error

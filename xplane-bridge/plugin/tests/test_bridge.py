@@ -11,6 +11,7 @@ import tempfile
 import time
 import unittest
 from pathlib import Path
+from unittest import mock
 
 from dtd_bridge import capture as capturing, flight as flying, found, scenery, server, wire
 from dtd_bridge.bridge import Bridge
@@ -164,6 +165,12 @@ class Greeting(WithBridge):
         answer, _ = client.ask({"message": "hello", "client": "test"})
         self.assertIsNone(answer["window"])
         self.assertEqual(answer["drawn_size"], {"width_px": 96, "height_px": 48})
+
+    def test_a_client_on_another_computer_is_told_how_it_gets_at_the_screen_and_one_here_is_not(self):
+        self.assertNotIn("screen", self.start().ask({"message": "hello", "client": "test"})[0])
+        with mock.patch("dtd_bridge.server.Connection.comes_from_elsewhere", return_value=True):
+            answer, _ = self.start().ask({"message": "hello", "client": "test"})
+        self.assertRegex(answer["screen"]["refused"], "grab = on")
 
     def test_x_plane_12_and_vulkan_have_no_readback_and_say_so(self):
         for name, value in [
@@ -711,9 +718,10 @@ class SettingsFile(unittest.TestCase):
     def test_values_are_read_and_mistakes_refused(self):
         text = "[link]\nbind = 0.0.0.0 ; all\nport = 50000\ntoken = sesame\n[weather]\nsettle_s = 5\n"
         self.assertEqual(self.read(text), Settings("0.0.0.0", 50_000, "sesame", 5.0))
+        self.assertTrue(self.read("[link]\ntoken = sesame\ngrab = on\n").grab)
         for wrong, words in [
             ("[link]\nbind = 0.0.0.0\n", "give a token"), ("[link]\ntokne = x\n", "tokne"), ("[link]\nport = x\n", "x"),
-            ("[link]\nport = 70000\n", "65535"), ("nonsense", "dtd_bridge.ini"), ("[link]\nbind = tower\n", "tower"),
+            ("[link]\nport = 70000\n", "65535"), ("[link]\ngrab = on\n", "give a token"), ("[link]\ntoken = x\ngrab = maybe\n", "maybe"), ("nonsense", "dtd_bridge.ini"), ("[link]\nbind = tower\n", "tower"),
         ]:  # fmt: skip
             with self.subTest(wrong), self.assertRaisesRegex(SettingsError, words):
                 self.read(wrong)

@@ -45,8 +45,8 @@ pub enum PixelError {
     },
     /// X-Plane runs on another computer, whose screen nobody grabs for us.
     #[error(
-        "pictures come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there \
-         (docs/x-plane.md, \"X-Plane on another computer\")"
+        "pictures come off the screen of X-Plane's computer, which is another one than this, and {reason}. Or run dtd there, \
+         or, for few pictures, take --pixels screenshot (docs/x-plane.md, \"X-Plane on another computer\")"
     )]
     ScreenElsewhere {
         /// Why its plugin does not.

@@ -1,0 +1,148 @@
+//! X-Plane 12 on another computer: a `dtd` without a display of its own gets its pictures from the screen that the plugin grabs there.
+//!
+//! One computer plays both. The plugin is changed in two places: it takes every client for one of another computer, and it may show its
+//! screen, as `grab = on` says.
+#![cfg(target_os = "linux")]
+
+#[path = "awkward/pictures.rs"]
+#[allow(dead_code, reason = "each test file uses a part of it")]
+mod pictures;
+#[path = "awkward/simulator.rs"]
+#[allow(dead_code, reason = "each test file uses a part of it")]
+mod simulator;
+#[path = "../mock-xplane/tests/xvfb/mod.rs"]
+mod xvfb;
+
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Command, Output, Stdio};
+
+use mock_xplane::window::X11Window;
+use pictures::pictures;
+use serde_json::Value;
+use simulator::{PLUGIN, SWEEP, Simulator, plugin_with, said};
+use xplane_bridge::LINK_TOKEN_VARIABLE;
+use xplane_bridge::tape::TapeReader;
+
+const TOKEN: &str = "open sesame";
+/// A recorded flight without a cloud.
+const HAZE: &str = "1200-hazy-r1";
+
+const ELSEWHERE: (&str, &str, &str) = (
+    "server.py",
+    "return client != here and not client.is_loopback",
+    "return True",
+);
+const GRAB_ON: (&str, &str, &str) = ("settings.py", "grab: bool = False", "grab: bool = True");
+
+/// An X-Plane 12 with a plugin that is changed so.
+fn simulator(folder: &Path, changes: &[(&str, &str, &str)]) -> Simulator {
+    let plugin = plugin_with(folder, changes);
+    Simulator::start_with_token("12", Some("none"), &plugin, TOKEN)
+}
+
+/// A verb of `dtd` on the computer beside it, which has no display.
+fn from_elsewhere(simulator: &Simulator, arguments: &[&str]) -> Output {
+    let mut command = simulator.dtd(arguments);
+    command.env("DISPLAY", "").output().unwrap()
+}
+
+fn generate(simulator: &Simulator, corpus: &Path) -> Output {
+    let corpus = corpus.to_str().unwrap();
+    let arguments = [
+        "-v", "generate", SWEEP, "--pixels", "screen", "--only", HAZE, "--out", corpus,
+    ];
+    from_elsewhere(simulator, &arguments)
+}
+
+#[test]
+fn pictures_that_the_plugin_grabs_are_those_that_are_grabbed_beside_it_to_the_last_bit() {
+    let here = Simulator::start("12", Some("none"), Path::new(PLUGIN));
+    let beside = here.folder().join("corpus");
+    let output = here.generate(HAZE, &beside);
+    assert!(output.status.success(), "{}", said(&output));
+
+    let folder = tempfile::tempdir().unwrap();
+    let there = simulator(folder.path(), &[ELSEWHERE, GRAB_ON]);
+    let corpus = there.folder().join("corpus");
+    let output = generate(&there, &corpus);
+    assert!(output.status.success(), "{}{}", said(&output), there.log());
+    assert!(
+        said(&output).contains("of 127.0.0.1, grabbed by its plugin"),
+        "{}",
+        said(&output)
+    );
+    let (grabbed, wanted) = (pictures(&corpus, HAZE), pictures(&beside, HAZE));
+    assert!(wanted.len() > 10 && grabbed == wanted, "pictures differ");
+}
+
+#[test]
+fn a_screen_that_may_not_be_shown_or_a_window_that_is_covered_is_refused_with_what_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let closed = simulator(folder.path(), &[ELSEWHERE]);
+    let corpus = closed.folder().join("corpus");
+    let output = generate(&closed, &corpus);
+    let text = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{text}");
+    for words in ["another one than this", "grab = on", "dtd_bridge.ini"] {
+        assert!(text.contains(words), "no {words:?} in {text}");
+    }
+    assert!(!corpus.exists());
+
+    let folder = tempfile::tempdir().unwrap();
+    let open = simulator(folder.path(), &[ELSEWHERE, GRAB_ON]);
+    let output = from_elsewhere(&open, &["doctor", "--no-measure"]);
+    let text = said(&output);
+    let seen = "found on the screen of 127.0.0.1, grabbed by its plugin, by its check pattern";
+    assert!(text.contains(seen), "{text}");
+    let above = X11Window::open(Some(open.display()), (48, 32)).unwrap();
+    let output = from_elsewhere(&open, &["doctor", "--no-measure"]);
+    let text = said(&output);
+    for words in ["grabbed by its plugin", "in front of all others"] {
+        assert!(text.contains(words), "no {words:?} in {text}");
+    }
+    drop(above);
+}
+
+#[test]
+fn pictures_of_the_screen_pass_a_recorder_and_do_not_reach_the_tape() {
+    let folder = tempfile::tempdir().unwrap();
+    let there = simulator(folder.path(), &[ELSEWHERE, GRAB_ON]);
+    let tape = folder.path().join("session.mcap");
+    let mut recorder = there
+        .dtd(&["record", "--port", "0", "--until-stdin-ends", "--out"])
+        .arg(&tape)
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    let stdout = recorder.stdout.take().unwrap();
+    BufReader::new(stdout).read_line(&mut line).unwrap();
+    let ready: Value = serde_json::from_str(&line).unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
+        .args(["doctor", "--no-measure", "--sim"])
+        .arg(ready["udp"].as_str().unwrap())
+        .env("DISPLAY", "")
+        .env(LINK_TOKEN_VARIABLE, TOKEN)
+        .output()
+        .unwrap();
+    let text = said(&output);
+    assert!(
+        text.contains("grabbed by its plugin, by its check"),
+        "{text}"
+    );
+    drop(recorder.stdin.take());
+    assert!(recorder.wait().unwrap().success());
+
+    let mut tape = TapeReader::open(&tape).unwrap();
+    let mut messages = Vec::new();
+    while let Some(entry) = tape.next_entry().unwrap() {
+        messages.push(String::from_utf8_lossy(&entry.data).into_owned());
+    }
+    let has = |words: &str| messages.iter().any(|message| message.contains(words));
+    assert!(has("check_pattern_shown"), "{} messages", messages.len());
+    for words in ["open_screen", "screen_opened", r#""grab"#] {
+        assert!(!has(words), "{words} is on the tape");
+    }
+}
