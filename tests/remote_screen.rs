@@ -21,8 +21,8 @@ use mock_xplane::window::X11Window;
 use pictures::pictures;
 use serde_json::Value;
 use simulator::{PLUGIN, SWEEP, Simulator, plugin_with, said};
-use xplane_bridge::LINK_TOKEN_VARIABLE;
 use xplane_bridge::tape::TapeReader;
+use xplane_bridge::{LINK_TOKEN_VARIABLE, WEB_API_VARIABLE};
 
 const TOKEN: &str = "open sesame";
 /// A recorded flight without a cloud.
@@ -110,7 +110,8 @@ fn pictures_of_the_screen_pass_a_recorder_and_do_not_reach_the_tape() {
     let there = simulator(folder.path(), &[ELSEWHERE, GRAB_ON]);
     let tape = folder.path().join("session.mcap");
     let mut recorder = there
-        .dtd(&["record", "--port", "0", "--until-stdin-ends", "--out"])
+        .dtd(&["record", "--port", "0", "--until-stdin-ends"])
+        .arg("--out")
         .arg(&tape)
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
@@ -125,6 +126,7 @@ fn pictures_of_the_screen_pass_a_recorder_and_do_not_reach_the_tape() {
         .arg(ready["udp"].as_str().unwrap())
         .env("DISPLAY", "")
         .env(LINK_TOKEN_VARIABLE, TOKEN)
+        .env(WEB_API_VARIABLE, "off")
         .output()
         .unwrap();
     let text = said(&output);
