@@ -47,6 +47,8 @@ pub(crate) enum Verb {
     Plan(PlanArgs),
     /// Print the JSON Schema of sweep files, for editors and checkers
     Schema,
+    /// Write the sweeps that ship, to copy and change: demo.toml, scenarios.toml, detector.toml, with what they name
+    Examples(ExamplesArgs),
     /// Record the scenarios of a sweep: videos, 4D trajectory, calibration
     Generate(GenerateArgs),
     /// Bring a corpus, or some of its scenarios, from an object store into a folder; goes on where it was stopped
@@ -233,8 +235,9 @@ pub(crate) struct DetectArgs {
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// The detector, an ONNX file with a YOLO-like output
-    #[arg(long, value_name = "M.onnx", default_value = "models/aircraft.onnx")]
-    pub(crate) model: PathBuf,
+    /// [default: the one that ships, for pictures of the stand-in]
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) onnx_runtime: OnnxRuntimeArg,
     /// Detect again where this model's detections are already there
@@ -465,13 +468,20 @@ pub(crate) struct RecordArgs {
 }
 
 #[derive(Debug, ClapArgs)]
+pub(crate) struct ExamplesArgs {
+    /// Where to write them; files that are there already stay as they are
+    #[arg(default_value = ".", value_parser = output())]
+    pub(crate) folder: PathBuf,
+}
+
+#[derive(Debug, ClapArgs)]
 pub(crate) struct DemoArgs {
-    /// The sweep to run
-    #[arg(long, value_name = "SWEEP.toml", default_value = "demo.toml")]
-    pub(crate) sweep: PathBuf,
-    /// The detector
-    #[arg(long, value_name = "M.onnx", default_value = "models/aircraft.onnx")]
-    pub(crate) model: PathBuf,
+    /// The sweep to run [default: the demo.toml that ships]
+    #[arg(long, value_name = "SWEEP.toml")]
+    pub(crate) sweep: Option<PathBuf>,
+    /// The detector [default: the one that ships]
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) onnx_runtime: OnnxRuntimeArg,
     /// Folder for the corpus and the run

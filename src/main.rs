@@ -6,6 +6,7 @@ mod args;
 mod failure;
 mod logging;
 mod progress;
+mod shipped;
 mod signals;
 mod telemetry;
 mod verbs;

@@ -7,6 +7,7 @@ mod demo;
 mod detect;
 mod doctor;
 mod evaluate;
+mod examples;
 mod fetch;
 mod generate;
 mod install_plugin;
@@ -37,6 +38,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
     match verb {
         Verb::Plan(args) => plan::run(&args),
         Verb::Schema => schema::run(),
+        Verb::Examples(args) => examples::run(&args),
         Verb::Generate(args) => generate::run(&args),
         Verb::Fetch(args) => fetch::run(&args),
         Verb::Push(args) => push::run(&args),

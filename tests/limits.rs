@@ -377,14 +377,14 @@ fn what_needs_more_memory_than_allowed_says_how_much() {
 #[test]
 fn a_file_that_may_not_grow_is_an_error_and_no_death_by_signal() {
     let tiny = Tiny::made().copy();
+    let store = format!("file://{}", tiny.path("store").display());
     let mut limited = std::process::Command::new("bash");
     limited
-        .args([
-            "-c",
-            "ulimit -f 2; exec \"$0\" label \"$1\"",
-            env!("CARGO_BIN_EXE_dtd"),
-        ])
-        .arg(tiny.corpus());
+        .args(["-c", "ulimit -f 2; exec \"$@\"", "bash"])
+        .arg(env!("CARGO_BIN_EXE_dtd"))
+        .arg("push")
+        .arg(tiny.corpus())
+        .arg(store);
     let output = run(&mut limited, PATIENCE).expect("ends");
     let said = said(&output);
     assert!(output.status.code().is_some_and(|code| code != 0), "{said}");

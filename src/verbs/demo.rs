@@ -18,6 +18,7 @@ use super::label::label;
 use super::train::train;
 use crate::args::DemoArgs;
 use crate::failure::{Ending, Failure};
+use crate::shipped::Shipped;
 use own_folder::OwnFolder;
 
 /// Videos whose paths are printed for a first look.
@@ -25,8 +26,11 @@ const VIDEOS_TO_SHOW: usize = 2;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DemoArgs) -> Outcome {
-    let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
-    refuse_other_models(&args.model)?;
+    let shipped = Shipped::unpack()?;
+    let sweep = args.sweep.clone().unwrap_or_else(|| shipped.demo_sweep());
+    let model = args.model.clone().unwrap_or_else(|| shipped.detector());
+    let sweep = Sweep::read(&sweep).map_err(Failure::bad_input)?;
+    refuse_other_models(&model)?;
     let folder = OwnFolder::open(&args.out, args.fresh)?;
     let options = options(SimulatorTarget::StandIn.into())?;
     let generated = generate(&sweep, &folder.corpus(), &options)?;
@@ -38,7 +42,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
     let labelled = label(&corpus)?;
     let detected = detect(
         &corpus,
-        &args.model,
+        &model,
         DetectOptions {
             onnx_runtime: args.onnx_runtime.library.clone(),
             ..DetectOptions::default()

@@ -11,13 +11,16 @@ use super::output::{count, print_json};
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
+use crate::shipped::Shipped;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
     let corpus = open_filled_corpus(&args.corpus)?;
+    let shipped = Shipped::unpack()?;
+    let model = args.model.clone().unwrap_or_else(|| shipped.detector());
     let outcome = detect(
         &corpus,
-        &args.model,
+        &model,
         DetectOptions {
             onnx_runtime: args.onnx_runtime.library.clone(),
             again: args.again,
@@ -70,7 +73,7 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
         return Ok(());
     }
     Err(Failure::bad_input_message(format!(
-        "{} is not there: --model expects an ONNX file; the detector that ships is models/aircraft.onnx",
+        "{} is not there: --model expects an ONNX file; without it, the detector that ships is used",
         model.display()
     )))
 }

@@ -113,12 +113,6 @@ async fn record_into(
     cancel
         .or(simulator.prepare(&parameters.conditions, &start, live))
         .await?;
-    if let Some(known) = session.news_of(&simulator) {
-        attempt.reporter.tell(Event::Profile {
-            simulator: session.name(),
-            known: &known,
-        });
-    }
     cancel
         .or(simulator.set_conditions(&parameters.conditions))
         .await?;
@@ -136,6 +130,15 @@ async fn record_into(
         ticks: states.len() as u32,
     });
 
+    if let Some(first) = states.first() {
+        cancel.or(simulator.look_at_pictures(&first.pose)).await?;
+    }
+    if let Some(known) = session.news_of(&simulator) {
+        attempt.reporter.tell(Event::Profile {
+            simulator: session.name(),
+            known: &known,
+        });
+    }
     cancel
         .or(simulator.freeze_imaging(&common.runway, &imaging))
         .await?;

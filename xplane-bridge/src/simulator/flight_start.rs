@@ -68,15 +68,10 @@ impl Simulator {
         live: bool,
     ) -> Result<(), BridgeError> {
         self.await_flight().await?;
-        let here = self.position().await?;
-        if let Some(here) = &here
-            && self.description.plugin.is_some()
-            && self.description.profile.current().is_none()
-        {
-            self.look_at_pictures(here).await?;
-        }
-        let near =
-            here.is_some_and(|here| lat_lon(&here).distance_m(start.position.lat_lon()) < NEAR_M);
+        let near = match self.position().await? {
+            Some(here) => here.distance_m(start.position.lat_lon()) < NEAR_M,
+            None => false,
+        };
         if live || !near || !self.has_the_aircraft().await? {
             let in_the_air = self.begin_flight(start, Some(conditions)).await?;
             self.begun = Some((*start, in_the_air));
@@ -124,11 +119,11 @@ impl Simulator {
     }
 
     /// Where the aircraft is; `None` if X-Plane does not say, or says nowhere.
-    async fn position(&mut self) -> Result<Option<Position>, BridgeError> {
+    async fn position(&mut self) -> Result<Option<LatLon>, BridgeError> {
         let plausible = |found: &Position| found.latitude_deg != 0.0 || found.longitude_deg != 0.0;
         let deadline = Instant::now() + READY_TIMEOUT;
         let found = self.udp.position_until(deadline, plausible).await?;
-        Ok(found.filter(plausible))
+        Ok(found.filter(plausible).as_ref().map(lat_lon))
     }
 
     /// Who begins flights here.
@@ -224,7 +219,7 @@ impl Simulator {
         }
         let wanted = start.position.lat_lon();
         loop {
-            let here = self.position().await?.as_ref().map(lat_lon);
+            let here = self.position().await?;
             let flight_s = self.read_one(FLIGHT_TIME_S, |_| true).await?;
             let is_there = here.is_some_and(|here| here.distance_m(wanted) < BEGUN_WITHIN_M);
             let has_begun = flight_s

@@ -2,6 +2,7 @@
 
 use chrono::{SecondsFormat, Utc};
 use dataset::conditions::Clock;
+use dataset::pose::Pose;
 use serde_json::json;
 
 use super::eyes::Eyes;
@@ -13,7 +14,6 @@ use crate::Simulator;
 use crate::datarefs::{DatarefWrite, USE_SYSTEM_TIME, ZULU_TIME_S};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
-use crate::packet::Position;
 use crate::profile::{Finding, Grabbing, KnownProfile, PROFILE_FORMAT, Profile};
 use crate::simulator::{SWITCH_TIMEOUT, wrong};
 
@@ -75,21 +75,25 @@ pub(super) async fn measure(
 }
 
 impl Simulator {
-    /// Looks at the pictures of an X-Plane that nobody measured: some seconds, for this run alone. An X-Plane that keeps its picture in a
-    /// pause, or whose exposure settles slowly, would give wrong ones.
-    pub(in crate::simulator) async fn look_at_pictures(
-        &mut self,
-        here: &Position,
-    ) -> Result<(), BridgeError> {
+    /// Looks at the pictures of an X-Plane that nobody measured: some seconds, for this run alone. One that keeps its picture in a
+    /// pause, or whose exposure settles slowly, would give wrong ones. Before freezing, with the aircraft at such a height.
+    ///
+    /// # Errors
+    /// If the simulator does not go on afterwards. What cannot be seen is part of the profile.
+    pub async fn look_at_pictures(&mut self, aircraft: &Pose) -> Result<(), BridgeError> {
+        let description = &self.description;
+        if description.plugin.is_none() || description.profile.current().is_some() {
+            return Ok(());
+        }
         let place = PlaceOnGround {
-            latitude_deg: here.latitude_deg,
-            longitude_deg: here.longitude_deg,
-            altitude_msl_m: here.elevation_msl_m,
-            ground_msl_m: here.elevation_msl_m - f64::from(here.height_agl_m),
+            latitude_deg: aircraft.latitude_deg,
+            longitude_deg: aircraft.longitude_deg,
+            altitude_msl_m: aircraft.altitude_msl_m,
+            ground_msl_m: 0.0,
         };
         tracing::info!("nobody measured this simulator: its pictures are looked at first");
         // By night nothing shows.
-        let noon_s = (12.0 - here.longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0;
+        let noon_s = (12.0 - aircraft.longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0;
         self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
         self.write_surely(ZULU_TIME_S, noon_s as f32).await?;
         let mut eyes = Eyes::at(self, place);

@@ -1,0 +1,101 @@
+//! Files that ship inside the program: the sweeps that the documentation speaks of, the flights that they replay, and the detector. So `dtd`
+//! works wherever it is installed.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use dataset::Error;
+use tempfile::TempDir;
+
+const DEMO_SWEEP: &str = "demo.toml";
+const DETECTOR: &str = "models/aircraft.onnx";
+
+/// A file of the repository: its name there and its content.
+macro_rules! shipped {
+    ($($name:literal),* $(,)?) => {
+        [$(($name, include_bytes!(concat!("../", $name)).as_slice())),*]
+    };
+}
+
+const FILES: [(&str, &[u8]); 9] = shipped![
+    "demo.toml",
+    "scenarios.toml",
+    "detector.toml",
+    "schema/sweep.schema.json",
+    "models/aircraft.onnx",
+    "models/aircraft.json",
+    "tests/data/flights/01_calm_ils.csv",
+    "tests/data/flights/04_storm_gusts.csv",
+    "tests/data/flights/07_loc_offset_intercept.csv",
+];
+
+/// The files in a folder of their own, which goes with this value.
+pub(crate) struct Shipped {
+    folder: TempDir,
+}
+
+impl Shipped {
+    /// Writes them into a new temporary folder.
+    pub(crate) fn unpack() -> dataset::Result<Self> {
+        let temporary = std::env::temp_dir();
+        let folder = TempDir::with_prefix("dtd-").map_err(Error::io("create", &temporary))?;
+        write(folder.path())?;
+        Ok(Self { folder })
+    }
+
+    /// The sweep of `dtd demo`.
+    pub(crate) fn demo_sweep(&self) -> PathBuf {
+        self.folder.path().join(DEMO_SWEEP)
+    }
+
+    /// The detector for pictures of the stand-in.
+    pub(crate) fn detector(&self) -> PathBuf {
+        self.folder.path().join(DETECTOR)
+    }
+}
+
+/// Writes all files into a folder. Those that are there already stay as they are.
+pub(crate) fn write(folder: &Path) -> dataset::Result<Vec<PathBuf>> {
+    let mut written = Vec::new();
+    for (name, content) in FILES {
+        let path = folder.join(name);
+        if path.exists() {
+            continue;
+        }
+        let parent = path.parent().unwrap_or(folder);
+        fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
+        dataset::json_file::write_atomically(&path, content)?;
+        written.push(path);
+    }
+    Ok(written)
+}
+
+#[cfg(test)]
+mod tests {
+    use generator::sweep::Sweep;
+
+    use super::*;
+
+    #[test]
+    fn every_shipped_sweep_finds_all_that_it_names() {
+        let shipped = Shipped::unpack().unwrap();
+        assert!(shipped.detector().is_file());
+        for (name, _) in FILES {
+            if name.ends_with(".toml") {
+                Sweep::read(&shipped.folder.path().join(name)).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn a_file_that_is_there_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join(DEMO_SWEEP), "mine").unwrap();
+        let written = write(folder.path()).unwrap();
+        assert_eq!(written.len(), FILES.len() - 1);
+        assert_eq!(
+            fs::read_to_string(folder.path().join(DEMO_SWEEP)).unwrap(),
+            "mine"
+        );
+    }
+}

@@ -1,0 +1,21 @@
+//! `dtd examples`: the sweeps that ship, as files to change.
+
+use super::Outcome;
+use super::output::count;
+use crate::args::ExamplesArgs;
+use crate::failure::Ending;
+use crate::shipped;
+
+/// Runs the verb.
+pub(crate) fn run(args: &ExamplesArgs) -> Outcome {
+    let written = shipped::write(&args.folder)?;
+    for path in &written {
+        println!("{}", path.display());
+    }
+    eprintln!(
+        "examples: {} written; next: dtd plan {}",
+        count(written.len(), "file"),
+        args.folder.join("scenarios.toml").display()
+    );
+    Ok(Ending::Done)
+}
