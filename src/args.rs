@@ -1,4 +1,4 @@
-//! The words a person types.
+//! Command-line arguments.
 
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
@@ -17,10 +17,10 @@ use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
 use xplane_bridge::tape::FramesKept;
 
-/// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to
-/// touchdown (DTD), and trains and judges estimators of that distance.
+/// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to touchdown
+/// (DTD), and trains and evaluates estimators of that distance.
 ///
-/// The chain: plan -> generate -> label -> detect -> train -> evaluate. `dtd demo` runs all of it at small scale, without
+/// The pipeline: plan -> generate -> label -> detect -> train -> evaluate. `dtd demo` runs all of it at small scale, without
 /// X-Plane.
 #[derive(Debug, Parser)]
 #[command(
@@ -31,10 +31,10 @@ use xplane_bridge::tape::FramesKept;
                   Results go to stdout, progress and logs to stderr."
 )]
 pub(crate) struct Args {
-    /// Say more: -v what happens, -vv every detail. RUST_LOG overrides it.
+    /// More output: -v for events, -vv for every detail. RUST_LOG overrides it.
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub(crate) verbose: u8,
-    /// Refuse what needs more memory than this (512M, 4G) [default: what the machine, its container and `ulimit -v` leave].
+    /// Reject work that needs more memory than this (512M, 4G) [default: what the machine, its container and `ulimit -v` leave].
     #[arg(long, global = true, value_name = "SIZE")]
     pub(crate) max_memory: Option<Bytes>,
     #[command(subcommand)]
@@ -43,7 +43,7 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    /// Show which scenarios a sweep expands to, what they cost, and what is new in them; makes nothing
+    /// Show which scenarios a sweep expands to, what they cost, and which are new; records nothing
     Plan(PlanArgs),
     /// Print the JSON Schema of sweep files, for editors and checkers
     Schema,
@@ -51,9 +51,9 @@ pub(crate) enum Verb {
     Examples(ExamplesArgs),
     /// Record the scenarios of a sweep: videos, 4D trajectory, calibration
     Generate(GenerateArgs),
-    /// Bring a corpus, or some of its scenarios, from an object store into a folder; goes on where it was stopped
+    /// Download a corpus, or some of its scenarios, from an object store into a folder; resumes
     Fetch(FetchArgs),
-    /// Send a corpus, with labels and detections, from a folder to an object store; goes on where it was stopped
+    /// Upload a corpus, with labels and detections, from a folder to an object store; resumes
     Push(PushArgs),
     /// Compute distance-to-touchdown labels and true boxes
     Label(LabelArgs),
@@ -61,21 +61,21 @@ pub(crate) enum Verb {
     Detect(DetectArgs),
     /// Train the distance estimators of a corpus, split by trajectory
     Train(TrainArgs),
-    /// Judge a trained run on the held-out trajectories and write metrics.json and report.html
+    /// Evaluate a trained run on the held-out trajectories and write metrics.json and report.html
     Evaluate(EvaluateArgs),
-    /// Prove that a corpus is whole and synchronised, and name every fault
+    /// Check that a corpus is complete and synchronised, and name every fault
     Verify(VerifyArgs),
     /// Train the single-class aircraft detector on a labelled corpus
     TrainDetector(TrainDetectorArgs),
-    /// Put the plugin that serves poses and pictures into X-Plane
+    /// Install the plugin that serves poses and pictures into X-Plane
     InstallPlugin(InstallPluginArgs),
     /// Run the stand-in X-Plane: UDP protocol, capture link, flight and renderer
     MockXplane(MockXplaneArgs),
-    /// Examine the connection to X-Plane point by point and say what to fix
+    /// Examine the connection to X-Plane point by point and say how to fix it
     Doctor(DoctorArgs),
     /// Record a session with X-Plane on a tape (MCAP): a proxy for UDP and the capture link
     Record(RecordArgs),
-    /// Run the whole chain at small scale, from sweep to report
+    /// Run the whole pipeline at small scale, from sweep to report
     Demo(DemoArgs),
 }
 
@@ -84,13 +84,14 @@ pub(crate) struct PlanArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
-    /// Compare with this corpus: what is whole, new, changed, removed. Without it, with ./corpus if it has the sweep's name
+    /// Compare with this corpus: which scenarios are complete, new, changed, removed. Default: ./corpus if it was made from a sweep
+    /// of this name
     #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) against: Option<PathBuf>,
-    /// How many pictures your simulator gives in a second, all views together, for the hours of making
+    /// Pictures per second that your simulator delivers, all views together; for the estimate of recording time
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) pictures_per_second: Option<f64>,
-    /// A row per scenario, however many there are
+    /// One row per scenario, however many there are
     #[arg(long)]
     pub(crate) all: bool,
     /// Print the plan as JSON
@@ -110,15 +111,15 @@ pub(crate) struct GenerateArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
-    /// Folder of the corpus; made if it is not there. Or a URL: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX,
-    /// file:///FOLDER, with credentials from the environment (docs/corpus.md). Scenarios that are already whole are skipped
+    /// Folder of the corpus, created if missing. Or a URL: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX,
+    /// file:///FOLDER, with credentials from the environment (docs/corpus.md). Finished scenarios are skipped
     #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(out_place))]
     pub(crate) out: Place,
-    /// For a URL: folder where scenarios are recorded before they are sent; runs of one machine may share it. Default: one for each URL in
-    /// the user's cache folder
+    /// For a URL: folder where scenarios are recorded before they are uploaded; runs on one machine may share it. Default: one per
+    /// URL in the user's cache folder
     #[arg(long, value_name = "DIR", value_parser = output())]
     pub(crate) staging: Option<PathBuf>,
-    /// For a URL: leave scenarios in the staging folder when they are sent
+    /// For a URL: keep scenarios in the staging folder after the upload
     #[arg(long)]
     pub(crate) keep_staged: bool,
     /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of
@@ -134,17 +135,18 @@ pub(crate) struct GenerateArgs {
     /// window, `screenshot` has X-Plane write files (slow: a picture takes seconds); `auto` takes the first of them that the simulator offers
     #[arg(long, value_name = "auto|link|gl|screen|screenshot", default_value_t = PixelChoice::Auto)]
     pub(crate) pixels: PixelChoice,
-    /// Make only these scenarios (identifiers as `dtd plan` prints them), with commas between
+    /// Record only these scenarios (identifiers as `dtd plan` prints them), separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
-    /// Make only part I, from 0, of N; shards may write into one corpus at the same time. Default: what Slurm's job array
-    /// (SLURM_ARRAY_TASK_ID) or a Kubernetes Indexed Job (JOB_COMPLETION_INDEX and DTD_SHARDS) says, or all
+    /// Record only shard I, from 0, of N; shards may write into one corpus at the same time. Default: from Slurm's job array
+    /// (SLURM_ARRAY_TASK_ID) or a Kubernetes Indexed Job (JOB_COMPLETION_INDEX and DTD_SHARDS), else everything
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Shard>,
-    /// How long to wait for a simulator that does not answer any more before going on without it, and for an object store before giving up
+    /// How long to wait for a simulator that stopped answering before continuing without it, and for an object store before giving
+    /// up
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     pub(crate) patience: u64,
-    /// Print the outcome as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -153,16 +155,16 @@ pub(crate) struct GenerateArgs {
 pub(crate) struct FetchArgs {
     /// The corpus: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER
     pub(crate) url: StoreUrl,
-    /// Folder of the corpus; made if it is not there. Scenarios that it has already are left alone
+    /// Folder of the corpus, created if missing. Existing scenarios are left alone
     #[arg(long, value_name = "FOLDER", value_parser = output())]
     pub(crate) out: PathBuf,
-    /// Bring only these scenarios, with commas between
+    /// Download only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
     /// How long to wait for a store that does not answer
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     pub(crate) patience: u64,
-    /// Print the outcome as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -172,18 +174,18 @@ pub(crate) struct PushArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// Where to: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER. Scenarios that are there with other
+    /// Destination: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER. Older scenarios with other
     /// content are replaced
     pub(crate) url: StoreUrl,
     /// How long to wait for a store that does not answer
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     pub(crate) patience: u64,
-    /// Print the outcome as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
-/// A folder, for verbs that work on files of this machine: a URL is refused, and not taken for the name of a folder.
+/// A folder, for verbs that work on local files: a URL is rejected instead of being taken for a folder name.
 fn folder() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| match Place::of(&path) {
         Ok(Place::Folder(path)) => Ok(path),
@@ -203,13 +205,13 @@ fn out_place(path: PathBuf) -> Result<Place, String> {
     }
 }
 
-/// A folder or file of this machine to write. What can be neither is refused before anything is done.
+/// A local folder or file to write. Paths that can be neither are rejected before anything is done.
 fn output() -> impl TypedValueParser<Value = PathBuf> {
     folder().try_map(no_special_file)
 }
 
-/// A place to write to that is no device, FIFO or socket, nor a link to one: a file that is renamed into place would replace it, and
-/// writing into it would lose the result.
+/// A path to write to that is not a device, FIFO or socket, nor a link to one: a file that is renamed into place would replace it,
+/// and writing into it would lose the result.
 fn no_special_file(path: PathBuf) -> Result<PathBuf, String> {
     match path.metadata() {
         Ok(found) if !found.is_dir() && !found.is_file() => Err(
@@ -224,7 +226,7 @@ pub(crate) struct LabelArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// Print the outcome as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -240,17 +242,17 @@ pub(crate) struct DetectArgs {
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) onnx_runtime: OnnxRuntimeArg,
-    /// Detect again where this model's detections are already there
+    /// Detect again even if this model's detections exist
     #[arg(long)]
     pub(crate) again: bool,
-    /// Print the outcome as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct OnnxRuntimeArg {
-    /// ONNX Runtime's library, an absolute path [default: what ORT_DYLIB_PATH says, else ../lib/dtd/libonnxruntime.so beside the
+    /// ONNX Runtime's library, an absolute path [default: ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the
     /// program's folder]
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
@@ -264,26 +266,26 @@ pub(crate) struct TrainArgs {
     /// Folder for weights, settings and logs
     #[arg(long, value_name = "RUN", value_parser = output())]
     pub(crate) out: PathBuf,
-    /// Narrower layers and fewer steps, as the demo uses: about a minute for a small corpus
+    /// Narrower layers and fewer steps, as in the demo: about a minute for a small corpus
     #[arg(long, conflicts_with = "config")]
     pub(crate) quick: bool,
-    /// Settings that differ from the defaults, a TOML file; the used ones are saved in RUN/config.json
+    /// TOML file with settings that differ from the defaults; the resulting settings are saved in RUN/config.json
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Which detections to learn from, if the corpus has those of several models: the model's hash
+    /// Which detections to train on if the corpus has those of several models: the model's hash
     #[arg(long, value_name = "HASH")]
     pub(crate) detections: Option<String>,
     /// Seed of weights and batches
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Print the outcome as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct EvaluateArgs {
-    /// Folder of the run, as `dtd train` wrote it
+    /// Folder of the run, as written by `dtd train`
     #[arg(value_parser = folder())]
     pub(crate) run: PathBuf,
     /// Folder of the corpus
@@ -299,10 +301,10 @@ pub(crate) struct VerifyArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// Do not decode the videos: hashes, tables and plan only
+    /// Do not decode the videos: check hashes, tables and plan only
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Count planned scenarios that are missing as faults. Without it they are only reported: the corpus may still be in the making
+    /// Count missing planned scenarios as faults. By default they are only reported, since the corpus may be unfinished
     #[arg(long)]
     pub(crate) complete: bool,
     /// Print the findings as JSON
@@ -315,7 +317,7 @@ pub(crate) struct TrainDetectorArgs {
     /// Folder of a labelled corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// The ONNX file to write; settings, checkpoint and report are written beside it
+    /// The ONNX file to write; settings, checkpoint and report are written next to it
     #[arg(long, value_name = "M.onnx", value_parser = output())]
     pub(crate) out: PathBuf,
     /// How long to train; the learning rate falls over this time
@@ -328,10 +330,10 @@ pub(crate) struct TrainDetectorArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct InstallPluginArgs {
-    /// The folder that X-Plane 11 or 12 is installed in
+    /// The installation folder of X-Plane 11 or 12
     #[arg(value_name = "XPLANE_DIR")]
     pub(crate) folder: PathBuf,
-    /// Print what was done as JSON
+    /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }
@@ -344,7 +346,7 @@ pub(crate) struct MockXplaneArgs {
     /// UDP port; 0 takes any free one. The addresses are printed as one JSON line when it is ready
     #[arg(long, default_value_t = 49000)]
     pub(crate) port: u16,
-    /// Which X-Plane to be like: versions, dataref names and how weather is taken over differ
+    /// Which X-Plane to imitate: versions, dataref names and weather handling differ
     #[arg(long, value_name = "11|12", default_value = "12", value_parser = generation)]
     pub(crate) xplane: Generation,
     /// TCP port of X-Plane 12's Web API, on this computer only; 0 takes any free one [default: 8086, or any if --port is 0]
@@ -353,7 +355,7 @@ pub(crate) struct MockXplaneArgs {
     /// Start in the main menu: the Web API has no datarefs until a flight is loaded
     #[arg(long)]
     pub(crate) main_menu: bool,
-    /// As with "Accept incoming connections" switched off: UDP is ignored and the Web API refuses
+    /// As with "Accept incoming connections" switched off: UDP is ignored and the Web API answers 403
     #[arg(long)]
     pub(crate) incoming_off: bool,
     /// Send no beacon
@@ -365,14 +367,14 @@ pub(crate) struct MockXplaneArgs {
     /// Send the beacon without a name, as X-Plane 12 may do
     #[arg(long)]
     pub(crate) beacon_nameless: bool,
-    /// Send the data output (DATA packets, rows 1, 3, 14, 16, 17, 20, 21) there, ten times a second
+    /// Send the data output (DATA packets, rows 1, 3, 14, 16, 17, 20, 21) to this address, ten times a second
     #[arg(long, value_name = "HOST:PORT")]
     pub(crate) data_to: Option<SocketAddr>,
-    /// Give the answers of a session recorded with `dtd record`. All but address and beacon is then as recorded
+    /// Replay a session recorded with `dtd record`. Everything but address and beacon is then as recorded
     #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,
-    /// What goes wrong, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3. WHEN of
-    /// freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N
+    /// Faults, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3. WHEN of freeze=WHEN[:FOR_S] and
+    /// restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N
     #[arg(
         long,
         value_name = "FAULTS",
@@ -380,9 +382,9 @@ pub(crate) struct MockXplaneArgs {
         hide_default_value = true
     )]
     pub(crate) faults: Faults,
-    /// Awkward habits of a live X-Plane to have: all that this X-Plane has, none, quick (those that make no client wait), or names of
-    /// docs/simulator.md with commas between; a - before a name leaves it out, e.g. all,-late_clouds. A first scenario takes minutes with
-    /// all of them
+    /// Awkward habits of a live X-Plane to imitate: all of this X-Plane version, none, quick (those that do not slow clients down),
+    /// or names from docs/simulator.md separated by commas; a - before a name excludes it, e.g. all,-late_clouds. With all of them
+    /// a first scenario takes minutes
     #[arg(
         long,
         value_name = "all|none|quick|NAME,..",
@@ -390,7 +392,7 @@ pub(crate) struct MockXplaneArgs {
         allow_hyphen_values = true
     )]
     pub(crate) quirks: Quirks,
-    /// Let the simulator's clock run so much faster than the one on the wall, so that what takes X-Plane minutes takes seconds
+    /// Run the simulator's clock this many times faster than real time, so that X-Plane's minutes take seconds
     #[arg(long, value_name = "N", default_value = "1", value_parser = clock_rate)]
     pub(crate) clock_rate: f64,
     /// Show what is drawn in a window on the X11 display that DISPLAY names, so that `dtd generate --pixels screen` can grab it
@@ -401,39 +403,39 @@ pub(crate) struct MockXplaneArgs {
         default_missing_value = "1920x1280"
     )]
     pub(crate) window: Option<WindowSize>,
-    /// Serve the capture link by the plugin of this folder (xplane-bridge/plugin), run by Python against a fake of XPPython3. Pictures
-    /// come from --xplane 11, which can read them back, or off the screen with --window, whose size the plugin then sees
+    /// Serve the capture link with the plugin in this folder (xplane-bridge/plugin), run by Python against a fake of XPPython3.
+    /// Pictures come from --xplane 11, which can read them back, or off the screen with --window, whose size the plugin then sees
     #[arg(long, value_name = "DIR")]
     pub(crate) plugin: Option<PathBuf>,
-    /// Be an X-Plane without our plugin: no capture link, so that nothing can be recorded
+    /// Imitate an X-Plane without our plugin: no capture link, so nothing can be recorded
     #[arg(long, conflicts_with_all = ["plugin", "window", "tape"])]
     pub(crate) no_plugin: bool,
     /// Size of the window that the plugin sees: that of the pictures
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1920x1280")]
     pub(crate) plugin_window: WindowSize,
-    /// Take the camera from the plugin every so many frames, as a view key does
+    /// Take the camera from the plugin every this many frames, as a view key does
     #[arg(long, value_name = "FRAMES", requires = "plugin")]
     pub(crate) steal_camera_every: Option<u32>,
-    /// Move the origin of local coordinates every so many frames, as loading scenery does
+    /// Move the origin of local coordinates every this many frames, as loading scenery does
     #[arg(long, value_name = "FRAMES", requires = "plugin")]
     pub(crate) move_origin_every: Option<u32>,
-    /// Stop when standard input ends, so that whoever started the stand-in takes it along, even when killed
+    /// Stop when standard input ends, so that the stand-in ends with its parent process, even if that is killed
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DoctorArgs {
-    /// X-Plane's UDP address; without it or with `auto`, where its beacon says, or 127.0.0.1:49000
+    /// X-Plane's UDP address; by default, or with `auto`, the address in its beacon, else 127.0.0.1:49000
     #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: Option<String>,
-    /// Address of X-Plane 12's Web API; without it, what DTD_WEB_API says, or port 8086 if X-Plane runs on this computer
+    /// Address of X-Plane 12's Web API; by default DTD_WEB_API, else port 8086 if X-Plane runs on this computer
     #[arg(long, value_name = "HOST:PORT|off")]
     pub(crate) web_api: Option<WebApiPlace>,
-    /// The sweep that is to be recorded: is the window as large as its pictures? Without it, demo.toml if it is there
+    /// The sweep to record: checks that the window is as large as its pictures. Default: demo.toml if it exists
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
-    /// Measure what reports disagree on although this installation has a profile
+    /// Measure what reports disagree on, even if this installation has a profile
     #[arg(long)]
     pub(crate) measure: bool,
     /// Measure nothing, which is quick
@@ -450,7 +452,7 @@ pub(crate) struct RecordArgs {
     /// X-Plane), which runs as long as the recorder
     #[arg(long, value_name = "auto|mock|mock:awkward|HOST:PORT")]
     pub(crate) sim: String,
-    /// The tape to write. A file that is there already is never overwritten
+    /// The tape to write. An existing file is never overwritten
     #[arg(long, value_name = "FILE.mcap", value_parser = output())]
     pub(crate) out: PathBuf,
     /// Address to listen on
@@ -459,7 +461,7 @@ pub(crate) struct RecordArgs {
     /// UDP port for the clients; 0 takes any free one. The addresses are printed as one JSON line when it is ready
     #[arg(long, default_value_t = 49100)]
     pub(crate) port: u16,
-    /// What becomes of the pictures: inline (lossless), reference (their BLAKE3 hashes) or none
+    /// How to store the pictures: inline (lossless), reference (their BLAKE3 hashes) or none
     #[arg(long, value_name = "inline|reference|none", default_value_t = FramesKept::Inline)]
     pub(crate) frames: FramesKept,
     /// Stop when standard input ends; otherwise Ctrl-C or SIGTERM ends the recording
@@ -487,7 +489,7 @@ pub(crate) struct DemoArgs {
     /// Folder for the corpus and the run
     #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = output())]
     pub(crate) out: PathBuf,
-    /// Remove what an earlier demo made in this folder and start over. A folder with anything else in it is refused
+    /// Remove what an earlier demo made in this folder and start over. A folder with anything else in it is rejected
     #[arg(long)]
     pub(crate) fresh: bool,
 }

@@ -1,4 +1,4 @@
-//! Exit codes: what a shell script or a scheduler learns from a run.
+//! Exit codes of the command, for shell scripts and schedulers.
 
 use std::fmt::Display;
 use std::process::ExitCode;
@@ -9,12 +9,12 @@ const DONE: u8 = 0;
 pub(crate) const FAILED: u8 = 1;
 /// The arguments or an input file are wrong: the same call will fail again.
 const BAD_INPUT: u8 = 2;
-/// The work is done but for some scenarios, which were reported.
+/// Done, except for some scenarios, which were reported.
 const LOSSES: u8 = 3;
-/// Interrupted or disturbed from outside: the same call goes on where this one stopped.
+/// Interrupted or disturbed from outside: the same call resumes.
 pub(crate) const TRY_AGAIN: u8 = 75;
 
-/// How a verb ended, if it did not fail.
+/// How a verb ended if it did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Ending {
     /// All of it.
@@ -32,17 +32,17 @@ pub(crate) enum Failure {
     BadInput(anyhow::Error),
     /// It did not work.
     Failed(anyhow::Error),
-    /// It did not work now; the same call may work later.
+    /// A temporary failure; the same call may work later.
     TryAgain(anyhow::Error),
 }
 
 impl Failure {
-    /// A failure of the caller's input.
+    /// A failure caused by the caller's input.
     pub(crate) fn bad_input(error: impl Into<anyhow::Error>) -> Self {
         Self::BadInput(error.into())
     }
 
-    /// A corpus that cannot be read or written: the caller's to mend, in other hands for now, or the machine's failure.
+    /// A corpus that cannot be read or written: the caller must fix it, another process holds it, or the machine failed.
     pub(crate) fn of_corpus(error: dataset::Error) -> Self {
         match error {
             error if error.is_passing() => Self::TryAgain(error.into()),
@@ -51,7 +51,7 @@ impl Failure {
         }
     }
 
-    /// A failure of the caller's input, in words.
+    /// A failure caused by the caller's input, as text.
     pub(crate) fn bad_input_message(message: impl Display) -> Self {
         Self::BadInput(anyhow::anyhow!("{message}"))
     }
@@ -67,7 +67,7 @@ impl<E: Into<anyhow::Error>> From<E> for Failure {
     }
 }
 
-/// Says on stderr what went wrong and turns it into the process's exit code.
+/// Prints the failure to stderr and turns it into the process's exit code.
 pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
     let (code, error) = match result {
         Ok(Ending::Done) => (DONE, None),
@@ -83,7 +83,7 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// An error and its causes. Most of our messages hold their cause's words already, which are not said twice.
+/// An error and its causes. Most of our messages contain their cause's text already, which is not repeated.
 fn in_words(error: &anyhow::Error) -> String {
     let mut said = error.to_string();
     for cause in error.chain().skip(1).map(ToString::to_string) {

@@ -1,10 +1,10 @@
-//! Logs on stderr. Results go to stdout, so that both can be redirected apart.
+//! Logs go to stderr and results to stdout, so that both can be redirected separately.
 
 use std::io::{self, IsTerminal};
 
 use tracing_subscriber::EnvFilter;
 
-/// Starts logging: warnings by default, `-v` adds what happens, `-vv` every detail. `RUST_LOG` overrides both.
+/// Starts logging: warnings by default, `-v` adds events, `-vv` every detail. `RUST_LOG` overrides both.
 pub(crate) fn start(verbose: u8) {
     let default = match verbose {
         0 => "warn",
@@ -16,7 +16,7 @@ pub(crate) fn start(verbose: u8) {
         .with_env_filter(filter)
         .with_writer(io::stderr)
         .with_ansi(io::stderr().is_terminal())
-        // A log that nobody takes any more is no reason to panic.
+        // A log that nobody reads any more is no reason to panic.
         .log_internal_errors(false)
         .without_time()
         .with_target(false)

@@ -1,10 +1,10 @@
-//! `println!` and `eprintln!` as this command means them: quiet when the reader has gone.
+//! Variants of `println!` and `eprintln!` that stay quiet when the reader is gone.
 //!
-//! The standard ones panic when a pipe is closed, as in `dtd plan scenarios.toml | head -1`. Whoever closed it has read what it
-//! wanted; the verb goes on and ends with its own exit code. These macros shadow the standard ones in all modules after this one.
+//! The standard ones panic when a pipe is closed, as in `dtd plan scenarios.toml | head -1`. The reader has what it wanted; the
+//! verb continues and ends with its own exit code. These macros shadow the standard ones in all modules after this one.
 //!
-//! What is printed may hold what a simulator, a client, a file's name or a file said. So this is also where such words become harmless:
-//! no control character of theirs reaches a terminal, which would obey it.
+//! Output may contain text from a simulator, a client or a file. So it is also sanitised here: no control characters from outside
+//! reach a terminal, which would interpret them.
 
 use std::borrow::Cow;
 use std::fmt::Arguments;
@@ -22,12 +22,13 @@ macro_rules! eprintln {
     ($($words:tt)*) => { $crate::print::to_stderr(format_args!($($words)*)) };
 }
 
-/// Writes a line of a result for a person, who may read it through a pager or a file. A result that cannot be written to where it should go, e.g. a full disk, ends the process.
+/// Writes a line of a result for a person, possibly through a pager or into a file. If the result cannot be written to its
+/// destination, e.g. a full disk, the process ends.
 pub(crate) fn to_stdout(line: Arguments<'_>) {
     write_to_stdout(&plain(&line.to_string()));
 }
 
-/// Writes a document for a program, which gets it to the last character. A person at a terminal reads it like any other words.
+/// Writes a document for a program, exactly. On a terminal it is sanitised like any other text.
 pub(crate) fn document_to_stdout(document: &str) {
     match io::stdout().is_terminal() {
         true => write_to_stdout(&plain(document)),
@@ -49,13 +50,13 @@ fn write_to_stdout(line: &str) {
     }
 }
 
-/// Writes a line for a person. If nobody takes it, nothing is lost.
+/// Writes a line for a person. If nobody reads it, nothing is lost.
 pub(crate) fn to_stderr(line: Arguments<'_>) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(&line.to_string()));
 }
 
-/// Words as a terminal may have them: lines and tabs stay, other control characters, and those that turn the direction of writing, are
-/// shown by their numbers.
+/// Text that is safe for a terminal: lines and tabs stay; other control characters, and those that change the writing direction,
+/// are shown by their numbers.
 pub(crate) fn plain(words: &str) -> Cow<'_, str> {
     let harmful = |c: char| {
         (c.is_control() && c != '\n' && c != '\t')

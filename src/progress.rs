@@ -1,4 +1,4 @@
-//! Progress on stderr: bars on a terminal; elsewhere, as in a log file, a line per tenth of the work.
+//! Progress on stderr: bars on a terminal; otherwise, as in a log file, a line per tenth of the work.
 
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::print::plain;
 
-/// Lines that a step leaves in a log.
+/// Number of log lines per step.
 const LOG_LINES: u64 = 10;
 
 /// A bar that counts `unit`s of one step of the work.
@@ -16,7 +16,7 @@ pub(crate) struct Bar {
     step: &'static str,
     unit: &'static str,
     bar: ProgressBar,
-    /// Parts of the work, of [`LOG_LINES`], that the log has seen.
+    /// Parts of the work, of [`LOG_LINES`], that were logged.
     logged: AtomicU64,
 }
 
@@ -48,12 +48,12 @@ impl Bar {
         }
     }
 
-    /// Sets how many units there are.
+    /// Sets the number of units.
     pub(crate) fn set_total(&self, total: u64) {
         self.bar.set_length(total);
     }
 
-    /// Sets how many units are done.
+    /// Sets the number of finished units.
     pub(crate) fn set_done(&self, done: u64) {
         self.bar.set_position(done);
         let total = self.bar.length().unwrap_or(0);
@@ -71,12 +71,12 @@ impl Bar {
         }
     }
 
-    /// Says what is being worked on.
+    /// Shows the current item.
     pub(crate) fn working_on(&self, what: &str) {
         self.bar.set_message(plain(what).into_owned());
     }
 
-    /// Says a line that stays, above the bar or in the log.
+    /// Prints a line that stays, above the bar or in the log.
     pub(crate) fn say(&self, line: &str) {
         if self.bar.is_hidden() {
             eprintln!("{}: {line}", self.step);
@@ -86,7 +86,7 @@ impl Bar {
         }
     }
 
-    /// Takes the bar away.
+    /// Removes the bar.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
     }

@@ -1,8 +1,8 @@
-//! Ctrl-C and SIGTERM: what a person, a scheduler or a container's end says to a run that shall stop.
+//! Ctrl-C and SIGTERM, from a user, a scheduler or a stopping container.
 //!
-//! A verb that can stop in good order lends its switch to [`in_good_order`]; the first signal turns it. Without a switch, and at
-//! the second signal, the process ends at once with the exit code for "try again": everything that `dtd` writes is written so
-//! that an end at any moment does no harm.
+//! A verb that supports a clean stop registers its switch with [`in_good_order`]; the first signal sets it. Without a switch, and
+//! at the second signal, the process ends at once with the exit code for "try again": everything that `dtd` writes tolerates being
+//! cut off at any moment.
 
 use std::io;
 use std::process;
@@ -15,20 +15,20 @@ use tokio::signal::unix::{SignalKind, signal};
 
 use crate::failure::TRY_AGAIN;
 
-/// SIGXFSZ, of a file that would grow beyond `ulimit -f`: unhandled it kills the process; handled, the write fails with an error.
+/// SIGXFSZ, when a file would exceed `ulimit -f`: unhandled it kills the process; handled, the write fails with an error.
 const FILE_TOO_LARGE: i32 = 25;
 
-/// The switch of the verb that is at work, if it has one.
+/// The switch of the running verb, if it has one.
 static SWITCH: Mutex<Option<Cancel>> = Mutex::new(None);
 
 fn switch() -> MutexGuard<'static, Option<Cancel>> {
     SWITCH.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Takes over Ctrl-C, SIGTERM and SIGXFSZ for the rest of the process.
+/// Handles Ctrl-C, SIGTERM and SIGXFSZ for the rest of the process.
 pub(crate) fn watch() -> io::Result<()> {
     let runtime = Builder::new_current_thread().enable_io().build()?;
-    // Before the thread runs, so that not even a signal that comes at once has its usual effect.
+    // Before the thread starts, so that even an immediate signal does not have its default effect.
     let (mut interrupt, mut terminate) = {
         let _inside = runtime.enter();
         (
@@ -70,7 +70,7 @@ fn react() {
     }
 }
 
-/// As long as the returned value lives, the first signal turns `cancel`.
+/// While the returned value exists, the first signal sets `cancel`.
 pub(crate) fn in_good_order(cancel: &Cancel) -> impl Drop {
     struct Lent;
     impl Drop for Lent {

@@ -32,7 +32,7 @@ use crate::signals;
 /// What every verb returns.
 pub(crate) type Outcome = Result<Ending, Failure>;
 
-/// Runs a verb. A signal ends it in good order if it can, see [`signals`], or else with "try again".
+/// Runs a verb. A signal ends it cleanly if possible, see [`signals`], or else with "try again".
 pub(crate) fn run(verb: Verb) -> Outcome {
     signals::watch()?;
     match verb {

@@ -13,13 +13,13 @@ const LEG_SEGMENTS: usize = 8;
 
 /// One leg with two wheels.
 struct Leg {
-    /// Where the leg turns.
+    /// Pivot of the leg.
     hinge: DVec3,
     /// Axis about which retraction turns the leg, by the right-hand rule.
     hinge_axis: DVec3,
     wheel_radius_m: f64,
     wheel_width_m: f64,
-    /// Half the distance between the middles of the two wheels.
+    /// Half the distance between the centres of the two wheels.
     half_track_m: f64,
     leg_radius_m: f64,
 }

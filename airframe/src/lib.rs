@@ -1,9 +1,9 @@
-//! The shape of a Boeing 737-800: the mesh that is drawn and the mesh whose box is the truth.
+//! The shape of a Boeing 737-800: one mesh, drawn by the stand-in and boxed by the labeller.
 //!
-//! In: positions of flaps and gear. Out: a triangle mesh in body axes about the centre of gravity. The stand-in simulator draws
-//! it and the labeller boxes it, so both speak of the same silhouette. Main dimensions follow Boeing's "737 Airplane
-//! Characteristics for Airport Planning" (D6-58325): span 35.8 m with winglets, length 39.5 m, height 12.5 m over ground; what
-//! that document does not give (airfoils, nose profile) is drawn by eye from its three-view.
+//! Input: positions of flaps and gear. Output: a triangle mesh in body axes about the centre of gravity. The stand-in simulator
+//! draws it and the labeller boxes it, so both use the same silhouette. Main dimensions follow Boeing's "737 Airplane
+//! Characteristics for Airport Planning" (D6-58325): span 35.8 m with winglets, length 39.5 m, height 12.5 m over ground; details
+//! that document lacks (airfoils, nose profile) are drawn by eye from its three-view.
 
 #![forbid(unsafe_code)]
 
@@ -32,15 +32,15 @@ pub struct Configuration {
 pub const SPAN_M: f64 = 35.8;
 /// Length from the nose to the tips of the horizontal tail, metres.
 pub const LENGTH_M: f64 = 39.5;
-/// Height of the fin's tip over ground when the aircraft stands, metres.
+/// Height of the fin's tip over ground on the ground, metres.
 pub const HEIGHT_M: f64 = 12.5;
 
 /// Distance of the centre of gravity behind the nose, metres: 1.4 m ahead of the main wheels, which puts a tenth of the weight
 /// on the nose wheels.
 const CG_STATION_M: f64 = 18.2;
 
-/// The mesh of a Boeing 737-800 (about three thousand triangles): closed solids that may run into each other, wound
-/// counter-clockwise as seen from outside.
+/// The mesh of a Boeing 737-800 (about three thousand triangles): closed solids that may intersect, wound counter-clockwise as seen
+/// from outside.
 pub fn boeing_737_800(configuration: Configuration) -> Mesh {
     let flap_ratio = configuration.flap_ratio.clamp(0.0, 1.0);
     let gear_ratio = configuration.gear_ratio.clamp(0.0, 1.0);
@@ -173,7 +173,7 @@ mod tests {
         }
         assert!(volumes.len() > 15, "only {} solids", volumes.len());
         assert!(volumes.values().all(|&volume| volume > 0.0), "{volumes:?}");
-        // The pressurised hull and its tail cone hold roughly 400 cubic metres.
+        // The volume of the pressurised hull and its tail cone is roughly 400 cubic metres.
         let largest = volumes.values().copied().fold(0.0, f64::max);
         assert!(
             (300.0..450.0).contains(&largest),

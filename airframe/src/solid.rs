@@ -82,7 +82,7 @@ pub(crate) fn add_revolution(
 }
 
 fn turn_outwards(mesh: &mut Mesh, first_triangle: usize) {
-    // The signed volume about a point of the solid itself: about a far origin it would drown in rounding for thin parts.
+    // The signed volume about a point of the solid itself: about a distant origin, rounding would dominate for thin parts.
     let origin = mesh.vertices[mesh.triangles[first_triangle].indices[0] as usize];
     let volume: f64 = mesh.triangles[first_triangle..]
         .iter()

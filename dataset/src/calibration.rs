@@ -17,7 +17,7 @@ use crate::scenario::{PINHOLE_SCHEMA_VERSION, SCHEMA_VERSION};
 /// All cameras of a scenario by their identifiers, in the order of the identifiers.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Calibration {
-    /// What the numbers mean, for whoever opens the file without the documentation.
+    /// The meaning of the numbers, for readers without the documentation.
     pub conventions: Conventions,
     /// The cameras.
     pub cameras: BTreeMap<String, CameraEntry>,
@@ -55,16 +55,16 @@ pub struct CameraEntry {
     pub k: [[f64; 3]; 3],
     /// OpenCV distortion coefficients k1, k2, p1, p2, k3; empty for a pure pinhole.
     pub distortion: Vec<f64>,
-    /// Coefficient of terrestrial refraction: things at a distance d appear lifted by `k d^2 / (2 R)`, with R = 6,371,008.8 m. Missing
-    /// where light goes straight.
+    /// Coefficient of terrestrial refraction: an object at a distance d appears lifted by `k d^2 / (2 R)`, with R = 6,371,008.8 m.
+    /// Missing if light travels straight.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub refraction_coefficient: f64,
-    /// Blur, seeing and noise of the pictures, which move no truth. Missing where there are none.
+    /// Blur, seeing and noise of the pictures; they do not affect geometry. Missing if there are none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub degradation: Option<Degradation>,
     /// Extrinsics.
     pub ecef_from_camera: RigidTransform,
-    /// The same placement as it was asked of the simulator.
+    /// The same placement as requested from the simulator.
     pub placed: CameraPose,
 }
 
@@ -118,7 +118,7 @@ impl CameraEntry {
         }
     }
 
-    /// Why nothing can be projected with this camera, if so: a matrix or a lens that this software does not know.
+    /// Why points cannot be projected with this camera, if so: a matrix or a lens that this software does not support.
     pub fn fault(&self) -> Option<String> {
         let k = &self.k;
         if k[0][0] != k[1][1] || k[0][1] != 0.0 {
@@ -169,12 +169,12 @@ impl CameraEntry {
         });
     }
 
-    /// Whether a reader that knows pinholes and straight light only would misread it.
+    /// Whether a reader that supports only pinholes and straight light would misread it.
     pub fn bends_light(&self) -> bool {
         !self.distortion.is_empty() || self.refraction_coefficient != 0.0
     }
 
-    /// The camera for projecting.
+    /// The camera for projection.
     pub fn camera(&self) -> Camera {
         self.pinhole().seen_through(&self.imaging())
     }
@@ -216,8 +216,8 @@ impl Calibration {
         }
     }
 
-    /// Version of the form in which a scenario with these cameras is written: the first, unless a reader of the first would
-    /// project wrongly.
+    /// Version of the file format for a scenario with these cameras: version 1, unless a version 1 reader would project
+    /// incorrectly.
     pub fn schema_version(&self) -> u32 {
         if self.cameras.values().any(CameraEntry::bends_light) {
             SCHEMA_VERSION
@@ -243,14 +243,14 @@ impl Calibration {
         }
     }
 
-    /// The same, with all numbers outside their limits beside it.
+    /// Like [`Self::read`], but collects numbers outside their limits.
     pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let calibration: Self = read_json(path, "calibration")?;
         let faults = calibration.out_of_limits();
         Ok((calibration, faults))
     }
 
-    /// Writes `calibration.json`, if all its numbers lie within their limits.
+    /// Writes `calibration.json` if all its numbers are within their limits.
     pub fn write(&self, path: &Path) -> Result<()> {
         match self.out_of_limits().into_iter().next() {
             None => write_json(path, self),
@@ -321,7 +321,7 @@ mod tests {
         let [bent, straight] = [&back, &plain].map(|c| c.cameras["left"].camera());
         let corner = DVec2::new(20.0, 30.0);
         let point = bent.center_ecef_m + bent.ray(corner) * 100.0;
-        // Light bends by a tenth of a millimetre on its way.
+        // Refraction of a tenth of a millimetre over the distance.
         assert!(bent.project(point).unwrap().distance(corner) < 0.01);
         assert!(straight.project(point).unwrap().distance(corner) > 30.0);
     }

@@ -1,5 +1,5 @@
-//! Cameras: where they stand, and where a point of the world falls in their picture. Pinholes, unless a calibration says how their
-//! lens distorts or how the air bends the light on its way.
+//! Cameras: where they are, and where a point of the world appears in their picture. Pinholes, unless a calibration specifies lens
+//! distortion or refraction.
 //!
 //! Camera axes are OpenCV's: x right, y down, z forward. Pixel (0, 0) is the **centre** of the top-left pixel, so a picture
 //! covers -0.5 to width - 0.5.
@@ -12,10 +12,10 @@ use crate::imaging::Imaging;
 use crate::pose::Pose;
 use crate::refraction::Refraction;
 
-/// A camera as it is placed: a pose whose forward axis is the optical axis, and a horizontal field of view.
+/// A camera's placement: a pose whose forward axis is the optical axis, and a horizontal field of view.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct CameraPose {
-    /// Where the camera stands and looks.
+    /// Position and direction of the camera.
     #[serde(flatten)]
     pub pose: Pose,
     /// Horizontal field of view over the whole width of the picture, degrees.
@@ -37,15 +37,14 @@ pub struct Camera {
     pub ecef_from_camera: DMat3,
     /// The projection centre in ECEF, metres.
     pub center_ecef_m: DVec3,
-    /// Distortion of its lens; `None` is a pinhole.
+    /// Distortion of the lens; `None` for a pinhole.
     pub distortion: Option<Distortion>,
-    /// How the air bends light on its way; `None` if it goes straight.
+    /// Refraction of the air; `None` for straight light.
     pub refraction: Option<Refraction>,
 }
 
 impl Camera {
-    /// The camera that results from placing one: principal point in the middle of the picture,
-    /// `focal = (width / 2) / tan(hfov / 2)`.
+    /// The camera for a placement: principal point in the centre of the picture, `focal = (width / 2) / tan(hfov / 2)`.
     pub fn from_pose(placed: &CameraPose, width_px: u32, height_px: u32) -> Self {
         // Columns: the camera's right, down and forward axes in body axes (forward, right, down).
         let body_from_camera = DMat3::from_cols(DVec3::Y, DVec3::Z, DVec3::X);
@@ -74,7 +73,7 @@ impl Camera {
         }
     }
 
-    /// Where an ECEF point appears to be, in camera axes (right, down, forward), metres: where it is, unless the air bends light.
+    /// Where an ECEF point appears, in camera axes (right, down, forward), metres: its true position unless there is refraction.
     pub fn to_camera(&self, ecef_m: DVec3) -> DVec3 {
         let seen_m = ecef_m - self.center_ecef_m;
         let appears_m = match self.refraction {
@@ -84,14 +83,14 @@ impl Camera {
         self.ecef_from_camera.transpose() * appears_m
     }
 
-    /// Where an ECEF point falls in the picture, pixels; `None` if it is not in front of the camera.
-    /// The pixel may lie outside the picture.
+    /// Where an ECEF point falls in the picture, pixels; `None` if it is not in front of the camera. The pixel may be outside the
+    /// picture.
     pub fn project(&self, ecef_m: DVec3) -> Option<DVec2> {
         let point = self.to_camera(ecef_m);
         (point.z > 0.0).then(|| self.pixel_of(point))
     }
 
-    /// Where a point in camera axes falls; it has to be in front of the camera.
+    /// Where a point in camera axes falls; it must be in front of the camera.
     pub fn pixel_of(&self, camera_m: DVec3) -> DVec2 {
         match self.distortion {
             None => {
@@ -105,7 +104,7 @@ impl Camera {
         }
     }
 
-    /// What a pixel sees, right and down of the optical axis per depth: the distortion of the lens undone.
+    /// The undistorted direction of a pixel: right and down of the optical axis per unit of depth.
     pub fn image_of(&self, pixel: DVec2) -> DVec2 {
         let seen = (pixel - self.principal_px) / self.focal_px;
         match self.distortion {
@@ -114,12 +113,13 @@ impl Camera {
         }
     }
 
-    /// Unit vector in ECEF from the camera through a pixel: the direction in which light arrives.
+    /// Unit vector in ECEF from the camera through a pixel: the direction from which light arrives.
     pub fn ray(&self, pixel: DVec2) -> DVec3 {
         (self.ecef_from_camera * self.image_of(pixel).extend(1.0)).normalize()
     }
 
-    /// Unit vector in ECEF from the camera to what is seen at a pixel and is so far away: below the arriving light, if the air bends it.
+    /// Unit vector in ECEF from the camera to the object seen at a pixel and at this distance: below the arriving light if there is
+    /// refraction.
     pub fn ray_to(&self, pixel: DVec2, distance_m: f64) -> DVec3 {
         let arrives = self.ray(pixel);
         match self.refraction {
@@ -131,7 +131,7 @@ impl Camera {
         }
     }
 
-    /// Distance of the picture's corners from its middle, in image coordinates.
+    /// Distance of the picture's corners from its centre, in image coordinates.
     pub fn corner(&self) -> f64 {
         f64::from(self.width_px).hypot(f64::from(self.height_px)) / 2.0 / self.focal_px
     }

@@ -1,11 +1,11 @@
-//! Who writes what, when several processes, on one machine or on many, work on one corpus at once.
+//! Exclusive write access when several processes, on one or several machines, work on one corpus.
 //!
-//! Whoever makes a scenario or changes one holds its claim, whatever the verb; readers need none. A claim is a file `claims/<name>` of
-//! the corpus, locked by the operating system for as long as its owner works: it ends with the process, however that ends. The file says
-//! who holds it. It lies outside the folders that are made, cleared and renamed, and whoever lets go of it deletes it; so a lock only
-//! counts if the file is still the one that the path names.
+//! A process that records or changes a scenario holds its claim, whatever the verb; readers need none. A claim is a file
+//! `claims/<name>` of the corpus, locked by the operating system: the lock ends with the process, however that ends. The file names
+//! the holder. It is outside the folders that are filled, cleared and renamed, and its holder deletes it on release; so a lock
+//! counts only if the file is still the one at that path.
 //!
-//! Between machines this needs a file system that locks for all of them: NFS 4, Lustre with `flock`, CephFS, GPFS.
+//! Across machines this needs a file system with shared locks: NFS 4, Lustre with `flock`, CephFS, GPFS.
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions, TryLockError};
@@ -26,11 +26,11 @@ use crate::own_path::refuse_link;
 /// Name of the claim on the files that belong to the whole corpus.
 pub const WHOLE_CORPUS: &str = "corpus";
 const FOLDER: &str = "claims";
-/// How often a claim may slip away between opening and locking its file.
+/// How often a claim may disappear between opening and locking its file.
 const ATTEMPTS: u32 = 100;
-/// How soon to look again for a claim that somebody else holds.
+/// Interval for checking a claim that another process holds.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
-/// Waiting is worth a word only if it takes longer than a change usually does.
+/// Waiting is worth a message only if it takes longer than a typical change.
 const SAID_AFTER: Duration = Duration::from_secs(2);
 
 /// A claim, held until it is dropped.
@@ -59,15 +59,15 @@ impl fmt::Display for Holder {
 pub enum Claimed {
     /// It is ours.
     Mine(Claim),
-    /// Somebody else has it; who, if that can be read.
+    /// Another process has it; its name, if that can be read.
     Theirs(Option<Holder>),
 }
 
 impl Claim {
-    /// Takes a claim, and waits for whoever holds it, at most for `patience`.
+    /// Takes a claim; waits up to `patience` for the current holder.
     ///
     /// # Errors
-    /// It is still held then ([`Error::Held`]), or its file cannot be made.
+    /// It is still held ([`Error::Held`]), or its file cannot be created.
     pub fn wait(corpus: &Corpus, name: &str, patience: Duration) -> Result<Self> {
         let began = Instant::now();
         let mut said = false;
@@ -100,18 +100,18 @@ impl Claim {
         }
     }
 
-    /// Takes a claim, or says who has it.
+    /// Takes a claim, or names its holder.
     pub fn take(corpus: &Corpus, name: &str) -> Result<Claimed> {
         Self::take_in(&corpus.root().join(FOLDER), name)
     }
 
-    /// The same for what is no corpus. The folder is made, and removed with the last claim if nothing else is in it.
+    /// The same for folders that are not a corpus. The folder is created, and removed with the last claim if nothing else is in it.
     pub fn take_in(folder: &Path, name: &str) -> Result<Claimed> {
         let path = folder.join(name);
         for _ in 0..ATTEMPTS {
             match fs::create_dir_all(folder) {
                 Ok(()) => refuse_link(folder)?,
-                // Another holder took it away at that moment; whether it is there now shows when the file is opened.
+                // Another holder deleted it at that moment; opening the file shows whether it exists now.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(Error::io("create", folder)(error)),
             }
@@ -124,7 +124,7 @@ impl Claim {
                 .open(&path);
             let mut file = match opened {
                 Ok(file) => file,
-                // The last holder of any claim took the folder away.
+                // The last holder of any claim removed the folder.
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
                 Err(error) => return Err(Error::io("open", &path)(error)),
             };
@@ -153,7 +153,7 @@ impl Claim {
             return;
         };
         for entry in left.flatten() {
-            // Taking it and letting it go deletes it.
+            // Taking and releasing it deletes it.
             let _ = Self::take(corpus, &entry.file_name().to_string_lossy());
         }
     }
@@ -161,10 +161,11 @@ impl Claim {
 
 impl Drop for Claim {
     fn drop(&mut self) {
-        // Still locked: nobody can have made another file of this name. What cannot be deleted is no harm: it is not locked.
+        // Still locked, so nobody can have created another file of this name. A file that cannot be deleted does no harm: it is not
+        // locked.
         let _ = fs::remove_file(&self.path);
         if let Some(folder) = self.path.parent() {
-            // Succeeds for the last claim only.
+            // Succeeds only for the last claim.
             let _ = fs::remove_dir(folder);
         }
     }

@@ -1,8 +1,8 @@
 //! Parquet tables as named, typed columns.
 //!
-//! Writing is deterministic: the same columns give the same bytes. Reading asks for a column by name, type and limits, and says in its
-//! error what the file holds instead. What a file claims to hold is checked before any of it is decoded: a megabyte may unfold to
-//! gigabytes.
+//! Writing is deterministic: the same columns give the same bytes. Reading requests a column by name, type and limits, and errors
+//! state what the file contains instead. Sizes that a file declares are checked before anything is decoded: a megabyte may
+//! decompress to gigabytes.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -30,9 +30,9 @@ use crate::outside_file::{self, FileKind};
 
 /// Columns of a table: sixteen for each of some dozens of views.
 const MOST_COLUMNS: usize = 2_048;
-/// Identifiers of views and the like are names of files.
+/// Identifiers of views and the like are file names.
 const MOST_TEXT_BYTES: usize = 255;
-/// Rows that are decoded at once.
+/// Rows decoded at once.
 const BATCH_ROWS: usize = 1_024;
 
 /// Collects columns and writes them as one Parquet file.
@@ -74,7 +74,7 @@ impl TableWriter {
         )
     }
 
-    /// Adds a column of floats that lie between limits; a table with others is not written.
+    /// Adds a column of floats with limits; a table with values outside them is not written.
     pub fn f64_within(
         mut self,
         name: &str,
@@ -85,7 +85,7 @@ impl TableWriter {
         self.f64(name, values)
     }
 
-    /// The same of floats that may be missing.
+    /// The same for floats that may be missing.
     pub fn optional_f64_within(
         mut self,
         name: &str,
@@ -96,7 +96,7 @@ impl TableWriter {
         self.optional_f64(name, values)
     }
 
-    /// The table with whatever numbers it has, as somebody else may write it.
+    /// The table with unchecked numbers, as another program may write it.
     #[cfg(test)]
     pub(crate) fn unchecked(self) -> Self {
         Self {
@@ -145,15 +145,15 @@ impl TableWriter {
         )
     }
 
-    /// Adds a column of words.
+    /// Adds a column of strings.
     pub fn text<S: AsRef<str>>(self, name: &str, values: impl IntoIterator<Item = S>) -> Self {
         self.push(name, false, Arc::new(StringArray::from_iter_values(values)))
     }
 
-    /// Writes the file (zstd, one row group a million rows), whole or not at all.
+    /// Writes the file (zstd, one row group per million rows), atomically.
     ///
     /// # Errors
-    /// A number lies outside its limits, and everything that a disk can refuse.
+    /// A number is outside its limits, or an I/O error.
     pub fn write(self, path: &Path) -> Result<()> {
         if let Some((row, fault)) = self.out_of_limits {
             return Err(Error::out_of_limits(path, Some(row), fault));
@@ -179,7 +179,7 @@ pub struct Table {
     path: PathBuf,
     schema: Arc<Schema>,
     batches: Vec<RecordBatch>,
-    /// Where numbers outside their limits are collected, if they do not end the reading.
+    /// Collects numbers outside their limits instead of failing, if set.
     collected: Option<Vec<ColumnOutOfLimits>>,
 }
 
@@ -194,7 +194,7 @@ pub struct ColumnOutOfLimits {
     pub count: usize,
 }
 
-/// So many numbers of a column are named; the others are counted.
+/// Maximum number of values listed per column; the others are counted.
 const NAMED: usize = 3;
 
 macro_rules! typed_column {
@@ -218,7 +218,7 @@ macro_rules! typed_column {
 }
 
 impl Table {
-    /// Reads a Parquet file whole; one with more rows than `most_rows` is refused before any is decoded. The first number outside its
+    /// Reads a Parquet file; one with more rows than `most_rows` is rejected before any is decoded. The first number outside its
     /// limits ends the reading.
     pub fn read(path: &Path, most_rows: u64) -> Result<Self> {
         Self::parse(outside_file::read(path, FileKind::TABLE)?, path, most_rows)
@@ -256,7 +256,7 @@ impl Table {
         let mut left = rows;
         for batch in reader {
             let batch = batch.map_err(|e| Error::table(path, e))?;
-            // The metadata may have lied.
+            // The metadata may be wrong.
             left = left.checked_sub(batch.num_rows() as u64).ok_or_else(|| {
                 Error::table(
                     path,
@@ -273,7 +273,7 @@ impl Table {
         })
     }
 
-    /// The same table, which collects numbers outside their limits instead of refusing them: for whoever looks for all faults.
+    /// The same table, but collecting numbers outside their limits instead of failing: for finding all faults.
     #[must_use]
     pub fn collecting(self) -> Self {
         Self {
@@ -282,7 +282,7 @@ impl Table {
         }
     }
 
-    /// What a [`Table::collecting`] found in the columns that were asked for.
+    /// What a [`Table::collecting`] found in the requested columns.
     pub fn into_collected(self) -> Vec<ColumnOutOfLimits> {
         self.collected.unwrap_or_default()
     }
@@ -325,7 +325,7 @@ impl Table {
         /// A column of booleans without gaps.
         bool, BooleanArray, bool, |v| v
     );
-    /// A column of words without gaps.
+    /// A column of strings without gaps.
     pub fn text(&self, column: &str) -> Result<Vec<String>> {
         let mut values = Vec::with_capacity(self.rows());
         for array in self.arrays(column)? {
@@ -349,14 +349,14 @@ impl Table {
         Ok(values)
     }
 
-    /// A column of floats without gaps that lie between limits.
+    /// A column of floats with limits and without gaps.
     pub fn f64_within(&mut self, column: &str, limits: Limits) -> Result<Vec<f64>> {
         let values = self.f64(column)?;
         self.look_at(column, limits, values.iter().copied().map(Some))?;
         Ok(values)
     }
 
-    /// A column of floats that lie between limits or are missing.
+    /// A column of floats with limits that may be missing.
     pub fn optional_f64_within(
         &mut self,
         column: &str,
@@ -444,8 +444,8 @@ impl Table {
     }
 }
 
-/// How the columns of a file are read, or why they are not: words through their dictionary, so that a long one that is repeated
-/// takes its room once, and nothing that is nested.
+/// How the columns of a file are read, or why they are rejected: strings through their dictionary, so that a long repeated one
+/// takes its memory once, and no nested columns.
 fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
     let columns = schema.fields().len();
     if columns > MOST_COLUMNS {
@@ -477,7 +477,7 @@ fn readable(schema: &Schema) -> std::result::Result<Arc<Schema>, String> {
     Ok(Arc::new(Schema::new(fields?)))
 }
 
-/// Memory that a value of a column takes as it is read and as it is handed on.
+/// Memory per value of a column while it is read and as it is returned.
 fn bytes_of(field: &Arc<Field>) -> u64 {
     match field.data_type() {
         DataType::Boolean => 2,
@@ -490,7 +490,7 @@ fn bytes_of(field: &Arc<Field>) -> u64 {
 mod tests {
     use super::*;
 
-    /// A table of one value that is repeated, which takes next to nothing on disk.
+    /// A table of one repeated value, which takes almost no space on disk.
     fn bomb(path: &Path, rows: usize) -> u64 {
         let values = std::iter::repeat_n("left", rows);
         TableWriter::new().text("view", values).write(path).unwrap();
@@ -561,7 +561,8 @@ mod tests {
         let mut bytes = writer.into_inner().unwrap();
         let path = Path::new("boxes.parquet");
         assert!(Table::parse(bytes.clone(), path, 2).is_ok());
-        // In the page's header: the values are plain, the levels are run lengths. Now the values are entries of a dictionary that is not there.
+        // In the page's header: the values are plain, the levels are run lengths. Now the values refer to a dictionary that does
+        // not exist.
         let header = [0x15, 0x00, 0x15, 0x06, 0x15, 0x06];
         let at = bytes.windows(6).position(|six| six == header).unwrap();
         bytes[at + 1] = 0x10;

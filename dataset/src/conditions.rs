@@ -1,6 +1,6 @@
 //! The physical conditions of a scenario: air, clouds, wind, rain, and the time that sets the sun.
 //!
-//! All SI. The bridge turns them into X-Plane's units in one place.
+//! All SI. The bridge converts them to X-Plane's units in one place.
 
 use crate::limits::{self, Check, Limits};
 use schemars::JsonSchema;
@@ -16,7 +16,7 @@ pub enum CloudKind {
     Stratus,
     /// Heaps.
     Cumulus,
-    /// Thunderstorm towers.
+    /// Thunderstorm clouds.
     Cumulonimbus,
 }
 
@@ -24,7 +24,7 @@ pub enum CloudKind {
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CloudLayer {
-    /// What it is made of.
+    /// Kind of cloud.
     pub kind: CloudKind,
     /// Part of the sky that it covers, 0 to 1.
     pub cover_ratio: f64,
@@ -37,17 +37,17 @@ pub struct CloudLayer {
 /// Koschmieder's constant: contrast falls to 2 % over the visibility, and `-ln 0.02` is 3.912.
 const KOSCHMIEDER: f64 = 3.912;
 
-/// Extinction coefficient of air, 1/m, that has a meteorological visibility. Contrast falls with the distance r as `exp(-beta r)`.
+/// Extinction coefficient of air, 1/m, for a meteorological visibility. Contrast falls with the distance r as `exp(-beta r)`.
 pub fn extinction_per_m(visibility_m: f64) -> f64 {
     KOSCHMIEDER / visibility_m
 }
 
-/// Share of contrast that the air leaves over a distance, 0 to 1.
+/// Share of contrast that remains over a distance, 0 to 1.
 pub fn transmission(range_m: f64, visibility_m: f64) -> f64 {
     (-KOSCHMIEDER * range_m / visibility_m).exp()
 }
 
-/// The weather of a scenario, the same everywhere and at all times of the scenario.
+/// The weather of a scenario, constant in space and time.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Weather {
@@ -70,7 +70,7 @@ pub struct Weather {
     pub turbulence_ratio: f64,
 }
 
-/// When a scenario takes place. The simulator's clock stands still during a scenario.
+/// When a scenario takes place. The simulator's clock is stopped during a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Clock {
     /// Day of the year, 1 to 365. X-Plane has no year.
@@ -80,7 +80,7 @@ pub struct Clock {
 }
 
 impl Weather {
-    /// Looks for numbers outside their limits.
+    /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
         check.number("visibility_m", self.visibility_m, limits::VISIBILITY_M);
         check.number("rain_ratio", self.rain_ratio, limits::RAIN_RATIO);
@@ -114,7 +114,7 @@ impl Weather {
 }
 
 impl Conditions {
-    /// Looks for numbers outside their limits.
+    /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
         check.part("clock", |check| {
             check.number("day_of_year", self.clock.day_of_year, limits::DAY_OF_YEAR);
@@ -124,7 +124,7 @@ impl Conditions {
     }
 }
 
-/// Weather and time, with the names under which the sweep lists them.
+/// Weather and time, with their names in the sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Conditions {
     /// Local time as the sweep names it, e.g. `06:00`.
@@ -133,6 +133,6 @@ pub struct Conditions {
     pub clock: Clock,
     /// Name of the weather in the sweep, e.g. `foggy`.
     pub weather_name: String,
-    /// What that name means.
+    /// The definition of that weather.
     pub weather: Weather,
 }

@@ -1,4 +1,4 @@
-//! Where everything lies in a corpus, and which scenarios of it count.
+//! Paths in a corpus, and which of its scenarios are committed.
 //!
 //! ```text
 //! corpus/
@@ -24,7 +24,7 @@ use crate::video::VideoCodec;
 pub const PARTIAL_SUFFIX: &str = ".partial";
 
 const SCENARIOS: &str = "scenarios";
-/// A change of a scenario takes milliseconds, sending one to a store takes longer; whoever takes longer than this may hang.
+/// A change of a scenario takes milliseconds, an upload takes longer; a process that takes longer than this may hang.
 const OTHERS_TAKE: Duration = Duration::from_secs(30);
 
 /// A corpus on disk.
@@ -59,7 +59,7 @@ impl Corpus {
         })
     }
 
-    /// Opens a corpus, creating its folders if they are not there.
+    /// Opens a corpus, creating missing folders.
     pub fn create(root: &Path) -> Result<Self> {
         check_path(root)?;
         let scenarios = own_path(root, SCENARIOS)?;
@@ -89,10 +89,10 @@ impl Corpus {
         self.root.join("splits.json")
     }
 
-    /// The claim that whoever changes the files of the whole corpus holds meanwhile. Another writer is waited for.
+    /// The claim to hold while changing files of the whole corpus. Waits for another writer.
     ///
     /// # Errors
-    /// Somebody else holds it for long ([`Error::Held`]), or the corpus cannot be written.
+    /// Another process holds it for too long ([`Error::Held`]), or the corpus cannot be written.
     pub fn claim(&self) -> Result<Claim> {
         Claim::wait(self, WHOLE_CORPUS, OTHERS_TAKE)
     }
@@ -100,17 +100,17 @@ impl Corpus {
     /// Reads the split by trajectory.
     ///
     /// # Errors
-    /// It is not there, leaks, or is a symbolic link.
+    /// It does not exist, leaks, or is a symbolic link.
     pub fn splits(&self) -> Result<Splits> {
         Splits::read(&own_path(&self.root, "splits.json")?)
     }
 
-    /// The folder that a committed scenario has.
+    /// The folder of a committed scenario.
     pub fn scenario(&self, id: &str) -> ScenarioFolder {
         self.folder(id)
     }
 
-    /// The folder in which a scenario is made before it counts.
+    /// The folder in which a scenario is recorded before it is committed.
     pub fn partial_scenario(&self, id: &str) -> ScenarioFolder {
         self.folder(&format!("{id}{PARTIAL_SUFFIX}"))
     }
@@ -133,7 +133,7 @@ impl Corpus {
         Ok(committed)
     }
 
-    /// All folders that may be scenarios, sorted: those that are not marked as unfinished.
+    /// All folders that may be scenarios, sorted: those without the suffix for unfinished ones.
     pub fn folders(&self) -> Result<Vec<ScenarioFolder>> {
         let folder = own_path(&self.root, SCENARIOS)?;
         let mut found = Vec::new();
@@ -149,7 +149,8 @@ impl Corpus {
     }
 }
 
-/// Refuses a path at which no corpus can be, before anything is done: FFmpeg takes text only, and so do most tools that read a corpus.
+/// Rejects a path that cannot hold a corpus, before anything is done: FFmpeg accepts only UTF-8 paths, and so do most tools that
+/// read a corpus.
 pub fn check_path(root: &Path) -> Result<()> {
     match root.to_str() {
         Some(_) => Ok(()),
@@ -199,7 +200,7 @@ impl ScenarioFolder {
         self.current_path(Self::TRUTH_BOXES)
     }
 
-    /// Path of a view's video, sealed or not: MP4, or QuickTime if that is what is there.
+    /// Path of a view's video, sealed or not: MP4, or QuickTime if that exists.
     pub fn video_path(&self, view: &str) -> PathBuf {
         let quicktime = self.new_video_path(view, VideoCodec::Ffv1);
         if quicktime.exists() {
@@ -209,7 +210,7 @@ impl ScenarioFolder {
         }
     }
 
-    /// Path of a view's video that is still to be written.
+    /// Path for a view's video that is about to be written.
     pub fn new_video_path(&self, view: &str, codec: VideoCodec) -> PathBuf {
         self.root
             .join("views")
@@ -227,7 +228,7 @@ impl ScenarioFolder {
             .join(format!("{model_hash}.parquet"))
     }
 
-    /// The files of a scenario, without its videos, its detections and its seal.
+    /// The files of a scenario except videos, detections and seal.
     pub const FILES: [&str; 4] = [
         "scenario.json",
         "calibration.json",
@@ -239,7 +240,7 @@ impl ScenarioFolder {
     /// Name of the table of true boxes.
     pub const TRUTH_BOXES: &str = "boxes_truth.parquet";
 
-    /// The folder's seal, if it is whole.
+    /// The folder's seal, if it is complete.
     pub fn seal(&self) -> Result<Option<Seal>> {
         refuse_link(&self.root)?;
         if self.root.is_dir() {
@@ -249,10 +250,10 @@ impl ScenarioFolder {
         }
     }
 
-    /// The claim that whoever changes the scenario holds meanwhile. Another writer is waited for.
+    /// The claim to hold while changing the scenario. Waits for another writer.
     ///
     /// # Errors
-    /// Somebody else holds it for long ([`Error::Held`]), or the corpus cannot be written.
+    /// Another process holds it for too long ([`Error::Held`]), or the corpus cannot be written.
     pub fn claim(&self) -> Result<Claim> {
         Claim::wait(&self.corpus, &self.id(), OTHERS_TAKE)
     }

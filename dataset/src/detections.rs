@@ -1,8 +1,9 @@
-//! `detections/`: what a model found in the videos of a scenario.
+//! `detections/`: what a model detected in the videos of a scenario.
 //!
-//! Detections are not sealed: each model has its own. `<model>.json` says what made the table beside it, from which videos, and which
-//! hash the table has, so a reader can tell whether they belong together ([`Provenance`]). They change together as the files of a seal
-//! do: the table is written as `<model>.parquet.new`, the record decides, and readers look for the table by its hash under both names.
+//! Detections are not sealed: each model has its own. `<model>.json` records what made the table next to it, from which videos, and
+//! the table's hash, so a reader can check that they belong together ([`Provenance`]). They change together like the files of a
+//! seal: the table is written as `<model>.parquet.new`, the record takes effect, and readers look for the table by its hash under
+//! both names.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -25,14 +26,14 @@ use crate::sealed::{ATTEMPTS, Found, find};
 /// Folder of the detections within a scenario.
 pub const FOLDER: &str = "detections";
 
-/// What the record of detections has to say to every reader, whatever else it holds.
+/// The part of the record of detections that every reader needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
     /// BLAKE3 hash of the model file.
     pub model_blake3: String,
     /// Hash of the scenario's parameters, as in its seal.
     pub config_hash: String,
-    /// BLAKE3 hashes of the videos that were searched, by view, as in the manifest.
+    /// BLAKE3 hashes of the searched videos, by view, as in the manifest.
     pub videos_blake3: BTreeMap<String, String>,
     /// BLAKE3 hash of the table.
     pub table_blake3: String,
@@ -43,7 +44,7 @@ pub fn record_path(folder: &ScenarioFolder, model: &str) -> PathBuf {
     folder.detections_folder().join(format!("{model}.json"))
 }
 
-/// The models that a scenario has detections of, by the names of their files; sorted.
+/// The models with detections in this scenario, by the names of their files; sorted.
 pub fn models_of(folder: &ScenarioFolder) -> Result<Vec<String>> {
     let path = own_path(folder.root(), FOLDER)?;
     let entries = match fs::read_dir(&path) {
@@ -64,19 +65,20 @@ pub fn models_of(folder: &ScenarioFolder) -> Result<Vec<String>> {
     Ok(models)
 }
 
-/// Reads the provenance of a model's detections, if there are some.
+/// Reads the provenance of a model's detections, if there are any.
 ///
 /// # Errors
-/// The record does not say what a reader has to know.
+/// The record lacks something that a reader needs.
 pub fn provenance(folder: &ScenarioFolder, model: &str) -> Result<Option<Provenance>> {
     let record = record(folder, model)?;
     record.map(|bytes| parse(&bytes, folder, model)).transpose()
 }
 
-/// The table of a model's detections: where it lies now, and its content. `is_source` says whether they were made from what is there.
+/// The table of a model's detections: its current path and its content. `is_source` checks whether they were made from the current
+/// files.
 ///
 /// # Errors
-/// There is none, or it was made from something else, or it is not the one that its record tells of.
+/// There is none, it was made from something else, or it does not match its record.
 pub(crate) fn table(
     folder: &ScenarioFolder,
     model: &str,
@@ -105,7 +107,7 @@ pub(crate) fn table(
         })?;
         let fault = match found {
             Found::Whole(table) => return Ok(table),
-            // Somebody replaced them meanwhile.
+            // Another process replaced them in the meantime.
             _ if record(folder, model)?.as_ref() != Some(&bytes) => continue,
             Found::Missing => "is missing, though there is a record of it",
             Found::Other => "is not what its record says: its hash differs",
@@ -117,8 +119,8 @@ pub(crate) fn table(
     })
 }
 
-/// Replaces the detections that a model made from `source`. `record` makes what is written beside the table, which has to hold the
-/// given provenance.
+/// Replaces the detections that a model made from `source`. `record` produces the file written next to the table, which must
+/// contain the given provenance.
 pub fn replace<R: Serialize>(
     _claim: &Claim,
     source: &OpenScenario,
@@ -131,7 +133,7 @@ pub fn replace<R: Serialize>(
     let parent = own_path(folder.root(), FOLDER)?;
     fs::create_dir_all(&parent).map_err(Error::io("create", &parent))?;
     clear_leftovers(&parent);
-    // Readers may still need the table of a change that a killed process left decided.
+    // Readers may still need the table of a committed change that a killed process left.
     settle(folder, model)?;
     let table = folder.detections_path(model);
     let new = with_new_suffix(&table);
@@ -142,13 +144,13 @@ pub fn replace<R: Serialize>(
         videos_blake3: source.videos_blake3(),
         table_blake3: hash_file(&new)?,
     };
-    // With this file the change is decided.
+    // This file commits the change.
     write_json(&record_path(folder, model), &record(provenance))?;
     fs::rename(&new, &table).map_err(Error::io("rename into place", &table))?;
     sync(&parent)
 }
 
-/// Renames the table that the record decided for.
+/// Renames the table that the record refers to.
 fn settle(folder: &ScenarioFolder, model: &str) -> Result<()> {
     let table = folder.detections_path(model);
     let new = with_new_suffix(&table);

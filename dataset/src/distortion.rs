@@ -1,14 +1,14 @@
-//! Lens distortion: the model of Brown and Conrady (D. C. Brown, "Close-Range Camera Calibration", Photogrammetric Engineering 37, 1971)
-//! in the form and with the coefficients of OpenCV.
+//! Lens distortion: the Brown-Conrady model (D. C. Brown, "Close-Range Camera Calibration", Photogrammetric Engineering 37, 1971)
+//! with OpenCV's formulation and coefficients.
 //!
-//! Both sides are image coordinates: what is seen to the right and below the optical axis, divided by its depth. A real lens folds no
-//! picture over; coefficients that do are refused by [`Distortion::check`].
+//! Input and output are image coordinates: right and down of the optical axis, divided by depth. A real lens does not fold a
+//! picture over; [`Distortion::check`] rejects coefficients that do.
 
 use glam::{DMat2, DVec2};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Coefficients of a lens, each 0 if left out; all 0 is a pinhole.
+/// Coefficients of a lens, each 0 by default; all 0 is a pinhole.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct Distortion {
@@ -24,15 +24,15 @@ pub struct Distortion {
     pub k3: f64,
 }
 
-/// So much of the picture's half diagonal, from the principal point, the lens has to map without folding.
+/// The lens must map without folding up to this multiple of the picture's half diagonal from the principal point.
 pub(crate) const FIELD_OVER_HALF_DIAGONAL: f64 = 1.5;
-/// Where a lens squeezes areas below this share, it is about to fold.
+/// A lens that shrinks areas below this share is close to folding.
 const LEAST_AREA: f64 = 0.05;
 /// Directions and radii at which a lens is checked.
 const CHECKED: (u32, u32) = (72, 60);
 /// Steps of Newton's method; four suffice for any lens that passes the check well inside its field.
 const MOST_STEPS: u32 = 40;
-/// Image coordinates that agree so far are the same: a billionth of a pixel.
+/// Image coordinates closer than this are equal: a billionth of a pixel.
 const SAME: f64 = 1e-14;
 
 impl Distortion {
@@ -41,7 +41,7 @@ impl Distortion {
         [self.k1, self.k2, self.p1, self.p2, self.k3]
     }
 
-    /// From OpenCV's order; `None` for another number of coefficients than five.
+    /// From OpenCV's order; `None` unless there are five coefficients.
     pub fn from_coefficients(coefficients: &[f64]) -> Option<Self> {
         let &[k1, k2, p1, p2, k3] = coefficients else {
             return None;
@@ -49,7 +49,7 @@ impl Distortion {
         Some(Self { k1, k2, p1, p2, k3 })
     }
 
-    /// Where the lens puts what a pinhole would put at `ideal`.
+    /// Where the lens maps the ideal (pinhole) point `ideal`.
     pub fn distort(&self, ideal: DVec2) -> DVec2 {
         let Self { k1, k2, p1, p2, k3 } = *self;
         let DVec2 { x, y } = ideal;
@@ -68,7 +68,7 @@ impl Distortion {
         let DVec2 { x, y } = ideal;
         let r2 = ideal.length_squared();
         let radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3));
-        // Of `radial` by the squared radius.
+        // Derivative of `radial` with respect to the squared radius.
         let growth = k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3);
         let mixed = 2.0 * x * y * growth + 2.0 * p1 * x + 2.0 * p2 * y;
         DMat2::from_cols(
@@ -83,8 +83,8 @@ impl Distortion {
         )
     }
 
-    /// [`Self::distort`] inside a field of this radius; beyond it the lens goes on evenly, so that what is far outside the picture
-    /// stays outside, as polynomials do not.
+    /// [`Self::distort`] inside a field of this radius; beyond it the mapping continues linearly, so that points far outside the
+    /// picture stay outside, which polynomials do not guarantee.
     pub(crate) fn distort_within(&self, ideal: DVec2, field: f64) -> DVec2 {
         let rim = ideal.clamp_length_max(field);
         self.distort(rim) + (ideal - rim)
@@ -97,14 +97,14 @@ impl Distortion {
         if rim == ideal {
             return slope;
         }
-        // Outwards the lens goes on evenly; along the rim it turns with what it does there.
+        // Radially the mapping continues with unit slope; tangentially it follows the rim.
         let along = ideal.normalize().perp();
         let rim_moves =
             DMat2::from_cols(along * along.x, along * along.y) * (field / ideal.length());
         DMat2::IDENTITY + (slope - DMat2::IDENTITY) * rim_moves
     }
 
-    /// What a pinhole would put where [`Self::distort_within`] puts something at `seen` (Newton's method).
+    /// The ideal point that [`Self::distort_within`] maps to `seen` (Newton's method).
     pub(crate) fn undistort_within(&self, seen: DVec2, field: f64) -> DVec2 {
         let mut ideal = seen;
         for _ in 0..MOST_STEPS {
@@ -117,11 +117,11 @@ impl Distortion {
         ideal
     }
 
-    /// Refuses what is no lens for a picture whose corners are at this radius: numbers that are none, and coefficients that fold
-    /// the picture over or leave its corners empty. The text says why.
+    /// Rejects invalid lenses for a picture whose corners are at this radius: coefficients that are not finite, fold the picture
+    /// over or leave its corners empty. The text states the reason.
     ///
     /// # Errors
-    /// What is wrong, in words.
+    /// What is wrong, as text.
     pub fn check(&self, corner: f64) -> Result<(), String> {
         if self.coefficients().iter().any(|c| !c.is_finite()) {
             return Err(format!("{self:?} has a coefficient that is no number"));
@@ -161,7 +161,7 @@ impl Distortion {
 mod tests {
     use super::*;
 
-    /// About what a cheap wide-angle lens has.
+    /// Typical of a cheap wide-angle lens.
     const BARREL: Distortion = Distortion {
         k1: -0.28,
         k2: 0.08,
@@ -218,7 +218,7 @@ mod tests {
             ..Distortion::default()
         };
         assert!(nothing.check(CORNER).unwrap_err().contains("no number"));
-        // At ten degrees of view the same coefficient is a weak lens.
+        // At ten degrees of view the same coefficient is a weak distortion.
         assert_eq!(folding.check(0.105), Ok(()));
     }
 }

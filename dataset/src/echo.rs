@@ -1,26 +1,26 @@
-//! How closely a simulator must have drawn what was asked for: the one tolerance of recording and verification.
+//! How closely a simulator must draw what was requested: the one tolerance for recording and verification.
 //!
-//! An echo is a simulator's own account of a picture: where aircraft and camera were when it drew. X-Plane places both in 32-bit
-//! floats, in metres from an origin that may lie 50 km away, and turns them in 32-bit degrees. So an echo comes back nearly, not
-//! to the last bit. What is allowed is the rounding of those floats with a margin, and far less than a pixel: at a field of view
-//! of 10 degrees on 1920 pixels, 0.0002 degrees are 0.04 pixels. The next tick is metres away and never passes.
+//! An echo is a simulator's report of where aircraft and camera were when it drew a picture. X-Plane places both in 32-bit floats,
+//! in metres from an origin that may be 50 km away, and rotates them in 32-bit degrees. So an echo matches only approximately. The
+//! tolerance is the rounding of those floats with a margin, and far less than a pixel: at a field of view of 10 degrees on 1920
+//! pixels, 0.0002 degrees are 0.04 pixels. The next tick is metres away and never within tolerance.
 
 use std::fmt;
 
 use crate::camera::CameraPose;
 use crate::pose::Pose;
 
-/// How far a drawn position may lie from the one asked for, metres.
+/// Maximum distance between drawn and requested position, metres.
 pub const POSITION_TOLERANCE_M: f64 = 0.01;
-/// How far the aircraft's heading, pitch or roll may be off, degrees.
+/// Maximum error of the aircraft's heading, pitch or roll, degrees.
 pub const AIRCRAFT_ANGLE_TOLERANCE_DEG: f64 = 0.001;
-/// How far the camera's heading, pitch, roll or field of view may be off, degrees.
+/// Maximum error of the camera's heading, pitch, roll or field of view, degrees.
 pub const CAMERA_ANGLE_TOLERANCE_DEG: f64 = 0.0002;
 
-/// The first value in which an echo is not what was asked for.
+/// The first value of an echo that differs from the request.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum EchoMismatch {
-    /// It was somewhere else.
+    /// A different position.
     Position {
         /// Where it was drawn.
         drawn: Pose,
@@ -29,7 +29,7 @@ pub enum EchoMismatch {
         /// How far that is, metres.
         off_m: f64,
     },
-    /// It was turned otherwise, or had another field of view.
+    /// A different orientation or field of view.
     Angle {
         /// Which angle.
         name: &'static str,
@@ -37,7 +37,7 @@ pub enum EchoMismatch {
         drawn_deg: f64,
         /// What should have been, degrees.
         expected_deg: f64,
-        /// What is allowed, degrees.
+        /// The tolerance, degrees.
         tolerance_deg: f64,
     },
 }
@@ -73,12 +73,12 @@ impl fmt::Display for EchoMismatch {
     }
 }
 
-/// Compares where the aircraft was drawn with where it should have been.
+/// Compares the drawn pose of the aircraft with the requested one.
 pub fn aircraft_mismatch(drawn: &Pose, expected: &Pose) -> Option<EchoMismatch> {
     pose_mismatch(drawn, expected, AIRCRAFT_ANGLE_TOLERANCE_DEG)
 }
 
-/// Compares the camera that a picture was taken with and the one that should have taken it.
+/// Compares the camera that a picture was taken with and the requested one.
 pub fn camera_mismatch(drawn: &CameraPose, expected: &CameraPose) -> Option<EchoMismatch> {
     pose_mismatch(&drawn.pose, &expected.pose, CAMERA_ANGLE_TOLERANCE_DEG).or_else(|| {
         angle_mismatch(
@@ -124,7 +124,7 @@ fn angle_mismatch(
     })
 }
 
-/// False for what is no number.
+/// False for NaN.
 fn within(off: f64, tolerance: f64) -> bool {
     off <= tolerance
 }

@@ -9,42 +9,42 @@ use crate::memory::TooMuchMemory;
 /// A corpus, or a file of one, that cannot be read or written. Every message says which file.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// The operating system refused.
+    /// An I/O error.
     #[error("cannot {action} {}: {source}", path.display())]
     Io {
-        /// What was being done: "read", "create", ...
+        /// The operation: "read", "create", ...
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
-        /// The system's own words.
+        /// The operating system's error.
         source: std::io::Error,
     },
-    /// Something else stands in the place of a file.
+    /// Something other than a regular file is in its place.
     #[error("{} is {found}; expected a regular file with a {what}", path.display())]
     NotRegular {
         /// Where the file was expected.
         path: PathBuf,
-        /// What it should hold.
+        /// What the file contains.
         what: &'static str,
         /// What is there instead: "a FIFO", "a folder", ...
         found: &'static str,
     },
-    /// A file is larger than files of its kind may be.
+    /// A file exceeds the size limit of its kind.
     #[error("{} has {bytes} bytes; expected a {what} of at most {most_bytes}", path.display())]
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// What it should hold.
+        /// What the file contains.
         what: &'static str,
         /// Its size.
         bytes: u64,
         /// The limit.
         most_bytes: u64,
     },
-    /// A JSON file does not hold what it should.
+    /// A JSON file has the wrong content.
     #[error("{} is not a valid {what}: {source}", path.display())]
     Json {
-        /// What the file should hold.
+        /// What the file should contain.
         what: &'static str,
         /// The file.
         path: PathBuf,
@@ -59,7 +59,7 @@ pub enum Error {
         /// What was expected and what was found.
         message: String,
     },
-    /// A number lies outside its limits.
+    /// A number is outside its limits.
     #[error("{}{}: {fault}", path.display(), in_row(*row))]
     OutOfLimits {
         /// The file.
@@ -69,7 +69,7 @@ pub enum Error {
         /// Field, value and range.
         fault: FieldOutOfLimits,
     },
-    /// What is asked for does not fit into memory.
+    /// A request does not fit into memory.
     #[error(transparent)]
     Memory(#[from] TooMuchMemory),
     /// A video cannot be read or written.
@@ -77,10 +77,10 @@ pub enum Error {
     Video {
         /// The file.
         path: PathBuf,
-        /// What was being done and what happened.
+        /// The operation and the failure.
         message: String,
     },
-    /// Somebody else is writing the scenario, or the files of the whole corpus.
+    /// Another process is writing the scenario, or the files of the whole corpus.
     #[error(
         "{}: {holder} has been writing it for {waited:?}; if that hangs, end it and run the same command again", path.display()
     )]
@@ -92,13 +92,13 @@ pub enum Error {
         /// How long we waited.
         waited: Duration,
     },
-    /// Somebody else changed a scenario again and again while it was read.
+    /// Another process kept changing a scenario while it was read.
     #[error("{}: another process keeps changing it while it is read; run the same command again", path.display())]
     Changing {
         /// The scenario's folder.
         path: PathBuf,
     },
-    /// The folder is not what it should be.
+    /// The folder is not as expected.
     #[error("{}: {message}", path.display())]
     Corpus {
         /// The folder or file.
@@ -126,17 +126,17 @@ impl Error {
         }
     }
 
-    /// Whether a file or folder is not there.
+    /// Whether a file or folder is missing.
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
     }
 
-    /// Whether another process was in the way: the same call may well succeed later.
+    /// Whether another process was in the way: a retry may succeed.
     pub fn is_passing(&self) -> bool {
         matches!(self, Self::Held { .. } | Self::Changing { .. })
     }
 
-    /// Whether a file was there but did not hold what it should, or more than there is memory for: reading it again will say the same.
+    /// Whether a file existed but had the wrong content, or more than fits into memory: reading it again gives the same result.
     pub fn is_bad_content(&self) -> bool {
         matches!(
             self,
@@ -150,7 +150,7 @@ impl Error {
         )
     }
 
-    /// A number of a file that lies outside its limits.
+    /// A number in a file that is outside its limits.
     pub fn out_of_limits(path: &Path, row: Option<usize>, fault: FieldOutOfLimits) -> Self {
         Self::OutOfLimits {
             path: path.to_owned(),
@@ -166,7 +166,7 @@ impl Error {
         }
     }
 
-    /// A folder or file that is not what it should be.
+    /// A folder or file that is not as expected.
     pub fn corpus(path: &Path, message: impl ToString) -> Self {
         Self::Corpus {
             path: path.to_owned(),

@@ -1,17 +1,17 @@
-//! Names from outside that become names of files: of weathers, profiles, rigs, cameras, scenarios, views.
+//! Names from outside that become file names: of weathers, profiles, rigs, cameras, scenarios, views.
 //!
-//! They are the portable file names of POSIX, a little narrower: a corpus is copied to other systems and into object stores.
+//! Portable POSIX file names, slightly restricted, because a corpus is copied to other systems and into object stores.
 
-/// Longest name. Scenarios are called after several of them, and file systems stop at 255 bytes.
+/// Longest name. Scenario names contain several of them, and file systems allow 255 bytes.
 pub const MOST_NAME_BYTES: usize = 64;
 
-/// Longest identifier of a scenario, which is made of several names; endings such as `.partial` come on top.
+/// Longest identifier of a scenario, which contains several names; suffixes such as `.partial` are added to it.
 pub const MOST_ID_BYTES: usize = 200;
 
-/// Names that another system keeps for its devices, whatever their ending.
+/// Names that Windows reserves for devices, whatever their extension.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];
 
-/// A name that is none of a file.
+/// A string that is not a valid file name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{name:?} names files; expected {expected}")]
 pub struct BadFileName {
@@ -19,12 +19,12 @@ pub struct BadFileName {
     expected: String,
 }
 
-/// Refuses what is no name that any file system takes.
+/// Rejects names that some file system does not accept.
 pub fn check(name: &str) -> Result<(), BadFileName> {
     check_up_to(MOST_NAME_BYTES, name)
 }
 
-/// Refuses what cannot be the identifier of a scenario.
+/// Rejects strings that cannot be the identifier of a scenario.
 pub fn check_id(id: &str) -> Result<(), BadFileName> {
     check_up_to(MOST_ID_BYTES, id)
 }
@@ -42,7 +42,7 @@ fn check_up_to(most_bytes: usize, name: &str) -> Result<(), BadFileName> {
     } else {
         return Ok(());
     };
-    // A name of a megabyte helps nobody.
+    // A message must not contain a name of a megabyte.
     let name = name.chars().take(most_bytes + 8).collect();
     Err(BadFileName { name, expected })
 }

@@ -1,7 +1,8 @@
-//! Flights between their states.
+//! Interpolation of flights between their states.
 //!
-//! Positions between two states follow a cubic Hermite curve through both positions with both velocities, in earth-centred metres, so
-//! that path and speed are continuous and a 5 Hz recording is met within millimetres. Angles are interpolated along the shorter way.
+//! Positions between two states follow a cubic Hermite curve through both positions with both velocities, in earth-centred metres,
+//! so that path and speed are continuous and a 5 Hz recording is reproduced within millimetres. Angles are interpolated along the
+//! shorter way.
 
 use glam::DVec3;
 
@@ -26,7 +27,7 @@ impl FlightState {
     }
 }
 
-/// The state of a flight at a time, seconds. Its states are in order of time; before the first and after the last it is that state.
+/// The state of a flight at a time in seconds. States are in order of time; before the first and after the last that state is held.
 /// `None` for a flight without states.
 pub fn state_at(states: &[FlightState], time_s: f64) -> Option<FlightState> {
     let after = states.partition_point(|state| state.time_s <= time_s);
@@ -46,7 +47,7 @@ fn between(before: &FlightState, after: &FlightState, time_s: f64) -> FlightStat
         after.velocity_ecef() * step_s,
     );
     let way = p1 - p0;
-    // Relative to the first point: a cubic of coordinates of millions of metres would lose digits.
+    // Relative to the first point: a cubic over coordinates of millions of metres would lose precision.
     let ecef = p0 + u * (m0 + u * (3.0 * way - 2.0 * m0 - m1 + u * (m0 + m1 - 2.0 * way)));
     let velocity =
         (m0 + u * (2.0 * (3.0 * way - 2.0 * m0 - m1) + 3.0 * u * (m0 + m1 - 2.0 * way))) / step_s;
@@ -83,7 +84,7 @@ fn between(before: &FlightState, after: &FlightState, time_s: f64) -> FlightStat
 mod tests {
     use super::*;
 
-    /// Straight north over the equator, nose turning through north.
+    /// Due north over the equator, heading turning through north.
     fn state(time_s: f64, latitude_deg: f64, heading_true_deg: f64) -> FlightState {
         FlightState {
             time_s,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::limits::{FRAME_RATE_HZ, MOST_FRAME_RATE_TERM};
 use crate::units::{NANOS_PER_SECOND, SimTime};
 
-/// Frames per second as a fraction: 30/1, 30000/1001, 1/2. Never a float, so that no time is ever accumulated.
+/// Frames per second as a fraction: 30/1, 30000/1001, 1/2. Never a float, so that rounding errors do not accumulate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "Fraction")]
 pub struct FrameRate {
@@ -17,7 +17,7 @@ pub struct FrameRate {
     pub denominator: u32,
 }
 
-/// A fraction that is no frame rate.
+/// An invalid frame rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
     "{numerator}/{denominator} is no frame rate; expected {} to {} per second, as a whole number or as a fraction of numbers up to \
@@ -28,7 +28,7 @@ pub struct BadFrameRate {
     denominator: u32,
 }
 
-/// A fraction as it is written.
+/// The fraction as it was given.
 #[derive(Deserialize)]
 struct Fraction {
     numerator: u32,
@@ -44,7 +44,7 @@ impl TryFrom<Fraction> for FrameRate {
 }
 
 impl FrameRate {
-    /// The rate `numerator / denominator`, if cameras and videos can have it.
+    /// The rate `numerator / denominator`, if cameras and videos support it.
     pub fn new(numerator: u32, denominator: u32) -> Result<Self, BadFrameRate> {
         let terms = 1..=MOST_FRAME_RATE_TERM;
         let hz = f64::from(numerator) / f64::from(denominator);
@@ -78,7 +78,7 @@ impl FrameRate {
         i64::from(tick) * i64::from(self.denominator)
     }
 
-    /// Units per second in which every tick's timestamp is a whole number.
+    /// Units per second that make every tick's timestamp an integer.
     pub fn time_scale(self) -> u32 {
         self.numerator
     }

@@ -1,4 +1,4 @@
-//! `frames.parquet`: one row per tick, with the proof that every view shows that tick.
+//! `frames.parquet`: one row per tick, with the evidence that every view shows that tick.
 
 use std::path::Path;
 
@@ -9,16 +9,16 @@ use crate::limits::{self, Limits};
 use crate::memory;
 use crate::pose::{Controls, Pose};
 
-/// What the simulator reported of the frame that one view holds for one tick.
+/// What the simulator reported about the picture of one view at one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ViewStamp {
     /// The simulator's frame counter when the picture was taken, counted from the scenario's first picture.
     pub sim_frame: u64,
     /// Presentation timestamp of the picture in the view's video, in units of the video's time base.
     pub pts: i64,
-    /// The aircraft's pose that the simulator says it drew.
+    /// The pose of the aircraft that the simulator reports as drawn.
     pub echoed_pose: Pose,
-    /// The camera that the simulator says it drew from.
+    /// The camera that the simulator reports as used.
     pub echoed_camera: CameraPose,
 }
 
@@ -27,7 +27,7 @@ pub struct ViewStamp {
 pub struct FrameLabels {
     /// Geodesic distance to touchdown, metres.
     pub dtd_m: f64,
-    /// Distance still to go along the course, metres; negative past the target.
+    /// Remaining distance along the course, metres; negative past the target.
     pub along_track_m: f64,
     /// Offset right of the extended centreline, metres.
     pub cross_track_m: f64,
@@ -69,7 +69,7 @@ pub struct Frames {
     pub rows: Vec<Frame>,
 }
 
-/// Name of a value of a pose, its limits, and how to get it.
+/// Name of a value of a pose, its limits, and its accessor.
 type PoseField = (&'static str, Limits, fn(&Pose) -> f64);
 
 /// The pose of an aircraft.
@@ -100,7 +100,7 @@ const VELOCITY_FIELDS: [(&str, Limits); 3] = [
 ];
 
 impl Frames {
-    /// Writes the table, if all numbers lie within their limits. Label columns are there if every row has labels.
+    /// Writes the table if all numbers are within their limits. It has label columns if every row has labels.
     pub fn write(&self, path: &Path) -> Result<()> {
         self.columns().write(path)
     }
@@ -192,7 +192,7 @@ impl Frames {
         Self::of_table(&mut Table::read(path, limits::MOST_TICKS.into())?)
     }
 
-    /// The same, with all numbers outside their limits beside it.
+    /// Like [`Self::read`], but collects numbers outside their limits.
     pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<ColumnOutOfLimits>)> {
         let mut table = Table::read(path, limits::MOST_TICKS.into())?.collecting();
         let frames = Self::of_table(&mut table)?;

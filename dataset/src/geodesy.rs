@@ -1,8 +1,8 @@
 //! Positions on and above the WGS-84 ellipsoid.
 //!
-//! Distances over ground are geodesics (Karney 2013, through the `geo` crate); everything that a camera sees goes through
-//! earth-centred, earth-fixed (ECEF) metres. Heights above mean sea level are taken as heights above the ellipsoid: X-Plane
-//! knows no geoid. A corpus that uses one must name it in `scenario.json`.
+//! Distances over ground are geodesics (Karney 2013, through the `geo` crate); everything that a camera sees uses earth-centred,
+//! earth-fixed (ECEF) metres. Heights above mean sea level are taken as heights above the ellipsoid: X-Plane has no geoid. A corpus
+//! that uses one must name it in `scenario.json`.
 
 use geo::{Bearing, Destination, Distance, Geodesic, Point};
 use glam::{DMat3, DVec3};
@@ -38,7 +38,7 @@ pub struct Geodetic {
 }
 
 impl Geodetic {
-    /// Looks for numbers outside their limits.
+    /// Checks for numbers outside their limits.
     pub fn check(&self, altitude_msl_m: Limits, check: &mut Check) {
         check.number("latitude_deg", self.latitude_deg, limits::LATITUDE_DEG);
         check.number("longitude_deg", self.longitude_deg, limits::LONGITUDE_DEG);
@@ -81,7 +81,7 @@ impl LatLon {
 }
 
 impl Geodetic {
-    /// The point below on the ellipsoid.
+    /// The point directly below on the ellipsoid.
     pub fn lat_lon(self) -> LatLon {
         LatLon {
             latitude_deg: self.latitude_deg,
@@ -114,7 +114,7 @@ impl Geodetic {
             let (sin_lat, cos_lat) = latitude.sin_cos();
             let prime_vertical =
                 WGS84_SEMI_MAJOR_M / (1.0 - ECCENTRICITY_SQUARED * sin_lat * sin_lat).sqrt();
-            // This form of the height has no 0/0, neither at the equator nor near a pole.
+            // This formula for the height has no 0/0, neither at the equator nor near a pole.
             height = p * cos_lat + ecef.z * sin_lat
                 - WGS84_SEMI_MAJOR_M * WGS84_SEMI_MAJOR_M / prime_vertical;
             latitude = ecef.z.atan2(

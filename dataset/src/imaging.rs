@@ -1,7 +1,7 @@
-//! What lies between an ideal picture and a real one: the lens, the air that bends and shakes light, the sensor.
+//! The differences between an ideal picture and a real one: lens, refraction and turbulence of the air, sensor.
 //!
-//! All of it is off by default, because X-Plane has none of it. Lens and refraction move things, so they belong to the calibration
-//! and everything that projects knows them. Blur, seeing and noise spoil the picture and move no truth.
+//! All of it is off by default, because X-Plane has none of it. Lens and refraction move objects, so they belong to the calibration
+//! and every projection includes them. Blur, seeing and noise degrade the picture and leave the geometry alone.
 
 use serde::{Deserialize, Serialize};
 
@@ -18,12 +18,12 @@ pub struct Imaging {
     /// Coefficient of terrestrial refraction; 0 is straight light.
     #[serde(skip_serializing_if = "is_zero")]
     pub refraction_coefficient: f64,
-    /// What spoils the picture.
+    /// Degradation of the picture.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub degradation: Option<Degradation>,
 }
 
-/// What spoils a picture without moving its truth.
+/// Image degradation that does not affect geometry.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Degradation {
@@ -36,34 +36,35 @@ pub struct Degradation {
     /// Turbulence between aircraft and camera.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub seeing: Option<Seeing>,
-    /// Seed of noise and seeing: another one for every scenario and view, below 2^53.
+    /// Seed of noise and seeing: different for every scenario and view, below 2^53.
     pub seed: u64,
 }
 
-/// Noise of a sensor: Poisson noise of the light (as a Gaussian of the same variance) and of reading out.
+/// Sensor noise: Poisson noise of the light (as a Gaussian of the same variance) and read noise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Sensor {
-    /// Electrons of a pixel that is white (255).
+    /// Electrons of a white pixel (255).
     pub full_well_electrons: f64,
-    /// Standard deviation of reading out, electrons.
+    /// Standard deviation of the read noise, electrons.
     pub read_noise_electrons: f64,
 }
 
-/// Image motion and blur by turbulent air.
+/// Image motion and blur caused by turbulent air.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Seeing {
-    /// Root mean square of the image's motion along one axis over 10 km, seconds of arc; grows with the root of the distance.
+    /// Root mean square of the image's motion along one axis over 10 km, arcseconds; grows with the square root of the distance.
     pub tilt_rms_arcsec: f64,
-    /// Standard deviation of the blur of one picture over 10 km, seconds of arc; grows with the distance to the power 3/5.
+    /// Standard deviation of the blur of one picture over 10 km, arcseconds; grows with the distance to the power 3/5.
     pub blur_sigma_arcsec: f64,
-    /// The motion's correlation with itself falls to 1/e in this time, seconds.
+    /// The motion's autocorrelation falls to 1/e in this time, seconds.
     pub correlation_s: f64,
 }
 
 impl Imaging {
-    /// Looks for numbers outside their limits. Whether a lens folds the picture over depends on the picture: [`Distortion::check`].
+    /// Checks for numbers outside their limits. Whether a lens folds the picture over depends on the picture:
+    /// [`Distortion::check`].
     pub fn check(&self, check: &mut Check) {
         check.number(
             "refraction_coefficient",
@@ -75,7 +76,7 @@ impl Imaging {
         }
     }
 
-    /// Whether these are the pictures of a pinhole in a vacuum, as X-Plane draws them.
+    /// Whether these are ideal pictures of a pinhole in a vacuum, as X-Plane draws them.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
     }

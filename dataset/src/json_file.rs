@@ -1,4 +1,4 @@
-//! JSON files, read with their name in every message and written so that a kill never leaves half of one.
+//! JSON files, with their name in every error message, written atomically.
 
 use std::io::Write;
 use std::path::Path;
@@ -46,7 +46,7 @@ pub fn json_bytes<T: Serialize + ?Sized>(value: &T, path: &Path) -> Result<Vec<u
     Ok(text)
 }
 
-/// Writes a file so that readers see the old content or the new, never a part.
+/// Writes a file so that readers see either the old content or the new.
 pub fn write_atomically(path: &Path, content: &[u8]) -> Result<()> {
     let mut file = NewFile::create(path)?;
     file.write_all(content).map_err(Error::io("write", path))?;

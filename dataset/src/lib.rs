@@ -1,9 +1,9 @@
-//! The shared words of the project and their form on disk.
+//! The shared types of the project and their files.
 //!
-//! Generator, labeller and trainer never call each other: they meet in the files of a corpus, and this crate is the one
-//! place that knows those files. It holds the geometry that all of them must agree on (WGS-84, poses, cameras, runways),
-//! the records and tables (`scenario.json`, `calibration.json`, `frames.parquet`, ...), the videos, and how a scenario
-//! folder is committed so that a killed process never leaves half of one. `docs/dataset.md` describes every file and column.
+//! Generator, labeller and trainer never call each other: they share the files of a corpus, and this crate is the only place that
+//! knows those files. It contains the geometry that all of them must agree on (WGS-84, poses, cameras, runways), the records and
+//! tables (`scenario.json`, `calibration.json`, `frames.parquet`, ...), the videos, and the protocol that commits a scenario folder
+//! atomically even if the process is killed. `docs/dataset.md` describes every file and column.
 
 pub mod calibration;
 pub mod camera;

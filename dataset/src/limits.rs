@@ -1,23 +1,23 @@
-//! Between which values a number from outside has to lie: the one table of limits, for sweeps, recordings, simulators' answers, records,
-//! tables and settings alike.
+//! Limits of every number from outside: the one table for sweeps, recordings, simulators' answers, records, tables and settings
+//! alike.
 //!
-//! Limits are wide: what is beyond them is a mistake or damage, never an unusual flight. They are enforced when a value is read and when
-//! it is written. NaN and infinities lie in no range. `docs/dataset.md` lists them for people.
+//! Limits are wide: values beyond them are mistakes or damage, never an unusual flight. They are enforced on reading and on
+//! writing. NaN and infinities are always out of range. `docs/dataset.md` lists them.
 
 use std::fmt;
 
-/// The least and the greatest value of a number, and what the number is.
+/// Minimum and maximum of a number, and what the number is.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Limits {
     /// The least value.
     pub least: f64,
-    /// The greatest value.
+    /// The maximum.
     pub most: f64,
     /// What the number is, with its unit: "a pitch in degrees".
     pub what: &'static str,
 }
 
-/// Interpolation may leave a range by its rounding: this part of the larger end.
+/// Interpolation may exceed a range by rounding: this part of the larger end.
 const ROUNDING: f64 = 1e-9;
 
 impl Limits {
@@ -26,13 +26,13 @@ impl Limits {
         Self { least, most, what }
     }
 
-    /// Whether a number lies within, but for rounding. NaN lies in no range.
+    /// Whether a number is within the limits, except for rounding. NaN never is.
     pub fn hold(&self, value: f64) -> bool {
         let slack = ROUNDING * self.least.abs().max(self.most.abs());
         (self.least - slack..=self.most + slack).contains(&value)
     }
 
-    /// Refuses a number that lies outside.
+    /// Rejects a number outside the limits.
     pub fn check(&self, value: f64) -> Result<(), OutOfLimits> {
         match self.hold(value) {
             true => Ok(()),
@@ -49,7 +49,7 @@ impl Limits {
 pub struct OutOfLimits {
     /// The number.
     pub value: f64,
-    /// Where it should lie.
+    /// The allowed range.
     pub limits: Limits,
 }
 
@@ -64,7 +64,7 @@ impl fmt::Display for OutOfLimits {
     }
 }
 
-/// A float as a person reads it: `1e308`, not three hundred digits.
+/// A float in readable form: `1e308`, not three hundred digits.
 struct Legible(f64);
 
 impl fmt::Display for Legible {
@@ -78,10 +78,10 @@ impl fmt::Display for Legible {
     }
 }
 
-/// Collects the numbers of a record that lie outside their limits.
+/// Collects the numbers of a record that are outside their limits.
 #[derive(Debug, Default)]
 pub struct Check {
-    /// Where it is in the record.
+    /// Its path in the record.
     place: Vec<String>,
     found: Vec<FieldOutOfLimits>,
 }
@@ -114,7 +114,7 @@ impl Check {
         }
     }
 
-    /// Looks at the numbers of a part of the record.
+    /// Checks the numbers of a part of the record.
     pub fn part(&mut self, name: impl fmt::Display, look: impl FnOnce(&mut Self)) {
         self.place.push(name.to_string());
         look(self);
@@ -126,20 +126,20 @@ impl Check {
         self.found
     }
 
-    /// The first number that was found.
+    /// The first number found.
     pub fn first(self) -> Option<FieldOutOfLimits> {
         self.found.into_iter().next()
     }
 }
 
-/// A share, or the position of a part that moves between two ends.
+/// A share, or the position of a part between two end stops.
 pub const RATIO: Limits = Limits::new(0.0, 1.0, "a ratio");
 
 // Places.
 
-/// Where runways, aircraft and cameras are.
+/// Positions of runways, aircraft and cameras.
 pub const LATITUDE_DEG: Limits = Limits::new(-85.0, 85.0, "a latitude in degrees");
-/// Where runways, aircraft and cameras are.
+/// Positions of runways, aircraft and cameras.
 pub const LONGITUDE_DEG: Limits = Limits::new(-180.0, 180.0, "a longitude in degrees");
 /// Aircraft and cameras.
 pub const ALTITUDE_MSL_M: Limits = Limits::new(-1_000.0, 20_000.0, "an altitude in metres");
@@ -163,26 +163,26 @@ pub const ILS_MHZ: Limits = Limits::new(108.0, 112.0, "a localizer's frequency i
 
 // An airliner on approach.
 
-/// Any way of counting a full turn.
+/// Accepts either convention for a full turn.
 pub const HEADING_TRUE_DEG: Limits = Limits::new(-360.0, 360.0, "a true heading in degrees");
 /// Nose up positive.
 pub const PITCH_DEG: Limits = Limits::new(-45.0, 45.0, "an aircraft's pitch in degrees");
 /// Right wing down positive.
 pub const ROLL_DEG: Limits = Limits::new(-75.0, 75.0, "an aircraft's roll in degrees");
-/// Below zero by wind from behind, on the ground.
+/// Negative with a tailwind, on the ground.
 pub const TRUE_AIRSPEED_MPS: Limits = Limits::new(-50.0, 350.0, "a true airspeed in m/s");
 /// North or east.
 pub const VELOCITY_MPS: Limits = Limits::new(-400.0, 400.0, "a velocity over ground in m/s");
 /// Down positive.
 pub const VELOCITY_DOWN_MPS: Limits = Limits::new(-150.0, 150.0, "a vertical velocity in m/s");
-/// Of a state of a recorded flight: any clock, that of a computer included.
+/// Of a state of a recorded flight: from any clock, even a computer's.
 pub const FLIGHT_TIME_S: Limits = Limits::new(-1e10, 1e10, "a time in seconds");
 
 // How a live flight of a sweep begins.
 
 /// From the touchdown target.
 pub const START_DTD_NM: Limits = Limits::new(0.5, 40.0, "a distance in nautical miles");
-/// The same in metres, as a plan has it.
+/// The same in metres, as in a plan.
 pub const START_DTD_M: Limits = Limits::new(0.5 * 1_852.0, 40.0 * 1_852.0, "a distance in metres");
 /// Right of the course.
 pub const START_CROSS_TRACK_M: Limits = Limits::new(-5_000.0, 5_000.0, "an offset in metres");
@@ -192,9 +192,9 @@ pub const START_ABOVE_PROFILE_M: Limits = Limits::new(-500.0, 1_000.0, "a height
 pub const START_HEADING_OFFSET_DEG: Limits = Limits::new(-60.0, 60.0, "an angle in degrees");
 /// True airspeed.
 pub const START_SPEED_MPS: Limits = Limits::new(55.0, 150.0, "an airspeed in m/s");
-/// Where a stepped descent goes on.
+/// Where a stepped descent continues.
 pub const STEP_FROM_THRESHOLD_M: Limits = Limits::new(500.0, 60_000.0, "a distance in metres");
-/// Of one side of a split.
+/// Share of one side of a split.
 pub const SPLIT_PART: Limits = Limits::new(0.0, 1.0, "a part");
 
 // Cameras.
@@ -206,17 +206,17 @@ pub const MAST_HEIGHT_M: Limits =
     Limits::new(0.0, 5_000.0, "a height over the touchdown target in metres");
 /// Of an optical axis, in a rig.
 pub const MAST_TURN_DEG: Limits = Limits::new(-180.0, 360.0, "an angle in degrees");
-/// The point of the glide path at which cameras look.
+/// The point of the glide path that cameras aim at.
 pub const AIM_DTD_NM: Limits = Limits::new(-0.5, 40.0, "a distance to touchdown in nautical miles");
 /// Of an optical axis.
 pub const DIRECTION_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees");
-/// More is another rig, or centimetres where metres belong.
+/// More would be another rig, or centimetres instead of metres.
 pub const JITTER_M: Limits = Limits::new(-50.0, 50.0, "a small offset in metres");
-/// More is another rig, or seconds of arc where degrees belong.
+/// More would be another rig, or arcseconds instead of degrees.
 pub const JITTER_DEG: Limits = Limits::new(-10.0, 10.0, "a small angle in degrees");
 /// Of an optical axis, in a rig.
 pub const MAST_PITCH_DEG: Limits = Limits::new(-89.0, 89.0, "an elevation in degrees");
-/// Of an optical axis, as placed: jitter comes on top.
+/// Of an optical axis, as placed: including jitter.
 pub const CAMERA_PITCH_DEG: Limits = Limits::new(-100.0, 100.0, "a camera's elevation in degrees");
 /// About an optical axis.
 pub const CAMERA_ROLL_DEG: Limits = Limits::new(-180.0, 180.0, "a camera's roll in degrees");
@@ -230,12 +230,12 @@ pub const FOCAL_LENGTH_PX: Limits = Limits::new(1.0, 1e8, "a focal length in pix
 pub const PRINCIPAL_POINT_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
 /// An element of a rotation matrix.
 pub const ROTATION: Limits = Limits::new(-1.0, 1.0, "an element of a rotation matrix");
-/// OpenCV's. Whether they make a lens, [`crate::distortion::Distortion::check`] says.
+/// OpenCV's. [`crate::distortion::Distortion::check`] decides whether they are a valid lens.
 pub const DISTORTION: Limits = Limits::new(-1e6, 1e6, "a distortion coefficient");
 
-// What spoils pictures.
+// Image degradation.
 
-/// At 1 light goes around the earth.
+/// At 1, light follows the earth's curvature.
 pub const REFRACTION_COEFFICIENT: Limits = Limits::new(-1.0, 0.9, "a coefficient of refraction");
 /// Of the optics.
 pub const BLUR_SIGMA_PX: Limits = Limits::new(0.0, 20.0, "a standard deviation in pixels");
@@ -258,7 +258,7 @@ pub const VISIBILITY_M: Limits = Limits::new(50.0, 200_000.0, "a visibility in m
 pub const RAIN_RATIO: Limits = Limits::new(0.0, 1.0, "a rain intensity");
 /// At 10 m above ground.
 pub const WIND_SPEED_MPS: Limits = Limits::new(0.0, 60.0, "a wind speed in m/s");
-/// Where it comes from.
+/// The direction that it comes from.
 pub const WIND_FROM_TRUE_DEG: Limits = Limits::new(0.0, 360.0, "a true direction in degrees");
 /// None to severe.
 pub const TURBULENCE_RATIO: Limits = Limits::new(0.0, 1.0, "a turbulence intensity");
@@ -268,7 +268,7 @@ pub const COVER_RATIO: Limits = Limits::new(0.0, 1.0, "a part of the sky");
 pub const CLOUD_BASE_MSL_M: Limits = Limits::new(0.0, 20_000.0, "a height in metres");
 /// Of a layer of cloud.
 pub const CLOUD_TOP_MSL_M: Limits = Limits::new(0.0, 25_000.0, "a height in metres");
-/// X-Plane has room for so many cloud layers.
+/// X-Plane supports this many cloud layers.
 pub const MOST_CLOUD_LAYERS: usize = 3;
 /// X-Plane has no leap years.
 pub const DAY_OF_YEAR: Limits = Limits::new(1.0, 365.0, "a day of the year");
@@ -310,7 +310,7 @@ pub const TIME_TO_TOUCHDOWN_S: Limits = Limits::new(-6e7, 6e7, "a time to touchd
 pub const BOX_PLACE_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
 /// Width or height of a box.
 pub const BOX_SIZE_PX: Limits = Limits::new(0.0, 16_384.0, "a size in pixels");
-/// More than one aircraft in a picture is false already.
+/// More than one aircraft in a picture means false detections anyway.
 pub const MOST_DETECTIONS_PER_PICTURE: u64 = 1_000;
 /// Of a detector.
 pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");

@@ -1,7 +1,7 @@
-//! How much memory there is, asked before much of it is taken.
+//! Available memory, checked before large allocations.
 //!
-//! A count in a file or in a setting may stand for more memory than a machine has; then the kernel ends the process, or the allocator
-//! does, without a word about why. So whoever is about to allocate by somebody else's numbers first says how much it will be.
+//! A count in a file or in a setting may require more memory than a machine has; then the kernel or the allocator ends the process
+//! without an explanation. So code that allocates by untrusted numbers first states the amount.
 
 use std::fmt;
 use std::fs;
@@ -12,17 +12,17 @@ use rustix::process::{Resource, getrlimit};
 
 const KIB: u64 = 1 << 10;
 const GIB: u64 = 1 << 30;
-/// What a process needs besides what is estimated: code, stacks, buffers of codecs. Below this nothing is refused.
+/// What a process needs besides the estimate: code, stacks, buffers of codecs. Below this nothing is rejected.
 const SMALL_BYTES: u64 = 1 << 20;
 
-/// What `--max-memory` allows the whole process; no limit unless set.
+/// The limit that `--max-memory` sets for the whole process; unlimited by default.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// A number of bytes as people write it: `2G`, `512M`, `1.5GiB`, `100000000`.
+/// A number of bytes in human notation: `2G`, `512M`, `1.5GiB`, `100000000`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Bytes(pub u64);
 
-/// A text that is no number of bytes.
+/// A text that is not a number of bytes.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{0:?} is no amount of memory; expected a number with K, M, G or T, e.g. 2G")]
 pub struct BadBytes(String);
@@ -42,7 +42,7 @@ impl FromStr for Bytes {
             _ => return Err(bad()),
         };
         let bytes = digits.trim().parse::<f64>().map_err(|_| bad())? * factor;
-        // At least what the process takes before it does anything.
+        // The least that the process uses before it does any work.
         if bytes.is_finite() && (1.0..1e18).contains(&bytes) {
             Ok(Self(bytes as u64))
         } else {
@@ -78,28 +78,28 @@ pub struct TooMuchMemory {
     pub needed: Bytes,
     /// How much there is.
     pub available: Bytes,
-    /// What keeps it from being more.
+    /// What limits it.
     pub limited_by: &'static str,
 }
 
-/// Memory that is free for this process.
+/// Memory that is available to this process.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Available {
     /// How much.
     pub bytes: u64,
-    /// What keeps it from being more.
+    /// What limits it.
     pub limited_by: &'static str,
 }
 
-/// Sets how much memory the process may take for its data.
+/// Sets how much memory the process may use for its data.
 pub fn set_limit(limit: Bytes) {
     LIMIT.store(limit.0, Ordering::Relaxed);
 }
 
-/// Refuses what needs more memory than there is.
+/// Rejects what needs more memory than available.
 ///
 /// # Errors
-/// It does, with both figures.
+/// Not enough memory, with both figures.
 pub fn check(what: impl fmt::Display, needed_bytes: u64) -> Result<(), TooMuchMemory> {
     if needed_bytes <= SMALL_BYTES {
         return Ok(());
@@ -116,7 +116,7 @@ pub fn check(what: impl fmt::Display, needed_bytes: u64) -> Result<(), TooMuchMe
     })
 }
 
-/// The least of what the machine, the container, `ulimit -v` and `--max-memory` leave.
+/// The minimum of what the machine, the container, `ulimit -v` and `--max-memory` leave.
 pub fn available() -> Available {
     let used = Used::now();
     let limit = match LIMIT.load(Ordering::Relaxed) {
@@ -147,7 +147,7 @@ pub fn available() -> Available {
     })
 }
 
-/// What this process takes now.
+/// The current memory use of this process.
 #[derive(Default)]
 struct Used {
     virtual_bytes: u64,
@@ -168,7 +168,7 @@ impl Used {
     }
 }
 
-/// Linux's own estimate of what can be taken without swapping.
+/// Linux's own estimate of what is available without swapping.
 fn machine_bytes() -> Option<u64> {
     let text = fs::read_to_string("/proc/meminfo").ok()?;
     let line = text
@@ -178,12 +178,12 @@ fn machine_bytes() -> Option<u64> {
     Some(kib * KIB)
 }
 
-/// What the control group of this process leaves; memory that only caches files counts as free.
+/// What the control group of this process leaves; page cache counts as free.
 fn container_bytes() -> Option<u64> {
     let groups = fs::read_to_string("/proc/self/cgroup").ok()?;
     let group = groups.lines().find_map(|line| line.strip_prefix("0::"))?;
     let mut least = None;
-    // A limit of any group above holds, too.
+    // The limit of every parent group applies, too.
     for folder in std::path::Path::new(group.trim_start_matches('/')).ancestors() {
         let folder = std::path::Path::new("/sys/fs/cgroup").join(folder);
         let number = |name: &str| -> Option<u64> {
@@ -207,7 +207,7 @@ fn container_bytes() -> Option<u64> {
     least
 }
 
-/// Does something under another limit. Tests run side by side, so only what is refused may rely on it.
+/// Runs something under another limit. Tests run in parallel, so only rejections may rely on it.
 #[cfg(test)]
 pub(crate) fn with_limit<T>(limit: Bytes, work: impl FnOnce() -> T) -> T {
     static ALONE: std::sync::Mutex<()> = std::sync::Mutex::new(());

@@ -1,9 +1,8 @@
-//! Files that appear whole or not at all, whatever lies in their place.
+//! Files that appear atomically, whatever exists at their path.
 //!
-//! A file is written beside its place under a name that nobody can foresee, and only if nothing has that name yet; so no link planted
-//! there leads the content elsewhere, and two processes that write the same file never write into each other's. Renaming it into place
-//! replaces a link, and never what the link points to. What a killed process leaves is for the next writer to clear
-//! ([`clear_leftovers`]).
+//! A file is written next to its destination under an unpredictable name, and only if that name is free; so no planted link
+//! redirects the content, and two processes that write the same file never interfere. Renaming it into place replaces a link, never
+//! the link's target. Leftovers of killed processes are cleared by the next writer ([`clear_leftovers`]).
 
 use std::collections::hash_map::RandomState;
 use std::fs::{self, File, OpenOptions};
@@ -13,12 +12,12 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 
-/// Ending of a file that is still being written.
+/// Suffix of a file that is still being written.
 pub const TEMPORARY_SUFFIX: &str = ".tmp";
 /// Hexadecimal digits of its name.
 const RANDOM_DIGITS: usize = 16;
 
-/// A file that is being written; gone again unless it is committed.
+/// A file that is being written; deleted unless it is committed.
 #[derive(Debug)]
 pub struct NewFile {
     path: PathBuf,
@@ -28,16 +27,16 @@ pub struct NewFile {
 }
 
 impl NewFile {
-    /// Begins the file that is to be `path`, in the same folder.
+    /// Creates the temporary file for `path`, in the same folder.
     ///
     /// # Errors
-    /// The folder is not there or cannot be written, or something else than a file has the name: a device would be replaced.
+    /// The folder is missing or not writable, or something other than a file exists at the path: a device would be replaced.
     pub fn create(path: &Path) -> Result<Self> {
         refuse_special(path)?;
         let temporary = temporary_beside(path);
         let file = OpenOptions::new()
             .write(true)
-            // Fails if anything is there, a link included.
+            // Fails if anything exists there, a link included.
             .create_new(true)
             .open(&temporary)
             .map_err(Error::io("create", path))?;
@@ -54,10 +53,10 @@ impl NewFile {
         &mut self.file
     }
 
-    /// Puts the file into its place, durably.
+    /// Moves the file into place, durably.
     ///
     /// # Errors
-    /// The disk is full, or the place cannot be written.
+    /// The disk is full, or the destination cannot be written.
     pub fn commit(self) -> Result<()> {
         self.file
             .sync_all()
@@ -67,11 +66,11 @@ impl NewFile {
         sync(folder_of(&path))
     }
 
-    /// Puts the file into its place, where a failing power may still take it back: for folders that are sealed afterwards, which syncs all
-    /// their files at once.
+    /// Moves the file into place without syncing, so a power failure may undo it: for folders that are sealed afterwards, which
+    /// syncs all their files at once.
     ///
     /// # Errors
-    /// The place cannot be written.
+    /// The destination cannot be written.
     pub fn commit_unsynced(mut self) -> Result<()> {
         fs::rename(&self.temporary, &self.path)
             .map_err(Error::io("rename into place", &self.path))?;
@@ -98,23 +97,23 @@ impl Drop for NewFile {
     }
 }
 
-/// Removes what killed processes left of files that they were writing in a folder. Only for whoever knows that nobody writes there.
+/// Removes leftovers of killed writers in a folder. Call it only if no process writes there.
 pub fn clear_leftovers(folder: &Path) {
     let Ok(entries) = fs::read_dir(folder) else {
         return;
     };
     for entry in entries.flatten() {
         if is_temporary(&entry.file_name().to_string_lossy()) {
-            // It is in nobody's way, and the next writer tries again.
+            // It does no harm, and the next writer tries again.
             let _ = fs::remove_file(entry.path());
         }
     }
 }
 
-/// Waits until a file or folder is on the disk: what follows may rely on it even if the power fails.
+/// Waits until a file or folder is on disk, so that it survives a power failure.
 ///
 /// # Errors
-/// It is not there, or the disk fails.
+/// It does not exist, or the disk fails.
 pub fn sync(path: &Path) -> Result<()> {
     File::open(path)
         .and_then(|handle| handle.sync_all())
@@ -142,7 +141,7 @@ fn folder_of(path: &Path) -> &Path {
 fn temporary_beside(path: &Path) -> PathBuf {
     let mut name = std::ffi::OsString::from(".");
     name.push(path.file_name().unwrap_or_default());
-    // Its keys come from the operating system's random numbers.
+    // Its keys come from the operating system's random number generator.
     let random = RandomState::new().build_hasher().finish();
     name.push(format!(".{random:0RANDOM_DIGITS$x}{TEMPORARY_SUFFIX}"));
     path.with_file_name(name)

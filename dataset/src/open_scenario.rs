@@ -1,8 +1,8 @@
-//! The one place where the files of a sealed scenario are opened.
+//! The only place that opens the files of a sealed scenario.
 //!
-//! Records and tables are read whole, checked against the hash that was sealed, and decoded from those very bytes, all in one state of
-//! the folder: a change that somebody makes meanwhile is seen wholly or not at all. A video is hashed before it is opened to be decoded.
-//! Only `dtd verify`, which has to name every fault, reads files as they lie there.
+//! Records and tables are read completely, checked against the sealed hash, and decoded from those very bytes, all in one state of
+//! the folder: a concurrent change is seen completely or not at all. A video is hashed before it is opened for decoding. Only
+//! `dtd verify`, which must name every fault, reads files unchecked.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -37,7 +37,7 @@ impl ScenarioFolder {
     /// Opens the scenario as it was sealed.
     ///
     /// # Errors
-    /// It has no seal, a record or table is not what was sealed, or a part of it is a symbolic link.
+    /// It has no seal, a record or table does not match the seal, or a part of it is a symbolic link.
     pub fn open(&self) -> Result<OpenScenario> {
         for _ in 0..ATTEMPTS {
             match self.open_at_once() {
@@ -83,7 +83,7 @@ impl OpenScenario {
         self.folder.id()
     }
 
-    /// The seal of the state that was opened.
+    /// The seal of the opened state.
     pub fn seal(&self) -> &Seal {
         self.sealed.seal()
     }
@@ -127,20 +127,20 @@ impl OpenScenario {
     /// The detections of one model, made from the videos that this scenario has.
     ///
     /// # Errors
-    /// There are none, they were made from other videos or do not say from which, or the table is not the one that was written.
+    /// There are none, they were made from other videos or do not record which, or the table is not the one that was written.
     pub fn detections(&self, model: &str) -> Result<Vec<Detection>> {
         let (path, content) = self.detections_table(model)?;
         parse_detections(content, &path, self.record()?.pictures())
     }
 
-    /// Where the table of a model's detections lies now, and its content.
+    /// The current path of the table of a model's detections, and its content.
     pub(crate) fn detections_table(&self, model: &str) -> Result<(PathBuf, Vec<u8>)> {
         detections::table(&self.folder, model, |provenance| {
             self.is_source_of(provenance)
         })
     }
 
-    /// Whether detections were made from this scenario as it is sealed.
+    /// Whether detections were made from the sealed state of this scenario.
     fn is_source_of(&self, provenance: &Provenance) -> bool {
         provenance.config_hash == self.seal().config_hash
             && provenance.videos_blake3 == self.videos_blake3()
@@ -154,10 +154,10 @@ impl OpenScenario {
             .collect()
     }
 
-    /// Opens a view's video, after all of it was read and is what was sealed.
+    /// Opens a view's video after reading all of it and checking it against the seal.
     ///
     /// # Errors
-    /// There is none, it is not what was sealed, or it cannot be decoded.
+    /// There is none, it does not match the seal, or it cannot be decoded.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
         let mut files = self.sealed.files().iter();
         let video = files.find(|file| view_of(&file.name) == Some(view));
@@ -188,7 +188,7 @@ fn kind_of(name: &'static str) -> FileKind {
     .unlinked()
 }
 
-/// The view of a video, by its name within the folder.
+/// The view of a video, from its file name.
 fn view_of(name: &str) -> Option<&str> {
     let path = Path::new(name);
     let is_video = path.parent() == Some(Path::new(VIEWS));

@@ -1,4 +1,4 @@
-//! Decoders that others wrote, and that may panic on bytes that no writer makes. Here that is an error like any other, and nothing is printed.
+//! Third-party decoders that may panic on malformed input. Here that becomes an ordinary error, and nothing is printed.
 
 use std::any::Any;
 use std::cell::Cell;
@@ -16,10 +16,10 @@ pub(crate) struct BrokeDown {
     said: String,
 }
 
-/// Runs a decoder. It must leave nothing half-done that is used after a panic.
+/// Runs a decoder. It must not leave shared state half-modified when it panics.
 pub(crate) fn guarded<T>(decode: impl FnOnce() -> T) -> Result<T, BrokeDown> {
     static QUIET: Once = Once::new();
-    // What panics elsewhere is a mistake of ours, and is reported as ever.
+    // Panics elsewhere are our own bugs and are reported as usual.
     QUIET.call_once(|| {
         let usual = panic::take_hook();
         panic::set_hook(Box::new(move |about| {

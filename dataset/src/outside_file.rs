@@ -1,7 +1,7 @@
-//! Files that somebody else may have made: opened only if they are regular files, read only up to a stated size.
+//! Files from untrusted sources: opened only if they are regular files, read only up to a size limit.
 //!
-//! A FIFO, a terminal or an endless device in the place of a file is refused at once and never waited for: the file is opened without
-//! blocking, and what it is and how large it is is asked of the open handle, so that nobody can put another in its place in between.
+//! A FIFO, a terminal or an endless device in the place of a file is rejected at once and never waited for: the file is opened
+//! without blocking, and its type and size are queried from the open handle, so that it cannot be swapped in between.
 
 use std::fs::{File, OpenOptions};
 use std::io::Read;
@@ -15,7 +15,7 @@ use crate::error::{Error, Result};
 const MIB: u64 = 1 << 20;
 const GIB: u64 = 1 << 30;
 
-/// What a file holds, and how large it may be at most: far above anything real, for a plan takes two kilobytes a scenario.
+/// What a file contains, and its maximum size: far above anything real; a plan takes two kilobytes a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct FileKind {
     what: &'static str,
@@ -36,11 +36,11 @@ impl FileKind {
     pub const MANIFEST: Self = Self::new("manifest", 16 * MIB);
     /// A Parquet table.
     pub const TABLE: Self = Self::new("table", 2 * GIB);
-    /// A video. It is not read whole.
+    /// A video. It is not read into memory.
     pub const VIDEO: Self = Self::new("video", 1 << 40);
-    /// A recorded session of a simulator. It is not read whole.
+    /// A recorded session with a simulator. It is not read into memory.
     pub const TAPE: Self = Self::new("tape", 1 << 40);
-    /// A trained network: more does not fit into the format of ONNX.
+    /// A trained network: larger ones do not fit into the ONNX format.
     pub const MODEL: Self = Self::new("model", 2 * GIB);
 
     /// A JSON record of this name.
@@ -48,7 +48,7 @@ impl FileKind {
         Self::new(what, 256 * MIB)
     }
 
-    /// Files of another kind.
+    /// Files of any other kind.
     pub const fn new(what: &'static str, most_bytes: u64) -> Self {
         Self {
             what,
@@ -57,7 +57,7 @@ impl FileKind {
         }
     }
 
-    /// The same, where a symbolic link in the place of the file is refused.
+    /// The same, but rejecting a symbolic link in the place of the file.
     #[must_use]
     pub const fn unlinked(self) -> Self {
         Self {
@@ -70,7 +70,7 @@ impl FileKind {
 /// Opens a file for reading.
 ///
 /// # Errors
-/// It cannot be opened, is no regular file, or is larger than files of its kind may be.
+/// It cannot be opened, is not a regular file, or exceeds the size limit of its kind.
 pub fn open(path: &Path, kind: FileKind) -> Result<File> {
     let mut flags = OFlags::NONBLOCK | OFlags::NOCTTY;
     if !kind.follows_links {
@@ -80,7 +80,7 @@ pub fn open(path: &Path, kind: FileKind) -> Result<File> {
         .read(true)
         .custom_flags(flags.bits() as i32)
         .open(path);
-    // An ELOOP and an ENXIO alone would not say what is wrong.
+    // ELOOP or ENXIO alone would not explain the problem.
     let file = file.map_err(|source| match found_instead(path, kind) {
         Some(found) => not_regular(path, kind, found),
         None => Error::io("read", path)(source),
@@ -89,10 +89,10 @@ pub fn open(path: &Path, kind: FileKind) -> Result<File> {
     Ok(file)
 }
 
-/// Reads a file whole.
+/// Reads a file completely.
 ///
 /// # Errors
-/// Those of [`open`], and a file that cannot be read or that grows beyond its limit meanwhile.
+/// Those of [`open`], and a file that cannot be read or that grows beyond its limit while being read.
 pub fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     open(path, kind)?
@@ -103,10 +103,10 @@ pub fn read(path: &Path, kind: FileKind) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// Reads a text file whole.
+/// Reads a text file completely.
 ///
 /// # Errors
-/// Those of [`read`], and bytes that are no UTF-8.
+/// Those of [`read`], and invalid UTF-8.
 pub fn read_text(path: &Path, kind: FileKind) -> Result<String> {
     String::from_utf8(read(path, kind)?).map_err(|error| {
         let at = error.utf8_error().valid_up_to();
@@ -117,7 +117,7 @@ pub fn read_text(path: &Path, kind: FileKind) -> Result<String> {
     })
 }
 
-/// Refuses an open file that is no regular file or too large.
+/// Rejects an open file that is not regular or too large.
 ///
 /// # Errors
 /// See above.

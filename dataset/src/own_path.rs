@@ -1,5 +1,5 @@
-//! Paths of a corpus' own files. Symbolic links below the corpus may lead out of it, to files that a reader or `dtd push` would take
-//! for the corpus' and a writer would change: they are refused wherever one could be followed.
+//! Paths of a corpus' own files. Symbolic links below the corpus may lead out of it, to files that a reader or `dtd push` would
+//! mistake for the corpus' and a writer would change: they are rejected wherever one could be followed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ pub fn own_path(root: &Path, name: impl AsRef<Path>) -> Result<PathBuf> {
     Ok(path)
 }
 
-/// Refuses a symbolic link. What is not there is none.
+/// Rejects a symbolic link. A missing path passes.
 ///
 /// # Errors
 /// It is one.

@@ -52,7 +52,7 @@ impl PixelBox {
         self.width_px.max(0.0) * self.height_px.max(0.0)
     }
 
-    /// The part inside a picture of this size, or `None` if all of it is outside.
+    /// The part inside a picture of this size, or `None` if it is entirely outside.
     pub fn clipped_to(&self, picture_width_px: u32, picture_height_px: u32) -> Option<Self> {
         let [left, top, right, bottom] = self.edges();
         let clipped = Self::from_edges(
@@ -90,11 +90,11 @@ pub struct TruthBox {
     pub class: String,
     /// Box of the projected mesh, clipped to the picture.
     pub pixel_box: PixelBox,
-    /// Part of the aircraft's silhouette that lies inside the picture and above the ground, 0 to 1.
+    /// Part of the aircraft's silhouette that is inside the picture and above the ground, 0 to 1.
     pub visible_fraction: f64,
-    /// Part of the unclipped box that lies outside the picture, 0 to 1.
+    /// Part of the unclipped box that is outside the picture, 0 to 1.
     pub truncation: f64,
-    /// Share of contrast that the air leaves at this distance, `exp(-3.912 * range / visibility)`, 0 to 1.
+    /// Share of contrast that remains at this distance, `exp(-3.912 * range / visibility)`, 0 to 1.
     pub transmission: f64,
 }
 
@@ -126,13 +126,13 @@ pub(crate) fn truth_box_columns(boxes: &[TruthBox]) -> TableWriter {
         )
 }
 
-/// Reads `boxes_truth.parquet` of a scenario with so many pictures, of which each has one box at most. A number outside its limits is an
+/// Reads `boxes_truth.parquet` of a scenario with this many pictures, each with at most one box. A number outside its limits is an
 /// error.
 pub fn read_truth_boxes(path: &Path, pictures: u64) -> Result<Vec<TruthBox>> {
     truth_boxes_of(&mut Table::read(path, pictures)?)
 }
 
-/// The same, with all numbers outside their limits beside it.
+/// The same, but collecting numbers outside their limits.
 pub(crate) fn read_truth_boxes_with_faults(
     path: &Path,
     pictures: u64,
@@ -195,12 +195,12 @@ pub fn write_detections(path: &Path, detections: &[Detection]) -> Result<()> {
         .write(path)
 }
 
-/// Reads `detections/<model>.parquet` of a scenario with so many pictures. A number outside its limits is an error.
+/// Reads `detections/<model>.parquet` of a scenario with this many pictures. A number outside its limits is an error.
 pub fn read_detections(path: &Path, pictures: u64) -> Result<Vec<Detection>> {
     detections_of(&mut Table::read(path, most_detections(pictures))?)
 }
 
-/// The same, with all numbers outside their limits beside it.
+/// The same, but collecting numbers outside their limits.
 pub(crate) fn read_detections_with_faults(
     path: &Path,
     pictures: u64,
@@ -250,7 +250,7 @@ fn box_columns<'a>(
         })
 }
 
-/// Name of a value of a box, its limits, and how to get it.
+/// Name of a value of a box, its limits, and its accessor.
 type BoxField = (&'static str, Limits, fn(&PixelBox) -> f64);
 
 const BOX_FIELDS: [BoxField; 4] = [
@@ -260,7 +260,7 @@ const BOX_FIELDS: [BoxField; 4] = [
     ("height_px", limits::BOX_SIZE_PX, |b| b.height_px),
 ];
 
-/// Before a table becomes a list of boxes, each with the name of its view.
+/// A table's columns before they become a list of boxes with the names of their views.
 fn check_memory<T>(table: &Table) -> Result<()> {
     let row_bytes = 2 * size_of::<T>() + 32;
     memory::check("table of boxes", (table.rows() * row_bytes) as u64)?;

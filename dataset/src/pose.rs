@@ -1,4 +1,4 @@
-//! Where an aircraft or a camera is and how it is turned.
+//! Position and orientation of an aircraft or a camera.
 //!
 //! Angles follow aviation (and X-Plane): heading clockwise from true north, pitch nose up, roll right wing down, applied in
 //! that order. Body axes are x forward, y right, z down.
@@ -27,12 +27,12 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Looks for numbers outside the limits of an aircraft.
+    /// Checks for numbers outside the limits of an aircraft.
     pub fn check_aircraft(&self, check: &mut Check) {
         self.check((limits::PITCH_DEG, limits::ROLL_DEG), check);
     }
 
-    /// Looks for numbers outside the limits of a camera.
+    /// Checks for numbers outside the limits of a camera.
     pub fn check_camera(&self, check: &mut Check) {
         self.check((limits::CAMERA_PITCH_DEG, limits::CAMERA_ROLL_DEG), check);
     }
@@ -48,7 +48,7 @@ impl Pose {
         check.number("roll_deg", self.roll_deg, roll);
     }
 
-    /// The position alone.
+    /// The position only.
     pub fn position(&self) -> Geodetic {
         Geodetic {
             latitude_deg: self.latitude_deg,
@@ -75,7 +75,7 @@ impl Pose {
     }
 }
 
-/// Positions of the movable parts, 0 to 1, as X-Plane and the recorded flights give them.
+/// Positions of the movable parts, 0 to 1, as in X-Plane and the recorded flights.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Controls {
     /// Flaps, 0 up to 1 full.
@@ -106,7 +106,7 @@ pub struct FlightState {
 }
 
 impl FlightState {
-    /// Looks for numbers that no airliner on approach has.
+    /// Checks for numbers that are impossible for an airliner on approach.
     pub fn check(&self, check: &mut Check) {
         check.number("time_s", self.time_s, limits::FLIGHT_TIME_S);
         self.pose.check_aircraft(check);

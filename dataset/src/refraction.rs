@@ -1,9 +1,9 @@
-//! Terrestrial refraction: air gets thinner with height, so light from afar comes along an arc and things appear higher than they are.
+//! Terrestrial refraction: air density falls with height, so light follows an arc and distant objects appear higher than they are.
 //!
 //! The arc of a near-horizontal ray has a curvature of `k / R`, with the earth's radius `R` and the coefficient of refraction `k`
 //! (Torge and Müller, "Geodesy", 4th edition, de Gruyter 2012: k = 0.13 after Gauss for rays well above the ground by day; negative
-//! over hot ground, near 1 over cold water). A point at the horizontal distance `d` appears lifted by `k d^2 / (2 R)`: at
-//! k = 0.13 by 3.5 m at 10 nautical miles. It is the same as an earth of radius `R / (1 - k)`.
+//! over hot ground, near 1 over cold water). A point at the horizontal distance `d` appears lifted by `k d^2 / (2 R)`: at k = 0.13
+//! by 3.5 m at 10 nautical miles. This is equivalent to an earth of radius `R / (1 - k)`.
 
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ use crate::geodesy::Geodetic;
 /// Mean radius of the earth (IUGG), metres.
 pub const EARTH_RADIUS_M: f64 = 6_371_008.8;
 
-/// The refraction of a camera's surroundings.
+/// Refraction around a camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refraction {
     /// The coefficient k: curvature of rays over curvature of the earth.
@@ -22,7 +22,7 @@ pub struct Refraction {
 }
 
 impl Refraction {
-    /// For a camera in this place; `None` if light goes straight.
+    /// For a camera at this place; `None` if light travels straight.
     pub fn new(coefficient: f64, camera_ecef_m: DVec3) -> Option<Self> {
         (coefficient != 0.0).then(|| Self {
             coefficient,
@@ -30,7 +30,7 @@ impl Refraction {
         })
     }
 
-    /// From where a point is to where it appears, for a point at `seen_m` from the camera (ECEF).
+    /// The displacement from a point's true to its apparent position, for a point at `seen_m` from the camera (ECEF).
     pub fn lift(&self, seen_m: DVec3) -> DVec3 {
         self.up
             * lift_m(
@@ -40,7 +40,7 @@ impl Refraction {
     }
 }
 
-/// How much higher things appear at a horizontal distance, metres.
+/// How much higher objects appear at a horizontal distance, metres.
 pub fn lift_m(coefficient: f64, distance_m: f64) -> f64 {
     coefficient * distance_m * distance_m / (2.0 * EARTH_RADIUS_M)
 }

@@ -1,7 +1,7 @@
-//! From a rig as it is measured out on an airfield to cameras on the earth.
+//! From a rig as surveyed on an airfield to cameras on the earth.
 //!
-//! Goes in: masts beside a runway, where a scenario turns them, how far each of them is off. Comes out: where each camera stands and
-//! looks. It is here, and not where plans are made, so that `dtd verify` can hold a calibration against what was planned.
+//! Input: masts beside a runway, where a scenario aims them, and each mast's placement error. Output: position and direction of
+//! each camera. It is in this crate rather than with the planner so that `dtd verify` can compare a calibration with the plan.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ use crate::pose::Pose;
 use crate::runway::Runway;
 use crate::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
-/// A camera on a mast, as `plan.json` has it (and what else it has there is not needed to place it).
+/// A camera on a mast, as in `plan.json` (without the fields that are not needed to place it).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Mast {
     /// Identifier of the view.
@@ -35,7 +35,7 @@ pub struct Mast {
     pub hfov_deg: f64,
 }
 
-/// Where the cameras of one scenario look, as drawn.
+/// Where the cameras of one scenario are aimed, as drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
 pub enum Aim {
@@ -53,7 +53,7 @@ pub enum Aim {
     },
 }
 
-/// How far one camera of one scenario is off, as drawn.
+/// Placement error of one camera of one scenario, as drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Jitter {
@@ -74,7 +74,7 @@ pub struct Jitter {
 }
 
 impl Mast {
-    /// Looks for numbers outside their limits.
+    /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
         for (name, value, limits) in [
             (
@@ -106,7 +106,7 @@ impl Mast {
 }
 
 impl Jitter {
-    /// Looks for numbers outside their limits.
+    /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
         for (name, value, limits) in [
             ("along_m", self.along_m, limits::JITTER_M),
@@ -122,7 +122,7 @@ impl Jitter {
     }
 }
 
-/// Where a camera of a scenario stands and looks: as in its rig, or turned elsewhere; and then so far off.
+/// Position and direction of a camera of a scenario: as in its rig or aimed elsewhere, plus its placement error.
 pub fn place_in(camera: &Mast, runway: &Runway, aim: Option<Aim>, jitter: &Jitter) -> CameraPose {
     let moved = Mast {
         beyond_touchdown_m: camera.beyond_touchdown_m.map(|m| m + jitter.along_m),
@@ -132,10 +132,10 @@ pub fn place_in(camera: &Mast, runway: &Runway, aim: Option<Aim>, jitter: &Jitte
         ..camera.clone()
     };
     let mut placed = place(&moved, runway);
-    // Which way a camera turns inwards is said of the rig: jitter that takes a mast over the runway's axis turns nothing round.
+    // Inward is defined by the rig: jitter that moves a mast across the runway's axis does not flip it.
     placed.pose.heading_true_deg = place(camera, runway).pose.heading_true_deg;
     if let Some(aim) = aim {
-        // Aimed from where the rig has it: what is off is off for a camera that was set up by the plan.
+        // Aimed from its position in the rig: the error applies to a camera that was set up by the plan.
         (placed.pose.heading_true_deg, placed.pose.pitch_deg) =
             direction(aim, place(camera, runway).pose.position(), runway);
     }
@@ -156,7 +156,7 @@ pub fn place_in(camera: &Mast, runway: &Runway, aim: Option<Aim>, jitter: &Jitte
     placed
 }
 
-/// True direction and elevation, degrees, in which a camera in this place looks.
+/// True direction and elevation, degrees, of a camera at this place.
 fn direction(aim: Aim, from: Geodetic, runway: &Runway) -> (f64, f64) {
     match aim {
         Aim::Direction {
@@ -177,7 +177,7 @@ fn direction(aim: Aim, from: Geodetic, runway: &Runway) -> (f64, f64) {
     }
 }
 
-/// Where a camera of a rig stands and looks.
+/// Position and direction of a camera of a rig.
 pub fn place(camera: &Mast, runway: &Runway) -> CameraPose {
     let target = runway.touchdown_target();
     let beyond_target_m = match (camera.beyond_touchdown_m, camera.beyond_threshold_m) {
@@ -190,8 +190,7 @@ pub fn place(camera: &Mast, runway: &Runway) -> CameraPose {
         .point_on_approach(-beyond_target_m, camera.right_m)
         .at_altitude_m(target.altitude_msl_m + camera.height_m);
     let back = runway.course_true_deg + 180.0;
-    // Seen by somebody who looks back along the course, the runway's axis is on the left of a camera that stands left of the
-    // course.
+    // Looking back along the course, the runway's axis is on the left of a camera that stands left of the course.
     let turned = back + clockwise_deg(camera.inward_deg.unwrap_or(0.0), camera.right_m);
     let heading = camera.heading_true_deg.unwrap_or(turned);
     CameraPose {

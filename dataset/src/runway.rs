@@ -1,4 +1,4 @@
-//! A runway, its touchdown target, and where an aircraft is relative to it.
+//! A runway, its touchdown target, and an aircraft's position relative to it.
 
 use serde::{Deserialize, Serialize};
 
@@ -26,12 +26,13 @@ pub struct Runway {
     pub course_magnetic_deg: Option<f64>,
 }
 
-/// Where a point is, as seen from the touchdown target: geodesic polar coordinates about the target, resolved along the course.
+/// The position of a point relative to the touchdown target: geodesic polar coordinates about the target, resolved along the
+/// course.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RunwayCoordinates {
     /// Geodesic distance to the touchdown target over ground, metres. Never negative.
     pub dtd_m: f64,
-    /// Distance still to go along the course: positive before the target, negative past it, metres.
+    /// Remaining distance along the course: positive before the target, negative past it, metres.
     pub along_track_m: f64,
     /// Offset from the extended centreline, right of the landing course positive, metres.
     pub cross_track_m: f64,
@@ -40,7 +41,7 @@ pub struct RunwayCoordinates {
 }
 
 impl Runway {
-    /// Looks for numbers outside their limits.
+    /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
         check.part("threshold", |check| {
             self.threshold.check(limits::ELEVATION_MSL_M, check);

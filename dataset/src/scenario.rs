@@ -1,4 +1,4 @@
-//! `scenario.json`: everything that was decided about one scenario, and what made it.
+//! `scenario.json`: all parameters of one scenario, and the versions that made it.
 
 use std::path::Path;
 
@@ -13,19 +13,19 @@ use crate::json_file::{parse_json, read_json, write_json};
 use crate::limits::{self, Check, FieldOutOfLimits};
 use crate::runway::Runway;
 
-/// Latest version of the on-disk form. A reader refuses a larger one.
+/// Latest version of the file format. Readers reject a larger one.
 pub const SCHEMA_VERSION: u32 = 2;
-/// The version of scenarios whose cameras are pinholes that see along straight lines: what readers of version 1 know.
-/// [`crate::calibration::Calibration::schema_version`] says which one a scenario has.
+/// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
+/// [`crate::calibration::Calibration::schema_version`] returns the version of a scenario.
 pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
 
-/// Where a flight comes from.
+/// Source of a flight.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "source", rename_all = "lowercase")]
 pub enum Flight {
     /// The simulator's own flight model under its autopilot.
     Live,
-    /// A recorded flight, flown again.
+    /// A recorded flight, replayed.
     Recorded {
         /// File name of the recording, without folders.
         file: String,
@@ -37,17 +37,17 @@ pub enum Flight {
 /// The record of one scenario.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct ScenarioRecord {
-    /// Version of the form: [`PINHOLE_SCHEMA_VERSION`], or [`SCHEMA_VERSION`] if a lens or the air bends light.
+    /// Version of the file format: [`PINHOLE_SCHEMA_VERSION`], or [`SCHEMA_VERSION`] with lens distortion or refraction.
     pub schema_version: u32,
     /// Identifier and folder name, e.g. `1700-foggy-r3`.
     pub id: String,
-    /// Identifier of the trajectory. Scenarios that fly the same trajectory share it, and no split may part them.
+    /// Identifier of the trajectory. Scenarios that fly the same trajectory share it, and a split must not separate them.
     pub trajectory: String,
     /// Seed of everything random in this scenario.
     pub seed: u64,
     /// Hash of the plan that this scenario belongs to.
     pub plan_hash: String,
-    /// Hash of this scenario's own parameters: if it changes, the scenario has to be made again.
+    /// Hash of this scenario's own parameters: if it changes, the scenario must be recorded again.
     pub config_hash: String,
     /// Aircraft type.
     pub aircraft: String,
@@ -59,9 +59,9 @@ pub struct ScenarioRecord {
     pub runway: Runway,
     /// The touchdown target: distances are to this point.
     pub touchdown: Geodetic,
-    /// Where this flight's wheels touched first, if they did within the recording.
+    /// Where this flight's wheels first touched the ground, if within the recording.
     pub flight_touchdown: Option<Geodetic>,
-    /// Name of the geoid that heights refer to; `null` if heights above mean sea level are taken as above the ellipsoid.
+    /// Name of the geoid that heights refer to; `null` if heights above mean sea level are taken as heights above the ellipsoid.
     pub geoid: Option<String>,
     /// Weather and time.
     pub conditions: Conditions,
@@ -75,16 +75,16 @@ pub struct ScenarioRecord {
     pub versions: Versions,
 }
 
-/// Versions of everything that had a part in a recording.
+/// Versions of everything involved in a recording.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Versions {
     /// This software.
     pub dtd: String,
     /// Name and version of the simulator, as it reports itself.
     pub simulator: String,
-    /// Version of the capture link that it spoke.
+    /// Version of the capture link in use.
     pub capture_link: u32,
-    /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in records made before there was a choice.
+    /// Where the pixels came from: `link`, `gl`, `screen` or `screenshot`; missing in older records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixels: Option<String>,
 }
@@ -95,7 +95,8 @@ impl ScenarioRecord {
         u64::from(self.ticks) * self.views.len() as u64
     }
 
-    /// Reads `scenario.json`. A number outside its limits is an error, and so is what [`Self::read_with_faults`] refuses.
+    /// Reads `scenario.json`. A number outside its limits is an error, and so is everything that [`Self::read_with_faults`]
+    /// rejects.
     pub fn read(path: &Path) -> Result<Self> {
         Self::sound(read_json(path, "scenario record")?, path)
     }
@@ -113,8 +114,8 @@ impl ScenarioRecord {
         }
     }
 
-    /// Reads `scenario.json`, with all numbers outside their limits beside it. A version that this program does not know, a number of
-    /// ticks that no scenario has, and a view whose name is no name of a file are errors: with these nothing can be done.
+    /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a
+    /// view whose name is not a file name are errors, because then nothing else can be checked.
     pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let record: Self = read_json(path, "scenario record")?;
         record.readable(path)
@@ -130,7 +131,7 @@ impl ScenarioRecord {
         }
     }
 
-    /// Writes `scenario.json`, if all its numbers lie within their limits.
+    /// Writes `scenario.json` if all its numbers are within their limits.
     pub fn write(&self, path: &Path) -> Result<()> {
         let faults = [
             self.unreadable(),
@@ -157,7 +158,7 @@ impl ScenarioRecord {
         check.into_found()
     }
 
-    /// Why nothing should be done with this record, in words: nobody can say what it means, or which files it names.
+    /// Why this record cannot be used, as text: its meaning is unknown, or the names of its files are invalid.
     fn unreadable(&self) -> Option<String> {
         if self.schema_version > SCHEMA_VERSION {
             return Some(format!(

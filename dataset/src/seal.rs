@@ -1,11 +1,11 @@
-//! How a scenario folder becomes whole, stays whole, and is changed without ever being half changed.
+//! How a scenario folder is committed, and changed atomically.
 //!
 //! A folder is filled under another name (`<id>.partial`), sealed (`MANIFEST.b3` with a BLAKE3 hash per file, in the format of
-//! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through [`replace_files`],
-//! holding the scenario's claim: new files are written beside the old ones as `<name>.new`, the new seal last. Once `DONE.json.new` is
-//! there the change is decided, and what remains is renaming. Readers ([`crate::sealed`]) see the whole old state before that moment and
-//! the whole new one from then on, and never write; a change that a killed process left decided is completed by the next writer, one
-//! that it left undecided is dropped by it.
+//! `b3sum`, and `DONE.json` with the manifest's hash), and then renamed. Later steps replace sealed files through
+//! [`replace_files`], holding the scenario's claim: new files are written next to the old ones as `<name>.new`, the new seal last.
+//! `DONE.json.new` commits the change; all that remains is renaming. Readers ([`crate::sealed`]) see the complete old state before
+//! that moment and the complete new one after it, and never write. If a process is killed, the next writer completes a committed
+//! change and drops an uncommitted one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
@@ -28,9 +28,9 @@ pub const MANIFEST: &str = "MANIFEST.b3";
 pub const DONE: &str = "DONE.json";
 const NEW_SUFFIX: &str = ".new";
 const NEVER_FINISHED: &str = "DONE.json is missing: the folder was never finished";
-/// Written by later steps, versioned by themselves and not part of the seal.
+/// Written by later steps, versioned separately and not part of the seal.
 const UNSEALED_FOLDER: &str = "detections";
-/// Where the videos are.
+/// Folder of the videos.
 const VIDEOS: &str = "views/";
 
 /// Content of `DONE.json`.
@@ -40,8 +40,8 @@ pub struct Seal {
     pub config_hash: String,
     /// BLAKE3 hash of `MANIFEST.b3`.
     pub manifest_blake3: String,
-    /// Sizes of the videos by name, in bytes: a check that does not read them still sees one that was cut short. Empty in seals of
-    /// earlier versions, and where there are no videos.
+    /// Sizes of the videos by name, in bytes: a check that does not read them still detects a truncated one. Empty in seals of
+    /// earlier versions, and if there are no videos.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub video_bytes: BTreeMap<String, u64>,
 }
@@ -55,13 +55,13 @@ pub struct SealedFile {
     pub blake3: String,
 }
 
-/// The files that a manifest lists, if it is the one that `seal` seals; else what is wrong with it, in words.
+/// The files that a manifest lists, if it matches `seal`; else what is wrong with it, as text.
 pub fn sealed_files(manifest: &str, seal: &Seal) -> std::result::Result<Vec<SealedFile>, String> {
     if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
         return Err(format!("{MANIFEST} does not match the hash in {DONE}"));
     }
     let file = |line: &str| match line.split_once("  ") {
-        // It becomes a path under the folder, whoever wrote it.
+        // It becomes a path under the folder, and may come from anyone.
         Some((blake3, name)) if is_within(Path::new(name)) => Ok(SealedFile {
             name: name.into(),
             blake3: blake3.into(),
@@ -76,7 +76,7 @@ pub fn sealed_files(manifest: &str, seal: &Seal) -> std::result::Result<Vec<Seal
     manifest.lines().map(file).collect()
 }
 
-/// Whether a relative name stays within the folder that it is relative to.
+/// Whether a relative name stays within its folder.
 pub fn is_within(name: &Path) -> bool {
     let mut parts = name.components().peekable();
     parts.peek().is_some() && parts.all(|part| matches!(part, Component::Normal(_)))
@@ -87,7 +87,7 @@ pub fn hash_file(path: &Path) -> Result<String> {
     hash_opened(outside_file::open(path, FileKind::VIDEO)?, path)
 }
 
-/// The same of what lies in the place of a sealed file: what is far too large to be that file is refused and not read.
+/// The same for the current content of a sealed file: a file that is far too large is rejected unread.
 pub(crate) fn hash_sealed(name: &str, path: &Path) -> Result<String> {
     let kind = match name.starts_with(VIDEOS) {
         true => FileKind::VIDEO,
@@ -104,7 +104,7 @@ fn hash_opened(mut file: File, path: &Path) -> Result<String> {
 
 /// Seals a folder whose files are all written.
 pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
-    // Nothing may be sealed that a failing power could still take back.
+    // Nothing may be sealed that a power failure could still undo.
     let mut folders = BTreeSet::new();
     for name in files_of(folder)? {
         let path = folder.join(name);
@@ -139,13 +139,13 @@ fn video_bytes(folder: &Path) -> Result<BTreeMap<String, u64>> {
         .collect()
 }
 
-/// Renames a sealed folder to its final name and makes the renaming durable.
+/// Renames a sealed folder to its final name, durably.
 pub fn commit_folder(partial: &Path, committed: &Path) -> Result<()> {
     fs::rename(partial, committed).map_err(Error::io("rename into place", committed))?;
     sync(committed.parent().unwrap_or(committed))
 }
 
-/// The seal of a folder, if it has one: that of a decided change, if there is one.
+/// The seal of a folder, if it has one: that of a committed change, if any.
 pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     // In this order: the first is renamed to the second.
     for path in [with_new_suffix(&folder.join(DONE)), folder.join(DONE)] {
@@ -159,7 +159,7 @@ pub fn read_seal(folder: &Path) -> Result<Option<Seal>> {
     Ok(None)
 }
 
-/// Everything in a sealed folder that does not match its seal, in words; empty if all is well.
+/// Everything in a sealed folder that does not match its seal, as text; empty if it is intact.
 pub fn faults(folder: &Path) -> Result<Vec<String>> {
     while_it_stays(folder, || {
         let sealed = match Sealed::read(folder) {
@@ -180,7 +180,7 @@ pub fn faults(folder: &Path) -> Result<Vec<String>> {
     })
 }
 
-/// What is missing or changed, without reading the videos, of which only the sizes are compared: quick enough to ask before every run.
+/// Missing or changed files, without reading the videos, of which only the sizes are compared: fast enough to run before every run.
 pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
     while_it_stays(folder, || {
         let Some(sealed) = Sealed::read(folder)? else {
@@ -190,7 +190,7 @@ pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
     })
 }
 
-/// What `look` finds, once nobody changed the folder while it looked.
+/// The result of `look`, once the folder did not change during the check.
 fn while_it_stays(folder: &Path, look: impl Fn() -> Result<Vec<String>>) -> Result<Vec<String>> {
     for _ in 0..sealed::ATTEMPTS {
         let before = read_seal(folder).ok();
@@ -231,7 +231,7 @@ fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<St
     sealed.files().iter().filter_map(fault).collect()
 }
 
-/// Replaces or adds files of a sealed folder as one change: `write` is called with the path to write each to.
+/// Replaces or adds files of a sealed folder as one change: `write` receives the path for each file.
 pub fn replace_files(
     claim: &Claim,
     folder: &Path,
@@ -260,7 +260,7 @@ pub fn replace_files(
             manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
             ..sealed.seal().clone()
         };
-        // With this file the change is decided.
+        // This file commits the change.
         write_json(&with_new_suffix(&folder.join(DONE)), &seal)
     };
     let decided = { change }();
@@ -271,7 +271,7 @@ pub fn replace_files(
     settle(claim, folder)
 }
 
-/// Completes a change that was decided, drops what is left of one that was not.
+/// Completes a committed change, drops the remains of an uncommitted one.
 pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
     clear_leftovers(folder);
     let Some(sealed) = Sealed::read(folder)? else {
@@ -290,7 +290,7 @@ pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
             }
         }
         sync(folder)?;
-        // The seal goes last: as long as it is there, this can be done again.
+        // The seal is renamed last: until then, this can be repeated.
         let path = folder.join(DONE);
         fs::rename(&decided, &path).map_err(Error::io("rename into place", &path))?;
         sync(folder)?;
@@ -299,15 +299,15 @@ pub fn settle(_claim: &Claim, folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Removes `.new` forms of files that a change would have replaced. Nobody else's: a person's notes may end in `.new`, too.
+/// Removes `.new` files that a change would have created, and no others: a user's notes may end in `.new`, too.
 fn drop_undecided<'a>(folder: &Path, names: impl Iterator<Item = &'a str>) {
     for name in names.chain([MANIFEST]) {
-        // What stays is in nobody's way: readers go by the hash, and the next change writes over it.
+        // Leftovers do no harm: readers go by the hash, and the next change overwrites them.
         let _ = fs::remove_file(with_new_suffix(&folder.join(name)));
     }
 }
 
-/// Where a file of the folder lies now: as `<name>.new`, if a change is decided and has not renamed it yet.
+/// The current path of a file of the folder: `<name>.new` if a change is committed but not renamed yet.
 ///
 /// # Errors
 /// It is a symbolic link.
@@ -318,12 +318,12 @@ pub fn current_path(folder: &Path, name: &str) -> Result<PathBuf> {
     Ok(if is_pending { new } else { path })
 }
 
-/// Whether a decided change is still to be completed.
+/// Whether a committed change still has to be completed.
 pub fn is_unsettled(folder: &Path) -> bool {
     with_new_suffix(&folder.join(DONE)).exists()
 }
 
-/// The name under which a file is written that is to replace another.
+/// The temporary name of a file that will replace another.
 pub(crate) fn with_new_suffix(path: &Path) -> PathBuf {
     let mut name = path.as_os_str().to_owned();
     name.push(NEW_SUFFIX);
@@ -340,8 +340,8 @@ fn manifest_of(folder: &Path) -> Result<String> {
     Ok(manifest)
 }
 
-/// The sealed manifest with the `.new` form of `replaced` files in the place of the old. All other lines stay as they were
-/// sealed: hashing those files again would bless whatever happened to them since.
+/// The sealed manifest with the `.new` form of `replaced` files instead of the old. All other lines stay as sealed: hashing those
+/// files again would accept any damage since.
 fn manifest_with(sealed: &Sealed, replaced: &[&str]) -> Result<String> {
     let mut lines: Vec<(String, String)> = sealed
         .files()

@@ -1,9 +1,9 @@
-//! A sealed folder as readers see it. Reading takes no lock, changes nothing on the disk, and works on a read-only file system.
+//! A sealed folder as readers see it. Reading takes no lock, changes nothing on disk, and works on a read-only file system.
 //!
-//! What state the folder is in follows from what lies there. `DONE.json.new`, if it is there, else `DONE.json`, names the manifest by its
-//! hash, and the manifest names each file by its hash. So each file is looked for by its hash: under its name, as `<name>.new`, and
-//! under its name again, for a writer that completes a change may have renamed it in between. Where nothing has the hash and the seal has
-//! become another one, a writer was faster and reading starts again ([`Error::Changing`] for one file); where the seal is the same, the
+//! The files alone determine the state of the folder. `DONE.json.new` if it exists, else `DONE.json`, names the manifest by its
+//! hash, and the manifest names each file by its hash. So each file is searched by its hash: under its name, as `<name>.new`, and
+//! under its name again, because a writer that completes a change may have renamed it in between. If no file has the hash and the
+//! seal has changed, a writer was faster and reading starts again ([`Error::Changing`] for one file); if the seal is the same, the
 //! file is damaged.
 
 use std::path::{Path, PathBuf};
@@ -15,10 +15,10 @@ use crate::seal::{
     DONE, MANIFEST, Seal, SealedFile, hash_sealed, read_seal, sealed_files, with_new_suffix,
 };
 
-/// A reader starts again so often before it gives up. A change takes milliseconds, and a step of the chain changes a scenario once.
+/// Number of restarts before a reader gives up. A change takes milliseconds, and each step of the pipeline changes a scenario once.
 pub(crate) const ATTEMPTS: u32 = 100;
 
-/// A sealed folder: its seal and the files that it seals.
+/// A sealed folder: its seal and the files that it covers.
 #[derive(Debug, Clone)]
 pub struct Sealed {
     folder: PathBuf,
@@ -27,14 +27,14 @@ pub struct Sealed {
     files: Vec<SealedFile>,
 }
 
-/// Whether a sealed file is there.
+/// State of a sealed file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Found<T> {
     /// With its hash.
     Whole(T),
-    /// Nothing has its name.
+    /// No file has its name.
     Missing,
-    /// What has its name has another hash.
+    /// The file with its name has another hash.
     Other,
 }
 
@@ -42,7 +42,7 @@ impl Sealed {
     /// Reads seal and manifest of a folder; `None` if it has no seal.
     ///
     /// # Errors
-    /// The seal cannot be read, or the manifest is not the one that it seals.
+    /// The seal cannot be read, or the manifest does not match it.
     pub fn read(folder: &Path) -> Result<Option<Self>> {
         refuse_link(folder)?;
         for _ in 0..ATTEMPTS {
@@ -88,7 +88,7 @@ impl Sealed {
         &self.seal
     }
 
-    /// The manifest, as it lies there.
+    /// The bytes of the manifest.
     pub fn manifest(&self) -> &str {
         &self.manifest
     }
@@ -104,7 +104,7 @@ impl Sealed {
         Some(&file.blake3)
     }
 
-    /// The content of a sealed file; `None` if no such file is sealed.
+    /// The content of a sealed file; `None` if it is not sealed.
     ///
     /// # Errors
     /// It is missing or damaged, or a writer has replaced it since the seal was read ([`Error::Changing`]).
@@ -119,7 +119,7 @@ impl Sealed {
         self.expect_whole(name, found).map(Some)
     }
 
-    /// Reads all of a sealed file and refuses it if it is not what was sealed.
+    /// Reads all of a sealed file and rejects it if it does not match the seal.
     ///
     /// # Errors
     /// Those of [`Sealed::content`].
@@ -147,7 +147,7 @@ impl Sealed {
         ))
     }
 
-    /// The path under which a sealed file has this hash now. All of it is read, unless its size says already that it is another one.
+    /// The path that has this sealed file's content now. The file is read completely, unless its size already differs.
     pub(crate) fn find(&self, name: &str, blake3: &str) -> Result<Found<PathBuf>> {
         if self.other_size(name)?.is_some() {
             return Ok(Found::Other);
@@ -157,7 +157,7 @@ impl Sealed {
         })
     }
 
-    /// The sizes of a file that has another one than it was sealed with: found and sealed, bytes. Only those of videos are sealed.
+    /// The sizes, in bytes, of a file whose size differs from the seal: actual and sealed. Only those of videos are sealed.
     pub(crate) fn other_size(&self, name: &str) -> Result<Option<(u64, u64)>> {
         let Some(&sealed) = self.seal.video_bytes.get(name) else {
             return Ok(None);
@@ -169,7 +169,7 @@ impl Sealed {
             .filter(|(found, sealed)| found != sealed))
     }
 
-    /// Whether a file is there, whatever it holds.
+    /// Whether a file exists, whatever it contains.
     pub(crate) fn find_unread(&self, name: &str) -> Result<Found<PathBuf>> {
         let path = own_path(&self.folder, name)?;
         Ok(match path.is_file() {
@@ -179,7 +179,7 @@ impl Sealed {
     }
 }
 
-/// Looks for the file of a hash under its name and the names that a change gives it; `read` returns hash and content of what is there.
+/// Searches for the file with a hash under its name and the names used during a change; `read` returns hash and content of a path.
 pub(crate) fn find<T>(
     folder: &Path,
     name: &str,
@@ -191,7 +191,7 @@ pub(crate) fn find<T>(
     let mut found = Found::Missing;
     for path in [&path, &new, &path] {
         if path == &new && refuse_link(path).is_err() {
-            // No writer of ours left it.
+            // Not left by any of our writers.
             continue;
         }
         match read(path) {

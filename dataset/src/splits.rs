@@ -1,4 +1,4 @@
-//! `splits.json`: which scenarios train, validate and test, and the proof that no trajectory is on two sides.
+//! `splits.json`: the scenarios for training, validation and test, and the check that no trajectory is on two sides.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,18 +14,18 @@ use crate::json_file::{parse_json, read_json, write_json};
 pub enum Side {
     /// Networks learn from these.
     Train,
-    /// Decisions during training (schedules, when to stop) look at these.
+    /// For decisions during training (schedules, when to stop).
     Validation,
-    /// Only evaluation looks at these.
+    /// For evaluation only.
     Test,
 }
 
-/// What messages call it.
+/// Its name in messages.
 const WHAT: &str = "split";
-/// What a split never parts.
+/// The unit that a split keeps together.
 const BY_TRAJECTORY: &str = "trajectory";
 
-/// A scenario as the split sees it.
+/// A scenario for the purpose of splitting.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Assignment {
     /// Trajectory of the scenario.
@@ -37,14 +37,14 @@ pub struct Assignment {
 /// The split of a corpus.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Splits {
-    /// What is never parted: always `trajectory`.
+    /// The unit that is kept together: always `trajectory`.
     pub by: String,
     /// Side of each scenario, by its identifier.
     pub scenarios: BTreeMap<String, Assignment>,
 }
 
 impl Splits {
-    /// A split by trajectory; refuses one that leaks.
+    /// A split by trajectory; rejects one that leaks.
     pub fn new(scenarios: BTreeMap<String, Assignment>) -> std::result::Result<Self, String> {
         let splits = Self {
             by: BY_TRAJECTORY.into(),
@@ -64,7 +64,7 @@ impl Splits {
             .map(|(id, _)| id.as_str())
     }
 
-    /// The first trajectory that is on two sides, in words.
+    /// The first trajectory that is on two sides, as text.
     pub fn leak(&self) -> Option<String> {
         let mut seen: BTreeMap<&str, (&str, Side)> = BTreeMap::new();
         for (id, assignment) in &self.scenarios {
@@ -81,7 +81,7 @@ impl Splits {
         None
     }
 
-    /// Reads `splits.json`; refuses a split that leaks, or that is none by trajectory.
+    /// Reads `splits.json`; rejects a split that leaks or is not by trajectory.
     pub fn read(path: &Path) -> Result<Self> {
         Self::sound(read_json(path, WHAT)?, path)
     }

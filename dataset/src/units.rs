@@ -1,6 +1,6 @@
 //! Units as types, for places where two plain numbers could be swapped.
 //!
-//! Plain numbers that leave Rust (TOML, JSON, Parquet, the wire) carry their unit in their name instead: `distance_m`.
+//! Plain numbers that leave Rust (TOML, JSON, Parquet, the wire) have their unit in their name instead: `distance_m`.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,12 +1,12 @@
-//! Proves a corpus, or names every fault of it by scenario, file, row and view.
+//! Verifies a corpus and names every fault by scenario, file, row and view.
 //!
-//! Goes in: a corpus folder. Comes out: a [`VerifyReport`]. Nothing is trusted because it was checked when it was made, and nothing
-//! because its hash is right: hashes are computed again, every picture is decoded again, echoed poses and cameras are compared
-//! with the poses and the calibration, labels are computed again from the poses, and the true boxes are held against the pixels
-//! ([`pixels`]): is the aircraft in them, at the time that the table says, and does it move when it should?
+//! Input: a corpus folder. Output: a [`VerifyReport`]. No earlier check and no correct hash is trusted: hashes are recomputed,
+//! every picture is decoded again, echoed poses and cameras are compared with the poses and the calibration, labels are recomputed
+//! from the poses, and the true boxes are compared with the pixels ([`pixels`]): is the aircraft in them, at the time that the
+//! table states, and does it move when it should?
 //!
-//! What pixels cannot tell is left to the seal: whether a picture in which fog hides the aircraft is the right one, and whether
-//! one of two neighbouring pictures was doubled while the aircraft moved by less than a pixel.
+//! Pixels cannot decide everything; the seal covers the rest: whether a picture in which fog hides the aircraft is the right one,
+//! and whether a picture was doubled while the aircraft moved by less than a pixel.
 
 mod corpus_files;
 mod detections;
@@ -31,15 +31,15 @@ use crate::scenario::ScenarioRecord;
 use crate::seal;
 use pixels::ViewProof;
 
-/// So many rows of one kind of fault are listed; the others are counted.
+/// Maximum number of listed rows per kind of fault; the others are counted.
 const ROWS_LISTED: usize = 3;
 
 /// How thoroughly a corpus is verified.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VerifyOptions {
-    /// Decode the videos. Without it everything else is checked, in a small part of the time.
+    /// Decode the videos. Without it everything else is checked, in a fraction of the time.
     pub decode: bool,
-    /// A planned scenario that is missing is a fault. Otherwise it is only counted: a corpus may be verified while it is made.
+    /// A planned scenario that is missing is a fault. Otherwise it is only counted: a corpus may be verified while it is recorded.
     pub complete: bool,
 }
 
@@ -55,13 +55,13 @@ impl Default for VerifyOptions {
 /// One fault.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Finding {
-    /// Identifier of the scenario; missing if the fault is of the whole corpus.
+    /// Identifier of the scenario; missing if the fault concerns the whole corpus.
     pub scenario: Option<String>,
     /// File, relative to the scenario's folder or to the corpus.
     pub file: String,
     /// Row of the table or picture of the video, from 0.
     pub row: Option<u64>,
-    /// Identifier of the view, if the fault is of one.
+    /// Identifier of the view, if the fault concerns one.
     pub view: Option<String>,
     /// What was found and what was expected.
     pub message: String,
@@ -83,12 +83,12 @@ impl fmt::Display for Finding {
     }
 }
 
-/// What was checked and what was found.
+/// What was checked, and the findings.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct VerifyReport {
-    /// Scenarios looked at.
+    /// Number of scenarios checked.
     pub scenarios: usize,
-    /// Planned scenarios that are not there (yet).
+    /// Planned scenarios that do not exist (yet).
     pub missing: Vec<String>,
     /// Ticks of all of them.
     pub ticks: u64,
@@ -96,14 +96,14 @@ pub struct VerifyReport {
     pub pictures: u64,
     /// Scenarios that have labels.
     pub labelled: usize,
-    /// What the pictures prove, per scenario and view.
+    /// The evidence from the pictures, per scenario and view.
     pub views: Vec<ViewProof>,
-    /// All faults; empty if the corpus is sound.
+    /// All faults; empty if the corpus is valid.
     pub findings: Vec<Finding>,
 }
 
 impl VerifyReport {
-    /// Whether nothing is wrong.
+    /// Whether there are no faults.
     pub fn is_sound(&self) -> bool {
         self.findings.is_empty()
     }
@@ -114,7 +114,7 @@ pub fn verify(corpus: &Corpus) -> VerifyReport {
     verify_with(corpus, VerifyOptions::default(), &mut |_, _| {})
 }
 
-/// Verifies a corpus and says which scenario is next, and how many there are.
+/// Verifies a corpus and reports which scenario is next, and how many there are.
 pub fn verify_with(
     corpus: &Corpus,
     options: VerifyOptions,
@@ -149,7 +149,7 @@ pub fn verify_with(
     report
 }
 
-/// Verifies a scenario, again if somebody changed it meanwhile and there seem to be faults.
+/// Verifies a scenario, again if it changed in the meantime and seems to have faults.
 fn verify_undisturbed(
     folder: &ScenarioFolder,
     options: VerifyOptions,
@@ -179,7 +179,7 @@ fn verify_scenario(
             .for_each(|message| faults.file(seal::MANIFEST, message)),
         Err(error) => faults.file(seal::MANIFEST, error),
     }
-    // Each file is read, whatever is wrong with the others, and then held against those that could be.
+    // Each file is read, whatever is wrong with the others, and then compared with those that could be read.
     let record = record::read(folder, faults);
     let calibration = record::read_calibration(folder, faults);
     let frames = frames::read(folder, faults);
@@ -217,7 +217,7 @@ fn verify_scenario(
     Some((record, calibration))
 }
 
-/// Whether two numbers are the same but for rounding; never, if one of them is not a number.
+/// Whether two numbers are equal except for rounding; never, if one of them is NaN.
 fn close(a: f64, b: f64, tolerance: f64) -> bool {
     (a - b).abs() <= tolerance
 }
@@ -227,7 +227,7 @@ fn close(a: f64, b: f64, tolerance: f64) -> bool {
 struct Faults {
     scenario: Option<String>,
     findings: Vec<Finding>,
-    /// Rows found per file and kind of fault.
+    /// Number of rows per file and kind of fault.
     rows: BTreeMap<(String, &'static str), usize>,
 }
 
@@ -244,7 +244,7 @@ impl Faults {
         self.push(file, None, None, message.to_string());
     }
 
-    /// A fault of a file that is about one scenario, where many are checked together.
+    /// A fault of a file that concerns one scenario, where many are checked together.
     fn of(&mut self, scenario: &str, file: &str, message: impl ToString) {
         self.findings.push(Finding {
             scenario: Some(scenario.to_owned()),
@@ -255,7 +255,7 @@ impl Faults {
         });
     }
 
-    /// The same of one view.
+    /// The same for one view.
     fn of_view(&mut self, scenario: &str, file: &str, view: &str, message: impl ToString) {
         self.findings.push(Finding {
             scenario: Some(scenario.to_owned()),
@@ -266,17 +266,17 @@ impl Faults {
         });
     }
 
-    /// A fault of all of one view.
+    /// A fault of one whole view.
     fn view(&mut self, file: &str, view: &str, message: impl ToString) {
         self.push(file, None, Some(view), message.to_string());
     }
 
-    /// A fault of a row. `kind` groups faults that are likely to come in crowds.
+    /// A fault of a row. `kind` groups faults that tend to occur in large numbers.
     fn row(&mut self, file: &str, row: usize, kind: &'static str, message: impl fmt::Display) {
         self.row_of(None, file, row, kind, message);
     }
 
-    /// A fault of a row that is about one view.
+    /// A fault of a row that concerns one view.
     fn view_row(
         &mut self,
         view: &str,
@@ -303,19 +303,19 @@ impl Faults {
         }
     }
 
-    /// The value, or a fault of the file that should hold it.
+    /// The value, or a fault of the file that should contain it.
     fn keep<T>(&mut self, file: &str, read: Result<T>) -> Option<T> {
         read.map_err(|error| self.file(file, error)).ok()
     }
 
-    /// The same of what was read with the fields that lie outside their limits.
+    /// The same for a record that was read with the fields outside their limits.
     fn keep_with<T>(&mut self, file: &str, read: Result<(T, Vec<FieldOutOfLimits>)>) -> Option<T> {
         let (value, outside) = self.keep(file, read)?;
         outside.iter().for_each(|fault| self.file(file, fault));
         Some(value)
     }
 
-    /// The same of a table with numbers outside their limits.
+    /// The same for a table with numbers outside their limits.
     fn keep_table<T>(
         &mut self,
         file: &str,

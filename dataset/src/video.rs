@@ -1,11 +1,11 @@
-//! Videos: one picture per tick, with exact timestamps, that keep small targets.
+//! Videos: one picture per tick, with exact timestamps, that preserve small targets.
 //!
-//! In go and out come pictures as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and a few grey levels
-//! off the sky, so the settings are chosen by what they leave of such targets (`docs/video.md`): at the usual qualities H.264
-//! takes a fifth of their contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them some
-//! players and cutters shift every timestamp, and a killed process loses what waits in the encoder. While a video is written,
-//! every picture is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file
-//! with an index. Pictures are BT.709, full range, and say so.
+//! Pictures go in and come out as rows of 8-bit RGB. An aircraft at 10 nautical miles is 21 pixels wide and differs from the sky by
+//! a few grey levels, so the settings are chosen by what they preserve of such targets (`docs/video.md`): at the usual qualities
+//! H.264 takes a fifth of their contrast and H.265 and AV1 erase them. There are no B-frames and no look-ahead, because with them
+//! some players and editors shift every timestamp, and a killed process loses what waits in the encoder. While a video is written,
+//! every picture is a fragment of the file that can be read at once; when it is finished, the fragments become a plain file with an
+//! index. Pictures are BT.709, full range, and tagged so.
 
 mod codec;
 mod index;
@@ -36,10 +36,10 @@ pub struct VideoSettings {
     pub codec: VideoCodec,
     /// Preset of the encoder, one of [`VideoCodec::presets`]: trades time for size.
     pub preset: String,
-    /// Constant rate factor, 0 to [`VideoCodec::largest_crf`]: smaller is better and larger. Every encoder has its own scale.
-    /// Without meaning where there is no loss.
+    /// Constant rate factor, 0 to [`VideoCodec::largest_crf`]: lower means better quality and larger files. Every encoder has its
+    /// own scale. Ignored by lossless codecs.
     pub crf: u32,
-    /// Threads of one encoder. Views are encoded side by side, so 1 is best when there are no more cores than views.
+    /// Threads of one encoder. Views are encoded in parallel, so 1 is best unless there are more cores than views.
     pub threads: u32,
 }
 
@@ -106,7 +106,7 @@ impl VideoSettings {
         }
     }
 
-    /// The first setting that cannot be used: its name, and what is wrong with it in words.
+    /// The first invalid setting: its name, and what is wrong with it, as text.
     pub fn fault(&self) -> Option<(&'static str, String)> {
         if !self.codec.presets().contains(&self.preset.as_str()) {
             let known = self.codec.presets().join(", ");
@@ -142,12 +142,12 @@ fn start_ffmpeg() {
     START.call_once(|| {
         // It fails only if FFmpeg lacks memory for its tables; opening a file reports that too.
         let _ = ffmpeg_next::init();
-        // Errors come back as values; its own lines on stderr would tear progress bars.
+        // Errors are returned as values; FFmpeg's own lines on stderr would disrupt progress bars.
         ffmpeg_next::log::set_level(ffmpeg_next::log::Level::Fatal);
     });
 }
 
-/// A path as FFmpeg takes it. Without the prefix it reads `a:b/x.mp4` as a file of a protocol called `a`.
+/// A path as FFmpeg expects it. Without the prefix it reads `a:b/x.mp4` as a file of a protocol called `a`.
 fn ffmpeg_path(path: &Path) -> Result<String> {
     match path.to_str() {
         Some(text) => Ok(format!("file:{text}")),

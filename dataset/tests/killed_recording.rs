@@ -1,4 +1,4 @@
-//! A process that is killed while it records: what it had written can be read.
+//! A process is killed while it records: what it had written can be read.
 
 use std::io::{BufRead, BufReader, Write};
 use std::path::Path;
@@ -12,12 +12,12 @@ const RATE: FrameRate = FrameRate {
     numerator: 30_000,
     denominator: 1_001,
 };
-/// Names the file and the codec for the process that is to be killed.
+/// Passes the file and the codec to the process that will be killed.
 const FILE: &str = "DTD_TEST_RECORD_INTO";
 const CODEC: &str = "DTD_TEST_RECORD_AS";
 /// Pictures before the kill.
 const PICTURES: u32 = 100;
-/// An encoder holds one, and the muxer learns how long a picture lasts from the next.
+/// An encoder holds one, and the muxer derives a picture's duration from the next one.
 const MAY_BE_LOST: u32 = 2;
 
 fn picture(tick: u32) -> Vec<u8> {
@@ -41,7 +41,7 @@ fn record_until_killed() {
     for tick in 0..PICTURES {
         writer.write(&picture(tick)).unwrap();
     }
-    // Not by println: the test harness may keep that.
+    // Not println: the test harness may capture it.
     writeln!(std::io::stderr(), "written").unwrap();
     loop {
         std::thread::park();

@@ -1,7 +1,8 @@
-//! Which division of the cores searches pictures fastest: workers x threads per worker x batch.
+//! Which division of the cores detects fastest: workers x threads per worker x batch.
 //!
-//! `ORT_DISABLE_TELEMETRY=1 ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so cargo run --release -p labeller --example detect_speed -- MODEL.onnx [WIDTH HEIGHT]` prints pictures per second of the first pass
-//! (all tiles of an empty picture); decoding is left out. The default of `DetectOptions` rests on it.
+//! `ORT_DISABLE_TELEMETRY=1 ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so cargo run --release -p labeller --example detect_speed -- MODEL.onnx [WIDTH HEIGHT]`
+//! prints pictures per second of the first pass (all tiles of an empty picture), without decoding. The default of `DetectOptions`
+//! is based on it.
 
 use std::path::Path;
 use std::time::Instant;
@@ -9,7 +10,7 @@ use std::time::Instant;
 use labeller::detector::{Detector, OrtDetector, OrtOptions, Picture};
 use labeller::tiling::{TilingSettings, find_aircraft};
 
-/// Pictures that every worker searches.
+/// Pictures per worker.
 const PICTURES: usize = 12;
 /// Workers, threads per worker, batch.
 const DIVISIONS: [(usize, usize, usize); 5] =

@@ -1,8 +1,8 @@
 //! Runs a detector over the videos of a corpus.
 //!
-//! In go the videos and timestamps of committed scenarios and a model; out come `detections/<model>.parquet` and beside it
-//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the beginning of the model's hash. Several views are decoded and
-//! searched at a time; each worker holds one picture and one session, so memory does not grow with the corpus.
+//! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it
+//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the model's hash. Several views are decoded and searched
+//! in parallel; each worker holds one picture and one session, so memory does not grow with the corpus.
 
 mod job;
 mod record;
@@ -28,20 +28,20 @@ use job::{ScenarioJob, ViewJob};
 /// Digits of a model's hash that name its detections.
 const MODEL_HASH_DIGITS: usize = 16;
 
-/// How a corpus is searched.
+/// Options of a detection run.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DetectOptions {
-    /// ONNX Runtime's library; `None` is that of `ORT_DYLIB_PATH`, else the installation's own.
+    /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own.
     pub onnx_runtime: Option<PathBuf>,
-    /// What counts as a hit. Detections made with other settings are made again.
+    /// What counts as a hit. Detections made with other settings are repeated.
     pub settings: TilingSettings,
-    /// Views that are searched at a time.
+    /// Number of views processed in parallel.
     pub workers: usize,
     /// Threads that a worker's model uses.
     pub threads_per_worker: usize,
-    /// Most windows in one run of the model.
+    /// Maximum number of windows per run of the model.
     pub batch: usize,
-    /// Search again what was searched with this model and these settings before.
+    /// Detect again even if this model's detections with these settings exist.
     pub again: bool,
 }
 
@@ -60,24 +60,24 @@ impl Default for DetectOptions {
     }
 }
 
-/// What became of the scenarios of a corpus.
+/// The result for the scenarios of a corpus.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct DetectOutcome {
     /// Name of the detections: the first 16 digits of the model's BLAKE3 hash.
     pub model_hash: String,
     /// Scenarios that were searched.
     pub detected: Vec<String>,
-    /// Scenarios that had been searched with this model and these settings before.
+    /// Scenarios that already had detections of this model with these settings.
     pub unchanged: Vec<String>,
     /// Scenarios that could not be searched.
     pub failed: Vec<Failure>,
-    /// Counts over all that have detections now.
+    /// Counts over all scenarios that have detections now.
     pub counts: DetectionCounts,
-    /// Time of the workers, added up, seconds.
+    /// Total time of the workers, seconds.
     pub worker_seconds: f64,
 }
 
-/// The model that detections are made with.
+/// The model used for detection.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Model {
     file_name: String,
@@ -102,11 +102,11 @@ impl Model {
     }
 }
 
-/// Makes a detector; every worker has its own.
+/// Creates a detector; every worker has its own.
 type MakeDetector<'a> = &'a (dyn Fn() -> Result<Box<dyn Detector>> + Sync);
 
-/// Searches all committed scenarios with the model of an ONNX file. A scenario that cannot be searched is reported and does
-/// not stop the others; an error is returned if the model, the options or the corpus cannot be used at all.
+/// Detects in all committed scenarios with an ONNX model. A scenario that fails is reported and does not stop the others; an error
+/// is returned if the model, the options or the corpus cannot be used at all.
 pub fn detect_corpus(
     corpus: &Corpus,
     model_path: &Path,
@@ -118,7 +118,7 @@ pub fn detect_corpus(
         threads: options.threads_per_worker,
         batch: options.batch,
     };
-    // Before anything else: a model that does not load is the caller's to know, even if there is nothing to do.
+    // First of all: the caller must learn that a model does not load, even if there is nothing to do.
     drop(OrtDetector::load(model_path, &ort)?);
     let make = || {
         OrtDetector::load(model_path, &ort).map(|detector| Box::new(detector) as Box<dyn Detector>)
@@ -179,7 +179,7 @@ fn detect_with(
     Ok(outcome)
 }
 
-/// Lets the workers take view after view until none is left.
+/// Lets the workers process one view after another until none is left.
 fn work_through(
     jobs: &[ScenarioJob],
     make: MakeDetector<'_>,

@@ -1,8 +1,8 @@
-//! Something that finds aircraft in square windows of a picture.
+//! The detector interface: finds aircraft in square windows of a picture.
 //!
-//! The real one runs an ONNX model ([`OrtDetector`]); tests put a finder of bright blobs behind the same trait. A window is as
-//! large as the model's input, so no pixel is ever resampled: the six tiles of 640 of the paper follow from a 640 model and a
-//! 1920x1280 picture, and a 416 model gets its twenty.
+//! The real one runs an ONNX model ([`OrtDetector`]); tests use a finder of bright blobs behind the same trait. A window is as
+//! large as the model's input, so no pixel is ever resampled: a 640 model and a 1920x1280 picture give the paper's six tiles, and a
+//! 416 model gets twenty.
 
 mod answer;
 mod input;
@@ -38,8 +38,8 @@ pub trait Detector {
     /// Edge length of the square windows, pixels.
     fn window_px(&self) -> u32;
 
-    /// For every window, all boxes of aircraft with at least `score_floor`, in no order and with duplicates
-    /// ([`keep_best`] drops them).
+    /// For every window, all boxes of aircraft with at least `score_floor`, unordered and with duplicates ([`keep_best`] drops
+    /// them).
     fn detect(
         &mut self,
         picture: &Picture<'_>,
@@ -47,6 +47,6 @@ pub trait Detector {
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>>;
 
-    /// What it is, for the record beside the detections.
+    /// Description for the record next to the detections.
     fn description(&self) -> String;
 }

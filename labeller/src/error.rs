@@ -4,13 +4,13 @@ use std::path::{Path, PathBuf};
 
 use crate::detector::LibraryError;
 
-/// Labels or detections that cannot be made. Every message says of what.
+/// A labelling or detection error. Every message names its subject.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// A file of the corpus cannot be read or written.
     #[error(transparent)]
     Dataset(#[from] dataset::Error),
-    /// A scenario's files contradict each other or ask for something that is not supported.
+    /// A scenario's files contradict each other or need something that is not supported.
     #[error("scenario {id}: {message}")]
     Scenario {
         /// Identifier of the scenario.

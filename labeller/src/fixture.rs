@@ -1,5 +1,5 @@
-//! Small corpora for the tests of this crate: a short flight down the glide path of WSSS 02L before the cameras of the default
-//! rig, with labels left out.
+//! Small corpora for the tests of this crate: a short flight down the glide path of WSSS 02L in front of the cameras of the default
+//! rig, without labels.
 
 use std::path::Path;
 
@@ -19,9 +19,9 @@ use dataset::video::{VideoSettings, VideoWriter};
 
 use crate::detector::{Detector, Picture, ScoredBox, Window};
 
-/// Distance to go at tick 0, metres.
+/// Remaining distance at tick 0, metres.
 pub(crate) const START_M: f64 = 9_260.0;
-/// Way between two ticks, metres.
+/// Displacement between two ticks, metres.
 const STEP_M: f64 = 70.0;
 const TICKS: u32 = 3;
 const RATE: FrameRate = FrameRate {
@@ -212,7 +212,7 @@ fn record(id: &str) -> ScenarioRecord {
 /// A detector for tests: the box around all bright pixels of each connected run of columns in a window.
 #[derive(Default)]
 pub(crate) struct BlobFinder {
-    /// Windows that it was shown.
+    /// Number of windows that it received.
     pub(crate) windows_seen: usize,
 }
 

@@ -1,7 +1,7 @@
 //! Labels a corpus: distances in `frames.parquet`, projected boxes in `boxes_truth.parquet`.
 //!
 //! Everything follows from the poses of the ticks, the touchdown target and the calibrated cameras. Both tables of a scenario
-//! change together or not at all, and a scenario whose labels are right already is not touched.
+//! change together or not at all, and a scenario with correct labels is not touched.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -28,19 +28,19 @@ pub const AIRCRAFT_CLASS: &str = "aircraft";
 /// The only aircraft whose shape is known.
 const KNOWN_AIRCRAFT: &str = "B737-800";
 
-/// What became of the scenarios of a corpus.
+/// The result for the scenarios of a corpus.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
 pub struct LabelOutcome {
     /// Scenarios that got new labels.
     pub labelled: Vec<String>,
-    /// Scenarios whose labels were right already.
+    /// Scenarios whose labels were already correct.
     pub unchanged: Vec<String>,
     /// Scenarios that could not be labelled.
     pub failed: Vec<Failure>,
 }
 
-/// Labels all committed scenarios, several at a time. A scenario that cannot be labelled is reported and does not stop the
-/// others; an error is returned only if the corpus cannot be listed.
+/// Labels all committed scenarios, several in parallel. A scenario that fails is reported and does not stop the others; an error is
+/// returned only if the corpus cannot be listed.
 pub fn label_corpus(corpus: &Corpus, progress: &(dyn Fn(Progress) + Sync)) -> Result<LabelOutcome> {
     let scenarios = corpus.scenarios()?;
     let total = scenarios.len() as u64;
@@ -70,7 +70,7 @@ pub fn label_corpus(corpus: &Corpus, progress: &(dyn Fn(Progress) + Sync)) -> Re
     Ok(outcome)
 }
 
-/// Labels one scenario. Returns whether anything had to change.
+/// Labels one scenario. Returns whether anything changed.
 pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
     let mut labels = Labels::of(folder)?;
     if labels.are_there && !is_unsettled(folder.root()) {
@@ -96,13 +96,13 @@ pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
     Ok(!labels.are_there)
 }
 
-/// The labels that a scenario has to have.
+/// The labels that a scenario should have.
 struct Labels {
-    /// Seal of the state that they were made from.
+    /// Seal of the state that they were computed from.
     seal: Seal,
     frames: Frames,
     boxes: Vec<TruthBox>,
-    /// Whether it has them.
+    /// Whether the scenario has them already.
     are_there: bool,
 }
 
@@ -207,7 +207,7 @@ fn truth_boxes(record: &ScenarioRecord, frames: &Frames, cameras: &[Camera]) -> 
     boxes
 }
 
-/// The mesh of the last asked controls: flaps and gear move during a few ticks of a flight only.
+/// The mesh of the last requested controls: flaps and gear move during only a few ticks of a flight.
 #[derive(Default)]
 struct Shape {
     latest: Option<(Controls, Mesh)>,

@@ -1,8 +1,8 @@
-//! Where the aircraft is: truly, and as a detector sees it.
+//! Where the aircraft is: true boxes, and detections.
 //!
-//! In go committed scenarios of a corpus. Out come labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected
-//! truth in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`). Labels come from poses and
-//! cameras alone, detections from decoded pixels alone; [`statistics`] compares the two.
+//! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected truth
+//! in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`). Labels come from poses and cameras
+//! alone, detections from decoded pixels alone; [`statistics`] compares the two.
 
 #![forbid(unsafe_code)]
 

@@ -1,8 +1,8 @@
-//! What a run over a corpus reports while it goes and when it ends.
+//! Progress and results of a run over a corpus.
 
 use serde::Serialize;
 
-/// How far a run has come.
+/// Progress of a run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Progress {
     /// Units done: scenarios when labelling, pictures when detecting.
@@ -11,7 +11,7 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// A scenario that could not be done. The others are done nevertheless.
+/// A scenario that failed. The others are processed nevertheless.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Failure {
     /// Identifier of the scenario.

@@ -1,4 +1,4 @@
-//! How much of a silhouette can be seen: convex polygons, clipped in space and counted on a grid of samples.
+//! The visible part of a silhouette: convex polygons, clipped in space and counted on a grid of samples.
 
 use glam::{DVec2, DVec3};
 
@@ -17,7 +17,7 @@ impl HalfSpace {
         self.normal.dot(point) - self.offset_m
     }
 
-    /// The part of a convex polygon that lies inside (Sutherland and Hodgman 1974); empty if none does.
+    /// The part of a convex polygon inside (Sutherland and Hodgman 1974); empty if there is none.
     pub(crate) fn clip(&self, polygon: &[DVec3]) -> Vec<DVec3> {
         let mut kept = Vec::with_capacity(polygon.len() + 1);
         for (k, &from) in polygon.iter().enumerate() {
@@ -84,7 +84,7 @@ impl SampleGrid {
         }
     }
 
-    /// Number of samples for whose place and marks `counts` holds.
+    /// Number of samples whose position and marks satisfy `counts`.
     pub(crate) fn count(&self, counts: impl Fn(DVec2, u8) -> bool) -> usize {
         let place = |index: usize| {
             let (row, column) = (index / self.columns, index % self.columns);

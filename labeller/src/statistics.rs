@@ -1,34 +1,34 @@
-//! How detections compare with the truth: counts that can be added over scenarios, and the figures that follow from them.
+//! Detections compared with the truth: counts that can be added over scenarios, and the figures derived from them.
 
 use dataset::pixel_box::{Detection, TruthBox};
 use serde::Serialize;
 
-/// From this part of the aircraft in the picture a detector is expected to find it.
+/// A detector is expected to find the aircraft if at least this part of it is in the picture.
 pub const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
 
 /// Counts over pictures. One picture is one view at one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct DetectionCounts {
-    /// Pictures that were looked at.
+    /// Number of pictures.
     pub pictures: u64,
     /// Detections in all of them.
     pub detections: u64,
-    /// What the truth says of them, where there are labels.
+    /// Comparison with the truth, where there are labels.
     pub against_truth: Option<TruthCounts>,
 }
 
 /// Counts over pictures with labels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct TruthCounts {
-    /// Pictures in which more than half of the aircraft can be seen.
+    /// Pictures in which more than half of the aircraft is visible.
     pub expected: u64,
     /// Those of them whose best detection overlaps the true box.
     pub found: u64,
     /// Detections that overlap no true box, in all pictures.
     pub false_detections: u64,
-    /// Sum over the found: distance of the centres, pixels.
+    /// Sum over the found aircraft: distance of the centres, pixels.
     pub sum_center_error_px: f64,
-    /// Sums over the found: detected minus true centre, right and down, pixels.
+    /// Sums over the found aircraft: detected minus true centre, right and down, pixels.
     pub sum_center_offset_px: [f64; 2],
 }
 
@@ -58,7 +58,7 @@ impl TruthCounts {
         let pictured = |detection: &&Detection, real: &TruthBox| {
             detection.tick == real.tick && detection.view == real.view
         };
-        // Both tables are in the order of the ticks: only rows of the same tick are compared.
+        // Both tables are in tick order: only rows of the same tick are compared.
         let of_tick = |tick: u32| {
             let first = detections.partition_point(|detection| detection.tick < tick);
             let end = detections.partition_point(|detection| detection.tick <= tick);
@@ -112,12 +112,12 @@ impl TruthCounts {
         (self.expected > 0).then(|| self.found as f64 / self.expected as f64)
     }
 
-    /// Mean distance of the centres over the found, pixels.
+    /// Mean distance of the centres of found aircraft, pixels.
     pub fn mean_center_error_px(&self) -> Option<f64> {
         (self.found > 0).then(|| self.sum_center_error_px / self.found as f64)
     }
 
-    /// Mean of detected minus true centre over the found, right and down, pixels: a bias that no averaging removes.
+    /// Mean of detected minus true centre of found aircraft, right and down, pixels: a bias that no averaging removes.
     pub fn mean_center_offset_px(&self) -> Option<[f64; 2]> {
         (self.found > 0).then(|| self.sum_center_offset_px.map(|sum| sum / self.found as f64))
     }

@@ -1,9 +1,9 @@
 //! Small aircraft in large pictures: the paper's Auto Segmentation.
 //!
-//! A picture is cut into tiles of the detector's size that do not overlap (six of 640 pixels for 1920x1280). Around every hit a
-//! window of the same size is centred, so that an aircraft which two tiles share is seen whole, and the detector looks again;
-//! what it finds there counts, in the coordinates of the original frame. Several aircraft get a window each.
-//! Idea: section on detection of the paper (S11, S12).
+//! A picture is cut into non-overlapping tiles of the detector's size (six of 640 pixels for 1920x1280). A window of the same size
+//! is centred on every hit, so that an aircraft on the border of two tiles is complete, and the detector runs again; its boxes
+//! there count, in the coordinates of the original frame. Several aircraft get a window each. From the paper's section on detection
+//! (S11, S12).
 
 use dataset::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
@@ -11,20 +11,20 @@ use serde::{Deserialize, Serialize};
 use crate::detector::{Detector, Picture, ScoredBox, Window, keep_best};
 use crate::error::{Error, Result};
 
-/// Most windows that a second look may be asked for.
+/// Maximum number of second-pass windows that can be configured.
 const MOST_WINDOWS: usize = 1_000;
 
 /// What counts as a hit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct TilingSettings {
-    /// Least score of a hit in a tile, 0 to 1. Below [`TilingSettings::score`], as an aircraft may be cut there.
+    /// Minimum score of a hit in a tile, 0 to 1. Below [`TilingSettings::score`], because the aircraft may be cut there.
     pub tile_score: f64,
-    /// Least score of a detection in a centred window, 0 to 1.
+    /// Minimum score of a detection in a centred window, 0 to 1.
     pub score: f64,
     /// Boxes that overlap by more than this (intersection over union) are one aircraft, 0 to 1.
     pub merge_iou: f64,
-    /// Most hits per picture that get a second look, the best first: it bounds the time that clutter can cost.
+    /// Maximum number of hits per picture that get a second pass, the best first: limits the time spent on clutter.
     pub most_windows: usize,
 }
 
@@ -113,7 +113,7 @@ impl Sighting {
     }
 }
 
-/// Corners of the tiles of a picture, row by row. Tiles at the right and at the bottom may stick out.
+/// Corners of the tiles of a picture, row by row. Tiles at the right and at the bottom may extend past the picture.
 pub fn tiles_of(width_px: u32, height_px: u32, tile_px: u32) -> Vec<Window> {
     let starts = |length_px: u32| (0..length_px.div_ceil(tile_px)).map(move |k| k * tile_px);
     starts(height_px)
@@ -146,7 +146,7 @@ fn first_pass(
     ))
 }
 
-/// The window whose middle is the box's, moved inside the picture if the picture is large enough.
+/// The window centred on the box, moved inside the picture if the picture is large enough.
 fn centred_window(around: &PixelBox, picture: &Picture<'_>, window_px: u32) -> Window {
     let start = |centre_px: f64, picture_px: u32| {
         let start = (centre_px - f64::from(window_px - 1) / 2.0).round();
@@ -158,8 +158,7 @@ fn centred_window(around: &PixelBox, picture: &Picture<'_>, window_px: u32) -> W
     }
 }
 
-/// The best box of the second look that overlaps the hit which asked for it. Another aircraft in the same window has, or had, its
-/// own hit.
+/// The best box of the second pass that overlaps the hit which requested it. Another aircraft in the same window has its own hit.
 fn confirm(hit: &Sighting, window: Window, boxes: Vec<ScoredBox>) -> Option<Sighting> {
     boxes
         .into_iter()
@@ -203,7 +202,7 @@ mod tests {
         (found, finder)
     }
 
-    /// A box that covers whole pixels, from its first to its last column and row.
+    /// A box of whole pixels, from its first to its last column and row.
     fn pixels(columns: (u32, u32), rows: (u32, u32)) -> PixelBox {
         let edge = |pixel: u32, side: f64| f64::from(pixel) + side;
         PixelBox::from_edges(

@@ -1,6 +1,6 @@
-//! Geodesic labels of a flight: how far and how long to touchdown at every tick.
+//! Geodesic labels of a flight: distance and time to touchdown at every tick.
 //!
-//! In go the ticks of `frames.parquet`, the touchdown target and the landing course; out come one [`FrameLabels`] per tick.
+//! Input: the ticks of `frames.parquet`, the touchdown target and the landing course. Output: one [`FrameLabels`] per tick.
 
 use dataset::frames::{Frame, FrameLabels};
 use dataset::geodesy::Geodetic;
@@ -28,8 +28,8 @@ pub fn labels_of(ticks: &[Frame], target: Geodetic, course_true_deg: f64) -> Vec
         .collect()
 }
 
-/// When the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. Missing if
-/// the record starts past the target or ends before it; nothing is extrapolated.
+/// When the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. Missing if the
+/// recording starts past the target or ends before it; nothing is extrapolated.
 fn passing_time_s(ticks: &[Frame], coordinates: &[RunwayCoordinates]) -> Option<f64> {
     let after = coordinates.iter().position(|at| at.along_track_m <= 0.0)?;
     let to_go_after_m = coordinates[after].along_track_m;
@@ -68,7 +68,7 @@ mod tests {
 
     #[test]
     fn time_to_touchdown_is_interpolated_between_the_ticks_around_the_target() {
-        // One tick a second: 30 of 40 m to go are flown in the last second, so the target is passed at 1.75 s.
+        // One tick a second: 30 of the remaining 40 m are flown in the last second, so the target is passed at 1.75 s.
         let times = times(&[100.0, 30.0, -10.0, -80.0]);
         for (found, expected) in times.iter().zip([1.75, 0.75, -0.25, -1.25]) {
             assert!((found.unwrap() - expected).abs() < 1e-6, "{times:?}");

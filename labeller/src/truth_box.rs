@@ -1,7 +1,7 @@
 //! The true box of the aircraft in a picture: its mesh at its pose, seen by a calibrated camera.
 //!
 //! The box spans the projected vertices in continuous pixel coordinates (pixel centres at whole numbers): its centre is the
-//! middle of their extremes, its edges touch the outermost ones.
+//! midpoint of their extremes, its edges touch the outermost ones.
 
 use airframe::Mesh;
 use dataset::camera::Camera;
@@ -16,21 +16,21 @@ const NEAR_M: f64 = 0.1;
 /// Samples along the longer side of the box when the visible part of a silhouette is counted: at 21 pixels a grid of 1/24 pixel.
 const SAMPLES: usize = 512;
 
-/// What a camera sees of the aircraft.
+/// The visible aircraft in a camera's picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Projection {
     /// Box of the projected mesh, clipped to the picture.
     pub pixel_box: PixelBox,
-    /// Part of the silhouette that lies inside the picture and above the ground, 0 to 1.
+    /// Part of the silhouette inside the picture and above the ground, 0 to 1.
     pub visible_fraction: f64,
-    /// Part of the unclipped box that lies outside the picture, 0 to 1.
+    /// Part of the unclipped box outside the picture, 0 to 1.
     pub truncation: f64,
     /// Distance of the centre of gravity from the camera, metres.
     pub range_m: f64,
 }
 
-/// Projects the aircraft; `None` if nothing of it can be seen in the picture. The ground is level at `ground_msl_m`: what a
-/// mesh has below it is hidden, as the camera stands above.
+/// Projects the aircraft; `None` if none of it is visible in the picture. The ground is level at `ground_msl_m`: parts of the mesh
+/// below it are hidden, as the camera stands above.
 pub fn project(mesh: &Mesh, pose: &Pose, camera: &Camera, ground_msl_m: f64) -> Option<Projection> {
     let body = BodyInCamera::new(mesh, pose, camera, ground_msl_m);
     let outline = body.outline(camera)?;
@@ -68,7 +68,7 @@ impl<'a> BodyInCamera<'a> {
         let camera_from_ecef = camera.ecef_from_camera.transpose();
         let camera_from_body = camera_from_ecef * pose.ecef_from_body();
         let origin = camera.to_camera(pose.position().to_ecef());
-        // The tangent plane below the aircraft: within its length the ellipsoid leaves it by 0.03 mm.
+        // The tangent plane below the aircraft: over its length the ellipsoid deviates by 0.03 mm.
         let foot = dataset::geodesy::Geodetic {
             altitude_msl_m: ground_msl_m,
             ..pose.position()
@@ -85,7 +85,7 @@ impl<'a> BodyInCamera<'a> {
                 normal: up,
                 offset_m: up.dot(camera.to_camera(foot.to_ecef())),
             },
-            // Bent light makes the aircraft appear elsewhere, not farther.
+            // Refraction makes the aircraft appear elsewhere, not farther away.
             range_m: match camera.refraction {
                 None => origin.length(),
                 Some(_) => camera.center_ecef_m.distance(pose.position().to_ecef()),

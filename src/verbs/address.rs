@@ -1,11 +1,11 @@
-//! `--sim` of verbs that talk to a simulator that runs already.
+//! `--sim` of verbs that connect to a running simulator.
 
 use std::net::{SocketAddr, ToSocketAddrs};
 
 use crate::failure::Failure;
 
-/// Which simulator is meant: the one at an address (of a name with several, the first of IPv4, on which X-Plane listens), or with
-/// `auto` the one that announces itself, which is `None`.
+/// The address of the simulator (of a host name with several, the first IPv4 one, on which X-Plane listens); `None` with `auto`,
+/// for the one that announces itself.
 pub(super) fn simulator(text: &str) -> Result<Option<SocketAddr>, Failure> {
     if text == "auto" {
         return Ok(None);

@@ -1,4 +1,4 @@
-//! The runtime under the verbs that talk over sockets.
+//! The async runtime for verbs that use sockets.
 
 use std::io;
 

@@ -1,5 +1,5 @@
-//! The files of the whole corpus, `plan.json`, `splits.json` and `corpus.toml`, here and in an object store: whether each is what it
-//! should be, whether they belong together, and which of two forms has the last word.
+//! The files of the whole corpus, `plan.json`, `splits.json` and `corpus.toml`, local and in an object store: whether each is
+//! valid, whether they belong together, and which of two versions wins.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,14 +10,14 @@ use generator::plan::{Plan, assign_sides};
 use generator::sweep::SplitFractions;
 use serde::Deserialize;
 
-/// One of the files, read and found sound.
+/// One of the files, read and valid.
 pub(super) enum CorpusFile {
     Plan(Box<Plan>),
     Splits(Splits),
     Sweep(SweepHead),
 }
 
-/// What the text of a sweep says without the files that it names.
+/// What a sweep's text determines without the files that it names.
 #[derive(Deserialize)]
 pub(super) struct SweepHead {
     corpus: generator::sweep::Corpus,
@@ -25,22 +25,22 @@ pub(super) struct SweepHead {
     split: SplitFractions,
 }
 
-/// How our form of a file stands to theirs.
+/// How the local version of a file relates to the remote one.
 pub(super) enum Standing {
     /// They say the same.
     Same,
-    /// Ours has what theirs has, and more.
+    /// The local one contains the remote one, and more.
     OursHasMore,
-    /// Theirs has what ours has, and more.
+    /// The remote one contains the local one, and more.
     TheirsHasMore,
     /// They contradict each other.
     Conflict(String),
-    /// Nothing in them says which is right: it goes with the plan.
+    /// The files themselves do not decide: it follows the plan.
     AsThePlan,
 }
 
 impl CorpusFile {
-    /// Reads a file by its name; what is wrong with it, in words.
+    /// Reads a file by its name; the error says what is wrong with it.
     pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<Self, String> {
         if bytes.iter().all(u8::is_ascii_whitespace) {
             return Err("it is empty".into());
@@ -65,7 +65,7 @@ impl CorpusFile {
         }
     }
 
-    /// How this file stands to the one of the same name there.
+    /// How this file relates to the remote one of the same name.
     pub(super) fn standing(&self, theirs: &Self) -> Standing {
         match (self, theirs) {
             (Self::Plan(ours), Self::Plan(theirs)) => {
@@ -105,14 +105,14 @@ impl CorpusFile {
     }
 }
 
-/// The files of one corpus that are there, with their bytes.
+/// The existing files of one corpus, with their bytes.
 #[derive(Default)]
 pub(super) struct CorpusFiles {
     files: BTreeMap<&'static str, (Vec<u8>, CorpusFile)>,
 }
 
 impl CorpusFiles {
-    /// Adds a file that is there.
+    /// Adds an existing file.
     pub(super) fn add(&mut self, name: &'static str, bytes: Vec<u8>) -> Result<(), String> {
         let file = CorpusFile::parse(name, &bytes)?;
         self.files.insert(name, (bytes, file));
@@ -137,7 +137,7 @@ impl CorpusFiles {
         }
     }
 
-    /// Checks that the files belong to one corpus: name of the file that does not, and why.
+    /// Checks that the files belong to one corpus; the error names the file that does not, and the reason.
     pub(super) fn check_together(&self) -> Result<(), (&'static str, String)> {
         let Some(plan) = self.plan() else {
             return Ok(());
@@ -174,20 +174,20 @@ impl CorpusFiles {
         Ok(())
     }
 
-    /// A split made again from the plan, for a corpus that lost it; `None` without plan and sweep.
+    /// A split regenerated from the plan, for a corpus that lost it; `None` without plan and sweep.
     pub(super) fn split_again(&self) -> Option<Result<Splits, String>> {
         let (plan, sweep) = (self.plan()?, self.sweep()?);
         Some(assign_sides(plan, &sweep.split, sweep.corpus.seed, None))
     }
 
-    /// Names of the files that are not there.
+    /// Names of the missing files.
     pub(super) fn missing(&self) -> impl Iterator<Item = &'static str> {
         let names = Corpus::FILES.into_iter();
         names.filter(|name| !self.files.contains_key(name))
     }
 }
 
-/// What is said of a split that was made again.
+/// The message about a regenerated split.
 pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been made again from plan and seed; if the corpus was ever added to, its \
                                       sides may not be those of before: train again before you evaluate";
 

@@ -1,4 +1,4 @@
-//! `dtd demo`: the whole chain at small scale.
+//! `dtd demo`: the whole pipeline at small scale.
 
 mod own_folder;
 

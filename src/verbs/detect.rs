@@ -1,4 +1,4 @@
-//! `dtd detect`: the aircraft in the decoded videos.
+//! `dtd detect`: finds the aircraft in the decoded videos.
 
 use std::path::Path;
 
@@ -52,7 +52,7 @@ pub(crate) fn detect(
         bar.set_done(progress.done);
     })
     .map_err(|error| match error {
-        // A file that is no detector, or no library, will be none the next time.
+        // A file that is not a detector, or not a library, will not become one on a retry.
         labeller::Error::Model { .. }
         | labeller::Error::Runtime(_)
         | labeller::Error::Option { .. } => Failure::bad_input(error),
@@ -67,7 +67,7 @@ pub(crate) fn detect(
     Ok(outcome)
 }
 
-/// Refuses what is no file and so no detector.
+/// Rejects a path that is not a file and so not a detector.
 pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
     if model.is_file() {
         return Ok(());

@@ -1,4 +1,4 @@
-//! `dtd doctor`: a live connection examined point by point.
+//! `dtd doctor`: examines a live connection point by point.
 
 use std::path::{Path, PathBuf};
 
@@ -14,12 +14,12 @@ use super::output::print_json;
 use crate::args::DoctorArgs;
 use crate::failure::{Ending, Failure};
 
-/// What most people record first.
+/// The sweep that most people record first.
 const USUAL_SWEEP: &str = "demo.toml";
 
 /// Runs the verb. Fails if a check does.
 pub(crate) fn run(args: &DoctorArgs) -> Outcome {
-    // Without an address, whoever announces itself is examined.
+    // Without an address, the X-Plane that announces itself is examined.
     let address = match &args.sim {
         Some(text) => simulator(text)?,
         None => None,
@@ -66,7 +66,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
     }
 }
 
-/// The sweep that is meant, and the size of its pictures.
+/// The sweep in question, and the size of its pictures.
 fn intent(sweep: Option<&Path>) -> Result<Option<Intent>, Failure> {
     let file = match sweep {
         Some(file) => file.to_owned(),

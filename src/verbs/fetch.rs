@@ -1,4 +1,4 @@
-//! `dtd fetch`: a corpus from an object store into a folder.
+//! `dtd fetch`: downloads a corpus from an object store into a folder.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -22,21 +22,21 @@ use crate::progress::Bar;
 /// What happened to the scenarios.
 #[derive(Default, Serialize)]
 struct Mirror {
-    /// Brought by this call.
+    /// Downloaded by this call.
     fetched: Vec<String>,
     /// There already.
     unchanged: Vec<String>,
-    /// There already with other content, and left alone.
+    /// Existing locally with other content, and left alone.
     different: Vec<String>,
     /// Damaged in the store, with the reason.
     failed: Vec<Lost>,
-    /// Models' detections that were brought, as ID/MODEL.
+    /// Models' detections that were downloaded, as ID/MODEL.
     detections: Vec<String>,
-    /// Of these, those that took the place of damaged ones.
+    /// Of these, those that replaced damaged ones.
     replaced_detections: Vec<String>,
     /// Models' detections that were left alone.
     left_detections: Vec<Lost>,
-    /// What was decided about the files of the whole corpus, where there was something to decide.
+    /// Decisions about the files of the whole corpus, if any.
     corpus_files: Vec<String>,
 }
 
@@ -117,7 +117,7 @@ async fn mirror(
                 mirror.different.push(id.clone());
                 continue;
             }
-            // Taken away since we listed it: somebody is replacing it.
+            // Deleted since we listed it: it is being replaced.
             Ok(Fetched::NotCommitted) => {
                 mirror.failed.push(Lost {
                     id: id.clone(),
@@ -156,7 +156,7 @@ async fn mirror(
     Ok(mirror)
 }
 
-/// The committed scenarios that are asked for.
+/// The requested committed scenarios.
 fn wanted(
     committed: BTreeSet<String>,
     args: &FetchArgs,
@@ -181,8 +181,8 @@ fn wanted(
     Ok(committed.into_iter().filter(is_wanted).collect())
 }
 
-/// Brings plan, split and sweep where there are none, or damaged ones, or ones that the store's only add to. Ours stay where they have more;
-/// where they say something else, this is another corpus. Returns what was decided.
+/// Downloads plan, split and sweep if they are missing or damaged locally, or if the store's versions only add to them. Local ones
+/// that contain more stay; if they contradict the store's, this is another corpus. Returns the decisions.
 async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<String>, Failure> {
     let damaged = |name: &str, reason: String| {
         Failure::Failed(anyhow::anyhow!(
@@ -201,7 +201,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
     theirs
         .check_together()
         .map_err(|(name, reason)| damaged(name, reason))?;
-    // Nobody else changes them meanwhile.
+    // Nobody else changes them in the meantime.
     let _claim = corpus.claim().map_err(Failure::of_corpus)?;
     let mut said = Vec::new();
     let mut to_write = Vec::new();

@@ -1,4 +1,4 @@
-//! `dtd generate`: the recorded scenarios of a sweep.
+//! `dtd generate`: records the scenarios of a sweep.
 
 use std::collections::BTreeMap;
 use std::env;
@@ -74,7 +74,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
     ending_of(&generated)
 }
 
-/// The folder to record into, and where it goes from there.
+/// The folder to record into, and where it is uploaded to.
 fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
     match &args.out {
         Place::Folder(_) if args.staging.is_some() || args.keep_staged => {
@@ -98,7 +98,7 @@ fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
     }
 }
 
-/// The part of the plan that is asked for, or that the scheduler's environment names.
+/// The requested part of the plan, or the one named by the scheduler's environment.
 fn shard(args: &GenerateArgs) -> Result<Shard, Failure> {
     if let Some(shard) = args.shard {
         return Ok(shard);
@@ -113,7 +113,7 @@ fn shard(args: &GenerateArgs) -> Result<Shard, Failure> {
     })
 }
 
-/// Options to make all of a sweep.
+/// Options to record all of a sweep.
 pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure> {
     Ok(GenerateOptions {
         simulators,
@@ -127,7 +127,7 @@ pub(crate) fn options(simulators: Simulators) -> Result<GenerateOptions, Failure
     })
 }
 
-/// How a run that ended so ends for the shell; says on stderr what a person has to know.
+/// The exit status of a run; prints what the user must know to stderr.
 pub(crate) fn ending_of(generated: &Generated) -> Outcome {
     match &generated.stopped {
         Some(Stopped::Interrupted)
@@ -160,13 +160,13 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
     }
 }
 
-/// Makes the scenarios of a sweep with a progress bar. Ctrl-C or SIGTERM ends it after the current pictures; nothing is lost.
+/// Records the scenarios of a sweep with a progress bar. Ctrl-C or SIGTERM ends it after the current pictures; nothing is lost.
 pub(crate) fn generate(
     sweep: &Sweep,
     corpus: &Path,
     options: &GenerateOptions,
 ) -> Result<Generated, Failure> {
-    // A simulator that cannot be connected to is waited for; a variable that is wrong stays so.
+    // A simulator that cannot be reached is retried; a wrong variable stays wrong.
     WebApiPlace::from_environment().map_err(Failure::bad_input)?;
     let mut show = ShowEvents::new();
     let cancel = Cancel::default();
@@ -176,7 +176,7 @@ pub(crate) fn generate(
     }));
     drop(stoppable);
     match result {
-        // Stopped so early that nothing was begun.
+        // Stopped before anything was started.
         Err(GenerateError::Cancelled) => Ok(Generated {
             stopped: Some(Stopped::Interrupted),
             ..Generated::default()
@@ -190,11 +190,11 @@ pub(crate) fn generate(
 /// Turns the generator's events into a bar and lines.
 struct ShowEvents {
     bar: Bar,
-    /// Ticks of the scenarios that are made.
+    /// Ticks of the scenarios in progress.
     before: u64,
-    /// Ticks of all scenarios: planned ones for those to come, since a live flight takes as long as it takes.
+    /// Ticks of all scenarios: planned numbers for the remaining ones, since live flights vary.
     total: u64,
-    /// The scenarios that are being made.
+    /// The scenarios in progress.
     current: BTreeMap<String, Current>,
 }
 
@@ -219,7 +219,7 @@ impl ShowEvents {
         self.bar.set_done(self.before + current);
     }
 
-    /// A scenario that is made no longer, with so many ticks that count as done.
+    /// A scenario that ended, with the ticks that count as done.
     fn ended(&mut self, id: &str, ticks: u64) {
         self.current.remove(id);
         self.before += ticks;

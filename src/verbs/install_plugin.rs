@@ -1,4 +1,4 @@
-//! `dtd install-plugin`: our plugin into an X-Plane folder.
+//! `dtd install-plugin`: installs our plugin into an X-Plane folder.
 
 use xplane_bridge::install::{FileChange, install_plugin};
 

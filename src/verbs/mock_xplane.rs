@@ -16,7 +16,7 @@ use crate::args::{MockXplaneArgs, WindowSize};
 use crate::failure::{Ending, Failure};
 use crate::signals;
 
-/// A faster clock makes frames longer. Longer than this, and a flight cannot be followed from frame to frame.
+/// A faster clock makes frames longer. Above this length, a flight cannot be followed from frame to frame.
 const LONGEST_FRAME_S: f64 = 0.1;
 
 /// Runs the verb, until it is stopped.
@@ -65,7 +65,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
         }
         Ok(Ending::Done)
     });
-    // A picture that is being drawn for nobody need not be finished.
+    // A picture that nobody waits for need not be finished.
     runtime.shutdown_background();
     ending
 }

@@ -1,4 +1,4 @@
-//! A corpus in an object store, as a person names it: what its failures mean for the shell, where its stage is, how waiting for it shows.
+//! Object stores on the command line: exit codes of their failures, the stage, and how waiting is displayed.
 
 use std::env;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use store::{StoreError, StoreUrl, Watch};
 use crate::failure::Failure;
 use crate::progress::Bar;
 
-/// A failure of the store, or what the caller has to mend.
+/// A failure of the store, or something that the caller must fix.
 pub(super) fn failure_of(error: StoreError) -> Failure {
     match error {
         StoreError::Local(error) => Failure::of_corpus(error),
@@ -17,7 +17,7 @@ pub(super) fn failure_of(error: StoreError) -> Failure {
     }
 }
 
-/// The usual stage of a URL: in the user's cache, which outlives a restart, unlike the folder for temporary files.
+/// The default stage of a URL: in the user's cache, which survives a reboot, unlike the folder for temporary files.
 pub(super) fn usual_stage(url: &StoreUrl) -> PathBuf {
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME")
@@ -28,7 +28,7 @@ pub(super) fn usual_stage(url: &StoreUrl) -> PathBuf {
     cache.join("dtd").join("staging").join(url.folder_name())
 }
 
-/// Says on a bar when the store is waited for.
+/// Shows on a bar when the store is being retried.
 pub(super) struct OnBar<'a>(pub(super) &'a Bar);
 
 impl Watch for OnBar<'_> {

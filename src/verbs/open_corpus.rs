@@ -6,7 +6,7 @@ use dataset::corpus::Corpus;
 
 use crate::failure::Failure;
 
-/// The corpus in a folder. One that is not there is the caller's to mend.
+/// The corpus in a folder. A missing one is an input error.
 pub(crate) fn open_corpus(root: &Path) -> Result<Corpus, Failure> {
     Corpus::open(root).map_err(Failure::bad_input)
 }

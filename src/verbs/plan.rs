@@ -1,4 +1,4 @@
-//! `dtd plan`: what a sweep expands to, what it costs, and how it differs from a corpus.
+//! `dtd plan`: the scenarios of a sweep, their cost, and how they differ from a corpus.
 
 mod show;
 
@@ -16,7 +16,7 @@ use super::output::print_json;
 use crate::args::PlanArgs;
 use crate::failure::{Ending, Failure};
 
-/// Where the README puts a corpus: looked at without being asked.
+/// The README's name for a corpus: compared with by default.
 const USUAL_CORPUS: &str = "corpus";
 
 /// Runs the verb.
@@ -45,7 +45,7 @@ pub(crate) fn read_plan(path: &Path) -> Result<(Sweep, Plan), Failure> {
     Ok((sweep, plan))
 }
 
-/// The corpus that the arguments name, or the one at the usual place if it was made from a sweep of this name.
+/// The corpus that the arguments name, or the default one if it was made from a sweep of this name.
 fn corpus_to_compare(args: &PlanArgs, plan: &Plan) -> Result<Option<Corpus>, Failure> {
     if let Some(root) = &args.against {
         return Corpus::open(root).map(Some).map_err(Failure::bad_input);
@@ -63,13 +63,13 @@ struct Compared {
     against: Against,
 }
 
-/// All that is said about a plan.
+/// Everything that is reported about a plan.
 struct Report<'a> {
     plan: &'a Plan,
     compared: Option<&'a Compared>,
     /// What the whole plan costs.
     estimate: Estimate,
-    /// What is left of that.
+    /// The remaining part of that.
     left: Option<Estimate>,
 }
 
@@ -143,7 +143,7 @@ struct Document<'a> {
 struct Row<'a> {
     #[serde(flatten)]
     scenario: ScenarioSummary<'a>,
-    /// Only where there is a corpus to compare with.
+    /// Only if there is a corpus to compare with.
     #[serde(skip_serializing_if = "Option::is_none")]
     standing: Option<Standing>,
 }

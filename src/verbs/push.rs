@@ -1,4 +1,4 @@
-//! `dtd push`: a corpus from a folder into an object store.
+//! `dtd push`: uploads a corpus from a folder to an object store.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -22,25 +22,25 @@ use crate::progress::Bar;
 /// What happened to the corpus.
 #[derive(Default, Serialize)]
 struct Sent {
-    /// Scenarios that this call sent.
+    /// Scenarios that this call uploaded.
     pushed: Vec<String>,
-    /// Of these, those of which the store had another content, which was older.
+    /// Of these, those that replaced older content in the store.
     replaced: Vec<String>,
     /// Committed already, with this content.
     unchanged: Vec<String>,
-    /// Scenarios, and detections as ID/MODEL, that were not sent.
+    /// Scenarios, and detections as ID/MODEL, that were not uploaded.
     refused: Vec<Refused>,
-    /// Models' detections that were sent, as ID/MODEL.
+    /// Models' detections that were uploaded, as ID/MODEL.
     detections: Vec<String>,
-    /// Of these, those that took the place of older ones.
+    /// Of these, those that replaced older ones.
     replaced_detections: Vec<String>,
-    /// What was decided about the files of the whole corpus, where there was something to decide.
+    /// Decisions about the files of the whole corpus, if any.
     corpus_files: Vec<String>,
-    /// Unfinished uploads of earlier calls that were cleared.
+    /// Incomplete uploads of earlier calls that were cleared.
     cleared: usize,
 }
 
-/// Something that was not sent.
+/// Something that was not uploaded.
 #[derive(Serialize)]
 struct Refused {
     what: String,
@@ -90,7 +90,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
     let ids: BTreeSet<String> = scenarios.iter().map(|folder| folder.id()).collect();
     match store.clear_unfinished(&ids).await {
         Ok(cleared) => sent.cleared = cleared,
-        // They cost room and do no harm; whoever may write may not always list them.
+        // They use space and do no harm; write permission does not imply permission to list.
         Err(error) => bar.say(&format!("unfinished uploads are left there: {error}")),
     }
     send_corpus_files(&files, store, &mut sent).await?;
@@ -148,7 +148,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
     Ok(sent)
 }
 
-/// Plan, split and sweep, each sound and of one corpus; nothing is sent yet. A split that was lost is made again.
+/// Plan, split and sweep, each valid and of one corpus; nothing is uploaded yet. A lost split is regenerated.
 async fn files_to_send(
     corpus: &Corpus,
     store: &CorpusStore,
@@ -205,8 +205,8 @@ async fn files_to_send(
     Ok(files)
 }
 
-/// Sends plan, split and sweep where the store has none, a damaged one or one that ours only adds to. One that says something else is
-/// refused; one that has more stays.
+/// Uploads plan, split and sweep if the store has none, a damaged one or one that ours only adds to. One that contradicts ours is
+/// an error; one that contains more stays.
 async fn send_corpus_files(
     files: &CorpusFiles,
     store: &CorpusStore,
@@ -262,7 +262,7 @@ async fn send_corpus_files(
     Ok(())
 }
 
-/// Why a file of the whole corpus was not sent.
+/// Why a file of the whole corpus was not uploaded.
 enum NotSent {
     Store(StoreError),
     Conflict {

@@ -1,4 +1,4 @@
-//! `dtd record`: a session with X-Plane on a tape.
+//! `dtd record`: records a session with X-Plane on a tape.
 
 use std::env;
 use std::net::SocketAddr;
@@ -20,7 +20,7 @@ use crate::args::RecordArgs;
 use crate::failure::{Ending, Failure};
 use crate::signals;
 
-/// How long a simulator that is there may take to answer.
+/// How long a running simulator may take to answer.
 const ANSWER_WITHIN: Duration = Duration::from_secs(2);
 
 /// Runs the verb, until it is stopped.
@@ -80,7 +80,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
     Ok(Ending::Done)
 }
 
-/// A stand-in of our own, if that is to be recorded: as long as the recorder runs.
+/// A stand-in of our own, if requested: runs as long as the recorder.
 fn own_stand_in(sim: &str, runtime: &Runtime) -> Result<Option<StandIn>, Failure> {
     let task = match sim {
         "mock" => StandInTask::Simulate,
@@ -91,7 +91,7 @@ fn own_stand_in(sim: &str, runtime: &Runtime) -> Result<Option<StandIn>, Failure
     Ok(Some(started.map_err(anyhow::Error::from)?))
 }
 
-/// Where the one simulator is that announces itself.
+/// Address of the one simulator that announces itself.
 async fn announced() -> Result<SocketAddr, Failure> {
     match the_announced(DISCOVERY_TIMEOUT).await {
         Ok(one) => {
@@ -103,8 +103,8 @@ async fn announced() -> Result<SocketAddr, Failure> {
     }
 }
 
-/// Says so if nobody answers there: a wrong address would otherwise show in an empty tape only. Asked beside the recorder, so that
-/// the question is on no tape.
+/// Warns if nobody answers there: otherwise a wrong address would show only as an empty tape. Sent outside the recorder, so that
+/// the probe is on no tape.
 async fn look_for(address: SocketAddr) {
     if !somebody_answers(address, ANSWER_WITHIN).await {
         eprintln!(

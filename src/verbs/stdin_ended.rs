@@ -1,17 +1,17 @@
-//! Standard input as a leash: it ends when whoever started the process ends, even when killed.
+//! Ends the process when standard input ends, which happens when its parent ends, even if killed.
 
 use std::io::{self, Read};
 use std::thread;
 
 use tokio::sync::oneshot;
 
-/// Waits until standard input ends. A thread of its own: reading it cannot be cancelled, and must not keep the runtime alive.
+/// Waits until standard input ends. On a separate thread: reading it cannot be cancelled, and must not keep the runtime alive.
 pub(super) async fn stdin_ended() {
     let (ended, wait) = oneshot::channel();
     thread::spawn(move || {
         let mut ignored = [0; 64];
         while matches!(io::stdin().read(&mut ignored), Ok(1..)) {}
-        // Nobody listens any more if the stand-in was stopped otherwise.
+        // Nobody listens any more if the stand-in was stopped in another way.
         let _ = ended.send(());
     });
     let _ = wait.await;

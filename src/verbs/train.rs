@@ -1,4 +1,4 @@
-//! `dtd train`: the distance estimators of a corpus.
+//! `dtd train`: trains the distance estimators of a corpus.
 
 use std::path::Path;
 
@@ -14,7 +14,7 @@ use crate::args::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
-/// What programs read of a training.
+/// The result of a training for programs.
 #[derive(Serialize)]
 struct Trained<'a> {
     run: &'a Path,
@@ -55,7 +55,7 @@ pub(crate) fn train(
     trainer::train(corpus, out, config, &mut Bars::default()).map_err(failure_of)
 }
 
-/// A fault of the trainer that the caller has to mend, or one of the machine.
+/// An error of the trainer that the caller must fix, or one of the machine.
 pub(crate) fn failure_of(error: trainer::Error) -> Failure {
     match error {
         trainer::Error::Setting { .. }

@@ -1,4 +1,4 @@
-//! `dtd train-detector`: the detector that `dtd detect` uses, from a labelled corpus.
+//! `dtd train-detector`: trains the detector for `dtd detect` on a labelled corpus.
 
 use trainer::detector::training::Effort;
 use trainer::detector::{DetectorConfig, train_detector};

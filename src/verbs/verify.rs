@@ -1,4 +1,4 @@
-//! `dtd verify`: proof that a corpus is whole and synchronised.
+//! `dtd verify`: checks that a corpus is complete and synchronised.
 
 use dataset::corpus::Corpus;
 use dataset::verify::{VerifyOptions, VerifyReport, verify_with};
@@ -44,7 +44,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
     }
 }
 
-/// What the pictures prove, and what is not there to prove anything.
+/// The evidence from the pictures, and what has none.
 fn print_proof(report: &VerifyReport) {
     let clear: usize = report.views.iter().map(|view| view.clear_boxes).sum();
     let filled: usize = report.views.iter().map(|view| view.filled_boxes).sum();

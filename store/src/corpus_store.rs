@@ -1,4 +1,4 @@
-//! A corpus in an object store: what is committed in it, and the files that belong to the whole of it.
+//! A corpus in an object store: its committed scenarios, and the files of the whole corpus.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -24,15 +24,15 @@ use crate::place::StoreUrl;
 pub(crate) const SCENARIOS: &str = "scenarios";
 /// Key of the metadata that holds an object's hash.
 const HASH: &str = "blake3";
-/// Looking for credentials may ask services that are not there; a person waits no longer than this for the first word.
+/// Looking for credentials may query services that do not exist; this limits the wait for a first answer.
 const FIRST_WORD: Duration = Duration::from_secs(20);
-/// Small questions under way at once.
+/// Small requests in parallel.
 const QUESTIONS_AT_ONCE: usize = 16;
-/// The largest object that is read whole: a plan of a hundred thousand scenarios. Anything larger is nothing of ours.
+/// The largest object that is read into memory: a plan of a hundred thousand scenarios. Anything larger is not ours.
 const MOST_BYTES: u64 = 256 << 20;
-/// A file of a store that is a folder. How large it may be depends on what it is.
+/// A file of a store that is a folder. Its maximum size depends on its kind.
 const OBJECT: FileKind = FileKind::new("object", u64::MAX);
-/// Rounds with others who write the same file at the same time.
+/// Retries against others who write the same file at the same time.
 const ROUNDS: u32 = 8;
 
 /// A corpus in an object store.
@@ -40,15 +40,15 @@ const ROUNDS: u32 = 8;
 pub struct CorpusStore {
     pub(crate) store: Arc<dyn ObjectStore>,
     root: ObjectPath,
-    /// The folder, if it is one: its objects carry no metadata, and what lies there may be no file at all.
+    /// The folder, if it is one: its objects carry no metadata, and an entry may not be a regular file.
     folder: Option<PathBuf>,
     /// The URL, for messages.
     name: String,
-    /// Where unfinished uploads are found.
+    /// Where incomplete uploads are listed.
     pub(crate) unfinished: Unfinished,
 }
 
-/// What a listing says of an object.
+/// Attributes of an object from a listing.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ObjectInfo {
     pub(crate) bytes: u64,
@@ -56,31 +56,31 @@ pub(crate) struct ObjectInfo {
     pub(crate) modified: SystemTime,
 }
 
-/// Whose form of a file to keep.
+/// Which version of a file to keep.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
     /// The caller's.
     Ours,
-    /// The one that is there.
+    /// The existing one.
     Theirs,
 }
 
-/// What became of a file of the whole corpus.
+/// The result for a file of the whole corpus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Settled {
     /// It was sent.
     Sent,
-    /// The same was there.
+    /// The same content existed.
     Same,
-    /// Another one was there and stays.
+    /// Other content existed and stays.
     Theirs,
 }
 
 impl CorpusStore {
-    /// A corpus to be read or, with `create`, to be written. Nothing is asked of the store yet.
+    /// A corpus to read or, with `create`, to write. The store is not contacted yet.
     ///
     /// # Errors
-    /// The environment does not say how to reach it.
+    /// The environment lacks what is needed to reach it.
     pub fn open(url: &StoreUrl, create: bool) -> Result<Self> {
         let Opened {
             store,
@@ -114,10 +114,10 @@ impl CorpusStore {
         &self.name
     }
 
-    /// Whether the store answers and lets us in, said within seconds.
+    /// Checks within seconds whether the store answers and grants access.
     ///
     /// # Errors
-    /// No such bucket, wrong credentials, no answer: each its own.
+    /// No such bucket, wrong credentials, no answer: separate errors.
     pub async fn check(&self) -> Result<()> {
         let look = async {
             let mut found = self.store.list(Some(&self.root));
@@ -167,7 +167,7 @@ impl CorpusStore {
         Ok(self.dated_seal(id).await?.map(|(seal, _)| seal))
     }
 
-    /// The same with the time at which it was committed, by the store's clock.
+    /// The same with its commit time, by the store's clock.
     pub(crate) async fn dated_seal(&self, id: &str) -> Result<Option<(Seal, SystemTime)>> {
         let name = scenario_file(id, DONE);
         let Some((text, object)) = self.read_object(&name).await? else {
@@ -182,7 +182,7 @@ impl CorpusStore {
         }
     }
 
-    /// The seals of several scenarios; those that are not committed are left out.
+    /// The seals of several scenarios; uncommitted ones are left out.
     pub async fn seals(
         &self,
         ids: impl IntoIterator<Item = String>,
@@ -198,7 +198,7 @@ impl CorpusStore {
             .await
     }
 
-    /// A small file, if it is there; named as in the corpus' folder.
+    /// A small file, if it exists; named as in the corpus' folder.
     pub async fn read(&self, name: &str) -> Result<Option<Vec<u8>>> {
         Ok(self.read_object(name).await?.map(|(bytes, _)| bytes))
     }
@@ -228,9 +228,9 @@ impl CorpusStore {
         self.folder.is_none()
     }
 
-    /// An object, if it is there.
+    /// An object, if it exists.
     pub(crate) async fn get(&self, name: &str, options: GetOptions) -> Result<Option<GetResult>> {
-        // Nobody writes to the other end of a FIFO: opening it would not end.
+        // Nobody writes to the other end of a FIFO: opening it would block forever.
         if let Some(folder) = &self.folder
             && let Err(error) = outside_file::open(&folder.join(name), OBJECT)
             && !error.is_not_found()
@@ -247,14 +247,14 @@ impl CorpusStore {
         }
     }
 
-    /// Writes a small file, whatever is there; named as in the corpus' folder.
+    /// Writes a small file unconditionally; named as in the corpus' folder.
     pub async fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
         self.put(name, bytes, PutMode::Overwrite)
             .await
             .map_err(|error| self.error(&format!("write {name}"), &error))
     }
 
-    /// Takes a small file away, if it is there. Asks first: whoever may write may not always delete.
+    /// Deletes a small file, if it exists. Checks first: write permission does not imply permission to delete.
     pub async fn remove(&self, name: &str) -> Result<()> {
         if self.read(name).await?.is_none() {
             return Ok(());
@@ -265,7 +265,7 @@ impl CorpusStore {
         }
     }
 
-    /// Names of the files that lie right in a folder of the corpus.
+    /// Names of the files directly in a folder of the corpus.
     pub async fn names_in(&self, folder: &str) -> Result<BTreeSet<String>> {
         let folder_key = self.key(folder);
         let list = self.store.list_with_delimiter(Some(&folder_key)).await;
@@ -276,15 +276,15 @@ impl CorpusStore {
             .collect())
     }
 
-    /// Puts a file of the whole corpus there, unless it is there already. Where another one is, `judge` sees it and decides. Of several
-    /// who do this at once one is first, and the others judge its file: the store compares, where it can (If-None-Match, If-Match).
+    /// Writes a file of the whole corpus unless it exists. If another one exists, `judge` sees it and decides. Of several
+    /// concurrent writers one is first, and the others judge its file: the store compares, if it can (If-None-Match, If-Match).
     pub async fn settle<E: From<StoreError>>(
         &self,
         name: &str,
         ours: &[u8],
         mut judge: impl FnMut(&[u8]) -> std::result::Result<Keep, E>,
     ) -> std::result::Result<Settled, E> {
-        // Tried first even if the file is likely to be there: so whoever may not write hears of it now, not after the first scenario.
+        // Tried first even if the file probably exists: so missing write permission shows now, not after the first scenario.
         let mut mode = PutMode::Create;
         for _ in 0..ROUNDS {
             match self.put(name, ours, mode).await {
@@ -297,7 +297,7 @@ impl CorpusStore {
                 Err(error) => return Err(self.error(&format!("write {name}"), &error).into()),
             }
             mode = match self.read_object(name).await? {
-                // Stores without conditions.
+                // Stores without conditional writes.
                 None => PutMode::Overwrite,
                 Some((theirs, _)) if theirs == ours => return Ok(Settled::Same),
                 Some((theirs, object)) => match judge(&theirs)? {
@@ -306,7 +306,7 @@ impl CorpusStore {
                         e_tag: object.e_tag,
                         version: object.version,
                     }),
-                    // Folders know no versions.
+                    // Folders have no versions.
                     Keep::Ours => PutMode::Overwrite,
                 },
             };
@@ -330,7 +330,7 @@ impl CorpusStore {
         Ok(())
     }
 
-    /// All objects that a scenario has, committed or not, by their names within the scenario.
+    /// All objects of a scenario, committed or not, by their names within the scenario.
     pub(crate) async fn objects(&self, id: &str) -> Result<BTreeMap<String, ObjectInfo>> {
         let folder = self.key(&scenario_file(id, ""));
         let list = self.store.list(Some(&folder));
@@ -352,7 +352,7 @@ impl CorpusStore {
             .map_err(|error| self.error(&format!("list scenario {id}"), &error))
     }
 
-    /// BLAKE3 hash of an object, if it carries one. A folder's files carry none and are read.
+    /// BLAKE3 hash of an object, if it has one. A folder's files have none and are read.
     pub(crate) async fn hash_of(&self, name: &str) -> Result<Option<String>> {
         let options = GetOptions {
             head: self.keeps_metadata(),
@@ -377,7 +377,7 @@ impl CorpusStore {
         Ok(Some(hasher.finalize().to_string()))
     }
 
-    /// What an object of this hash carries.
+    /// The metadata of an object with this hash.
     pub(crate) fn attributes(&self, blake3: &str) -> Attributes {
         let mut attributes = Attributes::new();
         if self.keeps_metadata() {

@@ -1,6 +1,5 @@
-//! The detections of a scenario on their way. They are not sealed: each model has its own, and table and record are one thing, told apart
-//! from damage by the hash that the record has of the table. Neither way are detections replaced by older ones, and on the way here
-//! never at all.
+//! Transfer of a scenario's detections. They are not sealed: each model has its own, table and record belong together, and the
+//! record's hash of the table reveals damage. Uploads replace only older detections; downloads replace none but damaged ones.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -17,12 +16,12 @@ use crate::error::Result;
 use crate::fetch::claim;
 use crate::patience::Watch;
 
-/// What happened to the detections of a scenario.
+/// The result for the detections of a scenario.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub struct MovedDetections {
-    /// Models whose detections went along.
+    /// Models whose detections were transferred.
     pub moved: Vec<String>,
-    /// Of these, those that took the place of others, which were older or damaged.
+    /// Of these, those that replaced others, which were older or damaged.
     pub replaced: Vec<String>,
     /// Models whose detections were left alone, and why.
     pub left: Vec<LeftDetections>,
@@ -52,7 +51,7 @@ fn files_of(model: &str) -> [String; 2] {
 }
 
 impl CorpusStore {
-    /// Sends the detections of a scenario that the store has not, or has older.
+    /// Uploads the detections of a scenario that the store lacks, or has older.
     pub async fn push_detections(
         &self,
         folder: &ScenarioFolder,
@@ -90,7 +89,7 @@ impl CorpusStore {
             if same {
                 continue;
             }
-            // The record decides, there as here.
+            // The record commits, there as here.
             if let Some(theirs) = there.get(&files[1].name) {
                 let path = record_path(folder, &model);
                 let ours = fs::metadata(&path).and_then(|found| found.modified());
@@ -112,7 +111,7 @@ impl CorpusStore {
         Ok(result)
     }
 
-    /// Brings the detections that a committed scenario has and the folder has not. Those that the folder has stay as they are.
+    /// Downloads the detections that a committed scenario has and the folder lacks. Existing ones in the folder stay as they are.
     pub async fn fetch_detections(
         &self,
         folder: &ScenarioFolder,
@@ -151,7 +150,7 @@ impl CorpusStore {
             match ours {
                 Some(ours) if ours == record_blake3 => match sound(folder, &model) {
                     Ok(_) => continue,
-                    // The same detections, damaged here.
+                    // The same detections, damaged locally.
                     Err(_) => mends = table_there,
                 },
                 None if !table_there => {}
@@ -202,7 +201,7 @@ impl CorpusStore {
     }
 }
 
-/// The provenance of detections whose table is the one that their record tells of, made from this scenario.
+/// The provenance of detections whose table matches their record, made from this scenario.
 fn sound(folder: &ScenarioFolder, model: &str) -> dataset::Result<Provenance> {
     folder.open()?.detections(model)?;
     provenance(folder, model)?
@@ -213,7 +212,7 @@ fn modified(path: &Path) -> Option<SystemTime> {
     fs::metadata(path).ok()?.modified().ok()
 }
 
-/// The models that the objects of a scenario hold detections of.
+/// The models with detections among the objects of a scenario.
 fn models_in(there: &BTreeMap<String, ObjectInfo>) -> Vec<String> {
     let mut models: Vec<String> = there
         .keys()

@@ -1,4 +1,4 @@
-//! What can go wrong with a corpus in an object store, told apart by who can mend it.
+//! Errors of a corpus in an object store, distinguished by who can fix them.
 
 use std::error::Error;
 
@@ -7,10 +7,10 @@ use object_store::client::{HttpError, HttpErrorKind};
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, StoreError>;
 
-/// An object store that cannot be used, or a corpus in it. Every message says which.
+/// An object store that cannot be used, or a corpus in it. Every message names it.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
-    /// The text is no URL of an object store.
+    /// The text is not the URL of an object store.
     #[error("{text}: {why}; expected {}, or a path", crate::place::SCHEMES)]
     BadUrl {
         /// The text.
@@ -18,7 +18,7 @@ pub enum StoreError {
         /// What is wrong with it.
         why: String,
     },
-    /// The environment does not say how to reach the store.
+    /// The environment lacks what is needed to reach the store.
     #[error("{url}: the environment does not say how to reach it: {message}")]
     NotConfigured {
         /// The corpus.
@@ -26,7 +26,7 @@ pub enum StoreError {
         /// What is missing or wrong.
         message: String,
     },
-    /// There is no such bucket, or nothing at this place.
+    /// There is no such bucket, or nothing at this path.
     #[error("{url}: {message}")]
     NotThere {
         /// The corpus.
@@ -34,37 +34,37 @@ pub enum StoreError {
         /// What was looked for.
         message: String,
     },
-    /// The store knows us and says no, or does not know us.
+    /// Access denied, or not authenticated.
     #[error("{url}: the store refuses to {doing}: {message}. {HINT}")]
     Refused {
         /// The corpus.
         url: String,
-        /// What was being done.
+        /// The operation.
         doing: String,
-        /// The store's own words.
+        /// The store's message.
         message: String,
     },
-    /// The store does not answer, or says that it cannot now.
+    /// The store does not answer, or is temporarily unavailable.
     #[error("{url}: the store does not answer, when asked to {doing}: {message}")]
     Away {
         /// The corpus.
         url: String,
-        /// What was being done.
+        /// The operation.
         doing: String,
         /// How it failed.
         message: String,
     },
-    /// Anything else that the store says.
+    /// Any other error of the store.
     #[error("{url}: cannot {doing}: {message}")]
     Failed {
         /// The corpus.
         url: String,
-        /// What was being done.
+        /// The operation.
         doing: String,
-        /// The store's own words.
+        /// The store's message.
         message: String,
     },
-    /// Content that is not what its seal says.
+    /// Content that does not match its seal.
     #[error("{place}: {message}")]
     Damaged {
         /// The folder or URL of the scenario.
@@ -75,33 +75,33 @@ pub enum StoreError {
     /// The local side cannot be read or written.
     #[error(transparent)]
     Local(#[from] dataset::Error),
-    /// The caller wished to stop.
+    /// The caller cancelled.
     #[error("stopped")]
     Stopped,
 }
 
-/// Refusals that do not come as 401 or 403: S3 says 400 to a token that has run out and 301 to a wrong region.
+/// Denials with other codes than 401 or 403: S3 returns 400 for an expired token and 301 for a wrong region.
 const REFUSALS: [&str; 6] = [
     "ExpiredToken",
     "InvalidToken",
     "AuthorizationHeaderMalformed",
     "incorrectly configured region",
-    // Listing does not tell them from other answers.
+    // Listing does not distinguish them from other answers.
     "status code: 401",
     "status code: 403",
 ];
-/// Where a cloud's own machines find their credentials.
+/// Where a cloud's own machines get their credentials.
 const OWN_CREDENTIALS: [&str; 3] = [
     "169.254.169.254",
     "169.254.170.2",
     "metadata.google.internal",
 ];
-/// What a person with wrong credentials looks for.
+/// Advice for wrong credentials.
 const HINT: &str = "Credentials come from the environment (docs/corpus.md), for S3 AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY, \
                     AWS_REGION; from a profile: eval \"$(aws configure export-credentials --format env)\"";
 
 impl StoreError {
-    /// Whether the caller has to change something first: the same call will fail again.
+    /// Whether the caller must change something first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::BadUrl { .. }
@@ -113,16 +113,16 @@ impl StoreError {
         }
     }
 
-    /// Whether the same request may well succeed in a moment.
+    /// Whether the same request may succeed in a moment.
     pub fn is_passing(&self) -> bool {
         matches!(self, Self::Away { .. })
     }
 
-    /// Sorts what a store said. `doing` completes "cannot ...".
+    /// Classifies a store's error. `doing` completes "cannot ...".
     pub(crate) fn of(url: &str, doing: &str, error: &object_store::Error) -> Self {
         let (url, doing) = (url.to_owned(), doing.to_owned());
         let message = in_short(error);
-        // Without credentials the clients ask services that only machines of the cloud have.
+        // Without credentials the clients query services that exist only on the cloud's machines.
         if causes(error)
             .map(ToString::to_string)
             .any(|said| OWN_CREDENTIALS.iter().any(|service| said.contains(service)))
@@ -147,7 +147,7 @@ impl StoreError {
                     "there is no such bucket or object, when asked to {doing}: {message}"
                 ),
             },
-            // Listing does not tell it from other answers.
+            // Listing does not distinguish it from other answers.
             _ if ["NoSuchBucket", "ContainerNotFound", "status code: 404"]
                 .iter()
                 .any(|words| message.contains(words)) =>
@@ -200,8 +200,8 @@ fn is_server_error(message: &str) -> bool {
         .any(|status| message.contains(status))
 }
 
-/// The last cause says what happened, those above it how often it was tried. A server's answer is a page of XML, of which its code and
-/// message are for people.
+/// The last cause is the message, those above it the number of attempts. A server's answer is a page of XML; only its code and
+/// message are of use.
 fn in_short(error: &(dyn Error + 'static)) -> String {
     let last = causes(error)
         .last()

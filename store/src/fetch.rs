@@ -1,4 +1,4 @@
-//! One scenario from the store into a folder, whole or not at all, as `dtd generate` makes it: beside its place, then renamed.
+//! Downloads one scenario into a folder, atomically, as `dtd generate` writes it: next to its destination, then renamed.
 
 use std::fs;
 use std::io::Write;
@@ -18,31 +18,31 @@ use crate::corpus_store::{CorpusStore, scenario_file};
 use crate::error::{Result, StoreError};
 use crate::patience::Watch;
 
-/// What a person can do about a scenario that is damaged in the store.
+/// Advice for a scenario that is damaged in the store.
 const MEND: &str = "Delete the scenario's DONE.json in the store; then `dtd push` sends it again, or `dtd generate` makes it anew";
-/// Files on their way at once.
+/// Files in parallel.
 const FILES_AT_ONCE: usize = 4;
 
-/// What became of a scenario.
+/// The result for a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Fetched {
     /// It is there now.
     Whole {
-        /// Files that were brought.
+        /// Files that were downloaded.
         brought: usize,
-        /// Files that an earlier, unfinished call had brought.
+        /// Files that an earlier, unfinished call had downloaded.
         there: usize,
     },
-    /// It was there already, with this content.
+    /// It existed already, with this content.
     Same,
-    /// It was there already, with other content, and was left alone.
+    /// It existed already, with other content, and was left alone.
     Other,
     /// It is not committed in the store.
     NotCommitted,
 }
 
 impl CorpusStore {
-    /// Brings a committed scenario, or goes on with it. What comes is checked against `MANIFEST.b3`, and that against `DONE.json`.
+    /// Downloads a committed scenario, or resumes. Files are checked against `MANIFEST.b3`, and that against `DONE.json`.
     pub async fn fetch_scenario(
         &self,
         id: &str,
@@ -106,7 +106,7 @@ impl CorpusStore {
         })
     }
 
-    /// One file, under another name until it is whole and has its hash.
+    /// One file, under another name until it is complete and has its hash.
     pub(crate) async fn bring(
         &self,
         name: &str,
@@ -148,7 +148,7 @@ impl CorpusStore {
     }
 }
 
-/// The claim of a scenario that is to be written; another writer is waited for.
+/// The claim of a scenario to be written; waits for another writer.
 pub(crate) async fn claim(folder: &ScenarioFolder) -> Result<Claim> {
     let folder = folder.clone();
     let claimed = spawn_blocking(move || folder.claim()).await;

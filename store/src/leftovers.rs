@@ -1,8 +1,7 @@
-//! What killed uploads leave in a store, and how it is cleared: parts of files that were never finished, which no listing shows and which
-//! cost room all the same.
+//! Leftovers of killed uploads in a store: parts of unfinished files, which no listing shows but which use space.
 //!
-//! Amazon's API lists unfinished uploads, a folder has files named `<name>#<number>`; Azure's service clears what it keeps after a week.
-//! An upload that is cleared while somebody still sends it begins again there ([`crate::upload`]).
+//! Amazon's API lists incomplete uploads, a folder has files named `<name>#<number>`; Azure clears its own after a week. If an
+//! upload is cleared while another process still sends it, it starts over there ([`crate::upload`]).
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -24,13 +23,13 @@ use crate::error::{Result, StoreError};
 
 /// A signed request is sent at once.
 const VALID_FOR: Duration = Duration::from_secs(60);
-/// Pages of a thousand uploads that are looked at.
+/// Pages of a thousand uploads to read.
 const MOST_PAGES: usize = 100;
 
-/// Where unfinished uploads are found.
+/// Where incomplete uploads are listed.
 #[derive(Debug, Clone)]
 pub(crate) enum Unfinished {
-    /// In a bucket of Amazon's kind.
+    /// In an S3 bucket.
     S3(Arc<AmazonS3>),
     /// In a folder.
     Folder(PathBuf),
@@ -38,7 +37,7 @@ pub(crate) enum Unfinished {
     Nowhere,
 }
 
-/// An upload that was begun.
+/// An incomplete upload.
 #[derive(Debug, PartialEq, Eq)]
 struct Upload {
     key: String,
@@ -46,10 +45,10 @@ struct Upload {
 }
 
 impl CorpusStore {
-    /// Clears the unfinished uploads of these scenarios; returns how many there were.
+    /// Clears the incomplete uploads of these scenarios; returns how many there were.
     ///
     /// # Errors
-    /// The store does not say what is there, or does not let it be cleared.
+    /// The store does not list them, or does not allow clearing them.
     pub async fn clear_unfinished(&self, scenarios: &BTreeSet<String>) -> Result<usize> {
         match &self.unfinished {
             Unfinished::Nowhere => Ok(0),
@@ -168,7 +167,7 @@ fn element(page: &str, name: &str) -> Option<String> {
         ("&quot;", "\""),
         ("&apos;", "'"),
         ("&#39;", "'"),
-        // Last: what it makes is no other's beginning.
+        // Last: its result is not the start of any other entity.
         ("&amp;", "&"),
     ];
     Some(
@@ -180,7 +179,7 @@ fn element(page: &str, name: &str) -> Option<String> {
     )
 }
 
-/// Clears what the folder's own way of writing leaves: `<name>#<number>` beside `<name>`.
+/// Clears leftovers of the folder's own way of writing: `<name>#<number>` next to `<name>`.
 fn clear_folder(all: &Path, scenarios: &BTreeSet<String>) -> usize {
     let mut folders: Vec<PathBuf> = scenarios.iter().map(|id| all.join(id)).collect();
     let mut cleared = 0;

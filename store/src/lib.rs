@@ -1,10 +1,9 @@
-//! A corpus in an object store: sent there, found there, brought back.
+//! A corpus in an object store: upload, listing, download.
 //!
-//! In a bucket a corpus has the same names as in a folder (`docs/dataset.md`). There is no renaming and no locking there, so one rule
-//! takes their place: **a scenario counts when its `DONE.json` is there**. That file is sent last and taken away first, and nobody looks
-//! at anything else before. Objects appear whole or not at all, so what is there with the right size and the right hash need not be
-//! sent again: each carries the BLAKE3 hash of `MANIFEST.b3` as metadata. (An ETag would not do: its form differs from store to store
-//! and with the size of the parts.)
+//! In a bucket a corpus has the same names as in a folder (`docs/dataset.md`). There are no renames and no locks, so one rule
+//! replaces them: **a scenario counts once its `DONE.json` is there**. That file is uploaded last and deleted first, and readers
+//! look at nothing else before. Objects appear atomically, so one with the right size and hash need not be sent again: each carries
+//! the BLAKE3 hash of `MANIFEST.b3` as metadata. (An ETag would not do: it differs from store to store and with the part size.)
 //!
 //! ```text
 //! Place: folder or URL  ->  CorpusStore: what is committed, the files of the whole corpus  ->  upload, fetch: one scenario

@@ -1,4 +1,4 @@
-//! From a URL and the environment to a client of the store.
+//! Opens the client of a store from a URL and the environment.
 
 use std::env;
 use std::fs;
@@ -17,7 +17,7 @@ use crate::error::{Result, StoreError};
 use crate::leftovers::Unfinished;
 use crate::place::{Kind, StoreUrl};
 
-/// A request is repeated for so long without a word; whoever waits longer says so (`patience`).
+/// A request is retried this long without a message; longer waits are reported (`patience`).
 const RETRIES: RetryConfig = RetryConfig {
     backoff: BackoffConfig {
         init_backoff: Duration::from_millis(100),
@@ -27,22 +27,22 @@ const RETRIES: RetryConfig = RetryConfig {
     max_retries: 4,
     retry_timeout: Duration::from_secs(8),
 };
-/// Silence for so long is no answer. Four parts of 8 MiB at once get through 1.5 Mbit/s in this time.
+/// Silence for this long counts as no answer. Four parts of 8 MiB at once get through at 1.5 Mbit/s in this time.
 const LONGEST_SILENCE: &str = "180 seconds";
-/// The clients' own limit is for a whole request, and half a minute: a video on its way takes longer.
+/// The clients' own limit is half a minute for a whole request: a video takes longer.
 const LONGEST_REQUEST: &str = "1 day";
 
-/// The store of a URL and the corpus' place in it.
+/// The store of a URL and the corpus' path in it.
 pub(crate) struct Opened {
     pub(crate) store: Arc<dyn ObjectStore>,
     pub(crate) root: ObjectPath,
     /// The folder, if it is one.
     pub(crate) folder: Option<PathBuf>,
-    /// Where unfinished uploads are found.
+    /// Where incomplete uploads are listed.
     pub(crate) unfinished: Unfinished,
 }
 
-/// Opens the store of a URL with what the environment says. Nothing is asked of it yet.
+/// Opens the store of a URL with the environment's settings. It is not contacted yet.
 pub(crate) fn open(url: &StoreUrl, create: bool) -> Result<Opened> {
     let not_configured = |error: object_store::Error| StoreError::NotConfigured {
         url: url.to_string(),
@@ -97,7 +97,7 @@ fn s3(url: &str) -> AmazonS3Builder {
         .with_config(AmazonS3ConfigKey::Client(SILENCE), LONGEST_SILENCE)
         .with_config(AmazonS3ConfigKey::Client(REQUEST), LONGEST_REQUEST)
         .with_retry(RETRIES);
-    // Whoever writes http:// into the endpoint has said it: Amazon's own tools do not ask twice.
+    // An http:// endpoint is an explicit choice: Amazon's own tools do not ask twice.
     let endpoint = [AmazonS3ConfigKey::S3Endpoint, AmazonS3ConfigKey::Endpoint]
         .iter()
         .find_map(|key| builder.get_config_value(key));

@@ -1,4 +1,4 @@
-//! Waiting for a store that does not answer, and being watched meanwhile.
+//! Retries for a store that does not answer, and progress reports.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -9,18 +9,18 @@ use crate::error::{Result, StoreError};
 
 const FIRST_PAUSE: Duration = Duration::from_millis(500);
 const LONGEST_PAUSE: Duration = Duration::from_secs(30);
-/// A wish to stop is noticed within this time while waiting.
+/// Cancellation is noticed within this time while waiting.
 const LOOK_UP: Duration = Duration::from_millis(100);
 
-/// How long a store that does not answer is waited for, counted from the last byte that passed.
+/// How long to wait for a store that does not answer, counted from the last byte transferred.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Patience(pub Duration);
 
-/// Who watches a transfer.
+/// Observer of a transfer.
 pub trait Watch: Sync {
-    /// So many bytes more have passed.
+    /// This many more bytes were transferred.
     fn passed(&self, _bytes: u64) {}
-    /// The store does not answer and is waited for. Said once per interruption.
+    /// The store does not answer and is being retried. Reported once per interruption.
     fn waiting(&self, _reason: &StoreError) {}
     /// Whether to stop.
     fn stopped(&self) -> bool {
@@ -31,7 +31,7 @@ pub trait Watch: Sync {
 /// Nobody watches.
 impl Watch for () {}
 
-/// Counts what passes.
+/// Counts the bytes.
 struct Counting<'a> {
     watch: &'a dyn Watch,
     bytes: AtomicU64,
@@ -53,8 +53,8 @@ impl Watch for Counting<'_> {
 }
 
 impl Patience {
-    /// Repeats `attempt` with growing pauses while the store does not answer. An attempt goes on where the last one stopped, so whenever
-    /// something passed, waiting begins anew.
+    /// Repeats `attempt` with growing delays while the store does not answer. An attempt resumes where the last one stopped, so the
+    /// waiting time restarts after every progress.
     pub async fn with<T>(
         self,
         watch: &dyn Watch,
@@ -162,7 +162,7 @@ mod tests {
             .await
             .unwrap_err();
         assert!(error.is_passing());
-        // The second attempt moved something: it was said again, and a third was made.
+        // The second attempt made progress: it was reported again, and a third was made.
         assert_eq!((tries, listener.told.load(Ordering::Relaxed)), (3, 2));
     }
 

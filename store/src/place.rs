@@ -1,4 +1,4 @@
-//! Where a corpus lies: in a folder or at a URL.
+//! Location of a corpus: a folder or a URL.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -8,11 +8,11 @@ use url::Url;
 
 use crate::error::{Result, StoreError};
 
-/// The URLs that are understood, for messages.
+/// The supported URLs, for messages.
 pub const SCHEMES: &str =
     "s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER";
 
-/// Where a corpus lies.
+/// Location of a corpus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Place {
     /// In a folder.
@@ -28,7 +28,7 @@ pub struct StoreUrl {
     pub(crate) url: Url,
 }
 
-/// Whose object store it is.
+/// The provider of the object store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Kind {
     S3,
@@ -38,10 +38,11 @@ pub(crate) enum Kind {
 }
 
 impl Place {
-    /// Tells a folder from a URL: a URL is what begins with a scheme of at least two letters and `://`. So `C:\corpus` and `a:b` are paths.
+    /// Distinguishes a folder from a URL: a URL starts with a scheme of at least two letters and `://`. So `C:\corpus` and `a:b`
+    /// are paths.
     ///
     /// # Errors
-    /// A URL that names no object store, with those that do.
+    /// A URL that names no object store, with the supported ones.
     pub fn of(path: &Path) -> Result<Self> {
         match path.to_str().filter(|text| is_url(text)) {
             Some(text) => text.parse().map(Self::Store),
@@ -107,7 +108,7 @@ impl fmt::Display for StoreUrl {
 }
 
 impl StoreUrl {
-    /// A name for a local folder that belongs to this URL and to no other: what one can read of it, and its hash.
+    /// The name of a local folder that is unique to this URL: its readable part, and its hash.
     pub fn folder_name(&self) -> String {
         let text = self.to_string();
         let readable: String = text

@@ -1,4 +1,4 @@
-//! A scenario's way into a store and back, in memory and in a folder.
+//! Uploading and downloading a scenario, in memory and in a folder.
 
 use std::fs;
 use std::path::Path;
@@ -31,7 +31,7 @@ fn corpus_with(table: &str) -> (TempDir, Corpus) {
     (folder, corpus)
 }
 
-/// The same with a record, as whoever reads detections needs it.
+/// The same with a record, as needed by readers of detections.
 fn corpus_with_record() -> (TempDir, Corpus) {
     let (folder, corpus) = corpus_with("table");
     let root = corpus.scenario(ID).root().to_owned();
@@ -69,7 +69,7 @@ async fn push(store: &CorpusStore, corpus: &Corpus) -> Result<Pushed> {
         .await
 }
 
-/// Stops a transfer once so many bytes have passed.
+/// Stops a transfer after this many bytes.
 struct StopAfter {
     limit: u64,
     passed: AtomicU64,
@@ -344,7 +344,7 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
             assert!(a == b);
         }
         assert!(seal::faults(there.root()).unwrap().is_empty());
-        // Half of them is none.
+        // Half of them counts as none.
         store
             .store
             .delete(&store.key(&format!("scenarios/{ID}/detections/abc.json")))

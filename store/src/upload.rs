@@ -1,7 +1,7 @@
-//! One scenario from its folder into the store: all files first, `MANIFEST.b3`, then `DONE.json`.
+//! Uploads one scenario from its folder: all files first, `MANIFEST.b3`, then `DONE.json`.
 //!
-//! An upload that ended early is gone on with by doing it again: what is there with the right size and hash is not sent. A large file is
-//! sent in parts, of which nothing shows until the last one is there.
+//! An interrupted upload resumes when it is repeated: files that exist with the right size and hash are not sent. A large file is
+//! sent in parts, which become visible only with the last one.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -21,50 +21,50 @@ use crate::corpus_store::{CorpusStore, ObjectInfo, scenario_file};
 use crate::error::{Result, StoreError};
 use crate::patience::Watch;
 
-/// A file up to this size is one request, a larger one is sent in parts of this size. All stores take parts of 5 MiB and more.
+/// A file up to this size is one request, a larger one is sent in parts of this size. All stores accept parts of 5 MiB and more.
 const PART_BYTES: u64 = 8 << 20;
-/// Parts of one file on their way at once: so much memory, and enough to fill a line with some delay.
+/// Parts of one file in parallel: limits memory, and is enough to fill a link with some latency.
 const PARTS_AT_ONCE: usize = 4;
-/// No store takes more than 10 000 parts: parts of larger files are larger.
+/// No store accepts more than 10 000 parts: parts of larger files are larger.
 const MOST_PARTS: u64 = 9_000;
-/// How often a file of the folder may have gone to its final name just before it is opened.
+/// How often a file of the folder may be renamed to its final name just before it is opened.
 const ROUNDS: u32 = 3;
 
-/// What to do where the store has the scenario already, with other content.
+/// What to do if the store has the scenario with other content.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OnOther {
     /// Leave it: it was there first.
     Keep,
-    /// Put ours in its place if ours is newer. Meanwhile the scenario is not committed.
+    /// Replace it if ours is newer. In the meantime the scenario is not committed.
     ReplaceOlder,
 }
 
-/// What became of a scenario.
+/// The result for a scenario.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Pushed {
     /// It is committed now.
     Committed {
         /// Files that were sent.
         sent: usize,
-        /// Files that were there already.
+        /// Files that existed already.
         there: usize,
-        /// Whether another content was there before.
+        /// Whether there was other content before.
         replaced: bool,
     },
     /// It was committed already, with this content.
     Same,
     /// It was committed already, with another content, and was left alone.
     Other,
-    /// The same, since that content is newer than ours.
+    /// The same, because that content is newer than ours.
     Newer,
 }
 
 impl CorpusStore {
-    /// Sends a sealed scenario and commits it.
+    /// Uploads a sealed scenario and commits it.
     ///
     /// # Errors
-    /// The folder is not what its seal says, the scenario in the store was made from other parameters, or the store fails; then the same
-    /// call goes on.
+    /// The folder does not match its seal, the scenario in the store has other parameters, or the store fails; then the same call
+    /// resumes.
     pub async fn push_scenario(
         &self,
         folder: &ScenarioFolder,
@@ -78,7 +78,7 @@ impl CorpusStore {
                 message: format!("has no {DONE}: it was never finished"),
             })?;
             match self.push_state(folder, &sealed, on_other, watch).await {
-                // Somebody labelled it meanwhile, or renamed a file between a look and the next.
+                // It was labelled in the meantime, or a file was renamed between two looks.
                 Err(StoreError::Damaged { .. })
                     if folder.seal()?.as_ref() != Some(sealed.seal()) => {}
                 Err(StoreError::Local(error)) if error.is_not_found() && rounds_left > 0 => {
@@ -117,7 +117,7 @@ impl CorpusStore {
             Some(_) if on_other == OnOther::Keep => return Ok(Pushed::Other),
             Some((_, committed)) if committed > sealed_at(folder)? => return Ok(Pushed::Newer),
             Some(_) => {
-                // What is there counts until ours is known to be whole.
+                // The store's version counts until ours is known to be complete.
                 if let Some(fault) = seal::faults(folder.root())?.into_iter().next() {
                     return Err(damaged(fault));
                 }
@@ -158,7 +158,7 @@ impl CorpusStore {
         }
     }
 
-    /// Whether the store has the very same file.
+    /// Whether the store has exactly this file.
     pub(crate) async fn has(
         &self,
         folder: &ScenarioFolder,
@@ -234,7 +234,7 @@ impl CorpusStore {
         Ok(Some(()))
     }
 
-    /// The same in parts. Whatever ends it early takes back what the store has of it.
+    /// The same in parts. If it fails, the parts in the store are removed.
     async fn send_in_parts(
         &self,
         path: &Path,
@@ -243,7 +243,7 @@ impl CorpusStore {
         blake3: &str,
         watch: &dyn Watch,
     ) -> Result<Option<()>> {
-        // Whoever clears unfinished uploads cannot know that this one is still being sent: it begins again.
+        // A process that clears incomplete uploads cannot know that this one is still active: it starts over.
         let failed = |error: object_store::Error| match error {
             object_store::Error::NotFound { .. } => StoreError::Away {
                 url: self.name().into(),
@@ -320,14 +320,14 @@ fn size_of(path: &Path) -> Result<u64> {
     Ok(found.len())
 }
 
-/// When a scenario got the seal that it has.
+/// When a scenario got its seal.
 fn sealed_at(folder: &ScenarioFolder) -> Result<SystemTime> {
     let path = folder.root().join(DONE);
     let found = fs::metadata(&path).and_then(|found| found.modified());
     Ok(found.map_err(dataset::Error::io("look at", &path))?)
 }
 
-/// The next bytes of a file, on a thread that may wait for the disk; empty at the end.
+/// The next bytes of a file, on a thread that may block on the disk; empty at the end.
 async fn read_part(mut file: File, most: u64) -> io::Result<(File, Vec<u8>)> {
     spawn_blocking(move || {
         let mut part = Vec::new();

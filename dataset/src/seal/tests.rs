@@ -6,7 +6,7 @@ use std::thread;
 use super::*;
 use crate::corpus::Corpus;
 
-/// A scenario in a corpus of its own.
+/// A scenario in a new corpus.
 struct Example {
     _temporary: tempfile::TempDir,
     corpus: Corpus,
@@ -53,7 +53,7 @@ impl Example {
         faults(&self.folder).unwrap()
     }
 
-    /// What a writer leaves that is killed right after it decided to replace `frames.parquet`.
+    /// The leftovers of a writer that is killed right after committing the replacement of `frames.parquet`.
     fn decide_new_frames(&self) {
         fs::write(self.path("frames.parquet.new"), "new").unwrap();
         let old = Sealed::read(&self.folder).unwrap().unwrap();
@@ -66,7 +66,7 @@ impl Example {
         write_json(&self.path("DONE.json.new"), &seal).unwrap();
     }
 
-    /// Every file with its content, its number and its time of change.
+    /// Every file with its content, inode and modification time.
     fn on_disk(&self) -> BTreeMap<PathBuf, (Vec<u8>, u64, i64, i64)> {
         let mut found = BTreeMap::new();
         let mut folders = vec![self.corpus.root().to_owned()];
@@ -294,7 +294,7 @@ fn what_leads_out_of_the_folder_is_refused_by_name_and_not_followed() {
         let example = Example::sealed();
         let outside = tempfile::tempdir().unwrap();
         let target = outside.path().join("target");
-        // The same content, so that only the link gives it away.
+        // The same content, so that only the link differs.
         fs::rename(example.path(linked), &target).unwrap();
         symlink(&target, example.path(linked)).unwrap();
         let found = example.faults().join("\n");
@@ -341,7 +341,7 @@ fn files_of_a_terabyte_are_named_and_not_read() {
         ("frames.parquet", "has 1099511627776 bytes"),
     ] {
         let example = Example::sealed();
-        // Takes no room on the disk.
+        // Takes no disk space.
         let file = fs::File::create(example.path(name)).unwrap();
         file.set_len(1 << 40).unwrap();
         let faults = example.faults();

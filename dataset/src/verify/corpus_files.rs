@@ -1,4 +1,4 @@
-//! The files that belong to the whole corpus: the plan, the split, and what lies among the scenarios.
+//! The files of the whole corpus: the plan, the split, and stray entries among the scenarios.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -92,7 +92,7 @@ impl<'a> Planned<'a> {
             .collect()
     }
 
-    /// Every scenario is as it was planned.
+    /// Every scenario matches its plan.
     fn check(&self, found: &Found<'_>, faults: &mut Faults) {
         for (id, record) in found.records {
             let Some(scenario) = self.scenarios.get(id.as_str()) else {
@@ -102,7 +102,7 @@ impl<'a> Planned<'a> {
             let Ok(mut recorded) = serde_json::to_value(record) else {
                 continue;
             };
-            // The plan has it as a person writes it.
+            // The plan has it in readable form.
             recorded["frame_rate"] = record.frame_rate.to_string().into();
             let parameters = &scenario["parameters"];
             let shared = |key: &str| self.common.get(key).unwrap_or(&parameters[key]);
@@ -147,7 +147,7 @@ impl<'a> Planned<'a> {
     }
 }
 
-/// No trajectory is on two sides, and every scenario is on the side of the trajectory that it really flew.
+/// No trajectory is on two sides, and every scenario is on the side of the trajectory that it actually flew.
 fn check_splits(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, faults: &mut Faults) {
     let Some(splits) = faults.keep(SPLITS, Splits::read(&corpus.splits_path())) else {
         return;
@@ -183,7 +183,7 @@ fn check_splits(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, fau
     }
 }
 
-/// Folders among the scenarios that are neither whole nor marked as unfinished.
+/// Folders among the scenarios that are neither complete nor marked as unfinished.
 fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut Faults) {
     let Ok(entries) = fs::read_dir(corpus.root().join("scenarios")) else {
         return;

@@ -1,5 +1,5 @@
-//! Detections, where there are some: they were made from the videos that are there, their records and tables can be read and belong
-//! together, and every row is of a picture of the scenario.
+//! Detections, if there are any: they were made from the current videos, their records and tables can be read and belong together,
+//! and every row refers to a picture of the scenario.
 
 use super::Faults;
 use crate::corpus::ScenarioFolder;
@@ -8,9 +8,9 @@ use crate::limits::MOST_PICTURES;
 use crate::pixel_box::{Detection, read_detections_with_faults};
 use crate::scenario::ScenarioRecord;
 
-/// Checks the detections of all models. `record` is missing where `scenario.json` cannot be read.
+/// Checks the detections of all models. `record` is missing if `scenario.json` cannot be read.
 pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, faults: &mut Faults) {
-    // What is wrong with the scenario itself is named elsewhere.
+    // Faults of the scenario itself are reported elsewhere.
     let scenario = folder.open().ok();
     let pictures = record.map_or(MOST_PICTURES, ScenarioRecord::pictures);
     let models = faults.keep(detections::FOLDER, detections::models_of(folder));

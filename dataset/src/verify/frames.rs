@@ -1,4 +1,4 @@
-//! `frames.parquet`: exact times, and the proof that every view shows its tick.
+//! `frames.parquet`: exact times, and the evidence that every view shows its tick.
 
 use super::Faults;
 use crate::calibration::Calibration;
@@ -9,17 +9,17 @@ use crate::scenario::ScenarioRecord;
 use crate::units::SimTime;
 
 const TABLE: &str = ScenarioFolder::FRAMES;
-/// Between two ticks the way flown may differ from the mean of the velocities by this part of it, for an aircraft that turns or brakes
-/// within the tick ...
+/// Between two ticks the displacement may differ from the mean of the velocities by this part of it, for an aircraft that turns or
+/// brakes within the tick ...
 const WAY_TOLERANCE: f64 = 0.1;
 /// ... and by this much, metres.
 const PLACE_TOLERANCE_M: f64 = 2.0;
 
-/// From one tick to the next the way may change by this much, metres ...
+/// From one tick to the next the displacement may change by this much, metres ...
 const STEP_TOLERANCE_M: f64 = 0.05;
 /// ... by this part of it, where a recording has a knot ...
 const STEP_TOLERANCE: f64 = 0.25;
-/// ... and by what three times the earth's gravity does: a hard landing.
+/// ... and by the effect of three times the earth's gravity: a hard landing.
 const HARDEST_MPS2: f64 = 30.0;
 
 /// Reads the table; all numbers outside their limits are faults.
@@ -64,7 +64,7 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
                     format!("pts_{view} is {}, expected {pts}", stamp.pts),
                 );
             }
-            // In the order of the requests, so that no picture of another tick lies between the views of one.
+            // In the order of the requests, so that no picture of another tick is between the views of one.
             if let Some(last) = last_sim_frame.filter(|last| stamp.sim_frame <= *last) {
                 let message = format!(
                     "sim_frame_{view} is {}, expected more than {last}",
@@ -87,7 +87,7 @@ pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Fault
     }
 }
 
-/// The cameras that were drawn from are those of the calibration.
+/// The cameras used for drawing are those of the calibration.
 pub(super) fn check_cameras(frames: &Frames, calibration: &Calibration, faults: &mut Faults) {
     for (index, view) in frames.views.iter().enumerate() {
         let Some(entry) = calibration.cameras.get(view) else {
@@ -131,7 +131,7 @@ fn check_time(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut F
     }
 }
 
-/// The aircraft flies: no jump between two ticks, none skipped, none doubled.
+/// The motion is continuous: no jump between two ticks, none skipped, none doubled.
 fn check_continuity(row: usize, before: &Frame, after: &Frame, faults: &mut Faults) {
     let step_s = SimTime(after.time_ns.saturating_sub(before.time_ns)).seconds();
     let way = after.pose.position().to_ecef() - before.pose.position().to_ecef();
@@ -151,8 +151,8 @@ fn check_continuity(row: usize, before: &Frame, after: &Frame, faults: &mut Faul
     }
 }
 
-/// A step follows from the step before it. At high rates this finds what the velocities, which need not fit to the millimetre, hide: one
-/// pose that is that of the next tick.
+/// Each step follows from the previous one. At high rates this finds what the velocities, which need not match to the millimetre,
+/// hide: one pose that belongs to the next tick.
 fn check_steadiness(row: usize, frames: [&Frame; 3], faults: &mut Faults) {
     let [first, second, third] = frames.map(|frame| frame.pose.position().to_ecef());
     let (before, after) = (second - first, third - second);

@@ -1,5 +1,5 @@
-//! Labels, where there are some: distances computed again from the poses, boxes where the camera sees the aircraft. How large the
-//! aircraft is nobody says here: that is for the pixels to tell.
+//! Labels, if there are any: distances recomputed from the poses, boxes where the camera sees the aircraft. The size of the
+//! aircraft is not checked here: that is left to the pixels.
 
 use std::collections::BTreeSet;
 
@@ -15,16 +15,16 @@ use crate::pixel_box::{TruthBox, read_truth_boxes_with_faults};
 use crate::runway::RunwayCoordinates;
 use crate::scenario::ScenarioRecord;
 
-/// Labels agree with a second computation on another machine to far below this, metres.
+/// Labels agree with a computation on another machine to far below this, metres.
 const LENGTH_TOLERANCE_M: f64 = 1e-4;
-/// Time to touchdown runs down with the clock to below this, seconds.
+/// Time to touchdown agrees with the clock to below this, seconds.
 const TIME_TOLERANCE_S: f64 = 1e-6;
 
 /// A distance to touchdown may grow by this much between ticks before the target is passed, metres: hardly more than rounding.
 const GROWTH_TOLERANCE_M: f64 = 0.01;
 const SHARE_TOLERANCE: f64 = 1e-6;
 
-/// Checks the distances of a scenario; returns whether it has some.
+/// Checks the distances of a scenario; returns whether it has any.
 pub(super) fn check(record: &ScenarioRecord, frames: &Frames, faults: &mut Faults) -> bool {
     for (row, frame) in frames.rows.iter().enumerate() {
         check_row(record, row, frame, faults);
@@ -38,7 +38,7 @@ fn is_labelled(frames: &Frames) -> bool {
     frames.rows.iter().any(|frame| frame.labels.is_some())
 }
 
-/// The true boxes, if there are some: they come and go with the distances. All numbers outside their limits are faults.
+/// The true boxes, if there are any: they exist exactly if the distances do. All numbers outside their limits are faults.
 pub(super) fn read_boxes(
     folder: &ScenarioFolder,
     frames: Option<&Frames>,
@@ -149,7 +149,7 @@ fn check_approach(frames: &Frames, faults: &mut Faults) {
     }
 }
 
-/// Every box is inside its picture and holds the aircraft's centre of gravity, and every centre of gravity in a picture has one.
+/// Every box is inside its picture and contains the aircraft's centre of gravity, and every centre of gravity in a picture has one.
 pub(super) fn check_boxes(
     record: &ScenarioRecord,
     frames: &Frames,

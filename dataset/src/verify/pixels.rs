@@ -1,16 +1,16 @@
-//! The true boxes against the pixels: does every picture show the aircraft where and when the tables say?
+//! Compares the true boxes with the pixels: does every picture show the aircraft where and when the tables say?
 //!
-//! Goes in: the decoded pictures of a view, one by one, and the true boxes of the scenario. Each box that is clear enough is looked at
-//! ([`sight`]). Then all of them together are judged ([`timing`]):
+//! Input: the decoded pictures of a view, one by one, and the true boxes of the scenario. Each box that is clear enough is examined
+//! ([`sight`]). Then all of them are judged together ([`timing`]):
 //!
-//! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its pictures are of another view
-//!   or flight; if single ones are, those pictures are wrong.
-//! - **In step**: what stands out is in the middle of the box, but for a share of its size that grows with it. A part of the offset
-//!   that goes with the speed in the picture is time: pictures of other ticks.
-//! - **Moving**: a picture that is the same as an earlier one is frozen, if the aircraft moved by a pixel meanwhile.
+//! - **Filled**: something stands out from the sky in the box. If most boxes of a view are empty, its pictures belong to another
+//!   view or flight; if single ones are, those pictures are wrong.
+//! - **In step**: what stands out is in the centre of the box, except for an offset proportional to its size. A part of the offset
+//!   that is proportional to the speed in the picture is a time shift: pictures of other ticks.
+//! - **Moving**: a picture that equals an earlier one is frozen if the aircraft moved by a pixel in between.
 //!
-//! Clear enough is a box that is whole, above the ground, below all clouds, before a smooth background, and nearer than
-//! a transmission of [`LEAST_TRANSMISSION`]: there an aircraft can be seen in any weather.
+//! A box is clear enough if it is complete, above the ground, below all clouds, in front of a smooth background, and has at least a
+//! transmission of [`LEAST_TRANSMISSION`]: there an aircraft is visible in any weather.
 
 mod sight;
 mod timing;
@@ -23,35 +23,35 @@ use crate::pixel_box::{PixelBox, TruthBox};
 use crate::scenario::ScenarioRecord;
 use sight::{Picture, Sight, change_between, look};
 
-/// Share of contrast that the air must leave. In a scene of 50 grey levels of contrast this leaves 10, twice what the noisiest
-/// background that counts as smooth has.
+/// Minimum transmission. With 50 grey levels of scene contrast this leaves 10, twice that of the noisiest background that counts as
+/// smooth.
 const LEAST_TRANSMISSION: f64 = 0.2;
 /// Part of the silhouette that must be visible.
 const LEAST_VISIBLE: f64 = 0.99;
-/// Lower than this over the target the aircraft is before ground, buildings and lights, metres.
+/// Below this height over the target the aircraft is in front of ground, buildings and lights, metres.
 const LEAST_HEIGHT_M: f64 = 30.0;
-/// Fewer clear boxes than this say nothing about a view.
+/// With fewer clear boxes than this no conclusion about a view is possible.
 const LEAST_BOXES: usize = 5;
-/// At least this part of the clear boxes is filled in the pictures of the right view; now and then paint and sky are of one grey, in
-/// the worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
+/// At least this part of the clear boxes is filled in the pictures of the right view; sometimes paint and sky have the same grey,
+/// in the worst of the measured scenarios (clouds at noon) in 37 of 100 boxes. In swapped views a tenth was filled.
 const LEAST_FILLED: f64 = 0.3;
-/// An empty box is a fault only if its contrast, by the others and the air, is this many times what would be seen.
+/// An empty box is a fault only if its contrast, by the other boxes and the air, is this many times the visible minimum.
 const SURE: f64 = 3.0;
-/// A picture is the same as an earlier one if what changed where the aircraft is, is less than this part of its contrast ...
+/// A picture equals an earlier one if the change where the aircraft is, is less than this part of its contrast ...
 const SAME: f64 = 0.15;
-/// ... which has to be this many grey levels, far above what coding the same picture again changes ...
+/// ... which must be this many grey levels, far above the effect of encoding the same picture twice ...
 const SAME_LEAST_CONTRAST: f64 = 10.0;
-/// ... and frozen if the aircraft moved this far, pixels.
+/// ... and is frozen if the aircraft moved this far, pixels.
 const MOVED_PX: f64 = 1.0;
 
-/// What is known about a scenario when its videos are read.
+/// What is known about a scenario before its videos are read.
 pub(super) struct Scenario<'a> {
     pub(super) record: &'a ScenarioRecord,
     pub(super) frames: Option<&'a Frames>,
     pub(super) boxes: &'a [TruthBox],
 }
 
-/// What the pictures of a view prove about it.
+/// What the pictures of a view show about it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct ViewProof {
     /// Identifier of the scenario.
@@ -62,26 +62,26 @@ pub struct ViewProof {
     pub pictures: u64,
     /// True boxes that are clear enough to show the aircraft.
     pub clear_boxes: usize,
-    /// Those in which something stands out.
+    /// Those with something that stands out.
     pub filled_boxes: usize,
-    /// Median distance between the middle of what stands out and the middle of the box, pixels.
+    /// Median distance between the centre of what stands out and the centre of the box, pixels.
     pub offset_px: Option<f64>,
-    /// Ticks by which the pictures are later than the tables.
+    /// Ticks by which the pictures lag the tables.
     pub lag_ticks: Option<f64>,
-    /// How far that can be trusted, ticks.
+    /// Standard error of the lag, ticks.
     pub lag_error_ticks: Option<f64>,
 }
 
-/// Looks at the pictures of one view as they are decoded.
+/// Examines the pictures of one view as they are decoded.
 pub(super) struct Watcher<'a> {
     view: &'a str,
     scenario: &'a Scenario<'a>,
     /// True boxes of this view by tick, with their rows.
     boxes: Vec<Option<(usize, &'a TruthBox)>>,
-    /// The same of the other views.
+    /// The same for the other views.
     others: Vec<(&'a str, Vec<Option<PixelBox>>)>,
     seen: Vec<Seen>,
-    /// The picture with which the next ones are compared, until the aircraft has moved by [`MOVED_PX`].
+    /// The reference picture for the following ones, until the aircraft has moved by [`MOVED_PX`].
     anchor: Option<Anchor>,
 }
 
@@ -92,17 +92,17 @@ struct Anchor {
     contrast: f64,
 }
 
-/// What was seen in one picture.
+/// Observations in one picture.
 #[derive(Default)]
 struct Seen {
     sight: Option<Sight>,
-    /// The earlier picture that this one repeats, though the aircraft moved by so many pixels.
+    /// The earlier picture that this one repeats, though the aircraft moved by this many pixels.
     repeats: Option<(usize, f64)>,
-    /// For each other view, whether its box, apart from this view's, is filled.
+    /// For each other view, whether its box, outside this view's, is filled.
     others: Vec<Option<bool>>,
 }
 
-/// A clear box and what is in it.
+/// A clear box and its content.
 struct ClearBox<'a> {
     tick: usize,
     row: usize,
@@ -145,12 +145,12 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// Whether there is anything to look for.
+    /// Whether there is anything to check.
     pub(super) fn is_needed(&self) -> bool {
         !self.scenario.boxes.is_empty()
     }
 
-    /// Looks at the next picture.
+    /// Examines the next picture.
     pub(super) fn see(&mut self, rgb: &[u8], width_px: u32, height_px: u32) {
         let tick = self.seen.len();
         let picture = Picture::new(rgb, width_px, height_px);
@@ -174,7 +174,7 @@ impl<'a> Watcher<'a> {
         self.seen.push(seen);
     }
 
-    /// The earlier picture that this one repeats, if the aircraft moved far enough since to be seen moving.
+    /// The earlier picture that this one repeats, if the aircraft moved far enough since then for motion to be visible.
     fn repeats(
         &mut self,
         tick: usize,
@@ -189,7 +189,7 @@ impl<'a> Watcher<'a> {
         if moved.is_some_and(|(_, moved_px)| moved_px < MOVED_PX) {
             return None;
         }
-        // Only where the aircraft would be seen, and while its boxes overlap: farther on, a frozen picture leaves its box empty.
+        // Only where motion would be visible, and while its boxes overlap: farther on, a frozen picture leaves its box empty.
         let could_be_frozen = |moved_px: f64| sight.is_some() && moved_px <= own.width_px;
         let repeated = moved
             .filter(|(_, moved_px)| could_be_frozen(*moved_px))
@@ -202,7 +202,7 @@ impl<'a> Watcher<'a> {
             .filter(Sight::is_filled)
             .map_or(0.0, |sight| sight.contrast);
         if repeated.is_some() || contrast < SAME_LEAST_CONTRAST {
-            // A frozen picture need not have the aircraft in this box: what it repeats stays the measure.
+            // A frozen picture need not show the aircraft in this box: the picture that it repeats stays the reference.
             if repeated.is_none() {
                 self.anchor = None;
             }
@@ -290,7 +290,7 @@ impl<'a> Watcher<'a> {
             .collect()
     }
 
-    /// Whether the pictures would fit another view.
+    /// Whether the pictures would match another view.
     fn hint(&self) -> String {
         for (index, (other, _)) in self.others.iter().enumerate() {
             let looked = || self.seen.iter().filter_map(|seen| seen.others[index]);
@@ -304,7 +304,7 @@ impl<'a> Watcher<'a> {
         String::new()
     }
 
-    /// A clear box is filled, if the others and the air say that the aircraft must be seen in it.
+    /// A clear box is filled if the other boxes and the air imply that the aircraft must be visible in it.
     fn check_filled(
         &self,
         clear: &[ClearBox],
@@ -336,7 +336,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// No picture stands still while the aircraft moves.
+    /// No picture is frozen while the aircraft moves.
     fn check_moving(&self, file: &str, faults: &mut Faults) {
         for (tick, seen) in self.seen.iter().enumerate() {
             if let Some((earlier, moved_px)) = seen.repeats {
@@ -348,7 +348,7 @@ impl<'a> Watcher<'a> {
         }
     }
 
-    /// What a filled box says about time; missing at the ends of a flight.
+    /// What a filled box implies about time; missing at the ends of a flight.
     fn point(&self, found: &ClearBox) -> Option<timing::Point> {
         let at = |tick: usize| {
             let (_, truth) = self.boxes.get(tick).copied().flatten()?;

@@ -1,8 +1,8 @@
-//! `calibration.json` against `plan.json`: do the cameras stand, look and see as they were planned?
+//! Compares `calibration.json` with `plan.json`: are the cameras placed, aimed and configured as planned?
 //!
-//! The plan has masts, where a scenario turns them, how far each is off, and what its lens, its air and its sensor are; from that follows
-//! where each camera is and what its pictures are like. A calibration that agrees with itself, with the tables and with the labels may
-//! still be that of another rig.
+//! The plan has masts, the aim of a scenario, the placement error of each mast, and the lens, air and sensor; together they
+//! determine each camera and the quality of its pictures. A calibration that is consistent with itself, the tables and the labels
+//! may still be that of another rig.
 
 use std::collections::BTreeMap;
 
@@ -19,12 +19,12 @@ use crate::units::Degrees;
 
 const PLAN: &str = "plan.json";
 const CALIBRATION: &str = "calibration.json";
-/// Trigonometry differs in its last digits from machine to machine: nanometres on the earth's surface ...
+/// Trigonometry differs in its last digits between machines: nanometres on the earth's surface ...
 const LENGTH_TOLERANCE_M: f64 = 1e-5;
 /// ... and as much at the far end of a long lens.
 const ANGLE_TOLERANCE_DEG: f64 = 1e-9;
 
-/// What a plan says of the cameras of one scenario.
+/// What a plan states about the cameras of one scenario.
 pub(super) struct PlannedCameras {
     runway: Runway,
     masts: Vec<Mast>,
@@ -44,7 +44,7 @@ impl PlannedCameras {
     /// Reads it. `shared`: what all scenarios have in common.
     ///
     /// # Errors
-    /// What cannot be read, in words.
+    /// What cannot be read, as text.
     pub(super) fn read<'a>(
         shared: impl Fn(&str) -> &'a Value,
         parameters: &Value,
@@ -59,7 +59,7 @@ impl PlannedCameras {
         })
     }
 
-    /// Compares the cameras of a scenario with it. Which cameras there should be is the business of `scenario.json`.
+    /// Compares the cameras of a scenario with it. Which cameras must exist is checked with `scenario.json`.
     pub(super) fn check(&self, id: &str, calibration: &Calibration, faults: &mut Faults) {
         for mast in &self.masts {
             let Some(found) = calibration.cameras.get(&mast.id) else {
@@ -159,7 +159,7 @@ struct Difference {
     found: String,
 }
 
-/// That the plan itself cannot be held against anything.
+/// The plan itself cannot be used for the comparison.
 pub(super) fn unreadable(id: &str, message: &str, faults: &mut Faults) {
     faults.of(
         id,
@@ -172,7 +172,7 @@ fn part<T: DeserializeOwned>(value: &Value, what: &str) -> Result<T, String> {
     T::deserialize(value).map_err(|error| format!("{what} cannot be read: {error}"))
 }
 
-/// A map that is left out where it would be empty.
+/// A map that is omitted if empty.
 fn or_none<T: DeserializeOwned + Default>(value: &Value, what: &str) -> Result<T, String> {
     match value {
         Value::Null => Ok(T::default()),

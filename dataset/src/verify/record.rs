@@ -1,4 +1,4 @@
-//! `scenario.json` and `calibration.json`: do they make sense, and do they agree with each other?
+//! `scenario.json` and `calibration.json`: are they valid, and do they agree with each other?
 
 use glam::DMat3;
 
@@ -11,14 +11,14 @@ use crate::seal;
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
-/// Trigonometry differs in its last digits from machine to machine: nanometres on the earth's surface.
+/// Trigonometry differs in its last digits between machines: nanometres on the earth's surface.
 const LENGTH_TOLERANCE_M: f64 = 1e-5;
 /// The same for elements of rotations and relative to focal lengths.
 const RELATIVE_TOLERANCE: f64 = 1e-10;
 
-/// Wheels touch no farther than a long runway from the target, metres ...
+/// Wheels touch down at most a long runway's length from the target, metres ...
 const FARTHEST_TOUCHDOWN_M: f64 = 5_000.0;
-/// ... and no farther beside its centreline than a wide one, metres.
+/// ... and at most a wide runway's width from its centreline, metres.
 const WIDEST_RUNWAY_M: f64 = 100.0;
 
 /// Reads `scenario.json`; all numbers outside their limits are faults.

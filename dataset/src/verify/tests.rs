@@ -58,7 +58,7 @@ fn camera(view: usize) -> CameraPose {
     }
 }
 
-/// The mast on which that camera stands, as a plan has it.
+/// The mast of that camera, as in a plan.
 fn mast(view: usize) -> Mast {
     Mast {
         id: VIEWS[view].into(),
@@ -233,7 +233,7 @@ impl Example {
         self.corpus.scenario(IDS[0])
     }
 
-    /// Changes the table of the first scenario, seals it again, and says what is found.
+    /// Changes the table of the first scenario, seals it again, and returns the findings.
     fn with_table(change: impl FnOnce(&mut Vec<Frame>)) -> String {
         Self::with(|example| {
             let mut table = frames();
@@ -243,7 +243,7 @@ impl Example {
         })
     }
 
-    /// Changes the first scenario, seals it again, and says what is found.
+    /// Changes the first scenario, seals it again, and returns the findings.
     fn with(change: impl FnOnce(&Self)) -> String {
         let example = Self::new();
         change(&example);
@@ -284,7 +284,7 @@ fn write_plan(corpus: &Corpus, scenarios: &[serde_json::Value]) {
     write_json(&corpus.plan_path(), &plan).unwrap();
 }
 
-/// Boxes around every centre of gravity that falls into a picture.
+/// Boxes around every centre of gravity inside a picture.
 fn truth_boxes() -> Vec<TruthBox> {
     let mut boxes = Vec::new();
     for frame in frames().rows {
@@ -335,7 +335,7 @@ fn splits(sides: [Side; 2]) -> Splits {
     }
 }
 
-/// That something is found, and every finding is about the first scenario and contains the words.
+/// Asserts that there are findings, and that every finding concerns the first scenario and contains the words.
 fn assert_found(findings: &str, words: &str) {
     assert!(
         findings.contains(words),

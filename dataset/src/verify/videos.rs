@@ -10,7 +10,7 @@ use crate::corpus::ScenarioFolder;
 use crate::scenario::ScenarioRecord;
 use crate::video::VideoReader;
 
-/// Checks all videos of a scenario, side by side; returns how many pictures were decoded, and what they prove.
+/// Checks all videos of a scenario, in parallel; returns how many pictures were decoded, and the evidence.
 pub(super) fn check(
     folder: &ScenarioFolder,
     scenario: &Scenario,
@@ -61,7 +61,7 @@ pub(super) fn check(
     (pictures, proofs)
 }
 
-/// What is in a video file.
+/// The content of a video file.
 #[derive(Default)]
 struct Decoded<'a> {
     size_px: Option<(u32, u32)>,

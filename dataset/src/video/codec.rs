@@ -1,4 +1,4 @@
-//! The codecs, and what each of them needs: encoder, pixels in memory, file format, presets, range of qualities.
+//! The codecs and their properties: encoder, pixels in memory, file format, presets, range of qualities.
 
 use ffmpeg_next::format::Pixel;
 use schemars::JsonSchema;
@@ -11,7 +11,7 @@ pub enum VideoCodec {
     #[default]
     #[serde(rename = "h264")]
     H264,
-    /// H.264 in RGB without loss: about 20 times larger; browsers do not play it.
+    /// H.264 in RGB without loss: about four times larger in smooth pictures; browsers do not play it.
     #[serde(rename = "h264-lossless")]
     H264Lossless,
     /// H.265, 4:2:0: needs a far better quality setting than H.264 to keep small targets.
@@ -53,13 +53,13 @@ impl VideoCodec {
         Self::Ffv1,
     ];
 
-    /// Whether pictures come back byte for byte.
+    /// Whether decoded pictures equal the input byte for byte.
     pub fn is_lossless(self) -> bool {
         matches!(self, Self::H264Lossless | Self::Ffv1)
     }
 
-    /// Ending of the file's name, and FFmpeg's name of its format. FFmpeg refuses FFV1 in MP4; QuickTime, from which MP4 comes, is
-    /// the one other format in which every timestamp is exact (Matroska rounds them to milliseconds).
+    /// File extension, and FFmpeg's name of the format. FFmpeg does not write FFV1 to MP4; QuickTime, the ancestor of MP4, is the
+    /// only other format with exact timestamps (Matroska rounds them to milliseconds).
     pub fn extension(self) -> &'static str {
         match self {
             Self::Ffv1 => "mov",
@@ -67,7 +67,7 @@ impl VideoCodec {
         }
     }
 
-    /// Presets from which one can choose.
+    /// The available presets.
     pub fn presets(self) -> &'static [&'static str] {
         match self {
             Self::H264 | Self::H264Lossless | Self::H265 => &X26X_PRESETS,
@@ -76,7 +76,7 @@ impl VideoCodec {
         }
     }
 
-    /// The preset that is used when none is given.
+    /// The default preset.
     pub fn default_preset(self) -> &'static str {
         match self {
             Self::H264 | Self::H265 => "superfast",
@@ -86,8 +86,8 @@ impl VideoCodec {
         }
     }
 
-    /// The constant rate factor that is used when none is given: for H.264 one that was measured to keep a 10 NM aircraft, for H.265 and
-    /// AV1, which never keep it as well, one that keeps most of its contrast.
+    /// The default constant rate factor: for H.264 one that was measured to preserve a 10 NM aircraft, for H.265 and AV1, which
+    /// never preserve it as well, one that keeps most of its contrast.
     pub fn default_crf(self) -> u32 {
         match self {
             Self::H264 => 12,
@@ -97,7 +97,7 @@ impl VideoCodec {
         }
     }
 
-    /// The worst constant rate factor that the encoder takes.
+    /// The largest constant rate factor that the encoder accepts.
     pub fn largest_crf(self) -> u32 {
         match self {
             Self::Av1 => 63,
@@ -116,7 +116,7 @@ impl VideoCodec {
         }
     }
 
-    /// What the encoder takes.
+    /// The encoder's input pixel format.
     pub(super) fn pixel(self) -> Pixel {
         match self {
             Self::H264 | Self::H265 | Self::Av1 => Pixel::YUV420P,

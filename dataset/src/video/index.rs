@@ -1,8 +1,8 @@
-//! From a file of fragments to a plain one.
+//! Converts a fragmented file into a plain one.
 //!
-//! Fragments survive a kill, but a file of them does not say how many pictures it has, and many tools read it from end to end before
-//! they show it. So the packets of a finished recording are copied, not coded again, into a file with one index, which then takes the
-//! place of the fragments in one step.
+//! Fragments survive a kill, but a fragmented file does not say how many pictures it has, and many tools read it from end to end
+//! before they show it. So the packets of a finished recording are copied, without re-encoding, into a file with one index, which
+//! then replaces the fragmented file atomically.
 
 use std::ffi::OsString;
 use std::fs::{self, File};
@@ -14,10 +14,10 @@ use super::writer::{check_time_base, exact_timestamps};
 use super::{fault, ffmpeg_path};
 use crate::error::{Error, Result};
 
-/// Ending of the plain file until it takes the place of the fragments.
+/// Suffix of the plain file until it replaces the fragmented one.
 const UNFINISHED: &str = ".indexing";
 
-/// Gives a finished recording of `pictures` pictures its index and makes it durable. `container`: FFmpeg's name of its format.
+/// Adds the index to a finished recording of `pictures` pictures and makes it durable. `container`: FFmpeg's name of its format.
 pub(super) fn add(path: &Path, container: &str, pictures: u32) -> Result<()> {
     let plain = beside(path);
     let copied = copy(path, &plain, container)?;

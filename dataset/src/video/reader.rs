@@ -14,10 +14,10 @@ use crate::limits::PICTURE_SIDE_PX;
 use crate::memory;
 use crate::outside_file::{self, FileKind};
 
-/// Pictures that a decoder refers back to, the one that it makes, and those that become RGB.
+/// Pictures that a decoder references, the one that it decodes, and those being converted to RGB.
 const FRAMES_HELD: u64 = 8;
 
-/// A video that is being read. Pictures are decoded on the calling thread: read several videos on several threads.
+/// A video that is being read. Pictures are decoded on the calling thread: use several threads for several videos.
 pub struct VideoReader {
     path: PathBuf,
     input: format::context::Input,
@@ -27,7 +27,7 @@ pub struct VideoReader {
     coded: frame::Video,
     rgb: frame::Video,
     time_base: (u32, u32),
-    /// As the file's header has it; 0 if it has none.
+    /// From the file's header; 0 if it has none.
     frames_announced: u64,
     frames_read: u64,
     all_sent: bool,
@@ -38,7 +38,7 @@ impl VideoReader {
     pub fn open(path: &Path) -> Result<Self> {
         start_ffmpeg();
         let name = ffmpeg_path(path)?;
-        // FFmpeg would wait for a FIFO, and read from a device without an end.
+        // FFmpeg would wait for a FIFO, and read a device endlessly.
         outside_file::open(path, FileKind::VIDEO)?;
         let input = format::input(&name).map_err(|e| fault(path, "open it", e))?;
         let stream = input
@@ -114,13 +114,13 @@ impl VideoReader {
         self.time_base
     }
 
-    /// Number of pictures that the file's header announces, if it does.
+    /// Number of pictures that the file's header declares, if it does.
     pub fn frames_announced(&self) -> Option<u64> {
         (self.frames_announced > 0).then_some(self.frames_announced)
     }
 
     /// Decodes the next picture into `rgb` (rows of RGB from top to bottom without gaps) and returns its timestamp, or `None` after
-    /// the last picture. A damaged picture, and an end before the announced number of pictures, are errors.
+    /// the last picture. A damaged picture, and an end before the declared number of pictures, are errors.
     pub fn next_frame(&mut self, rgb: &mut Vec<u8>) -> Result<Option<i64>> {
         let Some(pts) = self.decode()? else {
             return Ok(None);
@@ -140,7 +140,7 @@ impl VideoReader {
         Ok(Some(pts))
     }
 
-    /// Decodes the next picture without giving it out: enough to check timestamps and that it can be decoded.
+    /// Decodes the next picture without returning it: enough to check timestamps and that it can be decoded.
     pub fn skip_frame(&mut self) -> Result<Option<i64>> {
         self.decode()
     }
@@ -175,7 +175,7 @@ impl VideoReader {
         }
     }
 
-    /// Gives the decoder its next packet.
+    /// Sends the decoder its next packet.
     fn send(&mut self) -> Result<()> {
         let mut packet = Packet::empty();
         loop {
@@ -220,7 +220,7 @@ impl VideoReader {
                 _ => Matrix::Bt709,
             };
             let full_range = self.coded.color_range() == color::Range::JPEG;
-            // Without exact rounding swscale has a path that is six times faster and off by at most two grey levels.
+            // Without exact rounding swscale uses a path that is six times faster and off by at most two grey levels.
             let scaler = Scaler::new(
                 (self.coded.format(), Pixel::RGB24),
                 self.coded.width(),

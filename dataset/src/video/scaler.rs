@@ -1,8 +1,8 @@
 //! Conversion between RGB and the coded pixel format, in BT.709.
 //!
-//! FFmpeg's converter assumes BT.601 unless it is told otherwise, whatever the frames are tagged with, and `ffmpeg-next` does
-//! not wrap the call that tells it. Nor does it wrap a conversion from memory that is no frame of FFmpeg's, without which every picture
-//! would be copied once more (`docs/video.md` has what that costs).
+//! FFmpeg's converter assumes BT.601 unless it is told otherwise, whatever the frames' tags say, and `ffmpeg-next` does not wrap
+//! the function that sets it. Nor does it wrap a conversion from memory outside FFmpeg's frames, without which every picture would
+//! be copied once more (`docs/video.md` has the cost).
 #![allow(unsafe_code)]
 
 use std::os::raw::c_int;
@@ -18,22 +18,22 @@ use super::BYTES_PER_PIXEL;
 /// Converts pictures of one size from one pixel format to another.
 pub(super) struct Scaler(Context);
 
-/// swscale reads whole vectors: some bytes behind what it was given, but never so many.
+/// swscale reads whole vectors: it may read some bytes past its input, but never this many.
 const READ_BEHIND_BYTES: usize = 256;
 
 /// The end of a picture, with readable memory behind it.
 #[derive(Default)]
 pub(super) struct PaddedEnd(Vec<u8>);
 
-// SAFETY: the context is owned by this value alone, and swscale keeps no state per thread.
+// SAFETY: this value alone owns the context, and swscale keeps no per-thread state.
 unsafe impl Send for Scaler {}
 
-/// Which YUV a picture is in.
+/// The YUV matrix of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Matrix {
-    /// ITU-R BT.601, as old or untagged standard-definition video.
+    /// ITU-R BT.601, for old or untagged standard-definition video.
     Bt601,
-    /// ITU-R BT.709, as everything that this project writes.
+    /// ITU-R BT.709, for everything that this project writes.
     Bt709,
 }
 
@@ -57,8 +57,8 @@ impl Scaler {
             Matrix::Bt709 => ffi::SWS_CS_ITU709,
         };
         let range = if full_range { 1 } else { LIMITED_RANGE };
-        // SAFETY: the context is valid and not shared; the coefficients are a static table of swscale. It ignores the
-        // range of the side that is RGB. A negative result means that neither side is YUV: then there is nothing to tell.
+        // SAFETY: the context is valid and not shared; the coefficients are a static table of swscale. It ignores the range of the
+        // RGB side. A negative result means that neither side is YUV: then there is nothing to set.
         unsafe {
             let coefficients = ffi::sws_getCoefficients(space);
             ffi::sws_setColorspaceDetails(
@@ -84,8 +84,8 @@ impl Scaler {
         self.0.run(input, output)
     }
 
-    /// Converts one picture of RGB whose rows lie in memory without gaps, from where it lies: only its last rows are copied, to `end`, since
-    /// nobody knows what comes behind them.
+    /// Converts one RGB picture whose rows are contiguous in memory, in place: only its last rows are copied, to `end`, since the
+    /// memory behind them may not be readable.
     pub(super) fn run_rgb(
         &mut self,
         rgb: &[u8],
@@ -100,7 +100,7 @@ impl Scaler {
         if from.format != Pixel::RGB24 || rgb.len() != row_bytes * height || !fits {
             return Err(ffmpeg_next::Error::InvalidData);
         }
-        // Pairs of rows, since two rows share their colours in the output.
+        // Pairs of rows, since two rows share their chroma in the output.
         let end_rows = READ_BEHIND_BYTES.div_ceil(row_bytes).next_multiple_of(2);
         let end_rows = end_rows.min(height);
         let end_at = (height - end_rows) * row_bytes;
@@ -114,9 +114,10 @@ impl Scaler {
             if count == 0 {
                 continue;
             }
-            // SAFETY: the context is valid and not shared, and takes RGB of this size (checked above), which has one plane. From `rows` on
-            // `count` rows can be read, and READ_BEHIND_BYTES behind them: the rest of the picture, or the padding. The output is a
-            // writable frame of the size and format that the context gives (checked above), and swscale writes only to its rows.
+            // SAFETY: the context is valid and not shared, and takes RGB of this size (checked above), which has one plane. From
+            // `rows` on `count` rows can be read, and READ_BEHIND_BYTES behind them: the rest of the picture, or the padding. The
+            // output is a writable frame of the size and format that the context produces (checked above), and swscale writes only
+            // to its rows.
             let done = unsafe {
                 let output = &mut *output.as_mut_ptr();
                 ffi::sws_scale(
@@ -136,7 +137,7 @@ impl Scaler {
         Ok(())
     }
 
-    /// Makes a picture's pixels its own again, in case the encoder still holds them.
+    /// Makes the frame's buffer writable, in case the encoder still references it.
     pub(super) fn make_writable(picture: &mut frame::Video) -> Result<(), ffmpeg_next::Error> {
         // SAFETY: the frame is valid and owned by the caller.
         match unsafe { ffi::av_frame_make_writable(picture.as_mut_ptr()) } {

@@ -10,7 +10,7 @@ use crate::frame_rate::FrameRate;
 
 const WIDTH: u32 = 256;
 const HEIGHT: u32 = 128;
-/// A dark target of 6 x 2 pixels, as an aircraft at 13 nautical miles.
+/// A dark target of 6 x 2 pixels, like an aircraft at 13 nautical miles.
 const TARGET_CONTRAST: f64 = 40.0;
 
 /// A sky that brightens downwards, with fixed fine grain, and a target with soft edges around `(cx, cy)`.
@@ -28,12 +28,12 @@ fn picture(cx: f64, cy: f64) -> Vec<u8> {
     rgb
 }
 
-/// Part of a pixel at distance `d` from the middle of a bar that the bar covers.
+/// Coverage, 0 to 1, of a pixel at distance `d` from the centre of a bar.
 fn cover(d: f64, half: f64) -> f64 {
     ((d + 0.5).min(half) - (d - 0.5).max(-half)).clamp(0.0, 1.0)
 }
 
-/// Centre and peak of what differs from the picture without a target, by green.
+/// Centre and peak of the difference from the picture without a target, by green.
 fn centre(rgb: &[u8], near: (f64, f64)) -> (f64, f64, f64) {
     let background = picture(-100.0, -100.0);
     let (mut sum, mut sum_x, mut sum_y, mut peak) = (0.0, 0.0, 0.0, 0.0_f64);
@@ -323,7 +323,7 @@ fn any_path_is_a_path_and_no_protocol() {
 
 #[test]
 fn a_relative_path_with_a_colon_names_no_protocol_and_one_that_is_not_utf_8_is_refused() {
-    // Where no folder is, FFmpeg says so, and nothing of protocols.
+    // If the folder is missing, FFmpeg reports that, and nothing about protocols.
     let path = Path::new("no:such/view.mp4");
     let settings = VideoSettings::default();
     let rate = FrameRate::new(30, 1).unwrap();

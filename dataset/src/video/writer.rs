@@ -1,7 +1,7 @@
 //! Writes a video, one picture per tick.
 //!
-//! Until it is finished the file consists of fragments, one per picture, each handed to the system at once: whatever kills the
-//! process, all pictures but the last one or two can be read.
+//! Until it is finished the file consists of fragments, one per picture, each passed to the system at once: if the process is
+//! killed, all pictures but the last one or two can be read.
 
 use std::path::{Path, PathBuf};
 
@@ -15,24 +15,24 @@ use super::{BYTES_PER_PIXEL, VideoCodec, VideoSettings, fault, ffmpeg_path, inde
 use crate::error::{Error, Result};
 use crate::frame_rate::FrameRate;
 
-/// Pictures between two that can be decoded alone, in frames: a jump in a player decodes at most this many.
+/// Maximum distance between keyframes, in frames: a jump in a player decodes at most this many.
 const GROUP_OF_PICTURES: u32 = 60;
 
-/// Brightness uses all 256 levels: limited range has a seventh fewer, which moves small targets (`docs/video.md`).
+/// Brightness uses all 256 levels: limited range has a seventh fewer, which shifts small targets (`docs/video.md`).
 const FULL_RANGE: bool = true;
 
-/// Coefficients are rounded to the nearest step. x264's own rounding prefers zero, which takes from small targets what makes them sharp.
+/// Coefficients are rounded to the nearest step. x264's own rounding prefers zero, which blurs small targets.
 const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
 
-/// A video that is being written. Dropped before [`VideoWriter::finish`] it leaves a readable file without an index, from which the
-/// last pictures may be missing.
+/// A video that is being written. If it is dropped before [`VideoWriter::finish`], it leaves a readable file without an index,
+/// possibly without its last pictures.
 pub struct VideoWriter {
     path: PathBuf,
     /// FFmpeg's name of the format.
     container: &'static str,
     output: format::context::Output,
     encoder: encoder::Video,
-    /// As the encoder takes it.
+    /// The encoder's pixel format.
     coded: frame::Video,
     /// Absent if the encoder takes RGB.
     conversion: Option<Conversion>,
@@ -47,7 +47,8 @@ struct Conversion {
 }
 
 impl VideoWriter {
-    /// Starts a file in the format of the codec, MP4 but for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every timestamp is exact.
+    /// Starts a file in the format of the codec, MP4 except for FFV1. Its time base is 1 / [`FrameRate::time_scale`], so that every
+    /// timestamp is exact.
     pub fn create(
         path: &Path,
         settings: &VideoSettings,
@@ -111,7 +112,7 @@ impl VideoWriter {
         video.set_time_base(time_base);
         video.set_frame_rate(Some(Rational(time_scale, frame_rate.denominator as i32)));
         video.set_max_b_frames(0);
-        // Quality comes from the rate factor alone; libaom would take a bit rate as a limit.
+        // Quality is set by the rate factor alone; libaom would treat a bit rate as a limit.
         video.set_bit_rate(0);
         video.set_gop(if codec == VideoCodec::Ffv1 {
             1
@@ -207,7 +208,7 @@ impl VideoWriter {
         Ok(pts)
     }
 
-    /// Completes the file, gives it an index, and makes it durable. If that fails, what was written stays readable.
+    /// Completes the file, adds an index, and makes it durable. If that fails, the written part stays readable.
     pub fn finish(mut self) -> Result<()> {
         self.encoder
             .send_eof()
@@ -248,7 +249,7 @@ impl VideoWriter {
     }
 }
 
-/// Copies rows without gaps into a frame of RGB, which may have some.
+/// Copies contiguous rows into an RGB frame, which may have gaps between rows.
 fn copy_rows(rgb: &[u8], row_bytes: usize, frame: &mut frame::Video) {
     let stride = frame.stride(0);
     let rows = frame.data_mut(0).chunks_exact_mut(stride);
@@ -265,7 +266,7 @@ pub(super) fn exact_timestamps(time_scale: i32) -> Dictionary<'static> {
     options
 }
 
-/// Refuses a file in which timestamps would be rounded. To be asked when its header is written.
+/// Rejects a file in which timestamps would be rounded. Call it when its header is written.
 pub(super) fn check_time_base(
     path: &Path,
     output: &format::context::Output,
@@ -313,7 +314,7 @@ fn encoder_options(settings: &VideoSettings) -> Dictionary<'static> {
             options.set("crf", &crf);
             options.set("tune", "zerolatency");
             let threads = settings.threads;
-            // Else it takes all cores, and talks on stderr. Its filters smooth small targets away.
+            // Otherwise it uses all cores and writes to stderr. Its filters smooth small targets away.
             options.set(
                 "x265-params",
                 &format!("log-level=none:frame-threads=1:pools={threads}:no-sao=1:deblock=-6,-6"),

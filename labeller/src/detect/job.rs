@@ -1,4 +1,4 @@
-//! The work on one scenario: its views are searched one by one, by whichever worker is free, and written together.
+//! The work on one scenario: its views are processed one by one, by whichever worker is free, and written together.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -20,7 +20,7 @@ pub(super) struct ScenarioJob {
     model: Model,
     settings: TilingSettings,
     views: Vec<ViewTicks>,
-    /// One place per view; empty until it was searched.
+    /// One slot per view; empty until it is done.
     results: Mutex<Vec<Option<Result<ViewResult>>>>,
 }
 
@@ -43,7 +43,7 @@ pub(super) struct ViewJob<'a> {
 }
 
 impl ScenarioJob {
-    /// The work that a scenario asks for; `None` if it was done before.
+    /// The remaining work of a scenario; `None` if it was done before.
     pub(super) fn plan(
         folder: ScenarioFolder,
         model: &Model,
@@ -96,7 +96,7 @@ impl ScenarioJob {
         })
     }
 
-    /// Writes table and record once all views are searched. Returns the time that the workers took, seconds.
+    /// Writes table and record once all views are done. Returns the time of the workers, seconds.
     pub(super) fn finish(self) -> Result<f64> {
         let results = self
             .results
@@ -131,7 +131,7 @@ impl ScenarioJob {
         };
         let folder = self.scenario.folder();
         let claim = folder.claim()?;
-        // Somebody may have recorded it again while it was searched.
+        // The scenario may have been recorded again in the meantime.
         if folder.open()?.videos_blake3() != self.scenario.videos_blake3() {
             let message =
                 "its videos were replaced while they were searched; run `dtd detect` again";
@@ -160,7 +160,7 @@ impl ViewJob<'_> {
         &self.scenario.views[self.index]
     }
 
-    /// Searches the view and leaves the result with its scenario. Calls `picture_done` after every picture.
+    /// Processes the view and stores the result with its scenario. Calls `picture_done` after every picture.
     pub(super) fn search(
         &self,
         detector: &mut dyn Detector,

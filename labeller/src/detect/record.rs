@@ -1,4 +1,4 @@
-//! `detections/<model>.json`: what made the detections beside it.
+//! `detections/<model>.json`: the origin of the detections next to it.
 
 use std::path::PathBuf;
 
@@ -20,17 +20,17 @@ pub struct DetectionRecord {
     /// What they were made from, and the hash of their table.
     #[serde(flatten)]
     pub provenance: Provenance,
-    /// Form of its answers and size of its windows.
+    /// Output layout and window size.
     pub detector: String,
     /// What counted as a hit.
     pub settings: TilingSettings,
     /// Version of this software.
     pub dtd: String,
-    /// Pictures that were looked at.
+    /// Number of pictures.
     pub pictures: u64,
     /// Rows of the table.
     pub detections: u64,
-    /// Time that the workers took, seconds.
+    /// Total time of the workers, seconds.
     pub seconds: f64,
 }
 
@@ -40,14 +40,14 @@ impl DetectionRecord {
         detections::record_path(folder, model_hash)
     }
 
-    /// Whether the scenario holds detections of this model with these settings, made from the videos that it has.
+    /// Whether the scenario has detections of this model with these settings, made from its current videos.
     pub(super) fn is_there(
         scenario: &OpenScenario,
         model: &Model,
         settings: &TilingSettings,
     ) -> Result<bool> {
         if scenario.detections(model.short_hash()).is_err() {
-            // Missing, of other videos or damaged: all of that is mended by searching.
+            // Missing, of other videos or damaged: detecting again repairs all of these.
             return Ok(false);
         }
         let path = Self::path(scenario.folder(), model.short_hash());

@@ -19,7 +19,7 @@ fn model() -> Model {
     }
 }
 
-/// A blob that moves right with the ticks, elsewhere in each view.
+/// A blob that moves right with the ticks, at a different place in each view.
 fn blob(view: &str, tick: u32) -> PixelBox {
     let left = if view == "left" { 100.0 } else { 630.0 } + 8.0 * f64::from(tick);
     PixelBox::from_edges(left - 0.5, 199.5, left + 15.5, 207.5)
@@ -143,7 +143,7 @@ fn detections_are_compared_with_labels_where_there_are_any() {
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a"]);
     label_corpus(&corpus, &|_| {}).unwrap();
-    // The painted blobs are nowhere near the aircraft: all are false, and none is found.
+    // The painted blobs are nowhere near the aircraft: all detections are false, and the aircraft is never found.
     let truth = detect(&corpus, &two_workers())
         .counts
         .against_truth

@@ -1,18 +1,18 @@
-//! A model's answer as it came, checked before anything is read from it: a model is a file from somewhere, and may answer anything.
+//! The raw output of a model, checked before anything is read from it: a model is untrusted and may return anything.
 
 use super::layout::Layout;
 
-/// Most bytes that the windows of one run, or the answer to them, may take: five windows of the largest size.
+/// Maximum bytes of the windows of one run, or of the output for them: five windows of the largest size.
 pub(super) const MOST_RUN_BYTES: usize = 1 << 30;
 
-/// Numbers and their shape. As many as the shape says, and all of them finite.
+/// Numbers and their shape. The count matches the shape, and all of them are finite.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Answer<'a> {
     shape: &'a [usize],
     numbers: &'a [f32],
 }
 
-/// What is wrong with an answer. The caller names model and output.
+/// What is wrong with an output. The caller names model and output.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub(super) enum AnswerFault {
     #[error(
@@ -47,7 +47,7 @@ pub(super) enum AnswerFault {
 }
 
 impl<'a> Answer<'a> {
-    /// Checks that the numbers are those of the shape, and that each of them is one.
+    /// Checks that the number count matches the shape, and that every number is finite.
     pub(super) fn new(shape: &'a [usize], numbers: &'a [f32]) -> Result<Self, AnswerFault> {
         match numbers_of(shape) {
             Some(expected) if expected == numbers.len() => {}
@@ -81,7 +81,7 @@ impl<'a> Answer<'a> {
         self.numbers
     }
 
-    /// The parts of the first `windows` windows, if the answer is a row of them. Parts without a number are there, too.
+    /// The parts of the first `windows` windows, if the output is a row of them. Empty parts are included.
     pub(super) fn of_windows(&self, windows: usize) -> Vec<&'a [f32]> {
         let batch = self.shape.first().copied().unwrap_or(0);
         let each = self.numbers.len() / batch.max(1);
@@ -91,7 +91,7 @@ impl<'a> Answer<'a> {
     }
 }
 
-/// How many numbers a shape holds; `None` if they are too many for an answer.
+/// The number of elements of a shape; `None` if there are too many for an output.
 pub(super) fn numbers_of(shape: &[usize]) -> Option<usize> {
     // A length of 0 makes all of it empty, however long the others are.
     if shape.contains(&0) {
@@ -103,7 +103,7 @@ pub(super) fn numbers_of(shape: &[usize]) -> Option<usize> {
         .filter(|numbers| *numbers <= MOST_RUN_BYTES / size_of::<f32>())
 }
 
-/// The indices of a number, the last one running fastest.
+/// The indices of an element, the last one varying fastest.
 fn place_of(mut at: usize, shape: &[usize]) -> Vec<usize> {
     let mut place: Vec<usize> = shape
         .iter()

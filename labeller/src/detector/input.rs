@@ -1,4 +1,4 @@
-//! What a model takes: its windows' size and number, checked before memory is taken for them.
+//! The input of a model: size and number of its windows, checked before memory is allocated for them.
 
 use dataset::memory::{self, TooMuchMemory};
 use ort::session::Session;
@@ -9,13 +9,13 @@ use super::profile::ModelProfile;
 
 /// Planes of a window: red, green, blue.
 pub(super) const CHANNELS: usize = 3;
-/// Edge length of a model that leaves it open, pixels.
+/// Window size of a model that leaves it open, pixels.
 const USUAL_WINDOW_PX: u32 = 640;
-/// The coarsest cells of YOLO-like models are that large, pixels: a smaller window has none.
+/// The coarsest cells of YOLO-like models have this size, pixels: a smaller window has none.
 const LEAST_WINDOW_PX: u32 = 32;
-/// Larger than the sides of pictures that cameras give, pixels.
+/// Larger than the sides of any camera's pictures, pixels.
 const MOST_WINDOW_PX: u32 = 4_096;
-/// A window's pixels lie in memory so often: where they are gathered, and at least once more inside the model.
+/// Copies of a window's pixels in memory: where they are gathered, and at least one inside the model.
 const COPIES: usize = 2;
 /// Windows in one run.
 const MOST_BATCH: usize = 256;
@@ -23,7 +23,7 @@ const MOST_BATCH: usize = 256;
 /// Windows per run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Batch {
-    /// The model takes exactly so many; missing ones are left empty.
+    /// The model takes exactly this many; missing ones are left empty.
     Exactly(usize),
     /// The model takes any number.
     UpTo(usize),
@@ -71,7 +71,7 @@ pub(super) enum InputFault {
 }
 
 impl Input {
-    /// Of a loaded model, with at most `batch` windows in a run if it leaves that open.
+    /// Of a loaded model, with at most `batch` windows per run if it leaves that open.
     pub(super) fn of(
         session: &Session,
         profile: &ModelProfile,
@@ -101,7 +101,7 @@ impl Input {
         }
     }
 
-    /// Of the shape of a model's input, in which a length below zero is open.
+    /// From the shape of a model's input, in which a negative length is open.
     fn of_shape(
         name: &str,
         shape: &[i64],
@@ -154,7 +154,7 @@ impl Input {
         Ok(Self { window_px, batch })
     }
 
-    /// With as many windows in a run as there is memory for, where that is open.
+    /// With as many windows per run as fit into memory, if that is open.
     fn in_memory(self) -> Result<Self, InputFault> {
         let Self { window_px, batch } = self;
         let window_bytes = (self.plane_numbers() * size_of::<f32>() * COPIES) as u64;
@@ -173,7 +173,7 @@ impl Input {
         Ok(Self { window_px, batch })
     }
 
-    /// Numbers of one window.
+    /// Elements of one window.
     pub(super) fn plane_numbers(&self) -> usize {
         plane_numbers(self.window_px)
     }
@@ -183,12 +183,12 @@ fn plane_numbers(window_px: u32) -> usize {
     CHANNELS * (window_px as usize).pow(2)
 }
 
-/// How many windows fit into one run's memory.
+/// How many windows fit into the memory of one run.
 fn most_windows(window_px: u32) -> usize {
     (MOST_RUN_BYTES / (plane_numbers(window_px) * size_of::<f32>())).min(MOST_BATCH)
 }
 
-/// Refuses an output that would not fit into memory, as far as the model says how large it is.
+/// Rejects an output that would not fit into memory, as far as the model declares its size.
 fn check_output(name: &str, shape: &[i64]) -> Result<(), InputFault> {
     let said: Vec<usize> = shape
         .iter()

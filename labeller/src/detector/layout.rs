@@ -1,4 +1,4 @@
-//! The forms in which detectors answer, told apart by their shapes, and how each becomes boxes.
+//! The output layouts of detectors, recognised by their shapes, and how each becomes boxes.
 //!
 //! | layout | shape | a candidate |
 //! |---|---|---|
@@ -9,8 +9,8 @@
 //! | [`Layout::Corners`] | `[B, 300, 6]` | x0, y0, x1, y1 in px, score, class: YOLOv10, v26 |
 //! | [`Layout::BatchCorners`] | `[K, 7]` | window, x0, y0, x1, y1 in px, class, score: YOLOv7 end to end |
 //!
-//! `cells` is the number of cells of the grids of strides 8, 16 and 32. A model whose shape misleads says its layout in its
-//! [`ModelProfile`](super::ModelProfile).
+//! `cells` is the number of cells of the grids of strides 8, 16 and 32. A model whose shape is misleading declares its layout in
+//! its [`ModelProfile`](super::ModelProfile).
 
 use serde::{Deserialize, Serialize};
 
@@ -23,7 +23,7 @@ const STRIDES: [usize; 3] = [8, 16, 32];
 /// Boxes that end-to-end YOLO models return per picture.
 const END_TO_END_BOXES: usize = 300;
 
-/// Form of a detector's answer.
+/// Layout of a detector's output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Layout {
@@ -41,7 +41,7 @@ pub enum Layout {
     BatchCorners,
 }
 
-/// What decoding needs to know besides the numbers.
+/// What decoding needs besides the numbers.
 pub(super) struct Decoding<'a> {
     pub(super) layout: Layout,
     pub(super) profile: &'a ModelProfile,
@@ -72,7 +72,7 @@ impl Layout {
         }
     }
 
-    /// Which point of a pixel models of this layout count from.
+    /// The pixel origin that models of this layout use.
     pub fn usual_origin(self) -> BoxOrigin {
         match self {
             Self::Rows => BoxOrigin::PixelCenter,
@@ -209,7 +209,7 @@ impl Decoding<'_> {
                     most,
                 });
             }
-            // Beyond the asked windows are those that fill a fixed batch: nothing is in them.
+            // Windows beyond the requested ones only fill a fixed batch: they are empty.
             if let Some(boxes) = found.get_mut(window as usize)
                 && row[5] == aircraft
             {
@@ -224,10 +224,10 @@ impl Decoding<'_> {
         self.centred([(x0 + x1) / 2.0, (y0 + y1) / 2.0, x1 - x0, y1 - y0], score)
     }
 
-    /// A box from centre and size in the model's coordinates, unless its score is below the floor or it is no box.
+    /// A box from centre and size in the model's coordinates, unless its score is below the floor or it is invalid.
     fn centred(&self, numbers: [f32; 4], score: f32) -> Option<ScoredBox> {
         let confident = f64::from(score) >= self.score_floor;
-        // What was finite may have overflowed in the exponential function, or in a product.
+        // A finite value may have overflowed in the exponential function, or in a product.
         if !confident || numbers.iter().any(|number| !number.is_finite()) {
             return None;
         }

@@ -1,11 +1,11 @@
 //! Loads and starts ONNX Runtime, once per process.
 //!
-//! The library is not linked but loaded, and what is loaded runs with all rights of the user. So it comes from a stated place only: the
-//! one that the caller names, else the one in `ORT_DYLIB_PATH`, else the installation's own, which lies beside the program:
-//! `bin/dtd`, `lib/dtd/libonnxruntime.so`. Nothing is searched for, and a place that anybody can write to is refused.
+//! The library is loaded at run time, and it runs with all rights of the user. So it comes only from a stated place: the caller's
+//! path, else `ORT_DYLIB_PATH`, else the installation's own, relative to the program: `bin/dtd`, `lib/dtd/libonnxruntime.so`.
+//! Nothing is searched for, and world-writable places are rejected.
 //!
-//! ONNX Runtime's own builds report to their maker over the network, and decide that while they start, before any function of theirs
-//! can forbid it. Only the environment can, so nothing is loaded unless it does.
+//! ONNX Runtime's official builds send telemetry, and decide that while they start, before any of their functions can disable it.
+//! Only the environment can, so nothing is loaded unless it does.
 
 use std::env::{self, consts};
 use std::ffi::OsStr;
@@ -17,16 +17,16 @@ use ort::environment::Environment;
 
 use crate::error::{Error, Result};
 
-/// Environment variable that keeps ONNX Runtime from reporting, when it is `1`. Whoever loads the library sets it first.
+/// Environment variable that disables ONNX Runtime's telemetry when it is `1`. Set it before loading the library.
 pub const NO_TELEMETRY_VARIABLE: &str = "ORT_DISABLE_TELEMETRY";
 const PATH_VARIABLE: &str = "ORT_DYLIB_PATH";
-/// From the program's folder.
+/// Relative to the program's folder.
 const FOLDER_OF_INSTALLATION: &str = "../lib/dtd";
 
-/// Why ONNX Runtime cannot be loaded from where it should be.
+/// Why ONNX Runtime cannot be loaded from its place.
 #[derive(Debug, thiserror::Error)]
 pub enum LibraryError {
-    /// A path that means something else in another folder.
+    /// A relative path, which depends on the working folder.
     #[error("{} is {}, expected an absolute path", place, path.display())]
     Relative {
         /// Who said so.
@@ -39,12 +39,12 @@ pub enum LibraryError {
     Missing {
         /// Who said so.
         place: &'static str,
-        /// Where it should be.
+        /// The expected path.
         path: PathBuf,
-        /// Why it cannot be had.
+        /// Why it cannot be read.
         source: io::Error,
     },
-    /// It is a folder, a device, a pipe.
+    /// It is a folder, a device or a pipe.
     #[error("{} ({place}) is no regular file", path.display())]
     NoFile {
         /// Who said so.
@@ -52,32 +52,32 @@ pub enum LibraryError {
         /// What it is.
         path: PathBuf,
     },
-    /// Somebody else could have put it there.
+    /// Another user could have put it there.
     #[error("{} ({place}) is not loaded: every user of this computer can write to {}; run `chmod o-w` on it, or name another library", path.display(), writable.display())]
     WritableByAll {
         /// Who said so.
         place: &'static str,
         /// The library.
         path: PathBuf,
-        /// The file or folder that gives it away.
+        /// The file or folder that is world-writable.
         writable: PathBuf,
     },
-    /// Its reports to its maker are not switched off.
+    /// Its telemetry is not disabled.
     #[error(
         "{NO_TELEMETRY_VARIABLE} is not 1: the library would report to its maker over the network, and is not loaded"
     )]
     WouldReport,
-    /// It does not load or start.
+    /// It cannot be loaded or started.
     #[error("cannot load {}: {message}", path.display())]
     Broken {
         /// The library.
         path: PathBuf,
-        /// What the loader says.
+        /// The loader's error.
         message: String,
     },
 }
 
-/// The environment in which all sessions run. `chosen` counts for the first call, which loads the library.
+/// The environment in which all sessions run. `chosen` applies to the first call, which loads the library.
 pub(super) fn environment(chosen: Option<&Path>) -> Result<&'static Environment> {
     static STARTED: OnceLock<Environment> = OnceLock::new();
     static STARTING: Mutex<()> = Mutex::new(());
@@ -106,7 +106,7 @@ pub(super) fn environment(chosen: Option<&Path>) -> Result<&'static Environment>
     Ok(STARTED.get_or_init(|| environment))
 }
 
-/// Where the library is, with all links followed.
+/// Path of the library, with all links resolved.
 fn library(chosen: Option<&Path>) -> std::result::Result<PathBuf, LibraryError> {
     if let Some(path) = chosen {
         return checked(path, "--onnx-runtime");
@@ -125,7 +125,7 @@ fn library(chosen: Option<&Path>) -> std::result::Result<PathBuf, LibraryError> 
     checked(&folder.join(FOLDER_OF_INSTALLATION).join(file), PLACE)
 }
 
-/// The file behind a path, if nobody but its owners can have put it there.
+/// The file behind a path, if only its owners can have put it there.
 fn checked(path: &Path, place: &'static str) -> std::result::Result<PathBuf, LibraryError> {
     let path_owned = || path.to_owned();
     if !path.is_absolute() {
@@ -143,7 +143,7 @@ fn checked(path: &Path, place: &'static str) -> std::result::Result<PathBuf, Lib
     if !found.metadata().map_err(missing)?.is_file() {
         return Err(LibraryError::NoFile { place, path: found });
     }
-    // The folder of the path as well: a link in it may be put to something else.
+    // The folder of the path as well: a link in it may be replaced.
     let folder = match path.parent() {
         Some(parent) => parent.canonicalize().map_err(missing)?,
         None => found.clone(),
@@ -162,7 +162,7 @@ fn checked(path: &Path, place: &'static str) -> std::result::Result<PathBuf, Lib
     }
 }
 
-/// Whether every user can change a file, or what lies under a name in a folder. In a folder like /tmp, whose sticky bit is set, only a
+/// Whether every user can change a file, or replace a name in a folder. In a folder with the sticky bit, such as /tmp, only a
 /// name's owner can.
 #[cfg(unix)]
 fn is_writable_by_all(place: &Path) -> bool {
@@ -237,7 +237,7 @@ mod tests {
             }
             fs::set_permissions(path, before).unwrap();
         }
-        // A folder that holds the link only.
+        // A folder that contains only the link.
         let open = root.path().join("open");
         fs::create_dir(&open).unwrap();
         set(&open, 0o777);

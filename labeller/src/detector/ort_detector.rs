@@ -15,14 +15,14 @@ use super::window::{Picture, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, Result};
 
-/// How a model is run.
+/// Options for running a model.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OrtOptions {
-    /// ONNX Runtime's library; `None` is that of `ORT_DYLIB_PATH`, else the installation's own. Counts for the first model of a process.
+    /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own. Applies to the first model of a process.
     pub library: Option<PathBuf>,
     /// Threads within one run.
     pub threads: usize,
-    /// Most windows in one run; a model with a fixed batch gets its own number.
+    /// Maximum number of windows per run; a model with a fixed batch uses its own number.
     pub batch: usize,
 }
 
@@ -39,7 +39,7 @@ pub struct OrtDetector {
 }
 
 impl OrtDetector {
-    /// Loads a model, runs it once on an empty window and finds out how it answers.
+    /// Loads a model, runs it once on an empty window and determines its output layout.
     pub fn load(path: &Path, options: &OrtOptions) -> Result<Self> {
         if !path.is_file() {
             return Err(Error::model(path, "is not there; expected an ONNX file"));
@@ -54,7 +54,7 @@ impl OrtDetector {
             .map_err(|e| fault(&e))?
             .with_intra_threads(options.threads)
             .map_err(|e| fault(&e))?
-            // Threads that spin while they wait take the cores that the next picture is decoded on.
+            // Threads that spin while waiting would take the cores that decode the next picture.
             .with_intra_op_spinning(false)
             .map_err(|e| fault(&e))?;
         let session = builder.commit_from_file(path).map_err(|e| fault(&e))?;
@@ -80,7 +80,7 @@ impl OrtDetector {
         Ok(detector)
     }
 
-    /// The form of the answer: as the profile says, else by the shape of a real answer.
+    /// The output layout: from the profile, else from the shape of an actual output.
     fn probe(&mut self) -> Result<Layout> {
         let windows = match self.input.batch {
             Batch::Exactly(windows) => windows,
@@ -100,7 +100,7 @@ impl OrtDetector {
         })
     }
 
-    /// Reads the answer to the blank windows of the probe: what does not fit the layout is known before the first picture.
+    /// Reads the output for the blank windows of the probe, so that a mismatch with the layout shows before the first picture.
     fn read_blank_answer(&mut self) -> Result<()> {
         let windows = self.planes.len() / self.input.plane_numbers();
         let profile = self.profile;

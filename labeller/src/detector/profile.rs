@@ -1,6 +1,6 @@
-//! What a model wants to be fed and how its answer is meant, where its shapes do not tell.
+//! The input format of a model and the meaning of its output, where the shapes do not tell.
 //!
-//! Taken from the first of: a file `<model file name>.json` beside the model (`aircraft.onnx.json`), the model's own metadata
+//! Taken from the first of: a file `<model file name>.json` next to the model (`aircraft.onnx.json`), the model's own metadata
 //! property `dtd_profile` (the same JSON as text), the defaults for its layout. For example:
 //!
 //! ```json
@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::layout::Layout;
 use crate::error::{Error, Result};
 
-/// Name of the metadata property of a model that holds its profile.
+/// Name of the metadata property of a model that contains its profile.
 pub(super) const METADATA_KEY: &str = "dtd_profile";
 /// Index of `airplane` among the 80 classes of COCO.
 const COCO_AIRPLANE: usize = 4;
@@ -25,31 +25,31 @@ const COCO_AIRPLANE: usize = 4;
 pub enum ChannelOrder {
     /// Red first.
     Rgb,
-    /// Blue first, as OpenCV reads pictures.
+    /// Blue first, as in OpenCV.
     Bgr,
 }
 
-/// Which point of the top-left pixel has the coordinates (0, 0) in a model's answer.
+/// Which point of the top-left pixel has the coordinates (0, 0) in a model's output.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BoxOrigin {
     /// Its centre, as everywhere in this project.
     PixelCenter,
-    /// Its top-left corner, as all YOLO models have it: half a pixel is taken off.
+    /// Its top-left corner, as in all YOLO models: half a pixel is subtracted.
     PixelCorner,
 }
 
-/// Everything that may be said about a model. What is not said is decided by its shapes and its layout.
+/// Optional declarations about a model. Missing ones follow from its shapes and its layout.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelProfile {
     /// The input.
     pub input: InputProfile,
-    /// The output; otherwise [`Layout::of_shape`].
+    /// The output; default [`Layout::of_shape`].
     pub layout: Option<Layout>,
-    /// Index of the aircraft among the model's classes; otherwise 0 of 1 class or 4 of the 80 of COCO.
+    /// Index of the aircraft among the model's classes; default 0 of 1 class or 4 of COCO's 80.
     pub aircraft_class: Option<usize>,
-    /// Origin of the boxes; otherwise [`Layout::usual_origin`].
+    /// Origin of the boxes; default [`Layout::usual_origin`].
     pub box_origin: Option<BoxOrigin>,
 }
 
@@ -57,16 +57,16 @@ pub struct ModelProfile {
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct InputProfile {
-    /// Order of the channels; otherwise RGB, for YOLOX BGR.
+    /// Order of the channels; default RGB, for YOLOX BGR.
     pub order: Option<ChannelOrder>,
-    /// Factor on the 8-bit values; otherwise 1/255, for YOLOX 1.
+    /// Factor on the 8-bit values; default 1/255, for YOLOX 1.
     pub scale: Option<f32>,
-    /// Edge length, pixels, if the model leaves it open; otherwise 640.
+    /// Window size, pixels, if the model leaves it open; default 640.
     pub size_px: Option<u32>,
 }
 
 impl ModelProfile {
-    /// The profile of a model: from the file beside it, else from its metadata, else empty.
+    /// The profile of a model: from the file next to it, else from its metadata, else empty.
     pub(super) fn find(model: &Path, metadata: Option<String>) -> Result<Self> {
         let mut beside = model.as_os_str().to_owned();
         beside.push(".json");
@@ -111,7 +111,7 @@ impl ModelProfile {
         })
     }
 
-    /// Index of the aircraft among `classes`; `None` if nobody can know.
+    /// Index of the aircraft among `classes`; `None` if it is ambiguous.
     pub(super) fn aircraft_class(&self, classes: usize) -> Option<usize> {
         let usual = match classes {
             1 => Some(0),
@@ -123,7 +123,7 @@ impl ModelProfile {
             .filter(|class| *class < classes)
     }
 
-    /// Class number of the aircraft in an answer that names classes without saying how many there are.
+    /// Class number of the aircraft in an output that gives class numbers without the number of classes.
     pub(super) fn aircraft_class_or_coco(&self) -> usize {
         self.aircraft_class.unwrap_or(COCO_AIRPLANE)
     }

@@ -4,7 +4,7 @@ use super::ScoredBox;
 
 /// The best items, at most `most`, none of which overlaps a better one by more than `iou`. Best first; equal scores keep their order.
 ///
-/// Takes time in proportion to `items.len() * most`, since it looks at nothing behind the last one that it keeps.
+/// Takes time proportional to `items.len() * most`, since each item is compared only with those that are kept.
 pub fn keep_best<T>(
     mut items: Vec<T>,
     iou: f64,
@@ -71,7 +71,7 @@ mod tests {
                 *item
             });
             assert_eq!(found.len(), kept);
-            // Sorting looks twice at each of n log n pairs.
+            // Sorting makes about two comparisons for each of n log n pairs.
             let sorting = 2 * BOXES * BOXES.ilog2() as usize;
             let bound = sorting + BOXES * (MOST + 1);
             assert!(

@@ -2,7 +2,7 @@
 
 use super::profile::ChannelOrder;
 
-/// Grey level of what a window has outside the picture; YOLO models are trained with this border.
+/// Grey level of a window outside the picture; YOLO models are trained with this border.
 const PADDING: u8 = 114;
 
 /// An 8-bit RGB picture, rows from top to bottom without gaps.
@@ -16,7 +16,7 @@ pub struct Picture<'a> {
     pub height_px: u32,
 }
 
-/// The pixel of the picture in a window's top-left corner. A window may stick out to the right and below.
+/// The pixel of the picture in a window's top-left corner. A window may extend past the right and bottom edges.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Window {
     /// Column of the left-most pixels.

@@ -23,7 +23,7 @@ fn level_camera(heading_true_deg: f64) -> (CameraPose, Camera) {
     (placed, Camera::from_pose(&placed, 1920, 1280))
 }
 
-/// The pose of a body that stands at a place given in the camera's body axes (forward, right, down) and flies towards it.
+/// The pose of a body at a place given in the camera's body axes (forward, right, down) that flies towards it.
 fn facing(placed: &CameraPose, at_m: DVec3) -> Pose {
     let position = Geodetic::from_ecef(placed.pose.body_point_to_ecef(at_m));
     Pose {
@@ -181,7 +181,7 @@ fn the_truth_box_is_the_box_of_a_silhouette_cast_ray_by_ray() {
                 (low, high) = (low.min(pixel), high.max(pixel));
             }
         }
-        // Rays miss what is thinner than their spacing: wing tips and the fin's tip.
+        // Rays miss parts thinner than their spacing: wing tips and the fin's tip.
         for (cast, edge) in [
             (low.x, left),
             (low.y, top),
@@ -213,7 +213,7 @@ fn meets(origin: DVec3, ray: DVec3, [a, b, c]: [DVec3; 3]) -> bool {
 
 #[test]
 fn the_default_rig_sees_the_aircraft_as_large_as_the_geometry_says() {
-    // B737-800 before a camera of 10 degrees: 41 x 14 px at 5 NM, 21 x 7 px at 10 NM.
+    // B737-800 in front of a camera of 10 degrees: 41 x 14 px at 5 NM, 21 x 7 px at 10 NM.
     let mesh = boeing_737_800(Configuration {
         flap_ratio: 0.75,
         gear_ratio: 1.0,

@@ -1,7 +1,7 @@
-//! The folder of a demo, and what in it the demo made and may therefore remove.
+//! The folder of a demo, and which of its files the demo made and may therefore remove.
 //!
-//! A marker file, written before anything else, says that `corpus` and `run` are a demo's. Whatever is not of the form of a demo's files
-//! is somebody else's: it is never removed, and `--fresh` refuses to begin beside it.
+//! A marker file, written before anything else, says that `corpus` and `run` are a demo's. Files that do not look like a demo's
+//! belong to somebody else: they are never removed, and `--fresh` refuses to start next to them.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
@@ -19,7 +19,7 @@ const MARKER: &str = "DEMO.json";
 const CORPUS: &str = "corpus";
 const RUN: &str = "run";
 const PLAN: &str = "plan.json";
-/// As many strange files are named in a refusal.
+/// Number of foreign files named in an error.
 const MOST_NAMED: usize = 20;
 
 /// Content of the marker.
@@ -38,15 +38,15 @@ impl Marker {
     }
 }
 
-/// The folder of a demo, ours alone until this is dropped.
+/// The folder of a demo, locked until this is dropped.
 pub(super) struct OwnFolder {
     root: PathBuf,
-    /// The locked marker. An older folder without one is not ours to mark.
+    /// The locked marker. An existing folder without one is not ours to mark.
     _marker: Option<File>,
 }
 
 impl OwnFolder {
-    /// The folder, created and marked if it is new. With `fresh`, what an earlier demo made in it is removed.
+    /// The folder, created and marked if it is new. With `fresh`, the results of an earlier demo are removed.
     pub(super) fn open(root: &Path, fresh: bool) -> Result<Self, Failure> {
         if root.exists() && !root.is_dir() {
             return Err(Failure::bad_input_message(format!(
@@ -81,12 +81,12 @@ impl OwnFolder {
         Ok(folder)
     }
 
-    /// Where the corpus is made.
+    /// Folder of the corpus.
     pub(super) fn corpus(&self) -> PathBuf {
         self.root.join(CORPUS)
     }
 
-    /// Where the run is made.
+    /// Folder of the run.
     pub(super) fn run(&self) -> PathBuf {
         self.root.join(RUN)
     }
@@ -140,7 +140,7 @@ impl OwnFolder {
         )))
     }
 
-    /// What is a demo's and what is not; in a folder that no demo marked, nothing is.
+    /// Which files are a demo's and which are not; in a folder without a marker, none is.
     fn look(&self, marked: bool) -> Result<Found, Failure> {
         let mut found = Found::default();
         let planned = self.planned();
@@ -165,7 +165,7 @@ impl OwnFolder {
             }
         }
         found.of_others.sort();
-        // What a folder holds comes before the folder.
+        // A folder's contents come before the folder.
         found.folders.sort();
         found.folders.reverse();
         Ok(found)
@@ -186,7 +186,7 @@ impl OwnFolder {
         scenarios.into_iter().map(|scenario| scenario.id).collect()
     }
 
-    /// Removes what was found to be a demo's, and nothing that came since. The plan, which says what is, goes last.
+    /// Removes what was recognised as a demo's, and nothing newer. The plan, which the recognition needs, goes last.
     fn remove(&self, found: &Found) -> Result<(), Failure> {
         let plan = Path::new(CORPUS).join(PLAN);
         let is_late = |name: &Path| name == plan || name == Path::new(CORPUS);
@@ -205,7 +205,7 @@ impl OwnFolder {
     }
 }
 
-/// What lies in the folder of a demo, relative to it.
+/// Contents of a demo's folder, relative to it.
 #[derive(Debug, Default)]
 struct Found {
     files: Vec<PathBuf>,
@@ -213,7 +213,7 @@ struct Found {
     of_others: Vec<PathBuf>,
 }
 
-/// Whether something at this place, relative to the folder of a demo, is of the form of what a demo makes of these scenarios.
+/// Whether a path, relative to a demo's folder, looks like a demo's output for these scenarios.
 fn is_own(name: &Path, is_folder: bool, is_file: bool, planned: &BTreeSet<String>) -> bool {
     let parts: Option<Vec<&str>> = name.iter().map(|part| part.to_str()).collect();
     let Some(parts) = parts else {
@@ -270,7 +270,7 @@ fn is_of_corpus(
     }
 }
 
-/// The name of a file of which this may be the new form, still being written: `.<name>.<digits>.tmp`, `<name>.tmp` or `<name>.new`.
+/// The final name of a possibly temporary file: `.<name>.<digits>.tmp`, `<name>.tmp` or `<name>.new`.
 fn without_temporary_ending(name: &str) -> &str {
     if let Some(written) = name.strip_prefix('.').and_then(|n| n.strip_suffix(".tmp")) {
         return written.rsplit_once('.').map_or(written, |(name, _)| name);
@@ -325,7 +325,7 @@ mod tests {
             assert!(matches!(refused, Err(Failure::BadInput(_))), "{strange}");
             assert!(path.exists() && place.join("run/weights.safetensors").exists());
             fs::remove_file(&path).unwrap();
-            // Folders of ours may be empty.
+            // Our own folders may be empty.
             let _ = fs::remove_dir(path.parent().unwrap());
             let _ = fs::remove_dir(path.parent().unwrap().parent().unwrap());
         }

@@ -1,4 +1,4 @@
-//! A plan as a person reads it.
+//! A plan in readable form.
 
 use std::collections::BTreeMap;
 
@@ -8,9 +8,9 @@ use indicatif::DecimalBytes;
 use super::{Compared, Report};
 use crate::verbs::output::print_table;
 
-/// More rows than these nobody reads: then conditions are shown instead of scenarios.
+/// Nobody reads more rows than these: then conditions are shown instead of scenarios.
 const MOST_ROWS: usize = 200;
-/// So many changed or removed scenarios are listed.
+/// Maximum number of changed or removed scenarios listed.
 const MOST_DIFFERENCES: usize = 10;
 
 impl Report<'_> {

@@ -1,25 +1,25 @@
 //! One box in one picture: what stands out from the background around it, and where.
 //!
-//! The background is a plane through the brightness of the pixels around the box: sky brightens evenly over so few pixels. What is
-//! left of the pixels around the box is noise, what is left of those inside is the aircraft.
+//! The background is a plane through the brightness of the pixels around the box: over so few pixels the brightness of the sky
+//! changes linearly. The residual of the pixels around the box is noise, that of those inside is the aircraft.
 
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::pixel_box::PixelBox;
 use crate::video::BYTES_PER_PIXEL;
 
-/// Smaller boxes hold too few pixels, pixels.
+/// Smaller boxes have too few pixels, pixels.
 const LEAST_WIDTH_PX: f64 = 4.0;
 const LEAST_HEIGHT_PX: f64 = 2.0;
-/// Pixels around the box that are looked at: this part of its longer side, within these bounds.
+/// Width of the border around the box: this part of its longer side, within these bounds.
 const MARGIN: f64 = 0.5;
 const LEAST_MARGIN_PX: f64 = 6.0;
 const MOST_MARGIN_PX: f64 = 48.0;
-/// Pixels next to the box that belong to neither: coding and lamps smear the aircraft over them.
+/// Pixels next to the box that belong to neither: encoding and lamps smear the aircraft over them.
 const SMEAR_PX: f64 = 2.0;
-/// Fewer pixels of background make no plane.
+/// Fewer background pixels do not define a plane.
 const LEAST_BACKGROUND: usize = 40;
-/// A background that leaves more than this is not smooth, grey levels.
+/// A background with a larger residual is not smooth, grey levels.
 const MOST_NOISE: f64 = 5.0;
 
 /// A decoded picture.
@@ -32,11 +32,11 @@ pub(super) struct Picture<'a> {
 /// What is in a box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Sight {
-    /// Mean of the tenth of the pixels in the box that stands out most, grey levels.
+    /// Mean of the tenth of the pixels in the box that stand out most, grey levels.
     pub(super) contrast: f64,
-    /// What nine tenths of the pixels around stay below, grey levels.
+    /// Level that nine tenths of the surrounding pixels stay below, grey levels.
     noise: f64,
-    /// Middle of what stands out, from the middle of the box, pixels.
+    /// Centre of what stands out, relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
 }
 
@@ -46,17 +46,17 @@ impl Sight {
         self.contrast >= self.least_to_be_filled()
     }
 
-    /// Whether surely nothing is: between the two, one cannot say.
+    /// Whether it is clearly empty: between the two, the answer is open.
     pub(super) fn is_empty(&self) -> bool {
         self.contrast < 1.6 * self.noise + 1.5
     }
 
-    /// Contrast from which on something is in the box, grey levels.
+    /// Minimum contrast of a filled box, grey levels.
     pub(super) fn least_to_be_filled(&self) -> f64 {
         3.0 * self.noise + 2.0
     }
 
-    /// Whether the background is smooth enough to tell.
+    /// Whether the background is smooth enough to decide.
     pub(super) fn is_before_smooth(&self) -> bool {
         self.noise <= MOST_NOISE
     }
@@ -103,7 +103,7 @@ impl<'a> Picture<'a> {
     }
 }
 
-/// Looks at a box; `None` if it is too small, or if there is too little background around it.
+/// Examines a box; `None` if it is too small, or if there is too little background around it.
 pub(super) fn look(picture: &Picture, within: &PixelBox) -> Option<Sight> {
     if within.width_px < LEAST_WIDTH_PX || within.height_px < LEAST_HEIGHT_PX {
         return None;
@@ -131,7 +131,7 @@ pub(super) fn look(picture: &Picture, within: &PixelBox) -> Option<Sight> {
     }
     let plane = Plane::through(&around)?;
     let mut left: Vec<f64> = around.iter().map(|pixel| plane.left_of(pixel)).collect();
-    // A lamp's glow or a far cloud's edge must not tilt the plane.
+    // A lamp's glow or the edge of a distant cloud must not tilt the plane.
     let noise = quantile(&mut left, 0.9);
     let calm: Vec<_> = around
         .into_iter()
@@ -162,7 +162,8 @@ pub(super) fn look(picture: &Picture, within: &PixelBox) -> Option<Sight> {
     })
 }
 
-/// How much changed between two pictures where the aircraft was and is, grey levels: the mean of the tenth that changed most.
+/// How much changed between two pictures where the aircraft was and is, grey levels: the mean of the tenth of the pixels that
+/// changed most.
 pub(super) fn change_between(
     before: &Picture,
     after: &Picture,
@@ -201,7 +202,7 @@ fn quantile(values: &mut [f64], part: f64) -> f64 {
     *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
-/// Brightness that changes evenly: `at the centre + slope . place`.
+/// Brightness that changes linearly: `at the centre + slope . place`.
 struct Plane(DVec3);
 
 impl Plane {
@@ -215,7 +216,7 @@ impl Plane {
         (normal.determinant().abs() > 1e-9).then(|| Self(normal.inverse() * right))
     }
 
-    /// What is left of a pixel, without sign.
+    /// The absolute residual of a pixel.
     fn left_of(&self, (place, grey): &(DVec2, f64)) -> f64 {
         (grey - self.0.dot(place.extend(1.0))).abs()
     }
@@ -227,7 +228,7 @@ mod tests {
 
     const SIZE: u32 = 96;
 
-    /// A sky with a slope and a little grain, and a dark bar around a place.
+    /// A sky with a gradient and a little grain, and a dark bar around a place.
     fn picture(bar: Option<(f64, f64)>) -> Vec<u8> {
         let mut rgb = Vec::new();
         for y in 0..SIZE {

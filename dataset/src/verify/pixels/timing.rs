@@ -1,25 +1,25 @@
-//! Offsets of the aircraft from its boxes, read as time.
+//! Offsets of the aircraft from its boxes, interpreted as time.
 //!
-//! An offset has two parts: a share of the size, because what stands out of an aircraft is not the middle of its box, and what it moves
-//! in the picture in the time by which picture and table differ: `offset = share * size + lag * way per tick`. Both are fitted
-//! by least squares; the tick from which on there is a lag is the one that fits best.
+//! An offset has two parts: a share of the size, because the visible part of an aircraft is not centred in its box, and its motion
+//! in the picture during the time by which picture and table differ: `offset = share * size + lag * way per tick`. Both are fitted
+//! by least squares; the tick at which a lag starts is the one with the best fit.
 
 use glam::{DMat3, DVec2, DVec3};
 
 use super::super::Faults;
 
-/// What one picture says.
+/// The observation of one picture.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Point {
     pub(super) tick: usize,
-    /// Middle of what stands out from the middle of the box, pixels.
+    /// Centre of what stands out relative to the centre of the box, pixels.
     pub(super) offset_px: DVec2,
-    /// Way of the box in one tick, pixels.
+    /// Motion of the box in one tick, pixels.
     pub(super) per_tick_px: DVec2,
     pub(super) size_px: DVec2,
 }
 
-/// What all pictures of a view say together.
+/// The result for all pictures of a view.
 #[derive(Debug, Default)]
 pub(super) struct Timing {
     pub(super) offset_px: Option<f64>,
@@ -29,18 +29,18 @@ pub(super) struct Timing {
 
 /// A lag is a fault if it is this large, ticks ...
 const LEAST_LAG_TICKS: f64 = 0.6;
-/// ... and this many times its standard error. It has to be surer where the place from which on there is one was searched for.
+/// ... and this many times its standard error. The threshold is higher if the start of the lag was searched for.
 const SURE: f64 = 4.0;
 const SURE_OF_ALL: f64 = 3.0;
-/// Fewer points fit anything.
+/// Fewer points can be fitted by anything.
 const LEAST_POINTS: usize = 6;
 /// Error of an offset: pixels ...
 const OFFSET_ERROR_PX: f64 = 0.3;
 /// ... and a part of the size, as light and attitude change what stands out.
 const OFFSET_ERROR: f64 = 0.01;
-/// So many places are looked at first for where a lag begins.
+/// Number of places that are tried first for the start of a lag.
 const PLACES: usize = 128;
-/// Points on either side from which a point is told to be out of line.
+/// Points on either side used to decide whether a point is out of line.
 const NEIGHBOURS: usize = 5;
 
 pub(super) fn judge(points: &[Point], file: &str, view: &str, faults: &mut Faults) -> Timing {
@@ -68,7 +68,7 @@ pub(super) fn judge(points: &[Point], file: &str, view: &str, faults: &mut Fault
     timing
 }
 
-/// From where on a lag fits best, if there is one. Looks at some places first, and at all around the best of them.
+/// The best-fitting start of a lag, if there is one. Tries some places first, then all around the best of them.
 fn out_of_step(points: &[Point]) -> Option<(usize, Fit)> {
     let last = points.len().checked_sub(LEAST_POINTS / 2)?;
     let best = |places: &mut dyn Iterator<Item = usize>| {
@@ -86,7 +86,7 @@ fn in_words(lag: f64) -> &'static str {
     if lag > 0.0 { "later" } else { "earlier" }
 }
 
-/// Single pictures that are out of line with their neighbours along the way of the aircraft.
+/// Single pictures that are out of line with their neighbours along the path of the aircraft.
 fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
     let out_of_line: Vec<Option<f64>> = (0..points.len())
         .map(|index| out_of_line(points, index))
@@ -118,7 +118,7 @@ fn check_each(points: &[Point], file: &str, view: &str, faults: &mut Faults) {
     }
 }
 
-/// How far a point is ahead along the way of the aircraft, by what its neighbours have for an offset, pixels.
+/// How far a point is ahead along the path of the aircraft, given the offset of its neighbours, pixels.
 fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
     let point = &points[index];
     let way = point.per_tick_px.try_normalize()?;
@@ -135,12 +135,12 @@ fn out_of_line(points: &[Point], index: usize) -> Option<f64> {
     Some((point.offset_px - usual_px).dot(way))
 }
 
-/// A fit to all points, with a lag from one of them on.
+/// A fit to all points, with a lag starting at one of them.
 struct Fit {
     lag_ticks: f64,
     /// Standard error.
     error_ticks: f64,
-    /// Weighted sum of squares that is left.
+    /// Weighted sum of squared residuals.
     misfit: f64,
 }
 
@@ -199,7 +199,7 @@ pub(super) fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// An aircraft that comes nearer: it grows and moves ever faster. What stands out is a little below the middle.
+    /// An approaching aircraft: it grows and moves ever faster. What stands out is slightly below the centre.
     fn approach(lag: impl Fn(usize) -> f64) -> Vec<Point> {
         (0..40)
             .map(|tick| {

@@ -2,7 +2,7 @@ use super::*;
 
 const WINDOW_PX: u32 = 640;
 
-/// The box that every test hides in an answer, in corner-origin pixels, and its score.
+/// The box that every test puts into an output, in corner-origin pixels, and its score.
 const HIDDEN: [f32; 4] = [100.5, 50.5, 20.0, 8.0];
 const SCORE: f32 = 0.75;
 
@@ -77,7 +77,7 @@ fn layouts_are_told_apart_by_rank_and_sizes() {
 #[test]
 fn rows_of_this_projects_detector_count_from_pixel_centres() {
     let mut data = vec![0.0; 2 * 6_400 * 6];
-    // The second window holds the box: objectness times class score is the score.
+    // The second window contains the box: objectness times class score is the score.
     let at = (6_400 + 17) * 6;
     data[at..at + 4].copy_from_slice(&HIDDEN);
     data[at + 4..at + 6].copy_from_slice(&[1.0, SCORE]);
@@ -166,7 +166,7 @@ fn a_profile_decides_where_the_shape_misleads() {
 #[test]
 fn boxes_without_a_size_or_with_an_endless_one_are_none() {
     let mut data = vec![0.0; 8_400 * 6];
-    // A size that overflows where it is decoded, and one below zero.
+    // A size that overflows when decoded, and a negative one.
     data[..6].copy_from_slice(&[1.0, 1.0, 100.0, 1.0, 1.0, 1.0]);
     assert_eq!(
         decode(&[1, 8_400, 6], &data, 1, ModelProfile::default()),
