@@ -1,4 +1,4 @@
-//! Draws a sweep's weathers and times for the eye, without a simulator, and prints what a frame costs.
+//! Draws a sweep's weathers and times for visual inspection, without a simulator, and prints the cost of a frame.
 //!
 //! `cargo run --release -p dtd-generator --example look -- scenarios.toml OUT [NM ...]` writes, for every weather and time of the
 //! sweep and every distance (6 NM if none is given), the picture of the rig's first camera with an enlarged crop of the aircraft
@@ -144,7 +144,7 @@ fn enlarged(picture: &RgbImage, x: f64, y: f64) -> RgbImage {
     imageops::resize(&crop, width * zoom, height * zoom, FilterType::Nearest)
 }
 
-/// Mean CPU time of all threads over a stretch of an approach at 30 frames a second, where the system can tell.
+/// Mean CPU time of all threads over a section of an approach at 30 frames a second, if the system reports it.
 fn cpu_ms_per_frame(scene: &Scene, runway: &Runway, (width, height): (u32, u32)) -> f64 {
     const FRAMES: u32 = 90;
     let landing = Controls {
@@ -169,7 +169,7 @@ fn process_cpu_ms() -> f64 {
     let Ok(stat) = std::fs::read_to_string("/proc/self/stat") else {
         return wall_ms;
     };
-    // Fields 14 and 15 (utime, stime); the name in parentheses may hold spaces.
+    // Fields 14 and 15 (utime, stime); the name in parentheses may contain spaces.
     let after_name = stat.rsplit(") ").next().unwrap_or_default();
     let fields = after_name.split(' ').skip(11).take(2);
     let ticks: f64 = fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum();

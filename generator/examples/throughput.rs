@@ -1,11 +1,11 @@
-//! Measures recording from end to end against encoding alone: `cargo run --release -p dtd-generator --example throughput`.
+//! Compares recording from end to end with encoding alone: `cargo run --release -p dtd-generator --example throughput`.
 //!
-//! The stand-in, in this process, flies the last nautical miles of an approach; its two views of 1920x1280 are drawn, sent, encoded and
-//! committed with their tables, as `dtd generate` does it. Then the very same pictures are drawn again and only encoded, a thread for
-//! each view, and only the encoding is timed; that the videos come out byte for byte the same proves that it was the same work.
-//! Rounds alternate. Arguments: a weather (`clear`, `cloudy`, `stormy` or `foggy`; cloudy if none is given), the number of rounds (3), and from how
-//! many nautical miles the approach is recorded (2): what is done once, as preparing the backdrops, weighs the less the longer it is, and
-//! in a corpus it is done once for all scenarios of a weather and time.
+//! The stand-in, in this process, flies the last nautical miles of an approach; its two views of 1920x1280 are drawn, sent, encoded
+//! and committed with their tables, as in `dtd generate`. Then the same pictures are drawn again and only encoded, one thread per
+//! view, and only the encoding is timed; byte-identical videos prove that it was the same work. Rounds alternate. Arguments: a
+//! weather (`clear`, `cloudy`, `stormy` or `foggy`; default cloudy), the number of rounds (3), and from how many nautical miles the
+//! approach is recorded (2): the longer it is, the less one-time work such as preparing the backdrops matters; in a corpus it is
+//! done once for all scenarios of a weather and time.
 
 use std::error::Error;
 use std::fs;
@@ -28,9 +28,9 @@ use mock_xplane::server::{BuiltIn, Engine, Picture, ServerOptions, serve_with};
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
-/// Ticks that are drawn before they are encoded, when encoding is timed alone. Bounds memory: 14.7 MB a tick.
+/// Ticks that are drawn before they are encoded when encoding is timed alone. Limits memory: 14.7 MB a tick.
 const TICKS_AT_ONCE: usize = 16;
-/// What is to be reached: of the rate of encoding alone, and pictures a second.
+/// Targets: share of the rate of encoding alone, and pictures a second.
 const GOAL: (f64, f64) = (0.7, 45.0);
 
 /// The stand-in's engine, remembering what it draws.
@@ -95,7 +95,7 @@ impl Picture for RememberedScene {
     }
 }
 
-/// What some work cost.
+/// The cost of some work.
 #[derive(Debug, Clone, Copy, Default)]
 struct Cost {
     wall: Duration,
@@ -104,7 +104,7 @@ struct Cost {
 }
 
 impl Cost {
-    /// Of everything since the process began.
+    /// Of everything since the process started.
     fn so_far(began: Instant) -> Self {
         Self {
             wall: began.elapsed(),
@@ -169,7 +169,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// The sweep of `scenarios.toml`, cut down to one scenario from so far away.
+/// The sweep of `scenarios.toml`, reduced to one scenario from this distance.
 fn sweep(weather: &str, from_nm: f64) -> Result<Sweep, Box<dyn Error>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut table: toml::Table = fs::read_to_string(root.join("scenarios.toml"))?.parse()?;
@@ -203,11 +203,11 @@ fn sweep(weather: &str, from_nm: f64) -> Result<Sweep, Box<dyn Error>> {
     )?)
 }
 
-/// Makes the corpus; the cost from the end of the flight until the scenario is committed.
+/// Records the corpus; returns the cost from the end of the flight until the scenario is committed.
 fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost, Box<dyn Error>> {
     let began = Instant::now();
     let (mut from, mut to) = (None, None);
-    // Threads of their own, as in a process of its own.
+    // Separate threads, as in a separate process.
     let simulator = tokio::runtime::Runtime::new()?;
     let (tell, told) = std::sync::mpsc::channel();
     let options = ServerOptions {
@@ -244,7 +244,7 @@ fn record(sweep: &Sweep, corpus: &Path, engine: Arc<Remembering>) -> Result<Cost
     }
 }
 
-/// Draws what was drawn once more and encodes it; how many pictures that were, and the cost of the encoding alone.
+/// Draws the same pictures again and encodes them; returns their number and the cost of the encoding alone.
 fn encode_again(corpus: &Path, engine: &Remembering) -> Result<(usize, Cost), Box<dyn Error>> {
     let scenario = Corpus::open(corpus)?
         .scenarios()?
@@ -349,7 +349,7 @@ fn bytes_of_videos(corpus: &Path) -> Result<u64, Box<dyn Error>> {
 fn cpu_so_far() -> Duration {
     const TICKS_PER_S: f64 = 100.0;
     let stat = fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    // Fields 14 and 15 (utime, stime); the name in parentheses may hold spaces.
+    // Fields 14 and 15 (utime, stime); the name in parentheses may contain spaces.
     let after_name = stat.rsplit(") ").next().unwrap_or_default();
     let fields = after_name.split(' ').skip(11).take(2);
     let ticks: f64 = fields.filter_map(|ticks| ticks.parse::<f64>().ok()).sum();

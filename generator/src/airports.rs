@@ -1,4 +1,4 @@
-//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the form of a sweep.
+//! Runways that need no definition in a sweep: a small table, `airports.toml`, in the format of a sweep.
 
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -19,7 +19,7 @@ static BUNDLED: LazyLock<BTreeMap<String, AirportTable>> = LazyLock::new(|| {
     parsed.airport
 });
 
-/// The runway that the program knows under these names.
+/// The built-in runway of these names.
 pub fn bundled(airport: &str, runway: &str) -> Option<Runway> {
     let table = BUNDLED.get(airport)?.runway.get(runway)?;
     table.complete(airport, runway, None).ok()

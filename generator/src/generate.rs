@@ -1,9 +1,9 @@
-//! Makes the scenarios of a plan: flown, recorded, sealed, committed; by one simulator or several.
+//! Records the scenarios of a plan: flies, records, seals and commits them, with one simulator or several.
 //!
-//! A scenario is made in `<id>.partial/` and renamed when it is whole, so a run can be stopped or killed at any moment and the next one
-//! goes on: whole scenarios are skipped, unfinished ones are thrown away and made anew. Runs may work on one corpus at the same time:
-//! each scenario is claimed by whoever makes it, and a run with nothing left to do waits for what others are making, takes it over if
-//! they die, and so ends only when all its scenarios are whole or set aside.
+//! A scenario is recorded in `<id>.partial/` and renamed when it is complete, so a run can be stopped or killed at any moment and
+//! the next one resumes: finished scenarios are skipped, unfinished ones are discarded and recorded again. Runs may work on one
+//! corpus at the same time: each scenario is claimed by the run that records it, and a run with nothing left to do waits for the
+//! scenarios of others, takes over those of runs that die, and so ends only when all its scenarios are finished or set aside.
 //!
 //! ```text
 //! generate: plan, what is whole, simulators  ->  run: workers  ->  queue: claims  ->  record: one scenario
@@ -60,32 +60,33 @@ use run::Run;
 use session::Session;
 use set_aside::SetAside;
 
-/// What to make, and with which simulators.
+/// What to record, and with which simulators.
 #[derive(Debug, Clone)]
 pub struct GenerateOptions {
-    /// The simulators; each makes one scenario at a time.
+    /// The simulators; each records one scenario at a time.
     pub simulators: Simulators,
     /// The program that becomes the stand-in when called with `mock-xplane`: the `dtd` command itself.
     pub stand_in_program: PathBuf,
-    /// Where the pictures come from.
+    /// Source of the pictures.
     pub pixels: PixelChoice,
-    /// The screen that is grabbed, if they come from one.
+    /// The screen to grab, if the pictures come from one.
     pub screen: Arc<dyn Screen>,
-    /// Identifiers of the scenarios to make; empty for all.
+    /// Identifiers of the scenarios to record; empty for all.
     pub only: Vec<String>,
-    /// The part of the plan that is this run's.
+    /// This run's shard of the plan.
     pub shard: Shard,
-    /// What is put up with.
+    /// Timeouts and retries.
     pub patience: Patience,
-    /// The object store that the corpus lies in; its folder is then only the stage.
+    /// The object store of the corpus; its folder is then only the stage.
     pub remote: Option<Remote>,
 }
 
-/// Makes the scenarios of a sweep in a corpus; see the module.
+/// Records the scenarios of a sweep in a corpus; see the module.
 ///
 /// # Errors
-/// Before anything is written: the corpus was begun with another plan, a scenario of `only` is not in the plan, or no simulator is
-/// there. Later: the corpus cannot be read. Scenarios that fail are no errors but part of the outcome, and so is a run that ends early.
+/// Before anything is written: the corpus was begun with another plan, a scenario of `only` is not in the plan, or there is no
+/// simulator. Later: the corpus cannot be read. Scenarios that fail are not errors but part of the outcome, and so is a run that
+/// ends early.
 pub async fn generate(
     sweep: &Sweep,
     corpus_root: &Path,
@@ -138,7 +139,7 @@ pub async fn generate(
         memory::check("recording a scenario", recording_bytes(&plan.common))
             .map_err(dataset::Error::from)?;
     }
-    // A simulator that is not there is found out before anything is written.
+    // A missing simulator is detected before anything is written.
     let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
     let corpus = Corpus::create(corpus_root)?;
     freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
@@ -166,9 +167,9 @@ pub async fn generate(
         .await
 }
 
-/// Memory in which one simulator's pictures wait to be drawn, sent and coded.
+/// Memory for one simulator's pictures that wait to be drawn, sent and encoded.
 fn recording_bytes(common: &Common) -> u64 {
-    /// Pictures in the hands of simulator and link, all views together, and in those of one encoder, which looks ahead.
+    /// Pictures held by simulator and link, all views together, and by one encoder, which looks ahead.
     const UNDER_WAY: (u64, u64) = (8, 12);
     let picture = common.picture;
     let rgb_bytes = u64::from(picture.width_px) * u64::from(picture.height_px) * 3;
@@ -201,7 +202,7 @@ fn wanted<'a>(
         .collect())
 }
 
-/// The largest scenarios that may lie on the disk at the same time: all of them, or those on a stage from which they are sent.
+/// The largest scenarios that may be on disk at the same time: all of them, or those on a stage from which they are uploaded.
 fn at_once_on_disk<'a>(
     to_make: &[&'a PlannedScenario],
     options: &GenerateOptions,
@@ -213,7 +214,7 @@ fn at_once_on_disk<'a>(
         .is_some_and(|remote| !remote.keep_staged)
     {
         largest.sort_by_key(|scenario| Reverse(scenario.ticks));
-        // One that is sent, those that wait, and for each simulator one that is made and one that waits to wait.
+        // One being uploaded, those that wait, and per simulator one being recorded and one about to wait.
         largest.truncate(1 + remote::WAITING + 2 * options.simulators.targets().len());
     }
     largest
@@ -231,7 +232,7 @@ fn warn_of_little_space(
     }
 }
 
-/// Finds or starts all simulators. Those that are not there are waited for later, as long as one is.
+/// Connects to or starts all simulators. Missing ones are retried later, as long as one works.
 async fn open_sessions(
     options: &GenerateOptions,
     picture: Picture,

@@ -4,9 +4,8 @@
 //! sweep.toml --[sweep]--> Sweep --[plan]--> Plan --[generate]--> corpus/scenarios/<id>/
 //! ```
 //!
-//! [`sweep`] reads and checks what a researcher wrote; [`plan`] expands it to scenarios in which everything is decided, the same on
-//! every machine; [`generate`] flies and records them, each whole or not at all, and goes on where an earlier run stopped; [`shard`] is one
-//! machine's part.
+//! [`sweep`] reads and checks the author's file; [`plan`] expands it to fully specified scenarios, the same on every machine;
+//! [`generate`] flies and records them, atomically, and resumes interrupted runs; [`shard`] selects one machine's part.
 
 #![forbid(unsafe_code)]
 

@@ -1,9 +1,9 @@
-//! The plan: what a sweep expands to, scenario by scenario, with everything decided.
+//! The plan: the scenarios that a sweep expands to, fully specified.
 //!
-//! Expansion is a pure function of a checked sweep. A scenario follows from what it is (its time, weather, profile and repeat) and from the
-//! master seed, never from its place among the others: a sweep that grows adds scenarios and leaves the others as they are. The plan is
-//! written into the corpus as `plan.json` and frozen there: a corpus is finished with the plan with which it was begun, or with one
-//! that only adds scenarios.
+//! Expansion is a pure function of a checked sweep. A scenario is determined by its parameters (time, weather, profile and repeat)
+//! and the master seed, never by its position among the others: a sweep that grows adds scenarios and leaves the others as they
+//! are. The plan is written into the corpus as `plan.json` and frozen there: a corpus can only be finished with the same plan, or
+//! with one that only adds scenarios.
 
 mod against;
 mod check;
@@ -38,10 +38,10 @@ pub use expand::expand;
 pub use split::assign_sides;
 pub use summary::{PlanSummary, ScenarioSummary};
 
-/// Version of the form of `plan.json`. Version 1 numbered its scenarios.
+/// Version of the file format of `plan.json`. Version 1 numbered its scenarios.
 pub const PLAN_VERSION: u32 = 2;
 
-/// All scenarios of a corpus, decided.
+/// All scenarios of a corpus, fully specified.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Plan {
     /// [`PLAN_VERSION`] when this was written.
@@ -52,7 +52,7 @@ pub struct Plan {
     pub corpus: String,
     /// What all scenarios have in common.
     pub common: Common,
-    /// The scenarios, in the order in which they are made.
+    /// The scenarios, in recording order.
     pub scenarios: Vec<PlannedScenario>,
 }
 
@@ -69,11 +69,11 @@ pub struct Common {
     pub cameras: Vec<Camera>,
     /// Size and rate of the pictures.
     pub picture: Picture,
-    /// How videos are coded.
+    /// Video settings.
     pub video: VideoSettings,
 }
 
-/// One scenario, decided.
+/// One scenario, fully specified.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PlannedScenario {
     /// Identifier and folder name: local time, weather, profile if the grid lists profiles, repeat; e.g. `1700-foggy-r3`.
@@ -88,37 +88,37 @@ pub struct PlannedScenario {
     pub flight: String,
     /// Identifier of the trajectory; scenarios that fly the same recording share it.
     pub trajectory: String,
-    /// Expected number of ticks. Exact for recordings; a live flight decides in the end.
+    /// Expected number of ticks. Exact for recordings; a live flight determines the actual one.
     pub ticks: u32,
-    /// BLAKE3 over identifier, seed, parameters and what is common: a recorded scenario with another hash has to be made again.
+    /// BLAKE3 over identifier, seed, parameters and common values: a recorded scenario with another hash must be recorded again.
     pub config_hash: String,
-    /// Everything else that was decided.
+    /// All other parameters.
     pub parameters: Parameters,
 }
 
-/// What a scenario is made from, besides what is common.
+/// The parameters of a scenario, besides the common values.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Parameters {
     /// Weather and time.
     pub conditions: Conditions,
-    /// Tick 0 is where so much is still to go along the course, metres.
+    /// Remaining distance along the course at tick 0, metres.
     pub start_dtd_m: f64,
-    /// Where the flight comes from.
+    /// Source of the flight.
     pub flight: Flight,
-    /// How a live flight begins; absent for recordings.
+    /// Start of a live flight; absent for recordings.
     pub live: Option<LiveStart>,
-    /// Where the cameras look; absent if where the rig has them look.
+    /// Where the cameras are aimed; absent if as in the rig.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aim: Option<Aim>,
-    /// How far each camera is off from where the rig has it, by its identifier; absent if none is.
+    /// Placement error of each camera, by its identifier; absent if there is none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub jitter: BTreeMap<String, Jitter>,
-    /// Lens, air and sensor of the cameras, by their identifiers; cameras without are ideal.
+    /// Lens, air and sensor of the cameras, by their identifiers; cameras without an entry are ideal.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub imaging: BTreeMap<String, Imaging>,
 }
 
-/// How a live flight begins, as drawn from the sweep's spreads.
+/// Start of a live flight, as drawn from the sweep's spreads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LiveStart {
     /// Offset right of the extended centreline, metres.
@@ -175,10 +175,10 @@ impl Plan {
         }
     }
 
-    /// Checks that the plan is what its hashes say; what differs, in words.
+    /// Checks the plan against its hashes; the error says what differs.
     ///
     /// # Errors
-    /// A scenario's parameters, or the list of scenarios, are not those that were hashed.
+    /// A scenario's parameters, or the list of scenarios, do not match their hashes.
     pub fn check_hashes(&self) -> Result<(), String> {
         expand::check_hashes(self)
     }
@@ -189,7 +189,7 @@ impl Plan {
         scenarios.all(|scenario| scenario.seed == seed::of_scenario(master, &scenario.id))
     }
 
-    /// Writes a `plan.json`, a line per scenario.
+    /// Writes a `plan.json`, one line per scenario.
     pub fn write(&self, path: &Path) -> dataset::Result<()> {
         let text = self.to_json().map_err(|source| dataset::Error::Json {
             what: "plan",
@@ -224,12 +224,12 @@ impl Plan {
         Ok(text)
     }
 
-    /// How this plan differs from the one that a corpus was begun with.
+    /// How this plan differs from the corpus' original one.
     pub fn difference_from(&self, frozen: &Self) -> Difference {
         Difference::between(frozen, self)
     }
 
-    /// Why this plan cannot take the place of `frozen`, in words; `None` if it is the same or only adds scenarios.
+    /// Why this plan cannot replace `frozen`, as text; `None` if it is the same or only adds scenarios.
     pub fn conflict_with(&self, frozen: &Self) -> Option<String> {
         self.difference_from(frozen).conflict()
     }

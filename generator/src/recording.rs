@@ -1,4 +1,4 @@
-//! Recorded flights: CSV files with a row per state.
+//! Recorded flights: CSV files with one row per state.
 //!
 //! Columns (by name, in any order): `t_s, latitude_deg, longitude_deg, altitude_msl_m, pitch_deg, roll_deg, heading_true_deg,
 //! tas_mps, v_north_mps, v_east_mps, v_down_mps, flap_norm, gear_norm, on_ground`.
@@ -14,7 +14,7 @@ use serde::Deserialize;
 
 use crate::trajectory::Trajectory;
 
-/// A recorded flight that was read and checked.
+/// A recorded flight, read and checked.
 #[derive(Debug, Clone)]
 pub struct Recording {
     /// File name without folders.
@@ -44,7 +44,7 @@ struct Row {
 }
 
 impl Row {
-    /// The first number that no airliner on approach has.
+    /// The first number that is impossible for an airliner on approach.
     fn out_of_limits(&self) -> Option<FieldOutOfLimits> {
         let mut check = Check::default();
         for (column, value, limits) in [
@@ -102,7 +102,7 @@ impl From<Row> for FlightState {
 }
 
 impl Recording {
-    /// Reads a recording; says in words, with the file and its line, why it cannot.
+    /// Reads a recording; errors name the file and its line.
     pub fn read(path: &Path) -> Result<Self, String> {
         let bytes = outside_file::read(path, FileKind::RECORDING).map_err(|e| e.to_string())?;
         let unreadable = |e: csv::Error| format!("{}: {e}", path.display());
@@ -130,7 +130,7 @@ impl Recording {
         })
     }
 
-    /// Identifier of the trajectory: the file's name and the start of its hash, for two folders may hold files of one name.
+    /// Identifier of the trajectory: the file's name and the start of its hash, because two folders may contain files of one name.
     pub fn trajectory_id(&self) -> String {
         let stem = self
             .file
@@ -140,10 +140,10 @@ impl Recording {
     }
 }
 
-/// The files that a glob matches, sorted; it is relative to `folder`. `*` and `?` stay within a name, `**` goes through folders, `[..]`
-/// stands for one of several characters.
+/// The files that a glob matches, sorted; it is relative to `folder`. `*` and `?` match within a name, `**` across folders, `[..]`
+/// one of several characters.
 pub fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, String> {
-    // The folder is not the author's to choose: what looks like a glob in it is none.
+    // The folder is not the author's choice: glob characters in it are literal.
     let whole = match folder.to_str() {
         Some("") => pattern.to_owned(),
         _ if Path::new(pattern).is_absolute() => pattern.to_owned(),

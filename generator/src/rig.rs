@@ -1,4 +1,4 @@
-//! The cameras of a scenario, as its plan has them.
+//! The cameras of a scenario, from its plan.
 
 use dataset::camera::CameraPose;
 use dataset::imaging::Imaging;
@@ -12,9 +12,9 @@ use crate::sweep::Camera;
 pub struct View {
     /// Its identifier.
     pub id: String,
-    /// Where it stands and looks.
+    /// Its position and direction.
     pub camera: CameraPose,
-    /// Its lens, its sensor and the air before it.
+    /// Its lens and sensor, and the air in front of it.
     pub imaging: Imaging,
 }
 

@@ -1,10 +1,10 @@
-//! Seeds: every scenario has its own, and the same sweep gives the same on any machine.
+//! Seeds: one per scenario, and the same on any machine.
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
-/// The seed of a scenario: 53 bits of a hash of the master seed and the scenario's identifier. 53, because the readers of some
-/// languages hold the numbers of a JSON file as floats.
+/// The seed of a scenario: 53 bits of a hash of the master seed and the scenario's identifier. 53, because some languages read JSON
+/// numbers as floats.
 pub fn of_scenario(master: u64, id: &str) -> u64 {
     let mut hasher = blake3::Hasher::new_derive_key("dtd scenario seed v1");
     hasher.update(&master.to_le_bytes());
@@ -12,7 +12,7 @@ pub fn of_scenario(master: u64, id: &str) -> u64 {
     first_u64(hasher.finalize()) >> 11
 }
 
-/// The generator of a seed. ChaCha, because its numbers are fixed for good; `rand`'s standard generator may change with its version.
+/// The generator of a seed. ChaCha, because its output is fixed; `rand`'s standard generator may change with its version.
 pub fn generator(seed: u64) -> ChaCha12Rng {
     ChaCha12Rng::from_seed(blake3::derive_key("dtd generator v1", &seed.to_le_bytes()))
 }
@@ -25,7 +25,7 @@ pub fn of_value(scenario_seed: u64, name: &str) -> ChaCha12Rng {
     ChaCha12Rng::from_seed(*hasher.finalize().as_bytes())
 }
 
-/// A number that orders things at random, but always in the same way.
+/// A number that orders things pseudo-randomly, but always in the same way.
 pub fn shuffle_key(master: u64, purpose: &str, item: &str) -> u64 {
     let mut hasher = blake3::Hasher::new_derive_key("dtd shuffle v1");
     hasher.update(&master.to_le_bytes());
@@ -50,7 +50,7 @@ mod tests {
 
     #[test]
     fn seeds_are_the_same_today_as_when_the_first_corpus_was_made() {
-        // A corpus in the field was made with these numbers: they must never change.
+        // Existing corpora were made with these numbers: they must never change.
         assert_eq!(of_scenario(0, "0001-0600-clear-r1"), PINNED_SEED);
         assert_eq!(generator(1).next_u64(), PINNED_DRAW);
     }

@@ -1,7 +1,7 @@
-//! One machine's part of a plan.
+//! One run's part of a plan.
 //!
-//! Scenario number k of a plan, counted from 0, belongs to shard k modulo N. Shards may write into one corpus at the same time. Which
-//! shard this is can be said (`--shard 2/8`), or be read from what Slurm's job arrays and Kubernetes' Indexed Jobs tell their tasks.
+//! Scenario number k of a plan, counted from 0, belongs to shard k modulo N. Shards may write into one corpus at the same time. The
+//! shard is given by `--shard 2/8`, or read from the environment of Slurm's job arrays and Kubernetes' Indexed Jobs.
 
 use std::fmt;
 use std::str::FromStr;
@@ -33,7 +33,7 @@ impl Shard {
     /// The shard that a scheduler's environment names, and the variable that did; `None` outside of one.
     ///
     /// # Errors
-    /// If the environment names an index but not of how many, or an array with gaps, where index and count do not fit.
+    /// The environment names an index without a count, an array with gaps, or an index and count that do not match.
     pub fn from_environment(
         variable: impl Fn(&str) -> Option<String>,
     ) -> Result<Option<(Self, &'static str)>, String> {
@@ -71,12 +71,12 @@ impl Shard {
         Ok(None)
     }
 
-    /// Whether it is all of it.
+    /// Whether it is the whole plan.
     pub fn is_whole(self) -> bool {
         self.count == 1
     }
 
-    /// The scenarios of a plan that are its.
+    /// The scenarios of a plan that belong to it.
     pub fn part_of(self, scenarios: &[PlannedScenario]) -> impl Iterator<Item = &PlannedScenario> {
         scenarios
             .iter()

@@ -10,27 +10,27 @@ use serde::{Deserialize, Deserializer};
 /// How a value varies from scenario to scenario.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Spread {
-    /// It does not: `10.0`.
+    /// Constant: `10.0`.
     Fixed(f64),
-    /// Evenly within an interval: `{ min = 9.9, max = 10.1 }`.
+    /// Uniform: `{ min = 9.9, max = 10.1 }`.
     Uniform {
         /// Least value.
         min: f64,
         /// Greatest value.
         max: f64,
     },
-    /// Bell-shaped: `{ mean = 10.0, sd = 0.05 }`; never further than six standard deviations from the mean.
+    /// Normal: `{ mean = 10.0, sd = 0.05 }`; truncated at six standard deviations.
     Normal {
         /// Middle.
         mean: f64,
         /// Standard deviation.
         sd: f64,
     },
-    /// Bell-shaped, and drawn again until it is within an interval: `{ mean = 0.9, sd = 0.1, min = 0.5, max = 1 }`.
+    /// Normal, redrawn until it is within an interval: `{ mean = 0.9, sd = 0.1, min = 0.5, max = 1 }`.
     Truncated {
-        /// Middle of the bell; within the interval.
+        /// Mean; within the interval.
         mean: f64,
-        /// Standard deviation of the bell.
+        /// Standard deviation of the untruncated distribution.
         sd: f64,
         /// Least value.
         min: f64,
@@ -47,24 +47,24 @@ impl Default for Spread {
     }
 }
 
-/// A truncated bell has to be at least so wide, standard deviations: a narrower interval is evenly filled anyway, and would be hit
+/// Minimum width of a truncated normal distribution, standard deviations: a narrower one is almost uniform anyway, and would be hit
 /// too seldom.
 const NARROWEST_TRUNCATION_SD: f64 = 0.1;
 
 impl Spread {
-    /// Key of the standard deviation: the one number of a spread that no limit of the value holds for.
+    /// Key of the standard deviation: the one number of a spread to which the value's limits do not apply.
     pub(crate) const DEVIATION: &str = "sd";
 
-    /// Draws a value. Only additions and multiplications are used: functions of the system's mathematics library differ in
-    /// their last digit from machine to machine, and the same seed must give the same plan everywhere.
+    /// Draws a value. Uses only additions and multiplications: functions of the system's mathematics library differ in their last
+    /// digit between machines, and the same seed must give the same plan everywhere.
     pub fn draw(&self, rng: &mut impl Rng) -> f64 {
         match self {
             Self::Fixed(value) => *value,
             Self::Uniform { min, max } => min + (max - min) * unit(rng),
             Self::Normal { mean, sd } => mean + sd * bell(rng),
             Self::Truncated { mean, sd, min, max } => loop {
-                // The mean is within, and the interval is no narrower than a tenth of a deviation: one in 26 draws is taken at
-                // the worst.
+                // The mean is within, and the interval is no narrower than a tenth of a deviation: at worst one in 26 draws is
+                // accepted.
                 let value = mean + sd * bell(rng);
                 if (*min..=*max).contains(&value) {
                     return value;
@@ -75,7 +75,7 @@ impl Spread {
         }
     }
 
-    /// The least and the greatest value that can be drawn.
+    /// The minimum and maximum that can be drawn.
     pub fn range(&self) -> (f64, f64) {
         match self {
             Self::Fixed(value) => (*value, *value),
@@ -92,7 +92,7 @@ impl Spread {
     }
 }
 
-/// As it would be written in a sweep.
+/// The notation used in a sweep.
 impl fmt::Display for Spread {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -115,7 +115,7 @@ fn unit(rng: &mut impl Rng) -> f64 {
     (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// A number about 0 with variance 1: the sum of twelve even draws (Irwin-Hall).
+/// A number with mean 0 and variance 1: the sum of twelve uniform draws (Irwin-Hall).
 fn bell(rng: &mut impl Rng) -> f64 {
     let sum: f64 = (0..12).map(|_| unit(rng)).sum();
     sum - 6.0
@@ -220,7 +220,7 @@ impl JsonSchema for Spread {
         "Spread".into()
     }
 
-    /// In place, because every use has limits of its own.
+    /// In place, because every use has its own limits.
     fn inline_schema() -> bool {
         true
     }
@@ -363,7 +363,7 @@ mod tests {
         let spread = parse("{ mean = 0.9, sd = 0.1, min = 0.6, max = 1 }").unwrap();
         let draws: Vec<f64> = (0..20_000).map(|_| spread.draw(&mut rng)).collect();
         assert!(draws.iter().all(|x| (0.6..=1.0).contains(x)));
-        // A standard bell cut to [-3, 1] has the mean (f(-3) - f(1)) / (F(1) - F(-3)) = -0.2828.
+        // A standard normal distribution truncated to [-3, 1] has the mean (f(-3) - f(1)) / (F(1) - F(-3)) = -0.2828.
         let mean = draws.iter().sum::<f64>() / draws.len() as f64;
         assert!((mean - (0.9 - 0.028_28)).abs() < 0.002, "mean {mean}");
         assert_eq!(spread.range(), (0.6, 1.0));

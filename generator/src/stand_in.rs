@@ -14,7 +14,7 @@ use tokio::time::timeout;
 /// It is ready within a fraction of a second on an idle machine.
 const READY_WITHIN: Duration = Duration::from_secs(20);
 
-/// A stand-in simulator that runs as long as this value lives.
+/// A stand-in simulator that runs while this value lives.
 #[derive(Debug)]
 pub struct StandIn {
     child: Child,
@@ -34,7 +34,7 @@ pub enum StandInError {
         /// Why not.
         source: std::io::Error,
     },
-    /// It did not say that it is ready.
+    /// It did not report that it is ready.
     #[error("the stand-in simulator, {} mock-xplane, did not print its addresses: {found}", program.display())]
     NotReady {
         /// The program.
@@ -44,27 +44,27 @@ pub enum StandInError {
     },
 }
 
-/// The part of the line with which the stand-in says that it is ready that matters here.
+/// The relevant part of the line with which the stand-in reports that it is ready.
 #[derive(Deserialize)]
 struct ReadyLine {
     udp: SocketAddr,
 }
 
-/// What a stand-in is started for.
+/// The task of a stand-in.
 #[derive(Debug, Clone, Copy)]
 pub enum StandInTask<'a> {
-    /// To be a simulator that makes nobody wait.
+    /// A simulator without delays.
     Simulate,
-    /// To be one with all awkward habits of a live X-Plane.
+    /// One with all awkward habits of a live X-Plane.
     BeAwkward,
     /// The same, with a window of this width and height in pixels that shows what is drawn.
     Show((u32, u32)),
-    /// To give the answers that are recorded on a tape.
+    /// A replay of the answers on a tape.
     Play(&'a Path),
 }
 
 impl StandInTask<'_> {
-    /// How `dtd mock-xplane` is told.
+    /// The arguments for `dtd mock-xplane`.
     fn arguments(self) -> Vec<OsString> {
         match self {
             Self::Simulate => vec!["--quirks=none".into()],
@@ -86,13 +86,13 @@ impl StandIn {
             source,
         };
         let mut child = Command::new(program)
-            // Its standard input ends with this process, also when this process is killed: no stand-in is left behind.
+            // Its standard input ends with this process, even if this process is killed: no stand-in is left behind.
             .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
             .args(task.arguments())
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .kill_on_drop(true)
-            // Ctrl-C in a terminal goes to the whole group: the stand-in shall live until we have stopped in good order.
+            // Ctrl-C in a terminal goes to the whole group: the stand-in must survive until we have stopped cleanly.
             .process_group(0)
             .spawn()
             .map_err(failed)?;
@@ -122,12 +122,12 @@ impl StandIn {
         })
     }
 
-    /// Where it takes UDP packets.
+    /// Its UDP address.
     pub fn address(&self) -> SocketAddr {
         self.address
     }
 
-    /// Whether it is still there.
+    /// Whether it is still running.
     pub fn is_running(&mut self) -> bool {
         matches!(self.child.try_wait(), Ok(None))
     }

@@ -1,7 +1,7 @@
-//! A sweep: the TOML file in which a researcher says which scenarios a corpus shall hold.
+//! A sweep: the TOML file that describes which scenarios a corpus contains.
 //!
-//! In goes the file, out comes a [`Sweep`] whose every value has been checked, or one message with file, line and column.
-//! What a sweep expands to is the business of [`crate::plan`].
+//! Input: the file. Output: a [`Sweep`] whose every value has been checked, or one message with file, line and column.
+//! [`crate::plan`] expands it.
 
 mod aim;
 mod check;
@@ -57,17 +57,17 @@ pub struct Sweep {
     pub runway: Runway,
     /// Aircraft type.
     pub aircraft: String,
-    /// Name of the camera rig in use.
+    /// Name of the camera rig.
     pub rig_name: String,
     /// Its cameras.
     pub cameras: Vec<Camera>,
-    /// Where each scenario turns its cameras, if not where the rig has them.
+    /// Where each scenario aims its cameras, if not as in the rig.
     pub aim: Option<AimTable>,
-    /// How far each scenario's cameras are off.
+    /// Placement errors of each scenario's cameras.
     pub jitter: Option<JitterTable>,
     /// Air and sensor of the pictures.
     pub imaging: Option<ImagingTable>,
-    /// What is combined, in the order in which it is made; never empty, all different.
+    /// The combinations, in recording order; never empty, all different.
     pub combinations: Vec<Combination>,
     /// Day of the year, 1 to 365.
     pub day_of_year: u32,
@@ -75,11 +75,11 @@ pub struct Sweep {
     pub utc_offset_h: f64,
     /// Size and rate of the pictures.
     pub picture: Picture,
-    /// How videos are coded.
+    /// Video settings.
     pub video: VideoSettings,
-    /// How live flights begin.
+    /// Start of live flights.
     pub start: Start,
-    /// Profiles that scenarios draw from whose combination names none.
+    /// Profiles for scenarios whose combination names none.
     start_profiles: Vec<String>,
     /// Sizes of the sides of the split.
     pub split: SplitFractions,
@@ -89,9 +89,9 @@ pub struct Sweep {
     pub profiles: BTreeMap<String, ApproachProfile>,
     /// Which scenarios fly recordings.
     pub recorded: Vec<RecordedFlights>,
-    /// For each combination the rule of [`Sweep::recorded`] that decides, if one fits.
+    /// For each combination the rule of [`Sweep::recorded`] that applies, if one matches.
     rule_of: Vec<Option<usize>>,
-    /// The file as it was read.
+    /// The text of the file.
     pub text: String,
 }
 
@@ -104,7 +104,7 @@ impl Sweep {
         Self::parse(path, &folder, text)
     }
 
-    /// Checks the text of a sweep; `path` is what messages call it, `folder` is what its paths are relative to.
+    /// Checks the text of a sweep; `path` is its name in messages, paths in it are relative to `folder`.
     pub fn parse(path: &Path, folder: &Path, text: String) -> Result<Self, SweepError> {
         let document: document::Document = toml::from_str(&text)
             .map_err(|error| SweepError::at(path, &text, error.span(), error.message().trim()))?;
@@ -124,7 +124,7 @@ impl Sweep {
         self.len() == 0
     }
 
-    /// The recording that each combination flies, if a rule fits it: indices into [`Sweep::recorded`] and into its recordings.
+    /// The recording that each combination flies, if a rule matches: indices into [`Sweep::recorded`] and into its recordings.
     pub(crate) fn recording_of_each(&self) -> Vec<Option<(usize, usize)>> {
         let mut orders: BTreeMap<(usize, String), Vec<usize>> = BTreeMap::new();
         let pairs = self.combinations.iter().zip(&self.rule_of);

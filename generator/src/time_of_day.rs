@@ -37,7 +37,7 @@ impl TimeOfDay {
         self.hour * 60 + self.minute
     }
 
-    /// The time so many minutes after midnight.
+    /// The time this many minutes after midnight.
     pub fn from_minutes(minutes: u32) -> Self {
         Self {
             hour: minutes / 60 % 24,
@@ -50,7 +50,7 @@ impl TimeOfDay {
         format!("{:02}{:02}", self.hour, self.minute)
     }
 
-    /// The simulator's clock at this local time. Far from Greenwich UTC may be on the day before or after.
+    /// The simulator's clock at this local time. Far from Greenwich, UTC may be on the previous or next day.
     pub fn clock(self, day_of_year: u32, utc_offset_h: f64) -> Clock {
         let local_s = f64::from(self.hour * 3_600 + self.minute * 60);
         let zulu_s = local_s - utc_offset_h * 3_600.0;

@@ -1,6 +1,6 @@
 //! A flight as states in time, and its states at the ticks of a scenario.
 //!
-//! What lies between two states is [`dataset::flight`]'s to say.
+//! [`dataset::flight`] interpolates between two states.
 
 use dataset::flight::state_at;
 use dataset::frame_rate::FrameRate;
@@ -9,12 +9,12 @@ use dataset::limits::{Check, MOST_APPROACH_S};
 use dataset::pose::FlightState;
 use dataset::runway::{Runway, RunwayCoordinates};
 
-/// States may be this far apart, seconds: further apart, an aircraft turns too much for a cubic.
+/// States may be this far apart, seconds: over longer gaps an aircraft turns too much for a cubic.
 const LARGEST_GAP_S: f64 = 2.0;
-/// Positions may differ from what the velocities on both sides say by this much, metres, plus a tenth of the way.
+/// Positions may differ from what the velocities on both sides imply by this much, metres, plus a tenth of the displacement.
 const VELOCITY_TOLERANCE_M: f64 = 1.0;
 
-/// A flight that can be flown again.
+/// A flight that can be replayed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     states: Vec<FlightState>,
@@ -32,8 +32,8 @@ pub struct Window {
 }
 
 impl Window {
-    /// Number of ticks up to the first one at or past the target, or to the last state if the target is not reached before. That one
-    /// tick past the target is what tells the time of touchdown.
+    /// Number of ticks up to the first one at or past the target, or to the last state if the target is not reached before. That
+    /// one tick past the target determines the time of touchdown.
     pub fn ticks(&self, rate: FrameRate) -> u32 {
         let periods_until = |time_s: f64| {
             ((time_s - self.start_s) * f64::from(rate.numerator) / f64::from(rate.denominator))
@@ -48,7 +48,7 @@ impl Window {
 }
 
 impl Trajectory {
-    /// A trajectory from states in order of time; says in words why states make none.
+    /// A trajectory from states in order of time; the error says why they are invalid.
     pub fn new(states: Vec<FlightState>) -> Result<Self, String> {
         if states.len() < 2 {
             return Err(format!("has {} states, expected at least 2", states.len()));
@@ -88,19 +88,19 @@ impl Trajectory {
         Ok(Self { states })
     }
 
-    /// The state at a time, seconds; before the first and after the last state it is that state.
+    /// The state at a time, seconds; before the first and after the last state that state is held.
     pub fn at(&self, time_s: f64) -> FlightState {
         state_at(&self.states, time_s)
             .unwrap_or_else(|| unreachable!("a trajectory has at least two states"))
     }
 
-    /// From the moment at which `start_dtd_m` metres are still to go along the course (or the first state, if that is
-    /// later) until the touchdown target is passed (or the last state, if that is earlier).
+    /// From the moment at which `start_dtd_m` metres remain along the course (or the first state, if that is later) until the
+    /// touchdown target is passed (or the last state, if that is earlier).
     pub fn approach(&self, runway: &Runway, start_dtd_m: f64) -> Result<Window, String> {
         self.along_course(runway).approach(start_dtd_m)
     }
 
-    /// The trajectory as seen along the course of a runway.
+    /// The trajectory relative to the course of a runway.
     pub fn along_course<'a>(&'a self, runway: &'a Runway) -> AlongCourse<'a> {
         let mut seen = AlongCourse {
             trajectory: self,
@@ -126,7 +126,7 @@ impl Trajectory {
             .collect()
     }
 
-    /// Where the wheels touched first, if they did after having been in the air.
+    /// Where the wheels first touched the ground after having been in the air, if they did.
     pub fn touchdown(&self) -> Option<Geodetic> {
         let landed = self
             .states
@@ -136,7 +136,7 @@ impl Trajectory {
     }
 }
 
-/// A trajectory with the distance still to go at each of its states: geodesics are dear, and thousands of scenarios may fly one
+/// A trajectory with the remaining distance at each of its states: geodesics are expensive, and thousands of scenarios may fly one
 /// recording from slightly different distances.
 #[derive(Debug, Clone)]
 pub struct AlongCourse<'a> {
@@ -187,7 +187,7 @@ impl AlongCourse<'_> {
         RunwayCoordinates::of(position, self.target, self.runway.course_true_deg).along_track_m
     }
 
-    /// The first time, from a given one, at which no more than `level_m` metres are to go.
+    /// The first time, from a given one, at which at most `level_m` metres remain.
     fn crossing(&self, from_s: f64, level_m: f64) -> Option<f64> {
         let from = self
             .trajectory
@@ -228,7 +228,7 @@ pub(crate) mod tests {
         airports::bundled("WSSS", "02L").unwrap()
     }
 
-    /// A flight along the course with a gentle weave, known exactly at every moment: `from_m` before the target, landing at 0.
+    /// A flight along the course with a gentle weave, known exactly at every moment: from `from_m` before the target, landing at 0.
     fn exact(time_s: f64, from_m: f64) -> FlightState {
         let runway = runway();
         let place = |t: f64| {
@@ -367,7 +367,7 @@ pub(crate) mod tests {
                 state.time_s -= 0.08;
             }
         });
-        // 7.5 m in what is said to be 0.02 s, where 75 m/s make 1.5 m.
+        // 7.5 m in a stated 0.02 s, where 75 m/s make 1.5 m.
         for part in [
             "has state 50 (at 4.920 s) 6.0",
             "at most 1.15 m",
@@ -395,7 +395,7 @@ pub(crate) mod tests {
         };
         assert_eq!(window.ticks(rate(1, 1)), 11);
         assert_eq!(window.ticks(rate(30, 1)), 301);
-        // Ticks at 0, 3, 6 and 9 s: the next one, past the target, would be past the record too.
+        // Ticks at 0, 3, 6 and 9 s: the next one, past the target, would be past the recording, too.
         assert_eq!(window.ticks(rate(1, 3)), 4);
         assert_eq!(
             Window {

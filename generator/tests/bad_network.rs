@@ -1,4 +1,4 @@
-//! A bad network and a simulator that is restarted in the middle of a scenario: the tables are those of an undisturbed run.
+//! A bad network and a simulator that restarts in the middle of a scenario: the tables are those of an undisturbed run.
 
 mod small_corpus;
 
@@ -53,7 +53,7 @@ turbulence_ratio = 0.3
 clouds = [{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 1500 }]
 "#;
 
-/// Makes the sweep's scenario with a stand-in that has these faults; says what happened and how often it was begun.
+/// Records the sweep's scenario with a stand-in that has these faults; returns what happened and how often it was started.
 async fn made(corpus: &Path, faults: &str) -> (Outcome, usize) {
     let (tell, told) = tokio::sync::oneshot::channel();
     let options = ServerOptions {

@@ -1,4 +1,4 @@
-//! What goes wrong overnight: simulators that die, freeze, restart or are several, runs that meet in one corpus, scenarios that nobody
+//! Faults during a long run: simulators that die, freeze, restart or are several, runs that share one corpus, scenarios that nobody
 //! can fly. Whatever happens, the corpus ends with the bytes of an undisturbed run.
 
 mod small_corpus;
@@ -29,7 +29,7 @@ use small_corpus::{
     stand_in_with, sweep_of,
 };
 
-/// A new corpus that nothing disturbed.
+/// A new corpus without faults.
 async fn make_corpus(corpus: &Path) {
     let made = run(small_sweep(), corpus, stand_in().await, &[]);
     assert_eq!(made.await.unwrap().committed, IDS);
@@ -84,7 +84,7 @@ async fn a_simulator_that_dies_leaves_its_work_to_the_others() {
     let both = vec![SimulatorTarget::Address(dying), stand_in().await];
     let mut options = options(both, &[]);
     options.patience.simulator = Duration::from_millis(50);
-    // On a busy machine it may take a second connection before it is dead, and that costs its scenario another attempt.
+    // On a busy machine it may accept a second connection before it is dead, which costs its scenario another attempt.
     options.patience.attempts = 4;
     let mut gone = Vec::new();
     let made = run_until(small_sweep(), corpus.path(), &options, |event| {
@@ -304,7 +304,7 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     assert_eq!(first.await.unwrap().failed.len(), 1);
     assert_eq!(reasons(), 2);
 
-    // Another machine hears of it, and adds its own reasons.
+    // Another machine learns of it, and adds its own reasons.
     let elsewhere = tempdir().unwrap();
     let mut before = Vec::new();
     let second = run_until(&sweep, elsewhere.path(), &only_foggy, |event| {
@@ -322,7 +322,7 @@ async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_st
     assert_eq!(third.await.unwrap().committed, [foggy]);
     assert!(!record.exists());
 
-    // A run that was killed between the last file and the record leaves one, which the next run takes away.
+    // A run that was killed between the last file and the record leaves one, which the next run removes.
     fs::create_dir_all(record.parent().unwrap()).unwrap();
     fs::write(&record, "{}").unwrap();
     let fourth = run_until(&sweep, stage.path(), &only_foggy, |_| false);

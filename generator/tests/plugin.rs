@@ -1,4 +1,4 @@
-//! Scenarios recorded through the plugin's own Python: a recorded flight gives what the built-in link gives, live ones are sound.
+//! Scenarios recorded through the plugin's own Python: a recorded flight gives the same as the built-in link, live ones are valid.
 
 use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
@@ -100,7 +100,7 @@ wind_speed_mps = 3
 wind_from_true_deg = 60
 "#;
 
-/// By which pictures of the same pose may differ in the mean, of 255.
+/// Maximum mean difference between pictures of the same pose, of 255.
 const MEAN_LEVELS_APART: f64 = 0.25;
 
 fn plugin(window_px: (u32, u32)) -> LinkServer {
@@ -126,13 +126,13 @@ async fn stand_in(link: LinkServer) -> SimulatorTarget {
         serve(options, ready).await.unwrap();
     });
     let address = told.await.unwrap();
-    // Python takes its time to start on a busy machine.
+    // Python takes a while to start on a busy machine.
     let waiting = Simulator::connect(address, Duration::from_secs(60)).await;
     waiting.unwrap().release().await.unwrap();
     SimulatorTarget::Address(address)
 }
 
-/// Records scenarios; of how many simulators it is told what was measured of them.
+/// Records scenarios; returns how many simulators had a profile.
 async fn record(
     folder: &Path,
     target: SimulatorTarget,
@@ -185,7 +185,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
     let [a, b] = [&built_in, &plugged].map(|corpus| corpus.scenarios().unwrap().remove(0));
     let [a_frames, b_frames] = [&a, &b].map(|scenario| scenario.open().unwrap().frames().unwrap());
     assert_eq!(a_frames.rows.len(), b_frames.rows.len());
-    // Everything but what the simulator itself says of each picture.
+    // Everything except what the simulator itself reports of each picture.
     let told = |frame: &Frame| Frame {
         views: Vec::new(),
         ..frame.clone()

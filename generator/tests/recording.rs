@@ -1,4 +1,4 @@
-//! Whole scenarios against the stand-in, over real sockets: made, skipped, stopped, resumed, refused.
+//! Complete scenarios against the stand-in, over real sockets: recorded, skipped, stopped, resumed, rejected.
 
 mod small_corpus;
 

@@ -1,4 +1,4 @@
-//! Where pictures come from: the same scenario sent over the link and grabbed from a real screen, and sources that are not there.
+//! Sources of pictures: the same scenario sent over the link and grabbed from a real screen, and sources that are missing.
 #![cfg(target_os = "linux")]
 
 mod small_corpus;
@@ -19,7 +19,7 @@ use small_corpus::{IDS, SWEEP, options, sweep_of};
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelKind};
 use xvfb::Xvfb;
 
-/// The scenario that flies a recording, and whose pictures differ in every pixel of the aircraft from tick to tick.
+/// The scenario that flies a recording; its pictures differ in every pixel of the aircraft from tick to tick.
 const ID: &str = IDS[1];
 
 /// The stand-in in this process with a window of this size, if any; it ends with the test's runtime.
@@ -110,7 +110,7 @@ async fn a_source_that_the_simulator_cannot_serve_is_refused_before_anything_is_
     let corpus = folder.path().join("corpus");
     let without = stand_in(xvfb.display(), None).await;
     let small = stand_in(xvfb.display(), Some((80, 60))).await;
-    // Simulator, source, whether the same call would fail again whatever the simulator does, words of the message.
+    // Simulator, source, whether the same call would always fail again, words of the message.
     let cases = [
         (&without, PixelKind::Gl, true, ["--pixels gl", "only link"]),
         (

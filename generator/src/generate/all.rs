@@ -1,10 +1,10 @@
-//! Several futures of one task, until all are done. They may borrow, which spawned tasks may not.
+//! Runs several futures of one task to completion. They may borrow, unlike spawned tasks.
 
 use std::future::poll_fn;
 use std::pin::Pin;
 use std::task::Poll;
 
-/// Runs all of them, interleaved; they are few, so each wake-up polls all.
+/// Runs all of them concurrently; there are few, so each wake-up polls all.
 pub(super) async fn all<'a, T>(
     futures: impl IntoIterator<Item = impl Future<Output = T> + 'a>,
 ) -> Vec<T> {

@@ -1,4 +1,4 @@
-//! One attempt at one scenario: who waits for it, and for how long.
+//! One attempt at one scenario: cancellation and timeouts.
 
 use std::time::Duration;
 
@@ -9,17 +9,17 @@ use super::cancel::Cancel;
 use super::error::ScenarioError;
 use super::event::Reporter;
 
-/// What the steps of an attempt share.
+/// Shared by the steps of an attempt.
 pub(super) struct Attempt<'a, 'r> {
     pub(super) id: &'a str,
     pub(super) cancel: &'a Cancel,
     pub(super) reporter: &'a Reporter<'r>,
-    /// Longest wait for an answer while pictures are taken.
+    /// Timeout of an answer while pictures are taken.
     pub(super) answer_limit: Duration,
 }
 
 impl Attempt<'_, '_> {
-    /// Waits for an answer of the simulator, but neither longer than it may take nor after the run was stopped.
+    /// Waits for an answer of the simulator, until the timeout or until the run is cancelled.
     pub(super) async fn answered<T>(
         &self,
         answer: impl Future<Output = Result<T, BridgeError>>,

@@ -1,10 +1,10 @@
-//! A wish to stop that reaches whatever is being waited for.
+//! Cancellation that reaches whatever is being awaited.
 
 use tokio::sync::watch;
 
 use super::error::ScenarioError;
 
-/// A switch that can be turned once, from any thread, e.g. by Ctrl-C.
+/// A switch that can be set once, from any thread, e.g. by Ctrl-C.
 #[derive(Debug, Clone)]
 pub struct Cancel(watch::Sender<bool>);
 
@@ -15,7 +15,7 @@ impl Default for Cancel {
 }
 
 impl Cancel {
-    /// A switch that is not turned yet.
+    /// A switch that is not set yet.
     pub fn new() -> Self {
         Self::default()
     }
@@ -25,18 +25,18 @@ impl Cancel {
         self.0.send_replace(true);
     }
 
-    /// Whether it is turned.
+    /// Whether it is set.
     pub fn is_cancelled(&self) -> bool {
         *self.0.borrow()
     }
 
-    /// Waits until it is turned.
+    /// Waits until it is set.
     pub async fn turned(&self) {
         // Fails only if the sender is gone, which is `self`.
         let _ = self.0.subscribe().wait_for(|turned| *turned).await;
     }
 
-    /// Waits for `work`, but no longer than until the switch is turned.
+    /// Waits for `work`, but no longer than until the switch is set.
     pub(super) async fn or<T, E: Into<ScenarioError>>(
         &self,
         work: impl Future<Output = Result<T, E>>,

@@ -1,7 +1,7 @@
-//! One thread per view that turns pictures into a video.
+//! One thread per view that encodes pictures to a video.
 //!
-//! Channels are short: when an encoder is slower than the simulator, the simulator waits, and memory stays flat. Memory of written
-//! pictures comes back to be filled again.
+//! Channels are short: if an encoder is slower than the simulator, the simulator waits, and memory stays constant. Buffers of
+//! written pictures are reused.
 
 use dataset::corpus::ScenarioFolder;
 use dataset::video::{VideoSettings, VideoWriter};
@@ -15,7 +15,7 @@ use crate::sweep::Picture;
 /// Pictures that may wait for an encoder.
 const WAITING_PICTURES: usize = 2;
 
-/// The encoders of a scenario. Dropped without [`Encoders::finish`], they stop and leave unfinished files.
+/// The encoders of a scenario. If they are dropped without [`Encoders::finish`], they stop and leave unfinished files.
 pub(super) struct Encoders {
     views: Vec<Encoder>,
     written: mpsc::UnboundedReceiver<PictureBytes>,
@@ -67,10 +67,10 @@ impl Encoders {
         }
     }
 
-    /// Hands over the next picture of a view; waits while the encoder is behind.
+    /// Sends the next picture of a view; waits while the encoder is behind.
     ///
     /// # Errors
-    /// If the encoder has ended; why, [`Encoders::abandon`] tells.
+    /// The encoder has ended; [`Encoders::abandon`] returns the reason.
     pub(super) async fn write(
         &mut self,
         view: usize,
@@ -84,7 +84,7 @@ impl Encoders {
         })
     }
 
-    /// Memory of a picture that has been written.
+    /// The buffer of a picture that has been written.
     pub(super) fn take_written(&mut self) -> Option<PictureBytes> {
         self.written.try_recv().ok()
     }
@@ -93,18 +93,18 @@ impl Encoders {
     pub(super) async fn finish(self) -> Result<Vec<Vec<i64>>, ScenarioError> {
         let mut all = Vec::new();
         for encoder in &self.views {
-            // If the thread has ended, joining it says why.
+            // If the thread has ended, joining it gives the reason.
             let _ = encoder.pictures.send(Message::Finish).await;
         }
-        // All are waited for before the first failure is returned: nobody may write into the folder after this.
+        // All are joined before the first failure is returned: nothing may write into the folder after this.
         for encoder in self.views {
             all.push(joined(&encoder.view, encoder.thread.await));
         }
         all.into_iter().collect()
     }
 
-    /// Stops all threads and waits for them, so that nobody writes into the folder any more. Returns the first failure of an encoder:
-    /// the reason, if it was one of them that ended the scenario.
+    /// Stops and joins all threads, so that nothing writes into the folder any more. Returns the first failure of an encoder, which
+    /// is the reason if an encoder ended the scenario.
     pub(super) async fn abandon(self) -> Option<ScenarioError> {
         let mut first = None;
         for Encoder {
@@ -133,7 +133,7 @@ fn joined(
     }
 }
 
-/// The work of one thread. Without a [`Message::Finish`] the scenario was given up, and the file is not completed.
+/// The work of one thread. Without a [`Message::Finish`] the scenario was abandoned, and the file is not completed.
 fn encode(
     mut writer: VideoWriter,
     mut inbox: mpsc::Receiver<Message>,
@@ -144,7 +144,7 @@ fn encode(
         match message {
             Message::Picture(rgb) => {
                 pts.push(writer.write(&rgb)?);
-                // Nobody takes it back any more when the scenario is ending.
+                // Nobody takes it back when the scenario is ending.
                 let _ = give_back.send(rgb);
             }
             Message::Finish => {
@@ -172,7 +172,7 @@ mod tests {
         },
     };
 
-    /// Two encoders of a scenario whose folder has one folder.
+    /// Two encoders; one of them has a folder at the path of its file.
     fn start(folder: &std::path::Path, has: &str) -> Encoders {
         let scenario = Corpus::create(folder).unwrap().scenario("a");
         std::fs::create_dir_all(scenario.root().join(has)).unwrap();
@@ -184,7 +184,7 @@ mod tests {
         )
     }
 
-    /// Writes black pictures, a view after the other, until an encoder refuses or there are `ticks` of them.
+    /// Writes black pictures, one view after the other, until an encoder fails or `ticks` of them are written.
     async fn write(encoders: &mut Encoders, ticks: u32) -> Result<(), ScenarioError> {
         for _ in 0..ticks {
             for view in 0..2 {

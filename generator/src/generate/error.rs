@@ -1,4 +1,4 @@
-//! What can go wrong while a corpus is made.
+//! Errors while recording a corpus.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -10,10 +10,10 @@ use xplane_bridge::BridgeError;
 use super::space;
 use crate::stand_in::StandInError;
 
-/// Why a run could not begin or go on.
+/// Why a run could not start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum GenerateError {
-    /// The corpus was begun with a plan that the sweep no longer gives.
+    /// The corpus was begun with a plan that the sweep no longer produces.
     #[error(
         "{}: the corpus was begun with another plan: {difference}. A corpus can only be added to: undo the change in the sweep, \
          or use another folder", corpus.display()
@@ -24,19 +24,19 @@ pub enum GenerateError {
         /// What differs.
         difference: String,
     },
-    /// Somebody asked for a scenario that does not exist.
+    /// A requested scenario does not exist.
     #[error(
         "there is no scenario {id} among the {scenarios} of the plan; identifiers look like {example}, `dtd plan` lists them"
     )]
     UnknownScenario {
-        /// What was asked for.
+        /// The requested identifier.
         id: String,
         /// Number of scenarios in the plan.
         scenarios: usize,
         /// The first of them.
         example: String,
     },
-    /// A folder is where a scenario has to go.
+    /// A folder is in the place of a scenario.
     #[error("{}: a folder with this name is there, but {message}; move it away first, then the scenario is made anew", folder.display())]
     ForeignFolder {
         /// The folder.
@@ -44,13 +44,13 @@ pub enum GenerateError {
         /// What is wrong with it.
         message: String,
     },
-    /// The corpus would have to lie where something else is.
+    /// The corpus path is taken by something else.
     #[error("{}: is a file, expected a folder, or a name under which one can be made", path.display())]
     NotAFolder {
         /// The path.
         path: PathBuf,
     },
-    /// Another run keeps the files of the whole corpus for itself.
+    /// Another run holds the files of the whole corpus.
     #[error(
         "{}: {holder} has been writing plan.json and splits.json for {waited:?}; if it hangs, end it and run the same command again",
         corpus.display()
@@ -63,7 +63,7 @@ pub enum GenerateError {
         /// For how long.
         waited: Duration,
     },
-    /// Somebody stopped the run before anything was written.
+    /// The run was cancelled before anything was written.
     #[error("stopped before anything was made")]
     Cancelled,
     /// The simulator does not answer.
@@ -72,7 +72,7 @@ pub enum GenerateError {
     /// The stand-in does not start.
     #[error(transparent)]
     StandIn(#[from] StandInError),
-    /// The tape has no session to make scenarios from.
+    /// The tape contains no session to record from.
     #[error("{}", no_session(tape, message))]
     Tape {
         /// The tape.
@@ -97,7 +97,7 @@ fn no_session(tape: &Path, message: &str) -> String {
 }
 
 impl GenerateError {
-    /// Whether the caller has to change the input first: the same call will fail again.
+    /// Whether the caller must change the input first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::OtherPlan { .. }
@@ -105,7 +105,7 @@ impl GenerateError {
             | Self::ForeignFolder { .. }
             | Self::Tape { .. }
             | Self::NotAFolder { .. } => true,
-            // A place where no corpus can be begun.
+            // A path where no corpus can be created.
             Self::Corpus(dataset::Error::Io { source, .. }) => matches!(
                 source.kind(),
                 ErrorKind::NotFound
@@ -120,7 +120,7 @@ impl GenerateError {
         }
     }
 
-    /// Whether the same call may well succeed later.
+    /// Whether the same call may succeed later.
     pub fn is_passing(&self) -> bool {
         match self {
             Self::Held { .. } | Self::Cancelled => true,
@@ -130,13 +130,13 @@ impl GenerateError {
     }
 }
 
-/// Why a scenario could not be made.
+/// Why a scenario could not be recorded.
 #[derive(Debug, thiserror::Error)]
 pub enum ScenarioError {
-    /// The run was stopped.
+    /// The run was cancelled.
     #[error("stopped")]
     Cancelled,
-    /// The simulator is there, but no picture comes.
+    /// The simulator is connected, but no picture arrives.
     #[error(
         "the simulator did not answer within {waited:?} while pictures were taken: it is frozen or cut off"
     )]
@@ -144,13 +144,13 @@ pub enum ScenarioError {
         /// How long we waited.
         waited: Duration,
     },
-    /// The simulator did not do what it should.
+    /// The simulator did not do what was requested.
     #[error(transparent)]
     Bridge(#[from] BridgeError),
     /// The stand-in does not start again.
     #[error(transparent)]
     StandIn(#[from] StandInError),
-    /// The tape that plays the simulator does not even greet.
+    /// The tape that acts as the simulator does not even send a greeting.
     #[error("{}", no_session(tape, message))]
     Tape {
         /// The tape.
@@ -158,7 +158,7 @@ pub enum ScenarioError {
         /// How that shows.
         message: String,
     },
-    /// The tape that plays the simulator has another session than this one. It will have no other the next time.
+    /// The tape that acts as the simulator has a different session. A retry cannot help.
     #[error(
         "tape {}: this is not the session that was recorded: {what}. Replay the sweep that it was recorded with, or record this one",
         tape.display()
@@ -169,13 +169,13 @@ pub enum ScenarioError {
         /// The first difference.
         what: String,
     },
-    /// The simulator flew something that is no approach.
+    /// The simulator flew something that is not an approach.
     #[error("the flight {message}")]
     Flight {
         /// What is wrong with it.
         message: String,
     },
-    /// A picture does not show what was asked for.
+    /// A picture does not show what was requested.
     #[error("tick {tick}, view {view}: the simulator did not draw what was asked for: {what}")]
     NotInStep {
         /// Tick that was due.
@@ -185,7 +185,7 @@ pub enum ScenarioError {
         /// What differs, drawn and expected.
         what: String,
     },
-    /// A picture shows nothing.
+    /// A picture is empty.
     #[error(
         "tick {tick}, view {view}: the picture is of one colour, {color:?}, from edge to edge; expected a view of {visibility_m:.0} m. Is the \
          simulator's window covered, minimised or still loading?"
@@ -197,10 +197,10 @@ pub enum ScenarioError {
         view: String,
         /// Red, green, blue.
         color: [u8; 3],
-        /// How far one should see, metres.
+        /// The visibility, metres.
         visibility_m: f64,
     },
-    /// A thread that wrote a video broke down.
+    /// A thread that wrote a video failed.
     #[error("the encoder of view {view} stopped: {message}")]
     Encoder {
         /// The view.
@@ -208,7 +208,7 @@ pub enum ScenarioError {
         /// What it said.
         message: String,
     },
-    /// The thread that hashes and renames broke down.
+    /// The thread that hashes and renames failed.
     #[error("sealing the scenario broke down: {message}")]
     Sealing {
         /// What it said.
@@ -219,22 +219,22 @@ pub enum ScenarioError {
     Corpus(#[from] dataset::Error),
 }
 
-/// Whose fault a failed attempt is, which decides what the run does next.
+/// The cause of a failed attempt, which decides what the run does next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Blame {
-    /// Nobody's: the run was stopped.
+    /// The run was cancelled.
     Nobody,
-    /// The disk's: every scenario would fail.
+    /// The disk: every scenario would fail.
     Storage,
-    /// The simulator's: it may be gone.
+    /// The simulator: it may be gone.
     Simulator,
-    /// The scenario's own, for all we know.
+    /// Presumably the scenario itself.
     Scenario,
 }
 
 impl ScenarioError {
-    /// What an error means if a tape plays the simulator: not that a plugin holds a dataref, or a menu is open, but that the recorded
-    /// client did something else.
+    /// The meaning of an error if a tape acts as the simulator: not that a plugin holds a dataref, or a menu is open, but that the
+    /// recorded client did something else.
     pub(super) fn of_tape(self, tape: &Path) -> Self {
         let what = match self {
             Self::Bridge(BridgeError::Refused { text, .. }) => text,
@@ -266,7 +266,7 @@ impl ScenarioError {
         }
     }
 
-    /// Whether the next attempt would end in the same way.
+    /// Whether the next attempt would fail in the same way.
     pub(super) fn is_certain(&self) -> bool {
         matches!(self, Self::NotOnTape { .. })
     }

@@ -1,40 +1,40 @@
-//! What a run says while it works.
+//! Events of a run.
 
 use std::sync::{Mutex, PoisonError};
 
 use xplane_bridge::profile::KnownProfile;
 
-/// What a run is doing, for whoever shows it.
+/// What a run is doing, for display.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Event<'a> {
     /// The run begins.
     Planned {
         /// Scenarios to make.
         to_make: usize,
-        /// Scenarios that are whole already.
+        /// Scenarios that are already complete.
         skipped: usize,
-        /// Expected ticks of all that are to be made.
+        /// Expected ticks of all remaining scenarios.
         ticks: u64,
     },
-    /// An earlier run set a scenario aside; this one tries it again.
+    /// An earlier run set a scenario aside; this one retries it.
     SetAsideBefore {
         /// Identifier of the scenario.
         id: &'a str,
         /// Why its last attempt failed.
         reason: &'a str,
     },
-    /// The disk may not hold what is to be made.
+    /// The disk may not have enough space.
     LittleSpace {
-        /// Bytes that are free.
+        /// Bytes available.
         free: u64,
-        /// Bytes that will be needed, about.
+        /// Bytes needed, approximately.
         needed: u64,
     },
-    /// Nothing is left to do but what others are making.
+    /// Nothing is left but the scenarios of other processes.
     Waiting {
-        /// How many scenarios they make.
+        /// How many scenarios they are recording.
         scenarios: usize,
-        /// Who makes the first of them.
+        /// Who records the first of them.
         holder: &'a str,
     },
     /// A scenario begins.
@@ -44,7 +44,7 @@ pub enum Event<'a> {
         /// Expected number of ticks.
         ticks: u32,
     },
-    /// Its flight is there: from now on the number of ticks is certain.
+    /// Its flight is known: from now on the number of ticks is exact.
     Flown {
         /// Its identifier.
         id: &'a str,
@@ -58,7 +58,7 @@ pub enum Event<'a> {
         /// Ticks so far.
         done: u32,
     },
-    /// A scenario is whole.
+    /// A scenario is complete.
     Committed {
         /// Its identifier.
         id: &'a str,
@@ -67,7 +67,7 @@ pub enum Event<'a> {
         /// How long it took, seconds.
         seconds: f64,
     },
-    /// Scenarios that an earlier run made, and that are not in the object store yet.
+    /// Scenarios that an earlier run recorded, and that are not in the object store yet.
     StagedBefore {
         /// How many.
         scenarios: usize,
@@ -76,22 +76,22 @@ pub enum Event<'a> {
     Uploaded {
         /// Its identifier.
         id: &'a str,
-        /// How long it took to send, seconds.
+        /// Duration of the upload, seconds.
         seconds: f64,
     },
-    /// Recording is faster than sending: the run waits before it records on.
+    /// Recording is faster than uploading: the run waits.
     UploadBehind {
         /// The scenario that waits.
         id: &'a str,
     },
-    /// The object store does not answer and is waited for.
+    /// The object store does not answer and is being retried.
     StoreAway {
-        /// The scenario that is being sent.
+        /// The scenario that is being uploaded.
         id: &'a str,
-        /// Why that is thought.
+        /// The reason.
         reason: &'a str,
     },
-    /// Somebody else made a scenario in the meantime.
+    /// Another process finished a scenario in the meantime.
     MadeElsewhere {
         /// Its identifier.
         id: &'a str,
@@ -112,18 +112,18 @@ pub enum Event<'a> {
         /// Why.
         reason: &'a str,
     },
-    /// What `dtd doctor` measured of a simulator behind a plugin, or that it did not. Said once for each.
+    /// Whether there is a `dtd doctor` profile of a simulator behind a plugin. Reported once per simulator.
     Profile {
         /// Which.
         simulator: &'a str,
-        /// That it has one that is used, or how to get one.
+        /// That its profile is used, or how to get one.
         known: &'a KnownProfile,
     },
-    /// A simulator does not answer any more; the run waits for it.
+    /// A simulator stopped answering; the run waits for it.
     SimulatorLost {
         /// Which.
         simulator: &'a str,
-        /// Why that is thought.
+        /// The reason.
         reason: &'a str,
     },
     /// It is back.
@@ -131,17 +131,17 @@ pub enum Event<'a> {
         /// Which.
         simulator: &'a str,
     },
-    /// It was waited for in vain; others go on, if there are any.
+    /// It did not come back; the others continue, if there are any.
     SimulatorGone {
         /// Which.
         simulator: &'a str,
     },
 }
 
-/// Takes the events of a run.
+/// Receives the events of a run.
 pub type OnEvent<'a> = dyn FnMut(Event<'_>) + Send + 'a;
 
-/// Lets several workers tell one listener.
+/// Lets several workers send to one listener.
 pub(super) struct Reporter<'a>(Mutex<&'a mut OnEvent<'a>>);
 
 impl<'a> Reporter<'a> {

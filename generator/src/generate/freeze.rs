@@ -1,4 +1,4 @@
-//! The files of the whole corpus, frozen by the first run, and what is whole in it already.
+//! The files of the whole corpus, frozen by the first run, and which scenarios are complete already.
 
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -14,11 +14,11 @@ use super::error::GenerateError;
 use crate::plan::{Plan, PlannedScenario, assign_sides};
 use crate::sweep::Sweep;
 
-/// Writing the plan takes another process a moment.
+/// Another process needs a moment to write the plan.
 const HELD_FOR_LONG: Duration = Duration::from_secs(30);
 const LOOK_AGAIN: Duration = Duration::from_millis(100);
 
-/// The plan that a corpus was begun with; refuses one that is not part of `plan`.
+/// The plan that a corpus was begun with; rejects one that is not part of `plan`.
 pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan>, GenerateError> {
     if corpus_root.exists() && !corpus_root.is_dir() {
         return Err(GenerateError::NotAFolder {
@@ -39,8 +39,8 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
     }
 }
 
-/// Freezes plan and split in the corpus, or adds to those that are there. Runs that begin at once take turns. `split_there`: the split of
-/// an object store for which the corpus is the stage; it has the last word.
+/// Freezes plan and split in the corpus, or extends the existing ones. Runs that start at once take turns. `split_there`: the split
+/// of an object store for which the corpus is the stage; it takes precedence.
 pub(super) async fn freeze(
     corpus: &Corpus,
     sweep: &Sweep,
@@ -85,8 +85,8 @@ pub(super) async fn freeze(
     Ok(())
 }
 
-/// Whether a scenario is there, as it was sealed, and made from these very parameters. Videos are only looked for, not read: `dtd
-/// verify` reads them.
+/// Whether a scenario exists, matches its seal, and was made from exactly these parameters. Videos are only checked for existence:
+/// `dtd verify` reads them.
 pub(super) fn is_whole(corpus: &Corpus, scenario: &PlannedScenario) -> Result<bool, GenerateError> {
     let folder = corpus.scenario(&scenario.id);
     let foreign = |message: String| {

@@ -1,7 +1,7 @@
-//! Replays a flight tick by tick and takes every view of every tick.
+//! Replays a flight tick by tick and captures every view of every tick.
 //!
-//! The simulator stands still between requests. A request says what to draw, the answer says what was drawn; any difference ends the
-//! attempt. A few requests are under way at once, so that the simulator draws while pictures travel and are encoded.
+//! The simulator stands still between requests. A request says what to draw, the answer says what was drawn; any difference ends
+//! the attempt. A few requests are in flight at once, so that the simulator draws while pictures travel and are encoded.
 
 use std::fmt::Debug;
 
@@ -19,10 +19,10 @@ use super::event::Event;
 use crate::rig::View;
 use crate::sweep::Picture;
 
-/// Requests under way at once: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
+/// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
 const UNDER_WAY: usize = 4;
 
-/// What the simulator says about one picture.
+/// What the simulator reports about one picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Drawn {
     pub(super) sim_frame: u64,
@@ -30,7 +30,7 @@ pub(super) struct Drawn {
     pub(super) camera: CameraPose,
 }
 
-/// Takes all pictures into `encoders`; returns what was drawn for each tick and view.
+/// Captures all pictures into `encoders`; returns what was drawn for each tick and view.
 pub(super) async fn capture(
     simulator: &mut Simulator,
     (states, views, picture): (&[FlightState], &[View], Picture),
@@ -88,7 +88,7 @@ pub(super) async fn capture(
             });
         }
     }
-    // What was true of the screen before the first picture has to be true after the last.
+    // The screen's registration before the first picture must still hold after the last.
     attempt.cancel.or(simulator.confirm_pixels()).await?;
     Ok(drawn)
 }
@@ -114,8 +114,8 @@ fn request(
     }
 }
 
-/// Refuses a picture that does not show what was asked for, to within what X-Plane's 32-bit floats lose, or that is not newer than the
-/// one before it.
+/// Rejects a picture that does not show what was requested, within the precision of X-Plane's 32-bit floats, or that is not newer
+/// than the previous one.
 fn check(
     asked: &CaptureRequest,
     frame: &CapturedFrame,
@@ -173,11 +173,11 @@ fn check(
 
 /// No component of a black pixel is brighter: codecs and screens round.
 const BLACK: u8 = 1;
-/// In air clearer than this no fog fills a picture from edge to edge with one colour, metres.
+/// At a higher visibility no fog fills a picture from edge to edge with one colour, metres.
 const FOG_FILLS_PICTURE_M: f64 = 5_000.0;
 
-/// The colour of a picture that shows nothing: one that is black all over, or of a single colour that no fog explains. It costs nothing
-/// where two pixels near the start differ.
+/// The colour of an empty picture: black all over, or a single colour that fog does not explain. Almost free if two pixels near the
+/// start differ.
 fn blank(rgb: &[u8], weather: &Weather) -> Option<[u8; 3]> {
     let (pixels, _) = rgb.as_chunks();
     let first = *pixels.first()?;

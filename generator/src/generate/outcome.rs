@@ -1,26 +1,26 @@
-//! What a run came to.
+//! The result of a run.
 
 use serde::Serialize;
 
 /// What happened to the scenarios of a run, each list in the order of the plan.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Outcome {
-    /// Made by this run; for a corpus in an object store: and sent there.
+    /// Recorded by this run; for a corpus in an object store also uploaded.
     pub committed: Vec<String>,
-    /// Whole already, or made by others while this run waited.
+    /// Complete already, or recorded by others while this run waited.
     pub skipped: Vec<String>,
     /// Set aside, with the reason of the last attempt.
     pub failed: Vec<FailedScenario>,
     /// Neither: the run was stopped before.
     pub not_made: Vec<String>,
-    /// Made, but not sent to the object store yet: the next run on this stage does.
+    /// Recorded, but not uploaded to the object store yet: the next run on this stage does that.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub staged: Vec<String>,
-    /// Why the run ended before its time, if it did.
+    /// Why the run ended early, if it did.
     pub stopped: Option<Stopped>,
 }
 
-/// A scenario that could not be made.
+/// A scenario that could not be recorded.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FailedScenario {
     /// Its identifier.
@@ -29,20 +29,20 @@ pub struct FailedScenario {
     pub reason: String,
 }
 
-/// Why a run ended before all its scenarios had their turn.
+/// Why a run ended before it tried all its scenarios.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[serde(tag = "cause", rename_all = "snake_case")]
 pub enum Stopped {
-    /// Somebody wished so.
+    /// It was cancelled.
     Interrupted,
     /// No simulator is left.
     NoSimulator {
-        /// What the last one's failure was.
+        /// The failure of the last one.
         reason: String,
     },
-    /// The object store does not take what was made.
+    /// The object store does not accept the scenarios.
     Store {
-        /// What it said, where everything is, how to go on.
+        /// Its message, where everything is, how to resume.
         reason: String,
     },
     /// The corpus cannot be written any more.

@@ -1,21 +1,21 @@
-//! How long a run puts up with what goes wrong.
+//! Timeouts and retries of a run.
 
 use std::time::Duration;
 
-/// Time limits and retries.
+/// Timeouts and retries.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Patience {
-    /// How often a scenario is tried before it is set aside.
+    /// Number of attempts before a scenario is set aside.
     pub attempts: u32,
     /// Between the first attempt and the second.
     pub first_pause: Duration,
-    /// So many times longer is each further pause.
+    /// Factor of each further delay.
     pub pause_factor: u32,
-    /// How long one answer of the simulator may take while pictures are taken: longer means frozen.
+    /// Timeout of one answer of the simulator while pictures are taken: longer means frozen.
     pub answer: Duration,
-    /// How long a simulator that does not answer is waited for: somebody, or something, may be starting it again.
+    /// How long to wait for a simulator that does not answer: it may be restarting.
     pub simulator: Duration,
-    /// How long an object store that does not answer is waited for.
+    /// How long to wait for an object store that does not answer.
     pub store: Duration,
 }
 
@@ -34,7 +34,7 @@ impl Default for Patience {
 }
 
 impl Patience {
-    /// How long to wait after so many failed attempts.
+    /// The delay after this many failed attempts.
     pub(super) fn pause_after(&self, failed: u32) -> Duration {
         self.first_pause
             .saturating_mul(self.pause_factor.saturating_pow(failed.saturating_sub(1)))

@@ -1,4 +1,4 @@
-//! Where the pictures of a run come from, and how large they are: the same for every scenario of it.
+//! Source and size of the pictures of a run: the same for all its scenarios.
 
 use std::sync::Arc;
 
@@ -26,13 +26,13 @@ impl Pictures {
         }
     }
 
-    /// The size of the window that a stand-in of our own needs, width and height in pixels, if it needs one.
+    /// The size of the window that our own stand-in needs, width and height in pixels, if it needs one.
     pub(super) fn window_px(&self) -> Option<(u32, u32)> {
         let screen = PixelChoice::Only(PixelKind::Screen);
         (self.choice == screen).then_some((self.width_px, self.height_px))
     }
 
-    /// Makes a fresh connection take its pictures so, and proves that it can. One that cannot is closed in good order.
+    /// Makes a new connection take its pictures from this source, and checks that it can. One that cannot is closed properly.
     pub(super) async fn set_up(&self, mut simulator: Simulator) -> Result<Simulator, BridgeError> {
         let picture_px = (self.width_px, self.height_px);
         let used = simulator.use_pixels(self.choice, picture_px, &self.screen);

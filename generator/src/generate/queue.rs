@@ -1,4 +1,4 @@
-//! Which scenario is next. Workers of this process and other processes take from one plan; claims keep them apart.
+//! Selects the next scenario. Workers of this process and other processes take from one plan; claims separate them.
 
 use std::time::{Duration, Instant};
 
@@ -8,42 +8,42 @@ use dataset::corpus::Corpus;
 use super::freeze::is_whole;
 use crate::plan::PlannedScenario;
 
-/// How soon to look again when everything that is left is in other hands.
+/// Polling interval when other processes hold everything that is left.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
-/// A scenario that is not made yet.
+/// A scenario that is not recorded yet.
 #[derive(Debug)]
 pub(super) struct Task<'a> {
     pub(super) scenario: &'a PlannedScenario,
     /// Why earlier attempts of this run failed.
     pub(super) reasons: Vec<String>,
-    /// A failed attempt is repeated after a pause.
+    /// A failed attempt is retried after a delay.
     not_before: Option<Instant>,
 }
 
-/// What a worker gets to hear.
+/// The answer to a worker.
 pub(super) enum Next<'a> {
-    /// This one; nobody else can make it.
+    /// This one; nobody else can record it.
     Make(Task<'a>, Claim),
-    /// This one is whole in the corpus' folder already: somebody else has made it meanwhile.
+    /// This one is complete in the corpus' folder already: another process recorded it in the meantime.
     Whole(Task<'a>, Claim),
     /// Nothing now; something may come back.
     Later(Duration, Option<Elsewhere>),
-    /// All are made or set aside.
+    /// All are recorded or set aside.
     Finished,
 }
 
-/// What other processes are making.
+/// The scenarios that other processes are recording.
 pub(super) struct Elsewhere {
     pub(super) scenarios: usize,
     pub(super) holder: String,
 }
 
-/// The scenarios of a run that are waiting, in the order in which they are tried.
+/// The waiting scenarios of a run, in the order in which they are tried.
 #[derive(Debug)]
 pub(super) struct Queue<'a> {
     waiting: Vec<Task<'a>>,
-    /// In the hands of this process's workers.
+    /// Held by this process's workers.
     in_hand: usize,
 }
 
@@ -60,7 +60,7 @@ impl<'a> Queue<'a> {
         }
     }
 
-    /// The next scenario that nobody is making. Whoever gets one gives it back or says that it is done with.
+    /// The next scenario that nobody is recording. The caller must return it or mark it as done.
     pub(super) fn next(&mut self, corpus: &Corpus) -> Result<Next<'a>, super::GenerateError> {
         let now = Instant::now();
         let mut later = LOOK_AGAIN;
@@ -74,7 +74,7 @@ impl<'a> Queue<'a> {
                 continue;
             }
             match Claim::take(corpus, &task.scenario.id)? {
-                // Looked at only now that nobody else can commit it.
+                // Checked only now that nobody else can commit it.
                 Claimed::Mine(claim) if is_whole(corpus, task.scenario)? => {
                     self.in_hand += 1;
                     return Ok(Next::Whole(self.waiting.remove(at), claim));
@@ -103,14 +103,14 @@ impl<'a> Queue<'a> {
         })
     }
 
-    /// A scenario that was not made, to be tried again, by whoever is free, after a pause.
+    /// Returns a scenario that failed, to be retried by any worker after a delay.
     pub(super) fn give_back(&mut self, mut task: Task<'a>, pause: Duration) {
         self.in_hand -= 1;
         task.not_before = Some(Instant::now() + pause);
         self.waiting.push(task);
     }
 
-    /// A scenario that is made or set aside.
+    /// Marks a scenario as recorded or set aside.
     pub(super) fn done_with(&mut self, _task: Task<'a>) {
         self.in_hand -= 1;
     }

@@ -27,23 +27,23 @@ use crate::rig::{self, View};
 use crate::sweep::{Picture, Sweep};
 use crate::trajectory::Trajectory;
 
-/// A live flight may take so many times as long as expected, and this many seconds more, before the simulator gives up.
+/// A live flight may take this many times as long as expected, plus this many seconds, before the simulator gives up.
 const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
-/// Where an aircraft that only has to be near is put, and how fast: in the air, so that it stands in no building and on no other aircraft.
+/// Where, and how fast, to put an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
-/// A frame's pose and its time are the simulator's to keep together; what a person can do when it does not.
+/// The simulator must keep a frame's pose and its time together; this is the user's remedy when it does not.
 const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulator hitched (scenery that loads, another program), let it \
      settle, lower its graphics until `dtd doctor` finds 20 frames a second or more, and run the same command again";
 
-/// What a scenario is made from and where it goes.
+/// The inputs of a scenario and its destination.
 pub(super) struct Work<'a> {
     pub(super) sweep: &'a Sweep,
     pub(super) plan: &'a Plan,
     pub(super) corpus: &'a Corpus,
 }
 
-/// Makes a scenario and commits it; returns its number of ticks. On failure nothing of it is left.
+/// Records a scenario and commits it; returns its number of ticks. On failure nothing of it remains.
 pub(super) async fn record(
     work: &Work<'_>,
     scenario: &PlannedScenario,
@@ -63,7 +63,7 @@ pub(super) async fn record(
     let recorded = async {
         let (ticks, simulator) = record_into(folder, work, scenario, session, attempt).await?;
         let (partial, config_hash) = (folder.root().to_owned(), scenario.config_hash.clone());
-        // Hashing and syncing videos takes seconds, in which other simulators are not to wait.
+        // Hashing and syncing videos takes seconds, which must not block other simulators.
         on_a_thread(move || {
             seal_folder(&partial, &config_hash)?;
             commit_folder(&partial, committed.root())
@@ -154,7 +154,7 @@ async fn record_into(
     .await
     {
         Ok(drawn) => drawn,
-        // If an encoder broke down, that is the reason, and `error` only what came of it.
+        // If an encoder failed, that is the reason, and `error` only its consequence.
         Err(error) => return Err(encoders.abandon().await.unwrap_or(error)),
     };
     let pts = encoders.finish().await?;
@@ -191,7 +191,7 @@ fn calibration(views: &[View], picture: Picture) -> Calibration {
     }
 }
 
-/// Where the aircraft has to be before weather is set, and whether it flies on from there.
+/// Where the aircraft must be before the weather is set, and whether it continues from there.
 fn start(work: &Work<'_>, scenario: &PlannedScenario) -> (FlightStart, bool) {
     if let (Flight::Live, Some(live)) = (&scenario.parameters.flight, &scenario.parameters.live) {
         return (fly_request(&work.plan.common, scenario, live).start, true);
@@ -281,7 +281,7 @@ fn frames(
     picture: Picture,
 ) -> Frames {
     let rate = picture.frame_rate;
-    // Counted from the scenario's first picture, so that a scenario gives the same table whenever it is made.
+    // Counted from the scenario's first picture, so that a scenario gives the same table whenever it is recorded.
     let first_sim_frame = drawn
         .first()
         .and_then(|tick| tick.first())

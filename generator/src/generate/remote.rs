@@ -1,5 +1,5 @@
-//! A corpus in an object store: the folder is then a stage, where scenarios are recorded and from which whole ones are sent, while the
-//! next ones are recorded. What is committed in the store counts as made; the stage holds what is not there yet.
+//! A corpus in an object store: the folder is then a stage, where scenarios are recorded and from which finished ones are uploaded
+//! while the next ones are recorded. Scenarios committed in the store count as done; the stage holds the rest.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -22,30 +22,32 @@ use super::run::{Run, lock};
 use super::set_aside::{FOLDER as FAILED, SetAside};
 use crate::plan::{Plan, PlannedScenario};
 
-/// Scenarios that wait while one is sent. With the one that is sent, so many folders lie on the stage besides those that are being made.
+/// Scenarios that may wait for the current upload. Together with that one, this many folders are on the stage besides those being
+/// recorded.
 pub(super) const WAITING: usize = 1;
-/// A transfer that is to stop may take so long to take leave of the store.
+/// How long a cancelled transfer may take to stop.
 const LEAVE_TAKING: Duration = Duration::from_secs(5);
-/// How soon to look again for a staged scenario that another process is sending.
+/// Interval for checking a staged scenario that another process is uploading.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
-/// Where whole scenarios go.
+/// Destination of finished scenarios.
 #[derive(Debug, Clone)]
 pub struct Remote {
     /// The corpus.
     pub store: CorpusStore,
-    /// Leave what was sent on the stage, too.
+    /// Keep uploaded scenarios on the stage, too.
     pub keep_staged: bool,
 }
 
-/// A whole scenario to be sent. Its claim keeps others off until the store has it.
+/// A finished scenario to upload. Its claim keeps others off until the store has it.
 pub(super) struct Job<'a> {
     scenario: &'a PlannedScenario,
     claim: Claim,
 }
 
 impl Remote {
-    /// Looks whether the store lets us in and refuses a corpus that was begun with another plan. The split of that corpus, if it has one.
+    /// Checks that the store grants access, and rejects a corpus that was begun with another plan. Returns the split of that
+    /// corpus, if it has one.
     pub(super) async fn look(&self, plan: &Plan) -> Result<Option<Vec<u8>>, GenerateError> {
         self.store.check().await?;
         if let Some(theirs) = self.store.read("plan.json").await? {
@@ -54,7 +56,7 @@ impl Remote {
         Ok(self.store.read("splits.json").await?)
     }
 
-    /// The plan of the store, if ours may take its place.
+    /// The plan of the store, if ours may replace it.
     fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Plan, GenerateError> {
         let theirs = Plan::parse(theirs, &self.path_of("plan.json"))?;
         match plan.conflict_with(&theirs) {
@@ -66,7 +68,7 @@ impl Remote {
         }
     }
 
-    /// What of `wanted` is committed, after a look at what it was made from.
+    /// The committed ones of `wanted`, after checking their parameters.
     pub(super) async fn committed(
         &self,
         wanted: &[&PlannedScenario],
@@ -90,7 +92,7 @@ impl Remote {
         Ok(seals)
     }
 
-    /// Sends the files that belong to the whole corpus. The plan goes first: whoever loses a race for it hears so there.
+    /// Uploads the files of the whole corpus. The plan goes first: a process that loses a race notices there.
     pub(super) async fn publish(&self, stage: &Corpus, plan: &Plan) -> Result<(), GenerateError> {
         let ours = outside_file::read(&stage.plan_path(), FileKind::PLAN)?;
         let settled = self
@@ -118,7 +120,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Takes from the stage what an earlier run sent and was killed before clearing.
+    /// Removes from the stage what an earlier run uploaded and did not clear before it was killed.
     pub(super) fn clear_what_is_sent(&self, stage: &Corpus, committed: &BTreeMap<String, Seal>) {
         if self.keep_staged {
             return;
@@ -134,14 +136,14 @@ impl Remote {
             if partial.root().exists() {
                 remove(partial.root());
             }
-            // Another content is somebody's work: it stays.
+            // Other content is somebody's work: it stays.
             if whole.seal().is_ok_and(|ours| ours.as_ref() == Some(theirs)) {
                 unstage(stage, id);
             }
         }
     }
 
-    /// Brings to the stage why scenarios failed in earlier runs, on whatever machine, and takes away what is said of those that are
+    /// Fetches to the stage why scenarios failed in earlier runs, on any machine, and deletes the records of those that are
     /// committed by now.
     pub(super) async fn bring_failures(
         &self,
@@ -164,7 +166,7 @@ impl Remote {
         Ok(())
     }
 
-    /// Says in the store why a scenario was set aside. It is for people: a store that is away keeps nothing from going on.
+    /// Records in the store why a scenario was set aside. It is informational: an unreachable store does not stop the run.
     pub(super) async fn tell_of_failure(&self, stage: &Corpus, id: &str) {
         let told = async {
             let text = SetAside::text(stage, id)?;
@@ -186,7 +188,7 @@ impl Remote {
     }
 }
 
-/// Takes a scenario from the stage, without ever leaving half of one under its name.
+/// Removes a scenario from the stage, without ever leaving half of one under its name.
 fn unstage(stage: &Corpus, id: &str) {
     let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
     match fs::rename(whole.root(), partial.root()) {
@@ -201,7 +203,7 @@ fn remove(folder: &Path) {
     }
 }
 
-/// Tells the listener of a run about one transfer.
+/// Reports one transfer to the listener of a run.
 struct Watching<'r, 'a> {
     run: &'r Run<'a>,
     id: &'r str,
@@ -221,7 +223,7 @@ impl Watch for Watching<'_, '_> {
 }
 
 impl<'a> Run<'a> {
-    /// Gives a whole scenario to the upload; waits while enough of them wait. If the run ends before, it stays on the stage.
+    /// Queues a finished scenario for upload; waits while the queue is full. If the run ends before, it stays on the stage.
     pub(super) async fn hand_over(&self, scenario: &'a PlannedScenario, claim: Claim) {
         let Some(uploads) = lock(&self.uploads).clone() else {
             return;
@@ -248,7 +250,7 @@ impl<'a> Run<'a> {
         staged.push(scenario.id.clone());
     }
 
-    /// Gives what earlier runs left on the stage to the upload.
+    /// Queues what earlier runs left on the stage.
     pub(super) async fn hand_over_staged(&self, staged: &[&'a PlannedScenario]) {
         for scenario in staged {
             match self.claim_staged(scenario).await {
@@ -262,7 +264,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// The claim on a staged scenario; `None` if there is nothing to send any more, since another process has sent it, or the run ends.
+    /// The claim on a staged scenario; `None` if there is nothing left to upload, because another process has done it or the run
+    /// ends.
     async fn claim_staged(
         &self,
         scenario: &'a PlannedScenario,
@@ -285,7 +288,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Sends what is handed over until nobody is left to hand anything over.
+    /// Uploads what is queued until all senders are gone.
     pub(super) async fn upload_all(&self, mut jobs: mpsc::Receiver<Job<'a>>) {
         while let Some(job) = jobs.recv().await {
             match self.remote {
@@ -333,7 +336,7 @@ impl<'a> Run<'a> {
                 });
             }
             Err(StoreError::Stopped) => self.stays_staged(job.scenario),
-            // The others have nothing to do with it.
+            // The others are unaffected.
             Err(error @ StoreError::Damaged { .. }) => {
                 let reason = format!(
                     "{error}. Move {} away, then the scenario is made anew",

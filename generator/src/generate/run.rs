@@ -1,10 +1,10 @@
-//! A run: workers, each with a simulator of its own, take scenarios from one queue until none is left or nothing works any more.
+//! A run: workers, each with its own simulator, take scenarios from one queue until none is left or nothing works any more.
 //!
-//! A failed attempt is repeated after a pause that grows, by whichever worker is free then; after the last one the scenario is set
-//! aside. A simulator that does not answer is waited for; when it does not come back, its worker ends and leaves the rest to the
-//! others. A disk that takes no more ends the run, since nothing else could succeed.
+//! A failed attempt is retried after a growing delay, by whichever worker is free then; after the last one the scenario is set
+//! aside. A simulator that does not answer is waited for; if it does not come back, its worker ends and leaves the rest to the
+//! others. A full disk ends the run, since nothing else could succeed.
 //!
-//! If the corpus lies in an object store, whole scenarios go to one more worker, which sends them (`remote.rs`).
+//! If the corpus is in an object store, finished scenarios go to one more worker, which uploads them (`remote.rs`).
 
 use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -30,19 +30,19 @@ use super::set_aside::SetAside;
 use super::space;
 use crate::plan::{PlannedScenario, room_bytes};
 
-/// A simulator that fails so often in a row, whatever the scenario, is as good as gone.
+/// A simulator that fails this often in a row, whatever the scenario, is considered gone.
 const FAILURES_IN_A_ROW: u32 = 9;
 
-/// What the workers of a run share.
+/// Shared by the workers of a run.
 pub(super) struct Run<'a> {
     pub(super) work: Work<'a>,
     pub(super) reporter: Reporter<'a>,
     pub(super) patience: Patience,
-    /// Where whole scenarios go, if not into a folder.
+    /// Destination of finished scenarios, if not a folder.
     pub(super) remote: Option<&'a Remote>,
-    /// Turned when the run shall end, for whatever reason.
+    /// Set when the run must end, for whatever reason.
     pub(super) halt: Cancel,
-    /// Takes whole scenarios; gone when nobody makes any more.
+    /// Receives finished scenarios; gone when nobody records any more.
     pub(super) uploads: Mutex<Option<mpsc::Sender<Job<'a>>>>,
     queue: Mutex<Queue<'a>>,
     pub(super) tally: Mutex<Tally>,
@@ -52,12 +52,12 @@ pub(super) struct Run<'a> {
 pub(super) struct Tally {
     pub(super) outcome: Outcome,
     pub(super) fatal: Option<GenerateError>,
-    /// What was wrong with the simulator that was given up last.
+    /// The problem of the simulator that was given up last.
     last_simulator_failure: Option<String>,
     told_of_waiting: bool,
 }
 
-/// Whether a worker goes on.
+/// Whether a worker continues.
 #[derive(PartialEq)]
 enum Then {
     GoOn,
@@ -91,8 +91,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Lets every session make scenarios, and sends those that are `staged` already; ends when all are made and sent, when nothing works
-    /// any more, or when `cancel` is turned.
+    /// Lets every session record scenarios, and uploads those that are `staged` already; ends when all are recorded and uploaded,
+    /// when nothing works any more, or when `cancel` is set.
     pub(super) async fn work_through(
         self,
         sessions: Vec<(Session, Option<ScenarioError>)>,
@@ -231,8 +231,8 @@ impl<'a> Run<'a> {
         lock(&self.queue).done_with(task);
     }
 
-    /// Whether another run has sent a scenario to the object store since this one began. A store that does not answer says so when
-    /// something is sent.
+    /// Whether another run has uploaded a scenario to the object store since this one started. An unreachable store is reported at
+    /// the next upload.
     async fn is_in_store(&self, task: &Task<'a>) -> bool {
         match self.remote {
             Some(remote) => {
@@ -275,7 +275,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Decides what an attempt's end means for its scenario, its simulator and the run.
+    /// Decides the consequences of an attempt for its scenario, its simulator and the run.
     async fn settle(
         &self,
         mut task: Task<'a>,
@@ -360,7 +360,7 @@ impl<'a> Run<'a> {
         lock(&self.queue).done_with(task);
     }
 
-    /// Waits for a simulator that caused trouble. Says so only if it does not answer at once.
+    /// Waits for a simulator that caused trouble. Reports it only if it does not answer at once.
     async fn wait_for(&self, session: &mut Session, trouble: &ScenarioError) -> Then {
         let name = session.name().to_owned();
         match self.until_back(session, Duration::ZERO).await {
@@ -386,7 +386,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Whether the simulator is back within a time; an error if the run was stopped meanwhile.
+    /// Whether the simulator comes back within a time; an error if the run was cancelled in the meantime.
     async fn until_back(
         &self,
         session: &mut Session,
@@ -396,7 +396,7 @@ impl<'a> Run<'a> {
         self.halt.or(back).await
     }
 
-    /// The last simulator that is given up on ends the run: the workers have left, and scenarios remain.
+    /// Giving up the last simulator ends the run: the workers have left, and scenarios remain.
     fn give_up_on(&self, session: &Session, trouble: &ScenarioError) {
         self.reporter.tell(Event::SimulatorGone {
             simulator: session.name(),

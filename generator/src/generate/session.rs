@@ -1,4 +1,4 @@
-//! One simulator of a run: found or started, connected afresh for every scenario, waited for when it is gone.
+//! One simulator of a run: found or started, reconnected for every scenario, waited for when it is gone.
 
 use std::fmt;
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -21,13 +21,13 @@ use crate::stand_in::{StandIn, StandInError, StandInTask};
 pub enum SimulatorTarget {
     /// Our own, started for this run.
     StandIn,
-    /// The same, as awkward as a live X-Plane.
+    /// The same, with all awkward habits of a live X-Plane.
     AwkwardStandIn,
-    /// One that runs already and takes UDP packets there.
+    /// A running one that receives UDP packets there.
     Address(SocketAddr),
     /// The one that announces itself by X-Plane's beacon.
     Announced,
-    /// A session recorded with `dtd record`, served for this run.
+    /// A session recorded with `dtd record`, replayed for this run.
     Tape(PathBuf),
 }
 
@@ -77,21 +77,21 @@ impl fmt::Display for SimulatorTarget {
     }
 }
 
-/// The stand-in with all awkward habits, as a person names it.
+/// The stand-in with all awkward habits, as the user names it.
 pub(super) const AWKWARD: &str = "mock:awkward";
-/// How often a simulator that is gone is looked for.
+/// Retry interval for a simulator that is gone.
 const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 pub(super) struct Session {
     target: SimulatorTarget,
-    /// As messages call it.
+    /// Its name in messages.
     name: String,
     program: PathBuf,
     pictures: Pictures,
     stand_in: Option<StandIn>,
-    /// A connection that nobody has used yet; the next scenario uses it.
+    /// An unused connection; the next scenario uses it.
     ready: Option<Simulator>,
-    /// What is known of it, and was told.
+    /// The known profile, which was reported.
     known: Option<KnownProfile>,
 }
 
@@ -120,7 +120,7 @@ impl Session {
         }
     }
 
-    /// What is known of a simulator behind a plugin, if that was not told yet. The next connection knows it, too.
+    /// What is known about a simulator behind a plugin, if that was not reported yet. The next connection knows it, too.
     pub(super) fn news_of(&mut self, simulator: &Simulator) -> Option<KnownProfile> {
         let known = &simulator.description().profile;
         if simulator.description().plugin.is_none() || self.known.as_ref() == Some(known) {
@@ -130,12 +130,12 @@ impl Session {
         self.known.clone()
     }
 
-    /// What messages call the simulator.
+    /// The simulator's name in messages.
     pub(super) fn name(&self) -> &str {
         &self.name
     }
 
-    /// The tape that plays the simulator, if one does.
+    /// The tape that acts as the simulator, if any.
     pub(super) fn tape(&self) -> Option<&Path> {
         match &self.target {
             SimulatorTarget::Tape(tape) => Some(tape),
@@ -150,7 +150,7 @@ impl Session {
         Ok(())
     }
 
-    /// A connection that nobody used yet. A stand-in that died is started again.
+    /// An unused connection. A stand-in that died is restarted.
     pub(super) async fn connect(&mut self) -> Result<Simulator, ScenarioError> {
         if let Some(ready) = self.ready.take() {
             return Ok(ready);
@@ -174,7 +174,7 @@ impl Session {
     async fn connect_to_target(&mut self) -> Result<Simulator, ScenarioError> {
         let address = match &self.target {
             SimulatorTarget::Address(address) => *address,
-            // Asked anew each time: one that was restarted may have another address.
+            // Looked up each time: a restarted one may have another address.
             SimulatorTarget::Announced => the_announced(DISCOVERY_TIMEOUT).await?.address,
             SimulatorTarget::StandIn
             | SimulatorTarget::AwkwardStandIn
@@ -183,7 +183,7 @@ impl Session {
         Ok(Simulator::connect(address, CONNECT_TIMEOUT).await?)
     }
 
-    /// Where the process of our own listens that plays the simulator, or plays it from a tape.
+    /// The address of our own process that acts as the simulator, or replays a tape.
     async fn own_address(&mut self) -> Result<SocketAddr, StandInError> {
         if let Some(stand_in) = &mut self.stand_in
             && stand_in.is_running()
@@ -200,8 +200,8 @@ impl Session {
         Ok(self.stand_in.insert(fresh).address())
     }
 
-    /// Waits until the simulator answers, `limit` at most, and says whether it does. One of our own is started afresh, since whatever it
-    /// did last was not right.
+    /// Waits up to `limit` for an answer of the simulator; returns whether it came. Our own stand-in is restarted, since its last
+    /// behaviour was wrong.
     pub(super) async fn come_back(&mut self, limit: Duration) -> bool {
         self.ready = None;
         if let Some(stand_in) = self.stand_in.take() {
@@ -233,7 +233,7 @@ impl Session {
     }
 }
 
-/// What a tape lacks, where a simulator would be advised to switch something on.
+/// What a tape lacks, where the advice for a simulator would be to switch something on.
 fn why_no_session(error: &ScenarioError) -> String {
     match error {
         ScenarioError::Bridge(BridgeError::NobodyAnswers { .. } | BridgeError::NoPlugin { .. }) => {

@@ -1,5 +1,5 @@
-//! `failed/<id>.json`: scenarios that were tried in vain, with the reasons. The next run reads them, says so, and tries again. For a
-//! corpus in an object store they are kept there, too, where whoever looks at the corpus sees them (`remote.rs`).
+//! `failed/<id>.json`: scenarios that failed all attempts, with the reasons. The next run reads them, reports them, and tries
+//! again. For a corpus in an object store they are kept there, too, visible to everyone (`remote.rs`).
 
 use std::fs;
 use std::path::PathBuf;
@@ -12,7 +12,7 @@ use dataset::own_path::own_path;
 use serde::{Deserialize, Serialize};
 
 pub(super) const FOLDER: &str = "failed";
-/// How often the folder may slip away.
+/// How often the folder may disappear.
 const ATTEMPTS: u32 = 100;
 
 /// The record of a scenario that was set aside.
@@ -22,12 +22,12 @@ pub(super) struct SetAside {
     pub(super) id: String,
     /// Hash of its parameters.
     pub(super) config_hash: String,
-    /// Why each attempt failed, the last run's last.
+    /// Why each attempt failed, in order.
     pub(super) reasons: Vec<String>,
 }
 
 impl SetAside {
-    /// The record of a scenario, if there is one that can be read: it is for people, and nothing depends on it.
+    /// The record of a scenario, if there is a readable one: it is informational, and nothing depends on it.
     pub(super) fn read(corpus: &Corpus, id: &str) -> Option<Self> {
         let path = path(corpus, id);
         if !path.exists() {
@@ -38,7 +38,7 @@ impl SetAside {
             .ok()
     }
 
-    /// Writes the record, after those of earlier runs.
+    /// Writes the record, appending to those of earlier runs.
     pub(super) fn write(mut self, corpus: &Corpus) -> dataset::Result<()> {
         if let Some(earlier) = Self::read(corpus, &self.id) {
             self.reasons.splice(0..0, earlier.reasons);
@@ -47,14 +47,14 @@ impl SetAside {
         in_folder(corpus, || write_json(&path, &self))
     }
 
-    /// The record as it is written.
+    /// The record's file content.
     pub(super) fn text(corpus: &Corpus, id: &str) -> dataset::Result<Vec<u8>> {
         let path = path(corpus, id);
         outside_file::read(&path, FileKind::json("record of a failed scenario"))
     }
 
-    /// Takes over a record that was written elsewhere, unless the one that is here has more reasons: another machine may have gone on
-    /// with it, or never have heard of it.
+    /// Adopts a record that was written elsewhere, unless the local one has more reasons: another machine may have continued, or
+    /// not know it.
     pub(super) fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> dataset::Result<()> {
         let count = |record: Option<Self>| record.map_or(0, |record| record.reasons.len());
         let there: Option<Self> = serde_json::from_slice(text).ok();
@@ -70,16 +70,16 @@ impl SetAside {
         format!("{FOLDER}/{id}.json")
     }
 
-    /// Deletes the record: the scenario is whole.
+    /// Deletes the record: the scenario is complete.
     pub(super) fn clear(corpus: &Corpus, id: &str) {
         if fs::remove_file(path(corpus, id)).is_ok() {
-            // Succeeds for the last record only.
+            // Succeeds only for the last record.
             let _ = fs::remove_dir(corpus.root().join(FOLDER));
         }
     }
 }
 
-/// Writes into the folder of the records, which goes with the last record: another process may take it away at any moment.
+/// Writes into the folder of the records, which is removed with the last record: another process may do that at any moment.
 fn in_folder(corpus: &Corpus, write: impl Fn() -> dataset::Result<()>) -> dataset::Result<()> {
     let folder = own_path(corpus.root(), FOLDER)?;
     let mut written = Ok(());

@@ -1,13 +1,13 @@
-//! The simulators of a run, as a person names them: `mock`, `mock:2`, `127.0.0.1:49000`, or several with commas between.
+//! The simulators of a run, as the user names them: `mock`, `mock:2`, `127.0.0.1:49000`, or several separated by commas.
 
 use std::str::FromStr;
 
 use super::session::{AWKWARD, SimulatorTarget};
 
-/// More stand-ins on one machine than this are a slip of the finger.
+/// More stand-ins than this on one machine are a typo.
 const MOST_STAND_INS: usize = 64;
 
-/// At least one simulator, each of which makes scenarios of its own.
+/// At least one simulator; each records its own scenarios.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Simulators(Vec<SimulatorTarget>);
 

@@ -1,16 +1,17 @@
-//! Room on the disk: how much there is, and whether a failure is for want of it. How much a plan needs: [`crate::plan::room_bytes`].
+//! Disk space: how much is free, and whether a failure means that the disk is full. How much a plan needs:
+//! [`crate::plan::room_bytes`].
 
 use std::io::ErrorKind;
 use std::path::Path;
 
-/// Less than this is none: a picture's worth.
+/// Less than this counts as none: the size of a picture.
 const NOTHING_BYTES: u64 = 8 << 20;
 
-/// Bytes that are free where a folder is, or will be; unknown if the system does not tell.
+/// Bytes available where a folder is, or will be; unknown if the system does not report it.
 pub(super) fn free_bytes(folder: &Path) -> Option<u64> {
     let there = folder
         .ancestors()
-        // The last ancestor of a relative path is empty and means here.
+        // The last ancestor of a relative path is empty and means the current folder.
         .map(|folder| match folder.as_os_str().is_empty() {
             true => Path::new("."),
             false => folder,
@@ -20,7 +21,7 @@ pub(super) fn free_bytes(folder: &Path) -> Option<u64> {
     Some(figures.f_bavail.saturating_mul(figures.f_frsize))
 }
 
-/// Whether the next scenario would fail for the same reason: the disk is full, or nothing may be written.
+/// Whether the next scenario would fail for the same reason: the disk is full, or not writable.
 pub(super) fn is_storage_failure(error: &dataset::Error, corpus: &Path) -> bool {
     let said_so = match error {
         dataset::Error::Io { source, .. } => matches!(
@@ -31,7 +32,7 @@ pub(super) fn is_storage_failure(error: &dataset::Error, corpus: &Path) -> bool 
                 | ErrorKind::ReadOnlyFilesystem
                 | ErrorKind::PermissionDenied
         ),
-        // Libraries wrap the system's words.
+        // Libraries wrap the system's error.
         other => {
             let said = other.to_string();
             ["No space left", "File too large", "Disk quota exceeded"]

@@ -1,4 +1,4 @@
-//! The folder in which one scenario is being made, by whoever holds the scenario's claim.
+//! The folder in which one scenario is recorded, by the holder of the scenario's claim.
 
 use std::fs;
 
@@ -7,17 +7,17 @@ use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::seal;
 
-/// A `<id>.partial/`, ours because the claim is.
+/// A `<id>.partial/`, ours because we hold the claim.
 pub(super) struct Workplace {
     folder: ScenarioFolder,
 }
 
 impl Workplace {
-    /// The folder of a scenario, empty: what an earlier, unfinished attempt left is cleared.
+    /// The folder of a scenario, empty: leftovers of an unfinished attempt are cleared.
     pub(super) fn clear(corpus: &Corpus, id: &str, _claim: &Claim) -> dataset::Result<Self> {
         let folder = corpus.partial_scenario(id);
         let root = folder.root();
-        // Of a link that was planted there, only the link is removed.
+        // If a link was planted there, only the link is removed.
         if root.symlink_metadata().is_ok() {
             fs::remove_dir_all(root).map_err(Error::io("remove", root))?;
         }
@@ -26,8 +26,8 @@ impl Workplace {
         Ok(Self { folder })
     }
 
-    /// The folder as an earlier run left it, if that run was killed after sealing and before renaming it: all its files are there and
-    /// have the hashes that were sealed.
+    /// The folder as an earlier run left it, if that run was killed between sealing and renaming: all its files exist and match the
+    /// sealed hashes.
     pub(super) fn finished(
         corpus: &Corpus,
         id: &str,
@@ -44,7 +44,7 @@ impl Workplace {
         &self.folder
     }
 
-    /// Takes the folder away. Failing to do so does no harm: the next attempt clears it.
+    /// Removes the folder. A failure does no harm: the next attempt clears it.
     pub(super) fn abandon(self) {
         if let Err(error) = fs::remove_dir_all(self.folder.root()) {
             tracing::debug!(%error, folder = %self.folder.root().display(), "left behind");

@@ -1,4 +1,4 @@
-//! A plan held against a corpus that exists: what is whole already, what is left to make, what does not fit.
+//! Compares a plan with an existing corpus: what is complete, what is missing, what does not match.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -9,13 +9,13 @@ use serde::Serialize;
 
 use super::{Difference, MeasuredSize, Plan, PlannedScenario};
 
-/// How a scenario of a plan stands to a corpus.
+/// State of a scenario of a plan in a corpus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
-    /// Sealed in the corpus, made from the very same parameters.
+    /// Sealed in the corpus, with exactly the same parameters.
     Whole,
-    /// In the corpus's plan, not yet made.
+    /// In the corpus's plan, not yet recorded.
     ToMake,
     /// Only in this plan.
     New,
@@ -26,16 +26,16 @@ pub enum Standing {
 /// The difference between a plan and a corpus.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Against {
-    /// What the plan adds to, changes in and takes from the corpus's own.
+    /// What the plan adds to, changes in and removes from the corpus's own.
     pub difference: Difference,
     /// For each scenario of the plan, in its order.
     pub standings: Vec<Standing>,
-    /// Size of the whole scenarios, if their pictures are like those of the plan.
+    /// Size of the complete scenarios, if their pictures are like those of the plan.
     pub size: Option<MeasuredSize>,
 }
 
 impl Against {
-    /// Compares a plan with a corpus; one that has no plan yet is empty.
+    /// Compares a plan with a corpus; a corpus without a plan is empty.
     pub fn compare(plan: &Plan, corpus: &Corpus) -> dataset::Result<Self> {
         let frozen = match corpus.plan_path().exists() {
             true => Some(Plan::read(&corpus.plan_path())?),
@@ -76,7 +76,7 @@ impl Against {
         Ok(against)
     }
 
-    /// The scenarios of the plan that stand so.
+    /// The scenarios of the plan with this state.
     pub fn standing<'a>(
         &'a self,
         plan: &'a Plan,
@@ -86,7 +86,7 @@ impl Against {
         pairs.filter_map(move |(scenario, its)| (*its == standing).then_some(scenario))
     }
 
-    /// Bytes and pictures of the whole scenarios.
+    /// Bytes and pictures of the complete scenarios.
     fn measure(&self, plan: &Plan, corpus: &Corpus) -> dataset::Result<Option<MeasuredSize>> {
         let mut size = MeasuredSize {
             bytes: 0,

@@ -1,4 +1,4 @@
-//! A `plan.json` that somebody wrote or changed: are its numbers possible, and its names names of files?
+//! Checks an untrusted `plan.json`: are its numbers possible, and its names valid file names?
 
 use std::collections::BTreeSet;
 
@@ -7,7 +7,7 @@ use dataset::limits::{self, Check, FieldOutOfLimits};
 
 use super::{Common, LiveStart, Parameters, Plan, PlannedScenario};
 
-/// The first thing in a plan that cannot be, in words.
+/// The first impossible value of a plan, as text.
 pub(super) fn fault(plan: &Plan) -> Option<String> {
     let mut check = Check::default();
     check.part("common", |check| common(&plan.common, check));
@@ -47,7 +47,7 @@ pub(super) fn fault(plan: &Plan) -> Option<String> {
     })
 }
 
-/// Whether the name begins with the time and the weather, as all names of scenarios do.
+/// Whether the name starts with the time and the weather, as all names of scenarios do.
 fn is_named_after(scenario: &PlannedScenario) -> bool {
     let digits = scenario.time_of_day.replace(':', "");
     let rest = scenario.id.strip_prefix(&digits);

@@ -7,26 +7,26 @@ use serde_json::Value;
 
 use super::{Plan, PlannedScenario};
 
-/// So many differences say enough.
+/// Maximum number of differences to report.
 const MOST_SHOWN: usize = 3;
 
-/// What a plan adds to, changes in and takes from an earlier one.
+/// What a plan adds to, changes in and removes from an earlier one.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Difference {
     /// Scenarios that only the new plan has.
     pub added: Vec<String>,
-    /// Scenarios that both have, but not with the same parameters.
+    /// Scenarios that both have, but with different parameters.
     pub changed: Vec<Change>,
     /// Scenarios that only the earlier plan has.
     pub removed: Vec<String>,
 }
 
-/// A scenario that is not what it was.
+/// A scenario that changed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Change {
     /// Its identifier.
     pub id: String,
-    /// The first value that differs: what it was and what it is now.
+    /// The first value that differs, before and after.
     pub what: String,
 }
 
@@ -85,7 +85,7 @@ fn first_difference_of(before: &impl Serialize, after: &impl Serialize) -> Optio
     first_difference("", &before, &after)
 }
 
-/// The first value that differs between two JSON documents, hashes left aside.
+/// The first value that differs between two JSON documents, ignoring hashes.
 fn first_difference(path: &str, before: &Value, after: &Value) -> Option<String> {
     let below = |key: &str| {
         if path.is_empty() || path == "parameters" {

@@ -1,45 +1,45 @@
-//! What a plan will cost: hours of flight, hours of making, bytes. Every figure says where it comes from.
+//! The cost of a plan: hours of flight, hours of recording, bytes. Every figure states its source.
 //!
-//! There are two figures for bytes, both from here: what is expected ([`Estimate::bytes`]), and the room that should be free before a
-//! run, which is for scenery with more to say than any that was measured ([`room_bytes`]).
+//! There are two figures for bytes: the expected size ([`Estimate::bytes`]), and the free space to have before a run, which allows
+//! for more detailed scenery than any that was measured ([`room_bytes`]).
 
 use dataset::video::VideoSettings;
 use serde::Serialize;
 
 use super::{Common, PlannedScenario};
 
-/// Pictures that the stand-in draws and this program codes in a second, all views together, if two cores have nothing else to do:
-/// 1920 x 1280, the default `[video]`. How it was measured: `docs/sweeps.md`.
+/// Pictures that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
+/// 1280, the default `[video]`. How it was measured: `docs/sweeps.md`.
 const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 /// Bytes of such a picture on disk at 30 a second, mean over the four weathers of `scenarios.toml`.
 const BYTES_PER_PICTURE: f64 = 9_200.0;
-/// The same if the scenery has far more to say than the stand-in's, whose worst weather takes 0.07 bits a pixel (docs/corpus.md).
+/// The same for scenery far more detailed than the stand-in's, whose worst weather takes 0.07 bits a pixel (docs/corpus.md).
 const AMPLE_BITS_PER_PIXEL: f64 = 0.1;
-/// What coding without loss leaves of a pixel of such scenery.
+/// Bits per pixel of such scenery in a lossless video.
 const AMPLE_BITS_PER_LOSSLESS_PIXEL: f64 = 6.0;
 /// Tables and records of one tick.
 const TABLE_BYTES_PER_TICK: f64 = 400.0;
-/// What was measured in a corpus may be of its easier scenarios.
+/// A measured corpus may contain the easier scenarios.
 const AMPLE_OVER_MEASURED: f64 = 1.5;
-/// Size of the pictures to which the two figures belong; cost grows with the number of pixels.
+/// Picture size for which the two figures hold; cost grows with the number of pixels.
 const MEASURED_PIXELS: f64 = 1_920.0 * 1_280.0;
 
-/// Pictures that a simulator gives in a second, all views together, as somebody measured it.
+/// Measured pictures per second of a simulator, all views together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PicturesPerSecond(pub f64);
 
-/// What was found in a corpus of the same pictures.
+/// Measured in a corpus of the same pictures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MeasuredSize {
-    /// Bytes of all folders that were looked at.
+    /// Bytes of all folders examined.
     pub bytes: u64,
     /// Pictures in them, all views together.
     pub pictures: u64,
-    /// How many scenarios those are.
+    /// Number of those scenarios.
     pub scenarios: usize,
 }
 
-/// What some scenarios of a plan will cost.
+/// The cost of some scenarios of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Estimate {
     /// Number of scenarios.
@@ -50,15 +50,15 @@ pub struct Estimate {
     pub pictures: u64,
     /// Simulated flight, hours.
     pub flight_h: f64,
-    /// Time that making will take, hours.
+    /// Recording time, hours.
     pub making_h: f64,
-    /// Where that comes from.
+    /// Source of that figure.
     pub making_basis: String,
-    /// Bytes on disk; absent if nothing is known about pictures like these.
+    /// Bytes on disk; absent if nothing is known about such pictures.
     pub bytes: Option<u64>,
-    /// Where that comes from, or what to do.
+    /// Source of that figure, or how to get one.
     pub bytes_basis: String,
-    /// Bytes that should be free before the scenarios are made: rather more than they will take.
+    /// Bytes that should be free before the scenarios are recorded: more than they are expected to take.
     pub room_bytes: u64,
 }
 
@@ -91,7 +91,7 @@ impl Estimate {
     }
 }
 
-/// Bytes that should be free before scenarios of a plan are made, as [`Estimate::room_bytes`] where nothing was measured.
+/// Bytes that should be free before scenarios of a plan are recorded; as [`Estimate::room_bytes`] where nothing was measured.
 pub fn room_bytes<'a>(
     common: &Common,
     scenarios: impl IntoIterator<Item = &'a PlannedScenario>,

@@ -1,4 +1,4 @@
-//! From a sweep to its plan.
+//! Expands a sweep to its plan.
 
 use std::collections::BTreeMap;
 
@@ -15,7 +15,7 @@ use crate::spread::Spread;
 use crate::sweep::{Combination, JitterTable, Sweep};
 use crate::trajectory::AlongCourse;
 
-/// Mean speed over ground of a jet on its last ten miles, metres per second: enough to say how long a live flight will take.
+/// Mean ground speed of a jet on its last ten miles, metres per second: accurate enough to predict the duration of a live flight.
 const EXPECTED_GROUND_SPEED_MPS: f64 = 72.0;
 
 /// Expands a sweep.
@@ -60,7 +60,7 @@ pub fn expand(sweep: &Sweep) -> Plan {
     }
 }
 
-/// A recording, looked at from the runway of the sweep.
+/// A recording, relative to the runway of the sweep.
 struct Flown<'a> {
     recording: &'a Recording,
     along_course: AlongCourse<'a>,
@@ -135,7 +135,7 @@ fn decide(
     }
 }
 
-/// A value of a scenario. Each has a generator of its own, so that no value depends on which others are drawn.
+/// A value of a scenario. Each has a separate generator, so that no value depends on which others are drawn.
 fn draw(scenario_seed: u64, name: &str, spread: &Spread) -> f64 {
     spread.draw(&mut seed::of_value(scenario_seed, name))
 }
@@ -150,7 +150,7 @@ fn jitter(sweep: &Sweep, seed: u64) -> BTreeMap<String, Jitter> {
     sweep.jitter.as_ref().map(drawn).unwrap_or_default()
 }
 
-/// Only what differs from an ideal picture is said.
+/// Only differences from an ideal picture are listed.
 fn imaging(sweep: &Sweep, seed: u64) -> BTreeMap<String, Imaging> {
     let table = sweep.imaging.clone().unwrap_or_default();
     let cameras = sweep.cameras.iter();
@@ -173,8 +173,8 @@ fn live_start(sweep: &Sweep, combination: &Combination, seed: u64) -> LiveStart 
     }
 }
 
-/// Only what was read or drawn is hashed, nothing that trigonometry made of it: its last digits differ from machine to machine. Numbers
-/// are written with the fewest digits that read back as the same number, members in the order of the structs.
+/// Only values that were read or drawn are hashed, nothing derived by trigonometry: its last digits differ between machines.
+/// Numbers are written with the fewest digits that read back as the same number, members in the order of the structs.
 fn config_hash(id: &str, seed: u64, hashed_common: &[u8], parameters: &Parameters) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(format!("{id}\n{seed}\n").as_bytes());
@@ -188,7 +188,7 @@ fn json(value: &impl serde::Serialize) -> Vec<u8> {
     serde_json::to_vec(value).expect("plain structs without maps of odd keys are always JSON")
 }
 
-/// Checks the hashes of a plan that was read; what differs, in words.
+/// Checks the hashes of a plan that was read; the error says what differs.
 pub(super) fn check_hashes(plan: &Plan) -> Result<(), String> {
     let hashed_common = json(&plan.common);
     for scenario in &plan.scenarios {

@@ -1,4 +1,4 @@
-//! The split of a corpus into train, validation and test, by trajectory.
+//! The split of a corpus into training, validation and test, by trajectory.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -25,8 +25,8 @@ impl<'a> Group<'a> {
     }
 }
 
-/// Assigns every scenario of a plan to a side. The test side gets its part first, chosen so that weathers and times are spread over it
-/// evenly; then validation; the rest trains. Assignments of `earlier` are kept, so that what was ever held out stays held out.
+/// Assigns every scenario of a plan to a side. The test side is filled first, with weathers and times spread evenly; then
+/// validation; the rest is for training. Assignments of `earlier` are kept, so that what was ever held out stays held out.
 pub fn assign_sides(
     plan: &Plan,
     parts: &SplitFractions,
@@ -113,7 +113,7 @@ type Condition<'a> = (&'a str, &'a str);
 /// Shuffle key and name of a trajectory.
 type Waiting<'a> = (u64, &'a str);
 
-/// Free trajectories that are flown in the same conditions, equally often: they crowd a side in the same way.
+/// Free trajectories that are flown in the same conditions, equally often: they have the same effect on a side.
 struct Alike<'a> {
     /// Those of each scenario of one of them, sorted.
     conditions: Vec<Condition<'a>>,
@@ -121,7 +121,7 @@ struct Alike<'a> {
     waiting: Vec<Waiting<'a>>,
 }
 
-/// Crowding, shuffle key and name of the next trajectory, and where it waits. The heap gives the smallest.
+/// Crowding, shuffle key and name of the next trajectory, and its queue. The heap returns the smallest.
 type Entry<'a> = Reverse<(usize, Waiting<'a>, usize)>;
 
 impl<'a> Alike<'a> {
@@ -156,11 +156,11 @@ impl<'a> OnSide<'a> {
     }
 }
 
-/// Adds trajectories to a side until it has `target` scenarios, leaving at least `reserve` for the other sides. Next is always the one
-/// whose weathers and times the side has least of.
+/// Adds trajectories to a side until it has `target` scenarios, leaving at least `reserve` for the other sides. Always takes the
+/// one whose weathers and times the side has least of.
 ///
-/// The side only grows, so crowding only grows and room only shrinks: what lies in the heap with an old crowding lies too far up,
-/// never too far down, and what does not fit will not fit later.
+/// The side only grows, so crowding only grows and space only shrinks: an entry with an outdated crowding is too early in the heap,
+/// never too late, and what does not fit will not fit later.
 fn fill<'a>(
     side: Side,
     target: usize,
@@ -207,7 +207,7 @@ fn fill<'a>(
         .collect();
     while on_side.scenarios < target && free > reserve {
         let Some(Reverse((crowding, (_, trajectory), index))) = heap.pop() else {
-            // A side that is still empty takes the smallest trajectory even if that is more than its part.
+            // A side that is still empty takes the smallest trajectory even if that exceeds its share.
             let free = groups
                 .iter()
                 .filter(|g| !assigned.contains_key(g.trajectory));

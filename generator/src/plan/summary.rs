@@ -1,4 +1,4 @@
-//! The plan as other programs read it.
+//! The plan in machine-readable form.
 
 use serde::Serialize;
 
@@ -11,11 +11,11 @@ pub struct PlanSummary<'a> {
     pub plan_hash: &'a str,
     /// Name of the corpus.
     pub corpus: &'a str,
-    /// A line per scenario.
+    /// One line per scenario.
     pub scenarios: Vec<ScenarioSummary<'a>>,
 }
 
-/// A scenario as other programs read it.
+/// A scenario in machine-readable form.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ScenarioSummary<'a> {
     /// Identifier.
@@ -30,13 +30,13 @@ pub struct ScenarioSummary<'a> {
     pub flight: &'a str,
     /// Name of the flight profile; absent for recordings.
     pub profile: Option<&'a str>,
-    /// Where it begins, nautical miles before the touchdown target.
+    /// Start, nautical miles before the touchdown target.
     pub start_dtd_nm: f64,
     /// Visibility, metres.
     pub visibility_m: f64,
     /// Expected number of ticks.
     pub ticks: u32,
-    /// Hash of all that was decided.
+    /// Hash of all parameters.
     pub config_hash: &'a str,
 }
 

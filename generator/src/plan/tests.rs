@@ -41,7 +41,7 @@ fn rich() -> String {
 
 #[test]
 fn a_plan_does_not_change_from_version_to_version_or_machine_to_machine() {
-    // Corpora in the field hold these hashes. If they change, those can no longer be added to.
+    // Existing corpora contain these hashes. If they change, those can no longer be extended.
     for (text, plan_hash) in [
         (
             SMALL.to_owned(),
@@ -92,7 +92,7 @@ fn cameras_and_pictures_are_drawn_from_generators_of_their_own_and_leave_all_els
     assert_eq!(headings.len(), 2 * plain.scenarios.len());
     assert_eq!(seeds.len(), 2 * plain.scenarios.len());
 
-    // A value more changes no other.
+    // An additional value changes no other.
     let more = expand(&sweep_of(&(rich() + tables + "correlation_s = 0.1\n")));
     for (a, b) in changed.scenarios.iter().zip(&more.scenarios) {
         assert_eq!(a.parameters.jitter, b.parameters.jitter);
@@ -161,7 +161,7 @@ fn more_repeats_only_add_and_other_changes_are_named() {
     );
 }
 
-/// Every scenario of `before` is in `after`, hash and all.
+/// Every scenario of `before` is in `after`, hash included.
 fn assert_extends(before: &Plan, after: &Plan, what: &str) {
     let difference = after.difference_from(before);
     assert_eq!(

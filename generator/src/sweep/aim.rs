@@ -1,4 +1,4 @@
-//! `[aim]`: turns all cameras of a scenario, wherever the rig has them look.
+//! `[aim]`: turns all cameras of a scenario, overriding the rig.
 
 use dataset::limits;
 use dataset::rig::Aim;
@@ -44,7 +44,7 @@ impl AimTable {
                 heading_true_deg: draw("heading_true_deg", heading_true_deg),
                 pitch_deg: draw("pitch_deg", pitch_deg),
             }),
-            // The sweep has checked that it is one of both.
+            // The sweep has checked that exactly one is given.
             _ => None,
         }
     }

@@ -1,5 +1,5 @@
-//! From the form of a sweep to its meaning: every value in its range, every name defined. What a table has to fulfil stands beside
-//! the table; here is what they have to fulfil together.
+//! Validates a parsed sweep: every value in its range, every name defined. Checks of a single table are next to the table; here are
+//! those across tables.
 
 use std::path::Path;
 
@@ -69,7 +69,7 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         return fault(format!("video.{setting}"), message);
     }
     start.check(&profile, grid.profiles.is_some())?;
-    // A built-in profile may be too low for a runway high up: that matters only if it is flown.
+    // A built-in profile may be too low for a runway at high elevation: that matters only if it is flown.
     let start_profiles = start.profiles();
     let flown = combinations.iter().filter_map(|c| c.profile.as_ref());
     for name in start_profiles.iter().chain(flown) {

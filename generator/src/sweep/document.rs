@@ -1,4 +1,4 @@
-//! The form of a sweep file, table by table. Unknown keys are refused everywhere.
+//! The structure of a sweep file, table by table. Unknown keys are rejected everywhere.
 
 use std::collections::BTreeMap;
 
@@ -23,7 +23,7 @@ use super::weather::WeatherTable;
 /// Aircraft that can be flown and drawn.
 pub(super) const AIRCRAFT: [&str; 1] = ["B737-800"];
 
-/// A sweep: which scenarios a corpus shall hold. `docs/sweeps.md` explains every key by example.
+/// A sweep: which scenarios a corpus contains. `docs/sweeps.md` explains every key by example.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Document {
@@ -71,15 +71,15 @@ pub(super) struct Document {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Corpus {
-    /// What people call it.
+    /// Name of the corpus.
     #[schemars(length(min = 1))]
     pub name: String,
-    /// Master seed: every scenario's seed follows from this and the scenario's identifier. 0 is a seed like any other.
+    /// Master seed: every scenario's seed follows from this and the scenario's identifier. 0 is an ordinary seed.
     pub seed: u64,
 }
 
-/// `[approach]`: one runway and one rig for the whole corpus, since distances are to its touchdown target and networks belong to its
-/// cameras. A rig may have any number of cameras.
+/// `[approach]`: one runway and one rig for the whole corpus, since distances refer to its touchdown target and networks belong to
+/// its cameras. A rig may have any number of cameras.
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Approach {

@@ -4,12 +4,12 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-/// A sweep that cannot be used. It prints as `scenarios.toml:12:9: what was found and what was expected`.
+/// An invalid sweep. It prints as `scenarios.toml:12:9: what was found and what was expected`.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub struct SweepError {
     /// The file.
     pub file: PathBuf,
-    /// Line and column, from 1, if the fault is at a place in the file.
+    /// Line and column, from 1, if the fault has a position in the file.
     pub place: Option<(usize, usize)>,
     /// What was found, what was expected, what to do.
     pub message: String,

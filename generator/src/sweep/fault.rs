@@ -1,11 +1,11 @@
-//! A value of a sweep that cannot be used, and the checks that several tables share.
+//! An invalid value of a sweep, and the checks that several tables share.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
 use dataset::file_name;
 
-/// A value that cannot be used.
+/// An invalid value.
 #[derive(Debug)]
 pub(super) struct Fault {
     /// Dotted key of the value, for [`super::locate`].
@@ -16,7 +16,7 @@ pub(super) struct Fault {
 
 pub(super) type Checked<T> = Result<T, Fault>;
 
-/// What names of weathers, rigs, profiles and cameras look like: they name files. Also part of the schema.
+/// Pattern of the names of weathers, rigs, profiles and cameras: they become file names. Also part of the schema.
 pub(super) const NAME_PATTERN: &str = "^[A-Za-z0-9_-]+$";
 
 pub(super) fn fault<T>(key: impl Into<String>, message: impl Into<String>) -> Checked<T> {
@@ -26,12 +26,12 @@ pub(super) fn fault<T>(key: impl Into<String>, message: impl Into<String>) -> Ch
     })
 }
 
-/// Refuses names that do not fit [`NAME_PATTERN`], and those that no file can have everywhere.
+/// Rejects names that do not match [`NAME_PATTERN`], and those that some system cannot use as file names.
 pub(super) fn legal_name(key: impl Into<String>, name: &str) -> Checked<()> {
     file_name::check(name).or_else(|bad| fault(key, bad.to_string()))
 }
 
-/// Refuses a name for which the sweep has no table `[KIND.NAME]`.
+/// Rejects a name for which the sweep has no table `[KIND.NAME]`.
 pub(super) fn defined<T>(
     key: impl Into<String>,
     kind: &str,

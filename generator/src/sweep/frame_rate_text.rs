@@ -1,4 +1,4 @@
-//! Frame rates as people write them: `30`, `"30"`, `"1/2"`, `"30000/1001"`.
+//! Frame rates in human notation: `30`, `"30"`, `"1/2"`, `"30000/1001"`.
 
 use std::fmt;
 

@@ -1,6 +1,6 @@
 //! `[grid]`, `[[exclude]]` and `[[include]]`: which times, weathers, profiles and repeats are combined.
 //!
-//! A combination is known by what it is, never by where it stands: adding a time, a weather or a repeat adds combinations and
+//! A combination is identified by its values, never by its position: adding a time, a weather or a repeat adds combinations and
 //! leaves the others as they are.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,7 +14,7 @@ use super::limits::Enforce;
 use super::times::TimeEntry;
 use crate::time_of_day::TimeOfDay;
 
-/// More is a slip of the finger, and a plan of gigabytes.
+/// More is a typo, and a plan of gigabytes.
 const MOST_SCENARIOS: u64 = 1_000_000;
 
 /// `[grid]`: every time is combined with every weather (and every profile, if they are listed here), `repeats` times.
@@ -24,13 +24,13 @@ pub(super) struct Grid {
     /// Local times: `"HH:MM"`, or `{ from = "06:00", to = "18:00", every_min = 60 }`.
     #[schemars(length(min = 1))]
     times: Vec<TimeEntry>,
-    /// Names of weathers that the file defines. Left out, they are all of them.
+    /// Names of weathers that the file defines; default: all of them.
     #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
     weathers: Option<Vec<String>>,
-    /// Names of flight profiles to combine with. Left out, each scenario draws one of `start.profiles`.
+    /// Names of flight profiles to combine with. By default, each scenario draws one of `start.profiles`.
     #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
     pub(super) profiles: Option<Vec<String>>,
-    /// How often each combination is flown, each time with another seed.
+    /// How often each combination is flown, each time with a different seed.
     #[schemars(range(min = 1, max = MOST_SCENARIOS))]
     repeats: u32,
     /// Day of the year, 1 to 365; it sets the sun's path.
@@ -41,7 +41,7 @@ pub(super) struct Grid {
     pub(super) utc_offset_h: f64,
 }
 
-/// `[[exclude]]`: combinations of the grid that are left out: those that fit every list that is given.
+/// `[[exclude]]`: combinations of the grid to omit: those that match every given list.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("minProperties" = 1))]
@@ -56,7 +56,7 @@ pub(super) struct Exclude {
     repeats: Vec<u32>,
 }
 
-/// `[[include]]`: combinations beside the grid. What is not listed is as in the grid.
+/// `[[include]]`: combinations in addition to the grid. Lists that are not given are those of the grid.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(extend("minProperties" = 1))]
@@ -72,7 +72,7 @@ pub(super) struct Include {
     repeats: Vec<u32>,
 }
 
-/// What tells a scenario from the others of its sweep.
+/// What distinguishes a scenario from the others of its sweep.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Combination {
     /// Counted from 1.
@@ -91,7 +91,7 @@ impl Combination {
         format!("{}-r{}", self.condition(), self.repeat)
     }
 
-    /// What all repeats share, e.g. `1700-foggy`.
+    /// The common part of all repeats, e.g. `1700-foggy`.
     pub fn condition(&self) -> String {
         format!("{}-{}", self.time.digits(), self.label())
     }
@@ -104,14 +104,13 @@ impl Combination {
     }
 }
 
-/// The names that lists may hold.
+/// The names that lists may contain.
 pub(super) struct Names<'a, W, P> {
     pub(super) weathers: &'a BTreeMap<String, W>,
     pub(super) profiles: &'a BTreeMap<String, P>,
 }
 
-/// All combinations, in the order in which they are made. Repeats vary slowest: a run that is stopped early has seen all
-/// conditions.
+/// All combinations, in recording order. Repeats vary slowest: a run that is stopped early has covered all conditions.
 pub(super) fn combinations<W, P>(
     grid: &Grid,
     exclude: &[Exclude],
@@ -139,7 +138,7 @@ pub(super) fn combinations<W, P>(
     Ok(all)
 }
 
-/// The lists whose product is taken.
+/// The lists whose product is formed.
 #[derive(Clone)]
 struct Axes {
     times: Vec<TimeOfDay>,
@@ -278,7 +277,7 @@ impl Include {
     }
 }
 
-/// A part of the combinations, by lists; an empty list fits all.
+/// A part of the combinations, by lists; an empty list matches all.
 pub(super) struct Selection<'a> {
     pub(super) times: &'a [String],
     pub(super) weathers: &'a [String],
@@ -287,7 +286,7 @@ pub(super) struct Selection<'a> {
 }
 
 impl Selection<'_> {
-    /// What decides whether a combination fits; refuses values that no combination of `all` has.
+    /// The filter for combinations; rejects values that no combination of `all` has.
     pub(super) fn resolve<K: Fn(&str) -> String>(
         &self,
         all: &[Combination],
@@ -392,7 +391,7 @@ fn check_count(key: &str, scenarios: u64) -> Checked<()> {
     Ok(())
 }
 
-/// Weather `a-b` without a profile and weather `a` with profile `b` would be made in one folder.
+/// Weather `a-b` without a profile and weather `a` with profile `b` would be recorded into one folder.
 fn check_labels(all: &[Combination]) -> Checked<()> {
     let mut owners: BTreeMap<String, (&str, Option<&str>)> = BTreeMap::new();
     let pairs: BTreeSet<(&str, Option<&str>)> = all

@@ -12,7 +12,7 @@ use super::rigs::Camera;
 use crate::seed;
 use crate::spread::Spread;
 
-/// `[imaging]`: each value is a number or a spread to draw from; all is off if it is left out.
+/// `[imaging]`: each value is a number or a spread to draw from; everything is off by default.
 #[derive(Debug, Clone, PartialEq, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct ImagingTable {
@@ -35,7 +35,7 @@ pub struct SensorTable {
     /// Electrons of a white pixel: sets the noise of the light itself.
     #[schemars(transform = limits::FULL_WELL_ELECTRONS.in_schema())]
     pub full_well_electrons: Spread,
-    /// Standard deviation of reading out, electrons.
+    /// Standard deviation of the read noise, electrons.
     #[serde(default)]
     #[schemars(transform = limits::READ_NOISE_ELECTRONS.in_schema())]
     pub read_noise_electrons: Spread,
@@ -45,10 +45,10 @@ pub struct SensorTable {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct SeeingTable {
-    /// Root mean square of the aircraft's motion along one axis at 10 km, seconds of arc.
+    /// Root mean square of the aircraft's motion along one axis at 10 km, arcseconds.
     #[schemars(transform = limits::TILT_RMS_ARCSEC.in_schema())]
     pub tilt_rms_arcsec: Spread,
-    /// Standard deviation of the blur at 10 km, seconds of arc.
+    /// Standard deviation of the blur at 10 km, arcseconds.
     #[schemars(transform = limits::SEEING_BLUR_ARCSEC.in_schema())]
     pub blur_sigma_arcsec: Spread,
     /// Time in which the motion's correlation falls to 1/e, seconds.
@@ -67,7 +67,7 @@ impl Default for SeeingTable {
 }
 
 impl ImagingTable {
-    /// What the pictures of a camera are like in the scenario with this seed, its lens included.
+    /// The picture properties of a camera in the scenario with this seed, its lens included.
     pub(crate) fn draw(&self, scenario_seed: u64, camera: &Camera) -> Imaging {
         let draw = |name: &str, spread: &Spread| {
             spread.draw(&mut seed::of_value(
@@ -82,14 +82,14 @@ impl ImagingTable {
             full_well_electrons: of_camera("full_well_electrons", &table.full_well_electrons),
             read_noise_electrons: of_camera("read_noise_electrons", &table.read_noise_electrons),
         });
-        // The strength of turbulence is the air's, its course in time each camera's own.
+        // The strength of turbulence belongs to the air, its course in time to each camera.
         let seeing = self.seeing.as_ref().map(|table| Seeing {
             tilt_rms_arcsec: draw("tilt_rms_arcsec", &table.tilt_rms_arcsec),
             blur_sigma_arcsec: draw("blur_sigma_arcsec", &table.blur_sigma_arcsec),
             correlation_s: draw("correlation_s", &table.correlation_s),
         });
         let spoiled = blur_sigma_px > 0.0 || sensor.is_some() || seeing.is_some();
-        // 53 bits, as seeds of scenarios: the readers of some languages hold the numbers of a JSON file as floats.
+        // 53 bits, like the seeds of scenarios: some languages read JSON numbers as floats.
         let seed =
             seed::of_value(scenario_seed, &format!("imaging.{}.seed", camera.id)).next_u64() >> 11;
         Imaging {

@@ -1,4 +1,4 @@
-//! `[jitter]`: how far the cameras of each scenario are off from where the rig has them. Each camera of each scenario draws its own.
+//! `[jitter]`: placement errors of the cameras of each scenario relative to the rig. Each camera of each scenario draws its own.
 
 use dataset::limits;
 use dataset::rig::Jitter;
@@ -39,7 +39,7 @@ pub struct JitterTable {
 }
 
 impl JitterTable {
-    /// How far a camera of the scenario with this seed is off.
+    /// The placement error of a camera in the scenario with this seed.
     pub(crate) fn draw(&self, scenario_seed: u64, camera: &str) -> Jitter {
         let draw = |name: &str, spread: &Spread| {
             spread.draw(&mut seed::of_value(

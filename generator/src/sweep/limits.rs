@@ -1,4 +1,4 @@
-//! How the limits of [`dataset::limits`] are enforced in a sweep, where a number may be a spread and the schema says them, too.
+//! How the limits of [`dataset::limits`] are enforced in a sweep, where a number may be a spread and the schema includes them, too.
 
 use dataset::limits::Limits;
 use schemars::Schema;
@@ -10,11 +10,11 @@ use crate::spread::Spread;
 
 /// Limits as the tables of a sweep enforce them.
 pub(super) trait Enforce {
-    /// Refuses a number outside; NaN is in no range.
+    /// Rejects a number outside; NaN is never in range.
     fn check_key(self, key: impl Into<String>, value: f64) -> Checked<()>;
-    /// Refuses a spread from which a number outside could be drawn.
+    /// Rejects a spread from which a number outside could be drawn.
     fn check_spread(self, key: impl Into<String>, spread: &Spread) -> Checked<()>;
-    /// What writes the limits into the schema of a number or of a spread.
+    /// Writes the limits into the schema of a number or of a spread.
     fn in_schema(self) -> InSchema;
 }
 

@@ -1,11 +1,11 @@
-//! Finds where in a TOML text a key stands, so that a fault of meaning is shown as precisely as a fault of form.
+//! Finds the position of a key in a TOML text, so that errors of meaning are located as precisely as syntax errors.
 
 use std::ops::Range;
 
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-/// The place of the value at a dotted key such as `grid.times.2`, or of the nearest table around it that is there.
+/// The position of the value at a dotted key such as `grid.times.2`, or of the nearest existing table around it.
 pub(super) fn span_of(text: &str, dotted_key: &str) -> Option<Range<usize>> {
     let root = DeTable::parse(text).ok()?;
     let mut steps = dotted_key.split('.');
@@ -28,7 +28,7 @@ fn child<'a, 'i>(value: &'a Spanned<DeValue<'i>>, step: &str) -> Option<Child<'a
     match value.get_ref() {
         DeValue::Table(table) => {
             let (key, next) = table.get_key_value(step)?;
-            // A scalar is shown where its value stands, a table where its name stands.
+            // A scalar is located at its value, a table at its name.
             let place = if next.get_ref().is_table() {
                 key.span()
             } else {

@@ -1,4 +1,4 @@
-//! `[profile.NAME]`: ways to come down. The vertical plan itself is [`ApproachProfile`].
+//! `[profile.NAME]`: vertical profiles. The profile itself is [`ApproachProfile`].
 
 use std::collections::BTreeMap;
 
@@ -10,17 +10,17 @@ use xplane_bridge::fly::ApproachProfile;
 use super::fault::{Checked, legal_name};
 use super::limits::Enforce;
 
-/// Heights over the runway at which an approach can begin, metres.
+/// Heights over the runway at which an approach can start, metres.
 const OVER_RUNWAY_M: (f64, f64) = (100.0, 6_000.0);
 
-/// Level at 2500 ft until the glide path comes down to the aircraft.
+/// Level at 2500 ft until the aircraft meets the glide path.
 pub(super) const LEVEL_THEN_GLIDE_PATH: &str = "level-then-glide-path";
 /// The chart of WSSS 02L: 2500 ft until D7.6, 1500 ft until D4.4.
 const STEP_DOWN: &str = "step-down";
 /// From 3000 ft without a level segment.
 const CONTINUOUS: &str = "continuous";
 
-/// Adds the profiles that need no definition, where the sweep has none of that name.
+/// Adds the built-in profiles that the sweep does not override.
 pub(super) fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>) {
     let built_in = [
         (
@@ -42,7 +42,7 @@ pub(super) fn add_built_in(profiles: &mut BTreeMap<String, ApproachProfile>) {
     }
 }
 
-/// Refuses profiles that the sweep defines and that cannot be flown to its runway.
+/// Rejects profiles of the sweep that cannot be flown to its runway.
 pub(super) fn check(profiles: &BTreeMap<String, ApproachProfile>, runway: &Runway) -> Checked<()> {
     for (name, profile) in profiles {
         legal_name(format!("profile.{name}"), name)?;
@@ -51,7 +51,7 @@ pub(super) fn check(profiles: &BTreeMap<String, ApproachProfile>, runway: &Runwa
     Ok(())
 }
 
-/// Refuses a profile that cannot be flown to a runway.
+/// Rejects a profile that cannot be flown to a runway.
 pub(super) fn check_one(name: &str, profile: &ApproachProfile, runway: &Runway) -> Checked<()> {
     let ground_m = runway.threshold.altitude_msl_m;
     let (least_m, most_m) = (ground_m + OVER_RUNWAY_M.0, ground_m + OVER_RUNWAY_M.1);

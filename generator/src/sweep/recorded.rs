@@ -12,12 +12,13 @@ use super::grid::{Combination, Selection};
 use crate::recording::{Recording, matching_files};
 use crate::seed;
 
-/// `[[recorded]]`: the first rule that fits a scenario decides; a rule without `times`, `weathers`, `profiles` and `repeats` fits all.
+/// `[[recorded]]`: the first rule that matches a scenario applies; a rule without `times`, `weathers`, `profiles` and `repeats`
+/// matches all.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RecordedRule {
-    /// A CSV file, or a glob for several (`flights/*.csv`, `flights/**/*_ils.csv`); relative to the sweep. The repeats of a condition
-    /// fly them in turn, beginning with any.
+    /// A CSV file, or a glob for several (`flights/*.csv`, `flights/**/*_ils.csv`); relative to the sweep. The repeats of a
+    /// condition fly them in turn, starting with any.
     #[schemars(length(min = 1))]
     pub files: String,
     /// Only scenarios at these times.
@@ -44,8 +45,8 @@ pub struct RecordedFlights {
 }
 
 impl RecordedFlights {
-    /// In which order the repeats of a condition fly the recordings, as indices. Every recording is flown once before one is flown
-    /// twice; the order is shuffled for every condition, so it depends on nothing but the condition, the seed and the recordings.
+    /// The order in which the repeats of a condition fly the recordings, as indices. Every recording is flown once before one is
+    /// flown twice; the order is shuffled for every condition, so it depends only on the condition, the seed and the recordings.
     pub(crate) fn order_for(&self, condition: &str, master_seed: u64) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.recordings.len()).collect();
         order.sort_by_cached_key(|index| {
@@ -56,7 +57,7 @@ impl RecordedFlights {
     }
 }
 
-/// Reads the recordings of all rules, and tells each scenario its rule.
+/// Reads the recordings of all rules, and assigns each scenario its rule.
 pub(super) fn read(
     rules: Vec<RecordedRule>,
     combinations: &[Combination],

@@ -1,4 +1,4 @@
-//! `[rig.NAME]`: cameras beside a runway. Some rigs are built in; a sweep may define others, or its own under a built-in name.
+//! `[rig.NAME]`: cameras beside a runway. Some rigs are built in; a sweep may define others, or override a built-in one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::LazyLock;
@@ -38,7 +38,7 @@ pub struct Camera {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
     pub beyond_touchdown_m: Option<f64>,
-    /// Distance past the threshold along the landing course, metres: stays where it is if the touchdown target is moved.
+    /// Distance past the threshold along the landing course, metres: unaffected if the touchdown target is moved.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
     pub beyond_threshold_m: Option<f64>,
@@ -62,13 +62,13 @@ pub struct Camera {
     /// Horizontal field of view, degrees.
     #[schemars(transform = limits::HFOV_DEG.in_schema())]
     pub hfov_deg: f64,
-    /// Distortion of its lens, with OpenCV's coefficients; left out, it is a pinhole. Only the stand-in can draw it.
+    /// Distortion of its lens, with OpenCV's coefficients; default: a pinhole. Only the stand-in can draw it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub distortion: Option<Distortion>,
 }
 
 impl Camera {
-    /// The mast on which it stands: all of it but the lens.
+    /// Its mast: everything but the lens.
     pub fn mast(&self) -> Mast {
         Mast {
             id: self.id.clone(),
@@ -95,7 +95,7 @@ static BUILT_IN: LazyLock<BTreeMap<String, Rig>> = LazyLock::new(|| {
     parsed.rig
 });
 
-/// The cameras of the rig that a sweep uses; `defined` are the rigs of its file, all of which have to be sound.
+/// The cameras of the rig that a sweep uses; `defined` are the rigs of its file, all of which must be valid.
 pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Vec<Camera>> {
     for (name, rig) in defined {
         rig.check(name)?;
@@ -115,7 +115,7 @@ pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Ve
     }
 }
 
-/// Refuses lenses that fold the picture over at any field of view that jitter can give.
+/// Rejects lenses that fold the picture over at any field of view that jitter can give.
 pub(super) fn check_lenses(
     defined: &BTreeMap<String, Rig>,
     picture: Picture,

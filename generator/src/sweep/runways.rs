@@ -1,4 +1,4 @@
-//! `[airport.ICAO.runway.NAME]`: a runway, whole, or what differs from the one that the program knows under this name.
+//! `[airport.ICAO.runway.NAME]`: a complete runway, or the differences from the built-in one of this name.
 
 use std::collections::BTreeMap;
 
@@ -58,7 +58,7 @@ struct Threshold {
     altitude_msl_m: f64,
 }
 
-/// Refuses impossible numbers, in runways that are not used too.
+/// Rejects impossible numbers, also in unused runways.
 pub(super) fn check(airports: &BTreeMap<String, AirportTable>) -> Checked<()> {
     for (icao, airport) in airports {
         for (name, table) in &airport.runway {
@@ -115,7 +115,7 @@ pub(super) fn check(airports: &BTreeMap<String, AirportTable>) -> Checked<()> {
     Ok(())
 }
 
-/// The runway that a sweep uses: as the program knows it, with what the sweep says otherwise; or wholly defined by the sweep.
+/// The runway that a sweep uses: the built-in one with the sweep's overrides, or one that the sweep defines completely.
 pub(super) fn runway(
     icao: &str,
     name: &str,
@@ -139,7 +139,7 @@ pub(super) fn runway(
 }
 
 impl RunwayTable {
-    /// The runway, filled up from the one that the program knows; or the name of the first value that is missing.
+    /// The runway, completed from the built-in one; or the name of the first missing value.
     pub(crate) fn complete(
         &self,
         icao: &str,

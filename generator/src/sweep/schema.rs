@@ -1,5 +1,5 @@
-//! The JSON Schema of a sweep file, made from the very structs that read it. It refuses what [`super::Sweep`] refuses, as far as a schema can
-//! say it: not that names are defined, that files are there, or that parts add up.
+//! The JSON Schema of a sweep file, generated from the structs that read it. It rejects what [`super::Sweep`] rejects, as far as a
+//! schema can: it cannot check that names are defined, files exist, or shares add up.
 
 use schemars::generate::SchemaSettings;
 

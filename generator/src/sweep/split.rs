@@ -1,4 +1,4 @@
-//! `[split]`: how much trains, decides and judges.
+//! `[split]`: shares of training, validation and test.
 
 use dataset::limits;
 use schemars::JsonSchema;
@@ -7,17 +7,17 @@ use serde::Deserialize;
 use super::fault::{Checked, fault};
 use super::limits::Enforce;
 
-/// `[split]`: parts of the scenarios on each side; they add up to 1. Scenarios with the same trajectory stay together.
+/// `[split]`: shares of the scenarios on each side; they add up to 1. Scenarios with the same trajectory stay together.
 #[derive(Debug, Clone, Copy, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SplitFractions {
-    /// What networks learn from.
+    /// For training the networks.
     #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub train: f64,
-    /// What decisions during training look at.
+    /// For decisions during training.
     #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub validation: f64,
-    /// What only evaluation looks at.
+    /// For evaluation only.
     #[schemars(transform = limits::SPLIT_PART.in_schema())]
     pub test: f64,
 }

@@ -16,7 +16,7 @@ use crate::spread::Spread;
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct Start {
-    /// Distance to the touchdown target along the course, nautical miles. Recorded flights are cut there too.
+    /// Distance to the touchdown target along the course, nautical miles. Recorded flights are trimmed to it, too.
     #[schemars(transform = limits::START_DTD_NM.in_schema())]
     pub dtd_nm: Spread,
     /// Offset right of the extended centreline, metres.
@@ -31,7 +31,7 @@ pub struct Start {
     /// True airspeed, metres per second.
     #[schemars(transform = limits::START_SPEED_MPS.in_schema())]
     pub speed_mps: Spread,
-    /// Names of the profiles to draw from, all equally likely; not together with `grid.profiles`. Left out, it is
+    /// Names of the profiles to draw from, all equally likely; not together with `grid.profiles`. The default is
     /// `level-then-glide-path`.
     #[schemars(length(min = 1), extend("uniqueItems" = true), inner(regex(pattern = NAME_PATTERN)))]
     pub profiles: Option<Vec<String>>,

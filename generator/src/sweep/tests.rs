@@ -3,7 +3,7 @@ use std::path::Path;
 use super::*;
 use crate::spread::Spread;
 
-/// A small sweep; the tests change a line of it.
+/// A small sweep; the tests change one line of it.
 pub(crate) const SMALL: &str = r#"[corpus]
 name = "small"
 seed = 0
@@ -76,8 +76,7 @@ fn a_sweep_is_read_with_its_defaults() {
     assert_eq!(sweep.cameras.len(), 2);
 }
 
-/// What stands in the sound sweep, what is written instead, the line and column that the message must name, and words that must be
-/// in it.
+/// The original text, its replacement, the line and column that the message must name, and words that it must contain.
 type Fault = (
     &'static str,
     &'static str,
@@ -557,7 +556,7 @@ fn the_step_down_needs_no_definition_and_is_the_chart() {
         parse(&text).unwrap().profiles["step-down"],
         ApproachProfile::charted_step_down()
     );
-    // A runway in the mountains: 2500 ft above the sea are below it.
+    // A runway in the mountains: 2500 ft above sea level are below it.
     let high = format!(
         "{SMALL}\n[airport.WSSS.runway.02L]\nthreshold = {{ latitude_deg = 1.3, longitude_deg = 104, altitude_msl_m = 1500 }}\n"
     );

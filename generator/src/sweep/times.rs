@@ -21,7 +21,7 @@ pub(super) enum TimeEntry {
     Every(TimeRange),
 }
 
-/// `{ from = "06:00", to = "18:00", every_min = 60 }`: both ends are in it, if the step meets the second.
+/// `{ from = "06:00", to = "18:00", every_min = 60 }`: both ends are included, if the step reaches the second.
 #[derive(Debug, Clone, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct TimeRange {
@@ -42,7 +42,7 @@ pub(super) fn parse(key: &str, text: &str) -> Checked<TimeOfDay> {
 }
 
 impl TimeEntry {
-    /// The times that it stands for; never none.
+    /// The times that it stands for; never empty.
     pub(super) fn times(&self, key: &str) -> Checked<Vec<TimeOfDay>> {
         let TimeRange {
             from,

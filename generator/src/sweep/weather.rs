@@ -1,4 +1,4 @@
-//! `[weather.NAME]`: what a weather is physically. Each number may be a spread, from which every scenario draws its own.
+//! `[weather.NAME]`: the physical values of a weather. Each number may be a spread, from which every scenario draws its own.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use dataset::limits;
@@ -10,7 +10,7 @@ use super::limits::Enforce;
 use crate::seed;
 use crate::spread::Spread;
 
-/// `[weather.NAME]`: the same everywhere and at all times of a scenario.
+/// `[weather.NAME]`: constant in space and time within a scenario.
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct WeatherTable {
@@ -43,7 +43,7 @@ pub struct WeatherTable {
 #[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CloudTable {
-    /// What it is made of.
+    /// Kind of cloud.
     pub kind: CloudKind,
     /// Part of the sky that it covers, 0 to 1.
     #[schemars(transform = limits::COVER_RATIO.in_schema())]
@@ -128,7 +128,7 @@ impl WeatherTable {
 }
 
 impl CloudTable {
-    /// Checks a layer that may begin at `below_msl_m`; returns how high it may reach.
+    /// Checks a layer that may start at `below_msl_m`; returns its maximum top.
     fn check(&self, below_msl_m: f64, key: impl Fn(&str) -> String) -> Checked<f64> {
         limits::COVER_RATIO.check_spread(key("cover_ratio"), &self.cover_ratio)?;
         limits::CLOUD_BASE_MSL_M.check_spread(key("base_msl_m"), &self.base_msl_m)?;

@@ -1,4 +1,4 @@
-//! A sweep of four small scenarios, simulators in this process to make them with, and a way to run and compare.
+//! A sweep of four small scenarios, simulators in this process to record them, and helpers to run and compare.
 #![allow(
     dead_code,
     missing_docs,
@@ -98,7 +98,7 @@ pub async fn stand_in() -> SimulatorTarget {
     SimulatorTarget::Address(stand_in_with(0, Arc::new(BuiltIn)).await.0)
 }
 
-/// The same on a port and with an engine of choice, and with a way to make it disappear.
+/// The same on a given port and with a given engine, and with a way to make it disappear.
 pub async fn stand_in_with(port: u16, engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
     let (tell, told) = tokio::sync::oneshot::channel();
     let options = ServerOptions {
@@ -114,7 +114,7 @@ pub async fn stand_in_with(port: u16, engine: Arc<dyn Engine>) -> (SocketAddr, A
     (told.await.unwrap(), server.abort_handle())
 }
 
-/// Little patience: what fails here fails at once.
+/// Short timeouts: what fails here fails at once.
 pub fn options(simulators: impl Into<Simulators>, only: &[&str]) -> GenerateOptions {
     GenerateOptions {
         simulators: simulators.into(),
@@ -142,7 +142,7 @@ pub async fn run(
     run_until(sweep, corpus, &options(target, only), |_| false).await
 }
 
-/// Runs, and stops as soon as an event is the one that is waited for.
+/// Runs, and stops as soon as the expected event occurs.
 pub async fn run_until(
     sweep: &Sweep,
     corpus: &Path,
@@ -159,7 +159,7 @@ pub async fn run_until(
     generate(sweep, corpus, options, &cancel, &mut on_event).await
 }
 
-/// What lies among the scenarios.
+/// The entries among the scenarios.
 pub fn folders(corpus: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(corpus.join("scenarios"))
         .unwrap()
@@ -169,7 +169,7 @@ pub fn folders(corpus: &Path) -> Vec<String> {
     names
 }
 
-/// Every file of every scenario has the same bytes in both corpora, and neither holds anything else.
+/// Every file of every scenario has the same bytes in both corpora, and neither contains anything else.
 pub fn same_tables(one: &Path, other: &Path) {
     for corpus in [one, other] {
         assert_eq!(folders(corpus), sorted_ids());
