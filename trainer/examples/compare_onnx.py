@@ -1,4 +1,4 @@
-"""Holds ONNX Runtime's answer against that of the code which trains the detector; see compare_onnx.rs."""
+"""Compares ONNX Runtime's output with that of the code which trains the detector; see compare_onnx.rs."""
 
 import json
 import sys

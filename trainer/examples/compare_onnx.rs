@@ -1,5 +1,5 @@
-//! Writes a detector with random weights as ONNX, a random picture, and what this project's own code makes of it, so that
-//! `compare_onnx.py` can hold ONNX Runtime's answer against it:
+//! Writes a detector with random weights as ONNX, a random picture, and this project's own output for it, so that `compare_onnx.py`
+//! can compare ONNX Runtime's output with it:
 //!
 //!     cargo run --release -p trainer --example compare_onnx -- FOLDER && python trainer/examples/compare_onnx.py FOLDER
 //!

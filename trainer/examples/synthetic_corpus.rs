@@ -1,4 +1,5 @@
-//! Writes a corpus of the demo's size that was never flown: `cargo run --release -p trainer --example synthetic_corpus -- FOLDER`.
+//! Writes a synthetic corpus of the demo's size, without a simulator:
+//! `cargo run --release -p trainer --example synthetic_corpus -- FOLDER`.
 
 use std::path::PathBuf;
 use std::process::ExitCode;

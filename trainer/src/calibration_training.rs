@@ -1,8 +1,8 @@
 //! Stage one: a calibration network per camera and one shared auxiliary head, trained by Algorithm 1.
 //!
-//! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same
-//! tick (equation (1)), without a gradient through the others: they are to come to view i no more than it comes to them. Which
-//! views train is [`GapBalance`]'s decision, taken on the validation side. The paper's full-batch epochs are mini-batches here.
+//! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same tick
+//! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The
+//! paper's full-batch epochs are mini-batches here.
 
 use burn::module::Module;
 use burn::nn::Linear;
@@ -20,11 +20,12 @@ use crate::normalisation::BOX_FEATURES;
 use crate::progress::Progress;
 use crate::schedule::{adam, learning_rate};
 
-/// The calibration network of one camera: the paper's layers, and beside them a linear path from box to feature vector.
+/// The calibration network of one camera: the paper's layers, and in parallel a linear path from box to feature vector.
 ///
-/// Trained alone, a view's network learns to forget what does not help a view alone, down to a mixture of place and size; the estimator
-/// would then have to unmix it to compare the views' places to a fraction of a pixel. The linear path keeps the places legible: in a trial on
-/// boxes from geometry, a plain network on the frozen features of two views erred by 0.97 % without and by 0.2 to 0.3 % with it.
+/// Trained alone, a view's network discards what does not help a single view, down to a mixture of position and size; the estimator
+/// would then have to unmix it to compare the views' positions to a fraction of a pixel. The linear path preserves the positions:
+/// in a trial on boxes from geometry, a plain network on the frozen features of two views had an error of 0.97 % without and of 0.2
+/// to 0.3 % with it.
 #[derive(Module, Debug)]
 struct CalibrationNetwork {
     layers: Dense,
@@ -32,7 +33,7 @@ struct CalibrationNetwork {
 }
 
 impl CalibrationNetwork {
-    /// Initial gain of the linear path: enough that training does not drown it in the layers' output.
+    /// Initial gain of the linear path: large enough not to be drowned out by the layers' output during training.
     const DIRECT_GAIN: f64 = 3.0;
 
     fn new(config: &CalibrationConfig, random: &mut ChaCha12Rng, device: &Device) -> Self {
@@ -96,7 +97,7 @@ impl CalibrationNetworks {
         self.views[view].forward(boxes)
     }
 
-    /// The distance as one view alone predicts it, in the coordinate of the loss, `[batch, 1]`.
+    /// The distance predicted from one view alone, in the coordinate of the loss, `[batch, 1]`.
     pub fn predict(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
         self.head.forward(self.features(view, boxes))
     }
@@ -107,9 +108,9 @@ impl CalibrationNetworks {
 pub struct CalibrationLogEntry {
     /// Steps done.
     pub step: usize,
-    /// Error of each view's own prediction on the validation side, percent; `null` for a view that saw nothing there.
+    /// Error of each view's own prediction on the validation side, percent; `null` for a view without samples there.
     pub validation_mape_pct: Vec<Option<f64>>,
-    /// Which views trained up to the next entry.
+    /// Which views trained until the next entry.
     pub optimised: Vec<bool>,
 }
 
@@ -203,7 +204,7 @@ fn batch_loss(
     let views = samples.views();
     let targets = samples.target_column(batch, loss, device);
     // Views that are not optimised are computed without autodiff: a graph that no backward pass consumes is never freed, and burn's
-    // search for such graphs slows every later step down.
+    // search for such graphs slows down every later step.
     let plain_device = device.clone().inner();
     let plain = networks.valid();
     let predictions: Vec<Tensor<2>> = (0..views)
@@ -256,7 +257,7 @@ fn batch_loss(
     total
 }
 
-/// Moves the gradients of one part of a module.
+/// The gradients of one part of a module.
 fn take_gradients<M: Module>(
     gradients: &mut burn::tensor::Gradients,
     module: &M,

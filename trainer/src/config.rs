@@ -1,20 +1,20 @@
-//! All settings of a training, with the paper's sizes as defaults. Saved as `config.json` beside what they produced.
+//! All settings of a training, with the paper's sizes as defaults. Saved as `config.json` next to the results.
 
 mod check;
 
 use serde::{Deserialize, Serialize};
 
-/// Settings of [`crate::train`]. Keys that are not listed here are refused.
+/// Settings of [`crate::train`]. Unknown keys are rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
-    /// Seed of all random choices: initial weights, batches, augmentation. 0 is a seed like any other.
+    /// Seed of all random choices: initial weights, batches, augmentation. 0 is an ordinary seed.
     pub seed: u64,
-    /// Hash of the detection model whose boxes are used. May be left out if the corpus holds detections of one model only.
+    /// Hash of the detection model whose boxes are used. Optional if the corpus has detections of one model only.
     pub model_hash: Option<String>,
-    /// Ticks closer to the touchdown target than this are not learned from, nautical miles.
+    /// Minimum distance to the touchdown target for training, nautical miles.
     pub min_dtd_nm: f64,
-    /// Ticks farther from the touchdown target than this are not learned from, nautical miles.
+    /// Maximum distance to the touchdown target for training, nautical miles.
     pub max_dtd_nm: Option<f64>,
     /// What the networks minimise.
     pub loss: Loss,
@@ -44,12 +44,12 @@ impl Default for TrainConfig {
     }
 }
 
-/// What a regression predicts and minimises. The figure of merit is a percentage, and the paper's squared error is content with 18 m
-/// everywhere, which is 0.1 % at 10 NM but 1 % at 1 NM.
+/// What a regression predicts and minimises. The figure of merit is a percentage, while the paper's squared error is satisfied with
+/// 18 m everywhere, which is 0.1 % at 10 NM but 1 % at 1 NM.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
-    /// Networks predict distances in units of 10 NM; mean squared error, as equation (1) of the paper has it.
+    /// Networks predict distances in units of 10 NM; mean squared error, as in equation (1) of the paper.
     Squared,
     /// The same with each sample divided by its squared distance.
     Relative,
@@ -59,7 +59,7 @@ pub enum Loss {
 }
 
 impl Loss {
-    /// Distances below this (in units of 10 NM; 0.5 NM) count as this one: percentages explode at touchdown.
+    /// Distances below this (in units of 10 NM; 0.5 NM) are treated as this one: percentages explode at touchdown.
     const NEAREST: f32 = 0.05;
 
     /// Weight of a sample at `distance` (units of 10 NM).
@@ -67,7 +67,7 @@ impl Loss {
         match self {
             Self::Squared => 1.0,
             Self::Relative => distance.max(Self::NEAREST).powi(-2),
-            // The logarithm makes every percent equal already; nearer than that its slope is let off.
+            // The logarithm weighs every percent equally already; nearer than that its slope is limited.
             Self::Logarithmic => (distance / Self::NEAREST).min(1.0).powi(2),
         }
     }
@@ -80,7 +80,7 @@ impl Loss {
         }
     }
 
-    /// The distance (units of 10 NM) that a network's number means.
+    /// The distance (units of 10 NM) for a network's output.
     pub fn distance(self, predicted: f32) -> f32 {
         match self {
             Self::Squared | Self::Relative => predicted,
@@ -93,18 +93,18 @@ impl Loss {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct AugmentationConfig {
-    /// Mixed samples are added until there are this many training samples; 0 turns mixing off. A corpus that has more by itself,
-    /// as the full sweep has, gets none.
+    /// Mixed samples are added up to this number of training samples; 0 turns mixing off. A corpus with more samples, such as the
+    /// full sweep, gets none.
     pub fill_up_to_samples: usize,
-    /// How far a mixture may go beyond the two trajectories that it mixes, in parts of their separation. A view alone cannot tell
-    /// range from lateral deviation and has to guess by what aircraft usually do, so this should stay small.
+    /// How far a mixture may extrapolate beyond the two trajectories that it mixes, in parts of their separation. A single view
+    /// cannot distinguish range from lateral deviation and has to guess by typical flights, so this should stay small.
     pub extrapolation: f64,
-    /// The same for the samples that only train all views together, of which there are as many again. Together, views determine
-    /// the position whatever is usual, and a wide corridor teaches them to: in the narrow one, the lateral deviation that they have to
-    /// tell apart from range is so small that gradient descent takes ages to see it.
+    /// The same for the samples that only train all views together, of which there are equally many. Together, views determine the
+    /// position whatever is typical, and a wide corridor teaches them to: in the narrow one, the lateral deviation that must be
+    /// separated from range is so small that gradient descent takes very long to find it.
     pub extrapolation_together: f64,
-    /// How far those samples may also lie beside and above what was flown, metres: about what gusts do to an approach. However
-    /// closely an autopilot kept the training flights to the axis, a held-out flight may not be kept so.
+    /// How far those samples may also deviate sideways and vertically from the flown path, metres: about the effect of gusts on an
+    /// approach. However closely an autopilot kept the training flights to the axis, a held-out flight may deviate more.
     pub deviation_together_m: f64,
 }
 
@@ -138,7 +138,7 @@ pub struct Optimisation {
 pub struct CalibrationConfig {
     /// Hidden layers of a camera's calibration network.
     pub hidden: Vec<usize>,
-    /// Length of the feature vector that it makes.
+    /// Length of its feature vector.
     pub features: usize,
     /// Hidden layers of the shared auxiliary head.
     pub head_hidden: Vec<usize>,
@@ -185,12 +185,12 @@ pub struct EstimatorConfig {
     pub optimisation: Optimisation,
     /// Steps between two entries of the convergence log.
     pub log_every: usize,
-    /// Part of the steps, from the first on, in which all batches use all views; after it, views are dropped at random. Averaging the
-    /// views' own answers is a plateau on which batches of single views hold the network; it has to find out first what two views say
-    /// together. 0 drops views from the first step on, as the paper does.
+    /// Share of the steps, from the first on, in which all batches use all views; after it, views are dropped at random. Averaging
+    /// the views' own answers is a plateau on which single-view batches keep the network; it must first learn what two views say
+    /// together. 0 drops views from the first step on, as in the paper.
     pub together_first: f64,
-    /// Weight of the loss of a batch of one view, relative to one of all views. A single view's error has a floor that no training
-    /// removes, ten times that of two views; at equal weights it drowns them. 1 is the paper's.
+    /// Weight of the loss of a single-view batch, relative to one of all views. A single view's error has a floor that training
+    /// cannot remove, ten times that of two views; at equal weights it drowns them out. 1 is the paper's.
     pub alone_weight: f64,
     /// Whether the last linear layer is solved in closed form after the last step (see [`crate::head_refit`]).
     pub refit_head: bool,

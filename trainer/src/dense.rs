@@ -58,7 +58,7 @@ impl Dense {
         self.last().forward(hidden)
     }
 
-    /// What the last layer reads, `[batch, last width but one]`.
+    /// Input of the last layer, `[batch, last width but one]`.
     pub fn hidden(&self, input: Tensor<2>) -> Tensor<2> {
         let before_last = &self.layers[..self.layers.len() - 1];
         before_last.iter().fold(input, |value, layer| {
@@ -72,7 +72,7 @@ impl Dense {
         self
     }
 
-    /// Number of values that the last layer reads.
+    /// Number of inputs of the last layer.
     pub fn last_inputs(&self) -> usize {
         self.last().weight.val().dims()[0]
     }

@@ -1,11 +1,11 @@
-//! The project's own aircraft detector: one class, far below 4 MB, made by this code from a corpus.
+//! The project's own aircraft detector: one class, far below 4 MB, trained on a corpus.
 //!
-//! In: a labelled corpus (decoded video pixels and true boxes). Out: an ONNX model, and beside it a report on trajectories that it was
-//! not trained on. The network is CenterNet in small (Zhou et al., 2019) with what this task needs: boxes exact to a fraction of a
-//! pixel, because the distance rests on them, at any contrast that haze leaves.
+//! Input: a labelled corpus (decoded video pixels and true boxes). Output: an ONNX model, and next to it a report on trajectories
+//! that it was not trained on. The network is a small CenterNet (Zhou et al., 2019) adapted to this task: boxes accurate to a
+//! fraction of a pixel, because the distance is derived from them, at any contrast that haze leaves.
 //!
-//! `network` and `convolution` compute, `grid` says what the numbers mean, `targets` and `loss` what they should be;
-//! `picture`, `crop`, `samples` and `corpus_samples` feed `training`; `evaluation` judges; `export` and `onnx` write the model.
+//! `network` and `convolution` compute, `grid` defines the meaning of the numbers, `targets` and `loss` what they should be;
+//! `picture`, `crop`, `samples` and `corpus_samples` feed `training`; `evaluation` measures; `export` and `onnx` write the model.
 
 use std::path::{Path, PathBuf};
 
@@ -36,15 +36,15 @@ use self::training::{TrainingConfig, train};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// Settings of making a detector.
+/// Settings for training a detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct DetectorConfig {
     /// How to train.
     pub training: TrainingConfig,
-    /// Frames of the test trajectories that the detector is judged on, about.
+    /// Approximate number of frames of the test trajectories for evaluation.
     pub judged_frames: usize,
-    /// Score from which a detection counts when judging.
+    /// Minimum score of a detection in the evaluation.
     pub threshold: f64,
 }
 
@@ -58,7 +58,7 @@ impl Default for DetectorConfig {
     }
 }
 
-/// What was made and how good it is; also written beside the model.
+/// The result and its accuracy; also written next to the model.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DetectorReport {
     /// BLAKE3 hash of the model file.
@@ -71,11 +71,11 @@ pub struct DetectorReport {
     pub steps: u64,
     /// Crops that it saw.
     pub crops: u64,
-    /// Time that it took, seconds.
+    /// Its duration, seconds.
     pub seconds: f64,
-    /// Pieces of frames with a visible aircraft that crops were cut from.
+    /// Pieces of frames with a visible aircraft for crops.
     pub pieces_with_aircraft: usize,
-    /// Whole frames that background was cut from.
+    /// Whole frames for background.
     pub background_frames: usize,
     /// Settings.
     pub config: DetectorConfig,
@@ -83,11 +83,11 @@ pub struct DetectorReport {
     pub held_out: Evaluation,
 }
 
-/// Trains a detector on a corpus and writes the model to `out`, a report to `out` with the ending `.json`. Until it is done, the
-/// folder `out` with the ending `.checkpoint` keeps what a killed training needs to go on.
+/// Trains a detector on a corpus and writes the model to `out`, a report to `out` with the extension `.json`. Until it is done, the
+/// folder `out` with the extension `.checkpoint` contains what a killed training needs to resume.
 ///
-/// Learns from the scenarios on the training and validation sides (nothing is decided during training) and is judged
-/// on the test side.
+/// Trains on the scenarios of the training and validation sides (no decisions are made during training) and evaluates on the test
+/// side.
 pub fn train_detector(
     corpus: &Corpus,
     out: &Path,
@@ -133,7 +133,7 @@ pub fn train_detector(
     Ok(report)
 }
 
-/// Sees to it that the model can be written and that nobody else makes it, before the training.
+/// Checks that the model can be written and that nobody else makes it, before the training.
 fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     let refused = |message: String| Error::Run {
         path: out.to_owned(),

@@ -1,4 +1,4 @@
-//! Samples as the networks read them, and batches of them as tensors.
+//! Samples in the networks' input form, and batches of them as tensors.
 
 use burn::tensor::{Device, Tensor, TensorData};
 use rand::RngExt;
@@ -133,7 +133,7 @@ pub fn draw(from: &[usize], size: usize, random: &mut ChaCha12Rng) -> Vec<usize>
         .collect()
 }
 
-/// Mean absolute percentage error of pairs of prediction and truth; `None` without any.
+/// Mean absolute percentage error of pairs of prediction and truth; `None` if there are none.
 pub fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
     let errors: Vec<f64> = pairs
         .map(|(predicted, truth)| f64::from((predicted - truth).abs() / truth))

@@ -1,4 +1,4 @@
-//! What can go wrong while training, evaluating or reporting.
+//! Errors of training, evaluation and reports.
 
 use std::path::PathBuf;
 
@@ -8,7 +8,7 @@ pub enum Error {
     /// A corpus cannot be read, or a result not written.
     #[error(transparent)]
     Dataset(#[from] dataset::Error),
-    /// The corpus cannot be learned from or evaluated on as it is.
+    /// The corpus cannot be used for training or evaluation as it is.
     #[error("corpus {}: {message}", path.display())]
     Corpus {
         /// Folder of the corpus, or of one of its scenarios.
@@ -16,7 +16,7 @@ pub enum Error {
         /// What was expected, what was found, what to do.
         message: String,
     },
-    /// A setting that makes no sense.
+    /// An invalid setting.
     #[error("configuration: {setting} is {found}, expected {expected}")]
     Setting {
         /// Name of the setting with its section.
@@ -26,7 +26,7 @@ pub enum Error {
         /// What is allowed.
         expected: String,
     },
-    /// A training that this machine has no room for.
+    /// A training that does not fit into this machine's memory.
     #[error(
         "training configuration: {most} asks for most of the {} MiB of memory that this training would take; {} MiB are there. Make it \
          smaller",
@@ -36,9 +36,9 @@ pub enum Error {
     Memory {
         /// The setting that takes the most, with its value.
         most: String,
-        /// Estimate of what is needed, bytes.
+        /// Estimated need, bytes.
         needed_bytes: u64,
-        /// What there is, bytes.
+        /// Available, bytes.
         available_bytes: u64,
     },
     /// A run folder that cannot be used.
@@ -49,7 +49,7 @@ pub enum Error {
         /// What was expected, what was found, what to do.
         message: String,
     },
-    /// Somebody else trains or evaluates there.
+    /// Another process trains or evaluates there.
     #[error("{}: {holder} is at work on it; try again when that has ended", run.display())]
     Held {
         /// Folder of the run.
@@ -57,7 +57,7 @@ pub enum Error {
         /// Who.
         holder: String,
     },
-    /// A test trajectory was trained on, so its errors would say nothing.
+    /// A test trajectory was used for training, so its errors would be meaningless.
     #[error(
         "run {} was trained on trajectory {trajectory}, which corpus {} holds as a test trajectory (scenario {scenario}); \
          evaluate on the corpus it was trained with, or train again with this corpus's split",
@@ -89,7 +89,7 @@ pub enum Error {
     Report {
         /// Plot or page.
         what: &'static str,
-        /// The library's own words.
+        /// The library's error.
         message: String,
     },
 }

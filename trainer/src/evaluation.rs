@@ -1,4 +1,4 @@
-//! How good a run is on trajectories that it has never seen: `metrics.json`, `predictions.parquet` and `report.html`.
+//! Accuracy of a run on unseen trajectories: `metrics.json`, `predictions.parquet` and `report.html`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
@@ -32,21 +32,21 @@ pub const ESTIMATORS: [&str; 5] = [
     "mono_pinhole",
 ];
 
-/// Widths of the distance bins that make sense, nautical miles.
+/// Range of sensible widths of the distance bins, nautical miles.
 const BIN_WIDTHS_NM: RangeInclusive<f64> = 0.01..=1_000.0;
 
 /// Settings of an evaluation; saved as `evaluation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct EvaluationConfig {
-    /// Ticks closer to the touchdown target than this do not count, nautical miles. A percentage explodes near zero; the authors'
-    /// code leaves out the last nautical mile.
+    /// Minimum distance to the touchdown target, nautical miles. A percentage explodes near zero; the authors' code leaves out the
+    /// last nautical mile.
     pub min_dtd_nm: f64,
-    /// Ticks farther from the touchdown target than this do not count, nautical miles.
+    /// Maximum distance to the touchdown target, nautical miles.
     pub max_dtd_nm: Option<f64>,
     /// Width of the distance bins, nautical miles.
     pub distance_bin_nm: f64,
-    /// Hash of the detection model; the one of the training if left out.
+    /// Hash of the detection model; by default the training's.
     pub model_hash: Option<String>,
 }
 
@@ -98,8 +98,8 @@ pub struct EstimatorPredictions {
     pub dtd_m: Vec<Option<f64>>,
 }
 
-/// Evaluates a run on the test side of a corpus and adds the results to the run: it is replaced by one that has the same networks and all
-/// results of this evaluation.
+/// Evaluates a run on the test side of a corpus and adds the results to the run, which is replaced by one with the same networks
+/// and all results of this evaluation.
 pub fn evaluate(
     run: &RunFolder,
     corpus: &Corpus,
@@ -171,7 +171,7 @@ pub fn evaluate(
     Ok(metrics)
 }
 
-/// Refuses cameras that the run does not know, and trajectories that it knows too well.
+/// Rejects cameras that the run was not trained for, and trajectories that it was trained on.
 fn check_fit(
     run: &RunFolder,
     corpus: &Corpus,
@@ -212,8 +212,8 @@ fn check_fit(
     }
 }
 
-/// Whether the networks of a run may be asked about these samples: the very same cameras, or, where a sweep jitters or turns them,
-/// the same views of the same rig.
+/// Whether the networks of a run apply to these samples: exactly the same cameras, or, where a sweep jitters or turns them, the
+/// same views of the same rig.
 fn same_rig(run: &RunSummary, samples: &Samples) -> bool {
     if !run.cameras_vary && !samples.cameras_vary {
         let placed = |cameras: &BTreeMap<String, CameraEntry>| -> Vec<_> {
@@ -248,7 +248,7 @@ fn predict_all(
     let device = Device::flex();
     let encoded = Encoded::new(test.iter().copied(), &run.normalisation);
     let (networks, loss) = (&run.networks, run.config.loss);
-    // A network always says something, also of no box at all.
+    // A network always returns something, even without any box.
     let metres = |units: Vec<f32>| {
         units
             .into_iter()
@@ -304,7 +304,7 @@ fn predict_all(
     predictions
 }
 
-/// The predictions of one estimator with what is needed to sort them.
+/// The predictions of one estimator with what is needed to group them.
 pub fn outcomes<'a>(
     samples: &'a Samples,
     test: &[&Sample],

@@ -1,9 +1,9 @@
 //! Algorithm 1 of the paper as a state machine: which views' calibration networks are trained next.
 //!
-//! All views train until every view's error stands still. Views that then lag behind the best one train on alone, with the shared
-//! head frozen, until the errors stand still again. In: a view's error on the validation side at each log entry.
+//! All views train until every view's error stagnates. Views that then lag behind the best one train on alone, with the shared head
+//! frozen, until the errors stagnate again. Input: a view's error on the validation side at each log entry.
 
-/// Number of log entries over which errors must stand still.
+/// Number of log entries over which errors must stagnate.
 const WINDOW: usize = 3;
 
 /// The state.
@@ -30,7 +30,7 @@ impl GapBalance {
         }
     }
 
-    /// Which views are to be optimised.
+    /// Which views are optimised.
     pub fn optimised(&self) -> &[bool] {
         &self.optimised
     }
@@ -40,8 +40,8 @@ impl GapBalance {
         self.optimised.iter().all(|&optimised| optimised)
     }
 
-    /// Takes note of the errors after `steps` more steps, one per view; `None` for a view that cannot be measured, which is
-    /// then never called lagging.
+    /// Records the errors after `steps` more steps, one per view; `None` for a view that cannot be measured, which then never
+    /// counts as lagging.
     pub fn observe(&mut self, steps: usize, errors: &[Option<f64>]) {
         self.steps_since_change += steps;
         self.log.push(errors.to_vec());
@@ -127,7 +127,7 @@ mod tests {
         let mut balance = GapBalance::new(2, 400, 0.1, 0.2);
         observe(&mut balance, 5, 3.0, 1.0);
         assert_eq!(balance.optimised(), [true, false]);
-        // The counter starts again: four more entries are too few, however flat.
+        // The counter restarts: four more entries are too few, however flat.
         observe(&mut balance, 4, 1.1, 1.0);
         assert_eq!(balance.optimised(), [true, false]);
         observe(&mut balance, 1, 1.1, 1.0);

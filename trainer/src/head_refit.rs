@@ -1,22 +1,22 @@
 //! The last linear layer in closed form.
 //!
-//! Once everything before it is fixed, the last layer of a regression is a least-squares problem with one solution. Gradient descent
-//! comes near it only slowly, because the hidden values are strongly correlated; solving it takes off the rest of the error that it
-//! can take off in a fraction of a second.
+//! Once everything before it is fixed, the last layer of a regression is a least-squares problem with one solution. Gradient
+//! descent approaches it only slowly, because the hidden values are strongly correlated; the closed form removes the remaining
+//! error in a fraction of a second.
 
 use burn::module::Param;
 use burn::nn::Linear;
 use burn::tensor::{Device, TensorData};
 
 /// Strength of the ridge, relative to the mean square of the hidden values: enough to keep the solution small where they are
-/// redundant, too little to be seen in the result.
+/// redundant, too little to affect the result.
 const RIDGE: f64 = 1e-9;
 
 /// Accumulates the normal equations of `target = weights . hidden + bias`.
 pub struct HeadRefit {
     /// Hidden values and the constant 1 of the bias.
     width: usize,
-    /// Row-major, symmetric; the upper triangle is kept.
+    /// Row-major, symmetric; the upper triangle is stored.
     normal: Vec<f64>,
     right: Vec<f64>,
 }
@@ -112,7 +112,7 @@ mod tests {
         let device = Device::flex();
         let mut refit = HeadRefit::new(2);
         let hidden = [1.0, 2.0, -1.0, 0.5, 3.0, -2.0, 0.0, 1.0, 9.0, 9.0];
-        // 3 a - 2 b + 0.5, and a last row that is far off but weighs nothing.
+        // 3 a - 2 b + 0.5, and a last row that is far off but has no weight.
         let targets = [-0.5, -3.5, 13.5, -1.5, 1e6];
         refit.add(&hidden, &targets, &[1.0, 1.0, 2.0, 0.5, 0.0]);
         let layer = refit.solve(&device).unwrap();

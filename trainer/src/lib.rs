@@ -1,6 +1,6 @@
-//! Learns the distance to touchdown from boxes in synchronised pictures, and says how good the answer is.
+//! Estimates the distance to touchdown from boxes in synchronised pictures, and evaluates the estimates.
 //!
-//! In: a corpus with labels and detections. Out: a run folder ([`run_folder`]) with networks, formulas, figures and a report.
+//! Input: a corpus with labels and detections. Output: a run folder ([`run_folder`]) with networks, formulas, figures and a report.
 //!
 //! ```text
 //! samples -> normalisation -> (trajectory_mixing) -> calibration_training -> paper_lstm --+
@@ -8,8 +8,8 @@
 //! ```
 //!
 //! The method is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
-//! paper leaves a choice open, the module says which one was taken and why.
-//! [`detector`] is apart from all this: it trains the network that finds the aircraft in the pictures.
+//! paper leaves a choice open, the module states the choice and the reason. [`detector`] is independent of all this: it trains the
+//! network that finds the aircraft in the pictures.
 
 #![forbid(unsafe_code)]
 

@@ -1,7 +1,7 @@
-//! A stacked LSTM that walks over views and keeps what it knows when a view saw nothing.
+//! A stacked LSTM that runs over views and keeps its state when a view saw nothing.
 //!
 //! burn's own `nn::Lstm` multiplies by a hidden state that is zero at the first step, which with two steps is a quarter of all
-//! work, and has no mask. Gates have weights of their own (slicing one large product costs more than four small products in burn's
+//! work, and has no mask. Gates have separate weights (slicing one large product costs more than four small products in burn's
 //! autodiff) and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster here.
 
 use burn::module::Module;
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::dense::linear;
 
-/// One gate: what comes from the input (with bias) and what comes from the last output.
+/// One gate: the input part (with bias) and the part from the last output.
 #[derive(Module, Debug)]
 struct Gate {
     input: Linear,
@@ -69,7 +69,7 @@ impl Layer {
         }
     }
 
-    /// One step; rows that `present` (1 or 0, `[batch, 1]`) masks out keep their state.
+    /// One step; rows masked out by `present` (1 or 0, `[batch, 1]`) keep their state.
     fn step(&self, input: Tensor<2>, state: Option<State>, present: Option<&Tensor<2>>) -> State {
         let last = state.as_ref().map(|state| state.hidden.clone());
         let write = sigmoid(self.input_gate.forward(input.clone(), last.clone()))
@@ -109,7 +109,7 @@ pub struct ViewFeatures {
     pub present: Option<Tensor<2>>,
 }
 
-/// Layers of LSTM, one above the other.
+/// Stacked LSTM layers.
 #[derive(Module, Debug)]
 pub struct StackedLstm {
     layers: Vec<Layer>,

@@ -1,5 +1,5 @@
-//! What a training will take of the memory, estimated before anything is allocated: a file of settings may ask for networks and batches
-//! that no machine holds, and the operating system ends a process that tries, without a word about which setting it was.
+//! Estimates a training's memory before anything is allocated: a settings file may request networks and batches that do not fit
+//! into any machine, and the operating system kills such a process without naming the setting.
 
 use std::fmt::Debug;
 
@@ -10,25 +10,25 @@ use crate::samples::Sample;
 
 /// A number of a network, bytes.
 const NUMBER: u64 = 4;
-/// A number that is trained has its gradient, two moments of Adam and the copies of one step beside it.
+/// A trainable number also has its gradient, two moments of Adam and the copies of one step.
 const TRAINED_NUMBER: u64 = 8 * NUMBER;
 /// Numbers that the backward pass keeps per unit of a linear layer and sample, with their gradients.
 const KEPT_PER_UNIT: u64 = 8;
 /// The same per unit of an LSTM layer: four gates, two states.
 const KEPT_PER_LSTM_UNIT: u64 = 48;
-/// Samples that are predicted at once without a backward pass.
+/// Samples predicted at once without a backward pass.
 const CHUNK: u64 = 2_048;
 
-/// How many samples there are.
+/// The numbers of samples.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct SampleCounts {
-    /// To learn from, without mixtures.
+    /// For training, without mixtures.
     pub(crate) training: usize,
     /// On the validation side, or to be evaluated.
     pub(crate) judged: usize,
 }
 
-/// One thing that takes memory, and the setting that says how much.
+/// One consumer of memory, and the setting that determines how much.
 struct Part {
     setting: String,
     bytes: u64,
@@ -41,7 +41,7 @@ struct Stage {
     batch: Part,
 }
 
-/// Refuses a training that takes more memory than there is.
+/// Rejects a training that needs more memory than available.
 pub(crate) fn check(config: &TrainConfig, views: usize, samples: SampleCounts) -> Result<()> {
     check_against(config, views, samples, dataset::memory::available().bytes)
 }
@@ -54,7 +54,7 @@ fn check_against(
 ) -> Result<()> {
     let stages = stages(config, views as u64, samples);
     let data = data(config, views as u64, samples);
-    // Networks of earlier stages stay, without what training adds to them.
+    // Networks of earlier stages stay, without the overhead of training.
     let stay = stages.iter().fold(data.bytes, |sum, stage| {
         sum.saturating_add(stage.numbers.saturating_mul(NUMBER))
     });
@@ -76,7 +76,7 @@ fn check_against(
 fn data(config: &TrainConfig, views: u64, samples: SampleCounts) -> Part {
     let training = samples.training as u64;
     let filled = config.augmentation.fill_up_to_samples as u64;
-    // Alone and together.
+    // Single-view and joint samples.
     let learned = 2 * training.max(filled);
     let boxes = views * size_of::<Option<dataset::pixel_box::PixelBox>>() as u64;
     let encoded = views * (BOX_FEATURES as u64 * NUMBER + 1) + NUMBER;
@@ -149,7 +149,7 @@ fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [Stage; 3]
     [calibration, estimator, mono]
 }
 
-/// `kept`: numbers per sample of a batch; `judging`: numbers that judging all samples takes.
+/// `kept`: numbers per sample of a batch; `judging`: numbers for evaluating all samples.
 fn stage(
     name: &str,
     layers: impl Debug,

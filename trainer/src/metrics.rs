@@ -1,7 +1,7 @@
 //! `metrics.json`: percentage errors on the test side.
 //!
 //! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all samples, not n - 1). *Dual* are
-//! the samples that two or more views saw, *combination* those that at least one saw. What cannot be computed is `null`.
+//! the samples that two or more views saw, *combination* those that at least one saw. Figures that cannot be computed are `null`.
 
 use std::collections::BTreeMap;
 
@@ -63,20 +63,20 @@ pub struct SideCount {
     pub scenarios: usize,
     /// Trajectories.
     pub trajectories: usize,
-    /// Ticks that at least one view saw, within the distances evaluated (test) or learned from (the others).
+    /// Ticks that at least one view saw, within the distances evaluated (test) or trained on (the others).
     pub samples: usize,
 }
 
-/// What was split how.
+/// How the samples were split.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SplitSummary {
-    /// What is never parted: `trajectory`.
+    /// The unit that is kept together: `trajectory`.
     pub by: String,
-    /// Networks learned from these.
+    /// For training.
     pub train: SideCount,
-    /// Decisions looked at these.
+    /// For decisions during training.
     pub validation: SideCount,
-    /// All figures are of these.
+    /// For all figures.
     pub test: SideCount,
     /// Smallest distance to touchdown that was evaluated, nautical miles.
     pub min_dtd_nm: f64,
@@ -89,14 +89,14 @@ pub struct SplitSummary {
 pub struct Metrics {
     /// The split.
     pub split: SplitSummary,
-    /// Boxes of the test side that were left out, because the training side has none of such a place or size.
+    /// Boxes of the test side that were ignored because the training side has none at such a position or of such a size.
     #[serde(default)]
     pub disbelieved_boxes: usize,
     /// Figures by name of the estimator.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }
 
-/// One prediction with what is needed to sort it.
+/// One prediction with what is needed to group it.
 #[derive(Debug, Clone, Copy)]
 pub struct Outcome<'a> {
     /// Truth, metres.
@@ -112,7 +112,7 @@ pub struct Outcome<'a> {
 }
 
 impl Outcome<'_> {
-    /// Signed percentage error: positive if the prediction is too far. None where it is no finite number.
+    /// Signed percentage error: positive if the prediction is too far. None where it is not finite.
     pub fn signed_error_pct(&self) -> Option<f64> {
         let error_pct = (self.predicted_m? - self.dtd_m) / self.dtd_m * 100.0;
         Some(error_pct).filter(|error| error.is_finite())
@@ -140,7 +140,7 @@ impl ErrorFigures {
             .map(|error| (error - mean).powi(2))
             .sum::<f64>()
             / count;
-        // Of errors beyond all measure not even the mean is a number.
+        // For extremely large errors even the mean is not finite.
         let finite = |value: f64| Some(value).filter(|value| value.is_finite());
         Self {
             mape_pct: finite(mean),
@@ -196,7 +196,7 @@ impl EstimatorMetrics {
     }
 }
 
-/// Bins at most. Where `bin_nm` would give more, bins are a whole number of times as wide.
+/// Maximum number of bins. If `bin_nm` would give more, bins are an integer number of times as wide.
 const MOST_BINS: f64 = 200.0;
 
 /// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest to that of the farthest.

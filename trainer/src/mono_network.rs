@@ -1,4 +1,4 @@
-//! The monoscopic baseline as a network: one view's box to distance, each view by itself, averaged over the views that saw it.
+//! The monoscopic baseline as a network: one view's box to distance, each view separately, averaged over the views that saw it.
 
 use burn::module::Module;
 use burn::optim::GradientsParams;

@@ -1,10 +1,10 @@
-//! Box features as the networks see them: centre and size, shifted and scaled per camera.
+//! Box features in the networks' form: centre and size, shifted and scaled per camera.
 //!
 //! Offsets and scales are mean and standard deviation over the training side only, so that nothing of validation or test leaks in.
 //! Distances are in units of 10 NM.
 //!
-//! The training side also says which boxes are unusual: nowhere near where an aircraft was ever boxed, or of a size that none ever had.
-//! An estimator can know without any truth that it should not believe such a box.
+//! The training side also determines which boxes are outliers: far from any box of the training side, or of a very different size.
+//! An estimator can ignore such a box without knowing the truth.
 
 use dataset::pixel_box::PixelBox;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::samples::Sample;
 
-/// Distance that the networks call 1, metres.
+/// The networks' unit of distance, metres.
 pub const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
 /// Number of features of a box: centre x, centre y, width, height.
 pub const BOX_FEATURES: usize = 4;
@@ -26,13 +26,13 @@ pub struct Normalisation {
     pub offset_px: Vec<[f64; BOX_FEATURES]>,
     /// Per view, of centre x, centre y, width, height; pixels.
     pub scale_px: Vec<[f64; BOX_FEATURES]>,
-    /// Per view, smallest and largest of centre x, centre y, width, height; pixels. A view that never saw anything has no range and believes
-    /// no box; in runs made before there were ranges all are missing, and every box is believed.
+    /// Per view, smallest and largest of centre x, centre y, width, height; pixels. A view without boxes has no range and rejects
+    /// every box; in older runs all ranges are missing, and every box is accepted.
     #[serde(default)]
     pub range_px: Option<Vec<Option<[[f64; 2]; BOX_FEATURES]>>>,
 }
 
-/// How far outside the range of the training side a box's centre may lie, in parts of the range's extent.
+/// How far outside the range of the training side a box's centre may be, in parts of the range's extent.
 const BEYOND: f64 = 0.25;
 /// How much smaller or larger than any box of the training side a box may be.
 const OTHER_SIZE: f64 = 2.0;
@@ -81,8 +81,8 @@ impl Normalisation {
         }
     }
 
-    /// The sample without the boxes that are unlike any of the training side: in size, and also in place unless the cameras are not
-    /// where those of the training side were (`other_cameras`).
+    /// The sample without the boxes that are unlike any of the training side: in size, and also in position unless the cameras
+    /// differ from those of the training side (`other_cameras`).
     pub fn usual(&self, sample: &Sample, other_cameras: bool) -> Sample {
         let believed = |view: usize, seen: &PixelBox| match &self.range_px {
             None => true,

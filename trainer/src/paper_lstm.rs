@@ -57,7 +57,7 @@ pub struct EstimatorLogEntry {
     pub validation_mape_pct: f64,
 }
 
-/// What the estimator learns from.
+/// The training samples of the estimator.
 pub struct TrainingSets<'a> {
     /// For batches of one view.
     pub alone: &'a Encoded,
@@ -168,7 +168,7 @@ fn kind_weight(selection: ViewSelection, config: &EstimatorConfig) -> f32 {
     }
 }
 
-/// Samples that are predicted at once.
+/// Samples predicted at once.
 const CHUNK: usize = 2_048;
 
 /// Predictions for all samples, units of 10 NM. Networks and device must be without autodiff.

@@ -1,19 +1,19 @@
 //! The monoscopic baseline as a formula: an aircraft of known size looks smaller the farther away it is.
 //!
-//! `range = k S / w` with focal length k, span S and box width w. The camera does not stand at the touchdown target, so the
-//! distance to touchdown is that range less a constant. Both `k S` and the constant are fitted per view on the training side: a
-//! detector's box is not exactly as wide as the span.
+//! `range = k S / w` with focal length k, span S and box width w. The camera is not at the touchdown target, so the distance to
+//! touchdown is that range minus a constant. Both `k S` and the constant are fitted per view on the training side: a detector's box
+//! is not exactly as wide as the span.
 //!
-//! What is noisy is the width, and false boxes make it wrong by any factor. So the fit compares widths, as ratios: the setback is the one
-//! under which `width * range` scatters least about its median, in mean absolute logarithm, and that median is `k S`. However far off,
-//! a few boxes among many move a median by next to nothing; under least squares of the predicted distance, in which the width is a
+//! The noise is in the width, and false boxes make it wrong by any factor. So the fit compares widths, as ratios: the setback is
+//! the one for which `width * range` scatters least about its median, in mean absolute logarithm, and that median is `k S`. However
+//! far off, a few boxes among many hardly move a median; under least squares of the predicted distance, in which the width is a
 //! divisor, one box of a few pixels outweighs a thousand.
 
 use serde::{Deserialize, Serialize};
 
 use crate::samples::Sample;
 
-/// A camera is sought no farther behind the touchdown target than this, or than the farthest place of the training side, metres.
+/// Maximum distance of a camera behind the touchdown target, unless the training side reaches farther, metres.
 const FARTHEST_SETBACK_M: f64 = 20_000.0;
 
 /// The fitted formula of one view: `dtd = focal_times_span / width - setback`.
@@ -21,7 +21,7 @@ const FARTHEST_SETBACK_M: f64 = 20_000.0;
 pub struct Pinhole {
     /// k S, pixel metres.
     pub focal_times_span_px_m: f64,
-    /// How far the camera stands behind the touchdown target, metres.
+    /// Distance of the camera behind the touchdown target, metres.
     pub setback_m: f64,
 }
 
@@ -43,7 +43,7 @@ impl Pinhole {
         if nearest_m >= farthest_m {
             return None;
         }
-        // The camera is behind the nearest place, and not farther behind the target than an approach is long.
+        // The camera is behind the nearest position, and not farther behind the target than an approach is long.
         let setback_m = lowest(
             -nearest_m,
             farthest_m.max(FARTHEST_SETBACK_M),
@@ -90,7 +90,7 @@ fn scatter(seen: &[Seen], setback_m: f64) -> f64 {
     seen.iter().map(apart).sum::<f64>() / seen.len() as f64
 }
 
-/// Where between two ends (themselves left out) a function is lowest: the best of many places, then again between its neighbours.
+/// Minimum of a function between two ends (exclusive): the best of many places, then again between its neighbours.
 fn lowest(from: f64, to: f64, function: impl Fn(f64) -> f64) -> f64 {
     const PLACES: u32 = 40;
     const ROUNDS: u32 = 10;

@@ -1,14 +1,14 @@
-//! How a long training tells its caller where it is, without knowing whether there is a terminal.
+//! Progress reports of a long training to its caller, independent of any terminal.
 
 /// Receives the progress of training and evaluation, for example to draw bars.
 pub trait Progress {
-    /// A new stage begins and will take `total` steps.
+    /// A new stage of `total` steps begins.
     fn begin(&mut self, stage: &str, total: u64);
     /// `done` of the current stage's steps are done; `note` is a short figure such as a validation error, or empty.
     fn advance(&mut self, done: u64, note: &str);
 }
 
-/// Progress that nobody watches.
+/// Ignores all progress.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Silent;
 

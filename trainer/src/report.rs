@@ -1,7 +1,7 @@
-//! `report.html`: everything that a person wants to see of a run, in one file that opens without a network.
+//! `report.html`: the results of a run in one file that opens offline.
 //!
-//! The page is a template (`report/report.html`); its plots are SVG, drawn by [`plots`] and put into it. Figures of the paper stand
-//! beside ours where it has them (its table 3).
+//! The page is a template (`report/report.html`); its plots are SVG, drawn by [`plots`] and inserted into it. Figures of the paper
+//! are shown next to ours where it has them (its table 3).
 
 mod plots;
 mod tables;
@@ -20,7 +20,7 @@ use crate::samples::{Sample, Samples};
 
 const TEMPLATE: &str = include_str!("report/report.html");
 
-/// What is known of an estimator by its name.
+/// Properties of an estimator, by its name.
 struct Description {
     name: &'static str,
     title: &'static str,

@@ -1,4 +1,4 @@
-//! The folder that a training leaves behind, from which its estimators can be used again.
+//! The output folder of a training, from which its estimators can be loaded again.
 //!
 //! ```text
 //! run/
@@ -12,7 +12,7 @@
 //!   MANIFEST.b3  DONE.json      the seal, as a scenario has it
 //! ```
 //!
-//! It appears and is replaced as a whole ([`crate::run_place`]), and what is read of it has the hash that was sealed.
+//! It appears and is replaced as a whole ([`crate::run_place`]), and every file is checked against the sealed hash when it is read.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ impl RunFolder {
     pub(crate) const PREDICTIONS: &str = "predictions.parquet";
     pub(crate) const REPORT: &str = "report.html";
 
-    /// What a training writes.
+    /// The files of a training.
     pub(crate) const TRAINED: [&str; 6] = [
         Self::CONFIG,
         Self::SUMMARY,
@@ -74,7 +74,7 @@ impl RunFolder {
         Self::CONVERGENCE,
     ];
 
-    /// Everything that a run may hold.
+    /// All files that a run may contain.
     pub const FILES: [&str; 12] = [
         Self::CONFIG,
         Self::SUMMARY,
@@ -90,7 +90,7 @@ impl RunFolder {
         DONE,
     ];
 
-    /// The folder beside a run in which it is made and replaced.
+    /// The folder next to a run in which it is built and replaced.
     pub fn place_beside(run: &Path) -> PathBuf {
         crate::run_place::beside(run)
     }
@@ -151,19 +151,19 @@ impl RunFolder {
     }
 }
 
-/// What a training was made from (`run.json`).
+/// The inputs of a training (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunSummary {
     /// Version of this software.
     pub dtd: String,
-    /// Hash of the detection model whose boxes were learned from.
+    /// Hash of the detection model whose boxes were used for training.
     pub model_hash: String,
-    /// Name of the rig; missing in runs made before there were jittered cameras.
+    /// Name of the rig; missing in runs from before jittered cameras.
     #[serde(default)]
     pub rig: Option<String>,
-    /// The cameras by view, of the first scenario if they vary. The networks know these and no others.
+    /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
     pub cameras: BTreeMap<String, CameraEntry>,
-    /// Whether other scenarios had the cameras of the rig in other places or turned elsewhere.
+    /// Whether other scenarios had cameras of the rig in other positions or directions.
     #[serde(default)]
     pub cameras_vary: bool,
     /// Trajectories on the training side.
@@ -172,7 +172,7 @@ pub struct RunSummary {
     pub validation_trajectories: BTreeSet<String>,
     /// Samples on the training side, as recorded.
     pub training_samples: usize,
-    /// Boxes of the training side that do not hold the aircraft and were left out.
+    /// Boxes of the training side that do not contain the aircraft and were ignored.
     #[serde(default)]
     pub false_training_boxes: usize,
     /// Samples that were mixed from them.
@@ -199,7 +199,7 @@ pub struct Convergence {
 pub struct Baselines {
     /// Identifiers of the views.
     pub views: Vec<String>,
-    /// `mono_pinhole`, per view; `null` for a view that saw too little.
+    /// `mono_pinhole`, per view; `null` for a view with too few boxes.
     pub pinholes: Vec<Option<Pinhole>>,
     /// `triangulation`, per view.
     pub centre_offsets: Vec<CentreOffset>,
@@ -242,7 +242,7 @@ impl Networks {
 pub struct TrainedRun {
     /// Settings.
     pub config: TrainConfig,
-    /// What it was made from.
+    /// Its inputs.
     pub summary: RunSummary,
     /// Features.
     pub normalisation: Normalisation,
@@ -255,7 +255,7 @@ pub struct TrainedRun {
 }
 
 impl TrainedRun {
-    /// Writes all files into a folder that is there.
+    /// Writes all files into an existing folder.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
         write_json_unsynced(&folder.config_path(), &self.config)?;
         write_json_unsynced(&folder.normalisation_path(), &self.normalisation)?;
@@ -265,7 +265,7 @@ impl TrainedRun {
         Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
     }
 
-    /// Puts the run into a place that is ours, as a whole.
+    /// Puts the run into a place that we hold, as a whole.
     pub(crate) fn commit(&self, place: RunPlace) -> Result<()> {
         let new = place.begin()?;
         self.write(&new)?;
@@ -273,8 +273,8 @@ impl TrainedRun {
         place.commit(&config_hash)
     }
 
-    /// All networks in the format of Safetensors. The same numbers give the same bytes: of several entries, the library writes the metadata
-    /// in an order that differs from process to process.
+    /// All networks in the format of Safetensors. The same numbers give the same bytes: with several entries, the library writes
+    /// the metadata in an order that varies between processes.
     fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
         let fault = |error: SafetensorsStoreError| Error::Run {
             path: folder.weights_path(),
@@ -287,12 +287,12 @@ impl TrainedRun {
         store.get_bytes().map_err(fault)
     }
 
-    /// Reads a run whose files are those that were sealed.
+    /// Reads a run whose files match their seal.
     pub fn load(folder: &RunFolder) -> Result<Self> {
         Self::of(&SealedRun::read(folder)?)
     }
 
-    /// The run that these files hold.
+    /// The run in these files.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
         let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;
         config.check()?;

@@ -1,4 +1,4 @@
-//! The place of a run: where it is made, and how it gets there as a whole.
+//! The location of a run: where it is built, and how it is replaced atomically.
 //!
 //! ```text
 //! RUN             the run that counts
@@ -8,9 +8,9 @@
 //!   old/          the run that it replaces, on its way out
 //! ```
 //!
-//! A run is made in `new/` and sealed like a scenario (`MANIFEST.b3`, then `DONE.json`). With the seal the change is decided: `RUN` moves to
-//! `old/`, `new/` to `RUN`, and `old/` goes. Whoever takes the claim next completes a decided change and drops one that is not. An
-//! evaluation, too, makes a whole run: the training's files, and its own beside them.
+//! A run is built in `new/` and sealed like a scenario (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves
+//! to `old/`, `new/` to `RUN`, and `old/` is deleted. The next holder of the claim completes a committed change and drops an
+//! uncommitted one. An evaluation, too, builds a complete run: the training's files, and its own.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -28,10 +28,10 @@ const BESIDE: &str = ".partial";
 const CLAIM: &str = "claim";
 const NEW: &str = "new";
 const OLD: &str = "old";
-/// As many strange files are named in a refusal.
+/// Maximum number of foreign files named in an error.
 const MOST_NAMED: usize = 20;
 
-/// A run's place, ours alone until this is dropped.
+/// A run's location, locked until this is dropped.
 #[derive(Debug)]
 pub(crate) struct RunPlace {
     run: PathBuf,
@@ -40,12 +40,12 @@ pub(crate) struct RunPlace {
 }
 
 impl RunPlace {
-    /// Takes the place of a run that is to be made; what lies there must be a run, or nothing.
+    /// Takes the location of a new run; it must be empty or contain a run.
     pub(crate) fn take(run: &RunFolder) -> Result<Self> {
         Self::take_if(run, |_| true)
     }
 
-    /// Takes the place of a run that is there.
+    /// Takes the location of an existing run.
     pub(crate) fn take_existing(run: &RunFolder) -> Result<Self> {
         let root = run.root();
         let is_there = |run: &Path| {
@@ -88,7 +88,7 @@ impl RunPlace {
         Ok(place)
     }
 
-    /// The run that counts now.
+    /// The current run.
     pub(crate) fn run(&self) -> RunFolder {
         RunFolder::at(&self.run)
     }
@@ -100,7 +100,7 @@ impl RunPlace {
         Ok(RunFolder::at(&new))
     }
 
-    /// Puts the new run, all of whose files are written, into its place.
+    /// Moves the new, completely written run into place.
     pub(crate) fn commit(self, config_hash: &str) -> Result<()> {
         seal::seal_folder(&self.new_run(), config_hash)?;
         self.put_in_place().inspect_err(|_| {
@@ -119,11 +119,11 @@ impl RunPlace {
         self.beside.join(OLD)
     }
 
-    /// Completes what a killed process had decided, and drops what it had not.
+    /// Completes what a killed process had committed, and drops what it had not.
     fn recover(&self) -> Result<()> {
         let (new, old) = (self.new_run(), self.old_run());
         let is_decided = new.is_dir() && seal::read_seal(&new)?.is_some();
-        // Of a run on its way out, run.json goes first.
+        // When a run is deleted, run.json goes first.
         let old_is_whole = old.join(RunFolder::SUMMARY).is_file();
         if old_is_whole && !is_decided && is_vacant(&self.run) {
             rename(&old, &self.run)?;
@@ -149,7 +149,7 @@ impl RunPlace {
 
     fn put_in_place(&self) -> Result<()> {
         if !is_vacant(&self.run) {
-            // Somebody may have put something there since it was looked at.
+            // Something may have been put there since the check.
             self.refuse_other_content()?;
             rename(&self.run, &self.old_run())?;
         }
@@ -157,13 +157,13 @@ impl RunPlace {
         remove_run(&self.old_run())
     }
 
-    /// Refuses a folder that holds anything but a run: it will be replaced as a whole.
+    /// Rejects a folder that contains anything but a run: it will be replaced as a whole.
     fn refuse_other_content(&self) -> Result<()> {
         refuse_strangers(&self.run, &RunFolder::FILES, "is no run:")?;
         let is_run = is_vacant(&self.run) || self.run.join(RunFolder::SUMMARY).is_file();
         match is_run {
             true => Ok(()),
-            // Whatever it holds, it was not made by a training that ended.
+            // Whatever it contains, it is not a finished training.
             false => refuse_strangers(&self.run, &[], "has no run.json, so it is no run:"),
         }
     }
@@ -172,14 +172,14 @@ impl RunPlace {
 impl Drop for RunPlace {
     fn drop(&mut self) {
         let new = self.new_run();
-        // What is decided is completed by whoever comes next. What cannot be removed is removed then, too.
+        // The next holder completes a committed change, and removes then what cannot be removed now.
         if new.is_dir() && !new.join(seal::DONE).exists() {
             let _ = fs::remove_dir_all(&new);
         }
     }
 }
 
-/// The folder beside a run in which it is made.
+/// The folder next to a run in which it is built.
 pub(crate) fn beside(run: &Path) -> PathBuf {
     let mut name = run.file_name().unwrap_or_default().to_owned();
     name.push(BESIDE);
@@ -204,7 +204,7 @@ fn cannot_be_made(run: &Path, error: &std::io::Error) -> Error {
     }
 }
 
-/// The path of a run without links on its way; a link to a run is as good as the run.
+/// The path of a run with all links resolved; a link to a run works like the run.
 fn real_path(run: &Path) -> Result<PathBuf> {
     let refused = |message: String| {
         Err(Error::Run {
@@ -215,7 +215,7 @@ fn real_path(run: &Path) -> Result<PathBuf> {
     let real = match fs::canonicalize(run) {
         Ok(real) => real,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            // A link to a run that is just being replaced leads nowhere for a moment.
+            // A link to a run that is just being replaced is dangling for a moment.
             let named = fs::read_link(run).map_or(run.to_owned(), |to| parent_of(run).join(to));
             let Some(name) = named.file_name() else {
                 return refused("is no name for a folder".into());
@@ -263,7 +263,7 @@ fn is_vacant(run: &Path) -> bool {
     }
 }
 
-/// Refuses a folder with anything in it but files and folders of these names.
+/// Rejects a folder with anything in it but files and folders of these names.
 fn refuse_strangers(folder: &Path, known: &[&str], what: &str) -> Result<()> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
@@ -303,7 +303,7 @@ fn rename(from: &Path, to: &Path) -> Result<()> {
     Ok(sync(parent_of(to))?)
 }
 
-/// Removes the files of a run, and its folder if that is all it held.
+/// Removes the files of a run, and its folder if that leaves it empty.
 fn remove_run(run: &Path) -> Result<()> {
     if !run.is_dir() {
         return Ok(());

@@ -1,8 +1,9 @@
 //! From a corpus to samples: one per tick at which at least one view saw the aircraft.
 //!
-//! In: `splits.json`, and per scenario its record, calibration, labelled ticks and one model's detections. Boxes that the picture's edge
-//! cuts off are left out (see [`crate::trusted_boxes`]); of several others of a view at a tick the one with the highest score counts. Ticks past the touchdown target are left out: the distance to
-//! touchdown grows again there. A committed scenario that the split does not know is refused.
+//! Input: `splits.json`, and per scenario its record, calibration, labelled ticks and one model's detections. Boxes cut off by the
+//! picture's edge are ignored (see [`crate::trusted_boxes`]); of the others of a view at a tick the one with the highest score
+//! counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed scenario
+//! that is missing from the split is an error.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,7 +20,7 @@ use dataset::units::METERS_PER_NAUTICAL_MILE;
 use crate::error::{Error, Result};
 use crate::trusted_boxes::{holds_aircraft, is_whole};
 
-/// Nothing on Earth is farther from a runway: half of its circumference, nautical miles.
+/// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
 pub const FARTHEST_NM: f64 = 10_800.0;
 
 const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
@@ -68,7 +69,7 @@ impl Sample {
     }
 }
 
-/// What is needed to know of a scenario besides its samples.
+/// What is known about a scenario besides its samples.
 #[derive(Debug, Clone)]
 pub struct ScenarioSummary {
     /// Identifier.
@@ -85,7 +86,7 @@ pub struct ScenarioSummary {
     pub runway: Runway,
     /// The touchdown target.
     pub touchdown: Geodetic,
-    /// Its cameras, in the order of the views: where this scenario had them.
+    /// Its cameras, in the order of the views, as placed in this scenario.
     pub cameras: Vec<Camera>,
     /// Ticks within the distance range, seen or not.
     pub ticks: usize,
@@ -100,7 +101,7 @@ pub struct Samples {
     pub views: Vec<String>,
     /// The calibration of each view in the first scenario.
     pub calibration: BTreeMap<String, CameraEntry>,
-    /// Whether the cameras of other scenarios are others: jittered or turned.
+    /// Whether the cameras of other scenarios differ: jittered or turned.
     pub cameras_vary: bool,
     /// Name of the rig that they belong to.
     pub rig: String,
@@ -202,7 +203,7 @@ impl Samples {
                 ("along_track_m", labels.along_track_m),
                 ("cross_track_m", labels.cross_track_m),
             ] {
-                // NaN is in no range.
+                // NaN is never in range.
                 if !(-FARTHEST_M..=FARTHEST_M).contains(&value) {
                     return Err(fault(format!(
                         "frames.parquet: tick {}: {column} is {value:?}, expected a distance on Earth, at most {FARTHEST_M} m; label the \
@@ -248,8 +249,8 @@ impl Samples {
             .collect()
     }
 
-    /// The samples of one side with only those boxes that hold the aircraft. This takes the truth, so it is for learning; what is judged
-    /// has to live with the boxes as they are.
+    /// The samples of one side with only those boxes that contain the aircraft. This uses the truth, so it is for training;
+    /// evaluation uses the boxes as they are.
     pub fn with_true_boxes(&self, side: Side) -> Vec<Sample> {
         self.of_side(side)
             .into_iter()
@@ -316,7 +317,7 @@ fn best_detections(
         .collect()
 }
 
-/// The asked model, or the only one that there is.
+/// The requested model, or the only one that there is.
 fn choose_model(
     corpus: &Corpus,
     folders: &[ScenarioFolder],
@@ -353,8 +354,8 @@ struct CommonRig {
     cameras_vary: bool,
 }
 
-/// The rig of all scenarios. Its cameras may be off or turned from scenario to scenario (each scenario's calibration says where they were),
-/// but a network learns one rig: other views, other pictures or another rig are refused.
+/// The rig of all scenarios. Its cameras may be misplaced or turned from scenario to scenario (each scenario's calibration has
+/// them), but a network learns one rig: other views, other picture sizes or another rig are an error.
 fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> {
     let mut first: Option<(CommonRig, String)> = None;
     for folder in folders {
@@ -471,7 +472,7 @@ mod tests {
         let undisturbed = samples.with_true_boxes(Side::Train);
         let recorded: Vec<_> = samples.of_side(Side::Train).into_iter().cloned().collect();
         assert_eq!(undisturbed, recorded, "nothing to leave out yet");
-        // Where a view saw nothing, it now sees something else.
+        // A view that saw nothing now sees something else.
         let mut added = 0;
         for sample in &mut samples.samples {
             for seen in sample.boxes.iter_mut().filter(|seen| seen.is_none()) {

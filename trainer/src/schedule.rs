@@ -4,9 +4,9 @@ use burn::optim::{AdamConfig, ModuleOptimizer};
 
 use crate::config::Optimisation;
 
-/// Part of the steps over which the rate rises.
+/// Share of the steps over which the rate rises.
 const WARM_UP: f64 = 0.02;
-/// Part of the highest rate that is left at the end.
+/// Share of the highest rate that remains at the end.
 const FINAL: f64 = 1e-3;
 
 /// Learning rate of a step: a linear rise, then half a cosine.

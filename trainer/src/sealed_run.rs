@@ -1,4 +1,4 @@
-//! The files of a training, read back only if they are those that the training wrote.
+//! The files of a training, read back only if they match the seal.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use crate::run_folder::RunFolder;
 /// Any file of a run. The largest are the weights.
 const RUN_FILE: FileKind = FileKind::new("file of a run", 4 << 30).unlinked();
 
-/// The files of a training as they were sealed, in memory.
+/// The sealed files of a training, in memory.
 pub(crate) struct SealedRun {
     root: PathBuf,
     /// Hash of the settings.
@@ -24,7 +24,7 @@ pub(crate) struct SealedRun {
 }
 
 impl SealedRun {
-    /// Reads the files that a training wrote; refuses those that are not what was sealed.
+    /// Reads the files that a training wrote; rejects those that do not match the seal.
     pub(crate) fn read(folder: &RunFolder) -> Result<Self> {
         let root = folder.root();
         let fault = |message: String| Error::Run {

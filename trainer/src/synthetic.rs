@@ -1,8 +1,9 @@
-//! A corpus without videos, made from geometry: what a perfect simulator and a noisy detector would leave on disk.
+//! A corpus without videos, made from geometry: the output of a perfect simulator and a noisy detector.
 //!
-//! For tests, and for working on the trainer before there are recordings (`cargo run --release -p trainer --example
-//! synthetic_corpus -- FOLDER`). The aircraft is a box of a B737-800's span and height around its centre of gravity, on approach
-//! to Changi 02L, seen by the rig `wide-baseline`. Nothing of this enters a real training.
+//! For tests, and for working on the trainer before there are recordings
+//! (`cargo run --release -p trainer --example synthetic_corpus -- FOLDER`). The aircraft is a box of a B737-800's span and height
+//! around its centre of gravity, on approach to Changi 02L, seen by the rig `wide-baseline`. None of this is used in a real
+//! training.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -55,7 +56,7 @@ pub struct SyntheticCorpus {
     pub size_noise_px: f64,
     /// Chance that a view misses the aircraft at a tick.
     pub miss_ratio: f64,
-    /// Every scenario's cameras are turned by up to so much to either side, degrees.
+    /// Every scenario's cameras are turned by up to this much to either side, degrees.
     pub turned_deg: f64,
     /// Lens and air of all cameras.
     pub imaging: Imaging,
@@ -64,7 +65,7 @@ pub struct SyntheticCorpus {
 }
 
 impl SyntheticCorpus {
-    /// As many scenarios and ticks as the demo has.
+    /// As many scenarios and ticks as the demo.
     pub fn demo() -> Self {
         Self {
             train: 7,
@@ -340,7 +341,7 @@ fn normal(random: &mut ChaCha12Rng) -> f64 {
     radius * (TAU * random.random::<f64>()).cos()
 }
 
-/// Changi 02L, as the reference sweep has it.
+/// Changi 02L, as in the reference sweep.
 fn changi_02l() -> Runway {
     Runway {
         airport: "WSSS".into(),
@@ -374,7 +375,7 @@ fn wide_baseline(runway: &Runway) -> [(&'static str, CameraPose); 2] {
             hfov_deg: 10.0,
         }
     };
-    // Looking back down the approach, the left camera's way to the axis is to its left.
+    // Looking back down the approach, the axis is to the left camera's left.
     [
         ("left", placed(-300.0, -5.3)),
         ("right", placed(300.0, 5.3)),

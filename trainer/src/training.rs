@@ -26,12 +26,12 @@ use crate::samples::{DistanceRange, Sample, Samples};
 use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
 
-/// What a training came to.
+/// The result of a training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainOutcome {
     /// The run folder.
     pub run: RunFolder,
-    /// What it was made from.
+    /// Its inputs.
     pub summary: RunSummary,
     /// Error of `paper_lstm` on the validation side at the end, percent.
     pub validation_mape_pct: f64,
@@ -55,9 +55,8 @@ impl Stream {
     }
 }
 
-/// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and puts the run into `out`, as a whole
-/// and only if all went well. Nothing else can be made there meanwhile.
-/// The same corpus, configuration and machine give the same weights.
+/// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`, as a
+/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights.
 pub fn train(
     corpus: &Corpus,
     out: &Path,
@@ -211,7 +210,7 @@ fn side_with_samples<'a>(
     Ok(found)
 }
 
-/// Samples as an estimator gets them; those without a box that it would believe are left out.
+/// Samples as an estimator sees them; those without a trusted box are left out.
 fn usual_samples(normalisation: &Normalisation, samples: &[&Sample]) -> Vec<Sample> {
     samples
         .iter()
@@ -220,7 +219,7 @@ fn usual_samples(normalisation: &Normalisation, samples: &[&Sample]) -> Vec<Samp
         .collect()
 }
 
-/// Mixtures for views alone, and for all views together.
+/// Mixtures for single views, and for all views together.
 fn mixed_samples(
     samples: &Samples,
     training: &[&Sample],

@@ -1,12 +1,13 @@
-//! More training samples than were flown: geometrically exact mixtures of the training trajectories.
+//! Additional training samples: geometrically exact mixtures of the training trajectories.
 //!
-//! A handful of approaches covers the corridor with a handful of lines, and a network is free to invent what lies between them. So
-//! two training trajectories are mixed: at the same distance along the course, the new one lies `part` of the way from the first
-//! to the second, sideways and in height, and a few metres further at random ([`Corridor`]). The detected boxes of the first are moved by exactly as many pixels as the projection
-//! of the aircraft's position moves, and scaled by the change in range; what the detector did wrong at that tick stays in them.
+//! A handful of approaches covers the corridor with a handful of lines, and a network may invent what is between them. So two
+//! training trajectories are mixed: at the same distance along the course, the new one is `part` of the way from the first to the
+//! second, sideways and in height, plus a few random metres ([`Corridor`]). The detected boxes of the first are moved by exactly as
+//! many pixels as the projection of the aircraft's position moves, and scaled by the change in range; the detector's errors at that
+//! tick stay in them.
 //!
-//! This needs the calibration of the cameras, and it needs it in training only: the networks never see it. Mixed samples never
-//! come from, and never enter, the validation or the test side.
+//! This needs the calibration of the cameras, but only in training: the networks never see it. Mixed samples never come from, and
+//! never enter, the validation or the test side.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;
@@ -18,7 +19,7 @@ use rand_chacha::ChaCha12Rng;
 use crate::samples::{Sample, ScenarioSummary};
 use crate::trusted_boxes::is_whole;
 
-/// Where a trajectory is across the course, as a function of the distance along it.
+/// Position of a trajectory across the course, as a function of the distance along it.
 struct Track {
     /// Along-track, cross-track, altitude above mean sea level; metres, sorted by the first.
     points: Vec<[f64; 3]>,
@@ -49,19 +50,19 @@ impl Track {
     }
 }
 
-/// How far mixed samples may lie from what was flown.
+/// How far mixed samples may deviate from the flown paths.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Corridor {
     /// Beyond the two trajectories that are mixed, in parts of their separation.
     pub extrapolation: f64,
-    /// Beside and above what is between them, metres, whatever their separation. Flights that an autopilot holds on the axis are separated
-    /// by less than a metre, and a corridor of some multiple of that holds no gust.
+    /// Sideways and vertically, metres, whatever their separation. Flights that an autopilot holds on the axis are separated by
+    /// less than a metre, and a corridor of some multiple of that contains no gust.
     pub deviation_m: f64,
 }
 
 impl Corridor {
-    /// Draws a deviation sideways and in height. A wide one is drawn as often as a narrow one, so that most samples lie near the middle,
-    /// where most flights do.
+    /// Draws a deviation sideways and in height. A wide one is drawn as often as a narrow one, so that most samples are near the
+    /// middle, where most flights are.
     fn deviation_m(&self, random: &mut ChaCha12Rng) -> [f64; 2] {
         let widest = self.deviation_m * random.random_range(0.0..=1.0);
         [(); 2].map(|()| widest * random.random_range(-1.0..=1.0))
@@ -86,7 +87,7 @@ pub fn mix(
         }
     }
     let mut mixed = Vec::with_capacity(count);
-    // Near the ends of the flown distances some draws have no partner: these are drawn again, but not for ever.
+    // Near the ends of the flown distances some draws have no partner: these are redrawn, up to a limit.
     for _ in 0..count.saturating_mul(4) {
         if mixed.len() == count || training.is_empty() {
             break;
@@ -117,10 +118,10 @@ pub fn mix(
     mixed
 }
 
-/// An aircraft flies about this far in one second, metres: the spacing of ticks at the lowest usual frame rate.
+/// Distance flown in one second, approximately, metres: the spacing of ticks at the lowest usual frame rate.
 const SPACING_M: f64 = 75.0;
 
-/// The sample as it would have been seen elsewhere; `None` if no view would see it or it is not before the target.
+/// The sample as seen from the new position; `None` if no view would see it or it is not before the target.
 fn moved(
     sample: &Sample,
     scenario: &ScenarioSummary,
@@ -216,7 +217,7 @@ mod tests {
             for (seen, camera) in sample.boxes.iter().zip(cameras) {
                 let Some(seen) = seen else { continue };
                 let expected = crate::synthetic::perfect_box(camera, sample.position.to_ecef());
-                // Boxes of this stand-in are centred on the projected position but for a part of their height.
+                // These synthetic boxes are centred on the projected position, except for a part of their height.
                 assert!(
                     (seen.cx_px - expected.cx_px).abs() < 1e-6,
                     "{seen:?} {expected:?}"

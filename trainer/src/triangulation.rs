@@ -1,10 +1,11 @@
-//! The geometric answer: with known cameras, the point nearest to the rays through the box centres.
+//! The geometric solution: with known cameras, the point nearest to the rays through the box centres.
 //!
-//! Needs two views; a tick that one view missed gets no answer, and the number of samples says so. A box's centre is not the centre
-//! of gravity: tail and gear pull it up or down by a part of the box's size, and a detector may be off by a constant. Both are
+//! Needs two views; a tick that one view missed gets no answer, which the number of samples shows. A box's centre is not the centre
+//! of gravity: tail and gear shift it up or down by a part of the box's size, and a detector may have a constant bias. Both are
 //! corrected by a fit on the training side: per view and axis, `offset = constant + part * size`.
 //!
-//! A detector also finds things that are no aircraft: boxes of two things give rays that do not meet, which is no answer either.
+//! A detector also finds things other than aircraft: rays through boxes of different things do not meet, and then there is no
+//! answer either.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;
@@ -18,7 +19,7 @@ use crate::trusted_boxes::centre_and_size;
 /// Rays that pass each other farther than this are not of one aircraft, metres: its length.
 const MEET_WITHIN_M: f64 = 40.0;
 
-/// Where in a view's box the centre of gravity is.
+/// Position of the centre of gravity in a view's box.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct CentreOffset {
     /// Right and down, pixels.
@@ -28,8 +29,8 @@ pub struct CentreOffset {
 }
 
 impl CentreOffset {
-    /// Fits the offset of one view to samples whose boxes hold the aircraft. Each sample weighs by the inverse square of its box's size,
-    /// because a detector's errors grow with it. Too few samples leave the centre where it is.
+    /// Fits the offset of one view to samples whose boxes contain the aircraft. Each sample is weighted by the inverse square of
+    /// its box's size, because a detector's errors grow with it. With too few samples the centre stays where it is.
     pub fn fit(view: usize, scenarios: &[ScenarioSummary], training: &[&Sample]) -> Self {
         let mut fitted = Self::default();
         for axis in 0..2 {
@@ -109,7 +110,7 @@ pub fn nearest_point(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     point
 }
 
-/// Distance to touchdown of a sample, metres; `None` if fewer than two views saw it, or not the same thing.
+/// Distance to touchdown of a sample, metres; `None` if fewer than two views saw it, or if they did not see the same object.
 pub fn predict(
     offsets: &[CentreOffset],
     cameras: &[Camera],
@@ -132,7 +133,7 @@ pub fn predict(
     let mut rays = along(&|camera, pixel| camera.ray(pixel));
     let mut point = nearest_point(&rays)?;
     if cameras.iter().any(|camera| camera.refraction.is_some()) {
-        // How far bent light leads below where it arrives depends on the distance, which the first point says well enough.
+        // The correction for refraction depends on the distance, for which the first solution is accurate enough.
         rays = along(&|camera, pixel| camera.ray_to(pixel, camera.center_ecef_m.distance(point)));
         point = nearest_point(&rays)?;
     }
@@ -256,7 +257,7 @@ mod tests {
             "worst: {exact_m:.6} m; without refraction {no_refraction_m:.6} m, without the lens {no_lens_m:.0} m"
         );
         assert!(exact_m < 0.5, "{exact_m}");
-        // Distance comes from directions to the sides, which bent light leaves alone; a lens does not.
+        // Distance comes from horizontal directions, which refraction does not change; a lens does.
         assert!(
             no_refraction_m < 5.0 && no_lens_m > 100.0,
             "{no_refraction_m} {no_lens_m}"

@@ -1,32 +1,32 @@
-//! Which of a detector's boxes may be learned from, and which are no measurement at all.
+//! Which of a detector's boxes are used for training, and which are no measurement at all.
 //!
-//! A detector also boxes things that are no aircraft, and parts of one that leaves the picture. A few of them in thousands wreck a fit of
-//! squares: such a box is wrong by hundreds of percent where a true one is by one. Two rules keep them out, and every consumer of samples
-//! gets them from [`crate::samples`]:
+//! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the picture. A few of them in thousands
+//! ruin a least-squares fit: such a box is wrong by hundreds of percent where a true one is wrong by one. Two rules keep them out,
+//! and every consumer of samples gets them from [`crate::samples`]:
 //!
-//! - **Whole** needs no truth and holds on all sides: a box that reaches the picture's edge is cut off there, so neither its centre nor
-//!   its size is the aircraft's.
-//! - **Holds the aircraft** needs the truth, so it holds on the training side only.
+//! - **Whole** needs no truth and applies to all sides: a box that touches the picture's edge is cut off there, so neither its
+//!   centre nor its size is the aircraft's.
+//! - **Contains the aircraft** needs the truth, so it applies to the training side only.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;
 use dataset::pixel_box::PixelBox;
 use glam::DVec2;
 
-/// A box that ends this near the picture's edge reaches it, pixels: a detector places an edge that it cannot see within a pixel or two.
+/// A box that ends this near the picture's edge touches it, pixels: a detector places an invisible edge within a pixel or two.
 const EDGE_PX: f64 = 2.0;
 
-/// Whether all of a box, and so all of what it holds, is in the picture.
+/// Whether a box is completely in the picture.
 pub fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
     let [left, top, right, bottom] = seen.edges();
-    // Pixel (0, 0) reaches from -0.5 to 0.5.
+    // Pixel (0, 0) covers -0.5 to 0.5.
     left > EDGE_PX - 0.5
         && top > EDGE_PX - 0.5
         && right < f64::from(camera.width_px) - 0.5 - EDGE_PX
         && bottom < f64::from(camera.height_px) - 0.5 - EDGE_PX
 }
 
-/// Whether a box is the aircraft's, which is at `position`: its centre is within its own size of where the aircraft appears.
+/// Whether a box is that of the aircraft at `position`: its centre is within its own size of where the aircraft appears.
 pub fn holds_aircraft(seen: &PixelBox, camera: &Camera, position: Geodetic) -> bool {
     let (centre, size) = centre_and_size(seen);
     camera

@@ -1,4 +1,4 @@
-//! Which views a mini-batch of the estimator's training may use, so that it also learns to do without the others.
+//! Which views a mini-batch of the estimator's training may use, so that it also learns to work without the others.
 //!
 //! With N views, each is used alone in 1 / (N + 1) of the batches and all together in the rest: thirds for the paper's two views.
 
@@ -20,7 +20,7 @@ pub enum ViewSelection {
 pub struct BatchKind<'a> {
     /// The views that it uses.
     pub selection: ViewSelection,
-    /// Where its samples are.
+    /// Source of its samples.
     pub samples: &'a Encoded,
     /// Which of them it may draw.
     pub from: Vec<usize>,
@@ -32,7 +32,7 @@ pub struct ViewDropout<'a> {
 }
 
 impl<'a> ViewDropout<'a> {
-    /// Views alone draw from the samples of `alone` that they saw, all views together from the samples of `together` that two or
+    /// Single views draw from the samples of `alone` that they saw, all views together from the samples of `together` that two or
     /// more saw. Kinds without samples are left out.
     pub fn new(alone: &'a Encoded, together: &'a Encoded) -> Self {
         let one = |view| BatchKind {
@@ -68,7 +68,7 @@ impl<'a> ViewDropout<'a> {
             .find(|kind| kind.selection == ViewSelection::All)
     }
 
-    /// Draws the kind of the next batch. There must have been samples.
+    /// Draws the kind of the next batch. There must be samples.
     pub fn draw(&self, random: &mut ChaCha12Rng) -> &BatchKind<'a> {
         &self.kinds[random.random_range(0..self.kinds.len())]
     }

@@ -1,4 +1,4 @@
-//! A real training, small enough for seconds: on boxes from geometry, judged on trajectories that were held out.
+//! A real training in seconds: on boxes from geometry, evaluated on held-out trajectories.
 
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
@@ -163,7 +163,7 @@ fn the_same_seed_gives_the_same_weights_and_another_seed_does_not() {
         assert!(first == weights(again, 0), "other bytes in {again}");
     }
     assert!(first != weights("e", 1));
-    // As any other file that this process makes.
+    // Like any other file of this process.
     let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
     let run = RunFolder::at(&folder.path().join("a"));
     let ordinary = folder.path().join("ordinary");
@@ -244,7 +244,7 @@ fn few_steps() -> TrainConfig {
     config
 }
 
-/// A speck that no aircraft on these approaches ever was, yet whole in the picture.
+/// A speck that no aircraft on these approaches ever was, yet completely in the picture.
 fn speck(_: PixelBox) -> PixelBox {
     PixelBox {
         cx_px: 900.0,

@@ -1,4 +1,4 @@
-//! A run is whole or not there: what stands in its place, what ends its making, and what somebody changed in it.
+//! A run is complete or absent: existing files in its place, interruptions, and edited files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +11,7 @@ use tempfile::{TempDir, tempdir};
 use trainer::synthetic::SyntheticCorpus;
 use trainer::{Error, EvaluationConfig, Progress, RunFolder, Silent, TrainConfig, evaluate, train};
 
-/// The method with hardly any learning: a second.
+/// The method with almost no training: a second.
 fn config(seed: u64) -> TrainConfig {
     let mut config = TrainConfig {
         seed,
@@ -134,7 +134,7 @@ fn a_training_that_fails_leaves_the_run_that_was_there() {
         .collect();
     assert!(before == after);
     assert_eq!(names(workshop.folder.path()), ["corpus", "run"]);
-    // And one that succeeds leaves nothing of it: its figures are not those of the new weights.
+    // One that succeeds leaves nothing of it: its figures are not those of the new weights.
     fs::write(&splits, split).unwrap();
     workshop.train("run", 1).unwrap();
     assert!(!run.metrics_path().exists() && !run.report_path().exists());
@@ -179,7 +179,7 @@ fn files_of_another_training_and_edited_ones_are_refused_by_name() {
     }
     assert!(!run.metrics_path().exists());
     workshop.evaluate("run").unwrap();
-    // A result that somebody marked up does not count, and does not matter: it is made again.
+    // An edited result does not count, and does no harm: it is regenerated.
     fs::write(run.report_path(), "my notes").unwrap();
     workshop.evaluate("run").unwrap();
     assert_whole(run.root());
@@ -194,7 +194,7 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
     let first = workshop.train("first", 0).unwrap();
     let second = workshop.train("second", 1).unwrap();
     let half: &[&str] = &["config.json", "weights.safetensors"];
-    // What a kill leaves in RUN, RUN.partial/new and RUN.partial/old, and which of the two runs must come of it.
+    // What a kill leaves in RUN, RUN.partial/new and RUN.partial/old, and which of the two runs must result.
     type Case<'a> = (
         &'a str,
         [Option<&'a RunFolder>; 3],
@@ -263,7 +263,7 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
     }
 }
 
-/// Tells when a training is at work, and holds it there until somebody lets go.
+/// Signals when a training is running, and holds it there until it is released.
 struct Gate {
     at_work: mpsc::Sender<()>,
     go_on: mpsc::Receiver<()>,

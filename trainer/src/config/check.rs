@@ -1,5 +1,5 @@
-//! The ranges of all settings. A file of settings may hold any number that TOML can write; what is outside of these ranges is refused
-//! before anything is computed from it.
+//! The ranges of all settings. A settings file may contain any number that TOML supports; values outside of these ranges are
+//! rejected before anything is computed from them.
 
 use std::ops::RangeInclusive;
 
@@ -13,10 +13,10 @@ const MOST_LAYERS: usize = 64;
 const STEPS: RangeInclusive<usize> = 1..=100_000_000;
 const BATCH_SIZES: RangeInclusive<usize> = 1..=1_000_000;
 const MOST_SAMPLES: usize = 10_000_000;
-/// Entries of a convergence log at most.
+/// Maximum number of entries of a convergence log.
 const MOST_ENTRIES: usize = 100_000;
 const MOST_LEARNING_RATE: f64 = 10.0;
-/// Beyond this, parts, weights and percentages mean nothing.
+/// Beyond this, shares, weights and percentages are meaningless.
 const MOST_RATIO: f64 = 1e6;
 const MOST_DEVIATION_M: f64 = 100_000.0;
 
@@ -105,7 +105,7 @@ impl TrainConfig {
 }
 
 fn number(setting: &'static str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
-    // NaN is in no range.
+    // NaN is never in range.
     if allowed.contains(&found) {
         return Ok(());
     }
@@ -177,7 +177,7 @@ fn log_every(setting: &'static str, found: usize, training: &Optimisation) -> Re
 mod tests {
     use super::*;
 
-    /// The refusal of the demo's settings with these lines changed.
+    /// The error for the demo's settings with these lines changed.
     fn refusal(toml: &str) -> String {
         let config: TrainConfig = serde_json::from_str(toml).unwrap();
         config.check().unwrap_err().to_string()

@@ -1,7 +1,7 @@
-//! A training on disk, so that a killed one goes on.
+//! A training on disk, so that a killed one can resume.
 //!
-//! `<step>.network` and `<step>.optimizer` hold the numbers, `checkpoint.json` says which of them count. It is replaced last and
-//! atomically, so a kill while saving leaves the previous checkpoint.
+//! `<step>.network` and `<step>.optimizer` contain the numbers, `checkpoint.json` says which of them are current. It is replaced
+//! last and atomically, so a kill while saving leaves the previous checkpoint.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,12 +14,12 @@ use serde::{Deserialize, Serialize};
 use super::training::{Training, TrainingConfig};
 use crate::error::{Error, Result};
 
-/// Locked by whoever trains.
+/// Locked by the training process.
 pub(super) const CLAIM: &str = "claim";
 const STATE: &str = "checkpoint.json";
 const PARTS: [&str; 2] = ["network", "optimizer"];
 
-/// Refuses a folder that holds anything but a checkpoint: it goes when the training is done.
+/// Rejects a folder that contains anything but a checkpoint: it is deleted when the training is done.
 pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
     for path in content(folder)? {
         if !is_own(&path) {
@@ -35,7 +35,7 @@ pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Removes the checkpoint of a training that is done.
+/// Removes the checkpoint of a finished training.
 pub(super) fn clear(folder: &Path) -> Result<()> {
     for path in content(folder)? {
         if is_own(&path) {
@@ -68,7 +68,7 @@ fn is_own(path: &Path) -> bool {
     path.is_file() && (is_part || is_state || name == CLAIM)
 }
 
-/// How far a training has come.
+/// Progress of a training.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Position {
     /// Steps of the optimiser.
@@ -151,7 +151,7 @@ impl<'a> Checkpoint<'a> {
         Ok(())
     }
 
-    /// The training of the folder, or the given one if there is none or if it had other settings.
+    /// The training of the folder, or the given one if there is none or if its settings differ.
     pub(super) fn load(&self, mut fresh: Training) -> Result<Training> {
         if !self.state_path().exists() {
             return Ok(fresh);

@@ -1,9 +1,9 @@
-//! Convolutions over feature maps that are kept as rows (one row of channels per cell), for training on a CPU.
+//! Convolutions over feature maps stored as rows (one row of channels per cell), for training on a CPU.
 //!
-//! In: a map `[batch * height * width, channels]`, batch-major, then row-major. Out: the same form.
-//! A 3x3 convolution gathers the nine neighbouring rows with one `select` and multiplies once. Measured against the flex
-//! backend's own `conv2d`, whose weight gradient is a convolution with a kernel as large as the picture, this trains several
-//! times faster; the arithmetic is the same.
+//! Input: a map `[batch * height * width, channels]`, batch-major, then row-major. Output: the same layout. A 3x3 convolution
+//! gathers the nine neighbouring rows with one `select` and multiplies once. This trains several times faster than the flex
+//! backend's own `conv2d`, whose weight gradient is a convolution with a kernel as large as the picture; the arithmetic is the
+//! same.
 
 use std::collections::HashMap;
 
@@ -34,14 +34,14 @@ impl FeatureMap {
         self.with_rows(activation::relu(self.rows.clone()))
     }
 
-    /// Divides every cell by the mean of its channels (all of them >= 0) plus `floor`. What follows then sees the shape of a
-    /// target and not its contrast, which fog varies by a factor of fifty.
+    /// Divides every cell by the mean of its channels (all of them >= 0) plus `floor`. The following layers then see the shape of a
+    /// target and not its contrast, which varies by a factor of fifty in fog.
     pub fn divide_by_mean(&self, floor: f32) -> Self {
         let mean = self.rows.clone().mean_dim(1).add_scalar(floor);
         self.with_rows(self.rows.clone() / mean)
     }
 
-    /// Twice as fine, by repeating cells, plus a map of that size.
+    /// Upsamples by repeating cells, then adds a map of that size.
     pub fn upsample_onto(&self, finer: &Self, tables: &mut GatherTables) -> Self {
         let table = tables.upsample(self);
         finer.with_rows(self.rows.clone().select(0, table) + finer.rows.clone())

@@ -1,7 +1,7 @@
 //! Pictures of a corpus: decoded from its videos, with its true boxes.
 //!
-//! In: a corpus that has been labelled. Out: samples to train with, or whole frames to judge with. Every pixel went through the
-//! codec, as it will when the detector is used.
+//! Input: a labelled corpus. Output: samples for training, or whole frames for evaluation. Every pixel went through the codec, as
+//! it will when the detector is used.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use super::samples::{CROP_SIZES, Samples, size_for_width};
 use super::targets::CropTruth;
 use crate::error::{Error, Result};
 
-/// Whole frames that are kept of every video as background. Clouds and ground stand still in a scenario; lights and rain do not.
+/// Whole frames kept of every video as background. Clouds and ground do not move within a scenario; lights and rain do.
 const BACKGROUNDS_PER_VIDEO: usize = 3;
 
 /// One video of a corpus.
@@ -29,7 +29,7 @@ pub struct Video {
     pub weather: String,
 }
 
-/// A whole frame with what is known of it.
+/// A whole frame with its truth.
 #[derive(Debug, Clone)]
 pub struct JudgedFrame {
     /// The frame; its aircraft if the true boxes have one.
@@ -69,7 +69,7 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
     Ok(videos)
 }
 
-/// Everything that the videos give to learn from.
+/// All training samples of the videos.
 pub fn read_samples(videos: &[Video]) -> Result<Samples> {
     let parts = videos
         .par_iter()
@@ -115,7 +115,7 @@ fn samples_of(video: &Video) -> Result<Samples> {
     Ok(samples)
 }
 
-/// About `count` frames, evenly spread over the videos, for judging.
+/// About `count` frames, evenly spread over the videos, for evaluation.
 pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
     let per_video = count.div_ceil(videos.len().max(1)).max(1);
     let parts = videos
@@ -143,7 +143,7 @@ impl Video {
         Ok(self.scenario.record()?.ticks as usize)
     }
 
-    /// Decodes the video and hands over every frame with its tick and its aircraft, until the receiver says `false`.
+    /// Decodes the video and passes on every frame with its tick and its aircraft, until the receiver returns `false`.
     fn for_each_frame(&self, mut receive: impl FnMut(usize, &Picture) -> bool) -> Result<()> {
         let boxes: HashMap<u32, TruthBox> = self
             .scenario

@@ -1,7 +1,8 @@
-//! Crops of pictures, varied at random: place, size, mirror, light, noise.
+//! Randomly varied crops of pictures: position, size, mirror, light, noise.
 //!
-//! In: a picture and a random number generator. Out: a square of pixel values 0 to 1 and where its aircraft is, exact to a fraction of
-//! a pixel. Half of the crops are not resampled, because interpolated pixels are smoother than those the detector will see.
+//! Input: a picture and a random number generator. Output: a square of pixel values 0 to 1 and the position of its aircraft, exact
+//! to a fraction of a pixel. Half of the crops are not resampled, because interpolated pixels are smoother than those the detector
+//! will see.
 
 use rand::{Rng, RngExt};
 
@@ -12,15 +13,15 @@ use dataset::pixel_box::PixelBox;
 
 /// Share of crops that are resampled to another size.
 const RESAMPLED_SHARE: f64 = 0.5;
-/// Pixels of the picture for one pixel of a resampled crop: less than one enlarges.
+/// Pixels of the picture per pixel of a resampled crop: less than one enlarges.
 const SCALE_RANGE: std::ops::Range<f64> = 0.7..1.2;
-/// How far outside a crop the centre of an aircraft may lie, pixels of the picture.
+/// How far outside a crop the centre of an aircraft may be, pixels of the picture.
 const BEYOND_PX: f64 = 4.0;
 /// Share of crops that get noise, and its largest deviation (of a range of 1).
 const NOISY_SHARE: f64 = 0.3;
 const LARGEST_NOISE: f32 = 1.5 / 255.0;
 
-/// Where a crop lies in its picture.
+/// Position of a crop in its picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
     /// Picture coordinates of the centre of the crop's top-left pixel.
@@ -29,12 +30,12 @@ pub struct Placement {
     pub top_px: f64,
     /// Picture pixels for one pixel of the crop.
     pub scale: f64,
-    /// Whether left and right are exchanged.
+    /// Whether the crop is mirrored left to right.
     pub mirrored: bool,
 }
 
 impl Placement {
-    /// A random place in a picture; if it is `near` an aircraft, one at which the centre of that lies in the crop (now and then just
+    /// A random position in a picture; if `near` an aircraft, one with the aircraft's centre in the crop (occasionally just
     /// outside).
     pub fn random(
         picture: &Picture,

@@ -1,7 +1,8 @@
-//! How good a detector is, on frames that it was not trained on.
+//! Accuracy of a detector on frames that it was not trained on.
 //!
-//! In: a network and whole decoded frames with true boxes. Out: recall, precision and errors of centre and size by width of the aircraft.
-//! Frames are searched as the labeller does (Auto Segmentation, S11): tiles that do not overlap, then a crop centred on each hit.
+//! Input: a network and whole decoded frames with true boxes. Output: recall, precision and errors of centre and size by width of
+//! the aircraft. Frames are processed as in the labeller (Auto Segmentation, S11): non-overlapping tiles, then a crop centred on
+//! each hit.
 
 use std::collections::BTreeMap;
 
@@ -23,18 +24,18 @@ const WIDTH_BINS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, f64::INFINITY];
 /// Two detections closer than this share of their width are the same aircraft.
 const SAME_SHARE: f64 = 0.5;
 
-/// Result of judging a detector.
+/// Result of evaluating a detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// Score from which a peak counts.
+    /// Minimum score of a peak.
     pub threshold: f64,
-    /// Frames that were searched.
+    /// Number of frames.
     pub frames: usize,
-    /// Frames with an aircraft that can be seen.
+    /// Frames with a visible aircraft.
     pub visible: usize,
-    /// Part of those in which it was found.
+    /// Share of those in which it was found.
     pub recall: f64,
-    /// Part of the detections that are the aircraft (seen or barely seen).
+    /// Share of the detections that are the aircraft (visible or barely visible).
     pub precision: f64,
     /// False detections a frame.
     pub false_per_frame: f64,
@@ -44,15 +45,15 @@ pub struct Evaluation {
     pub recall_by_weather: BTreeMap<String, f64>,
 }
 
-/// Errors of aircraft of about one width. Errors are found minus true, pixels; deviations are 1.4826 times the median
-/// absolute deviation, so that a rare slip does not hide the usual error.
+/// Errors of aircraft of similar width. Errors are found minus true, pixels; deviations are 1.4826 times the median absolute
+/// deviation, so that rare outliers do not hide the typical error.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WidthBin {
-    /// Width of the true box up to this, pixels; missing in the last bin.
+    /// Maximum width of the true box, pixels; missing in the last bin.
     pub width_up_to_px: Option<f64>,
-    /// Aircraft that can be seen.
+    /// Number of visible aircraft.
     pub visible: usize,
-    /// Part of them that was found.
+    /// Share of them that was found.
     pub recall: Option<f64>,
     /// Centre, right.
     pub cx_px: Option<Spread>,
@@ -71,11 +72,11 @@ pub struct Spread {
     pub median: f64,
     /// Robust standard deviation.
     pub deviation: f64,
-    /// Root of the mean square, slips included.
+    /// Root of the mean square, outliers included.
     pub rms: f64,
 }
 
-/// Searches all frames and compares with the truth.
+/// Runs the detector on all frames and compares with the truth.
 pub fn evaluate(network: &Network, frames: &[JudgedFrame], threshold: f64) -> Evaluation {
     let outcomes: Vec<Outcome> = frames
         .par_iter()
@@ -120,10 +121,10 @@ pub fn evaluate(network: &Network, frames: &[JudgedFrame], threshold: f64) -> Ev
     }
 }
 
-/// What was found in one frame.
+/// Result for one frame.
 struct Outcome {
     weather: String,
-    /// True box, if it can be seen.
+    /// True box, if visible.
     visible: Option<PixelBox>,
     /// Errors of centre right, centre down, width, height, if it was found.
     error: Option<[f64; 4]>,

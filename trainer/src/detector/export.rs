@@ -1,10 +1,10 @@
-//! The trained network as an ONNX model that anything can run.
+//! Exports the trained network as an ONNX model that any runtime can run.
 //!
-//! In: a network. Out: bytes of a model with
+//! Input: a network. Output: bytes of a model with
 //! - input `images` `[batch, 3, 640, 640]`: RGB, 0 to 1;
-//! - output `output` `[batch, 6400, 6]`: one row per cell of 8x8 px: centre right, centre down, width, height (pixels of the input, pixel
-//!   (0, 0) is the centre of the top-left pixel), objectness 0 to 1, and 1 where the cell is a peak of its neighbourhood, else 0
-//!   (so that objectness times class, as readers of YOLO outputs compute it, is a score that needs hardly any suppression).
+//! - output `output` `[batch, 6400, 6]`: one row per cell of 8x8 px: centre right, centre down, width, height (pixels of the input,
+//!   pixel (0, 0) is the centre of the top-left pixel), objectness 0 to 1, and 1 where the cell is a peak of its neighbourhood,
+//!   else 0 (so that objectness times class, as readers of YOLO outputs compute it, is a score that needs almost no suppression).
 //!
 //! The decoding of `grid` is part of the graph.
 
@@ -54,7 +54,7 @@ pub fn model(network: &Network) -> ModelProto {
     graph.into_model()
 }
 
-/// A graph that grows node by node; values are known by their names.
+/// A graph that grows node by node; values are identified by their names.
 #[derive(Default)]
 struct Graph {
     nodes: Vec<NodeProto>,
@@ -149,7 +149,7 @@ impl Graph {
         self.node("Add", &[&map, finer], vec![])
     }
 
-    /// What `grid::peaks` does, for all cells at once.
+    /// Equivalent of `grid::peaks`, for all cells at once.
     fn decode(&mut self, raw: &str) {
         let cells = INPUT_SIDE_PX / STRIDE_PX;
         let side = cells as i64;
@@ -233,7 +233,7 @@ impl Graph {
         self.node(operator, &[map], attributes)
     }
 
-    /// A weight `[kernel * kernel * channels_in, channels_out]` as ONNX wants it: `[channels_out, channels_in, kernel, kernel]`.
+    /// A weight `[kernel * kernel * channels_in, channels_out]` in ONNX's layout: `[channels_out, channels_in, kernel, kernel]`.
     fn kernel(&mut self, weight: Tensor<2>, side: usize) -> String {
         let [rows, channels_out] = weight.dims();
         let channels_in = rows / (side * side);

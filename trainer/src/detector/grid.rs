@@ -1,8 +1,8 @@
-//! How the numbers of a cell mean a box, and how boxes are read from a whole map.
+//! The encoding of boxes in cells, and reading boxes from a whole map.
 //!
-//! Pixel (0, 0) is the centre of the top-left pixel, so cell `i` of 8 px covers -0.5 + 8 i to 7.5 + 8 i and has its centre at
-//! 8 i + 3.5. This file and the graph that `export` writes state the same formulas; a comparison with ONNX Runtime holds them
-//! together (`examples/compare_onnx.rs`).
+//! Pixel (0, 0) is the centre of the top-left pixel, so cell `i` of 8 px covers -0.5 + 8 i to 7.5 + 8 i and has its centre at 8 i +
+//! 3.5. This file and the graph that `export` writes implement the same formulas; a comparison with ONNX Runtime checks that they
+//! agree (`examples/compare_onnx.rs`).
 
 use dataset::pixel_box::PixelBox;
 
@@ -10,13 +10,13 @@ use dataset::pixel_box::PixelBox;
 pub const STRIDE_PX: usize = 8;
 /// Numbers of a cell: objectness logit, offset right, offset down (in cells), logarithm of width and of height (to the anchor).
 pub const CELL_VALUES: usize = 5;
-/// Size to which widths and heights are logarithmic, pixels: a B737 at 5 NM through a lens of 10 degrees.
+/// Reference size of the logarithms of width and height, pixels: a B737 at 5 NM through a lens of 10 degrees.
 pub const ANCHOR_PX: [f64; 2] = [41.0, 14.0];
 /// Half the side of the neighbourhood whose boxes are averaged, and in which a peak is the largest, cells.
 pub const NEIGHBOURHOOD: usize = 1;
-/// Logarithms of size are clamped to this, so that an untrained or foreign picture cannot overflow.
+/// Logarithms of size are clamped to this, so that an untrained network or a foreign picture cannot cause an overflow.
 pub const LARGEST_LOG_SIZE: f64 = 4.0;
-/// Logits are clamped to this, so that no score is exactly 0: scores are divided by when boxes are averaged.
+/// Logits are clamped to this, so that no score is exactly 0: averaging boxes divides by scores.
 pub const LARGEST_LOGIT: f64 = 16.0;
 
 /// Centre of a cell along one axis, pixels.
@@ -29,7 +29,7 @@ pub fn cell_of_px(pixel: f64) -> i64 {
     ((pixel + 0.5) / STRIDE_PX as f64).floor() as i64
 }
 
-/// The four box numbers with which the cell (column, row) states a box.
+/// The four box numbers with which the cell (column, row) encodes a box.
 pub fn encode(pixel_box: &PixelBox, column: usize, row: usize) -> [f64; 4] {
     [
         (pixel_box.cx_px - cell_center_px(column)) / STRIDE_PX as f64,
@@ -39,7 +39,7 @@ pub fn encode(pixel_box: &PixelBox, column: usize, row: usize) -> [f64; 4] {
     ]
 }
 
-/// The box that the cell (column, row) states.
+/// The box that the cell (column, row) encodes.
 pub fn decode(numbers: [f64; 4], column: usize, row: usize) -> PixelBox {
     let size = |number: f64, anchor_px: f64| {
         anchor_px * number.clamp(-LARGEST_LOG_SIZE, LARGEST_LOG_SIZE).exp()
@@ -63,8 +63,8 @@ pub struct ScoredBox {
 
 /// All peaks of a map with a score of at least `threshold`, best first. `cells` holds [`CELL_VALUES`] numbers per cell, row-major.
 ///
-/// A peak is a cell that none of its eight neighbours exceeds. Its box is the mean of the boxes of the nine cells weighted by
-/// their scores: each of them saw the target through another phase of the grid, so their errors partly cancel.
+/// A peak is a cell that none of its eight neighbours exceeds. Its box is the mean of the boxes of the nine cells weighted by their
+/// scores: each of them saw the target at another phase of the grid, so their errors partly cancel.
 pub fn peaks(cells: &[f32], width: usize, height: usize, threshold: f64) -> Vec<ScoredBox> {
     let score =
         |column: usize, row: usize| sigmoid(f64::from(cells[(row * width + column) * CELL_VALUES]));

@@ -1,15 +1,15 @@
-//! How wrong an output map is.
+//! The loss of an output map.
 //!
-//! In: the network's output rows and the targets. Out: one number. Objectness: CenterNet's penalty-reduced focal loss (Zhou et
-//! al., 2019, after Lin et al., 2017). Box: smooth L1 in units of the error that matters (see `targets`), so that a tenth of a pixel on
-//! a far aircraft weighs more than on a near one.
+//! Input: the network's output rows and the targets. Output: one number. Objectness: CenterNet's penalty-reduced focal loss (Zhou
+//! et al., 2019, after Lin et al., 2017). Box: smooth L1 in units of the error that matters (see `targets`), so that a tenth of a
+//! pixel on a distant aircraft weighs more than on a near one.
 
 use burn::tensor::{Device, Tensor, TensorData, activation};
 
 use super::convolution::FeatureMap;
 use super::targets::Targets;
 
-/// Weight of the box against the objectness.
+/// Weight of the box relative to the objectness.
 const BOX_IMPORTANCE: f32 = 0.5;
 
 /// The parts of the loss as tensors of one element.

@@ -1,10 +1,10 @@
 //! The detector's network: fully convolutional, one top-down path, one output map at stride 8.
 //!
-//! In: RGB pictures whose sides are multiples of 32, values 0 to 1. Out: per cell of 8x8 px five numbers (objectness logit, offset
-//! of the centre, logarithms of the size; see `grid`).
-//! The idea is CenterNet's (Zhou et al., 2019: a peak per object, the box regressed at the peak) on a small pyramid. Two things
-//! are made for this task: the first layer cannot see a constant colour, and divisive normalisation removes the scale of
-//! contrast, since an aircraft in haze has the same shape at a fiftieth of the contrast.
+//! Input: RGB pictures whose sides are multiples of 32, values 0 to 1. Output: per cell of 8x8 px five numbers (objectness logit,
+//! offset of the centre, logarithms of the size; see `grid`). The idea is CenterNet's (Zhou et al., 2019: a peak per object, the
+//! box regressed at the peak) on a small pyramid. Two things are specific to this task: the first layer ignores constant colours,
+//! and divisive normalisation removes the scale of contrast, since an aircraft in haze has the same shape at a fiftieth of the
+//! contrast.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData, activation};
@@ -45,7 +45,7 @@ pub struct Network {
     pub at_16: Convolution,
     /// Stride 16 to 32.
     pub down_32: Convolution,
-    /// At stride 32: two layers, so that the widest aircraft fits into the field of view.
+    /// At stride 32: two layers, so that the widest aircraft fits into the receptive field.
     pub at_32: Vec<Convolution>,
     /// From stride 32 onto stride 16.
     pub lateral_16: Convolution,

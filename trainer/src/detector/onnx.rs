@@ -1,6 +1,6 @@
-//! The part of ONNX's file format that a network of this project needs, as Protocol Buffers messages.
+//! The subset of ONNX's file format that this project's network needs, as Protocol Buffers messages.
 //!
-//! Field numbers are those of `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand needs no compiler for `.proto` files.
+//! Field numbers are those of `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand avoids a compiler for `.proto` files.
 
 use prost::{Message, Oneof};
 
@@ -18,7 +18,7 @@ pub struct ModelProto {
     /// What wrote it.
     #[prost(string, tag = "2")]
     pub producer_name: String,
-    /// Version of what wrote it.
+    /// Version of the producer.
     #[prost(string, tag = "3")]
     pub producer_version: String,
     /// The computation.
@@ -27,7 +27,7 @@ pub struct ModelProto {
     /// Versions of the operator sets.
     #[prost(message, repeated, tag = "8")]
     pub opset_import: Vec<OperatorSetIdProto>,
-    /// Free words for the reader.
+    /// Free text for the reader.
     #[prost(message, repeated, tag = "14")]
     pub metadata_props: Vec<StringStringEntryProto>,
 }
@@ -77,10 +77,10 @@ pub struct GraphProto {
 /// An operation.
 #[derive(Clone, PartialEq, Message)]
 pub struct NodeProto {
-    /// Names of the values it takes.
+    /// Names of the inputs.
     #[prost(string, repeated, tag = "1")]
     pub input: Vec<String>,
-    /// Names of the values it gives.
+    /// Names of the outputs.
     #[prost(string, repeated, tag = "2")]
     pub output: Vec<String>,
     /// Its own name.
@@ -94,7 +94,7 @@ pub struct NodeProto {
     pub attribute: Vec<AttributeProto>,
 }
 
-/// A setting of an operation.
+/// An attribute of an operation.
 #[derive(Clone, PartialEq, Message)]
 pub struct AttributeProto {
     /// Name.
@@ -109,7 +109,7 @@ pub struct AttributeProto {
     /// Value of type `INTS`.
     #[prost(int64, repeated, packed = "false", tag = "8")]
     pub ints: Vec<i64>,
-    /// Which of the values holds: 2 `INT`, 3 `STRING`, 7 `INTS`.
+    /// Which of the values is set: 2 `INT`, 3 `STRING`, 7 `INTS`.
     #[prost(int32, tag = "20")]
     pub r#type: i32,
 }
@@ -274,7 +274,7 @@ pub enum Dimension {
     /// Always this long.
     #[prost(int64, tag = "1")]
     Fixed(i64),
-    /// Chosen by the caller; the same name is the same length.
+    /// Chosen by the caller; the same name means the same length.
     #[prost(string, tag = "2")]
     Named(String),
 }

@@ -1,6 +1,6 @@
 //! Pictures cut into the disjoint patches that the network's first layer multiplies.
 //!
-//! In: interleaved RGB, row-major, values 0 to 1. Out: one row per 4x4 patch, ordered by pixel row, pixel column, colour.
+//! Input: interleaved RGB, row-major, values 0 to 1. Output: one row per 4x4 patch, ordered by pixel row, pixel column, colour.
 
 /// Side of a patch, pixels: the stride of the first layer.
 pub const PATCH_SIDE_PX: usize = 4;

@@ -1,15 +1,15 @@
-//! Pictures to learn from, and whether the aircraft in one can be seen at all.
+//! Training pictures, and whether the aircraft in one is visible at all.
 //!
-//! In: decoded frames and true boxes. Out: pieces of frames with their aircraft. An aircraft that fog hides is neither a hit nor a
-//! miss, and no table knows what the codec has left of it, so the pixels decide.
+//! Input: decoded frames and true boxes. Output: pieces of frames with their aircraft. An aircraft hidden by fog is neither a hit
+//! nor a miss, and no table knows what the codec has left of it, so the pixels decide.
 
 use dataset::pixel_box::{PixelBox, TruthBox};
 
 use super::targets::CropTruth;
 
-/// Least part of the silhouette inside the picture and above the ground.
+/// Minimum part of the silhouette inside the picture and above the ground.
 const LEAST_VISIBLE_FRACTION: f64 = 0.4;
-/// Least contrast against a plane through the surroundings, grey levels of 255; less is lost in the codec's noise.
+/// Minimum contrast against a plane through the surroundings, grey levels of 255; less is lost in the codec's noise.
 const LEAST_CONTRAST: f64 = 2.0;
 
 /// A piece of a frame.
@@ -54,15 +54,15 @@ impl Picture {
     }
 }
 
-/// Whether the aircraft of a true box can be seen in a frame. The transmission of the air does not decide: landing lights are seen
-/// through fog that hides the aircraft which carries them.
+/// Whether the aircraft of a true box is visible in a frame. The transmission of the air does not decide: landing lights are
+/// visible through fog that hides the aircraft itself.
 pub fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
     truth.visible_fraction >= LEAST_VISIBLE_FRACTION
         && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
 }
 
-/// How far the strongest tenth of a box's pixels lies from a plane through its surroundings, grey levels, less half of
-/// what the strongest tenth of the surroundings does themselves.
+/// How far the strongest tenth of a box's pixels is from a plane through its surroundings, grey levels, minus half of the same
+/// figure for the surroundings themselves.
 pub fn contrast(frame: &Picture, pixel_box: &PixelBox) -> f64 {
     let margin = 4.0_f64.max(0.25 * pixel_box.width_px);
     let [left, top, right, bottom] = pixel_box.edges();

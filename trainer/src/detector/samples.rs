@@ -1,7 +1,7 @@
-//! What a training draws its batches from.
+//! The pool of samples for training batches.
 //!
-//! In: pictures around aircraft, sorted by the crop that suits them, and whole frames as background. Out: batches of crops with
-//! their targets. Places where the network saw an aircraft that is not there come back more often (hard negatives).
+//! Input: pictures around aircraft, sorted by the matching crop size, and whole frames as background. Output: batches of crops with
+//! their targets. Places where the network reported a false aircraft are drawn more often (hard negatives).
 
 use rand::{Rng, RngExt};
 
@@ -10,12 +10,12 @@ use super::patches::PatchBatch;
 use super::picture::Picture;
 use super::targets::Targets;
 
-/// A size of crop, what fits into it, and how often it is drawn.
+/// A size of crop, the aircraft that it suits, and how often it is drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CropSize {
     /// Side of the crop, pixels.
     pub side_px: usize,
-    /// Aircraft up to this width are at home in it.
+    /// Maximum width of the aircraft that it suits.
     pub widest_px: f64,
     /// Side of the piece that is kept around an aircraft, so that the crop can be moved and scaled.
     pub piece_side_px: usize,
@@ -52,13 +52,13 @@ pub const CROP_SIZES: [CropSize; 3] = [
 
 /// Share of crops of a batch that are background.
 const BACKGROUND_SHARE: f64 = 0.35;
-/// Share of background crops that are drawn from the hard ones, once there are some.
+/// Share of background crops that are drawn from the hard ones, once there are any.
 const HARD_SHARE: f64 = 0.4;
-/// Share of crops whose aircraft is at home in the next smaller size: small aircraft with much around them.
+/// Share of crops whose aircraft suits the next smaller size: small aircraft with large surroundings.
 const SMALLER_SHARE: f64 = 0.35;
-/// Hard places that are remembered.
+/// Number of hard places remembered.
 const HARD_PLACES: usize = 4_000;
-/// How far a hard place is moved before it is cut again, pixels.
+/// How far a hard place is moved before it is cropped again, pixels.
 const HARD_SHIFT_PX: f64 = 24.0;
 
 /// The size that suits an aircraft of this width: an index into [`CROP_SIZES`].
@@ -76,7 +76,7 @@ pub struct HardPlace {
     placement: Placement,
 }
 
-/// Everything a training draws from.
+/// The sample pool of a training.
 #[derive(Debug, Default)]
 pub struct Samples {
     /// Pieces around visible aircraft, by the index of their size in [`CROP_SIZES`].
@@ -90,7 +90,7 @@ pub struct Samples {
 pub struct Batch {
     /// Pixels.
     pub pictures: PatchBatch,
-    /// What the network should say.
+    /// The desired output of the network.
     pub targets: Targets,
     /// For crops of background: where they came from.
     pub places: Vec<Option<HardPlace>>,
@@ -116,7 +116,7 @@ impl Samples {
             .unwrap_or(0)
     }
 
-    /// The piles whose pieces suit a size: its own and, if the pieces are large enough, the next smaller.
+    /// The pools whose pieces suit a size: its own and, if the pieces are large enough, the next smaller.
     fn source(&self, size: usize) -> Option<(&[Picture], Option<&[Picture]>)> {
         let own = Some(self.aircraft[size].as_slice()).filter(|pile| !pile.is_empty());
         let smaller = size
@@ -198,7 +198,7 @@ impl Samples {
     }
 }
 
-/// The places at which the network was wrong, a bounded number of them.
+/// The places at which the network was wrong, up to a limit.
 #[derive(Debug, Default)]
 pub struct HardPlaces {
     places: Vec<HardPlace>,

@@ -1,8 +1,8 @@
-//! What every cell of a crop should say.
+//! The desired output of every cell of a crop.
 //!
-//! In: the true box in a crop and whether it can be seen. Out: per cell a heat (1 at the cell that holds the centre, falling off
-//! around it), weights of both parts of the loss, and the box numbers. CenterNet's assignment (Zhou et al., 2019), with the box
-//! regressed in the whole neighbourhood that decoding averages over.
+//! Input: the true box in a crop and whether it is visible. Output: per cell a heat (1 at the cell that contains the centre,
+//! falling off around it), weights of both parts of the loss, and the box numbers. CenterNet's assignment (Zhou et al., 2019), with
+//! the box regressed in the whole neighbourhood that decoding averages over.
 
 use dataset::pixel_box::PixelBox;
 
@@ -10,19 +10,19 @@ use super::grid::{NEIGHBOURHOOD, STRIDE_PX, cell_center_px, cell_of_px, encode};
 
 /// Fall-off of the heat around the centre, cells.
 const HEAT_DEVIATION_CELLS: f64 = 0.8;
-/// Error of the centre that counts as one unit of loss: a part for any target and a part in proportion to its width. The distance
-/// estimate rests on the centre, and parallax is measured in pixels for far (small) targets, where most of the error arises.
+/// Error of the centre that counts as one unit of loss: a constant part and a part proportional to the width. The distance estimate
+/// depends on the centre, and parallax is measured in pixels for distant (small) targets, where most of the error arises.
 const UNIT_ERROR_PX: f64 = 0.25;
 const UNIT_ERROR_PER_WIDTH: f64 = 0.01;
-/// Errors of the size count this much of errors of the centre.
+/// Weight of errors of the size relative to errors of the centre.
 const SIZE_IMPORTANCE: f64 = 0.4;
 
 /// The aircraft in a crop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CropTruth {
-    /// Its whole box, pixels of the crop; may reach over the crop's edges.
+    /// Its whole box, pixels of the crop; may extend over the crop's edges.
     pub pixel_box: PixelBox,
-    /// Whether a person could see it. If not, its cells are asked nothing: neither a hit nor a miss is wrong.
+    /// Whether it is visible to the eye. If not, its cells have no target: neither a hit nor a miss is wrong.
     pub visible: bool,
 }
 
@@ -39,9 +39,9 @@ pub struct Targets {
     pub heat_weight: Vec<f32>,
     /// Desired box numbers, four a cell.
     pub numbers: Vec<f32>,
-    /// Factors that turn an error of a number into units of loss, four a cell; 0 where no box is asked for.
+    /// Factors that convert an error of a number into units of loss, four a cell; 0 where there is no target box.
     pub number_weight: Vec<f32>,
-    /// Boxes that are asked for.
+    /// Number of target boxes.
     pub positives: usize,
 }
 

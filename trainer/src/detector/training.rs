@@ -1,8 +1,8 @@
 //! Trains the network on samples.
 //!
-//! In: samples, how long, a seed. Out: a trained network. AdamW with a warm-up and a cosine to zero over the effort, whether that is
-//! measured in minutes or in steps; two forked copies of the network work on two halves of every batch. A training with a
-//! checkpoint goes on where it was killed.
+//! Input: samples, a duration, a seed. Output: a trained network. AdamW with a warm-up and a cosine to zero over the effort,
+//! whether that is measured in minutes or in steps; two forked copies of the network work on two halves of every batch. A training
+//! with a checkpoint resumes where it was killed.
 
 use std::path::Path;
 use std::time::Instant;
@@ -24,16 +24,16 @@ use super::samples::{Batch, CROP_SIZES, HardPlace, HardPlaces, Samples};
 use crate::error::{Error, Result};
 use crate::progress::Progress;
 
-/// Copies of the network that work at the same time.
+/// Copies of the network that work in parallel.
 const SHARDS: usize = 2;
 /// Steps over which the learning rate rises.
 const WARM_UP_STEPS: f64 = 200.0;
-/// Steps between two checkpoints and between two notes of progress.
+/// Steps between two checkpoints and between two progress reports.
 const CHECKPOINT_STEPS: u64 = 500;
 const NOTE_STEPS: u64 = 20;
 /// Background with a logit above this (a score of 0.12) is hard.
 const HARD_LOGIT: f32 = -2.0;
-/// Progress is told in this many parts of the effort.
+/// Progress is reported in this many parts of the effort.
 const PROGRESS_PARTS: f64 = 1000.0;
 
 /// How long to train.
@@ -42,7 +42,7 @@ const PROGRESS_PARTS: f64 = 1000.0;
 pub enum Effort {
     /// Minutes of wall-clock time.
     Minutes(f64),
-    /// Steps: the same weights on every run.
+    /// Steps: gives the same weights on every run.
     Steps(u64),
 }
 
@@ -71,18 +71,18 @@ impl Default for TrainingConfig {
     }
 }
 
-/// What a training came to.
+/// The result of a training.
 #[derive(Debug, Clone)]
 pub struct Trained {
     /// The network, without gradients.
     pub network: Network,
     /// Where it ended.
     pub position: Position,
-    /// Places of the background that were taken for aircraft at some time.
+    /// Background places that were ever mistaken for aircraft.
     pub hard_places: usize,
 }
 
-/// Trains; with a folder, from and to the checkpoint in it.
+/// Trains; if a folder is given, from and to the checkpoint in it.
 pub fn train(
     samples: &Samples,
     config: &TrainingConfig,
@@ -125,7 +125,7 @@ pub fn train(
     })
 }
 
-/// A training under way.
+/// A training in progress.
 pub(super) struct Training {
     pub(super) network: Network,
     pub(super) optimizer: ModuleOptimizer,
@@ -170,7 +170,7 @@ impl Training {
 
     /// One step; returns a running mean of the loss.
     fn step(&mut self, samples: &Samples, config: &TrainingConfig) -> Result<f64> {
-        // Randomness depends on the seed and the step alone, so that a training that goes on draws what it would have drawn.
+        // Randomness depends only on the seed and the step, so that a resumed training draws the same numbers.
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
         rng.set_stream(self.position.step + 1);
         let size = samples.random_size(&mut rng);
@@ -229,7 +229,7 @@ impl Training {
     }
 }
 
-/// What one worker has found out about its part of a batch.
+/// One worker's result for its part of a batch.
 struct Shard {
     gradients: GradientsParams,
     loss: f64,

@@ -11,7 +11,7 @@ use crate::run_folder::Convergence;
 use crate::samples::Sample;
 
 const WIDTH: u32 = 960;
-/// One colour per estimator, in their order; distinguishable with colour-blind eyes (Okabe and Ito).
+/// One colour per estimator, in their order; distinguishable for colour-blind readers (Okabe and Ito).
 const COLOURS: [RGBColor; 5] = [
     RGBColor(0, 114, 178),
     RGBColor(0, 158, 115),
@@ -22,11 +22,11 @@ const COLOURS: [RGBColor; 5] = [
 const GRID: RGBColor = RGBColor(226, 229, 233);
 const INK: RGBColor = RGBColor(55, 60, 67);
 const FONT: &str = "sans-serif";
-/// Points of a line or cloud at most: a screen shows no more, and a page has to open.
+/// Maximum points of a line or cloud: a screen shows no more, and a page must open.
 const MOST_POINTS: usize = 2_000;
-/// Numbers along the axis of distances at most.
+/// Maximum numbers along the axis of distances.
 const MOST_LABELS: usize = 60;
-/// An axis of percentage errors ends here at the latest.
+/// Maximum end of an axis of percentage errors.
 const FARTHEST_PCT: f64 = 1_000.0;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
@@ -40,13 +40,13 @@ fn svg(what: &'static str, height: u32, draw: impl FnOnce(&Area) -> Drawn) -> Re
             .and_then(|()| area.present().map_err(|error| error.to_string()))
             .map_err(|message| Error::Report { what, message })?;
     }
-    // A width in the file would keep the page from scaling the picture.
+    // A width in the file would prevent the page from scaling the picture.
     Ok(text.replacen(&format!("width=\"{WIDTH}\" height=\"{height}\" "), "", 1))
 }
 
 type Drawn = std::result::Result<(), String>;
 
-/// Ends of an axis that holds some numbers. An axis without an extent or without ends would be drawn for ever.
+/// Ends of an axis that covers some numbers. Drawing an axis of zero or infinite length would never end.
 fn axis(from: f64, to: f64) -> Range<f64> {
     let least = 1e-6 * from.abs().max(to.abs());
     match from.is_finite() && to.is_finite() {
@@ -56,7 +56,7 @@ fn axis(from: f64, to: f64) -> Range<f64> {
     }
 }
 
-/// The points that lie in a picture, thinned out evenly where there are more than it can show.
+/// The points inside a plot, thinned out evenly if there are too many.
 fn shown_points(
     points: impl Iterator<Item = (f64, f64)>,
     x: &Range<f64>,
@@ -71,7 +71,7 @@ fn shown_points(
     inside.into_iter().step_by(every).collect()
 }
 
-/// The value that a part of all values does not exceed.
+/// The quantile of a share of all values.
 fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
     values.sort_by(f64::total_cmp);
     let place = (values.len() as f64 * part) as usize;
@@ -146,7 +146,7 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
     let distances = axis(first, last);
     let labels = (((last - first) / width_nm).round() as usize + 1).min(MOST_LABELS);
     let ends = boxes.iter().flat_map(|b| b.2.whiskers).map(f64::abs);
-    // One wild whisker must not flatten all boxes: it is cut off at the picture's edge.
+    // One extreme whisker must not flatten all boxes: it is cut off at the picture's edge.
     let reach = reach_pct(quantile(ends.collect(), 0.9), 0.1, 1.15);
     svg("the box plot", 430, |area| {
         let mut chart = ChartBuilder::on(area)
@@ -227,7 +227,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
     lines.push(("distance estimator (stage two)".into(), estimator));
     let points = || lines.iter().flat_map(|(_, points)| points.iter().copied());
     let last = points().map(|p| p.0).fold(1.0, f64::max);
-    // The first entries are those of hardly trained networks: they may leave the picture.
+    // The first entries are those of hardly trained networks: they may leave the plot.
     let errors = points().map(|p| p.1).filter(|error| error.is_finite());
     let high = reach_pct(quantile(errors.collect(), 0.95), 0.01, 1.2);
     let [steps, errors] = [axis(0.0, last), axis(0.0, high)];
@@ -257,7 +257,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .axis_desc_style((FONT, 14).into_font().color(&INK))
             .draw()
             .map_err(words)?;
-        // Where only some views train on: a bar along the top in the colour of each view that does.
+        // Where only some views continue training: a bar along the top in the colour of each view that does.
         let phases: Vec<_> = log
             .calibration
             .chunk_by(|a, b| a.optimised == b.optimised)
@@ -302,7 +302,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
     })
 }
 
-/// Stage two has the colour that `paper_lstm` has everywhere; views take the others.
+/// Stage two has the colour of `paper_lstm` in all plots; views take the others.
 fn convergence_colour(line: usize, lines: usize) -> RGBColor {
     if line + 1 == lines {
         COLOURS[0]
@@ -328,7 +328,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
         .map(|&row| nm(test[row].dtd_m))
         .fold(0.0, f64::max);
     let distances_nm = axis(0.0, farthest * 1.05);
-    // The monoscopic formulas are far off the scale that the two-view methods need; two are shown.
+    // The monoscopic formulas are far off the scale of the two-view methods; two are shown.
     let two_view: Vec<(usize, &Shown)> = shown
         .iter()
         .enumerate()
@@ -441,7 +441,7 @@ mod tests {
     use crate::paper_lstm::EstimatorLogEntry;
     use dataset::geodesy::Geodetic;
 
-    /// What is left of a plot must be a picture that opens: finite numbers, and not many of them.
+    /// A plot of extreme values must still open: finite numbers, and not too many of them.
     fn assert_sound(svg: &str) {
         assert!(svg.ends_with("</svg>\n"), "{}", &svg[svg.len() - 40..]);
         assert!(svg.len() < 2_000_000, "{} bytes", svg.len());

@@ -1,4 +1,4 @@
-//! The tables of the report as rows of words.
+//! The tables of the report as rows of strings.
 
 use serde::Serialize;
 
@@ -29,7 +29,7 @@ pub(super) struct HeadlineRow {
     combination: Cells,
 }
 
-/// Figures as words; an en dash where there are none.
+/// Figures as text; an en dash where there are none.
 #[derive(Serialize)]
 struct Cells {
     mape: String,
@@ -94,7 +94,7 @@ fn cells(figures: &ErrorFigures) -> Cells {
     }
 }
 
-/// The test scenario with the most samples: the best one to show whole.
+/// The test scenario with the most samples: the best one to plot.
 pub(super) fn best_covered_scenario(samples: &Samples, test: &[&Sample]) -> Option<usize> {
     let count = |index: usize| {
         test.iter()

@@ -1,5 +1,5 @@
-//! What training and evaluation refuse to read: files that are not what was sealed, or not what they were made from. Both read samples
-//! through [`Samples::read`].
+//! Files that training and evaluation refuse to read: those that do not match the seal, or their source. Both read samples through
+//! [`Samples::read`].
 
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -15,7 +15,7 @@ const ALL: DistanceRange = DistanceRange {
     max_nm: None,
 };
 
-/// What is said of a tiny corpus after `edit` changed its first scenario; the second is there to copy from.
+/// The error for a tiny corpus after `edit` changed its first scenario; the second is there to copy from.
 fn said_after(edit: impl FnOnce(&ScenarioFolder, &ScenarioFolder)) -> String {
     let folder = tempfile::tempdir().unwrap();
     let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
@@ -112,7 +112,7 @@ fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
         let mut found = scenario.detections(MODEL_HASH).unwrap();
         found[3].pixel_box.width_px = f64::NAN;
         let path = folder.detections_path(MODEL_HASH);
-        // Our own writer refuses such a number.
+        // Our own writer rejects such a number.
         TableWriter::new()
             .u32("tick", found.iter().map(|d| d.tick))
             .text("view", found.iter().map(|d| &d.view))
