@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::print::plain;
 
@@ -63,10 +63,14 @@ impl Bar {
         let part = (done * LOG_LINES / total).min(LOG_LINES);
         if part > self.logged.fetch_max(part, Ordering::Relaxed) {
             eprintln!(
-                "{}: {done}/{total} {} {}",
+                "{}: {done}/{total} {}{}{}",
                 self.step,
                 self.unit,
-                self.bar.message()
+                pace(done, total, self.bar.elapsed()),
+                match self.bar.message() {
+                    message if message.is_empty() => message,
+                    message => format!("; {message}"),
+                }
             );
         }
     }
@@ -92,8 +96,42 @@ impl Bar {
     }
 }
 
+/// Time so far, rate and time left, as far as they say anything.
+fn pace(done: u64, total: u64, elapsed: Duration) -> String {
+    let elapsed_s = elapsed.as_secs_f64();
+    if elapsed_s < 1.0 || done == 0 {
+        return String::new();
+    }
+    let per_s = done as f64 / elapsed_s;
+    let rate = match per_s {
+        rate if rate >= 1.0 => format!("{rate:.1}/s"),
+        rate => format!("{:.1}/min", rate * 60.0),
+    };
+    let left = Duration::from_secs_f64(total.saturating_sub(done) as f64 / per_s);
+    let left = match done {
+        done if done >= total => String::new(),
+        _ => format!(", {} left", HumanDuration(left)),
+    };
+    format!(" in {}, {rate}{left}", HumanDuration(elapsed))
+}
+
 impl Drop for Bar {
     fn drop(&mut self) {
         self.finish();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_line_says_how_fast_and_how_long_still() {
+        let pace = |done, elapsed_s| pace(done, 200, Duration::from_secs_f64(elapsed_s));
+        assert_eq!(pace(20, 0.1), "");
+        assert_eq!(pace(0, 10.0), "");
+        assert_eq!(pace(20, 10.0), " in 10 seconds, 2.0/s, 90 seconds left");
+        assert_eq!(pace(20, 3_600.0), " in 60 minutes, 0.3/min, 9 hours left");
+        assert_eq!(pace(200, 100.0), " in 100 seconds, 2.0/s");
     }
 }

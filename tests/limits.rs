@@ -390,3 +390,15 @@ fn a_file_that_may_not_grow_is_an_error_and_no_death_by_signal() {
     assert!(output.status.code().is_some_and(|code| code != 0), "{said}");
     assert!(said.contains("File too large"), "{said}");
 }
+
+#[test]
+fn a_name_with_control_characters_reaches_no_terminal_not_even_through_a_pipe() {
+    let tiny = Tiny::made().copy();
+    let strange = tiny.corpus().join("scenarios/a\u{1b}[31mb");
+    fs::create_dir(&strange).unwrap();
+    fs::write(strange.join("DONE.json"), "{}").unwrap();
+    let output = dtd(&tiny, &["verify", "--quick", "corpus"]);
+    let said = said(&output);
+    assert!(said.contains("\\u{1b}[31mb"), "{said}");
+    assert!(!said.contains('\u{1b}'), "{said}");
+}

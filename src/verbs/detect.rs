@@ -1,13 +1,14 @@
 //! `dtd detect`: finds the aircraft in the decoded videos.
 
 use std::path::Path;
+use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use labeller::{DetectOptions, DetectOutcome, detect_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
-use super::output::{count, print_json};
+use super::output::{count, finish, print_json};
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -15,6 +16,7 @@ use crate::shipped::Shipped;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
+    let began = Instant::now();
     let corpus = open_filled_corpus(&args.corpus)?;
     let shipped = Shipped::unpack()?;
     let model = args.model.clone().unwrap_or_else(|| shipped.detector());
@@ -31,6 +33,10 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         print_json(&outcome)?;
     } else {
         print_summary(&outcome);
+    }
+    if outcome.failed.is_empty() {
+        let next = format!("dtd train {} --out run", args.corpus.display());
+        finish("detect", began, &next);
     }
     Ok(if outcome.failed.is_empty() {
         Ending::Done

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use generator::generate::{
     Cancel, Event, GenerateError, GenerateOptions, Outcome as Generated, Patience, Remote,
@@ -20,7 +20,7 @@ use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::object_store::{failure_of, usual_stage};
-use super::output::{count, print_json};
+use super::output::{count, finish, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -28,6 +28,7 @@ use crate::signals;
 
 /// Runs the verb.
 pub(crate) fn run(args: &GenerateArgs) -> Outcome {
+    let began = Instant::now();
     let sweep = Sweep::read(&args.sweep).map_err(Failure::bad_input)?;
     let (corpus, remote) = place(args)?;
     let patience = Duration::from_secs(args.patience);
@@ -71,7 +72,12 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
             println!("failed: {}: {}", failed.id, failed.reason);
         }
     }
-    ending_of(&generated)
+    let ending = ending_of(&generated)?;
+    if let (Ending::Done, Place::Folder(folder)) = (&ending, &args.out) {
+        let next = format!("dtd label {}", folder.display());
+        finish("generate", began, &next);
+    }
+    Ok(ending)
 }
 
 /// The folder to record into, and where it is uploaded to.

@@ -1,17 +1,20 @@
 //! `dtd label`: distance-to-touchdown labels and true boxes.
 
+use std::time::Instant;
+
 use dataset::corpus::Corpus;
 use labeller::{LabelOutcome, label_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
-use super::output::{count, print_json};
+use super::output::{count, finish, print_json};
 use crate::args::LabelArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 
 /// Runs the verb.
 pub(crate) fn run(args: &LabelArgs) -> Outcome {
+    let began = Instant::now();
     let outcome = label(&open_filled_corpus(&args.corpus)?)?;
     if args.json {
         print_json(&outcome)?;
@@ -21,6 +24,10 @@ pub(crate) fn run(args: &LabelArgs) -> Outcome {
             count(outcome.labelled.len(), "scenario"),
             outcome.unchanged.len()
         );
+    }
+    if outcome.failed.is_empty() {
+        let next = format!("dtd detect {}", args.corpus.display());
+        finish("label", began, &next);
     }
     Ok(if outcome.failed.is_empty() {
         Ending::Done

@@ -1,5 +1,8 @@
 //! Results on stdout.
 
+use std::time::Instant;
+
+use indicatif::HumanDuration;
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -42,6 +45,12 @@ pub(crate) fn print_table(heading: &[&str], rows: &[Vec<String>]) {
     for row in rows {
         print_row(&mut row.iter().map(String::as_str));
     }
+}
+
+/// Ends a verb that went well: how long it took, and what people run next. On stderr, where no program reads it.
+pub(crate) fn finish(verb: &str, began: Instant, next: &str) {
+    eprintln!("{verb}: done in {}", HumanDuration(began.elapsed()));
+    eprintln!("next: {next}");
 }
 
 /// A number of things: `1 scenario`, `2 scenarios`.

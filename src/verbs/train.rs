@@ -1,6 +1,7 @@
 //! `dtd train`: trains the distance estimators of a corpus.
 
 use std::path::Path;
+use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
@@ -9,7 +10,7 @@ use trainer::{Progress, TrainConfig, TrainOutcome};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
-use super::output::print_json;
+use super::output::{finish, print_json};
 use crate::args::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -23,6 +24,7 @@ struct Trained<'a> {
 
 /// Runs the verb.
 pub(crate) fn run(args: &TrainArgs) -> Outcome {
+    let began = Instant::now();
     let corpus = open_corpus(&args.corpus)?;
     let outcome = train(&corpus, &args.out, &config(args)?)?;
     let run = outcome.run.root();
@@ -37,12 +39,13 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
             run.display(),
             outcome.validation_mape_pct
         );
-        println!(
-            "now: dtd evaluate {} --corpus {}",
-            run.display(),
-            args.corpus.display()
-        );
     }
+    let next = format!(
+        "dtd evaluate {} --corpus {}",
+        run.display(),
+        args.corpus.display()
+    );
+    finish("train", began, &next);
     Ok(Ending::Done)
 }
 

@@ -5,7 +5,7 @@ use dataset::verify::{VerifyOptions, VerifyReport, verify_with};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
-use super::output::print_json;
+use super::output::{count, print_json};
 use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
@@ -24,24 +24,34 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             println!("{finding}");
         }
         print_proof(&report);
-        println!(
-            "{} scenarios ({} labelled), {} ticks, {} pictures: {} faults",
-            report.scenarios,
-            report.labelled,
-            report.ticks,
-            report.pictures,
-            report.findings.len()
-        );
+        println!("{}", summary(&report, args.quick));
     }
     if report.findings.is_empty() {
         Ok(Ending::Done)
     } else {
         Err(Failure::Failed(anyhow::anyhow!(
-            "{} is not sound: {} faults",
+            "{} is not sound: {}",
             args.corpus.display(),
-            report.findings.len()
+            count(report.findings.len(), "fault")
         )))
     }
+}
+
+fn summary(report: &VerifyReport, quick: bool) -> String {
+    let pictures = match quick {
+        true => "pictures not decoded (--quick)".to_owned(),
+        false => count(report.pictures as usize, "picture"),
+    };
+    let faults = match report.findings.len() {
+        0 => "no faults".to_owned(),
+        faults => count(faults, "fault"),
+    };
+    format!(
+        "{} ({} labelled), {}, {pictures}: {faults}",
+        count(report.scenarios, "scenario"),
+        report.labelled,
+        count(report.ticks as usize, "tick"),
+    )
 }
 
 /// The evidence from the pictures, and what has none.

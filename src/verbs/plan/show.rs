@@ -1,9 +1,10 @@
 //! A plan in readable form.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use generator::plan::{Estimate, PlannedScenario, Standing};
-use indicatif::DecimalBytes;
+use indicatif::{DecimalBytes, HumanDuration};
 
 use super::{Compared, Report};
 use crate::verbs::output::print_table;
@@ -109,8 +110,8 @@ impl Report<'_> {
         let common = &plan.common;
         let estimate = &self.estimate;
         println!(
-            "flight    {:.1} h: {} ticks at {} a second, {} cameras, {} pictures",
-            estimate.flight_h,
+            "flight    {}: {} ticks at {} a second, {} cameras, {} pictures",
+            hours(estimate.flight_h),
             estimate.ticks,
             common.picture.frame_rate,
             common.cameras.len(),
@@ -184,9 +185,18 @@ fn in_words(standing: Standing) -> &'static str {
 
 fn show_cost(name: &str, estimate: &Estimate) {
     println!(
-        "{name:<9} {:.1} h ({})",
-        estimate.making_h, estimate.making_basis
+        "{name:<9} {} ({})",
+        hours(estimate.making_h),
+        estimate.making_basis
     );
+}
+
+/// In the unit that a person would say.
+fn hours(hours: f64) -> String {
+    match Duration::try_from_secs_f64(hours * 3_600.0) {
+        Ok(duration) => HumanDuration(duration).to_string(),
+        Err(_) => format!("{hours:.0} hours"),
+    }
 }
 
 fn size(estimate: &Estimate) -> String {
