@@ -1,6 +1,6 @@
 //! Measures frames through the capture link at full size: `cargo run --release -p mock-xplane --example frame_rate`.
 //!
-//! Once with blank pictures, which is the cost of the link alone, and once with the renderer's.
+//! Once with blank pictures, which gives the cost of the link alone, and once with the renderer's.
 
 use std::error::Error;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
 
 /// Frames per measurement.
 const FRAMES: u32 = 200;
-/// Captures under way at a time.
+/// Captures in flight.
 const AHEAD: u32 = 4;
 
 struct Blank;

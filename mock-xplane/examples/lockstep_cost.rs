@@ -1,9 +1,9 @@
-//! Measures what the bridge's client costs in lockstep: `cargo run --release -p mock-xplane --example lockstep_cost`.
+//! Measures the cost of the bridge's client in lockstep: `cargo run --release -p mock-xplane --example lockstep_cost`.
 //!
-//! 30 ticks a second, two views of 1920x1280 each, against a stand-in that draws nothing and in the same process runs on
-//! threads of its own. The client, with everything it does besides (it watches 110 datarefs), has one thread, whose processor
-//! time the kernel counts. Once with the pictures in memory that both share, once over the link (442 MB a second through the
-//! loopback), as from a simulator on another computer. Linux only.
+//! 30 ticks a second, two views of 1920x1280 each, against a stand-in that draws nothing and runs on separate threads of the same
+//! process. The client, including its other work (it watches 110 datarefs), has one thread, whose processor time the kernel counts.
+//! Once with the pictures in shared memory, once over the link (442 MB a second through the loopback), as from a simulator on
+//! another computer. Linux only.
 
 use std::error::Error;
 use std::fs;
@@ -52,9 +52,9 @@ impl Picture for Blank {
 struct Cost {
     /// Processor time of the client's thread, seconds.
     client_s: f64,
-    /// Time that passed meanwhile, seconds.
+    /// Elapsed time, seconds.
     wall_s: f64,
-    /// Ticks that ended later than the next one should have begun.
+    /// Ticks that ended after the next one should have started.
     late: u32,
 }
 

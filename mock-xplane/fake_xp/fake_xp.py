@@ -1,8 +1,9 @@
-"""A fake of XPPython3's module ``xp``: what our plugin uses of it, and strictly.
+"""A strict fake of XPPython3's module ``xp``, limited to what our plugin uses.
 
-It keeps X-Plane's order within a frame (flight loops, camera, drawing), its habits (the camera's list must be changed in place, values are
-32-bit, read-only datarefs ignore writes) and its prohibitions (no call from another thread). What it knows about the simulated
-world comes from a :class:`World`: on paper for tests, or the stand-in's at the other end of a pipe (``host.py``).
+It follows X-Plane's order within a frame (flight loops, camera, drawing), its habits (the camera's list must be changed in place,
+values are 32-bit, writes to read-only datarefs are ignored) and its prohibitions (no call from another thread). What it knows about
+the simulated world comes from a :class:`World`: an in-memory one for tests, or the stand-in's at the other end of a pipe
+(``host.py``).
 
 Made for this project from XPPython3's documentation; it has never been compared with a running X-Plane.
 """
@@ -19,7 +20,7 @@ from typing import Any, Callable, Protocol
 
 @dataclass(frozen=True)
 class Kind:
-    """What a dataref holds: ``int``, ``float``, ``double`` or ``byte``; elements of an array; whether it may be written."""
+    """Type of a dataref: ``int``, ``float``, ``double`` or ``byte``; elements of an array; whether it is writable."""
 
     type: str
     length: int | None = None
@@ -50,16 +51,16 @@ class World(Protocol):
 
 
 SCREENSHOT = "sim/operation/screenshot"
-# Half of a screenshot's file is there so many frames after it was drawn, and all of it some frames later.
+# Half of a screenshot's file exists this many frames after it was drawn, and all of it some frames later.
 HALF_WRITTEN_FRAMES, WRITTEN_FRAMES = 2, 5
 
 
 class FakeXpError(AssertionError):
-    """The plugin did what X-Plane would punish."""
+    """The plugin did something that X-Plane does not tolerate."""
 
 
 def as_float32(value: float) -> float:
-    """What is left of a number in 32 bits."""
+    """A number rounded to 32 bits."""
     return struct.unpack("<f", struct.pack("<f", value))[0]
 
 
@@ -88,7 +89,7 @@ class FakeXp:
         self.world = world
         self.quirks = quirks
         self.lines: list[str] = []
-        # Whether somebody looks at the frames, and what was drawn over this one: left, bottom, right, top, red, green, blue.
+        # Whether anybody looks at the frames, and what was drawn over this one: left, bottom, right, top, red, green, blue.
         self.shows_frames = False
         self.rectangles: list[tuple[float, ...]] = []
         self.cycle = 0
@@ -108,7 +109,7 @@ class FakeXp:
         self._screenshot_wanted = False
         self._screenshot_frame = 0
         self._screenshots = 0
-        # Files that are being written: path, content, since which frame.
+        # Files that are being written: path, content, start frame.
         self._files: list[tuple[Path, bytes, int]] = []
 
     # What the host does.
@@ -133,7 +134,7 @@ class FakeXp:
             self.cycle += 1
         if not camera_first:
             self._run_camera()
-        # SDK: 1 is before the phase, 0 after it. What comes after the phase finds the windows drawn.
+        # SDK: 1 is before the phase, 0 after it. Callbacks after the phase find the windows drawn.
         for when in (1, 0) if "draw_before_is_one" in self.quirks else (0, 1):
             for callback, phase, registered, refcon in list(self._draws):
                 if registered == when:
@@ -150,7 +151,7 @@ class FakeXp:
             self.world.publish(name, read(refcon))
 
     def steal_camera(self) -> None:
-        """As a view key does: whoever controls the camera is told, and asked no more."""
+        """As a view key does: the current camera callback is notified, and not called again."""
         if self._camera is not None:
             callback, refcon = self._camera
             self._camera = None
@@ -164,7 +165,7 @@ class FakeXp:
         self._screenshot_wanted = False
         width, height = self.getScreenSize()
         self._screenshots += 1
-        # Names have seconds; whoever takes two within one has a number after them.
+        # Names have a resolution of seconds; a second one within the same second gets a number appended.
         path = Path(self.world.system_path(), "Output", "screenshots", f"B738 - 2026-01-01 12.00.{self._screenshots % 60:02}.png")
         text = f"number {self._screenshots}".encode()
         self._files.append((path, png(width, height, self.world.render(width, height, True), text), self._frames))
@@ -194,7 +195,7 @@ class FakeXp:
 
     @property
     def windows_drawn(self) -> bool:
-        """Whether the windows of the user interface lie over what is read back now."""
+        """Whether the windows of the user interface cover what is read back now."""
         return self._windows
 
     def _run_camera(self) -> None:
@@ -202,11 +203,11 @@ class FakeXp:
         if self._camera is not None:
             callback, refcon = self._camera
             asked = [0.0] * 7
-            # Only what is done to this very list counts.
+            # Only changes to this very list count.
             if callback(asked, 0, refcon) == 1:
                 position = [as_float32(value) for value in asked]
             elif "camera_taken" in self.quirks and self._camera == (callback, refcon):
-                # Whoever answers 0 gives the camera up.
+                # A callback that returns 0 gives up the camera.
                 self._camera = None
         self.world.place_camera(position)
 
@@ -239,7 +240,7 @@ class FakeXp:
         return (internal // 100 * 10 if internal >= 120_000 else internal // 10), 411, 1
 
     def countAircraft(self) -> tuple[int, int, int]:
-        """Aircraft that there are, those that fly, and the plugin that holds the others."""
+        """Aircraft that exist, those that fly, and the plugin that controls the others."""
         self._here()
         return 20, 2 if self.world.others_fly() else 1, -1 if self._planes is None else 1
 
@@ -459,7 +460,7 @@ class FakeXp:
         self.world.command(command)
         if command == SCREENSHOT:
             self._screenshot_wanted = True
-            # Of this frame, or of the next one, which somebody else's camera shows.
+            # For this frame, or for the next one, which somebody else's camera shows.
             self._screenshot_frame = self._frames + ("screenshot_without_camera" in self.quirks)
 
     def degTrueToDegMagnetic(self, degrees: float) -> float:
@@ -468,7 +469,7 @@ class FakeXp:
 
 
 def png(width: int, height: int, rgb: bytes, text: bytes) -> bytes:
-    """A picture as a file, with a text that says more than the picture."""
+    """A picture file with an additional text chunk."""
 
     def chunk(kind: bytes, content: bytes) -> bytes:
         return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
@@ -480,7 +481,7 @@ def png(width: int, height: int, rgb: bytes, text: bytes) -> bytes:
 
 
 class FakeGl:
-    """Stands in for the OpenGL library: pixels come from the world, filled rectangles are remembered."""
+    """Stands in for the OpenGL library: pixels come from the world, filled rectangles are recorded."""
 
     def __init__(self, xp: FakeXp) -> None:
         self._xp = xp

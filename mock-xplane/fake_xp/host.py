@@ -1,4 +1,5 @@
-"""Runs the plugin against the fake ``xp`` in a process of its own; the world is the stand-in's, at the other end of standard input and output.
+"""Runs the plugin against the fake ``xp`` in a separate process; the world is the stand-in's, at the other end of standard input
+and output.
 
 Each question is one line of JSON, ``[what, ...]``; so is each answer. Only a picture's answer, its number of bytes, is followed by bytes.
 """
@@ -27,7 +28,7 @@ class PipeWorld:
         self._kinds: dict[str, Kind | None] = {}
         self._published: dict[str, float] = {}
         self.cockpit_view = cockpit_view
-        # X-Plane's folder, for what it writes itself.
+        # X-Plane's folder, for X-Plane's own files.
         self._path = tempfile.TemporaryDirectory(prefix="dtd-stand-in-")
 
     def _ask(self, *question: Any) -> Any:
@@ -105,7 +106,7 @@ class PipeWorld:
 
 
 class KeptInMemory:
-    """A profile as long as this stand-in lives: the plugin's folder is the user's."""
+    """A profile that lasts as long as this stand-in: the plugin's folder is the user's."""
 
     def __init__(self, _path: Any) -> None:
         self._profile: dict[str, Any] | None = None
@@ -125,10 +126,10 @@ class LoggingXp(FakeXp):
 
 
 def run(settings: dict[str, Any]) -> None:
-    """For ever, or until the stand-in goes away."""
+    """Forever, or until the stand-in goes away."""
     quirks = frozenset(settings["quirks"])
     world = PipeWorld(sys.stdout.buffer, sys.stdin.buffer, "cockpit_view" in quirks)
-    # What the plugin prints must not become a question.
+    # The plugin's output must not be mistaken for a question.
     sys.stdout = sys.stderr
     xp = LoggingXp(world, quirks)
     xp.shows_frames = settings["shows_frames"]
@@ -142,7 +143,7 @@ def run(settings: dict[str, Any]) -> None:
     plugin = importlib.import_module("PI_dtd_bridge")
     pixels = importlib.import_module("dtd_bridge.pixels")
     pixels.load_library = lambda: FakeGl(xp)
-    # How long a second of the plugin's waits is: as the simulator's clock has it, or nothing where there is nothing to wait for.
+    # How long one second of the plugin's waiting takes: by the simulator's clock, or nothing if there is nothing to wait for.
     pace = settings["pace"]
     scenery, found = (importlib.import_module(f"dtd_bridge.{name}") for name in ("scenery", "found"))
     scenery.HOLD_S *= pace

@@ -1,5 +1,5 @@
-"""A world on paper for tests of the plugin alone: WGS-84, a local origin that can move, an aircraft with an autopilot that slides down a
-glide path once localizer and glide slope are on, and else flies level."""
+"""An in-memory world for tests of the plugin alone: WGS-84, a local origin that can move, an aircraft with an autopilot that
+descends along a glide path once localizer and glide slope are on, and otherwise flies level."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ PERIOD_S = 0.25
 DATAREFS = {
     "sim/version/xplane_internal_version": (Kind("int", None, False), 115_501),
     "sim/time/paused": (Kind("int", None, False), 0),
-    # Not what time passes in a frame, as in an X-Plane whose frames are slow: whoever adds it up is wrong.
+    # Not the time that passes in a frame, as in an X-Plane with slow frames: summing it up gives a wrong result.
     "sim/operation/misc/frame_rate_period": (Kind("float", None, False), 0.8 * PERIOD_S),
     "sim/time/total_flight_time_sec": (Kind("float", None, False), 5_000),
     "sim/operation/override/override_planepath": (Kind("int", 20), 0),
@@ -95,11 +95,11 @@ def geodetic(x: float, y: float, z: float) -> tuple[float, float, float]:
     return math.degrees(latitude), math.degrees(math.atan2(y, x)), altitude
 
 
-# Buttons: on if off, off if on.
+# Toggle buttons.
 TOGGLES = {
     "NAV": "nav_status", "glide_slope": "glideslope_status", "altitude_hold": "altitude_hold_status", "vertical_speed": "vvi_status",
 }  # fmt: skip
-# Of the vertical modes one is engaged at a time.
+# Only one of the vertical modes is engaged at a time.
 EXCLUDES = {"altitude_hold": "vvi_status", "vertical_speed": "altitude_hold_status"}
 STATUS = "sim/cockpit2/autopilot/"
 
@@ -123,13 +123,13 @@ class PaperWorld:
         self.others = False
         self.lost_cameras = 0
         self.rendered: list[tuple[float, ...]] = []
-        # What is drawn is so many frames old.
+        # Drawing lags by this many frames.
         self.lag_frames = 0
         self.shown: list[int] = [0]
         self.path = ""
-        # Whether the view is X-Plane's own again once nobody controls the camera.
+        # Whether the view returns to X-Plane's own once nobody controls the camera.
         self.own_view = False
-        # Called at the beginning of each frame, to disturb.
+        # Called at the beginning of each frame, to inject faults.
         self.disturb = lambda world: None
 
     def kind(self, name: str) -> Kind | None:
@@ -152,7 +152,7 @@ class PaperWorld:
             self.set("sim/graphics/view/view_is_external", 0, float(name == "free_camera"))
         if name in paused:
             self.set("sim/time/paused", 0, paused[name])
-        # Harsher than X-Plane is known to be: on the ground, or stopped, the autopilot takes nothing.
+        # Stricter than X-Plane is known to be: on the ground, or stopped, the autopilot accepts nothing.
         if path.startswith("sim/autopilot/") and self._is_flying() and name not in self.dead_buttons:
             self._autopilot(name)
 
@@ -170,7 +170,7 @@ class PaperWorld:
             self.set(STATUS + TOGGLES[name], 0, float(on))
             if on and name in EXCLUDES:
                 self.set(STATUS + EXCLUDES[name], 0, 0)
-            # What a mode finds is what it keeps, until it is dialled.
+            # A mode holds the current value until another one is dialled.
             if name == "vertical_speed" and on:
                 self.set("sim/cockpit/autopilot/vertical_velocity", 0, 0)
             if name == "altitude_hold" and on:
@@ -180,7 +180,7 @@ class PaperWorld:
             on = not self.status("approach")
             for mode in ("nav", "glideslope"):
                 self.set(f"{STATUS}{mode}_status", 0, float(on))
-        # Armed together they are the approach, however they were.
+        # Armed together they are the approach, however they were armed.
         self.set(STATUS + "approach_status", 0, float(self.status("nav") and self.status("glideslope")))
 
     def _is_flying(self) -> bool:
@@ -240,7 +240,7 @@ class PaperWorld:
         return self.cycle
 
     def _slide(self) -> None:
-        """Along the velocity, and down at 3 degrees of it once the autopilot follows localizer and glide slope."""
+        """Along the velocity, descending at 3 degrees once the autopilot follows localizer and glide slope."""
         position = "sim/flightmodel/position/"
         velocity = [self.get(f"{position}local_v{axis}") for axis in "xyz"]
         speed = math.hypot(*velocity)
@@ -286,8 +286,8 @@ class PaperWorld:
         return self.path
 
     def render(self, width: int, height: int, windows: bool = False) -> bytes:
-        """Red grows to the right, green downwards, blue is where the aircraft was so many frames ago; a window has the first pixel, and the last
-        one shows where the camera looks."""
+        """Red grows to the right, green downwards, blue encodes the aircraft's position some frames ago; a window has the first
+        pixel, and the last one shows where the camera looks."""
         self.rendered.append(tuple(self.get(f"sim/graphics/view/view_{name}") for name in ("x", "y", "z")))
         blue = self.shown[0]
         rgb = bytearray(b"".join(bytes((x % 256, y % 256, blue)) for y in range(height) for x in range(width)))

@@ -1,7 +1,7 @@
 //! The stand-in's datarefs: names, types and values, with X-Plane's rules for reading and writing them over UDP.
 //!
-//! In: a path such as `sim/time/zulu_time_sec` or `name[3]`, maybe a 32-bit value. Out: a 32-bit value, or why a write is
-//! ignored. X-Plane ignores such writes silently; we say it in the log.
+//! Input: a path such as `sim/time/zulu_time_sec` or `name[3]`, optionally a 32-bit value. Output: a 32-bit value, or why a write
+//! is ignored. X-Plane ignores such writes silently; we log them.
 
 mod known;
 
@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 
 use xplane_bridge::datarefs::Generation;
 
-/// What a dataref holds.
+/// Type of a dataref.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kind {
-    /// 32-bit integer: fractions are cut off.
+    /// 32-bit integer: fractions are truncated.
     Int,
     /// 32-bit float.
     Float,
@@ -33,7 +33,7 @@ pub struct Dataref {
     pub length: Option<usize>,
     /// Whether clients may set it.
     pub writable: bool,
-    /// Value (of every element) at the start.
+    /// Initial value (of every element).
     pub initial: f64,
 }
 
@@ -49,7 +49,7 @@ pub enum Ignored {
     /// An array is written element by element.
     #[error("array without index: write name[i]")]
     NeedsIndex,
-    /// Beyond the array's end, or an index that is no number.
+    /// Beyond the array's end, or an invalid index.
     #[error("index out of range")]
     BadIndex,
     /// Not a number.
@@ -64,7 +64,7 @@ pub struct Datarefs {
 }
 
 impl Datarefs {
-    /// The datarefs that a simulator of this generation has here, at their first values.
+    /// The datarefs of a simulator of this generation, with their initial values.
     pub fn new(generation: Generation) -> Self {
         let cells = known::datarefs(generation).map(|dataref| {
             let values = vec![dataref.initial; dataref.length.unwrap_or(1)];
@@ -88,13 +88,13 @@ impl Datarefs {
         Some((dataref, values))
     }
 
-    /// The value as RREF carries it. What does not exist, and an array without index, reads as 0, as in X-Plane 12.
+    /// The value as carried by RREF. An unknown path, and an array without index, read as 0, as in X-Plane 12.
     pub fn read(&self, path: &str) -> f32 {
         self.locate(path)
             .map_or(0.0, |(name, at)| self.cells[name].1[at] as f32)
     }
 
-    /// The value with all its bits; 0 for what does not exist.
+    /// The value with full precision; 0 for an unknown path.
     pub fn get(&self, path: &str) -> f64 {
         self.locate(path)
             .map_or(0.0, |(name, at)| self.cells[name].1[at])
@@ -103,20 +103,20 @@ impl Datarefs {
     /// A client's write.
     ///
     /// # Errors
-    /// If it has no effect, and why.
+    /// The write has no effect, with the reason.
     pub fn write(&mut self, path: &str, value: f32) -> Result<(), Ignored> {
         self.write_exact(path, f64::from(value))
     }
 
-    /// A client's write with more bits than UDP has.
+    /// A client's write with full precision.
     ///
     /// # Errors
-    /// If it has no effect, and why.
+    /// The write has no effect, with the reason.
     pub fn write_exact(&mut self, path: &str, value: f64) -> Result<(), Ignored> {
         let (name, at) = self.locate(path)?;
         match self.cells.get_mut(name) {
             Some((dataref, values)) if dataref.writable => {
-                // What is too large for 32 bits is rounded to infinity.
+                // Values too large for 32 bits are rounded to infinity.
                 let rounded = dataref.kind.rounded(value);
                 if !(value.is_finite() && rounded.is_finite()) {
                     return Err(Ignored::NotFinite);
@@ -128,8 +128,7 @@ impl Datarefs {
         }
     }
 
-    /// The simulator's own write: read-only datarefs are its to set. A path that does not exist is a mistake in this
-    /// crate, said in the log.
+    /// The simulator's own write, also to read-only datarefs. An unknown path is a bug in this crate and is logged.
     pub fn set(&mut self, path: &str, value: f64) {
         match self
             .locate(path)
@@ -157,14 +156,14 @@ impl Datarefs {
         }
     }
 
-    /// Puts back the values that a dataref had elsewhere.
+    /// Restores the values that a dataref had elsewhere.
     pub fn restore(&mut self, name: &str, from: &[f64]) {
         if let Some((_, values)) = self.cells.get_mut(name) {
             values.copy_from_slice(from);
         }
     }
 
-    /// Name and element of a path. A single value also goes by `name[0]`: clients were seen to ask so.
+    /// Name and element of a path. A single value is also accessible as `name[0]`: clients were seen to do that.
     fn locate(&self, path: &str) -> Result<(&'static str, usize), Ignored> {
         let (name, index) = match path.strip_suffix(']').and_then(|path| path.split_once('[')) {
             Some((name, index)) => (
@@ -183,7 +182,7 @@ impl Datarefs {
 }
 
 impl Kind {
-    /// What is left of a number in a dataref of this kind.
+    /// A number converted to the type of a dataref.
     pub(crate) fn rounded(self, value: f64) -> f64 {
         match self {
             Self::Int => f64::from(value as i32),

@@ -1,11 +1,11 @@
 //! The built-in flight model: flies an approach and a landing.
 //!
-//! In: where the flight starts, its runway, its vertical profile, its seed, and the weather. Out: the states of the aircraft
-//! at 30 Hz from the start to 6 s after touchdown (or to the time limit). A pure function: the same request in the same
-//! weather gives the same bytes.
+//! Input: the start of the flight, its runway, its vertical profile, its seed, and the weather. Output: the states of the aircraft
+//! at 30 Hz from the start to 6 s after touchdown (or to the time limit). A pure function: the same request in the same weather
+//! gives the same bytes.
 //!
-//! A point mass with attitude under an ILS autopilot goes through a moving atmosphere; each of these has its file. The model
-//! is judged against flights of an independent one ([`yardstick`]).
+//! A point mass with attitude under an ILS autopilot flies through a moving atmosphere; each of these has its own file. The model
+//! is compared with flights of an independent one ([`yardstick`]).
 
 mod aerodynamics;
 mod air;
@@ -38,12 +38,12 @@ use autopilot::Autopilot;
 use technique::Technique;
 use vertical_guidance::Situation;
 
-/// Rate of the states that a flight gives, hertz.
+/// Rate of the states of a flight, hertz.
 pub const OUTPUT_RATE_HZ: u32 = 30;
 /// A flight ends this long after the wheels first touch, seconds.
 pub const ROLL_OUT_S: f64 = 6.0;
 
-/// Steps of integration for each state given, and for each answer of the autopilot.
+/// Integration steps per state, and per update of the autopilot.
 const STEPS_PER_STATE: u64 = 4;
 const STEP_S: f64 = 1.0 / (OUTPUT_RATE_HZ as f64 * STEPS_PER_STATE as f64);
 const AUTOPILOT_STEP_S: f64 = 1.0 / OUTPUT_RATE_HZ as f64;
@@ -74,7 +74,7 @@ pub fn fly(request: &FlyRequest, weather: &Weather) -> Vec<FlightState> {
     states
 }
 
-/// A flight while it is flown.
+/// A flight in progress.
 struct Flight<'a> {
     runway: &'a Runway,
     target: Geodetic,
@@ -130,7 +130,7 @@ impl<'a> Flight<'a> {
         flight
     }
 
-    /// Puts the aircraft into the steady flight that its plan begins with: no jolt in the first seconds.
+    /// Trims the aircraft for the steady flight at the start of its plan: no jolt in the first seconds.
     fn trim(&mut self, technique: &Technique, start_speed_mps: f64) {
         let situation = self.situation();
         let before_threshold_m = situation.to_target_m - self.runway.touchdown_past_threshold_m;

@@ -1,8 +1,8 @@
 //! A stand-in X-Plane: UDP server, Web API, capture link, flight, sky and renderer.
 //!
-//! [`server`] is the process that answers like X-Plane with our plugin; [`datarefs`] is its table of values. What it shows
-//! comes from [`flight`] and [`render`], and can be seen in a [`window`]. Nothing of it is X-Plane's: it exists so that the whole
-//! chain runs, over real sockets, where there is no X-Plane.
+//! [`server`] is the process that answers like X-Plane with our plugin; [`datarefs`] is its table of values. Its pictures come from
+//! [`flight`] and [`render`], and can be shown in a [`window`]. None of it is X-Plane's code: it exists so that the whole pipeline
+//! runs, over real sockets, without X-Plane.
 
 #![forbid(unsafe_code)]
 

@@ -1,7 +1,8 @@
-//! What makes a live X-Plane awkward: behaviour that others measured or practise against, and that a stand-in made from documents lacks.
+//! Awkward behaviour of a live X-Plane that others measured or work around, and that a stand-in written from documents lacks.
 //!
-//! In: a text such as `all,-late_clouds`. Out: a set that the parts of the stand-in ask. Each quirk has a line in the table below
-//! and one in `docs/simulator.md`, with the source that reports it; what it does lies in the part of the world that it concerns.
+//! Input: a text such as `all,-late_clouds`. Output: a set that the parts of the stand-in query. Each quirk has a line in the table
+//! below and one in `docs/simulator.md`, with the source that reports it; it is implemented in the part of the world that it
+//! concerns.
 
 use std::fmt;
 use std::str::FromStr;
@@ -47,7 +48,7 @@ pub enum Quirk {
     ScreenshotWithoutCamera,
 }
 
-/// How well a report is founded.
+/// Reliability of a report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Grade {
     /// Measured on a running X-Plane of this version.
@@ -62,7 +63,7 @@ pub enum Grade {
     Unknown,
 }
 
-/// What is known of a quirk.
+/// Description of a quirk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Facts {
     /// Which one.
@@ -73,9 +74,9 @@ pub struct Facts {
     pub does: &'static str,
     /// Who reports it.
     pub source: &'static str,
-    /// How well founded that is.
+    /// Reliability of the report.
     pub grade: Grade,
-    /// Whether a client that copes with it needs longer.
+    /// Whether clients that handle it take longer.
     pub costs_time: bool,
     /// Whether X-Plane 11 has it as well as 12.
     pub in_11: bool,
@@ -382,7 +383,7 @@ pub const FACTS: [Facts; 33] = [
     },
 ];
 
-/// What others contradict, or nobody has seen: `dtd doctor` finds out which it is. Part of no group, each is switched on by its name.
+/// Contradicted or never reported: `dtd doctor` finds out which is true. Part of no group, each is enabled only by name.
 pub const OPEN: [Quirk; 7] = [
     Quirk::WindInKnots,
     Quirk::RegenerationNeeded,
@@ -394,7 +395,7 @@ pub const OPEN: [Quirk; 7] = [
 ];
 
 impl Quirk {
-    /// What is known of it.
+    /// Its description.
     pub const fn facts(self) -> &'static Facts {
         &FACTS[self as usize]
     }
@@ -424,25 +425,25 @@ impl Quirks {
     /// None of them: a well-behaved simulator.
     pub const NONE: Self = Self(0);
 
-    /// All that nobody contradicts ([`OPEN`]).
+    /// All that are not contradicted ([`OPEN`]).
     pub fn all() -> Self {
         Self::those(|facts| !OPEN.contains(&facts.quirk))
     }
 
-    /// Those that make no client wait.
+    /// Those that do not slow clients down.
     pub fn quick() -> Self {
         Self::those(|facts| !facts.costs_time && !OPEN.contains(&facts.quirk))
     }
 
-    /// Those that X-Plane of a generation has.
+    /// Those of an X-Plane generation.
     #[must_use]
     pub fn of(self, generation: Generation) -> Self {
         let has = Self::those(|facts| facts.in_11 || generation == Generation::XPlane12);
         Self(self.0 & has.0)
     }
 
-    /// How long a second of a client's waits is where the simulator's clock runs so much faster: nothing at all where there is nothing to wait
-    /// for.
+    /// Duration of one second of a client's waiting if the simulator's clock runs this much faster: zero if there is nothing to
+    /// wait for.
     pub(crate) fn pace(self, clock_rate: f64) -> f64 {
         match self.iter().any(|quirk| quirk.facts().costs_time) {
             true => 1.0 / clock_rate,
@@ -455,13 +456,13 @@ impl Quirks {
         self.0 & quirk.bit() != 0
     }
 
-    /// The set with one more.
+    /// The set plus one.
     #[must_use]
     pub const fn with(self, quirk: Quirk) -> Self {
         Self(self.0 | quirk.bit())
     }
 
-    /// The set without one of them.
+    /// The set minus one.
     #[must_use]
     pub const fn without(self, quirk: Quirk) -> Self {
         Self(self.0 & !quirk.bit())
@@ -510,7 +511,8 @@ fn names() -> String {
 impl FromStr for Quirks {
     type Err = UnknownQuirk;
 
-    /// Reads `all`, `none`, `quick` (those that make no client wait), `late_clouds,far_away` or `all,-late_clouds`, from left to right.
+    /// Reads `all`, `none`, `quick` (those that do not slow clients down), `late_clouds,far_away` or `all,-late_clouds`, from left
+    /// to right.
     fn from_str(text: &str) -> Result<Self, UnknownQuirk> {
         text.split(',')
             .map(str::trim)

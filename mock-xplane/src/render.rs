@@ -1,11 +1,12 @@
-//! What a camera sees: sky, clouds, ground, runway and one aircraft, drawn in software.
+//! The renderer: sky, clouds, ground, runway and one aircraft, drawn in software.
 //!
-//! In: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Out: 8-bit sRGB pictures. Everything
-//! behind the aircraft is computed once per [`Scene`] and copied, clouds as often as they drift; the aircraft's patch is drawn with many samples per
-//! pixel and composited in linear light. The same inputs give the same bytes, whatever the number of threads.
+//! Input: a camera, a runway, weather and a clock; then for every frame the aircraft's pose. Output: 8-bit sRGB pictures.
+//! Everything behind the aircraft is computed once per [`Scene`] and copied, clouds as often as they drift; the aircraft's patch is
+//! drawn with many samples per pixel and composited in linear light. The same inputs give the same bytes, whatever the number of
+//! threads.
 //!
-//! Distortion and refraction are the camera's: rays and projections know them, so nothing is drawn first and warped then. Blur, seeing and
-//! noise are a [`Degradation`], and cost nothing where there is none.
+//! Distortion and refraction belong to the camera: rays and projections include them, so no picture is drawn first and warped
+//! afterwards. Blur, seeing and noise are a [`Degradation`], and cost nothing when absent.
 
 mod air;
 mod aircraft;
@@ -53,20 +54,20 @@ use sensor::SensorNoise;
 use tone::Tone;
 use view::View;
 
-/// A place, its weather and time as one camera sees them; draws frames of an aircraft in it.
+/// A place, its weather and time as seen by one camera; draws frames of an aircraft in it.
 pub struct Scene {
     world: Surroundings,
     light: Light,
     backdrop: Backdrop,
     rain_ratio: f64,
-    /// Display value of raindrops, and what tells this camera's drops from another's.
+    /// Display value of raindrops, and the seed that distinguishes the drops of this camera from another's.
     rain_grey: [f32; 3],
     rain_seed: u32,
     scratch: Mutex<Vec<Scratch>>,
     spoiled: Spoiled,
 }
 
-/// What spoils the pictures; nothing, by default.
+/// Degradation of the pictures; none by default.
 #[derive(Default)]
 struct Spoiled {
     blur_sigma_px: f64,
@@ -92,7 +93,7 @@ impl Spoiled {
     }
 }
 
-/// The light of a patch of pixels, row by row, with the rectangle that it covers. Only pixels that differ from the backdrop have their light.
+/// The light of a patch of pixels, row by row, with its rectangle. Only pixels that differ from the backdrop have light.
 struct Canvas {
     x: usize,
     y: usize,
@@ -103,8 +104,8 @@ struct Canvas {
 }
 
 impl Scene {
-    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large picture).
-    /// The sun stands where the clock of 2023 has it, as seen from the camera.
+    /// Computes and caches everything that does not depend on the aircraft (some tenths of a second for a large picture). The
+    /// position of the sun is that of the year 2023, as seen from the camera.
     pub fn new(camera: &Camera, runway: &Runway, weather: &Weather, clock: &Clock) -> Self {
         let view = View::new(camera, runway);
         let beta_per_m = air::beta_per_m(weather.visibility_m);
@@ -115,7 +116,7 @@ impl Scene {
             beta_per_m,
         );
         let air = Air::new(beta_per_m, light);
-        // All cameras of a site expose for the same piece of sky: where the aircraft come from.
+        // All cameras of a site expose for the same part of the sky: where the aircraft come from.
         let approach = (-view.course + DVec3::Z * 0.03).normalize();
         let tone = Tone::for_horizon(curves::luminance(air.airlight(approach)));
         let ground = Ground::new(&view, &air, &light, weather.rain_ratio);
@@ -143,7 +144,7 @@ impl Scene {
         }
     }
 
-    /// The same, spoiled by optics, air and sensor.
+    /// The same, degraded by optics, air and sensor.
     #[must_use]
     pub fn degraded(mut self, degradation: &Degradation) -> Self {
         let focal_px = self.world.view.camera.focal_px;
@@ -166,7 +167,7 @@ impl Scene {
         self
     }
 
-    /// Draws one frame. `time_s` moves clouds, rain and flashing lamps; `rgb` holds `width * height * 3` bytes, row by row.
+    /// Draws one frame. `time_s` moves clouds, rain and flashing lamps; `rgb` contains `width * height * 3` bytes, row by row.
     ///
     /// # Panics
     ///
@@ -272,7 +273,7 @@ impl Scene {
         lamps
     }
 
-    /// Puts airframe and lamps over the backdrop, in linear light. `None` if nothing falls into the picture.
+    /// Composites airframe and lamps over the backdrop, in linear light. `None` if nothing is inside the picture.
     fn composite(
         &self,
         patch: Option<&Patch>,
@@ -299,7 +300,7 @@ impl Scene {
                 .map(|(spot, _)| spot.on(x as i64, y as i64))
                 .sum();
             canvas.touched[index] = covered.is_some() || glow.max_element() > 0.0;
-            // A blur wants all pixels. Without one, light that nobody asks for is not worth its logarithms.
+            // A blur needs all pixels. Without one, unused light is not worth its logarithms.
             if !canvas.touched[index] && blur.is_none() {
                 continue;
             }
@@ -326,7 +327,7 @@ impl Scene {
 }
 
 impl Patch {
-    /// Coverage and light of a pixel of the picture, if the patch holds it.
+    /// Coverage and light of a pixel of the picture, if the patch contains it.
     fn at(&self, x: usize, y: usize) -> Option<(f32, glam::Vec4)> {
         let (column, row) = (x.checked_sub(self.x)?, y.checked_sub(self.y)?);
         (column < self.width && row < self.height).then(|| {
@@ -339,7 +340,7 @@ impl Patch {
 }
 
 impl Canvas {
-    /// An empty canvas that holds a patch and the reach of all lamps, and a margin around them.
+    /// An empty canvas for a patch, the reach of all lamps, and a margin.
     fn around(
         patch: Option<&Patch>,
         lamps: &[Spot],

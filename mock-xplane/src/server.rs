@@ -1,10 +1,10 @@
-//! The stand-in as a process: X-Plane's UDP protocol, its beacon, its Web API, and the capture link of our plugin.
+//! The stand-in's server: X-Plane's UDP protocol, its beacon, its Web API, and the capture link of our plugin.
 //!
-//! In: an address to listen on. Out: nothing, until it is stopped. A client finds here what it would find at X-Plane 12 with
-//! our plugin, up to the quirks that have bitten clients: 32-bit values, lost requests, silent refusals. What can go wrong
-//! besides is ordered with [`Faults`].
+//! Input: an address to listen on. Output: nothing, until it is stopped. To a client it looks like X-Plane 12 with our plugin,
+//! including the quirks that caused trouble for clients: 32-bit values, lost requests, silent refusals. [`Faults`] configures
+//! further failures.
 //!
-//! The sockets live as long as the server; all else lives in a session, which a restart throws away for a new one.
+//! The sockets live as long as the server; everything else belongs to a session, which a restart replaces.
 
 mod beacon;
 mod capture_link;
@@ -44,32 +44,32 @@ pub use tape::serve_tape;
 
 use faults::outages::Outages;
 
-/// The port that X-Plane takes UDP packets on.
+/// X-Plane's UDP port.
 pub const DEFAULT_PORT: u16 = 49_000;
 /// The port of X-Plane 12's Web API.
 pub const DEFAULT_WEB_PORT: u16 = 8086;
-/// The capture link listens so much above the UDP port.
+/// The capture link listens this much above the UDP port.
 const CAPTURE_PORT_OFFSET: u16 = 10;
 
-/// How long our plugin says that weather takes to settle, seconds, unless its settings say otherwise.
+/// The settling time of weather that our plugin announces, seconds, unless its settings say otherwise.
 const WEATHER_SETTLE_S: f64 = 15.0;
 
 /// Where to listen.
 #[derive(Debug, Clone)]
 pub struct ServerOptions {
-    /// Address of the network interface. Only the loopback one is safe: whoever reaches the stand-in commands it.
+    /// Address of the network interface. Only loopback is safe: anyone who reaches the stand-in controls it.
     pub bind: IpAddr,
     /// UDP port; 0 takes any free one. The capture link listens 10 above it, or on any free one.
     pub port: u16,
     /// Whether to announce the stand-in by multicast, as X-Plane does.
     pub beacon: bool,
-    /// The computer's name in the beacon. X-Plane 12 may send none, and some clients cannot do without.
+    /// The computer's name in the beacon. X-Plane 12 may send none, and some clients need one.
     pub beacon_name: Option<String>,
-    /// Which X-Plane to be like: 11.55 or 12.4.0.
+    /// Which X-Plane to imitate: 11.55 or 12.4.0.
     pub generation: Generation,
     /// TCP port of X-Plane 12's Web API; 0 takes any free one. `None` is X-Plane's own port, or any free one if `port` is 0.
     pub web_port: Option<u16>,
-    /// Whether a flight is loaded at the start, or the main menu shows.
+    /// Whether a flight is loaded at the start, or the main menu is open.
     pub flight_loaded: bool,
     /// Whether "Accept incoming connections" is on in X-Plane's network settings. A fresh X-Plane 12 has it off.
     pub incoming: bool,
@@ -77,11 +77,11 @@ pub struct ServerOptions {
     pub data_to: Option<SocketAddr>,
     /// What goes wrong.
     pub faults: Faults,
-    /// Which awkward habits of a live X-Plane it has.
+    /// Which awkward habits of a live X-Plane to imitate.
     pub quirks: Quirks,
-    /// How much faster than the clock on the wall the simulator's runs, 1 or more.
+    /// How much faster than real time the simulator's clock runs, 1 or more.
     pub clock_rate: f64,
-    /// What a client of the capture link must say first. Required if the address is not a loopback one.
+    /// The token that a client of the capture link must send. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
     /// How long the capture link waits for clients.
     pub patience: LinkPatience,
@@ -137,7 +137,7 @@ impl ServerOptions {
     }
 }
 
-/// Where the stand-in listens; as JSON, the line that `dtd mock-xplane` prints.
+/// The stand-in's addresses; as JSON, the line that `dtd mock-xplane` prints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Addresses {
     /// X-Plane's UDP protocol.
@@ -153,7 +153,7 @@ pub struct Addresses {
 /// Why the stand-in cannot run.
 #[derive(Debug, thiserror::Error)]
 pub enum MockError {
-    /// An address cannot be had.
+    /// An address is not available.
     #[error(
         "cannot listen on {address} ({what}): {source}. Does X-Plane or another stand-in run there? --port 0 takes any free port"
     )]
@@ -190,10 +190,10 @@ pub enum MockError {
         /// How.
         source: io::Error,
     },
-    /// The tape to be served cannot be read.
+    /// The tape cannot be read.
     #[error(transparent)]
     Tape(#[from] TapeError),
-    /// A part of the server ended by itself, which is a mistake in it.
+    /// A part of the server ended by itself, which is a bug.
     #[error("a part of the stand-in stopped: {0}")]
     Stopped(String),
 }
@@ -225,7 +225,7 @@ pub async fn serve_with(
         0 => 0,
         _ => DEFAULT_WEB_PORT,
     });
-    // Like X-Plane's, it is for this computer only, whatever the others are bound to.
+    // Like X-Plane's, it serves this computer only, whatever the others are bound to.
     let web_address = SocketAddr::from((Ipv4Addr::LOCALHOST, web_port));
     let web_api = match options.generation {
         Generation::XPlane11 => None,
@@ -278,7 +278,7 @@ impl Ports {
         })
     }
 
-    /// A plugin listens by itself, where the built-in link would have; ours stays aside and takes no clients.
+    /// A plugin listens by itself, where the built-in link would have; ours stays out of the way and accepts no clients.
     async fn leave_capture_link(&mut self) -> Result<(), MockError> {
         let aside = SocketAddr::from((Ipv4Addr::LOCALHOST, 0));
         (_, self.capture_link) = listen(aside, "capture link").await?;
@@ -295,7 +295,7 @@ impl Ports {
     }
 }
 
-/// Listens on an address; returns which one it became.
+/// Listens on an address; returns the actual one.
 async fn listen(
     address: SocketAddr,
     what: &'static str,
@@ -310,7 +310,7 @@ async fn listen(
     })
 }
 
-/// What outlives restarts.
+/// State that survives restarts.
 struct Server {
     options: ServerOptions,
     addresses: Addresses,
@@ -342,7 +342,7 @@ impl Server {
         Ok(())
     }
 
-    /// A simulator as after its start: its state, and the tasks that answer clients. Dropping the set ends them.
+    /// A freshly started simulator: its state, and the tasks that answer clients. Dropping the set ends them.
     fn begin_session(&self, number: u64) -> JoinSet<Result<(), MockError>> {
         let options = &self.options;
         let mut world =
@@ -416,7 +416,7 @@ impl Server {
         session
     }
 
-    /// What comes while no simulator runs. The ports stay ours, so that nobody else takes them in the meantime.
+    /// Handles input while no simulator runs. The ports stay ours, so that nobody else takes them in the meantime.
     async fn swallow(&self) -> Result<(), MockError> {
         let failed = |what| move |source| MockError::Socket { what, source };
         let nobody = Doorway::new("a simulator that restarts", 2);

@@ -1,7 +1,7 @@
 //! A window on an X11 display that shows what the stand-in draws, as X-Plane's window does, so that it can be grabbed.
 //!
-//! Pictures go into a pixmap that is the window's background: the X server itself paints the window anew when something that lay over
-//! it goes away. A picture is shown when [`Stage::show`] returns: the server has confirmed it.
+//! Pictures go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
+//! it goes away. A picture is visible when [`Stage::show`] returns: the server has confirmed it.
 
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
@@ -25,24 +25,24 @@ use xplane_bridge::pixels::RgbPicture;
 
 /// Title of the window.
 const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";
-/// How long a window manager may take to put the window on the screen.
+/// How long a window manager may take to map the window.
 const MAP_TIMEOUT: Duration = Duration::from_secs(5);
-/// The form of pixels that we send: 32 bits each, of which the lower 24 are red, green, blue.
+/// The pixel format that we send: 32 bits each, of which the lower 24 are red, green, blue.
 const DEPTH: u8 = 24;
 const BYTES_PER_PIXEL: usize = 4;
 
-/// Shows pictures where they can be seen: a window, or in tests something that behaves worse.
+/// Shows pictures: a window, or in tests something with faults.
 pub trait Stage: fmt::Debug + Send + Sync {
     /// Where it is.
     ///
     /// # Errors
-    /// If it is no longer there.
+    /// It no longer exists.
     fn describe(&self) -> Result<SimulatorWindow, WindowError>;
 
-    /// Shows a picture in place of the one before. Done when it can be seen.
+    /// Shows a picture instead of the previous one. Done when it is visible.
     ///
     /// # Errors
-    /// If the picture is of another size than the stage, or the stage is no longer there.
+    /// The picture has another size than the stage, or the stage no longer exists.
     fn show(&self, picture: &RgbPicture) -> Result<(), WindowError>;
 }
 
@@ -59,7 +59,7 @@ pub enum WindowError {
         /// Why not.
         source: ConnectError,
     },
-    /// The display has other pixels.
+    /// The display has another pixel format.
     #[error(
         "the X11 display has pixels of another form ({found}), expected 24-bit colour in 32 bits, e.g. Xvfb -screen 0 1920x1280x24"
     )]
@@ -92,7 +92,7 @@ pub enum WindowError {
     /// The window did not appear.
     #[error("the window did not appear within {MAP_TIMEOUT:?}")]
     NotMapped,
-    /// The X server refused, or is gone.
+    /// The X server returned an error, or is gone.
     #[error("the X server: {0}")]
     X11(String),
 }
@@ -124,7 +124,7 @@ pub struct X11Window {
     context: Gcontext,
     width_px: u32,
     height_px: u32,
-    /// Memory of a picture in the form of the display.
+    /// A picture's memory in the format of the display.
     pixels: Mutex<Vec<u8>>,
 }
 
@@ -132,7 +132,7 @@ impl X11Window {
     /// Opens a window for pictures of this size on a display, e.g. `:0`, or on that which `DISPLAY` names.
     ///
     /// # Errors
-    /// If there is no such display, or it cannot show such a window.
+    /// There is no such display, or it cannot show such a window.
     pub fn open(
         display: Option<&str>,
         (width_px, height_px): (u32, u32),
@@ -283,10 +283,10 @@ impl Stage for X11Window {
         for [red, green, blue] in picture.rgb.as_chunks().0 {
             pixels.extend([*blue, *green, *red, 0]);
         }
-        // Nobody reads the events; they shall not pile up.
+        // Nobody reads the events; they must not pile up.
         while self.connection.poll_for_event()?.is_some() {}
         self.put(&pixels)?;
-        // Set anew each time: what becomes of a background whose pixmap changes later is the server's choice.
+        // Set again each time: the effect of changing a background's pixmap later is implementation-defined.
         let background = ChangeWindowAttributesAux::new().background_pixmap(self.pixmap);
         self.connection
             .change_window_attributes(self.window, &background)?;
@@ -308,7 +308,7 @@ impl fmt::Debug for X11Window {
     }
 }
 
-/// Refuses a display whose pixels we would have to convert.
+/// Rejects a display whose pixels we would have to convert.
 fn check_pixels(connection: &RustConnection, screen: &Screen) -> Result<(), WindowError> {
     let setup = connection.setup();
     let bits = setup

@@ -16,7 +16,7 @@ async fn a_stand_in_on_this_computer_is_found_with_its_port_and_version() {
         let _ = tell.send(addresses.udp);
     }));
     let address = told.await.unwrap();
-    // Another one may run on this computer, so that the one that is wanted need not be the only one.
+    // Another one may run on this computer, so that the wanted one need not be the only one.
     let found = announced(Duration::from_millis(2_500)).await.unwrap();
     let this = found
         .iter()

@@ -1,4 +1,4 @@
-//! What clients meet when things go wrong on purpose: a simulator that hangs, one that is restarted, a lossy network.
+//! Client-side view of injected faults: a simulator that hangs, one that restarts, a lossy network.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -120,7 +120,7 @@ fn capture(tick: u32) -> CaptureRequest {
     }
 }
 
-/// One datagram there, one value back; `None` if nothing comes for a while.
+/// One datagram out, one value back; `None` if nothing comes for a while.
 async fn read(socket: &UdpSocket, path: &str) -> Option<f32> {
     let request = |frequency_hz| {
         ToSimulator::SubscribeDataref(SubscribeDataref {

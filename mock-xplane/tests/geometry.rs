@@ -1,4 +1,4 @@
-//! Rendered pictures against a judge that shares no code with the renderer (`tests/judges/render_geometry.py`).
+//! Compares rendered pictures with a reference that shares no code with the renderer (`tests/judges/render_geometry.py`).
 
 use std::f64::consts::TAU;
 use std::fs;
@@ -23,10 +23,10 @@ const FOCAL_PX: f64 = 10_972.8;
 const STEPS: u32 = 16;
 
 const DISTANCES_NM: [f64; 4] = [1.0, 3.0, 6.0, 9.0];
-/// The same through a lens and bent light.
+/// The same with a lens and refraction.
 const BENT_DISTANCES_NM: [f64; 2] = [3.0, 9.0];
 
-/// A lens that moves the aircraft by pixels, and the usual refraction.
+/// A lens that moves the aircraft by pixels, and typical refraction.
 fn bent() -> Imaging {
     Imaging {
         distortion: Some(Distortion {
@@ -94,9 +94,9 @@ fn moved(pose: Pose, distance_m: f64, step: u32) -> Pose {
     }
 }
 
-/// Draws all pictures of the judgement into a folder, with a scenes.json that says what they show.
+/// Draws all pictures of the comparison into a folder, with a scenes.json that describes them.
 fn draw_scenes(folder: &Path) {
-    // Air without haze: this is about places, and a far winglet in haze does not change a byte.
+    // Air without haze: this is about geometry, and a distant winglet in haze does not change a byte.
     let weather = Weather {
         visibility_m: 1e6,
         clouds: vec![],
@@ -116,7 +116,7 @@ fn draw_scenes(folder: &Path) {
         let distance_m = distance_nm * 1_852.0;
         let (pose, mut camera) = placed(distance_m);
         if !imaging.is_ideal() {
-            // Off the middle, where a lens does nothing.
+            // Off the centre, where a lens has no effect.
             camera.pose.heading_true_deg += 0.5;
             camera.pose.pitch_deg += 0.2;
         }

@@ -1,4 +1,4 @@
-//! Which datarefs the stand-in has: those of X-Plane 11 and 12 that an approach, its weather and its replay touch.
+//! The stand-in's datarefs: those of X-Plane 11 and 12 that an approach, its weather and its replay use.
 
 use xplane_bridge::datarefs::{self as names, Generation};
 
@@ -55,7 +55,7 @@ pub(super) fn datarefs(generation: Generation) -> impl Iterator<Item = &'static 
     BOTH.iter().chain(own)
 }
 
-/// What X-Plane 11 and 12 have alike, then ours.
+/// What X-Plane 11 and 12 have in common, then ours.
 const BOTH: &[Dataref] = &[
     read_only("sim/version/xplm_internal_version", Int, 411.0),
     read_only("sim/network/misc/network_time_sec", Float, 0.0),
@@ -84,7 +84,7 @@ const BOTH: &[Dataref] = &[
         Int,
         0.0,
     ),
-    // Where the aircraft is. Latitude and longitude are the simulator's; local coordinates and attitude may be set.
+    // Position of the aircraft. Latitude and longitude belong to the simulator; local coordinates and attitude may be set.
     read_only("sim/flightmodel/position/latitude", Double, 0.0),
     read_only("sim/flightmodel/position/longitude", Double, 0.0),
     read_only("sim/flightmodel/position/elevation", Double, 0.0),
@@ -174,7 +174,7 @@ const BOTH: &[Dataref] = &[
     read_only(names::WEATHER_SETTLE_S, Float, 0.0),
 ];
 
-/// X-Plane 12 alone. Weather: fair, as a fresh simulator has it.
+/// X-Plane 12 only. Weather: fair, as in a fresh simulator.
 const TWELVE: &[Dataref] = &[
     read_only(names::VERSION, Int, 124_009.0),
     writable(
@@ -206,7 +206,7 @@ const TWELVE: &[Dataref] = &[
     array(names::TURBULENCE, Float, WINDS, 0.0),
     array(names::SHEAR_SPEED, Float, WINDS, 0.0),
     array(names::SHEAR_DIRECTION, Float, WINDS, 0.0),
-    // What instruments and the picture have of it.
+    // The same weather as seen by instruments and the picture.
     samples("sim/weather/aircraft/cloud_type", CLOUDS),
     samples("sim/weather/aircraft/cloud_coverage_percent", CLOUDS),
     samples("sim/weather/aircraft/cloud_base_msl_m", CLOUDS),
@@ -222,7 +222,7 @@ const TWELVE: &[Dataref] = &[
     read_only("sim/weather/view/temperature_C", Float, 0.0),
 ];
 
-/// X-Plane 11 alone. Its weather has three layers of wind, and kind and cover of a cloud in one number.
+/// X-Plane 11 only. Its weather has three layers of wind, and kind and cover of a cloud in one number.
 const ELEVEN: &[Dataref] = &[
     read_only(names::VERSION, Int, 115_501.0),
     writable(names::USE_REAL_WEATHER_11, Int, 0.0),

@@ -1,8 +1,8 @@
 //! Lift, drag and side force of a 737-800 in approach configurations.
 //!
-//! In: motion through the air in body axes, density, flaps, gear, spoilers. Out: force in body axes, and the trim that level
-//! flight needs. The lift line goes through the pitch angles of the recorded flights (96 m/s with flaps 0.25: 5.2 degrees
-//! level; 71.6 m/s with flaps 0.75: 3.4 degrees on the glide path); drag is a parabola with usual transport figures.
+//! Input: motion through the air in body axes, density, flaps, gear, spoilers. Output: force in body axes, and the trim for level
+//! flight. The lift line goes through the pitch angles of the recorded flights (96 m/s with flaps 0.25: 5.2 degrees level; 71.6 m/s
+//! with flaps 0.75: 3.4 degrees on the glide path); drag is a parabola with typical transport figures.
 
 use dataset::pose::Controls;
 use glam::DVec3;
@@ -13,18 +13,18 @@ const WING_AREA_M2: f64 = 124.6;
 const LIFT_AT_ZERO_ANGLE: f64 = 0.136;
 const LIFT_PER_FLAP_RATIO: f64 = 0.932;
 const LIFT_PER_RAD: f64 = 5.0;
-/// Lift ends here: the wing stalls.
+/// Maximum lift: the wing stalls.
 const LARGEST_LIFT: f64 = 2.6;
 const DRAG_CLEAN: f64 = 0.020;
 const DRAG_PER_LIFT_SQUARED: f64 = 0.045;
 const DRAG_PER_FLAP_RATIO_SQUARED: f64 = 0.060;
 const DRAG_GEAR: f64 = 0.045;
 const DRAG_SPOILERS: f64 = 0.080;
-/// Part of the lift that risen spoilers take.
+/// Share of the lift lost to raised spoilers.
 const LIFT_LOST_TO_SPOILERS: f64 = 0.75;
 const SIDE_FORCE_PER_RAD: f64 = -0.9;
 
-/// What level flight needs.
+/// Trim for level flight.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Trim {
     /// Angle of attack, radians.

@@ -1,7 +1,7 @@
-//! The air that a flight goes through: density and motion.
+//! The air of a flight: density and motion.
 //!
-//! In: the weather, the height, where the aircraft points. Out: density after the International Standard Atmosphere (ISO
-//! 2533) and velocity of the air: a mean wind that grows with height by the power law, discrete gusts of it, and turbulence.
+//! Input: the weather, the height, the aircraft's heading. Output: density after the International Standard Atmosphere (ISO 2533)
+//! and velocity of the air: a mean wind that grows with height by the power law, discrete gusts of it, and turbulence.
 
 use dataset::conditions::Weather;
 use glam::{DMat3, DVec3};
@@ -26,7 +26,7 @@ pub(crate) fn density_kg_per_m3(altitude_msl_m: f64) -> f64 {
 /// Motion of the air at the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct AirMotion {
-    /// Where the air goes, north, east and down, metres per second.
+    /// Direction that the air moves to, north, east and down, metres per second.
     pub(crate) velocity_ned_mps: DVec3,
     /// The turbulent part of it.
     pub(crate) turbulence_ned_mps: DVec3,
@@ -54,7 +54,7 @@ impl Air {
         }
     }
 
-    /// Mean wind at a height above ground: where the air goes, metres per second.
+    /// Mean wind at a height above ground: velocity of the air, metres per second.
     pub(crate) fn mean_wind_ned_mps(&self, height_m: f64) -> DVec3 {
         // Below a metre the power law ends in roughness elements: no need to follow it down to zero.
         let height_m = height_m.clamp(1.0, BOUNDARY_LAYER_M);

@@ -1,9 +1,9 @@
-//! The aircraft that flies: a point mass with attitude.
+//! The flying aircraft: a point mass with attitude.
 //!
-//! In: what the autopilot commands and how the air moves. Out: position, velocity and attitude a time step later, over the
-//! WGS-84 ellipsoid. Lift, drag and side force act on the mass; the attitude follows the commands with the lags and limits
-//! of a transport aircraft and turns into gusts like a weathercock. That much decides what a camera sees from afar: path,
-//! speed, crab, pitch. The flexible rest of a 737 (moments of elevator and aileron, engine spool curves) is left out.
+//! Input: the autopilot's commands and the motion of the air. Output: position, velocity and attitude a time step later, over the
+//! WGS-84 ellipsoid. Lift, drag and side force act on the mass; the attitude follows the commands with the lags and limits of a
+//! transport aircraft and turns into gusts like a weathercock. This determines what a distant camera sees: path, speed, crab,
+//! pitch. The flexible rest of a 737 (moments of elevator and aileron, engine spool curves) is not modelled.
 
 use airframe::WHEEL_HEIGHT_BELOW_CG_M;
 use dataset::geodesy::{Geodetic, WGS84_FLATTENING, WGS84_SEMI_MAJOR_M};
@@ -27,7 +27,7 @@ const YAW_WEATHERCOCK_PER_S2: f64 = 1.8;
 const YAW_DAMPING_PER_S: f64 = 1.4;
 /// Rudder against the weathercock when the crew aligns with the runway, 1/s^2.
 const RUDDER_STIFFNESS_PER_S2: f64 = 1.5;
-/// Bank: demanded rate for each radian of error, its limit, and the lag of the rate.
+/// Bank: demanded rate per radian of error, its limit, and the lag of the rate.
 const BANK_GAIN_PER_S: f64 = 0.8;
 const LARGEST_BANK_RATE_RAD_PER_S: f64 = 0.12;
 const BANK_RATE_LAG_S: f64 = 0.5;
@@ -43,7 +43,7 @@ const GEAR_RATE_PER_S: f64 = 0.08;
 /// Spoilers rise in this time after touchdown, seconds.
 const SPOILER_TIME_S: f64 = 1.5;
 
-/// What the autopilot asks for.
+/// Commands of the autopilot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Commands {
     /// Bank, radians, right wing down positive.
@@ -52,7 +52,7 @@ pub(crate) struct Commands {
     pub(crate) pitch_rad: f64,
     /// Thrust of both engines, newtons.
     pub(crate) thrust_n: f64,
-    /// Where the rudder should hold the nose, radians true, and how hard, 0 (feet off: the nose goes into the wind) to 1.
+    /// Heading that the rudder should hold, radians true, and how hard, 0 (feet off: the nose turns into the wind) to 1.
     pub(crate) align_heading_rad: f64,
     pub(crate) align_ratio: f64,
     /// Flaps and gear.
@@ -97,7 +97,7 @@ impl Aircraft {
         (self.velocity_ned_mps - air_velocity_ned_mps).length()
     }
 
-    /// Moves on by `step_s` seconds. The ground is level at `ground_msl_m`.
+    /// Advances by `step_s` seconds. The ground is level at `ground_msl_m`.
     pub(crate) fn step(
         &mut self,
         commands: &Commands,
@@ -193,8 +193,8 @@ impl Aircraft {
         self.heading_rad = wrapped_rad(self.heading_rad + self.heading_rate_rad_per_s * step_s);
     }
 
-    /// Rate of turn of the north-east-down axes crossed with the velocity: the local axes go with the aircraft around the
-    /// earth. (The earth's own rotation, 0.01 m/s^2 at most, is left to the autopilot's trim.)
+    /// Rate of turn of the north-east-down axes crossed with the velocity: the local axes move with the aircraft around the earth.
+    /// (The earth's own rotation, 0.01 m/s^2 at most, is left to the autopilot's trim.)
     fn transport_acceleration(&self) -> DVec3 {
         let (meridian_m, parallel_m) = self.curvature_radii_m();
         let north_rate = self.velocity_ned_mps.x / meridian_m;

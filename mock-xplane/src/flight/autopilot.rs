@@ -1,8 +1,8 @@
-//! The autopilot: from where the aircraft is to what its controls should do.
+//! The autopilot: from the aircraft's situation to its controls.
 //!
-//! In: the request, the situation, measured airspeed. Out: commands of bank, pitch, thrust, rudder, flaps, gear, brakes.
-//! Three loops that any ILS autopilot has: bank follows the localizer, pitch follows the climb rate that vertical guidance
-//! asks for, thrust holds the speed. Measured speeds are filtered, as in an air data computer, or the loops would chase gusts.
+//! Input: the request, the situation, measured airspeed. Output: commands of bank, pitch, thrust, rudder, flaps, gear, brakes.
+//! Three loops of any ILS autopilot: bank follows the localizer, pitch follows the climb rate of the vertical guidance, thrust
+//! holds the speed. Measured speeds are filtered, as in an air data computer, or the loops would chase gusts.
 
 use dataset::pose::Controls;
 use xplane_bridge::fly::FlyRequest;
@@ -13,7 +13,7 @@ use super::aircraft::{Aircraft, Commands, GRAVITY_MPS2};
 use super::technique::Technique;
 use super::vertical_guidance::{Situation, VerticalGuidance};
 
-/// Localizer: time in which an offset is flown off, and time in which the rate of offset is met, seconds.
+/// Localizer: time constants for correcting the offset and the rate of offset, seconds.
 const OFFSET_TIME_S: f64 = 10.0;
 const OFFSET_RATE_TIME_S: f64 = 4.0;
 /// Angle at which the localizer is approached when the start does not already converge with it, radians.
@@ -41,7 +41,7 @@ const PITCH_LIMITS_RAD: (f64, f64) = (-0.07, 0.17);
 /// more than an autopilot does and hold the path better than the recorded ones.
 const AIRSPEED_FILTER_S: f64 = 3.0;
 const TRIM_FILTER_S: f64 = 8.0;
-/// Acceleration for an error of speed, 1/s, its integral, 1/s^2, and its limits, metres per second squared.
+/// Acceleration per error of speed, 1/s, its integral, 1/s^2, and its limits, metres per second squared.
 const SPEED_GAIN_PER_S: f64 = 0.16;
 const SPEED_INTEGRAL_PER_S2: f64 = 0.008;
 const ACCELERATION_LIMITS_MPS2: (f64, f64) = (-0.9, 0.9);
@@ -55,7 +55,7 @@ const ALIGN_RATIO: f64 = 0.8;
 /// Pitch on three wheels, radians, and how fast the nose comes down to it, radians per second.
 const GROUND_PITCH_RAD: f64 = 0.006;
 const NOSE_DOWN_RAD_PER_S: f64 = 0.03;
-/// Steering: heading for each metre off the centreline, radians, with a limit.
+/// Steering: heading per metre off the centreline, radians, with a limit.
 const STEERING_RAD_PER_M: f64 = 0.006;
 const LARGEST_STEERING_RAD: f64 = 0.05;
 
@@ -102,12 +102,12 @@ impl Autopilot {
         }
     }
 
-    /// Climb rate that the flight begins with, metres per second: it is already on its plan.
+    /// Initial climb rate of the flight, metres per second: it is already on its plan.
     pub(crate) fn first_climb_mps(&mut self, now: &Situation) -> f64 {
         self.vertical.climb_mps(now)
     }
 
-    /// Commands for now. `airspeed_mps` is the true airspeed as a probe measures it, `landed` whether the wheels have touched.
+    /// Current commands. `airspeed_mps` is the true airspeed as a probe measures it, `landed` whether the wheels have touched.
     pub(crate) fn commands(
         &mut self,
         now: &Situation,
@@ -214,8 +214,8 @@ impl Autopilot {
             .clamp(-0.05, 0.05);
         let trim_rad =
             aerodynamics::level_trim(airspeed_mps, density, controls).angle_of_attack_rad;
-        // The flare is a known manoeuvre and is led by its lag. On the path no lead: it would hold the path better than the
-        // recorded autopilot, whose path mode is lightly damped.
+        // The flare is a known manoeuvre and is led by its lag. On the path there is no lead: it would hold the path better than
+        // the recorded autopilot, whose path mode is lightly damped.
         let (lead_s, gain) = if self.vertical.is_flaring() {
             (
                 aerodynamics::path_lag_s(airspeed_mps, density) + PITCH_LAG_S,
@@ -245,7 +245,7 @@ impl Autopilot {
             return THRUST_LIMITS_N.0;
         }
         let error_mps = wanted_mps - airspeed_mps;
-        // The schedule slows down as a function of distance: follow its slope, or the speed would lag by many seconds.
+        // The schedule decelerates as a function of distance: follow its slope, or the speed would lag by many seconds.
         let before_mps = self
             .wanted_airspeed_mps
             .replace(wanted_mps)
@@ -257,7 +257,7 @@ impl Autopilot {
         let level_n = aerodynamics::level_trim(airspeed_mps, density, controls).drag_n;
         let slope_n = MASS_KG * GRAVITY_MPS2 * now.climb_mps / airspeed_mps;
         let thrust_n = level_n + slope_n + MASS_KG * acceleration;
-        // The integral waits while the levers are at a stop, or it would overshoot when they leave it.
+        // The integral pauses while the levers are at a stop, or it would overshoot when they leave it.
         if (THRUST_LIMITS_N.0..THRUST_LIMITS_N.1).contains(&thrust_n) {
             self.speed_integral_mps2 = (self.speed_integral_mps2
                 + SPEED_INTEGRAL_PER_S2 * error_mps * step_s)

@@ -1,8 +1,8 @@
-//! Discrete gusts: the wind freshens for some seconds and falls back.
+//! Discrete gusts: the wind freshens for some seconds and drops again.
 //!
-//! In: mean wind, intensity of turbulence, time. Out: a factor by which the mean wind is stronger at that time. Each gust has
-//! the "1 - cosine" shape of MIL-F-8785C 3.7.2; strength, duration and waiting time are drawn. Continuous turbulence alone
-//! is Gaussian and lacks these.
+//! Input: mean wind, intensity of turbulence, time. Output: a factor by which the mean wind is stronger at that time. Each gust has
+//! the "1 - cosine" shape of MIL-F-8785C 3.7.2; strength, duration and waiting time are drawn. Continuous turbulence alone is
+//! Gaussian and lacks these.
 
 use rand_chacha::ChaCha12Rng;
 
@@ -41,7 +41,7 @@ impl Gusts {
         gusts
     }
 
-    /// By which part of itself the mean wind is stronger at `time_s` (seconds, never going back).
+    /// By which fraction of itself the mean wind is stronger at `time_s` (seconds, never decreasing).
     pub(crate) fn factor_at(&mut self, time_s: f64) -> f64 {
         while time_s > self.begins_s + self.duration_s {
             self.draw_next(self.begins_s + self.duration_s);

@@ -1,18 +1,18 @@
-//! The push of the runway on the wheels.
+//! Forces of the runway on the wheels.
 //!
-//! In: height of the wheels, velocity, where the aircraft points. Out: acceleration by struts, tyres and brakes, or nothing
-//! in the air. Struts are a damped spring that carries the weight, lift dumped, with the centre of gravity at the height that the airframe's
-//! mesh shows on the ground; so a wheel touches when it is still the static travel above that height.
+//! Input: height of the wheels, velocity, heading. Output: acceleration by struts, tyres and brakes, or none in the air. Struts are
+//! a damped spring that carries the weight, lift dumped, with the centre of gravity at the height that the airframe's mesh has on
+//! the ground; so a wheel touches while it is still the static travel above that height.
 
 use glam::DVec3;
 
 use super::aircraft::GRAVITY_MPS2;
 
-/// How far the struts go in under the weight, metres.
+/// Compression of the struts under the weight, metres.
 pub(crate) const STATIC_TRAVEL_M: f64 = 0.15;
-/// Damping ratio of the struts: they do not throw the aircraft back.
+/// Damping ratio of the struts: the aircraft does not bounce.
 const STRUT_DAMPING: f64 = 0.9;
-/// Tyres stop sideways motion in about this time, seconds.
+/// Time constant in which tyres stop sideways motion, seconds.
 const SIDEWAYS_TIME_S: f64 = 0.6;
 const ROLLING_FRICTION: f64 = 0.015;
 
@@ -31,7 +31,7 @@ pub(crate) fn push(
     let damping_per_s = 2.0 * STRUT_DAMPING * stiffness_per_s2.sqrt();
     // A strut pushes, it never pulls.
     let up_mps2 = (stiffness_per_s2 * travel_m + damping_per_s * velocity_ned_mps.z).max(0.0);
-    // Tyres hold as much as they are pressed.
+    // Tyre grip is proportional to the load.
     let grip = (up_mps2 / GRAVITY_MPS2).min(1.0);
     let forward = DVec3::new(heading_rad.cos(), heading_rad.sin(), 0.0);
     let right = DVec3::new(-heading_rad.sin(), heading_rad.cos(), 0.0);

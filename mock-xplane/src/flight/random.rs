@@ -1,8 +1,8 @@
 //! Random numbers of a flight: one stream for each thing that varies, all from the flight's seed.
 //!
-//! In: the seed of the request. Out: generators that never share a number, so that a change in one part of the model (one
-//! gust more, one pilot habit more) leaves the numbers of all other parts as they were. ChaCha has its streams built in and
-//! gives the same numbers for good; `rand`'s standard generator may change with its version.
+//! Input: the seed of the request. Output: generators that never share a number, so that a change in one part of the model (one
+//! gust more, one pilot habit more) leaves the numbers of all other parts unchanged. ChaCha has streams built in and its output is
+//! fixed; `rand`'s standard generator may change with its version.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;

@@ -1,4 +1,4 @@
-//! The flight model against six flights of an independent one; see [`super::yardstick`].
+//! Compares the flight model with six flights of an independent one; see [`super::yardstick`].
 //!
 //! A flight in turbulence is one draw of many, so twins are flown with several seeds, and figures are compared by the geometric
 //! mean of their ratios over the five flights in moving air.
@@ -56,7 +56,7 @@ fn band_amplitude(values: &[f64], (from_hz, to_hz): (f64, f64)) -> f64 {
         .sqrt()
 }
 
-/// Figures of a final approach that must be like those of the recorded flights.
+/// Figures of a final approach that must match those of the recorded flights.
 fn figures(states: &[FlightState]) -> BTreeMap<&'static str, f64> {
     let states = final_approach(states);
     let series = |of: fn(&FlightState) -> f64| -> Vec<f64> { states.iter().map(of).collect() };
@@ -125,7 +125,7 @@ fn spreads_and_spectra_are_within_a_factor_1_5_of_the_recorded_flights() {
                 "{:26} {name:36} recorded {value:6.3} ratio {ratio:5.2}",
                 flight.flight.name
             );
-            // A single flight is one draw, and one autopilot: a factor 2.6 catches what is broken, the mean below judges.
+            // A single flight is one draw, and one autopilot: a factor of 2.6 catches bugs, the mean below is the real test.
             assert!(
                 (1.0 / 2.6..2.6).contains(&ratio),
                 "{} {name}: {ratio}",

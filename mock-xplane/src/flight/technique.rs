@@ -1,8 +1,8 @@
 //! How a crew flies the approach: speeds, flaps, gear and flare.
 //!
-//! In: the flight's seed, the speed at the start, the headwind. Out: wanted speed, flaps and gear for a distance to the
-//! threshold, and the numbers of the flare. The schedule is that of the recorded flights; the seed moves it about as crews
-//! differ, so that two flights in the same calm air are not one flight.
+//! Input: the flight's seed, the speed at the start, the headwind. Output: target speed, flaps and gear for a distance to the
+//! threshold, and the numbers of the flare. The schedule is that of the recorded flights; the seed varies it as crews differ, so
+//! that two flights in the same calm air differ.
 
 use dataset::pose::Controls;
 
@@ -28,12 +28,12 @@ const FLAP_SCHEDULE: [(f64, f64); 4] = [
     (12_000.0, 0.75),
 ];
 const GEAR_DOWN_AT_M: f64 = 14_800.0;
-/// A flight that starts slower than the schedule has been slowed down early: everything comes this much earlier for each
-/// metre per second, metres.
+/// A flight that starts slower than the schedule was slowed down early: everything happens this much earlier per metre per second,
+/// metres.
 const EARLIER_PER_MPS: f64 = 500.0;
 /// Differences up to this are within the habits of crews, metres per second.
 const HABITUAL_MPS: f64 = 4.0;
-/// Slower than this above the final speed, flaps and gear are already out whatever the distance, metres per second.
+/// Below this excess over the final speed, flaps and gear are already out whatever the distance, metres per second.
 const FLAPS_NEEDED_BELOW_MPS: [(f64, f64); 3] = [(14.0, 0.375), (5.0, 0.625), (3.0, 0.75)];
 
 /// One crew's numbers.
@@ -44,7 +44,7 @@ pub(crate) struct Technique {
     earlier_m: f64,
     /// Height of the wheels at which the flare begins, metres.
     pub(crate) flare_height_m: f64,
-    /// Rate of descent that the flare ends with, metres per second.
+    /// Rate of descent at the end of the flare, metres per second.
     pub(crate) touchdown_sink_mps: f64,
     /// Deceleration by brakes and reversers, metres per second squared.
     pub(crate) braking_mps2: f64,
@@ -69,7 +69,7 @@ impl Technique {
         }
     }
 
-    /// Wanted equivalent airspeed at a distance before the threshold, metres per second.
+    /// Target equivalent airspeed at a distance before the threshold, metres per second.
     pub(crate) fn speed_mps(&self, before_threshold_m: f64) -> f64 {
         let above_final = interpolate(&SPEED_SCHEDULE, before_threshold_m - self.earlier_m);
         self.start_speed_mps
@@ -77,7 +77,7 @@ impl Technique {
             .max(self.final_speed_mps)
     }
 
-    /// Wanted flaps and gear at a distance before the threshold and an equivalent airspeed. They never go back.
+    /// Target flaps and gear at a distance before the threshold and an equivalent airspeed. They never retract.
     pub(crate) fn controls(
         &self,
         before_threshold_m: f64,

@@ -1,4 +1,4 @@
-//! What a flight must do, seen from outside: capture, path, landing, wind, determinism.
+//! Observable properties of a flight: capture, path, landing, wind, determinism.
 
 use xplane_bridge::fly::{ApproachProfile, FlightStart};
 
@@ -214,7 +214,7 @@ fn the_same_seed_gives_the_same_bytes_and_another_seed_another_flight() {
 fn seeds_change_the_turbulence_and_not_only_the_crew() {
     let air = weather(60.0, 6.0, 0.3);
     let (first, second) = (fly(&straight_in(0), &air), fly(&straight_in(7), &air));
-    // In the first ten seconds all crews fly level at the same speed: what differs is the air.
+    // In the first ten seconds all crews fly level at the same speed: only the air differs.
     let differs = first
         .iter()
         .zip(&second)

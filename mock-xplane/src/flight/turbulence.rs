@@ -1,9 +1,9 @@
-//! Continuous turbulence: what the air does around its mean motion, as an aircraft that flies through it meets it.
+//! Continuous turbulence: the air's deviations from its mean motion, as experienced by an aircraft that flies through it.
 //!
-//! In: intensity (0 to 1), height above ground, airspeed, time step. Out: gust velocities along, right and down, and a
+//! Input: intensity (0 to 1), height above ground, airspeed, time step. Output: gust velocities along, right and down, and a
 //! rolling gust. The spectra, scale lengths and intensities are the Dryden form of MIL-F-8785C (1980), section 3.7: its low
-//! altitude model below 1,000 ft, its 1,750 ft scale length above 2,000 ft, linear in between. White noise drives the
-//! spectrum's rational filters; first-order parts are stepped exactly, so the variance does not depend on the time step.
+//! altitude model below 1,000 ft, its 1,750 ft scale length above 2,000 ft, linear in between. White noise drives the spectrum's
+//! rational filters; first-order parts are stepped exactly, so the variance does not depend on the time step.
 
 use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 use rand_chacha::ChaCha12Rng;
@@ -13,8 +13,8 @@ use super::random::{self, Stream, standard_normal};
 /// Wind at 20 ft that MIL-F-8785C calls severe (light is 15 kt, moderate 30 kt): the meaning of intensity 1.
 const SEVERE_WIND_AT_20_FT_MPS: f64 = 45.0 * MPS_PER_KNOT;
 
-/// Standard deviation above 2,000 ft for each metre per second of wind at 20 ft. The specification draws curves of exceedance
-/// there instead; this line goes through the recorded flights, whose airspeed fluctuates that much more at 2,500 ft.
+/// Standard deviation above 2,000 ft per metre per second of wind at 20 ft. The specification has curves of exceedance there
+/// instead; this line goes through the recorded flights, whose airspeed fluctuates that much more at 2,500 ft.
 const HIGH_SIGMA_PER_WIND_AT_20_FT: f64 = 0.22;
 
 /// Below this height the low altitude model's vertical scale length would go to zero.
@@ -56,7 +56,7 @@ pub(crate) struct Turbulence {
 }
 
 impl Turbulence {
-    /// Turbulence of intensity `ratio` (0 none, 1/3 light, 2/3 moderate, 1 severe), already going when the flight begins.
+    /// Turbulence of intensity `ratio` (0 none, 1/3 light, 2/3 moderate, 1 severe), already developed when the flight begins.
     pub(crate) fn new(ratio: f64, seed: u64) -> Self {
         Self {
             wind_at_20_ft_mps: ratio * SEVERE_WIND_AT_20_FT_MPS,
@@ -160,7 +160,7 @@ struct SecondOrder {
 impl SecondOrder {
     fn new(noise: ChaCha12Rng) -> Self {
         let mut first = FirstOrder::new(noise);
-        // Start as if it had always run: the second state has variance 1/2 and covariance 1/2 with the first.
+        // Start in the steady state: the second state has variance 1/2 and covariance 1/2 with the first.
         let second = 0.5 * first.value + 0.5 * standard_normal(&mut first.noise);
         Self { first, second }
     }

@@ -1,9 +1,9 @@
-//! How fast to climb or descend: level segments, steps, glide path and flare.
+//! Target climb rate: level segments, steps, glide path and flare.
 //!
-//! In: the profile that was asked for, where the aircraft is relative to the touchdown target, its motion. Out: the climb
-//! rate to fly. Segments are joined by taking the lower (or higher) of two climb rates, so a capture is smooth without a
-//! timetable: the glide path's law asks for a climb as long as the path is far above, and takes over where it asks for less
-//! than the segment before.
+//! Input: the requested profile, the aircraft's position relative to the touchdown target, its motion. Output: the climb rate to
+//! fly. Segments are joined by taking the lower (or higher) of two climb rates, so a capture is smooth without a schedule: the
+//! glide path's law demands a climb as long as the path is far above, and takes over once it demands less than the previous
+//! segment.
 //!
 //! The glide path is a height over the ellipsoid that grows as the tangent of its angle times the distance to the target,
 //! without the earth's curvature (27 m at 10 NM): that is how charts place their fixes and how the recorded flights went down.
@@ -11,7 +11,7 @@
 use dataset::runway::Runway;
 use xplane_bridge::fly::ApproachProfile;
 
-/// Time in which a height error is flown off, seconds.
+/// Time constant for correcting a height error, seconds.
 const PATH_TIME_S: f64 = 4.5;
 const LEVEL_TIME_S: f64 = 5.5;
 /// Largest correction to the glide path's own rate of descent, metres per second.
@@ -27,12 +27,12 @@ const LEVELLED_M: f64 = 25.0;
 const STEEPER_FROM_ABOVE: f64 = 1.3;
 const SHALLOWER_FROM_BELOW: f64 = 0.25;
 
-/// Past the target by this much the crew puts the aircraft down rather than let it float, with this much more sink for
-/// each metre further.
+/// Past the target by this much the crew puts the aircraft down rather than let it float, with this much more sink per further
+/// metre.
 const LONG_FLARE_M: f64 = 150.0;
 const SINK_PER_LONG_M: f64 = 0.01;
 
-/// Where the aircraft is and how it moves, as guidance needs it.
+/// Position and motion of the aircraft, as guidance needs them.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Situation {
     /// Distance along the course to the touchdown target, metres.
@@ -100,8 +100,8 @@ impl VerticalGuidance {
     /// The climb rate to fly now, metres per second, up positive.
     pub(crate) fn climb_mps(&mut self, now: &Situation) -> f64 {
         if !self.is_flaring() && now.wheel_height_m < self.flare_height_m {
-            // An exponential from the glide path's rate of descent to that of touchdown, which it has with the wheels at zero.
-            // Not from the present rate: a flare that began in a downdraught would go on with it.
+            // An exponential from the glide path's rate of descent to that of touchdown, which is reached with the wheels at zero.
+            // Not from the present rate: a flare that began in a downdraught would continue with it.
             let sink_mps =
                 (self.glide_slope * now.ground_speed_mps).max(self.touchdown_sink_mps + 0.8);
             self.phase = Phase::Flare {
@@ -128,7 +128,7 @@ impl VerticalGuidance {
     }
 
     fn climb_before_glide_path_mps(&mut self, now: &Situation) -> f64 {
-        // Unlimited here: a path that is far away must not look as if it were near.
+        // Unlimited here: a distant path must not look as if it were near.
         let path = self.glide_path_climb_mps(now, f64::INFINITY);
         let above_path = now.height_m > self.glide_slope * now.to_target_m;
         let from_above = *self.from_above.get_or_insert(above_path);

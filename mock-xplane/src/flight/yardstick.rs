@@ -1,8 +1,8 @@
-//! Six flights of an independent flight model, and what it takes to compare ours with them.
+//! Six flights of an independent flight model, and the tools to compare ours with them.
 //!
-//! In: the folder `tests/data/flights`. Out: the recorded flights, twins of them (same start, profile and wind, flown by the
-//! built-in model), and both as series over the distance to the touchdown target. The tests beside this file judge by it, and
-//! `cargo run --release -p mock-xplane --example compare_flights` draws it.
+//! Input: the folder `tests/data/flights`. Output: the recorded flights, twins of them (same start, profile and wind, flown by the
+//! built-in model), and both as series over the distance to the touchdown target. The tests next to this file use it, and
+//! `cargo run --release -p mock-xplane --example compare_flights` plots it.
 
 use std::path::{Path, PathBuf};
 
@@ -15,11 +15,11 @@ use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 
 use super::{OUTPUT_RATE_HZ, fly};
 
-/// The recorded flights are kept at 5 Hz; their twins are compared at the same rate.
+/// The recorded flights are stored at 5 Hz; their twins are compared at the same rate.
 pub const RATE_HZ: u32 = 5;
 
-/// Name, wind (from degrees true, knots) and turbulence. How strong the recorded turbulence was is told in words only: the ratio
-/// here is fitted to the airspeed's fluctuation, once; everything else (path, attitude, spectra) then has to follow.
+/// Name, wind (from degrees true, knots) and turbulence. The recorded turbulence is described only in words: the ratio here was
+/// fitted once to the airspeed's fluctuation; everything else (path, attitude, spectra) must then follow.
 const FLIGHTS: [(&str, f64, f64, f64); 6] = [
     ("01_calm_ils", 0.0, 0.0, 0.0),
     ("03_xwind_right_mod_turb", 100.0, 17.0, 0.43),
@@ -121,7 +121,7 @@ impl RecordedFlight {
     /// The built-in model's flight from the same start, by the same profile, in the same wind; one draw of many. 5 states a second.
     pub fn twin(&self, seed: u64) -> Vec<FlightState> {
         let first = &self.states[0];
-        // A start is asked for in steady air: the first row's airspeed has a gust in it, the mean of 20 s has not.
+        // A start is requested in steady air: the first row's airspeed contains a gust, the mean of 20 s does not.
         let first_100 = &self.states[..100];
         let speed_mps = first_100
             .iter()

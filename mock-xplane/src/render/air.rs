@@ -1,4 +1,4 @@
-//! The air between things and the camera, and the clear sky behind them.
+//! The air between objects and the camera, and the clear sky behind them.
 //!
 //! Koschmieder: an object of luminance `L` at distance `r` appears as `L t + A (1 - t)` with `t = exp(-beta r)` and
 //! `beta = 3.912 / visibility`. The airlight `A` of a direction is the clear sky's own luminance there, so contrast against the
@@ -10,7 +10,7 @@ use glam::{DVec3, Vec3};
 use crate::render::curves::luminance;
 use crate::render::light::Light;
 
-/// Height over which haze thins out, metres. Only shapes the sky; objects see the same haze at all heights.
+/// Scale height of haze, metres. Only shapes the sky; objects see the same haze at all heights.
 const HAZE_HEIGHT_M: f64 = 1_500.0;
 /// Radius of the solar disc, radians.
 const SUN_RADIUS_RAD: f64 = 0.004_65;
@@ -47,7 +47,7 @@ impl Air {
         }
     }
 
-    /// Part of an object's light that arrives over a distance.
+    /// Share of an object's light that arrives over a distance.
     pub(crate) fn transmittance(&self, distance_m: f64) -> f32 {
         (-self.beta_per_m * distance_m).exp() as f32
     }

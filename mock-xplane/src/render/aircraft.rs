@@ -51,7 +51,7 @@ impl<'a> Placed<'a> {
         self.center_camera_m.z > NEAREST_M
     }
 
-    /// Where the centre of gravity appears, pixels; it has to be in front of the camera.
+    /// Where the centre of gravity appears, pixels; it must be in front of the camera.
     pub(crate) fn center_px(&self, view: &View) -> DVec2 {
         view.camera.pixel_of(self.center_camera_m)
     }
@@ -69,8 +69,8 @@ impl<'a> Placed<'a> {
         })
     }
 
-    /// The faces that look at the camera. Their light is the exposed light that arrives (red, green, blue) and the part of
-    /// the air's light that is *not* before them (the transmittance).
+    /// The faces that point towards the camera. Their light is the exposed light that arrives (red, green, blue) and the share of
+    /// the air's light that is *not* in front of them (the transmittance).
     pub(crate) fn triangles(
         &self,
         mesh: &Mesh,
@@ -113,7 +113,7 @@ impl<'a> Placed<'a> {
             .collect()
     }
 
-    /// The aircraft's lamps as they fall on the picture at a time.
+    /// The aircraft's lamps in the picture at a time.
     pub(crate) fn lamps(&self, view: &View, air: &Air, tone: &Tone, time_s: f64) -> Vec<Spot> {
         let to_camera = (self.camera_from_body.transpose() * -self.center_camera_m).normalize();
         let approach =
@@ -197,11 +197,11 @@ struct Lamp {
     candela: [f32; 3],
     beam: Beam,
     flash: Flash,
-    /// The lamp burns when the gear is at least this far down.
+    /// The lamp is on when the gear is at least this far down.
     needs_gear: f64,
 }
 
-/// Where a lamp shines.
+/// Direction of a lamp.
 enum Beam {
     /// Ahead, a little down: a Gaussian of this standard deviation (radians) and one percent of spill to the front.
     Ahead(f32),
@@ -214,7 +214,7 @@ enum Beam {
 }
 
 impl Beam {
-    /// Part of the intensity in a direction of the body.
+    /// Share of the intensity in a direction of the body.
     fn towards(&self, direction: DVec3) -> f32 {
         let angle = direction.y.atan2(direction.x).to_degrees();
         match *self {
@@ -232,7 +232,7 @@ impl Beam {
     }
 }
 
-/// When a lamp shines.
+/// Timing of a lamp.
 enum Flash {
     Steady,
     /// Seconds between flashes, seconds of one flash, and where in the period it starts.

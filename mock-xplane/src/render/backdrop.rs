@@ -1,9 +1,9 @@
-//! Everything behind the aircraft, ready to be copied.
+//! Everything behind the aircraft, cached for copying.
 //!
-//! Below the first row with a silhouette the picture stands still and is kept whole. Above it the sky is smooth: it is kept as
-//! a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is
-//! put together for each of a series of instants so close together that the clouds drift by no more than a pixel from one to the next
-//! (`drift.rs` follows them). An instant that several pictures show has its rows interpolated once and copied.
+//! Below the first row with a silhouette the picture is static and is cached completely. Above it the sky is smooth: it is stored
+//! as a coarse grid of display values, from which rows are interpolated. Without clouds that happens once; with clouds a grid is
+//! computed for each of a series of instants so close together that the clouds drift by at most a pixel from one to the next
+//! (`drift.rs` tracks them). If several pictures show an instant, its rows are interpolated once and copied.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -22,13 +22,13 @@ use crate::render::view::View;
 
 /// Pixels between grid nodes.
 pub(crate) const CELL_PX: usize = 8;
-/// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would cost
-/// twice as much at the low frame rates at which every picture needs new ones.
+/// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would double the
+/// cost at low frame rates, where every picture needs new ones.
 const DRIFT_PER_INSTANT_PX: f64 = 1.0;
 /// Samples per pixel of the ground, across and down. Grazing views change faster downwards.
 const GROUND_SAMPLES: (usize, usize) = (2, 4);
 
-/// What a backdrop shows.
+/// Content of a backdrop.
 pub(crate) struct Surroundings {
     pub(crate) view: View,
     pub(crate) air: Air,
@@ -39,11 +39,11 @@ pub(crate) struct Surroundings {
 /// The cached picture of everything but the aircraft.
 pub(crate) struct Backdrop {
     width: usize,
-    /// Rows from the top that hold nothing but sky; a multiple of the cell size.
+    /// Number of top rows that contain only sky; a multiple of the cell size.
     sky_rows: usize,
     /// The sky without clouds.
     clear: ClearSky,
-    /// The clouds before it, nearest first.
+    /// The clouds in front of it, nearest first.
     layers: Vec<DriftingLayer>,
     /// The whole picture at time 0, as bytes.
     still: Vec<u8>,
@@ -54,7 +54,7 @@ pub(crate) struct Backdrop {
     /// Seconds between computed instants; `None` if nothing moves.
     instant_s: Option<f64>,
     instants: Kept<SkyGrid>,
-    /// When the last picture was, seconds.
+    /// Time of the last picture, seconds.
     last_time_s: Mutex<f64>,
 }
 
@@ -78,7 +78,7 @@ struct ClearSky {
 pub(crate) struct SkyGrid {
     columns: usize,
     values: Vec<Vec3>,
-    /// The rows that [`Self::paint`] interpolates, if several pictures want them.
+    /// The rows that [`Self::paint`] interpolates, if several pictures need them.
     rows: OnceLock<Vec<u8>>,
 }
 
@@ -127,7 +127,7 @@ impl Backdrop {
         }
     }
 
-    /// Blurs what stands still. The sky has no structure finer than its grid, so it stays.
+    /// Blurs the static part. The sky has no structure finer than its grid, so it stays.
     pub(crate) fn blur(&mut self, blur: &Blur) {
         // Light of the sky's last rows reaches the ground's first.
         let rim = blur.reach_px().min(self.sky_rows);
@@ -146,7 +146,7 @@ impl Backdrop {
             });
     }
 
-    /// Copies the backdrop at a time into a picture and returns its sky, which [`Self::light`] wants.
+    /// Copies the backdrop at a time into a picture and returns its sky, which [`Self::light`] needs.
     pub(crate) fn paint(&self, world: &Surroundings, time_s: f64, rgb: &mut [u8]) -> Arc<SkyGrid> {
         let Some(instant_s) = self.instant_s else {
             rgb.copy_from_slice(&self.still);
@@ -160,7 +160,7 @@ impl Backdrop {
             None => {
                 sky.paint(self.width, above);
                 if again {
-                    // Somebody else may have been faster.
+                    // Another thread may have been faster.
                     let _ = sky.rows.set(above.to_vec());
                 }
             }
@@ -169,7 +169,7 @@ impl Backdrop {
         sky
     }
 
-    /// Whether pictures follow each other so closely that most instants are shown by two at least.
+    /// Whether pictures follow each other so closely that most instants are shown by at least two.
     fn shows_an_instant_twice(&self, time_s: f64, instant_s: f64) -> bool {
         let mut last_s = self
             .last_time_s
@@ -284,7 +284,7 @@ impl SkyGrid {
                 self.widen(job * CELLS_AT_ONCE, &mut below);
                 for (row, cell) in lines.chunks_mut(line_bytes * CELL_PX).enumerate() {
                     std::mem::swap(&mut above, &mut below);
-                    // Below the last line of cells there is one row of nodes more.
+                    // Below the last line of cells there is one more row of nodes.
                     self.widen(job * CELLS_AT_ONCE + row + 1, &mut below);
                     for (y, line) in cell.chunks_exact_mut(line_bytes).enumerate() {
                         blend(&above, &below, y as u16, line);
@@ -311,13 +311,13 @@ impl SkyGrid {
     }
 }
 
-/// Rows of cells that one thread paints at a time.
+/// Rows of cells per thread at a time.
 const CELLS_AT_ONCE: usize = 4;
-/// Parts of a display level that are kept between the two directions of interpolation. With them a whole cell of levels still fits 16 bits, of
-/// which processors multiply and add many at once.
+/// Fractions of a display level kept between the two directions of interpolation. With them a whole cell of levels still fits into
+/// 16 bits, of which processors multiply and add many at once.
 const LEVEL: f32 = 16.0;
 
-/// The line that lies `y` pixels below the line above.
+/// The line `y` pixels below the line above.
 fn blend(above: &[u16], below: &[u16], y: u16, line: &mut [u8]) {
     const CELL: u16 = CELL_PX as u16;
     const HALF: u16 = LEVEL as u16 * CELL / 2;
@@ -336,7 +336,7 @@ fn sky_luminance(world: &Surroundings, ray: DVec3, time_s: f64) -> Vec3 {
 
 fn ground_pixel(world: &Surroundings, ground: &Ground, x: f64, y: f64) -> Vec3 {
     let middle = world.view.ray(DVec2::new(x, y));
-    // Rows of a rolled camera may mix ground and high sky; the clouds there keep the shape that they have at time 0.
+    // Rows of a rolled camera may mix ground and high sky; the clouds there keep their shape of time 0.
     if middle.z > 2.0 * HIGHEST_SILHOUETTE_RAD {
         return world.tone.expose(sky_luminance(world, middle, 0.0));
     }
@@ -417,7 +417,7 @@ mod tests {
             let time_s = 0.77 * f64::from(second);
             let truth = marched(time_s);
             missed += mean_difference(&truth, &followed(time_s)) / 19.0;
-            // What standing still for as long as from key to key would miss.
+            // Motion that would be missed by holding still from key to key.
             let key_s = backdrop.layers[0].key_s().unwrap();
             moved += mean_difference(&truth, &marched(time_s - key_s)) / 19.0;
         }

@@ -1,13 +1,13 @@
-//! Gaussian blur of linear light: what optics and short-time turbulence do to a picture.
+//! Gaussian blur of linear light: the effect of optics and short-time turbulence.
 
 use glam::Vec3;
 use rayon::prelude::*;
 
-/// The kernel reaches so many standard deviations: 6e-5 of the light lies beyond.
+/// The kernel extends to this many standard deviations: 6e-5 of the light is beyond.
 const REACH_SIGMAS: f64 = 4.0;
 /// A narrower blur changes no byte.
 const NARROWEST_PX: f64 = 0.05;
-/// Below this the values of a Gaussian at whole pixels have another variance than the Gaussian (by 0.1 % here).
+/// Below this the values of a Gaussian at whole pixels have a different variance from the Gaussian (by 0.1 % here).
 const COARSEST_PX: f64 = 0.7;
 
 /// A blur in both directions.
@@ -38,12 +38,12 @@ impl Blur {
         })
     }
 
-    /// How far light gets, pixels.
+    /// Maximum spread of light, pixels.
     pub(crate) fn reach_px(&self) -> usize {
         self.weights.len() - 1
     }
 
-    /// Blurs rows of this width; beyond its edges the picture goes on as it ends.
+    /// Blurs rows of this width; beyond its edges the picture is extended by its edge pixels.
     pub(crate) fn apply(&self, light: &mut [Vec3], width: usize) {
         if light.is_empty() {
             return;
@@ -63,7 +63,7 @@ impl Blur {
             });
     }
 
-    /// The weighted mean around a place of a line; always in the same order, so that the threads do not matter.
+    /// The weighted mean around a position of a line; always in the same order, so that the number of threads has no effect.
     fn at(&self, place: usize, length: usize, light: impl Fn(usize) -> Vec3) -> Vec3 {
         let mut sum = light(place) * self.weights[0];
         for (step, &weight) in self.weights.iter().enumerate().skip(1) {

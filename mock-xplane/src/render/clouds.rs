@@ -1,11 +1,11 @@
-//! Cloud layers: where they are, how they hide what is behind them, how bright they look.
+//! Cloud layers: their position, how they hide what is behind them, and their brightness.
 //!
-//! A layer is a slab between base and top. A tile of noise that drifts with the wind says where in the plan the cloud is, and
-//! how high it heaps; rays march through the slab. The same march with a shorter range tells how much cloud lies before the
-//! aircraft, so a hidden aircraft and the cloud that hides it agree.
+//! A layer is a slab between base and top. A tile of noise that drifts with the wind gives the horizontal position and the height
+//! of the clouds; rays march through the slab. The same march with a shorter range gives the cloud in front of the aircraft, so a
+//! hidden aircraft and the cloud that hides it are consistent.
 //!
-//! All rays of a camera are cut at the same distances. Were each cut from where it enters the slab, the cuts of neighbouring rays would lie
-//! at the same heights, and the heaps would show them as terraces.
+//! All rays of a camera are cut at the same distances. If each were cut from where it enters the slab, the cuts of neighbouring
+//! rays would be at the same heights, and the clouds would show terraces.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use glam::{DVec2, DVec3, Vec3};
@@ -17,15 +17,15 @@ use crate::render::light::Light;
 use crate::render::noise::NoiseTile;
 use crate::render::view::View;
 
-/// Haze leaves less than half a percent of contrast beyond this optical depth: nothing there is worth marching to.
+/// Haze leaves less than half a percent of contrast beyond this optical depth: marching farther is pointless.
 const FARTHEST_DEPTH: f64 = 5.3;
 /// A ray that is this opaque stops.
 const OPAQUE: f32 = 0.01;
-/// Length of a step of the march: this part of the distance, but neither shorter nor longer than these, metres.
+/// Length of a step of the march: this share of the distance, within these bounds, metres.
 const STEP: (f64, f64, f64) = (0.02, 40.0, 1_500.0);
-/// Where steps end that are taken for granted; farther ones are as long as the longest. Beyond any cloud that haze lets through.
+/// End of the precomputed steps; farther ones are as long as the longest. Beyond any cloud that haze lets through.
 const FARTHEST_STEP_M: f64 = 400_000.0;
-/// How much fine structure adds to the height of a heap, or takes from it: this part of the layer, half of it to either side.
+/// Influence of fine structure on the height of a cloud: this share of the layer, half of it to either side.
 const RAGGED: f32 = 0.35;
 /// Wind grows with height by this power law.
 const WIND_EXPONENT: f64 = 0.14;
@@ -35,7 +35,7 @@ const WIND_EXPONENT: f64 = 0.14;
 pub(crate) struct CloudLight {
     /// Light that the clouds send to the camera through the haze, cd/m2, already weighted with their opacity.
     pub(crate) luminance: Vec3,
-    /// Part of the light from behind that comes through, 0 to 1.
+    /// Share of the light from behind that passes, 0 to 1.
     pub(crate) transmittance: f32,
 }
 
@@ -45,7 +45,7 @@ impl CloudLight {
         transmittance: 1.0,
     };
 
-    /// The clouds over what lies behind them.
+    /// The clouds composited over the background.
     pub(crate) fn over(&self, behind: Vec3) -> Vec3 {
         self.luminance + behind * self.transmittance
     }
@@ -56,9 +56,9 @@ impl CloudLight {
 pub(crate) struct Seen {
     /// Light that the layer sends to the camera through the haze, cd/m2, already weighted with its opacity.
     pub(crate) luminance: Vec3,
-    /// Part of the light from behind that is kept back, 0 to 1.
+    /// Share of the light from behind that is blocked, 0 to 1.
     pub(crate) opacity: f32,
-    /// Mean of 1 / distance over what is seen, 1/m; where nothing is seen, of where the layer begins.
+    /// Mean of 1 / distance over the visible part, 1/m; if nothing is visible, of the start of the layer.
     pub(crate) nearness_per_m: f32,
 }
 
@@ -72,7 +72,7 @@ impl Seen {
 
 /// All layers of a scene.
 pub(crate) struct Clouds {
-    /// The lowest base first: from the ground, which is where cameras stand, the nearest.
+    /// The lowest base first: for cameras, which stand on the ground, the nearest.
     layers: Vec<Layer>,
     light: Light,
     tile: &'static NoiseTile,
@@ -121,14 +121,14 @@ impl Clouds {
         &self.layers
     }
 
-    /// How far to look for clouds that make the sky: haze hides what is farther. An aircraft's lamps outshine haze, so what
-    /// hides them is sought over their whole distance.
+    /// Maximum distance for clouds that form the sky: haze hides the rest. An aircraft's lamps outshine haze, so clouds in front of
+    /// them are searched over their whole distance.
     pub(crate) fn farthest_seen_m(air: &Air) -> f64 {
         FARTHEST_DEPTH / air.beta_per_m
     }
 
-    /// Part of a layer that is drawn in a direction: clouds far away hang into the silhouette of the horizon, which is drawn once and
-    /// does not move.
+    /// Share of a layer that is drawn in a direction: clouds far away overlap the silhouette of the horizon, which is drawn once
+    /// and does not move.
     pub(crate) fn share(ray: DVec3) -> f32 {
         smoothstep(0.003, 0.012, ray.z as f32)
     }
@@ -170,7 +170,7 @@ impl Clouds {
         };
         let to_m = to_m.min(range_m);
         let airlight = air.airlight(ray);
-        // Seen against the sun a heap shows its shaded side.
+        // Seen against the sun a cloud shows its shaded side.
         let facing = 0.75 - 0.25 * ray.dot(self.light.to_sun) as f32;
         let mut end = self.steps_m.partition_point(|&end_m| end_m <= from_m);
         let mut distance_m = from_m;
@@ -187,8 +187,8 @@ impl Clouds {
             let point = view.position_m + ray * middle_m;
             let level =
                 ((view.height_msl_m(point) - layer.base_m) / (layer.top_m - layer.base_m)) as f32;
-            // Plan seen by one cell of the sky's grid and between two samples of the ray (which need two samples a wave):
-            // what is finer must not flicker from row to row.
+            // Horizontal area covered by one cell of the sky's grid and between two samples of the ray (which need two samples a
+            // wave): finer structure must not flicker from row to row.
             let footprint_m = (2.0 * (STEP.0 * middle_m).clamp(STEP.1, STEP.2))
                 .max(CELL_PX as f64 / view.camera.focal_px * middle_m / ray.z.max(0.01));
             let plan_m = point.truncate() - layer.drift_mps * time_s;
@@ -211,7 +211,7 @@ impl Clouds {
                 ..Seen::NOTHING
             };
         }
-        // What is left where the march gave up is nothing: a landing light would shine through one percent.
+        // The residual where the march gave up counts as zero: a landing light would shine through one percent.
         let stretch = (opacity / (1.0 - OPAQUE)).min(1.0) / opacity;
         Seen {
             luminance: luminance * stretch,
@@ -233,10 +233,10 @@ impl Layer {
         };
         let rain = 1.0 - 0.4 * weather.rain_ratio as f32;
         let lambert = 0.85 / std::f32::consts::PI;
-        // From below one sees what came through; gaps between heaps let the sky light their undersides.
+        // From below one sees the transmitted light; gaps between clouds let the sky light their undersides.
         let below = light.sky_lux * (0.75 * lambert * gloom * rain);
         let above = (light.sun_above_lux * 0.9 + light.sky_above_lux) * lambert;
-        // Through a closed cover no sun reaches the sides that one can see.
+        // Through a closed cover no sun reaches the visible sides.
         let open = 1.0 - smoothstep(0.6, 0.95, layer.cover_ratio as f32);
         Self {
             kind: layer.kind,
@@ -251,7 +251,7 @@ impl Layer {
         }
     }
 
-    /// How far away the layer begins along a ray, metres, if the ray meets it; a camera inside it sees nothing nearer than a step.
+    /// Distance to the layer along a ray, metres, if the ray meets it; a camera inside it sees nothing nearer than a step.
     pub(crate) fn begins_m(&self, view: &View, ray: DVec3) -> Option<f64> {
         let (from_m, _) = self.span(view, ray)?;
         Some(from_m.max(STEP.1))
@@ -272,7 +272,7 @@ impl Layer {
         Some((from, to))
     }
 
-    /// The cloud at a place of the drifting plan and a level between base (0) and top (1).
+    /// The cloud at a position of the drifting tile and a level between base (0) and top (1).
     fn puff(&self, tile: &NoiseTile, plan_m: DVec2, footprint_m: f64, level: f32) -> Puff {
         let coarse = plan_m / self.tile_m;
         let excess = (tile.blurred(coarse.x, coarse.y, footprint_m / self.tile_m)
@@ -286,7 +286,7 @@ impl Layer {
         }
         let heaps = matches!(self.kind, CloudKind::Cumulus | CloudKind::Cumulonimbus);
         let heap = excess.max(0.0).sqrt();
-        // Above the highest heap that fine structure can make of it, it need not be asked.
+        // Above the highest possible cloud, fine structure included, no lookup is needed.
         if heaps && heap + 0.5 * RAGGED <= level {
             return Puff {
                 density: 0.0,
@@ -308,7 +308,7 @@ impl Layer {
                 smoothstep(0.0, 0.25, heap + RAGGED * detail - level) * smoothstep(0.0, 0.04, level)
             }
         };
-        // The thicker the cloud above, the darker what one sees of it from below.
+        // The thicker the cloud above, the darker its underside.
         let brightness = (1.0 + 0.7 * detail) * (1.1 - 0.5 * excess.max(0.0) * (1.0 - level));
         Puff {
             density,

@@ -1,8 +1,8 @@
-//! A layer of clouds over the grid of the sky, followed while it drifts.
+//! A cloud layer on the grid of the sky, tracked while it drifts.
 //!
-//! Marching through a layer is the dearest part of a picture. So it is marched at key instants only, between which it drifts by a few pixels, and at any
-//! other instant the nearest key is looked up at where the cloud was then: every node knows how far its cloud is, so near clouds move
-//! faster than far ones. What one sees at an instant does not depend on what was drawn before.
+//! Marching through a layer is the most expensive part of a picture. So it is done only at key instants, between which it drifts by
+//! a few pixels, and at any other instant the nearest key is looked up at the cloud's position at that time: every node knows the
+//! distance of its cloud, so near clouds move faster than far ones. The sky at an instant does not depend on what was drawn before.
 
 use std::sync::Arc;
 
@@ -13,17 +13,17 @@ use crate::render::backdrop::{CELL_PX, Nodes, Surroundings};
 use crate::render::clouds::{Clouds, Layer};
 use crate::render::kept::Kept;
 
-/// Drift from key to key where it is fastest, pixels. Half of it is the farthest look-up, where interpolation leaves 90 % of waves of four cells
-/// and 99 % of waves of eight.
+/// Drift from key to key where it is fastest, pixels. Half of it is the farthest look-up, where interpolation preserves 90 % of
+/// waves of four cells and 99 % of waves of eight.
 const DRIFT_PER_KEY_PX: f64 = 6.0;
-/// Distance at which the drift of pixels is measured, metres: small angles, yet far from rounding.
+/// Distance for measuring the drift of pixels, metres: small angles, yet far from rounding.
 const YARDSTICK_M: f64 = 10_000.0;
 
-/// A layer as the camera sees it.
+/// A layer as seen by the camera.
 pub(crate) struct DriftingLayer {
-    /// Its place among the layers of the scene.
+    /// Its index among the layers of the scene.
     index: usize,
-    /// Drift of something one metre away at every node, cells per second.
+    /// Drift of an object one metre away at every node, cells per second.
     flow: Vec<Vec2>,
     /// Drift where it is fastest, pixels per second.
     speed_px_per_s: f64,
@@ -39,7 +39,7 @@ struct Key {
     nearness_per_m: Vec<f32>,
 }
 
-/// A key at an instant soon before or after it.
+/// A key shortly before or after the instant.
 pub(crate) struct Moved<'a> {
     layer: &'a DriftingLayer,
     key: Arc<Key>,
@@ -140,7 +140,7 @@ impl Moved<'_> {
     }
 }
 
-/// Cells per second by which something drifts that is one metre away in the direction of a pixel.
+/// Drift, in cells per second, of an object one metre away in the direction of a pixel.
 fn flow(world: &Surroundings, layer: &Layer, pixel: DVec2) -> Vec2 {
     let place_m = world.view.position_m + world.view.ray(pixel) * YARDSTICK_M;
     let moved = world.view.project(place_m + layer.drift_mps.extend(0.0));
@@ -149,7 +149,7 @@ fn flow(world: &Surroundings, layer: &Layer, pixel: DVec2) -> Vec2 {
     })
 }
 
-/// Catmull and Rom's cubic through the nodes around a place; beyond its edges the grid goes on as it ends.
+/// Catmull-Rom interpolation through the nodes around a position; beyond its edges the grid is extended by its edge values.
 fn interpolate(values: &[Vec4], columns: usize, place: Vec2) -> Vec4 {
     let rows = values.len() / columns;
     let last = Vec2::new((columns - 1) as f32, (rows - 1) as f32);

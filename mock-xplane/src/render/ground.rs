@@ -1,7 +1,7 @@
-//! What lies below the sky: airfield with runway and markings, sea, ships at anchor, islands on the horizon.
+//! The scenery below the sky: airfield with runway and markings, sea, ships at anchor, islands on the horizon.
 //!
-//! Everything is a question to one ray: what does it meet, and how bright does that look through the air? Land reaches from
-//! the airfield to a coast some hundred metres before the threshold; beyond it there is sea, as at Changi.
+//! Everything is evaluated per ray: what does it meet, and how bright is that through the air? Land extends from the airfield to a
+//! coast some hundred metres before the threshold; beyond it there is sea, as at Changi.
 
 use glam::{DVec2, DVec3, Vec3};
 
@@ -12,7 +12,7 @@ use crate::render::noise::NoiseTile;
 use crate::render::ships::Ship;
 use crate::render::view::View;
 
-/// Length of the runway's pavement behind the threshold, metres. A [`dataset::runway::Runway`] does not say.
+/// Length of the runway's pavement past the threshold, metres. A [`dataset::runway::Runway`] does not have it.
 pub(crate) const RUNWAY_LENGTH_M: f64 = 4_000.0;
 /// Half the width of the runway, metres.
 pub(crate) const RUNWAY_HALF_WIDTH_M: f64 = 30.0;
@@ -50,7 +50,7 @@ impl Ground {
         }
     }
 
-    /// Luminance of what a ray from the camera meets, seen through the air; `None` if it goes into the sky.
+    /// Luminance of what a ray from the camera meets, seen through the air; `None` for the sky.
     pub(crate) fn seen(&self, ray: DVec3) -> Option<Vec3> {
         if let Some([near_m, _]) = self.view.distances_to_height(ray, self.view.ground_msl_m)
             && near_m > 0.0
@@ -76,7 +76,7 @@ impl Ground {
         })
     }
 
-    /// Elevation of the islands' ridge in the direction of a ray, radians; below the horizon where there is sea only.
+    /// Elevation of the islands' ridge in the direction of a ray, radians; below the horizon where there is only sea.
     pub(crate) fn island_elevation_rad(&self, ray: DVec3) -> f64 {
         let azimuth = ray.x.atan2(ray.y);
         let shape = f64::from(self.tile.at(azimuth / 2.2, 0.371));

@@ -1,12 +1,12 @@
-//! The last few of what is computed for numbered instants: frames are asked for in order, sometimes by several threads.
+//! A small cache of results for numbered instants: frames are requested in order, sometimes by several threads.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// How many are kept. Rows of sky of a full-size picture are 5 MB each.
+/// Size of the cache. Rows of sky of a full-size picture are 5 MB each.
 const KEPT: usize = 3;
 
-/// What was computed for some instants.
+/// The results for some instants.
 pub(crate) struct Kept<T>(Mutex<BTreeMap<i64, Arc<T>>>);
 
 impl<T> Default for Kept<T> {
@@ -16,9 +16,9 @@ impl<T> Default for Kept<T> {
 }
 
 impl<T> Kept<T> {
-    /// What belongs to an instant, computed if it is not kept.
+    /// The result for an instant, computed if it is not cached.
     pub(crate) fn get(&self, instant: i64, compute: impl FnOnce() -> T) -> Arc<T> {
-        // The lock is not held while computing: a rayon worker that waits inside could pick up a job that wants the lock too.
+        // The lock is not held while computing: a rayon worker that waits inside could pick up a job that needs the lock, too.
         if let Some(found) = self.lock().get(&instant) {
             return Arc::clone(found);
         }
@@ -26,7 +26,7 @@ impl<T> Kept<T> {
         let mut kept = self.lock();
         kept.insert(instant, Arc::clone(&computed));
         while kept.len() > KEPT {
-            // The one farthest in time from what is asked for now.
+            // The one farthest in time from the requested instant.
             let farthest = kept
                 .keys()
                 .copied()

@@ -1,4 +1,4 @@
-//! Points of light: how a lamp of some candela at some distance falls on pixels.
+//! Point lights: how a lamp of some candela at some distance falls on pixels.
 //!
 //! A lamp is smaller than a pixel at any distance of interest. Its illuminance at the camera, divided by the solid angle of a
 //! pixel, is spread by a Gaussian (the optics) with a weak wide skirt (glare), centred with sub-pixel accuracy.
@@ -12,7 +12,7 @@ const SKIRT: f64 = 8e-4;
 const SKIRT_RADIUS_PX: f64 = 3.0;
 /// Exposed light below which a lamp's edge is not drawn (half a grey level of a dark picture).
 const FAINTEST: f64 = 4e-4;
-/// No lamp reaches farther than this, pixels.
+/// Maximum extent of a lamp, pixels.
 const FARTHEST_PX: f64 = 40.0;
 
 /// A lamp as it falls on the picture.

@@ -1,8 +1,8 @@
-//! Where the sun stands and how much light comes from it and from the sky.
+//! Position of the sun, and the light of sun and sky.
 //!
 //! Photometric units: illuminances in lux, luminances in cd/m2, per colour channel (linear, BT.709 primaries). Illuminances by
-//! solar elevation follow the usual tables (Seidelmann, Explanatory Supplement, table of illumination); a city's glow sets the
-//! floor at night. What clouds take from the sun they partly give back as a grey sky.
+//! solar elevation follow the usual tables (Seidelmann, Explanatory Supplement, table of illumination); a city's glow is the
+//! minimum at night. Part of the sunlight that clouds absorb returns as a grey sky.
 
 use chrono::{Days, NaiveDate, NaiveTime, TimeDelta};
 use dataset::conditions::{Clock, CloudKind, Weather};
@@ -87,12 +87,12 @@ impl Light {
     }
 }
 
-/// How much of the sun the layers take (0 none to 1 all), and which part of the light on top of them comes out below.
+/// How much of the sun the layers block (0 none to 1 all), and the share of the incoming light that leaves them below.
 fn overcast(weather: &Weather) -> (f32, f32) {
     let mut open = 1.0;
     let mut transmission = 1.0_f64;
     for layer in &weather.clouds {
-        // Part of the sun that cloud of this kind takes, and part of all light that it lets through as grey.
+        // Share of the sun that cloud of this kind blocks, and share of all light that it transmits as grey.
         let (taken, let_through) = match layer.kind {
             CloudKind::Cirrus => (0.25, 0.80),
             CloudKind::Stratus => (1.0, 0.22),

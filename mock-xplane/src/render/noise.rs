@@ -9,7 +9,7 @@ const SIDE: usize = 1024;
 const COARSEST_CELLS: usize = 16;
 const OCTAVES: u32 = 5;
 
-/// Coarser copies of the tile, each half as wide as the one before.
+/// Coarser copies of the tile, each half as wide as the previous one.
 const LEVELS: usize = 6;
 
 /// Uniform fractal noise over a repeating unit square.
@@ -19,7 +19,7 @@ pub(crate) struct NoiseTile {
 }
 
 impl NoiseTile {
-    /// The one tile of this program; made at first use.
+    /// The only tile of this program; created on first use.
     pub(crate) fn shared() -> &'static Self {
         static TILE: OnceLock<NoiseTile> = OnceLock::new();
         TILE.get_or_init(Self::new)
@@ -58,8 +58,7 @@ impl NoiseTile {
         Self { levels }
     }
 
-    /// The mean over about `footprint` (in units of the tile's side) around a place: what a coarse sample of a fine pattern
-    /// should see.
+    /// The mean over about `footprint` (in units of the tile's side) around a position: for coarse samples of a fine pattern.
     pub(crate) fn blurred(&self, x: f64, y: f64, footprint: f64) -> f32 {
         let wanted = ((footprint * SIDE as f64) as f32)
             .max(1.0)
@@ -90,7 +89,7 @@ impl NoiseTile {
     }
 }
 
-/// Rounds down, as `f64::floor` does, which without newer instructions than every processor has is a call: clouds make millions of them.
+/// Rounds down like `f64::floor`, which is a function call without newer CPU instructions: clouds make millions of them.
 fn floor(x: f64) -> i64 {
     let towards_zero = x as i64;
     towards_zero - i64::from(towards_zero as f64 > x)

@@ -1,4 +1,5 @@
-//! What lies between the scene and the eye: a cockpit's panel, a pop-up window. Drawn so that nobody takes them for anything else.
+//! Overlays between the scene and the eye: a cockpit's panel, a pop-up window. Drawn so that they cannot be mistaken for anything
+//! else.
 
 /// A picture to draw on.
 #[derive(Debug)]
@@ -53,7 +54,7 @@ impl Canvas<'_> {
         }
     }
 
-    /// Fills a rectangle in shares of the picture.
+    /// Fills a rectangle given in shares of the picture.
     fn fill(&mut self, [left, top, right, bottom]: Area, colour: [u8; 3]) {
         let (width, height) = (self.width_px as f64, self.height_px as f64);
         let area = [left * width, top * height, right * width, bottom * height];

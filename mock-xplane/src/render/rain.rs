@@ -7,7 +7,7 @@ const STREAKS_PER_MEGAPIXEL: f64 = 260.0;
 /// How far a streak pulls a pixel towards the grey of the rain.
 const STRENGTH: f32 = 0.10;
 
-/// Draws the streaks of an instant. `grey` is the display value of lit drops; `seed` tells cameras apart.
+/// Draws the streaks of an instant. `grey` is the display value of lit drops; `seed` distinguishes cameras.
 pub(crate) fn draw(
     rgb: &mut [u8],
     size: (usize, usize),
@@ -19,7 +19,7 @@ pub(crate) fn draw(
     let (width, height) = size;
     let count =
         (STREAKS_PER_MEGAPIXEL * rain_ratio.clamp(0.0, 1.0) * (width * height) as f64 / 1e6) as u32;
-    // Drops cross the picture faster than frames follow each other: every instant has streaks of its own.
+    // Drops cross the picture faster than the frame rate: every instant has its own streaks.
     let bits = time_s.to_bits();
     let instant = hash(bits as u32, (bits >> 32) as u32, seed);
     for streak in 0..count {

@@ -1,8 +1,7 @@
-//! Triangles to pixels: a z-buffer with many samples per pixel, box-filtered.
+//! Rasterises triangles: a z-buffer with many samples per pixel, box-filtered.
 //!
-//! Corners come in 64-bit pixel coordinates and samples lie on a dense sub-pixel lattice, so that the centre of a small
-//! aircraft is true to a few hundredths of a pixel. Samples remember the triangle they show; light is looked up when they are
-//! averaged.
+//! Corners come in 64-bit pixel coordinates and samples are on a dense sub-pixel lattice, so that the centre of a small aircraft is
+//! accurate to a few hundredths of a pixel. Samples store the triangle that they show; light is looked up when they are averaged.
 
 use glam::{DVec2, Vec4};
 
@@ -11,7 +10,7 @@ use glam::{DVec2, Vec4};
 pub(crate) struct ScreenTriangle {
     /// Corners, pixels; clockwise or counter-clockwise.
     pub(crate) pixels: [DVec2; 3],
-    /// Nearness of the corners: any quantity that grows towards the camera and is linear in the picture, as 1/depth is.
+    /// Nearness of the corners: any quantity that grows towards the camera and is linear in the picture, such as 1/depth.
     pub(crate) nearness: [f64; 3],
     /// What every sample of the triangle contributes.
     pub(crate) light: Vec4,
@@ -30,23 +29,23 @@ pub(crate) struct Patch {
     pub(crate) light: Vec<Vec4>,
 }
 
-/// Memory that is used again from frame to frame.
+/// Memory that is reused from frame to frame.
 #[derive(Default)]
 pub(crate) struct Scratch {
     nearness: Vec<f32>,
     triangle: Vec<u32>,
 }
 
-/// Samples that one patch may take; sets the density of the lattice.
+/// Maximum samples of one patch; determines the density of the lattice.
 const MAX_SAMPLES: f64 = 200_000.0;
-/// Rows of samples are shifted against each other by this part of their spacing (the golden ratio spreads them evenly), so that
-/// upright edges, of which an aircraft has many, fall between samples at ever different places.
+/// Rows of samples are shifted against each other by this share of their spacing (the golden ratio spreads them evenly), so that
+/// upright edges, of which an aircraft has many, fall between samples at different positions.
 const ROW_SHIFT: f64 = 0.618_033_988_749_895;
 /// Lattice of the smallest and of the largest aircraft, samples along a pixel's side.
 const DENSEST: usize = 48;
 const COARSEST: usize = 2;
 
-/// Draws triangles into a picture of a size; `None` if none of them touches it.
+/// Draws triangles into a picture of this size; `None` if none of them touches it.
 pub(crate) fn draw(
     triangles: &[ScreenTriangle],
     picture: (usize, usize),
@@ -109,7 +108,7 @@ impl<'a> Samples<'a> {
         }
     }
 
-    /// Draws one triangle; sample (i, j) lies at (i + shift, j + 0.5) with its row's shift between 0 and 1.
+    /// Draws one triangle; sample (i, j) is at (i + shift, j + 0.5) with its row's shift between 0 and 1.
     fn fill(&mut self, corners: [DVec2; 3], nearness: [f64; 3], mark: u32) {
         let [a, b, c] = corners;
         let (ab, ac) = (b - a, c - a);

@@ -1,11 +1,12 @@
-//! Seeing: turbulent air moves the image of a far aircraft and blurs it.
+//! Seeing: turbulent air moves the image of a distant aircraft and blurs it.
 //!
-//! In a field of several degrees the light of the aircraft and that of the ground beside it cross different air, so the aircraft moves by
-//! itself; the backdrop, whose motion differs from place to place, is blurred by as much instead. Motion along an axis is a Gaussian process
-//! with the correlation `exp(-|t| / tau)` (Gauss and Markov's first-order process), as a sum of waves with frequencies from its spectrum
-//! (Shinozuka and Deodatis, "Simulation of Stochastic Processes by Spectral Representation", Applied Mechanics Reviews 44, 1991): any
-//! instant can be had by itself. Variance of the angle of arrival grows as the path length, blur by Fried's parameter as its power 3/5
-//! (D. L. Fried, "Optical Resolution Through a Randomly Inhomogeneous Medium", JOSA 56, 1966), for air that is alike along the path.
+//! In a field of several degrees the light of the aircraft and that of the ground next to it pass through different air, so the
+//! aircraft moves separately; the backdrop, whose motion differs from place to place, is blurred by the same amount instead. Motion
+//! along an axis is a Gaussian process with the correlation `exp(-|t| / tau)` (first-order Gauss-Markov), as a sum of waves with
+//! frequencies from its spectrum (Shinozuka and Deodatis, "Simulation of Stochastic Processes by Spectral Representation", Applied
+//! Mechanics Reviews 44, 1991): any instant can be computed independently. Variance of the angle of arrival grows with the path
+//! length, blur by Fried's parameter with its power 3/5 (D. L. Fried, "Optical Resolution Through a Randomly Inhomogeneous Medium",
+//! JOSA 56, 1966), for uniform air along the path.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -14,13 +15,13 @@ use glam::DVec2;
 
 use crate::render::noise::unit_hash;
 
-/// Distance that the settings are for, metres.
+/// Reference distance of the settings, metres.
 const REFERENCE_M: f64 = 10_000.0;
 const RADIANS_PER_ARCSEC: f64 = PI / 180.0 / 3_600.0;
 /// Waves along each axis.
 const WAVES: u32 = 96;
 
-/// Seeing as a camera has it.
+/// Seeing of one camera.
 pub(crate) struct Turbulence {
     tilt_rms_px: f64,
     blur_sigma_px: f64,
@@ -42,7 +43,7 @@ impl Turbulence {
             };
             (0..WAVES)
                 .map(|wave| {
-                    // One frequency out of each of as many equally likely parts of the spectrum.
+                    // One frequency from each of equally likely parts of the spectrum.
                     let part = (f64::from(wave) + random(wave, 0)) / f64::from(WAVES);
                     let frequency = (part * FRAC_PI_2).tan() / seeing.correlation_s;
                     (frequency, TAU * random(wave, 1))
@@ -56,7 +57,7 @@ impl Turbulence {
         }
     }
 
-    /// How far the image of something at a distance is off at a time, pixels right and down.
+    /// Displacement of the image of an object at a distance at a time, pixels right and down.
     pub(crate) fn shift_px(&self, distance_m: f64, time_s: f64) -> DVec2 {
         let along = |waves: &[(f64, f64)]| {
             let sum: f64 = waves
@@ -70,12 +71,12 @@ impl Turbulence {
             * (self.tilt_rms_px * (distance_m / REFERENCE_M).sqrt())
     }
 
-    /// Standard deviation of the blur of something at a distance, pixels.
+    /// Standard deviation of the blur of an object at a distance, pixels.
     pub(crate) fn blur_px(&self, distance_m: f64) -> f64 {
         self.blur_sigma_px * (distance_m / REFERENCE_M).powf(0.6)
     }
 
-    /// Standard deviation of the backdrop's blur, pixels: blur and motion of things at the reference distance.
+    /// Standard deviation of the backdrop's blur, pixels: blur and motion of objects at the reference distance.
     pub(crate) fn backdrop_blur_px(&self) -> f64 {
         self.blur_sigma_px.hypot(self.tilt_rms_px)
     }

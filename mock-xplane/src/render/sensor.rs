@@ -1,8 +1,9 @@
-//! Noise of a sensor, added to a finished picture.
+//! Sensor noise, added to a finished picture.
 //!
-//! A pixel of display value 255 holds a full well of electrons, others in proportion to their linear light. Variance is the number of
-//! electrons (Poisson's, as a Gaussian) and that of reading out: `sqrt(electrons + read^2)` (the mean-variance model of EMVA 1288).
-//! Each colour of each pixel has its own noise, from a hash of seed, instant and place, so threads do not matter.
+//! A pixel of display value 255 has a full well of electrons, others in proportion to their linear light. Variance is the number of
+//! electrons (Poisson's, as a Gaussian) plus that of the read noise: `sqrt(electrons + read^2)` (the mean-variance model of EMVA
+//! 1288). Each colour of each pixel has independent noise, from a hash of seed, instant and position, so the number of threads has
+//! no effect.
 
 use std::sync::LazyLock;
 
@@ -11,12 +12,12 @@ use rayon::prelude::*;
 
 use crate::render::tone::{linear_from_srgb, srgb_from_linear};
 
-/// Steps of the bell: one hash of 64 bits serves the three colours of a pixel.
+/// Steps of the normal distribution: one hash of 64 bits serves the three colours of a pixel.
 const BELL_BITS: u32 = 14;
 /// Steps of linear light in the table of display values: less than a quarter of a grey level each.
 const LIGHT_STEPS: usize = 1 << 14;
 
-/// Quantiles of a standard normal variable at the middles of equally likely steps.
+/// Quantiles of a standard normal variable at the centres of equally likely steps.
 static BELL: LazyLock<Vec<f32>> = LazyLock::new(|| {
     let steps = 1_u32 << BELL_BITS;
     (0..steps)
@@ -160,7 +161,7 @@ mod tests {
             let mean = rgb.iter().map(|v| light(*v)).sum::<f64>() / count;
             let variance = rgb.iter().map(|v| (light(*v) - mean).powi(2)).sum::<f64>() / count;
             let expected = light(grey) + 400.0;
-            // Rounding to whole display values adds the variance of an even spread over one.
+            // Rounding to whole display values adds the variance of a uniform distribution over one.
             let step = (light(grey + 1) - light(grey - 1)) / 2.0;
             let rounding = step * step / 12.0;
             let ratio = variance / (expected + rounding);

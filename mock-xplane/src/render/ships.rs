@@ -1,4 +1,4 @@
-//! Ships at anchor before the coast: dark boxes on the sea, and something a detector may take for an aircraft.
+//! Ships at anchor off the coast: dark boxes on the sea, which a detector may mistake for an aircraft.
 
 use glam::{DVec3, Vec3};
 
@@ -7,9 +7,9 @@ use crate::render::view::View;
 
 const SHIPS: u32 = 14;
 
-/// A ship, as the camera sees it: two upright rectangles in azimuth and elevation.
+/// A ship as seen by the camera: two upright rectangles in azimuth and elevation.
 pub(crate) struct Ship {
-    /// Place of the mast's foot: east, north, up, metres.
+    /// Position of the mast's foot: east, north, up, metres.
     pub(crate) position_m: DVec3,
     distance_m: f64,
     azimuth_rad: f64,

@@ -1,4 +1,4 @@
-//! What every picture must keep: places, contrasts, sub-pixel centres and bytes.
+//! Invariants of every picture: positions, contrasts, sub-pixel centres and bytes.
 
 use dataset::camera::CameraPose;
 use dataset::conditions::{CloudKind, CloudLayer};
@@ -47,8 +47,8 @@ pub(crate) fn clock_at_local(hours: f64) -> Clock {
     }
 }
 
-/// A camera 1.5 km beyond touchdown and 300 m left of the axis, as wide as `width_px` at the scale of the wide baseline rig,
-/// that looks at a point on the glide path.
+/// A camera 1.5 km beyond touchdown and 300 m left of the axis, `width_px` wide at the scale of the wide baseline rig, that looks
+/// at a point on the glide path.
 fn camera_towards(distance_m: f64, width_px: u32, height_px: u32) -> Camera {
     let runway = changi_02l();
     let place = runway
@@ -191,14 +191,14 @@ fn projected_box(camera: &Camera, pose: &Pose, controls: &Controls) -> [f64; 4] 
         )
 }
 
-/// A pixel changes when the outline crosses any part of it, so a first changed column lies between half a pixel left and half a
+/// A pixel changes when the outline crosses any part of it, so the first changed column is between half a pixel left and half a
 /// pixel right of the outline's true end. Over many sub-pixel positions that averages out.
 fn mean_offsets(distance_nm: f64, turn_deg: f64) -> [f64; 4] {
     mean_offsets_seen_by(&small_camera(distance_nm * NM_M), distance_nm, turn_deg)
 }
 
 fn mean_offsets_seen_by(camera: &Camera, distance_nm: f64, turn_deg: f64) -> [f64; 4] {
-    // Air without haze: this is about places, and a far winglet in haze does not change a byte.
+    // Air without haze: this is about geometry, and a distant winglet in haze does not change a byte.
     let weather = Weather {
         visibility_m: 1e6,
         ..clear()
@@ -234,7 +234,7 @@ fn wing_tips_fin_and_belly_are_drawn_where_the_camera_model_projects_them() {
 
 #[test]
 fn the_nose_is_drawn_where_the_camera_model_projects_it_from_either_side() {
-    // The tail is no such mark: seen from the side it ends in the edge of the tailplane, too thin to change a byte.
+    // The tail is unsuitable: seen from the side it ends in the edge of the tailplane, too thin to change a byte.
     for distance_nm in [1.0, 3.0, 6.0, 9.0] {
         let to_the_left = mean_offsets(distance_nm, 90.0)[0];
         let to_the_right = mean_offsets(distance_nm, -90.0)[2];
@@ -284,8 +284,8 @@ fn contrast_falls_with_distance_as_koschmieder_says() {
             ..clear()
         };
         let scene = scene(6.0 * NM_M, &weather);
-        // Along one ray and in one attitude towards it, what changes is size and air: the contrast summed over pixels, times
-        // the distance squared, falls by the air alone.
+        // Along one ray and in one attitude towards it, only size and air change: the contrast summed over pixels, times the
+        // distance squared, falls by the air alone.
         let intrinsic = |distance_nm: f64| {
             let range_m = distance_nm * NM_M;
             let pose = on_central_ray(&scene, range_m);
@@ -357,12 +357,12 @@ fn fog_takes_the_airframe_where_the_formula_says() {
             .max()
             .unwrap()
     };
-    // Rounding may make a whole level of less than one, never two.
+    // Rounding may turn less than one level into one, never into two.
     assert!(largest_change(0.7 * lost_m) >= 2, "lost before {lost_m} m");
     assert!(largest_change(1.1 * lost_m) <= 1, "seen beyond {lost_m} m");
 }
 
-/// Middle of what a patch covers, pixels.
+/// Centre of the covered area of a patch, pixels.
 fn covered_centre(patch: &Patch) -> DVec2 {
     let (sum, moment) =
         patch
@@ -426,7 +426,7 @@ pub(crate) fn overcast() -> Weather {
     }
 }
 
-/// Everything that can be switched on.
+/// All effects enabled.
 fn all_effects() -> Imaging {
     Imaging {
         distortion: Some(Distortion {
@@ -535,7 +535,7 @@ fn effects_that_are_off_change_no_byte_and_each_one_that_is_on_does() {
     }
 }
 
-/// Sum, centre and variance along the columns of what the airframe changes in a picture's linear light.
+/// Sum, centre and variance along the columns of the airframe's change to a picture's linear light.
 fn moments(scene: &Scene, pose: &Pose, time_s: f64) -> (f64, DVec2, f64) {
     let placed = Placed::new(&scene.world.view, pose, &LANDING);
     let clouds = CloudsBefore::new(&scene.world, &placed, time_s);
@@ -652,7 +652,7 @@ fn the_order_in_which_frames_are_asked_for_does_not_matter() {
         rgb
     };
     let first = draw(3.0);
-    // From the second picture of an instant on its rows are kept, from the third on they are copied.
+    // From the second picture of an instant on its rows are cached, from the third on they are copied.
     for _ in 0..3 {
         assert!(
             first == draw(3.0),
@@ -689,7 +689,7 @@ fn a_closed_layer_hides_an_aircraft_above_it_and_not_one_below() {
         sum
     };
     assert!(seen(6_000.0) > 5.0, "below the base: {}", seen(6_000.0));
-    // What remains, far below a grey level, is the grid of the sky against the cloud before the aircraft.
+    // The remainder, far below a grey level, is the grid of the sky against the cloud in front of the aircraft.
     assert!(seen(14_000.0) < 0.2, "inside the layer: {}", seen(14_000.0));
 }
 

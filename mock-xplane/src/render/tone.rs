@@ -21,7 +21,7 @@ pub(crate) struct Tone {
 }
 
 impl Tone {
-    /// Exposes for a scene whose horizon has this luminance. Twilight comes out dark, but not as dark as it is.
+    /// Exposes for a scene whose horizon has this luminance. Twilight becomes dark, but not as dark as it is.
     pub(crate) fn for_horizon(luminance_cd_m2: f32) -> Self {
         let key = DAY_KEY * (luminance_cd_m2 / DAYLIGHT_CD_M2).powf(DARKENING).min(1.1);
         Self {
@@ -29,7 +29,7 @@ impl Tone {
         }
     }
 
-    /// Exposed linear light of a luminance: what [`encode`] takes.
+    /// Exposed linear light of a luminance: the input of [`encode`].
     pub(crate) fn expose(&self, luminance_cd_m2: Vec3) -> Vec3 {
         luminance_cd_m2 * self.exposure
     }

@@ -1,24 +1,24 @@
-//! A camera seen from the site: east, north and up about the runway's touchdown target, the frame in which ground, clouds and
-//! fixed lamps have their places, so that two cameras see the same world.
+//! A camera in site coordinates: east, north and up of the runway's touchdown target. Ground, clouds and fixed lamps have their
+//! positions in these coordinates, so that two cameras see the same world.
 //!
-//! Where the air bends light, places of the site are where things appear, not where they are: rays stay straight, and what
-//! is far away is lifted (`dataset::refraction`). Heights above the sea know of it; all else need not.
+//! With refraction, site coordinates are apparent positions, not true ones: rays stay straight, and distant objects are lifted
+//! (`dataset::refraction`). Heights above the sea account for it; nothing else needs to.
 
 use dataset::camera::Camera;
 use dataset::refraction::lift_m;
 use dataset::runway::Runway;
 use glam::{DMat3, DVec2, DVec3};
 
-/// Radius of the earth for the drop of the ground below the tangent plane, metres. Off by less than 0.3 % in any direction,
-/// a hand's breadth at the horizon.
+/// Radius of the earth for the drop of the ground below the tangent plane, metres. Off by less than 0.3 % in any direction, about
+/// ten centimetres at the horizon.
 const EARTH_RADIUS_M: f64 = 6.36e6;
 
 /// A camera and the frame of the site around it.
 #[derive(Debug, Clone)]
 pub(crate) struct View {
-    /// The camera itself, in ECEF, for places where things appear: its own refraction is taken out.
+    /// The camera itself, in ECEF, for apparent positions: without its own refraction.
     pub(crate) camera: Camera,
-    /// The camera for places where things are.
+    /// The camera for true positions.
     true_camera: Camera,
     /// Coefficient of refraction: curvature of light over that of the earth.
     refraction: f64,
@@ -85,7 +85,7 @@ impl View {
             - self.lift_m(flat)
     }
 
-    /// How much higher things appear there than they are, metres.
+    /// How much higher objects appear there than they are, metres.
     fn lift_m(&self, horizontal_m: DVec2) -> f64 {
         let distance_m = horizontal_m.distance(self.position_m.truncate());
         lift_m(self.refraction, distance_m)
@@ -109,7 +109,7 @@ impl View {
         if discriminant < 0.0 || a == 0.0 {
             return None;
         }
-        // The form that does not cancel for near-horizontal rays.
+        // The formula that avoids cancellation for near-horizontal rays.
         let q = -0.5 * (b + b.signum() * discriminant.sqrt());
         let (first, second) = (q / a, c / q);
         Some([first.min(second), first.max(second)])

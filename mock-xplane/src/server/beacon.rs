@@ -1,4 +1,5 @@
-//! Announcing the stand-in once a second, as X-Plane does. Not every network takes multicast: then we say so and go on.
+//! Announces the stand-in once a second, as X-Plane does. If the network does not support multicast, this is logged and everything
+//! else continues.
 
 use std::net::{IpAddr, SocketAddr};
 use std::sync::Arc;
@@ -11,10 +12,10 @@ use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 use super::MockError;
 use super::faults::outages::Outages;
 
-/// What X-Plane says here. Nobody listens there; but a client takes its first byte, `r`, for the end of the name.
+/// X-Plane's value here. Nobody listens there; but one client takes its first byte, `r`, for the end of the name.
 pub(super) const RAKNET_PORT: u16 = 49_010;
 
-/// Sends the beacon for ever.
+/// Sends the beacon forever.
 pub(super) async fn run(
     bind: IpAddr,
     beacon: Beacon,

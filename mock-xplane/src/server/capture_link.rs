@@ -1,8 +1,9 @@
-//! The capture link, simulator's side: takes requests, flies, draws, and answers in order.
+//! The capture link, simulator's side: accepts requests, flies, draws, and answers in order.
 //!
-//! Pictures are drawn into the client's memory if it shares some, else into our own and sent. That happens on threads of their own, as many at a time as there are processors, while further requests are read.
-//! A queue of answers to come keeps their order and, being short, keeps the memory small: when it is full, requests wait in
-//! the socket. One client at a time, see [`super::seat`]; it has to say hello, with the token if there is one, before it is let in.
+//! Pictures are drawn into the client's memory if it shares some, else into our own and sent. That happens on separate threads, one
+//! per processor, while further requests are read. A queue of pending answers keeps their order and, being short, limits the
+//! memory: when it is full, requests wait in the socket. One client at a time, see [`super::seat`]; it must send a hello, with the
+//! token if there is one, before it is admitted.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -32,18 +33,18 @@ use super::seat::{Activity, LinkPatience, Seat};
 use super::{MockError, Shared};
 use crate::window::Stage;
 
-/// Connections at a time, most of which wait to say hello or for the seat.
+/// Maximum connections, most of which wait to say hello or for the seat.
 const MOST_CONNECTIONS: usize = 32;
-/// Answers that may wait for their turn, drawn or being drawn.
+/// Maximum pending answers, drawn or being drawn.
 const ANSWERS_AHEAD: usize = 4;
 
-/// What a client without the token is told.
+/// The error for a client without the token.
 pub(super) const WANTS_TOKEN: &str =
     "this capture link requires a token: set DTD_LINK_TOKEN to the same value on both sides";
-/// Why nothing is shown by a stand-in that was started without a window.
+/// Why a stand-in without a window shows nothing.
 const NO_WINDOW: &str = "the stand-in has no window: start it with --window";
 
-/// Accepts clients for ever.
+/// Accepts clients forever.
 pub(super) async fn run(
     listener: Arc<TcpListener>,
     world: Shared,
@@ -85,16 +86,16 @@ pub(super) async fn run(
     }
 }
 
-/// Whom the link lets in.
+/// Admission of clients.
 #[derive(Debug, Clone)]
 pub(super) struct Admission {
-    /// What a client must say first, if anything.
+    /// The required token, if any.
     pub(super) token: Option<LinkToken>,
-    /// How long it may take.
+    /// Time limits.
     pub(super) patience: LinkPatience,
 }
 
-/// What all connections share.
+/// Shared by all connections.
 struct Studio {
     world: Shared,
     engine: Arc<dyn Engine>,
@@ -104,10 +105,10 @@ struct Studio {
     stage: Option<Arc<dyn Stage>>,
     scenes: Scenes,
     painters: Arc<Semaphore>,
-    /// Memory of sent pictures, for the next ones.
+    /// Buffers of sent pictures, for reuse.
     buffers: Mutex<Vec<Vec<u8>>>,
     seat: Seat,
-    /// What a client measured of us.
+    /// The profile that a client measured.
     profile: Mutex<Option<Value>>,
 }
 
@@ -151,8 +152,8 @@ impl Studio {
         let activity = &seated.activity;
         let (from_client, to_client) = stream.into_split();
         let (order, answers) = mpsc::channel(ANSWERS_AHEAD);
-        // When no more requests come, the writer still has answers to write, and then ends because the queue has. When
-        // the client takes no more answers, reading its requests is pointless.
+        // When no more requests come, the writer finishes the pending answers and ends with the queue. If the client reads no more
+        // answers, reading its requests is pointless.
         let read_then_wait = async {
             let client = Client {
                 address: from,
@@ -176,7 +177,7 @@ impl Studio {
         ended
     }
 
-    /// Exchanges greetings and reads the hello; `None` if the client is not let in, which it is told.
+    /// Exchanges greetings and reads the hello; `None` if the client is rejected, which it is told.
     async fn admit(&self, stream: &mut TcpStream) -> Result<Option<Request>, LinkError> {
         exchange_greetings(stream).await?;
         let text = match read_request(stream).await {
@@ -212,15 +213,15 @@ impl Studio {
             let pending = match request {
                 Ok(None) => return Ok(()),
                 Ok(Some(request)) => self.answer(&mut client, request).await,
-                // All of it was read: the next request can be understood.
+                // All of it was read: the next request can be parsed.
                 Err(error @ LinkError::BadHeader { .. }) => refusal(error.to_string()),
-                // Said to the client as well; what follows in the stream cannot be understood any more.
+                // Sent to the client as well; the rest of the stream cannot be parsed any more.
                 Err(error) => {
                     let _ = order.send(refusal(error.to_string())).await;
                     return Err(error);
                 }
             };
-            // What keeps the answer from being sent now is the client, who takes none.
+            // Only the client, by not reading, keeps the answer from being sent now.
             drop(work);
             if order.send(pending).await.is_err() {
                 return Ok(());
@@ -284,7 +285,7 @@ impl Studio {
                 })
             }
             Request::ShareMemory(offer) => share_memory(from, &offer),
-            // What is drawn here is drawn at once: no frame needs to settle.
+            // Drawing takes effect at once here: no frame needs to settle.
             Request::Freeze {
                 runway, imaging, ..
             } => {
@@ -337,7 +338,7 @@ impl Studio {
         }
     }
 
-    /// Flies before any further request is read: those are about the world after the flight.
+    /// Flies before reading any further request: those concern the world after the flight.
     async fn fly(self: &Arc<Self>, request: FlyRequest) -> Pending {
         let weather = {
             let mut world = self.world.lock();
@@ -366,7 +367,7 @@ impl Studio {
         Pending::Ready(Box::new((answer, encode_flight(&states))))
     }
 
-    /// Starts drawing. What is to be seen is fixed here, in the order of the requests; drawing takes its time.
+    /// Starts drawing. The content is fixed here, in the order of the requests; drawing takes its time.
     async fn capture(self: &Arc<Self>, from: &Client, request: CaptureRequest) -> Pending {
         if let Err(text) = request.check() {
             return refusal(text);
@@ -421,7 +422,7 @@ impl Studio {
         });
         match request.deliver {
             Deliver::Picture | Deliver::Slot(_) | Deliver::Screenshot => Pending::Drawing(drawing),
-            // The window shows one picture: the next one is not begun before this one is there.
+            // The window shows one picture: the next one is not started before this one is visible.
             Deliver::Drawn => {
                 let (answer, rgb) = drawing.await.unwrap_or_else(failed);
                 if matches!(answer, Answer::Error { .. }) {
@@ -441,7 +442,7 @@ impl Studio {
         }
     }
 
-    /// Draws the check pattern over the window, or takes it away.
+    /// Draws the check pattern over the window, or removes it.
     async fn check_pattern(&self, code: Option<u32>) -> Pending {
         let window = match self.stage.as_ref().map(|stage| stage.describe()) {
             Some(Ok(window)) => window,
@@ -459,7 +460,7 @@ impl Studio {
         ready(Answer::CheckPatternShown { sim_frame })
     }
 
-    /// Puts a picture into the window, and its memory back with that of the others.
+    /// Shows a picture in the window, and returns its buffer to the others.
     async fn show(&self, picture: RgbPicture) -> Result<(), String> {
         let stage = self.stage.clone().ok_or(NO_WINDOW)?;
         let shown = spawn_blocking(move || {
@@ -471,7 +472,7 @@ impl Studio {
         result.map_err(|error| error.to_string())
     }
 
-    /// Draws into the slot, or into memory of our own that becomes the payload.
+    /// Draws into the slot, or into our own memory that becomes the payload.
     fn draw(
         &self,
         request: &CaptureRequest,
@@ -518,7 +519,7 @@ impl Studio {
     }
 }
 
-/// Takes the memory that a client shares, in the place of what it shared before.
+/// Maps the memory that a client shares, replacing what it shared before.
 fn share_memory(from: &mut Client, offer: &SharedMemory) -> Pending {
     match DrawingSlots::open(offer) {
         Ok(memory) => {
@@ -537,7 +538,7 @@ fn refusal(text: String) -> Pending {
     ready(Answer::Error { text })
 }
 
-/// A panic while flying or drawing is a mistake in this crate; the client is told and the server lives on.
+/// A panic while flying or drawing is a bug in this crate; the client is told and the server lives on.
 fn failed(error: JoinError) -> Reply {
     let text = format!("the stand-in failed: {error}");
     (Answer::Error { text }, Vec::new())

@@ -1,5 +1,5 @@
-//! What the server needs of a simulator: flying an approach and drawing pictures. The built-in one is this crate's own;
-//! tests put a cheaper one in its place.
+//! What the server needs from a simulator: flying an approach and drawing pictures. The built-in engine is this crate's own; tests
+//! use a cheaper one.
 
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Weather};
@@ -13,10 +13,10 @@ use crate::render::Scene;
 
 /// A flight model and a renderer.
 pub trait Engine: Send + Sync + 'static {
-    /// Flies an approach in this weather; the states at the model's own rate. The text of an error says why it cannot.
+    /// Flies an approach in this weather; the states at the model's own rate. The error says why it cannot.
     fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String>;
 
-    /// Prepares the pictures of one camera in one weather at one time, spoiled or not.
+    /// Prepares the pictures of one camera in one weather at one time, degraded or not.
     fn picture(
         &self,
         camera: &Camera,
@@ -29,7 +29,7 @@ pub trait Engine: Send + Sync + 'static {
 
 /// Pictures of one camera in one weather at one time, with the aircraft anywhere.
 pub trait Picture: Send + Sync {
-    /// Draws a frame into `rgb`, which holds exactly its bytes, all of which are overwritten.
+    /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]);
 }
 

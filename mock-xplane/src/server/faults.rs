@@ -1,9 +1,8 @@
-//! Things that go wrong on purpose, so that clients can show that they stand it: a lossy network, a simulator that hangs, a
-//! simulator that is restarted in the middle of everything.
+//! Fault injection for testing clients: a lossy network, a simulator that hangs, a simulator that restarts at any moment.
 //!
-//! In: a text such as `loss=0.1,dup=0.05,restart=captures:20:2.5` or a [`Faults`]. The network's faults happen in
-//! [`disorder`], the simulator's in [`outages`]. Everything random comes from a seed, and outages can be counted in frames
-//! or captures instead of seconds, so that a test meets the same fault at the same place every time.
+//! Input: a text such as `loss=0.1,dup=0.05,restart=captures:20:2.5` or a [`Faults`]. The network's faults are in [`disorder`], the
+//! simulator's in [`outages`]. All randomness comes from a seed, and outages can be counted in frames or captures instead of
+//! seconds, so that a test meets the same fault at the same point every time.
 
 pub(super) mod disorder;
 pub(super) mod outages;
@@ -12,60 +11,60 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// How long the stand-in is down in a restart that does not say: a little more than a client needs to notice.
+/// Default downtime of a restart: slightly more than a client needs to notice.
 const DEFAULT_DOWN: Duration = Duration::from_secs(3);
-/// The words of the text form, for messages.
+/// The syntax of the text form, for messages.
 const EXPECTED: &str = "loss=0..1, dup=0..1, reorder=0..1, seed=NUMBER, freeze=WHEN[:FOR_S] or restart=WHEN[:DOWN_S], \
                         where WHEN is seconds, frames:N or captures:N";
 
-/// What goes wrong. The default is nothing.
+/// The faults. The default is none.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Faults {
     /// Share of the UDP datagrams that get lost, each way, 0 to 1.
     pub loss: f64,
-    /// Share of the UDP datagrams that arrive twice, each way, 0 to 1.
+    /// Share of the UDP datagrams that are duplicated, each way, 0 to 1.
     pub duplication: f64,
-    /// Share of the UDP datagrams that arrive behind the one sent after them, each way, 0 to 1.
+    /// Share of the UDP datagrams that arrive after their successor, each way, 0 to 1.
     pub reordering: f64,
     /// Seed of the three above.
     pub seed: u64,
-    /// When the simulator itself fails. Each happens once; any number of them may follow each other.
+    /// When the simulator itself fails. Each outage happens once; any number of them may follow each other.
     pub outages: Vec<Outage>,
 }
 
-/// One time that the simulator does not answer.
+/// One period without answers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outage {
     /// When it begins.
     pub begins: Moment,
-    /// What it does to clients.
+    /// Its effect on clients.
     pub kind: OutageKind,
-    /// How long it lasts; `None` for ever.
+    /// Its duration; `None` means forever.
     pub lasts: Option<Duration>,
 }
 
-/// What an outage does to clients.
+/// The effect of an outage on clients.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum OutageKind {
-    /// Sockets live, nothing is answered, simulated time stands still; then all goes on, with what had queued up.
+    /// Sockets live, nothing is answered, simulated time stands still; then everything continues, with what was queued.
     Freeze,
-    /// Connections close, datagrams vanish; then a new simulator runs on the same ports: datarefs, weather and frame
-    /// numbers are at their first values, subscriptions forgotten.
+    /// Connections close, datagrams are lost; then a new simulator runs on the same ports: datarefs, weather and frame numbers are
+    /// at their initial values, subscriptions forgotten.
     Restart,
 }
 
-/// A moment in the life of the process, which restarts do not reset.
+/// A moment in the life of the process, independent of restarts.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Moment {
-    /// So much time after the start. Not reproducible to the frame.
+    /// This long after the start. Not reproducible to the frame.
     After(Duration),
     /// With the n-th simulated frame, counted from 1.
     Frame(u64),
-    /// With the n-th capture that is asked for, counted from 1. That capture is the first one not to be answered in time.
+    /// At the n-th requested capture, counted from 1. That capture is the first one not to be answered in time.
     Capture(u64),
 }
 
-/// A text that describes no faults.
+/// A text that describes no valid faults.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum FaultsError {
     /// A key that does not exist.
@@ -74,20 +73,20 @@ pub enum FaultsError {
         /// What stood there.
         found: String,
     },
-    /// A key without a value that fits it.
+    /// A key without a valid value.
     #[error("fault {key} is {found:?}; expected {expected}")]
     BadValue {
         /// Which.
         key: String,
         /// What stood there.
         found: String,
-        /// What may stand there.
+        /// The allowed values.
         expected: &'static str,
     },
 }
 
 impl Faults {
-    /// Whether nothing goes wrong.
+    /// Whether there are no faults.
     pub fn is_none(&self) -> bool {
         *self == Self::default()
     }
@@ -202,7 +201,7 @@ fn outage(text: &str) -> Option<(Moment, Option<Duration>)> {
         _ => (Moment::After(seconds(first)?), rest),
     };
     if duration.is_empty() {
-        // A colon wants something behind it.
+        // A colon must be followed by something.
         return (!text.ends_with(':')).then_some((moment, None));
     }
     Some((moment, Some(seconds(duration)?)))

@@ -1,11 +1,11 @@
-//! Our plugin's own Python in place of the built-in capture link: `dtd mock-xplane --plugin DIR`.
+//! Our plugin's own Python instead of the built-in capture link: `dtd mock-xplane --plugin DIR`.
 //!
-//! A Python child runs the plugin against a fake of XPPython3's module `xp` (`fake_xp/`). What the fake knows about the world it
-//! asks here, through the child's standard input and output, and the pictures that the plugin reads back are drawn here, from the pose
-//! and the camera that it wrote in X-Plane's local coordinates. A wrong sign in the plugin is a wrong picture.
+//! A Python child runs the plugin against a fake of XPPython3's module `xp` (`fake_xp/`). The fake queries the world here, through
+//! the child's standard input and output, and the pictures that the plugin reads back are drawn here, from the pose and the camera
+//! that it wrote in X-Plane's local coordinates. A wrong sign in the plugin gives a wrong picture.
 //!
-//! So the generator and the plugin meet over the real link, and nothing of it is X-Plane: whether X-Plane itself does what
-//! the fake does is not shown here.
+//! So the generator and the plugin meet over the real link, without X-Plane: whether X-Plane itself behaves like the fake is not
+//! shown here.
 
 mod flight;
 mod own;
@@ -28,11 +28,11 @@ use super::{MockError, Shared};
 use crate::quirks::Quirk;
 use crate::window::Stage;
 
-/// After so many frames [`Quirk::CameraTaken`] takes the camera, again and again.
+/// [`Quirk::CameraTaken`] takes the camera repeatedly, at this interval in frames.
 const CAMERA_TAKEN_EVERY: u32 = 401;
 const FAKE_XP: &str = include_str!("../../fake_xp/fake_xp.py");
 const HOST: &str = include_str!("../../fake_xp/host.py");
-/// Makes the two modules of the settings in the first line, and runs the host.
+/// Creates the two settings modules from the first line, and runs the host.
 const BOOTSTRAP: &str = "import json, sys, types
 settings = json.loads(sys.stdin.buffer.readline())
 for name in ('fake_xp', 'host'):
@@ -40,7 +40,7 @@ for name in ('fake_xp', 'host'):
     exec(compile(settings[name], name + '.py', 'exec'), module.__dict__)
 sys.modules['host'].run(settings)";
 
-/// Which plugin to run, and how the simulator around it misbehaves.
+/// Which plugin to run, and the faults of the simulator around it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PluginOptions {
     /// Folder of `PI_dtd_bridge.py`.
@@ -51,9 +51,9 @@ pub struct PluginOptions {
     pub window_px: (u32, u32),
     /// Simulated time between two frames, seconds.
     pub frame_period_s: f64,
-    /// Takes the camera from the plugin every so many frames, as a view key does.
+    /// Takes the camera from the plugin every this many frames, as a view key does.
     pub steal_camera_every_frames: Option<u32>,
-    /// Moves the local origin every so many frames, as loading scenery does.
+    /// Moves the local origin every this many frames, as loading scenery does.
     pub move_origin_every_frames: Option<u32>,
 }
 
@@ -74,7 +74,7 @@ impl PluginOptions {
     }
 }
 
-/// What the plugin's settings would say, and how fast the simulator's clock runs.
+/// Values of the plugin's settings, and the speed of the simulator's clock.
 #[derive(Debug, Clone)]
 pub(super) struct HostSettings {
     pub(super) bind: std::net::IpAddr,
@@ -111,7 +111,7 @@ pub(super) async fn run(
         let world = world.lock();
         (world.version() < 120_000, world.quirks())
     };
-    // The plugin waits by the clock on the wall; here for as long as what it waits for takes, which may be no time at all.
+    // The plugin waits in real time; here as long as the awaited event takes, which may be no time at all.
     let pace = quirks.pace(host.clock_rate);
     let quirk_names: Vec<&str> = quirks.iter().map(|quirk| quirk.facts().name).collect();
     let steal_every = options
@@ -160,7 +160,7 @@ pub(super) async fn run(
             }
             Some((Value::String(what), arguments)) => {
                 if what == "begin_frame" {
-                    // A simulator that freezes draws no frame.
+                    // A frozen simulator draws no frame.
                     outages.over().await;
                 }
                 let answer = scene.answer(what, arguments);
@@ -176,7 +176,7 @@ pub(super) async fn run(
     }
 }
 
-/// Isolated from the user's packages; leaves no byte code beside the plugin; dies with this value.
+/// Isolated from the user's packages; leaves no byte code next to the plugin; ends with this value.
 fn spawn(options: &PluginOptions) -> std::io::Result<Child> {
     Command::new(&options.python)
         .args(["-I", "-B", "-u", "-c", BOOTSTRAP])

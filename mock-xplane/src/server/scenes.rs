@@ -1,4 +1,4 @@
-//! Prepared pictures, kept while their camera, weather and clock last: preparing one costs many frames.
+//! A cache of prepared pictures per camera, weather and clock: preparing one costs as much as many frames.
 
 use std::collections::VecDeque;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
@@ -10,7 +10,7 @@ use dataset::runway::Runway;
 
 use super::engine::{Engine, Picture};
 
-/// Prepared pictures kept at most: two rigs of a few cameras.
+/// Maximum number of prepared pictures: two rigs of a few cameras.
 const KEPT: usize = 8;
 
 /// What a prepared picture depends on.
@@ -34,7 +34,7 @@ pub(super) struct Scenes {
 }
 
 impl Scenes {
-    /// Calls `draw` with the picture of `key`, preparing it first if need be. Different ones are prepared side by side.
+    /// Calls `draw` with the picture of `key`, preparing it first if necessary. Different ones are prepared in parallel.
     pub(super) fn with<T>(
         &self,
         engine: &dyn Engine,

@@ -1,7 +1,7 @@
-//! The one place at the aircraft. Whoever has it keeps it as long as he uses it; who is silent keeps it until somebody else wants it.
+//! The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one wants it.
 //!
-//! So a client may take all the time it needs between two requests (a commit to a slow store, a debugger), and one that hangs, or was
-//! never more than an open connection, keeps nobody out.
+//! So a client may take all the time it needs between two requests (a commit to a slow store, a debugger), and one that hangs, or
+//! was never more than an open connection, blocks nobody.
 
 use std::sync::{Arc, Mutex as StdMutex, PoisonError};
 use std::time::Duration;
@@ -9,14 +9,14 @@ use std::time::Duration;
 use tokio::sync::{Mutex, Notify, OwnedMutexGuard};
 use tokio::time::{Instant, timeout};
 
-/// How long the capture link waits for clients.
+/// Timeouts of the capture link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LinkPatience {
-    /// From the connection to its greeting and its whole hello.
+    /// From the connection to its greeting and its complete hello.
     pub hello: Duration,
-    /// How long a client waits for the seat of another one.
+    /// How long a client waits for another one's seat.
     pub seat: Duration,
-    /// A client that neither asks nor takes its answers for so long loses its seat to the next one.
+    /// A client that neither sends requests nor reads answers for this long loses its seat to the next one.
     pub silence: Duration,
 }
 
@@ -37,7 +37,7 @@ pub(super) struct Seat {
     holder: StdMutex<Option<Arc<Activity>>>,
 }
 
-/// Who has the place. Dropping it gives the place back.
+/// The holder of the seat. Dropping it releases the seat.
 #[derive(Debug)]
 pub(super) struct Seated {
     pub(super) activity: Arc<Activity>,
@@ -53,16 +53,16 @@ pub(super) struct Activity {
 
 #[derive(Debug)]
 struct State {
-    /// Requests that we are working on: the client waits for us then, not we for it.
+    /// Requests in progress: meanwhile the client waits for us, not we for it.
     working: usize,
     last: Instant,
 }
 
-/// A request that is being worked on, until this is dropped.
+/// A request in progress, until this is dropped.
 pub(super) struct Work(Arc<Activity>);
 
 impl Seat {
-    /// Takes the place, if it is free in time.
+    /// Takes the seat, if it becomes free in time.
     pub(super) async fn take(&self, patience: LinkPatience) -> Option<Seated> {
         let holder = self.lock_holder().clone();
         if let Some(holder) = holder
@@ -100,12 +100,12 @@ impl Activity {
         }
     }
 
-    /// The client asked something, or took something.
+    /// The client sent or read something.
     pub(super) fn heard(&self) {
         self.lock().last = Instant::now();
     }
 
-    /// A request is worked on from now on.
+    /// A request is in progress from now on.
     pub(super) fn work(self: &Arc<Self>) -> Work {
         self.lock().working += 1;
         Work(self.clone())

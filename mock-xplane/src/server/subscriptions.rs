@@ -1,11 +1,11 @@
-//! Who wants which dataref how often. Pure: takes the time and the values, returns what to send.
+//! Subscriptions of datarefs by clients and rates. Pure: takes the time and the values, returns what to send.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 
 use xplane_bridge::packet::{DatarefValue, DatarefValues, MAX_VALUES_PER_REPLY, SubscribeDataref};
 
-/// Requests taken in one frame; X-Plane loses the others silently.
+/// Requests accepted in one frame; X-Plane loses the others silently.
 pub(super) const REQUESTS_PER_FRAME: usize = 140;
 
 /// All subscriptions of all clients.
@@ -16,7 +16,7 @@ pub(super) struct Subscriptions {
     requests: usize,
 }
 
-/// When something is due, and when again. Times are seconds of any clock that only grows.
+/// Due times. Times are seconds of any monotonic clock.
 #[derive(Debug, Clone, Copy)]
 struct Rhythm {
     period_s: f64,
@@ -42,7 +42,7 @@ impl Rhythm {
 }
 
 impl Subscriptions {
-    /// Takes a request, unless too many came in this frame; says whether it was taken.
+    /// Accepts a request, unless too many came in this frame; returns whether it was accepted.
     pub(super) fn subscribe(
         &mut self,
         from: SocketAddr,
@@ -66,8 +66,8 @@ impl Subscriptions {
         true
     }
 
-    /// Begins or ends the stream of positions to a client. Some clients end it from another socket than they began it
-    /// from; then the end is for all sockets of that computer.
+    /// Starts or ends the stream of positions to a client. Some clients end it from another socket than they started it from; then
+    /// it ends for all sockets of that computer.
     pub(super) fn subscribe_position(&mut self, from: SocketAddr, frequency_hz: u32, now_s: f64) {
         if frequency_hz > 0 {
             self.positions
@@ -77,7 +77,7 @@ impl Subscriptions {
         }
     }
 
-    /// Begins a new frame: as many requests are taken again.
+    /// Starts a new frame, which resets the request limit.
     pub(super) fn begin_frame(&mut self) {
         self.requests = 0;
     }
@@ -114,7 +114,7 @@ impl Subscriptions {
             .collect()
     }
 
-    /// How many datarefs are subscribed, by all clients together.
+    /// Number of subscribed datarefs of all clients together.
     pub(super) fn count(&self) -> usize {
         self.datarefs.values().map(BTreeMap::len).sum()
     }

@@ -1,14 +1,14 @@
-//! A recorded session in the place of the simulator: clients get the answers that the recorded simulator gave.
+//! A recorded session instead of a simulator: clients get the answers that the recorded simulator gave.
 //!
 //! ```text
 //! tape --loading--> histories of datarefs, positions          --udp-->  clients
 //!               \-> conversation (requests of the link, answers) --link-->
 //! ```
 //!
-//! Nothing is made up. A dataref has the values that were read, in their order, and moves on behind a write or a command
-//! when a client sends the same one ([`history`]). A request of the capture link is answered if the tape has it, under the
-//! same written datarefs; otherwise an `error` says what was asked and what the tape has ([`conversation`]). A picture that
-//! was recorded by its hash is drawn again by the stand-in's renderer and sent only if it is the same one.
+//! Nothing is invented. A dataref has the recorded values, in their order, and advances past a write or a command when a client
+//! sends the same one ([`history`]). A request of the capture link is answered if the tape has it, under the same written datarefs;
+//! otherwise an `error` says what was requested and what the tape has ([`conversation`]). A picture that was recorded by its hash
+//! is drawn again by the stand-in's renderer and sent only if it is the same.
 
 mod conversation;
 mod history;
@@ -37,8 +37,8 @@ use super::world::World;
 use super::{Addresses, LinkPatience, MockError, Ports, ServerOptions, beacon};
 use crate::quirks::Quirks;
 
-/// Serves a tape until the future is dropped; calls `ready` once it listens. Of the options, those of address, beacon and
-/// token count: all else is as recorded.
+/// Serves a tape until the future is dropped; calls `ready` once it listens. Of the options, only address, beacon and token apply:
+/// everything else is as recorded.
 ///
 /// # Errors
 /// [`MockError::Tape`] if the tape cannot be read, [`MockError::Bind`] if a port is taken, [`MockError::Socket`] if a socket
@@ -94,7 +94,7 @@ pub async fn serve_tape(
     }
 }
 
-/// What the tape's server shares.
+/// Shared state of the tape's server.
 struct Player {
     playback: Mutex<Playback>,
     reader: Mutex<TapeReader>,
@@ -107,14 +107,14 @@ struct Player {
     engine: Box<dyn Engine>,
 }
 
-/// Where a replay stands.
+/// Progress of a replay.
 struct Playback {
     histories: Histories<SocketAddr>,
     positions: Positions,
     conversation: Conversation,
     /// What clients have written since the link was opened.
     context: Context,
-    /// What the stand-in would be now, for pictures that are drawn again.
+    /// The stand-in's current state, for pictures that are drawn again.
     world: World,
 }
 

@@ -1,4 +1,4 @@
-//! X-Plane's UDP protocol on a socket: takes packets, and sends in every frame what is due.
+//! X-Plane's UDP protocol on a socket: receives packets, and sends in every frame what is due.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -15,15 +15,15 @@ use super::{MockError, ServerOptions, Shared};
 
 /// Length of a frame of the stand-in: 60 a second.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
-/// Subscriptions kept at most, so that clients that never unsubscribe cannot fill the memory.
+/// Maximum subscriptions, so that clients that never unsubscribe cannot fill the memory.
 const MAX_SUBSCRIPTIONS: usize = 100_000;
-/// Simulated time that passes at most from one frame to the next, seconds: X-Plane slows down rather than jump.
+/// Maximum simulated time from one frame to the next, seconds: X-Plane slows down rather than jump.
 const MAX_FRAME_S: f64 = 0.25;
 
 /// The data output comes ten times a second, seconds.
 const DATA_PERIOD_S: f64 = 0.1;
 
-/// A datagram, and where it comes from or goes to.
+/// A datagram, with its source or destination.
 type Mail = (Vec<u8>, SocketAddr);
 
 /// Serves for ever.

@@ -1,7 +1,7 @@
 //! X-Plane 12's Web API: datarefs, commands and flights over HTTP, updates over a WebSocket.
 //!
-//! In: requests of clients on this computer. Out: JSON. `v1` has datarefs, `v2` adds commands, `v3` flights; the world behind
-//! it is the one that UDP and the capture link show. Written after Laminar's "X-Plane Web API" and "Flight Initialization API".
+//! Input: requests of clients on this computer. Output: JSON. `v1` has datarefs, `v2` adds commands, `v3` flights; the world behind
+//! it is the same as for UDP and the capture link. Written from Laminar's "X-Plane Web API" and "Flight Initialization API".
 
 mod callers;
 mod commands;
@@ -39,16 +39,16 @@ use self::refusal::Refusal;
 use super::faults::outages::Outages;
 use super::{MockError, Shared};
 
-/// Connections at a time that ask over HTTP, and WebSockets at a time.
+/// Maximum HTTP connections, and maximum WebSockets.
 const MOST_CONNECTIONS: usize = 64;
 const MOST_SOCKETS: usize = 32;
-/// How long the head of a request may take, from the end of the last one, and how long the rest of it with its answer.
+/// Time limits for the head of a request, from the end of the previous one, and for the rest of it with its answer.
 const HEAD_WITHIN: Duration = Duration::from_secs(5);
 const ANSWER_WITHIN: Duration = Duration::from_secs(10);
-/// How long a client may leave what was sent to it unread.
+/// How long a client may leave data unread.
 const READ_WITHIN: Duration = Duration::from_secs(10);
 
-/// What all requests share.
+/// Shared by all requests.
 struct Desk {
     world: Shared,
     outages: Arc<Outages>,
@@ -56,11 +56,11 @@ struct Desk {
     ids: Ids,
     active: ActiveCommands,
     sockets: Doorway,
-    /// Closed when the session is over: WebSockets are tasks that we do not hold.
+    /// Closed when the session ends: WebSockets are tasks that we do not hold.
     session: watch::Receiver<()>,
 }
 
-/// Accepts clients for ever. `session` is a number that no earlier session had.
+/// Accepts clients forever. `session` is a number that no earlier session had.
 pub(super) async fn run(
     listener: Arc<TcpListener>,
     world: Shared,
@@ -106,7 +106,7 @@ pub(super) async fn run(
     }
 }
 
-/// Has the system close a connection whose client does not read. Elsewhere such clients are limited by their number alone.
+/// Lets the system close a connection whose client does not read. Elsewhere such clients are limited by their number alone.
 fn end_if_unread(stream: &TcpStream) {
     #[cfg(target_os = "linux")]
     if let Err(error) = SockRef::from(stream).set_tcp_user_timeout(Some(READ_WITHIN)) {
@@ -143,7 +143,7 @@ fn router(desk: Arc<Desk>) -> Router {
         .with_state(desk)
 }
 
-/// Nobody is answered during an outage, nor while incoming traffic is switched off, nor a web page of somebody else.
+/// No answers during an outage, while incoming traffic is switched off, or to foreign web pages.
 async fn doorkeeper(State(desk): State<Arc<Desk>>, request: Request, next: Next) -> Response {
     desk.outages.over().await;
     if !desk.incoming_is_on {

@@ -1,6 +1,6 @@
 //! The simulated world: datarefs, the aircraft, the clock, the sky, and whether all of it is frozen.
 //!
-//! Each of them has its own file; here is what connects them, and what clients can do to them.
+//! Each of them has its own file; this one connects them, and defines what clients can do to them.
 
 mod aircraft;
 pub(super) mod airport;
@@ -39,31 +39,31 @@ const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
 
 const COMMAND_PAUSE_TOGGLE: &str = "sim/operation/pause_toggle";
 
-/// Everything that has a state.
+/// All parts with a state.
 #[derive(Debug)]
 pub(super) struct World {
     state: State,
     /// The runway of the scenario while frozen.
     frozen: Option<Runway>,
-    /// Lens, air and sensor of each view while frozen; a view beyond is ideal.
+    /// Lens, air and sensor of each view while frozen; further views are ideal.
     imaging: Vec<Imaging>,
     drawn_frames: u64,
-    /// Code of the check pattern while it shows.
+    /// Code of the check pattern while it is shown.
     check_pattern: Option<u32>,
     /// What clients saved, by path.
     situations: HashMap<String, State>,
-    /// The main menu shows otherwise.
+    /// Otherwise the main menu is open.
     flight_loaded: bool,
     quirks: Quirks,
-    /// The aircraft is a plugin's host's, which flies it and tells us where it is.
+    /// A plugin's host flies the aircraft and reports its position.
     hosted: bool,
-    /// How often somebody else put it somewhere.
+    /// How often somebody else placed it.
     placements: u64,
-    /// Whether other aircraft fly beside the user's.
+    /// Whether other aircraft fly next to the user's.
     others_fly: bool,
 }
 
-/// What a situation file holds.
+/// Content of a situation file.
 #[derive(Debug, Clone)]
 struct State {
     datarefs: Datarefs,
@@ -120,24 +120,24 @@ impl World {
         self.quirks
     }
 
-    /// Leaves the aircraft to a plugin's host from now on, with the local coordinates that it is in.
+    /// From now on a plugin's host controls the aircraft, with its current local coordinates.
     pub(super) fn host(&mut self) -> LocalFrame {
         self.hosted = true;
         self.state.aircraft.frame()
     }
 
-    /// The local coordinates that the aircraft is in.
+    /// The aircraft's local coordinates.
     pub(super) fn frame(&self) -> LocalFrame {
         self.state.aircraft.frame()
     }
 
-    /// The host says where the aircraft is, and in which local coordinates.
+    /// The host reports the aircraft's position, and its local coordinates.
     pub(super) fn show_hosted(&mut self, state: FlightState, frame: LocalFrame) {
         self.state.aircraft.set_frame(frame);
         self.show(state);
     }
 
-    /// A flight has begun somewhere: view, windows and other aircraft are as a flight brings them.
+    /// A flight has started somewhere: view, windows and other aircraft are reset.
     pub(super) fn flight_began(&mut self, at: LatLon) {
         view::begin_flight(self.quirks, &mut self.state.datarefs);
         if self.quirks.has(Quirk::RestartingStart) {
@@ -146,18 +146,18 @@ impl World {
         self.others_fly = self.quirks.has(Quirk::AiAircraft);
     }
 
-    /// How often somebody but the host put the aircraft somewhere.
+    /// How often somebody other than the host placed the aircraft.
     pub(super) fn placements(&self) -> u64 {
         self.placements
     }
 
-    /// Where the aircraft is, and the speed that it will have when it begins to fly, metres per second.
+    /// Position of the aircraft, and its speed when it starts to fly, metres per second.
     pub(super) fn aircraft(&self) -> (FlightState, f64) {
         let aircraft = &self.state.aircraft;
         (*aircraft.state(), aircraft.speed_to_come_mps())
     }
 
-    /// Whether other aircraft fly beside the user's; `false` has them removed.
+    /// Whether other aircraft fly next to the user's; `false` removes them.
     pub(super) fn others_fly(&self) -> bool {
         self.others_fly
     }
@@ -167,7 +167,7 @@ impl World {
         self.others_fly = fly && self.quirks.has(Quirk::AiAircraft);
     }
 
-    /// The camera that a plugin controlled is not its any more.
+    /// The camera was taken from the plugin that controlled it.
     pub(super) fn lose_camera(&mut self) {
         view::lose_camera(self.quirks, &mut self.state.datarefs);
     }
@@ -177,22 +177,22 @@ impl World {
         view::shows_panel(&self.state.datarefs)
     }
 
-    /// Whether a pop-up lies over the picture.
+    /// Whether a pop-up covers the picture.
     pub(super) fn shows_pop_up(&self) -> bool {
         view::shows_pop_up(&self.state.datarefs)
     }
 
-    /// How much larger the aircraft is drawn than the airliner: a Cessna is a smaller one.
+    /// How much larger the aircraft is drawn than the airliner: a Cessna is smaller.
     pub(super) fn aircraft_scale(&self) -> f64 {
         aircraft::scale(&self.state.datarefs)
     }
 
-    /// How long the simulator freezes now for what was asked of it, seconds; asked once.
+    /// How long the simulator freezes now because of a request, seconds; can be queried once.
     pub(super) fn take_freeze_s(&mut self) -> Option<f64> {
         self.state.sky.take_freeze_s()
     }
 
-    /// Makes the capture link known to clients.
+    /// Announces the capture link to clients.
     pub(super) fn publish_capture_port(&mut self, port: u16) {
         self.state
             .datarefs
@@ -204,12 +204,12 @@ impl World {
         self.state.datarefs.set(path, value);
     }
 
-    /// Which X-Plane this is like, as its log counts: 124009 for 12.4.0-r2.
+    /// The imitated X-Plane version in its log's notation: 124009 for 12.4.0-r2.
     pub(super) fn version(&self) -> i32 {
         self.state.datarefs.get(names::VERSION) as i32
     }
 
-    /// The same as people write it.
+    /// The same in human notation.
     pub(super) fn version_text(&self) -> String {
         Version::of_number(self.version().unsigned_abs()).to_string()
     }
@@ -224,7 +224,7 @@ impl World {
         self.flight_loaded
     }
 
-    /// A dataref as RREF carries it.
+    /// A dataref as carried by RREF.
     pub(super) fn read(&self, path: &str) -> f32 {
         self.state.datarefs.read(path)
     }
@@ -234,7 +234,7 @@ impl World {
         self.write_exact(path, f64::from(value))
     }
 
-    /// A client's write with all its bits.
+    /// A client's write with full precision.
     pub(super) fn write_exact(&mut self, path: &str, value: f64) -> Result<(), Ignored> {
         let State {
             datarefs,
@@ -254,7 +254,7 @@ impl World {
         Ok(())
     }
 
-    /// A client's command; says whether it has any effect here.
+    /// A client's command; returns whether it has any effect here.
     pub(super) fn command(&mut self, path: &str) -> bool {
         let State { datarefs, sky, .. } = &mut self.state;
         match path {
@@ -316,7 +316,7 @@ impl World {
         if self.hosted {
             return;
         }
-        // Behind the main menu time stands still, whatever the pause says.
+        // Behind the main menu time stands still, whatever the pause state.
         if !stopped && self.flight_loaded {
             let flight_s = datarefs.get(FLIGHT_TIME_S) + elapsed_s;
             datarefs.set(FLIGHT_TIME_S, flight_s);
@@ -327,7 +327,7 @@ impl World {
         }
     }
 
-    /// `VEHX`, `VEHS`: moves the aircraft, and stops the flight model for the first of them. A place with a number that is none is ignored.
+    /// `VEHX`, `VEHS`: moves the aircraft, and stops the flight model for the first of them. A position with a NaN is ignored.
     pub(super) fn place(&mut self, place: &PlaceAircraft) {
         let State {
             datarefs, aircraft, ..
@@ -361,7 +361,7 @@ impl World {
         self.placements += 1;
     }
 
-    /// `ACFN`: another aircraft stands where the old one did.
+    /// `ACFN`: another aircraft replaces the old one.
     pub(super) fn load_aircraft(&mut self, file: &str) {
         let State {
             datarefs, aircraft, ..
@@ -373,12 +373,12 @@ impl World {
         self.placements += 1;
     }
 
-    /// `SIMO`: keeps everything under a name.
+    /// `SIMO`: saves everything under a name.
     pub(super) fn save_situation(&mut self, path: &str) {
         self.situations.insert(path.into(), self.state.clone());
     }
 
-    /// `SIMO`: brings everything back; says whether there is such a situation.
+    /// `SIMO`: restores everything; returns whether there is such a situation.
     pub(super) fn load_situation(&mut self, path: &str) -> bool {
         let Some(state) = self.situations.get(path) else {
             return false;
@@ -401,7 +401,7 @@ impl World {
         possible::weather(self.state.sky.weather())
     }
 
-    /// The clock as the datarefs have it.
+    /// The clock from the datarefs.
     pub(super) fn clock(&self) -> Clock {
         possible::clock(names::clock_from_datarefs(|path| {
             self.state.datarefs.read(path)
@@ -415,12 +415,12 @@ impl World {
         self.imaging.clear();
     }
 
-    /// Sets through what the views are seen until the next freeze.
+    /// Sets the lens, air and sensor of the views until the next freeze.
     pub(super) fn set_imaging(&mut self, imaging: Vec<Imaging>) {
         self.imaging = imaging;
     }
 
-    /// Through what a view is seen.
+    /// The lens, air and sensor of a view.
     pub(super) fn imaging(&self, view: u32) -> Imaging {
         self.imaging.get(view as usize).copied().unwrap_or_default()
     }
@@ -431,25 +431,25 @@ impl World {
         self.frozen = None;
     }
 
-    /// Shows the check pattern with a code, or takes it away; the number of the first frame that is so.
+    /// Shows the check pattern with a code, or removes it; returns the number of the first frame that shows it.
     pub(super) fn set_check_pattern(&mut self, code: Option<u32>) -> u64 {
         self.check_pattern = code;
         self.drawn_frames += 1;
         self.drawn_frames
     }
 
-    /// Whether the check pattern shows.
+    /// Whether the check pattern is shown.
     pub(super) fn check_pattern(&self) -> Option<u32> {
         self.check_pattern
     }
 
-    /// Height of the ground above mean sea level, metres: everywhere that of the runway.
+    /// Height of the ground above mean sea level, metres: that of the runway everywhere.
     pub(super) fn terrain_msl_m(&self) -> f64 {
         let runway = self.frozen.as_ref();
         runway.map_or(GROUND_MSL_M, |runway| runway.threshold.altitude_msl_m)
     }
 
-    /// How much higher the ground of a place is than it will be, metres; `None` where no scenery is loaded.
+    /// How much higher the ground of a place is than its final height, metres; `None` where no scenery is loaded.
     pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
         self.state.scenery.ground_off_m(at)
     }
@@ -476,7 +476,7 @@ impl World {
     }
 }
 
-/// Commands that X-Plane has and clients send, which change nothing that the stand-in has.
+/// Commands of X-Plane that clients send and that have no effect on the stand-in.
 const COMMANDS_WITHOUT_EFFECT: &[&str] = &[
     "sim/operation/fix_all_systems",
     "sim/operation/screenshot",

@@ -1,4 +1,4 @@
-//! A network that loses, doubles and shuffles datagrams. Pure: a datagram goes in, those that arrive come out.
+//! A network that loses, duplicates and reorders datagrams. Pure: a datagram goes in, those that arrive come out.
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
@@ -8,7 +8,7 @@ use super::Faults;
 /// Calls of [`Disorder::pass_time`] after which a held datagram arrives even though none followed it.
 const HELD_AT_MOST: u32 = 3;
 
-/// Which way datagrams go. The two ways draw different random numbers.
+/// Direction of datagrams. The two directions draw different random numbers.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Way {
     In = 1,
@@ -22,7 +22,7 @@ pub(crate) struct Disorder<T> {
     duplication: f64,
     reordering: f64,
     random: ChaCha12Rng,
-    /// The datagram that arrives behind the next one.
+    /// The datagram that arrives after the next one.
     held: Option<T>,
     held_for: u32,
 }
@@ -44,7 +44,7 @@ impl<T: Clone> Disorder<T> {
 
     /// Sends a datagram; returns what arrives now.
     pub(crate) fn pass(&mut self, datagram: T) -> Vec<T> {
-        // Three draws whatever happens, so that one rate does not change what the others hit.
+        // Always three draws, so that one rate does not change which datagrams the others affect.
         let [loses, doubles, delays] = [self.loss, self.duplication, self.reordering]
             .map(|share| self.random.random::<f64>() < share);
         if loses {
@@ -63,7 +63,7 @@ impl<T: Clone> Disorder<T> {
         arriving
     }
 
-    /// A frame passes; returns what has waited long enough for a datagram to follow it.
+    /// A frame passes; returns datagrams that have waited long enough for a successor.
     pub(crate) fn pass_time(&mut self) -> Option<T> {
         self.held_for += 1;
         if self.held_for < HELD_AT_MOST {

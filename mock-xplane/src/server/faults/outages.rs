@@ -1,7 +1,7 @@
-//! When the simulator freezes and restarts: counts what outages are counted by, and tells everybody when one begins.
+//! When the simulator freezes and restarts: counts the events that trigger outages, and notifies everybody when one begins.
 //!
-//! Whoever is about to answer a client waits in [`Outages::over`] first. A restart ends by starting all of them anew, so
-//! they simply never come back from there.
+//! Code that is about to answer a client awaits [`Outages::over`] first. A restart recreates all these tasks, so they simply never
+//! return from there.
 
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
@@ -45,12 +45,12 @@ impl Outages {
         self.count(|counts| counts.frames += 1);
     }
 
-    /// A picture was asked for.
+    /// A picture was requested.
     pub(crate) fn count_capture(&self) {
         self.count(|counts| counts.captures += 1);
     }
 
-    /// The simulator freezes for a while by itself, unless it has an outage already.
+    /// The simulator freezes for a while by itself, unless an outage is in progress.
     pub(crate) fn freeze_for(&self, time: Duration) {
         let freeze = Outage {
             begins: Moment::After(Duration::ZERO),
@@ -72,7 +72,7 @@ impl Outages {
         let _ = self.now.subscribe().wait_for(Option::is_none).await;
     }
 
-    /// Waits for the next restart; in the meantime lets freezes pass.
+    /// Waits for the next restart; handles freezes in the meantime.
     pub(crate) async fn next_restart(&self) -> Outage {
         let mut changes = self.now.subscribe();
         loop {
@@ -85,7 +85,7 @@ impl Outages {
         }
     }
 
-    /// Waits until an outage is over and says so to everybody.
+    /// Waits until an outage is over and notifies everybody.
     pub(crate) async fn pass(&self, outage: Outage) {
         match outage.lasts {
             Some(time) => sleep(time).await,
@@ -98,7 +98,7 @@ impl Outages {
     fn count(&self, count: impl FnOnce(&mut Counts)) {
         let mut counts = self.counts.lock().unwrap_or_else(PoisonError::into_inner);
         count(&mut counts);
-        // One at a time: what becomes due during an outage begins after it.
+        // One at a time: an outage that is due during another one begins after it.
         if self.now.borrow().is_some() {
             return;
         }

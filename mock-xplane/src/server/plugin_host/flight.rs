@@ -1,4 +1,4 @@
-//! A live flight for the plugin: flown whole by the engine when the approach is engaged, then shown frame by frame.
+//! A live flight for the plugin: flown completely by the engine when the approach is engaged, then shown frame by frame.
 
 use dataset::flight::state_at;
 use dataset::pose::FlightState;
@@ -9,7 +9,7 @@ use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 /// Longest flight, seconds. The plugin has its own limit.
 const LIMIT_S: f64 = 1_800.0;
 
-/// A flight on its way.
+/// A flight in progress.
 #[derive(Debug)]
 pub(super) struct Playback {
     states: Vec<FlightState>,
@@ -25,15 +25,15 @@ impl Playback {
         }
     }
 
-    /// The state after so much more time; the last one for ever. Frames come at other times than the states of the engine: what a
-    /// frame shows lies between two of them, as its time does.
+    /// The state after this much more time; finally always the last one. Frames and states of the engine have different times: a
+    /// frame is interpolated between two states.
     pub(super) fn advance(&mut self, elapsed_s: f64) -> Option<FlightState> {
         self.time_s += elapsed_s;
         state_at(&self.states, self.time_s)
     }
 }
 
-/// What an engaged approach asks of the engine: level at the dialled altitude until the glide path, then down it.
+/// The engine's request for an engaged approach: level at the dialled altitude until the glide path, then down it.
 pub(super) fn request(start: FlightStart, runway: Runway, altitude_dial_ft: f64) -> FlyRequest {
     FlyRequest {
         start,
@@ -57,7 +57,7 @@ mod tests {
 
     const SPEED_MPS: f64 = 72.0;
 
-    /// Along a meridian, 30 states a second as the engine has them.
+    /// Along a meridian, 30 states a second like the engine's.
     fn states() -> Vec<FlightState> {
         let mut position = Geodetic {
             latitude_deg: 1.3,

@@ -1,4 +1,4 @@
-//! Datarefs that a plugin's host keeps: those in local coordinates, and those that only the plugin touches.
+//! Datarefs of a plugin's host: those in local coordinates, and those that only the plugin uses.
 
 use crate::datarefs::Kind;
 
@@ -37,7 +37,7 @@ const fn read_only(name: &'static str, kind: Kind) -> Own {
     (name, kind, None, false, 0.0)
 }
 
-/// Datarefs that are kept here: those in local coordinates, and those that only the plugin touches.
+/// Datarefs stored here: those in local coordinates, and those that only the plugin uses.
 pub(super) const OWN: [Own; 24] = [
     own("sim/flightmodel/position/local_x", Kind::Double),
     own("sim/flightmodel/position/local_y", Kind::Double),
@@ -52,7 +52,7 @@ pub(super) const OWN: [Own; 24] = [
     read_only(TRUE_AIRSPEED, Kind::Float),
     read_only(INDICATED_AIRSPEED, Kind::Float),
     read_only(ON_GROUND, Kind::Int),
-    // The flight's own time: the world's runs by the clock on the wall, frames here by their period.
+    // The flight's own time: the world's follows real time, frames here follow their period.
     read_only(FLIGHT_TIME_S, Kind::Float),
     (
         "sim/aircraft/engine/acf_num_engines",

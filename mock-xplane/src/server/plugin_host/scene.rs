@@ -1,7 +1,7 @@
-//! What the fake `xp` asks: the plugin's view of the stand-in's world, in X-Plane's local coordinates.
+//! Answers the fake `xp`: the plugin's view of the stand-in's world, in X-Plane's local coordinates.
 //!
-//! Where the aircraft is, how it is turned and where the camera stands is kept here as X-Plane keeps it: metres and angles about the
-//! axes of the local origin. Everything else (time, weather, pause, radios) is the world's, which the client sets over UDP.
+//! Position, attitude and camera are stored here as in X-Plane: metres and angles about the axes of the local origin. Everything
+//! else (time, weather, pause, radios) belongs to the world, which the client sets over UDP.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -51,11 +51,12 @@ const CAMERA: [&str; 6] = [
 const FRAME_PERIOD: &str = "sim/operation/misc/frame_rate_period";
 const PAUSED: &str = "sim/time/paused";
 const MINUTE_S: f64 = 60.0;
-/// Commands of the autopilot begin so.
+/// Prefix of the autopilot's commands.
 const AUTOPILOT: &str = "sim/autopilot/";
-/// An aircraft that is faster flies, metres per second.
+/// Above this speed the aircraft flies, metres per second.
 const FLYING_MPS: f64 = 20.0;
-/// Where the local origin moves on demand: the corners of X-Plane's square of one degree are the farthest that it gets from the airport.
+/// Where the local origin moves on demand: the corners of X-Plane's square of one degree are its farthest positions from the
+/// airport.
 const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
 
 /// A picture to draw.
@@ -74,19 +75,19 @@ pub(super) struct PluginScene {
     frame: LocalFrame,
     own: HashMap<&'static str, (Kind, bool, Vec<f64>)>,
     frames: u64,
-    /// All bits of [`FLIGHT_TIME_S`].
+    /// [`FLIGHT_TIME_S`] with full precision.
     flight_time_s: f64,
     flight: Option<Playback>,
     move_origin_every_frames: Option<u32>,
     quirks: Quirks,
-    /// How often somebody else had put the aircraft somewhere when we last looked.
+    /// How often somebody else had placed the aircraft when we last checked.
     placements: u64,
     shots: Shots,
-    /// What was shown last before the pause, if a pause keeps it.
+    /// The last picture before the pause, if a pause freezes it.
     before_pause: Option<Shot>,
     exposure: Exposure,
     window_px: (u32, u32),
-    /// What a window shows, and the rectangles over it.
+    /// The content of a window, and the rectangles over it.
     shown: Option<(Frame, Value)>,
 }
 
@@ -126,7 +127,7 @@ impl PluginScene {
         scene
     }
 
-    /// The answer to a question; `None` if it is none that the fake asks.
+    /// The answer to a question; `None` if the fake never asks it.
     pub(super) fn answer(&mut self, what: &str, arguments: &[Value]) -> Option<Value> {
         let text = |at: usize| arguments.get(at)?.as_str();
         let number = |at: usize| arguments.get(at)?.as_f64();
@@ -207,7 +208,7 @@ impl PluginScene {
         })
     }
 
-    /// What the plugin's pose and camera show, with what lies over the scene: `windows` too, or not yet.
+    /// The picture of the plugin's pose and camera, with overlays: `windows` too, or not yet.
     pub(super) async fn render(&self, arguments: &[Value]) -> Option<Vec<u8>> {
         let side = |at: usize| u32::try_from(arguments.get(at)?.as_u64()?).ok();
         let (width_px, height_px) = (side(0)?, side(1)?);
@@ -216,7 +217,7 @@ impl PluginScene {
             .await
     }
 
-    /// Shows the frame in a window, with rectangles that the plugin drew over it, unless it shows already.
+    /// Shows the frame in a window, with rectangles that the plugin drew over it, unless it is already shown.
     pub(super) async fn show_frame(
         &mut self,
         rectangles: &Value,
@@ -271,7 +272,7 @@ impl PluginScene {
         drawn.await.ok()
     }
 
-    /// The frame as it is now, of a size, with the windows over it or not yet.
+    /// The current frame, of a size, with the windows over it or not yet.
     fn frame_to_draw(&self, width_px: u32, height_px: u32, windows: bool) -> Frame {
         let mut shot = self.shots.drawn(self.shot());
         if let Some(before) = self.before_pause {
@@ -285,13 +286,13 @@ impl PluginScene {
         }
         let mut clock = world.clock();
         if !paused {
-            // What a minute changes nobody sees, and preparing a picture for every instant costs too much.
+            // Changes within a minute are invisible, and preparing a picture for every instant is too expensive.
             clock.zulu_time_s = (clock.zulu_time_s / MINUTE_S).floor() * MINUTE_S;
         }
         Frame {
             key: SceneKey {
                 camera: shot.camera,
-                // Like X-Plane, whose plugin refuses anything else.
+                // Like X-Plane, whose plugin rejects anything else.
                 imaging: Imaging::default(),
                 width_px,
                 height_px,
@@ -331,7 +332,7 @@ impl PluginScene {
         }
     }
 
-    /// X-Plane's own view, which nobody controls: out of the aircraft.
+    /// X-Plane's own view, which nobody controls: from the aircraft.
     fn show_own_view(&self) {
         let [x, y, z] = self.vector(LOCAL_XYZ).to_array();
         let angle = |name: &str| self.own(&format!("{POSITION}{name}"))[0];
@@ -342,7 +343,7 @@ impl PluginScene {
         }
     }
 
-    /// Some modes of the autopilot dial what is flown at the moment that they are switched on.
+    /// Some modes of the autopilot capture the current value when they are switched on.
     fn capture_on_command(&mut self, path: &str) {
         if !self.quirks.has(Quirk::AltitudeHoldCaptures) {
             return;
@@ -360,7 +361,7 @@ impl PluginScene {
         }
     }
 
-    /// Takes over where somebody else has put the aircraft, and the origin of local coordinates.
+    /// Adopts a placement by somebody else, and the origin of local coordinates.
     fn look_at_world(&mut self) {
         let (placements, (state, speed_mps), frame, flight_time_s) = {
             let world = self.world.lock();
@@ -375,7 +376,7 @@ impl PluginScene {
         if placements != self.placements {
             self.placements = placements;
             self.frame = frame;
-            // A flight that has begun counts from 0, an aircraft that was moved goes on counting.
+            // A flight that has begun counts from 0, an aircraft that was moved continues counting.
             self.flight_time_s = flight_time_s;
             self.put(FLIGHT_TIME_S, flight_time_s);
             self.adopt(state, speed_mps);
@@ -408,7 +409,7 @@ impl PluginScene {
         }
     }
 
-    /// Tells the world where the aircraft is.
+    /// Reports the aircraft's position to the world.
     fn tell_world(&self) {
         let pose = self.aircraft();
         let velocity_local = self.vector(LOCAL_VELOCITY);
@@ -427,7 +428,7 @@ impl PluginScene {
         };
         let mut world = self.world.lock();
         if world.placements() != self.placements {
-            // Somebody has just put it somewhere: that counts, from the next frame on.
+            // Somebody has just placed it: that counts, from the next frame on.
             return;
         }
         world.show_hosted(state, self.frame);
@@ -461,7 +462,7 @@ impl PluginScene {
         self.frames
     }
 
-    /// Remembers what a pause goes on showing, as long as there is one.
+    /// Remembers the picture that a pause keeps showing, as long as there is one.
     fn keep_through_pause(&mut self, shot: Shot) {
         let paused = self.world.lock().datarefs().get(PAUSED) != 0.0;
         if !paused || !self.quirks.has(Quirk::PauseKeepsPose) {
@@ -502,7 +503,7 @@ impl PluginScene {
     }
 
     /// One more frame of the flight, unless the flight model is stopped or there is a pause: down the approach while the autopilot
-    /// flies by the landing system, and straight ahead else.
+    /// follows the landing system, and otherwise straight ahead.
     fn fly_on(&mut self) {
         let (period_s, paused, stopped, engaged) = {
             let world = self.world.lock();
@@ -596,7 +597,7 @@ impl PluginScene {
         }
     }
 
-    /// The autopilot takes over from here. Without states, if the engine flies no such approach.
+    /// The autopilot takes over from here. Without states, if the engine cannot fly such an approach.
     fn approach(&self) -> Playback {
         let speed_mps = self.vector(LOCAL_VELOCITY).length();
         let pose = self.aircraft();
@@ -647,7 +648,7 @@ impl PluginScene {
 
     fn set(&mut self, name: &str, index: usize, value: f64) {
         if name == LOCAL_XYZ[0] {
-            // Put somewhere else: whatever was flown before is over.
+            // Placed somewhere else: the previous flight is over.
             self.flight = None;
         }
         if let Some((kind, writable, values)) = self.own.get_mut(name) {
@@ -675,7 +676,7 @@ impl PluginScene {
         self.own.get(name).map_or(&[], |(_, _, values)| values)
     }
 
-    /// Where the aircraft is drawn: turned as `q` says, which is what X-Plane draws from.
+    /// The drawn pose: oriented by `q`, which X-Plane draws from.
     fn aircraft(&self) -> Pose {
         let at = |axis: &str| self.own(&format!("{POSITION}local_{axis}"))[0];
         let attitude = match *self.own(&format!("{POSITION}q")) {
@@ -718,7 +719,7 @@ impl PluginScene {
         }
     }
 
-    /// A pose on earth of a place and a rotation about the local axes (north, east, down at the origin).
+    /// A pose on earth from a place and a rotation about the local axes (north, east, down at the origin).
     fn pose(&self, local: DVec3, turned: DMat3) -> Pose {
         let position = self.frame.world(local);
         let ned_from_body =
@@ -763,7 +764,7 @@ fn place(at: DVec3) -> Geodetic {
     }
 }
 
-/// The stand-in's scenery knows one airport.
+/// The stand-in's scenery has one airport.
 fn scenery() -> Runway {
     Runway {
         airport: "WSSS".into(),

@@ -1,4 +1,4 @@
-//! What a frame shows: whom from where, how many frames late, and what else is in the picture.
+//! The content of a frame: subject and camera, its delay in frames, and what else is in the picture.
 
 use std::collections::VecDeque;
 
@@ -10,9 +10,9 @@ use glam::DVec3;
 use crate::render::overlay::Canvas;
 use crate::server::engine::Picture;
 
-/// How many frames late the pictures after a change are, one change after the other.
+/// Delays, in frames, of the pictures after a change, one change after the other.
 const LATE_FRAMES: [usize; 3] = [2, 4, 3];
-/// Where the other aircraft flies, metres forward, right and down of the user's.
+/// Position of the other aircraft, metres forward, right and down of the user's.
 const BESIDE_M: DVec3 = DVec3::new(-20.0, 55.0, 5.0);
 
 /// Camera and aircraft of a frame.
@@ -32,7 +32,7 @@ pub(super) struct Shots {
 }
 
 impl Shots {
-    /// None yet. `late`: frames show earlier ones.
+    /// Initially none. `late`: frames show earlier ones.
     pub(super) fn new(late: bool) -> Self {
         Self {
             late,
@@ -41,7 +41,7 @@ impl Shots {
         }
     }
 
-    /// A frame is over, and this is what it would have shown.
+    /// A frame ends; this is what it would have shown.
     pub(super) fn record(&mut self, shot: Shot) {
         if !self.late {
             return;
@@ -61,7 +61,7 @@ impl Shots {
     }
 }
 
-/// What is in a picture beside the scene and the aircraft.
+/// Contents of a picture besides the scene and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Painter {
     /// How much larger than the airliner the aircraft is.
@@ -72,9 +72,9 @@ pub(super) struct Painter {
     pub(super) panel: bool,
     /// Whether a pop-up lies over it.
     pub(super) pop_up: bool,
-    /// How much brighter than it should be it still is: 1 when the exposure has settled.
+    /// How much too bright it still is: 1 when the exposure has settled.
     pub(super) gain: f64,
-    /// Where the waves are, if water moves.
+    /// Position of the waves, if water moves.
     pub(super) wave: Option<u64>,
 }
 
@@ -166,7 +166,7 @@ impl Exposure {
         frames: Self::SETTLED,
     };
 
-    /// A frame with the camera like this is over.
+    /// A frame with the camera like this ends.
     pub(super) fn record(&mut self, camera: &CameraPose) {
         self.frames = self.frames.saturating_add(1);
         let now = (camera.pose.heading_true_deg, camera.pose.pitch_deg);
@@ -178,7 +178,7 @@ impl Exposure {
         }
     }
 
-    /// How much brighter than it should be the next frame is.
+    /// How much too bright the next frame is.
     pub(super) fn gain(self) -> f64 {
         match self.frames {
             Self::SETTLED.. => 1.0,
@@ -230,7 +230,7 @@ mod tests {
         }
     }
 
-    /// In how many frames the old shot is still drawn after each change.
+    /// For how many frames the old shot is still drawn after each change.
     fn stale(late: bool) -> Vec<usize> {
         let mut shots = Shots::new(late);
         for _ in 0..6 {

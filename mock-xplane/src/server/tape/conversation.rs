@@ -1,8 +1,8 @@
-//! The recorded requests of the capture link, found again by what they ask.
+//! The recorded requests of the capture link, looked up by their content.
 //!
-//! The same capture may be on a tape under several skies: a flight recorded once and re-flown in two weathers. So what a
-//! simulator shows or flies is looked up together with what clients had written since the link was opened, and found only
-//! under the same. Among equal requests the next one in the order of the tape is taken.
+//! A tape may contain the same capture under several skies: a flight recorded once and replayed in two weathers. So requests for
+//! pictures and flights are looked up together with what clients had written since the link was opened, and match only under the
+//! same. Among equal requests the next one in the order of the tape is taken.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
@@ -10,10 +10,10 @@ use std::fmt::Write;
 use serde_json::Value;
 use xplane_bridge::tape::Place;
 
-/// Relative difference of two numbers of a request that come from the same computation on two machines.
+/// Relative difference between two numbers of a request that the same computation produced on two machines.
 const SAME_NUMBER: f64 = 1e-9;
 
-/// What clients have written, by dataref. Bits, since a sky is the same or it is not.
+/// What clients have written, by dataref. Bits, since a sky is identical or not.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(super) struct Context(BTreeMap<String, u32>);
 
@@ -26,7 +26,7 @@ impl Context {
         self.0.clear();
     }
 
-    /// The first dataref that was written otherwise.
+    /// The first dataref with a different written value.
     fn difference(&self, recorded: &Self) -> Option<String> {
         let say = |value: Option<&u32>| match value {
             Some(bits) => f32::from_bits(*bits).to_string(),
@@ -42,7 +42,7 @@ impl Context {
     }
 }
 
-/// Where an answer lies.
+/// Location of an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum AnswerPlace {
     /// All of it.
@@ -51,7 +51,7 @@ pub(super) enum AnswerPlace {
     Reference(Place),
 }
 
-/// What a request is about, for finding those like it.
+/// The subject of a request, for finding similar ones.
 #[derive(Debug, Clone, PartialEq, Eq, Hash)]
 struct Subject {
     message: String,
@@ -97,12 +97,12 @@ pub(super) struct Conversation {
     contexts: Vec<Context>,
     by_content: HashMap<[u8; 32], Vec<usize>>,
     by_subject: HashMap<Subject, Vec<usize>>,
-    /// Behind the last one that was found.
+    /// After the last match.
     at: usize,
 }
 
 impl Conversation {
-    /// Of the tape, in its order.
+    /// From the tape, in its order.
     pub(super) fn add(
         &mut self,
         request: &Value,
@@ -134,8 +134,8 @@ impl Conversation {
         self.exchanges.len()
     }
 
-    /// The answer to a request; the text of an error says what was asked and what the tape has. `reread` gets a recorded
-    /// request from the tape.
+    /// The answer to a request; the error says what was requested and what the tape has. `reread` gets a recorded request from the
+    /// tape.
     pub(super) fn find(
         &mut self,
         request: &Value,
@@ -186,7 +186,7 @@ impl Conversation {
         Err(text)
     }
 
-    /// What there is, for people.
+    /// What the tape has, as text.
     fn inventory(&self) -> String {
         let mut counts: BTreeMap<&str, (usize, u64, u64)> = BTreeMap::new();
         for (subject, numbers) in &self.by_subject {
@@ -208,7 +208,7 @@ impl Conversation {
     }
 }
 
-/// A hash of what a request asks. Who asks does not matter.
+/// A hash of a request's content, whoever sends it.
 fn content(request: &Value) -> [u8; 32] {
     let mut text = String::new();
     match request.get("message") {

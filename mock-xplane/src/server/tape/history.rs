@@ -6,16 +6,16 @@
 //! 0.3 | write 0.5 | 0.5 | command a | 0.7 0.8
 //! ```
 //!
-//! Reading gives the next value, and the last one again and again where the next thing is a write or a command: it takes
-//! the same write or command of a client to get past it. So a client that does what the recorded one did reads what that
-//! one read, however often it reads, and a write that the tape does not have is not acknowledged.
+//! Reading gives the next value, and repeats the last one if a write or a command comes next: a client must send the same write or
+//! command to get past it. So a client that repeats the recorded writes reads the recorded values, however often it reads, and a
+//! write that the tape does not have is not acknowledged.
 //!
-//! Where another client of the recording began to read, the history is cut: a later client's readings are not for an earlier one, who has
-//! read on for longer than it did then. It takes another reader to get past the cut.
+//! The history is cut where another client of the recording began to read: a later client's readings are not for an earlier one,
+//! which may read on for longer than it did then. Only another reader gets past the cut.
 
 use std::collections::BTreeMap;
 
-/// All datarefs of a tape. `C` tells the clients of a replay apart.
+/// All datarefs of a tape. `C` distinguishes the clients of a replay.
 #[derive(Debug)]
 pub(super) struct Histories<C> {
     by_path: BTreeMap<String, History<C>>,
@@ -34,7 +34,7 @@ struct History<C> {
     steps: Vec<Step>,
     /// The client of the recording whose value was added last.
     recorded_reader: Option<u32>,
-    /// Who read last in the replay.
+    /// The last reader in the replay.
     reader: Option<C>,
     /// The step that comes next.
     at: usize,
@@ -64,7 +64,7 @@ enum Step {
 }
 
 impl<C: PartialEq + Clone> Histories<C> {
-    /// Of the tape: a client read a value. One that repeats the one before it is the same reading.
+    /// From the tape: a client read a value. A repetition of the previous one is the same reading.
     pub(super) fn add_value(&mut self, client: u32, path: &str, value: f32) {
         let history = self.history(path);
         if history
@@ -77,12 +77,12 @@ impl<C: PartialEq + Clone> Histories<C> {
         history.add(Step::Value(value));
     }
 
-    /// Of the tape: a client wrote. A write repeated at once is one write.
+    /// From the tape: a client wrote. A write repeated at once is one write.
     pub(super) fn add_write(&mut self, path: &str, value: f32) {
         self.history(path).add(Step::Write(value));
     }
 
-    /// Of the tape: a client gave a command, which may have changed any dataref.
+    /// From the tape: a client sent a command, which may have changed any dataref.
     pub(super) fn add_command(&mut self, command: &str) {
         for history in self.by_path.values_mut() {
             history.add(Step::Command(command.to_owned()));
@@ -111,19 +111,19 @@ impl<C: PartialEq + Clone> Histories<C> {
         self.by_path.get_mut(path)?.read(reader)
     }
 
-    /// The first value that anybody read on the tape.
+    /// The first value of this dataref on the tape.
     pub(super) fn first_value(&self, path: &str) -> Option<f32> {
         self.by_path.get(path)?.first_value()
     }
 
-    /// A client writes; says whether the tape has this write.
+    /// A client writes; returns whether the tape has this write.
     pub(super) fn write(&mut self, path: &str, value: f32) -> bool {
         self.by_path
             .get_mut(path)
             .is_some_and(|history| history.write(value))
     }
 
-    /// A client gives a command; says whether the tape has it, here or later.
+    /// A client sends a command; returns whether the tape has it, here or later.
     pub(super) fn command(&mut self, command: &str) -> bool {
         let mut found = false;
         for history in self.by_path.values_mut() {
@@ -151,7 +151,7 @@ impl<C: PartialEq + Clone> History<C> {
         })
     }
 
-    /// Past what was left for the reader before, if another one reads now and nothing was written in between.
+    /// Past what was left for the previous reader, if another one reads now and nothing was written in between.
     fn turn_to(&mut self, reader: &C) {
         if self.reader.as_ref() == Some(reader) {
             return;
@@ -172,7 +172,7 @@ impl<C: PartialEq + Clone> History<C> {
             self.at += 1;
             self.last = Some(*value);
         }
-        // Nothing read yet, and a write or command comes first: what was found behind it is the nearest there is.
+        // Nothing read yet, and a write or command comes first: the value after it is the nearest there is.
         self.last.or_else(|| self.first_value())
     }
 
@@ -183,7 +183,7 @@ impl<C: PartialEq + Clone> History<C> {
             .iter()
             .position(|step| !matches!(step, Step::Command(_) | Step::OtherReader));
         let due = due.filter(|&steps| same(&ahead[steps]));
-        // What was read since the write that stands, if it is this one.
+        // What was read since the current write, if it is this one.
         let standing = behind
             .iter()
             .rposition(|step| matches!(step, Step::Write(_)));
@@ -200,7 +200,7 @@ impl<C: PartialEq + Clone> History<C> {
             None => match ahead.iter().position(same) {
                 Some(steps) => self.at + steps,
                 None => match standing {
-                    // Past the last write of the tape: whoever writes it again reads again what was read behind it, not what came of it.
+                    // Past the last write of the tape: a client that repeats it reads again the values after it, not later ones.
                     Some(step) if !ahead.iter().any(|step| matches!(step, Step::Write(_))) => step,
                     Some(_) => return true,
                     None => match behind.iter().position(same) {
@@ -218,7 +218,7 @@ impl<C: PartialEq + Clone> History<C> {
         true
     }
 
-    /// The first value behind a write, as long as the same is written.
+    /// The first value after a write, as long as the same value is written.
     fn read_back_after(&self, write: usize, same: impl Fn(&Step) -> bool) -> Option<f32> {
         for step in &self.steps[write..] {
             match step {
@@ -230,7 +230,7 @@ impl<C: PartialEq + Clone> History<C> {
         None
     }
 
-    /// What was read behind another command is not reached without that one.
+    /// Values after another command are not reached without that one.
     fn command(&mut self, command: &str) -> bool {
         let mut passed_another = false;
         for (ahead, step) in self.steps[self.at..].iter().enumerate() {

@@ -22,10 +22,10 @@ use crate::server::scenes::SceneKey;
 
 /// Connections at a time.
 const MOST_CONNECTIONS: usize = 32;
-/// A client that asks nothing, or takes no answer, for so long is gone.
+/// A client that sends no requests, or reads no answers, for this long is considered gone.
 const LONGEST_SILENCE: Duration = Duration::from_secs(600);
 
-/// Accepts clients for ever.
+/// Accepts clients forever.
 pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Result<(), MockError> {
     let mut clients = JoinSet::new();
     let doorway = Doorway::new("the capture link", MOST_CONNECTIONS);
@@ -70,10 +70,10 @@ async fn serve(mut stream: TcpStream, player: Arc<Player>) -> Result<(), LinkErr
     Ok(())
 }
 
-/// Exchanges greetings and reads the hello; `None` if the client is not let in.
+/// Exchanges greetings and reads the hello; `None` if the client is rejected.
 async fn admit(stream: &mut TcpStream, player: &Player) -> Result<Option<LinkMessage>, LinkError> {
     stream.write_all(&MAGIC).await?;
-    // The recorded one: a client of another version shall learn it, as it would from that simulator.
+    // The recorded one: a client of another version must learn it, as it would from that simulator.
     stream.write_all(&player.link_version.to_le_bytes()).await?;
     let mut greeting = [0; 8];
     stream.read_exact(&mut greeting).await?;
@@ -141,7 +141,7 @@ impl Player {
         message.unwrap_or_else(|text| error(&text))
     }
 
-    /// A picture that is not on the tape: drawn by the stand-in, and sent if it is the recorded one to the last byte.
+    /// A picture that is not on the tape: drawn by the stand-in, and sent if it matches the recorded hash.
     fn drawn_again(
         &self,
         place: Place,
@@ -182,7 +182,7 @@ impl Player {
     }
 }
 
-/// A recorded hello that says what answers: a client does not wait for what a tape does not have.
+/// A recorded hello that announces the replay: a client does not wait for what a tape does not have.
 fn marked_as_replayed(hello: &LinkMessage) -> LinkMessage {
     match serde_json::from_slice(hello.header()) {
         Ok(Value::Object(mut header)) => {
@@ -193,7 +193,7 @@ fn marked_as_replayed(hello: &LinkMessage) -> LinkMessage {
     }
 }
 
-/// Keeps the stand-in's world in step, for pictures that are drawn again.
+/// Keeps the stand-in's world in sync, for pictures that are drawn again.
 fn follow(playback: &mut Playback, request: &Value) {
     match serde_json::from_value(request.clone()) {
         Ok(Request::Freeze {

@@ -1,4 +1,4 @@
-//! Reading a tape into what a replay needs. Messages of the link stay in the file; only their places are kept.
+//! Reads a tape into the structures of a replay. Messages of the link stay in the file; only their locations are kept.
 
 use std::collections::{HashMap, VecDeque};
 use std::net::SocketAddr;
@@ -16,10 +16,10 @@ use super::conversation::{AnswerPlace, Context, Conversation};
 use super::history::Histories;
 use super::positions::Positions;
 
-/// What to say who one is when nobody has asked on the tape: 12.4.0.
+/// The version to report if nobody asked for it on the tape: 12.4.0.
 const USUAL_VERSION: i32 = 124_009;
 
-/// A tape as a replay uses it.
+/// A tape prepared for replay.
 pub(super) struct Loaded {
     pub(super) reader: TapeReader,
     pub(super) info: TapeInfo,
@@ -32,7 +32,7 @@ pub(super) struct Loaded {
     pub(super) link_version: u32,
 }
 
-/// Reads a tape to its end, wherever that is.
+/// Reads a tape to its end, even if it was cut off.
 pub(super) fn load(path: &Path) -> Result<Loaded, TapeError> {
     let mut reader = TapeReader::open(path)?;
     let mut loading = Loading::default();
@@ -78,7 +78,7 @@ struct Loading {
     positions: Positions,
     conversation: Conversation,
     context: Context,
-    /// Per client, which dataref a number stands for.
+    /// Per client, the dataref of each index.
     subscribed: HashMap<u32, HashMap<i32, String>>,
     /// Per connection, requests without an answer so far.
     open: HashMap<u32, VecDeque<(Value, Context, Place)>>,
@@ -112,7 +112,7 @@ impl Loading {
         Ok(())
     }
 
-    /// A client's datagram. What is none of ours has no answer that a replay could give.
+    /// A client's datagram. Datagrams that we do not send have no answer that a replay could give.
     fn said(&mut self, client: u32, datagram: &[u8]) {
         match ToSimulator::decode(datagram) {
             Ok(ToSimulator::SubscribeDataref(request)) => self.subscribe(client, request),
@@ -128,7 +128,7 @@ impl Loading {
         }
     }
 
-    /// Values that come behind the end of a subscription are older than whatever was said since: they are left out.
+    /// Values that arrive after the end of a subscription are outdated: they are left out.
     fn subscribe(&mut self, client: u32, request: SubscribeDataref) {
         let numbers = self.subscribed.entry(client).or_default();
         if request.is_end() {
@@ -178,7 +178,7 @@ impl Loading {
     }
 }
 
-/// Whether a request opens a conversation; what was written before it belongs to an earlier one.
+/// Whether a request opens a conversation; earlier writes belong to an earlier one.
 pub(super) fn is_hello(request: &Value) -> bool {
     request
         .get("message")

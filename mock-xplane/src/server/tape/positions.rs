@@ -1,6 +1,6 @@
 //! The recorded `RPOS` datagrams, and how a replay walks through them.
 
-/// What was sent to clients, and where clients put the aircraft in between.
+/// What was sent to clients, and where clients placed the aircraft in between.
 #[derive(Debug, Default)]
 pub(super) struct Positions {
     steps: Vec<Step>,
@@ -17,12 +17,12 @@ enum Step {
 }
 
 impl Positions {
-    /// Of the tape: the simulator sent a position.
+    /// From the tape: the simulator sent a position.
     pub(super) fn add(&mut self, datagram: Vec<u8>) {
         self.steps.push(Step::Sent(datagram));
     }
 
-    /// Of the tape: a client placed the aircraft.
+    /// From the tape: a client placed the aircraft.
     pub(super) fn add_placing(&mut self, datagram: &[u8]) {
         let placed = Step::Placed(datagram.to_owned());
         if self.steps.last() != Some(&placed) {
@@ -38,7 +38,7 @@ impl Positions {
             .count()
     }
 
-    /// A client places the aircraft; says whether the tape has that. What was sent after it comes next.
+    /// A client places the aircraft; returns whether the tape has that. The positions after it come next.
     pub(super) fn place(&mut self, datagram: &[u8]) -> bool {
         let same = |step: &Step| matches!(step, Step::Placed(placed) if placed == datagram);
         let ahead = self.steps[self.at..]

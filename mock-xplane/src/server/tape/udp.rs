@@ -15,7 +15,7 @@ use super::Player;
 use crate::server::MockError;
 use crate::server::subscriptions::Subscriptions;
 
-/// Length of a frame, as the stand-in's: values go out in frames.
+/// Length of a frame, as in the stand-in: values are sent in frames.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 
 /// Serves for ever.
@@ -54,7 +54,7 @@ struct Server {
     subscriptions: Subscriptions,
     begin: Instant,
     last_frame_s: f64,
-    /// What is not on the tape and was said to be so.
+    /// What is missing on the tape and was reported.
     warned: BTreeSet<String>,
 }
 
@@ -76,7 +76,7 @@ impl Server {
             }
             Ok(ToSimulator::WriteDataref(write)) => {
                 playback.context.write(&write.path, write.value);
-                // What the stand-in would refuse, it refused in the recording as well.
+                // What the stand-in would reject, the recorded simulator rejected as well.
                 let _ = playback.world.write(&write.path, write.value);
                 if !playback.histories.write(&write.path, write.value) {
                     self.warn(format!(

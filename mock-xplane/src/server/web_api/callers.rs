@@ -1,7 +1,7 @@
-//! Who may call: programs of this computer, and web pages of it.
+//! Allowed callers: programs and web pages of this computer.
 //!
-//! The Web API listens on the loopback address only. A web page from elsewhere can reach that through the browser of whoever opens it:
-//! by a request of its own, whose `Origin` tells, or by a name of its own that leads here, which `Host` tells.
+//! The Web API listens on the loopback address only. A foreign web page can reach that through the browser of whoever opens it: by
+//! a direct request, which `Origin` reveals, or by a host name that resolves to this computer, which `Host` reveals.
 
 use std::net::IpAddr;
 
@@ -10,7 +10,7 @@ use axum::http::header::{HOST, HeaderName, ORIGIN};
 
 use super::refusal::Refusal;
 
-/// Refuses a request that was not meant for this computer, or that a web page from elsewhere makes.
+/// Rejects a request that was not addressed to this computer, or that comes from a foreign web page.
 pub(super) fn check(headers: &HeaderMap) -> Result<(), Refusal> {
     for name in [HOST, ORIGIN] {
         for value in headers.get_all(&name) {
@@ -35,7 +35,7 @@ fn refused(name: &HeaderName, found: &str) -> Refusal {
     )
 }
 
-/// Whether a host, with or without a port, names this computer whoever looks it up.
+/// Whether a host, with or without a port, always means this computer, whoever resolves it.
 fn is_this_computer(host: &str) -> bool {
     let (name, port) = match host.strip_prefix('[') {
         Some(rest) => match rest.split_once(']') {

@@ -1,4 +1,4 @@
-//! Commands over HTTP: the list of them, and activating one for a while.
+//! Commands over HTTP: listing them, and activating one for a while.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -14,7 +14,7 @@ use super::Desk;
 use super::datarefs::{Filters, filtered};
 use super::refusal::Refusal;
 
-/// A command may be held down for so long, seconds.
+/// Maximum time to hold down a command, seconds.
 const LONGEST_S: f64 = 10.0;
 
 /// Commands that are held down, and until when.
@@ -53,7 +53,7 @@ impl Desk {
         })
     }
 
-    /// Does a command once and shows it as held down for `duration_s`.
+    /// Runs a command once and shows it as held down for `duration_s`.
     pub(super) fn activate(&self, id: u64, duration_s: f64) -> Result<(), Refusal> {
         let path = self.command(id)?;
         if !(0.0..=LONGEST_S).contains(&duration_s) {
@@ -99,7 +99,7 @@ pub(super) async fn activate(
     Ok(Json(Value::Null))
 }
 
-/// The last part of a command's name, in words.
+/// The last part of a command's name, as words.
 fn description(name: &str) -> String {
     let last = name.rsplit('/').next().unwrap_or(name);
     last.replace('_', " ")

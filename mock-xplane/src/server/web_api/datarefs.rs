@@ -1,4 +1,4 @@
-//! Datarefs over HTTP: the list of them, their values, setting them.
+//! Datarefs over HTTP: listing, reading and setting them.
 
 use std::sync::Arc;
 
@@ -10,10 +10,10 @@ use serde_json::{Value, json};
 use super::refusal::Refusal;
 use super::{Desk, value};
 
-/// What a list may be narrowed with. `filter[name]` may come several times.
+/// Filters of a list. `filter[name]` may occur several times.
 pub(super) type Filters = Query<Vec<(String, String)>>;
 
-/// The records that the filters leave, each with the asked fields.
+/// The records that pass the filters, each with the requested fields.
 pub(super) fn filtered(
     records: impl Iterator<Item = Value>,
     filters: &[(String, String)],

@@ -1,7 +1,7 @@
 //! Starting and changing a flight: X-Plane's "Flight Initialization API".
 //!
-//! Strict as X-Plane is: exactly one start, no key unknown, no key of the weather left out. One trap is kept as well: a whole
-//! number where X-Plane expects a float makes it ignore the request while it says that all is well.
+//! Strict like X-Plane: exactly one start, no unknown key, no missing key of the weather. One trap is included as well: an integer
+//! where X-Plane expects a float makes it ignore the request while it reports success.
 
 use std::io;
 use std::pin::Pin;
@@ -28,13 +28,13 @@ use super::flight_form::{
 use super::refusal::Refusal;
 use crate::quirks::Quirk;
 
-/// Keys whose numbers are whole.
+/// Keys with integer values.
 const WHOLE_NUMBERS: [&str; 2] = ["day_of_year", "index"];
 const SECONDS_PER_HOUR: f64 = 3_600.0;
 const PASCAL_PER_HECTOPASCAL: f64 = 100.0;
 const METERS_PER_KILOMETER: f64 = 1_000.0;
 
-/// Whether a flight begins or goes on.
+/// Whether a flight starts or continues.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Occasion {
     New,
@@ -59,7 +59,7 @@ pub(super) async fn update(
     desk.fly(&body, Occasion::Update)
 }
 
-/// An answer that ends with its connection before it has begun.
+/// An answer whose connection ends before it has begun.
 struct BrokenOff;
 
 impl hyper::body::Body for BrokenOff {
@@ -95,7 +95,7 @@ fn invalid(message: impl Into<String>) -> Refusal {
     Refusal::bad_request("invalid_flight", message)
 }
 
-/// The first key under which a whole number stands for a float.
+/// The first key with an integer in place of a float.
 fn whole_number_for_float(value: &Value) -> Option<&str> {
     fn found<'a>(key: &'a str, value: &'a Value) -> Option<&'a str> {
         match value {
@@ -110,7 +110,7 @@ fn whole_number_for_float(value: &Value) -> Option<&str> {
     found("data", value)
 }
 
-/// What a request asks for.
+/// Content of a request.
 fn flight_start(body: &Value, occasion: Occasion) -> Result<FlightStart, Refusal> {
     let Envelope { data } =
         serde_json::from_value(body.clone()).map_err(|error| invalid(error.to_string()))?;

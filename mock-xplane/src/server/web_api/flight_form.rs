@@ -1,6 +1,6 @@
-//! The form of a request to the "Flight Initialization API": which keys there are, which must be, which may be.
+//! The structure of a request to the "Flight Initialization API": known, required and optional keys.
 //!
-//! Keys with an underscore are read, because an unknown key is refused, and have no effect on the stand-in's aircraft.
+//! Keys with an underscore are parsed, because unknown keys are rejected, and have no effect on the stand-in's aircraft.
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -163,7 +163,7 @@ pub(super) enum CloudWord {
     Cirrus,
     Stratus,
     Cumulus,
-    /// As X-Plane's documentation spells it; people who can spell are understood as well.
+    /// As X-Plane's documentation misspells it; the correct spelling is accepted as well.
     #[serde(rename = "cumulunimbus", alias = "cumulonimbus")]
     Cumulonimbus,
 }

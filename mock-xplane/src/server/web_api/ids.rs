@@ -1,6 +1,6 @@
-//! Numbers that stand for datarefs and commands during one session of the simulator.
+//! Ids of datarefs and commands during one session of the simulator.
 //!
-//! A client that keeps a number over a restart must fail, as it would with X-Plane: no two sessions share a number.
+//! A client that keeps an id over a restart must fail, as it would with X-Plane: no two sessions share an id.
 
 use std::collections::BTreeMap;
 
@@ -8,12 +8,12 @@ use crate::datarefs::Datarefs;
 
 use super::super::world::World;
 
-/// Numbers that a session may use.
+/// Ids available to a session.
 const NUMBERS_PER_SESSION: u64 = 100_000;
 /// Commands are numbered from here on.
 const FIRST_COMMAND: u64 = 50_000;
 
-/// The numbers of a session.
+/// The ids of a session.
 #[derive(Debug)]
 pub(super) struct Ids {
     names: BTreeMap<u64, &'static str>,
@@ -32,21 +32,21 @@ impl Ids {
         }
     }
 
-    /// All datarefs with their numbers.
+    /// All datarefs with their ids.
     pub(super) fn datarefs(&self) -> impl Iterator<Item = (u64, &'static str)> {
         self.names
             .range(..self.first_command)
             .map(|(&id, &name)| (id, name))
     }
 
-    /// All commands with their numbers.
+    /// All commands with their ids.
     pub(super) fn commands(&self) -> impl Iterator<Item = (u64, &'static str)> {
         self.names
             .range(self.first_command..)
             .map(|(&id, &name)| (id, name))
     }
 
-    /// The dataref with a number.
+    /// The dataref with an id.
     pub(super) fn dataref(&self, id: u64) -> Option<&'static str> {
         self.names
             .get(&id)
@@ -54,7 +54,7 @@ impl Ids {
             .filter(|_| id < self.first_command)
     }
 
-    /// The command with a number.
+    /// The command with an id.
     pub(super) fn command(&self, id: u64) -> Option<&'static str> {
         self.names
             .get(&id)

@@ -1,4 +1,4 @@
-//! The WebSocket: requests in, results and updates out, ten updates a second of what has changed.
+//! The WebSocket: requests in, results and updates out, ten updates a second with changed values.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -17,7 +17,7 @@ use super::{Desk, value};
 
 /// X-Plane sends about ten updates a second.
 const PERIOD: Duration = Duration::from_millis(100);
-/// A client that nothing was heard of for so long is asked whether it is there, and has as long again to say so.
+/// A client that was silent for this long is pinged, and has the same time to respond.
 const SILENCE: Duration = Duration::from_secs(10);
 
 pub(super) async fn open(
@@ -98,7 +98,7 @@ impl Indices {
     }
 }
 
-/// What a client is told about, and what it was told last.
+/// A client's subscriptions, and the values it was sent last.
 struct Client {
     desk: Arc<Desk>,
     /// Elements of a dataref, or none for all of it.
@@ -115,7 +115,7 @@ impl Client {
         }
     }
 
-    /// Talks until the client leaves.
+    /// Runs until the client leaves.
     async fn talk(mut self, mut socket: WebSocket) {
         let mut ticks = interval(PERIOD);
         ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -224,7 +224,7 @@ impl Client {
                 ));
             }
             let (indices, told) = self.datarefs.entry(subject.id).or_default();
-            // Further elements join those already subscribed.
+            // Further elements are added to those already subscribed.
             indices.extend(wanted);
             *told = None;
         }
@@ -298,7 +298,7 @@ impl Client {
         Ok(())
     }
 
-    /// Messages with all that has changed since the last ones.
+    /// Messages with everything that has changed since the last ones.
     fn updates(&mut self) -> Vec<Value> {
         let mut messages = Vec::new();
         let mut values = Map::new();

@@ -8,7 +8,7 @@ use super::super::world::World;
 use super::refusal::Refusal;
 use crate::datarefs::{Dataref, Ignored, Kind};
 
-/// X-Plane's word for the type of a dataref.
+/// X-Plane's name for the type of a dataref.
 pub(super) fn type_word(dataref: &Dataref) -> &'static str {
     match (dataref.kind, dataref.length) {
         (Kind::Int, None) => "int",
@@ -48,7 +48,7 @@ pub(super) fn whole(dataref: &Dataref, values: &[f64]) -> Value {
     }
 }
 
-/// Some elements of a dataref, in the order of their numbers; those that it does not have are left out.
+/// Some elements of a dataref, in the order of their numbers; missing ones are left out.
 pub(super) fn elements(
     dataref: &Dataref,
     values: &[f64],

@@ -1,4 +1,4 @@
-//! The user's aircraft: where it is, how it got there, and the datarefs that say so.
+//! The user's aircraft: its position, how it got there, and the datarefs for it.
 
 use dataset::geodesy::Geodetic;
 use dataset::pose::{Controls, FlightState, Pose};
@@ -12,13 +12,13 @@ use super::local_frame::LocalFrame;
 use super::motion::{self, Rates};
 use crate::datarefs::Datarefs;
 
-/// Datarefs that a client may turn or move the aircraft with begin so.
+/// Prefix of the datarefs with which a client may turn or move the aircraft.
 pub(super) const POSITION: &str = "sim/flightmodel/position/";
 /// Text dataref with the aircraft's file.
 pub(super) const FILE: &str = "sim/aircraft/view/acf_relative_path";
 /// The airliner that flies without anything being loaded.
 pub(super) const STAND_IN: &str = "Aircraft/Stand-in/airliner.acf";
-/// What X-Plane loads for whoever chooses nothing.
+/// What X-Plane loads by default.
 pub(super) const C172: &str = "Aircraft/Laminar Research/Cessna 172 SP/Cessna_172SP.acf";
 /// Wing span and length, metres.
 const SIZE_C172_M: (f64, f64) = (11.0, 8.3);
@@ -30,7 +30,7 @@ const GEAR_HANDLES: [&str; 2] = [
     "sim/cockpit2/controls/gear_handle_down",
     "sim/cockpit/switches/gear_handle_status",
 ];
-/// A flight that has just begun stands still for so long, seconds, however fast it was told to be.
+/// A flight that has just started stands still for this long, seconds, whatever speed was requested.
 const STANDSTILL_S: f64 = 0.5;
 /// How far the squared length of a quaternion may be from 1.
 const NEARLY_UNIT: f64 = 1e-3;
@@ -41,7 +41,7 @@ pub(super) struct Aircraft {
     state: FlightState,
     rates: Rates,
     frame: LocalFrame,
-    /// What `lat_ref` and `lon_ref` say: where the origin was before it moved.
+    /// Values of `lat_ref` and `lon_ref`: the origin before it moved.
     published_origin: Geodetic,
     /// Speed to come, and how long until then.
     speed_to_come: Option<(f64, f64)>,
@@ -65,12 +65,12 @@ impl Aircraft {
         self.frame
     }
 
-    /// Puts it into other local coordinates; where it is on earth stays.
+    /// Switches it to other local coordinates; its position on earth stays.
     pub(super) fn set_frame(&mut self, frame: LocalFrame) {
         self.frame = frame;
     }
 
-    /// The speed that it will have when it begins to fly, or has, metres per second.
+    /// Its speed when it starts to fly, or its current one, metres per second.
     pub(super) fn speed_to_come_mps(&self) -> f64 {
         let FlightState {
             velocity_north_mps: north,
@@ -81,7 +81,7 @@ impl Aircraft {
             .map_or(north.hypot(east), |(speed_mps, _)| speed_mps)
     }
 
-    /// Moves the origin of local coordinates for a scenery that is loading, or to where it belongs.
+    /// Moves the origin of local coordinates for loading scenery, or to its proper position.
     pub(super) fn move_origin(&mut self, loading: bool) {
         let mut frame = LocalFrame::around(self.state.pose.position());
         if loading {
@@ -102,7 +102,7 @@ impl Aircraft {
         self.speed_to_come = None;
     }
 
-    /// `VEHX`, `VEHS`: moves the aircraft. It keeps its speed, turned to where the nose points now.
+    /// `VEHX`, `VEHS`: moves the aircraft. It keeps its speed, in the direction of its new heading.
     pub(super) fn place(&mut self, pose: Pose) {
         let FlightState {
             velocity_north_mps: north,
@@ -120,7 +120,7 @@ impl Aircraft {
         self.settle_in(pose);
     }
 
-    /// Begins a flight. Velocities read zero at first, as they do in X-Plane.
+    /// Starts a flight. Velocities read zero at first, as they do in X-Plane.
     pub(super) fn start(&mut self, pose: Pose, speed_mps: f64) {
         self.show(at_rest(pose));
         self.settle_in(pose);
@@ -152,7 +152,7 @@ impl Aircraft {
         }
     }
 
-    /// A client wrote a dataref that begins with [`POSITION`]: the aircraft follows. Says whether that moved or turned it.
+    /// A client wrote a dataref that starts with [`POSITION`]: the aircraft follows. Returns whether that moved or turned it.
     pub(super) fn follow(&mut self, name: &str, datarefs: &mut Datarefs) -> bool {
         let read = |name: &str| datarefs.get(&format!("{POSITION}{name}"));
         let FlightState { pose, .. } = &mut self.state;
@@ -163,7 +163,7 @@ impl Aircraft {
             "q" => {
                 let [w, x, y, z] = ["q[0]", "q[1]", "q[2]", "q[3]"].map(read);
                 let attitude = DQuat::from_xyzw(x, y, z, w);
-                // Elements are written one by one: until the last one, this is no rotation.
+                // Elements are written one by one: until the last one, this is not a rotation.
                 if (attitude.length_squared() - 1.0).abs() > NEARLY_UNIT {
                     return false;
                 }
@@ -212,7 +212,7 @@ impl Aircraft {
         }
     }
 
-    /// Says everything about the aircraft in datarefs.
+    /// Updates all datarefs of the aircraft.
     pub(super) fn publish(&self, datarefs: &mut Datarefs) {
         let FlightState {
             pose,
@@ -257,7 +257,7 @@ impl Aircraft {
             ("R", self.rates.yaw_deg_s),
             ("groundspeed", north.hypot(east)),
             ("true_airspeed", true_airspeed_mps),
-            // Knots, whatever its neighbours say. Near the sea's level the two airspeeds are the same.
+            // Knots, unlike its neighbours. Near sea level the two airspeeds are equal.
             ("indicated_airspeed", true_airspeed_mps / MPS_PER_KNOT),
         ] {
             datarefs.set(&format!("{POSITION}{name}"), value);
@@ -289,7 +289,7 @@ impl Aircraft {
     }
 }
 
-/// Loads the aircraft of a file, as far as datarefs say it.
+/// Loads the aircraft of a file, as far as datarefs reflect it.
 pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
     datarefs.set_text(FILE, file);
     let icao = designator(file);
@@ -302,7 +302,7 @@ pub(super) fn load(file: &str, datarefs: &mut Datarefs) {
     datarefs.set(names::AIRCRAFT_LENGTH_M, length_m);
 }
 
-/// The type that a file has. Others than those known have no designator, which is ICAO's ZZZZ.
+/// The type of a file. Unknown ones have no designator, which is ICAO's ZZZZ.
 fn designator(file: &str) -> &'static str {
     match file.rsplit('/').next().unwrap_or(file) {
         "Cessna_172SP.acf" => "C172",

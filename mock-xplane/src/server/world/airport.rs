@@ -1,4 +1,4 @@
-//! The one airport of the stand-in's world: WSSS, of which it knows runway 02L.
+//! The only airport of the stand-in's world: WSSS, with runway 02L.
 
 use dataset::geodesy::LatLon;
 use dataset::pose::Pose;
@@ -8,7 +8,7 @@ use dataset::units::METERS_PER_NAUTICAL_MILE;
 pub(crate) const CODE: &str = "WSSS";
 /// Its runway.
 pub(crate) const RUNWAY: &str = "02L";
-/// The stand-in's earth is as high as WSSS 02L everywhere.
+/// The stand-in's ground has the elevation of WSSS 02L everywhere.
 pub(in crate::server) const GROUND_MSL_M: f64 = 6.71;
 /// On the threshold, with the wheels on the ground.
 pub(crate) const ON_THRESHOLD: Pose = Pose {
@@ -21,10 +21,10 @@ pub(crate) const ON_THRESHOLD: Pose = Pose {
 };
 const FAR_AWAY_NM: f64 = 500.0;
 const GLIDE_PATH_DEG: f64 = 3.0;
-/// What an aircraft flies on a final approach, metres per second.
+/// Speed of an aircraft on final approach, metres per second.
 pub(crate) const APPROACH_SPEED_MPS: f64 = 72.0;
 
-/// Where an aircraft stands that was left somewhere else: 500 NM to the north, on the ground.
+/// Position of an aircraft that was left somewhere else: 500 NM to the north, on the ground.
 pub(crate) fn far_away() -> Pose {
     let threshold = ON_THRESHOLD.position().lat_lon();
     let LatLon {
@@ -38,7 +38,7 @@ pub(crate) fn far_away() -> Pose {
     }
 }
 
-/// On the extended centre line, on the glide path, so far before the threshold.
+/// On the extended centreline, on the glide path, this far before the threshold.
 pub(crate) fn on_final(distance_nm: f64) -> Pose {
     let distance_m = distance_nm * METERS_PER_NAUTICAL_MILE;
     let threshold = ON_THRESHOLD.position().lat_lon();

@@ -1,8 +1,8 @@
-//! The autopilot: what its commands switch, and whether it could fly an approach.
+//! The autopilot: the effect of its commands, and whether it could fly an approach.
 //!
-//! Its modes are buttons, as in X-Plane: on if they are off, off if they are on. Two things are the stand-in's choice, since no source
-//! says them: that the button for the approach is the buttons for localizer and glide slope at once, and that both of them on, however
-//! they came to be, are the approach.
+//! Its modes are toggle buttons, as in X-Plane. Two things are the stand-in's choice, for lack of a source: the button for the
+//! approach presses the buttons for localizer and glide slope at once, and both of them on, however they came to be, are the
+//! approach.
 
 use xplane_bridge::datarefs as names;
 use xplane_bridge::fly::FlyRequest;
@@ -17,14 +17,14 @@ const ALTITUDE_HOLD_STATUS: &str = "sim/cockpit2/autopilot/altitude_hold_status"
 /// The vertical speed that is dialled: 0 off, 1 armed, 2 captured.
 const VERTICAL_SPEED_STATUS: &str = "sim/cockpit2/autopilot/vvi_status";
 
-/// What a command does.
+/// Effect of a command.
 #[derive(Debug, Clone, Copy)]
 enum Effect {
-    /// Sets a dataref, again and again to the same.
+    /// Sets a dataref, always to the same value.
     Set(&'static str, f64),
     /// Switches a mode.
     Toggle(&'static str),
-    /// Switches a mode, of which and another one at most is on.
+    /// Toggles a mode that excludes another one.
     ToggleInsteadOf(&'static str, &'static str),
     /// Switches localizer and glide slope together.
     ToggleApproach,
@@ -64,7 +64,7 @@ pub(super) fn commands() -> impl Iterator<Item = &'static str> {
     EFFECTS.iter().map(|&(path, _)| path)
 }
 
-/// Does a command of the autopilot; says whether it is one.
+/// Runs a command of the autopilot; returns whether it is one.
 pub(super) fn command(datarefs: &mut Datarefs, path: &str) -> bool {
     let Some(&(_, effect)) = EFFECTS.iter().find(|(command, _)| *command == path) else {
         return false;
@@ -104,13 +104,13 @@ fn follows_landing_system(datarefs: &Datarefs) -> bool {
 }
 
 impl World {
-    /// Whether the autopilot flies by localizer and glide slope.
+    /// Whether the autopilot follows localizer and glide slope.
     pub(in crate::server) fn flies_approach(&self) -> bool {
         let datarefs = self.datarefs();
         datarefs.get(names::AUTOPILOT_MODE) == 2.0 && follows_landing_system(datarefs)
     }
 
-    /// Refuses a flight that X-Plane's autopilot could not fly: it must be engaged, with the receiver on the landing system.
+    /// Rejects a flight that X-Plane's autopilot could not fly: it must be engaged, with the receiver on the landing system.
     pub(in crate::server) fn check_autopilot(&self, request: &FlyRequest) -> Result<(), String> {
         let datarefs = self.datarefs();
         let mode = datarefs.get(names::AUTOPILOT_MODE);

@@ -1,4 +1,4 @@
-//! The simulator's clock: runs by itself, or follows the computer's.
+//! The simulator's clock: free-running, or following the computer's.
 
 use std::time::{SystemTime, UNIX_EPOCH};
 

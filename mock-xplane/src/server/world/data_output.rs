@@ -21,7 +21,7 @@ const ATTITUDE: i32 = 17;
 const PLACE: i32 = 20;
 /// Local position and velocity, metres.
 const LOCAL: i32 = 21;
-/// What a row holds where it has nothing to say.
+/// Value of unused columns.
 const UNUSED: f64 = LEAVE_ALONE as f64;
 
 impl World {
@@ -86,7 +86,7 @@ impl World {
             .collect()
     }
 
-    /// A client sets values of a row; says whether it is one that can be set.
+    /// A client sets values of a row; returns whether it is settable.
     pub(in crate::server) fn set_data_row(&mut self, row: &DataRow) -> bool {
         let names: &[&str] = match row.index {
             GEAR => &["sim/cockpit2/controls/gear_handle_down"],

@@ -1,4 +1,4 @@
-//! Beginning a flight: by the UDP packet `PREL`, or by X-Plane 12's Web API with weather and time.
+//! Starting a flight: by the UDP packet `PREL`, or by X-Plane 12's Web API with weather and time.
 
 use dataset::pose::Pose;
 use xplane_bridge::datarefs as names;
@@ -8,7 +8,7 @@ use super::airport::{APPROACH_SPEED_MPS, CODE, ON_THRESHOLD, on_final};
 use super::{FLIGHT_TIME_S, PAUSED, World, aircraft, clock};
 use crate::datarefs::Ignored;
 
-/// Kinds of `PREL` start that the stand-in knows.
+/// Kinds of `PREL` start that the stand-in supports.
 const AT_POSITION: i32 = 6;
 const RAMP: i32 = 10;
 const TAKEOFF: i32 = 11;
@@ -16,32 +16,32 @@ const INSTRUMENT_APPROACH: i32 = 13;
 /// Where an instrument approach starts, nautical miles before the threshold.
 const INSTRUMENT_APPROACH_NM: f64 = 10.0;
 
-/// A flight that begins.
+/// A new flight.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub(in crate::server) struct FlightStart {
     /// The aircraft's file, if it is to change.
     pub(in crate::server) aircraft: Option<String>,
-    /// Where, and how fast in metres per second, if that is to change.
+    /// Position and speed in metres per second, if they are to change.
     pub(in crate::server) place: Option<(Pose, f64)>,
-    /// When, if that is to change.
+    /// Time, if it is to change.
     pub(in crate::server) time: Option<StartTime>,
     /// Datarefs of the weather, if it is to change.
     pub(in crate::server) weather: Vec<(String, f64)>,
 }
 
-/// When a flight begins. Days count from 0, which is 1 January.
+/// Start time of a flight. Days count from 0, which is 1 January.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(in crate::server) enum StartTime {
     /// The computer's clock, now and from now on.
     System,
-    /// By the clock on the wall where the aircraft is.
+    /// Local time at the aircraft.
     Local { day: u32, time_s: f64 },
     /// By UTC.
     Zulu { day: u32, time_s: f64 },
 }
 
 impl World {
-    /// `PREL`: begins a flight; says whether this kind of start is known here.
+    /// `PREL`: starts a flight; returns whether this kind of start is supported.
     pub(in crate::server) fn start(&mut self, start: &PlaceAtStart) -> bool {
         let here = start.airport == CODE;
         let place = match start.start_type {
@@ -67,7 +67,7 @@ impl World {
         self.begin(&start).is_ok()
     }
 
-    /// Begins or changes a flight.
+    /// Starts or changes a flight.
     ///
     /// # Errors
     /// The dataref of the weather that could not be set; nothing has changed then.

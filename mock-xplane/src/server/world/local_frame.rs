@@ -11,7 +11,7 @@ pub(in crate::server) struct LocalFrame {
 }
 
 impl LocalFrame {
-    /// The frame that X-Plane uses around a position: its origin is the middle of the square of one degree.
+    /// X-Plane's local coordinates around a position: the origin is the centre of the square of one degree.
     pub(in crate::server) fn around(position: Geodetic) -> Self {
         Self {
             origin: Geodetic {

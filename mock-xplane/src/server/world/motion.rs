@@ -1,7 +1,7 @@
-//! How an aircraft flies on between placements: a calm one that turns with its bank, rights itself, and is never quite still.
+//! How an aircraft continues between placements: a calm one that turns with its bank, levels out, and is never completely still.
 //!
-//! This is no flight model: approaches are flown by [`crate::flight`]. It makes what clients read over UDP move the way that
-//! it does in a simulator, with rates that belong to the attitudes.
+//! This is not a flight model: approaches are flown by [`crate::flight`]. It makes the values that clients read over UDP move as in
+//! a simulator, with rates consistent with the attitudes.
 
 use dataset::geodesy::Geodetic;
 use dataset::pose::FlightState;
@@ -11,9 +11,9 @@ const GRAVITY_MPS2: f64 = 9.81;
 /// Time constant with which bank and pitch return to their trim, seconds.
 const RIGHTING_S: f64 = 3.0;
 const TRIM_PITCH_DEG: f64 = 2.5;
-/// Amplitude and period of the unrest of the air in roll.
+/// Amplitude and period of the disturbance in roll.
 const ROLL_UNREST: (f64, f64) = (0.6, 9.0);
-/// Amplitude and period of the unrest of the air in pitch.
+/// Amplitude and period of the disturbance in pitch.
 const PITCH_UNREST: (f64, f64) = (0.2, 5.0);
 /// Below this the aircraft is not flying, metres per second.
 const FLYING_MPS: f64 = 20.0;
@@ -26,12 +26,12 @@ pub(super) struct Rates {
     pub(super) yaw_deg_s: f64,
 }
 
-/// Whether a state is one that flies on.
+/// Whether a state is flying.
 pub(super) fn is_flying(state: &FlightState) -> bool {
     !state.on_ground && state.velocity_north_mps.hypot(state.velocity_east_mps) > FLYING_MPS
 }
 
-/// Lets a flying aircraft fly on for `elapsed_s`; returns its rates.
+/// Lets a flying aircraft continue for `elapsed_s`; returns its rates.
 pub(super) fn fly_on(state: &mut FlightState, elapsed_s: f64) -> Rates {
     state.time_s += elapsed_s;
     let unrest = |(amplitude_deg, period_s): (f64, f64)| {

@@ -1,5 +1,5 @@
-//! What a sky and a clock can be of what clients have written. They may write any number, as into X-Plane; what is flown and drawn stays
-//! within what there is on earth.
+//! Clamps the weather and the clock that clients have written. They may write any number, as into X-Plane; what is flown and drawn
+//! stays within what exists on earth.
 
 use dataset::conditions::{Clock, CloudLayer, Weather};
 
@@ -13,7 +13,7 @@ const RATIO: [f64; 2] = [0.0, 1.0];
 const DAYS_PER_YEAR: u32 = 365;
 const SECONDS_PER_DAY: f64 = 86_400.0;
 
-/// The nearest weather that can be.
+/// The nearest possible weather.
 pub(super) fn weather(written: Weather) -> Weather {
     let clouds = written.clouds.into_iter().map(|layer| CloudLayer {
         cover_ratio: within(layer.cover_ratio, RATIO),
@@ -31,7 +31,7 @@ pub(super) fn weather(written: Weather) -> Weather {
     }
 }
 
-/// The same day of a year and second of a day.
+/// The same as a valid day of the year and second of the day.
 pub(super) fn clock(written: Clock) -> Clock {
     Clock {
         day_of_year: written.day_of_year.saturating_sub(1) % DAYS_PER_YEAR + 1,
@@ -39,7 +39,7 @@ pub(super) fn clock(written: Clock) -> Clock {
     }
 }
 
-/// The nearest number between two; of what is no number, the first.
+/// The nearest number between two; for NaN, the first.
 fn within(value: f64, [low, high]: [f64; 2]) -> f64 {
     if value.is_nan() {
         low
@@ -48,7 +48,7 @@ fn within(value: f64, [low, high]: [f64; 2]) -> f64 {
     }
 }
 
-/// A number on a circle; unchanged if it is on it already, and 0 of what is none.
+/// A number on a circle; unchanged if it is on it already, and 0 for NaN.
 fn wrapped(value: f64, round: f64) -> f64 {
     if (0.0..=round).contains(&value) {
         value

@@ -1,18 +1,18 @@
-//! Scenery: what is loaded around the aircraft, and how high the ground is there while it settles.
+//! Scenery: what is loaded around the aircraft, and the height of the ground there while it settles.
 
 use dataset::geodesy::LatLon;
 
 use crate::quirks::{Quirk, Quirks};
 
-/// Says that scenery is loading.
+/// The flag for loading scenery.
 pub(super) const LOADING: &str = "sim/graphics/scenery/async_scenery_load_in_progress";
-/// Around its middle, scenery reaches so far, metres.
+/// Radius of scenery around its centre, metres.
 const REACH_M: f64 = 45_000.0;
-/// How long scenery of a new place loads, seconds.
+/// Loading time of scenery at a new place, seconds.
 const LOADING_S: f64 = 20.0;
-/// How long the terrain settles after that.
+/// Settling time of the terrain after that.
 const SETTLING_S: f64 = 3.0;
-/// Steps in which it does, seconds and metres.
+/// Steps of the settling, seconds and metres.
 const STEP_S: f64 = 0.5;
 const STEP_M: f64 = 4.0;
 
@@ -37,7 +37,7 @@ impl Scenery {
         }
     }
 
-    /// Lets time pass with the aircraft at a place; says whether scenery began to load.
+    /// Lets time pass with the aircraft at a place; returns whether scenery began to load.
     pub(super) fn advance(&mut self, elapsed_s: f64, aircraft: LatLon) -> bool {
         self.now_s += elapsed_s;
         let left = self.middle.distance_m(aircraft) > REACH_M;
@@ -61,7 +61,7 @@ impl Scenery {
         self.now_s < self.loaded_at_s
     }
 
-    /// How much higher the ground is than it will be, metres; `None` where none is loaded.
+    /// How much higher the ground is than its final height, metres; `None` where none is loaded.
     pub(super) fn ground_off_m(&self, at: LatLon) -> Option<f64> {
         let quirks = self.quirks;
         let knows_places = quirks.has(Quirk::SlowScenery) || quirks.has(Quirk::FarAway);

@@ -1,8 +1,8 @@
-//! The weather that is flown and drawn, which is not always the one that the datarefs say.
+//! The weather that is flown and drawn, which may differ from that of the datarefs.
 //!
-//! X-Plane 11 shows what is written at once. X-Plane 12 does so only while `update_immediately` is set, and never for the
-//! clouds: those want the command `regen_weather`, and then to be written again while the weather settles. A client that
-//! forgets one of these steps flies through other clouds than it reads. What makes that harder is in the quirks.
+//! X-Plane 11 shows written weather at once. X-Plane 12 does so only while `update_immediately` is set, and never for the clouds:
+//! they need the command `regen_weather`, and must then be written again while the weather settles. A client that omits one of
+//! these steps flies through other clouds than it reads. Further complications are quirks.
 
 mod late_clouds;
 mod real;
@@ -18,23 +18,23 @@ use self::late_clouds::LateClouds;
 use crate::datarefs::Datarefs;
 use crate::quirks::{Quirk, Quirks};
 
-/// How long after `regen_weather` written clouds are taken over, seconds: clouds were seen to take about a minute.
+/// How long after `regen_weather` written clouds are accepted, seconds: clouds were seen to take about a minute.
 const SETTLING_S: f64 = 60.0;
 /// How long `regen_weather` freezes the simulator, seconds.
 const REGENERATION_FREEZE_S: f64 = 3.0;
-/// How long the temperature slides after the start, or after real weather, seconds.
+/// How long the temperature drifts after the start, or after real weather, seconds.
 const SLIDING_S: f64 = 150.0;
 /// How fast it does.
 const SLIDING_C_PER_S: f64 = 0.7;
-/// Warmer it does not get.
+/// Maximum temperature.
 const WARMEST_C: f64 = 45.0;
-/// How far above the base asked for a cloud settles, metres.
+/// How far above the requested base a cloud settles, metres.
 const BASE_OFF_M: f64 = 3.5;
 
 /// [`names::WEATHER_PRESET`] without clouds.
 const CLEAR: f64 = 0.0;
 
-/// What the sky shows.
+/// The effective weather.
 #[derive(Debug, Clone)]
 pub(super) struct Sky {
     generation: Generation,
@@ -49,11 +49,11 @@ pub(super) struct Sky {
     late_clouds: LateClouds,
     real: bool,
     slides_until_s: f64,
-    /// How long the simulator freezes for what was asked of it, seconds.
+    /// How long the simulator freezes because of a request, seconds.
     freeze_s: f64,
 }
 
-/// What a client can do to the weather.
+/// Actions of a client on the weather.
 #[derive(Debug, Clone)]
 enum Deed {
     Write(String),
@@ -61,7 +61,7 @@ enum Deed {
 }
 
 impl Sky {
-    /// The sky as the datarefs say, or real weather.
+    /// The sky of the datarefs, or real weather.
     pub(super) fn new(generation: Generation, quirks: Quirks, datarefs: &mut Datarefs) -> Self {
         let mut sky = Self {
             generation,
@@ -186,7 +186,7 @@ impl Sky {
         self.publish(datarefs);
     }
 
-    /// How long the simulator now freezes, seconds, if it does; asked once.
+    /// How long the simulator freezes now, seconds, if it does; can be queried once.
     pub(super) fn take_freeze_s(&mut self) -> Option<f64> {
         let freeze_s = std::mem::take(&mut self.freeze_s);
         (freeze_s > 0.0).then_some(freeze_s)
@@ -231,7 +231,7 @@ impl Sky {
         }
     }
 
-    /// What a written dataref changes at once.
+    /// Immediate effects of a written dataref.
     fn take_in(&mut self, name: &str, datarefs: &mut Datarefs) {
         match self.generation {
             Generation::XPlane11 => self.take_over(datarefs, |other| other == name),

@@ -150,7 +150,7 @@ fn buttons_of_the_autopilot_switch_off_what_is_on_and_servos_stay_on() {
     assert_eq!(on(&world), [true, true, true]);
     world.command(names::COMMAND_APPROACH);
     assert_eq!(on(&world), [false, false, false]);
-    // Of the vertical modes one is on.
+    // One of the vertical modes is on.
     let vertical = |world: &World| {
         ["altitude_hold_status", "vvi_status"]
             .map(|mode| world.read(&format!("sim/cockpit2/autopilot/{mode}")))
@@ -362,14 +362,14 @@ fn whatever_clients_write_into_the_sky_and_the_clock_is_drawn() {
             for path in &paths {
                 if random.random_bool(0.7) {
                     let value = *EXTREMES.choose(&mut random).unwrap();
-                    // What is refused changes nothing.
+                    // A rejected write changes nothing.
                     let _ = world.write_exact(path, value);
                 }
             }
         };
         write_some(&mut world);
         world.command(names::COMMAND_REGENERATE_WEATHER);
-        // Clouds of X-Plane 12 have to be told again.
+        // Clouds of X-Plane 12 must be written again.
         write_some(&mut world);
         world.advance(0.02);
         let camera = Camera::from_pose(&camera, 24, 16);

@@ -1,6 +1,6 @@
-//! What lies between the scene and the eye: the view that is selected, pop-up windows, other aircraft.
+//! What is between the scene and the eye: the selected view, pop-up windows, other aircraft.
 //!
-//! All of it is the user's until a plugin or a tool changes it, and a new flight brings it back.
+//! All of it belongs to the user until a plugin or a tool changes it, and a new flight resets it.
 
 use crate::datarefs::Datarefs;
 use crate::quirks::{Quirk, Quirks};
@@ -35,7 +35,7 @@ const CLOSE: &[(&str, usize)] = &[
     ("sim/GPS/g1000n1_popup_close", 4),
 ];
 
-/// What a new flight brings.
+/// State after a new flight.
 pub(super) fn begin_flight(quirks: Quirks, datarefs: &mut Datarefs) {
     match quirks.has(Quirk::CockpitView) {
         true => select(datarefs, COCKPIT, false),
@@ -51,7 +51,7 @@ pub(super) fn commands() -> impl Iterator<Item = &'static str> {
     views.chain(CLOSE.iter().map(|(path, _)| *path))
 }
 
-/// Does a command of view or windows; says whether it is one.
+/// Runs a command of view or windows; returns whether it is one.
 pub(super) fn command(datarefs: &mut Datarefs, path: &str) -> bool {
     if let Some(&(_, number, external)) = VIEWS.iter().find(|view| view.0 == path) {
         select(datarefs, number, external);
@@ -86,7 +86,7 @@ pub(super) fn shows_panel(datarefs: &Datarefs) -> bool {
     datarefs.get(IS_EXTERNAL) == 0.0
 }
 
-/// Whether a pop-up lies over the picture.
+/// Whether a pop-up covers the picture.
 pub(super) fn shows_pop_up(datarefs: &Datarefs) -> bool {
     let open = datarefs.find(POP_UPS);
     open.is_some_and(|(_, numbers)| numbers.iter().any(|&open| open != 0.0))

@@ -13,7 +13,7 @@ use crate::server::world::flight_start;
 
 const SIZE: (u64, u64) = (32, 24);
 
-/// Draws one colour: how much it rains, and whether the aircraft is within a kilometre of the camera.
+/// Draws one colour: the rain, and whether the aircraft is within a kilometre of the camera.
 struct Plain;
 
 struct PlainPicture {
@@ -107,7 +107,7 @@ async fn from_the_cockpit_the_camera_shows_the_panel_until_an_outside_view_is_se
     hosted.ask("command", json!(["sim/view/free_camera"]));
     assert_eq!(hosted.draw(false).await.0, 0.0);
     assert_eq!(hosted.get("sim/graphics/view/view_is_external"), 1.0);
-    // Whoever loses the camera is in the cockpit again, and so is a new flight.
+    // Losing the camera returns to the cockpit, and so does a new flight.
     hosted.ask("lose_camera", json!([]));
     assert!(hosted.draw(false).await.0 > 0.5);
     hosted.ask("command", json!(["sim/view/circle"]));
@@ -134,7 +134,7 @@ async fn a_pop_up_lies_over_the_windows_but_not_the_scene_until_it_is_closed() {
 #[tokio::test]
 async fn other_aircraft_are_in_the_picture_until_they_are_removed() {
     let mut hosted = Hosted::new("ai_aircraft");
-    // So far to the right that only the one beside the user's is within a kilometre.
+    // So far to the right that only the neighbouring aircraft is within a kilometre.
     let [x, y, z] = hosted.scene.vector(LOCAL_XYZ).to_array();
     let (sin, cos) = ON_THRESHOLD.heading_true_deg.to_radians().sin_cos();
     let camera = json!([x + 1_030.0 * cos, y, z + 1_030.0 * sin, 0.0, 0.0, 0.0]);

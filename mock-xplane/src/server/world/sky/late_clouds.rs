@@ -1,13 +1,13 @@
-//! Clouds that are on their way: until they come, all slots read the old ones.
+//! Clouds that are delayed: until they come, all slots read the old ones.
 
 use std::collections::BTreeMap;
 
 use crate::datarefs::Datarefs;
 
-/// How long after the last of their writes clouds come, seconds.
+/// Delay of clouds after the last of their writes, seconds.
 const LATE_S: f64 = 55.0;
 
-/// Clouds that were written and have not come yet.
+/// Clouds that were written and are still delayed.
 #[derive(Debug, Clone, Default)]
 pub(super) struct LateClouds {
     /// Values to come, by element.
@@ -26,7 +26,7 @@ pub(super) struct Snapped {
 }
 
 impl LateClouds {
-    /// Holds back what a client has just written. `before` is what the element read until then; `show`: the picture will follow.
+    /// Holds back what a client has just written. `before` is the element's value until then; `show`: the picture will follow.
     pub(super) fn hold_back(
         &mut self,
         path: &str,
@@ -46,7 +46,7 @@ impl LateClouds {
         self.show = !self.coming.is_empty();
     }
 
-    /// Lets them come when it is time.
+    /// Releases them when it is time.
     pub(super) fn snap(&mut self, datarefs: &mut Datarefs, now_s: f64) -> Option<Snapped> {
         if self.coming.is_empty() || now_s < self.last_write_s + LATE_S {
             return None;

@@ -1,4 +1,4 @@
-//! Real weather: some that nobody asked for, written over whatever is asked for as long as it is switched on.
+//! Real weather: overwrites whatever clients write as long as it is switched on.
 
 use xplane_bridge::datarefs::{self as names, Generation};
 
@@ -69,14 +69,14 @@ pub(super) fn switch_on(generation: Generation, datarefs: &mut Datarefs) {
     publish(generation, datarefs, true);
 }
 
-/// Says whether it rules.
+/// Returns whether it is active.
 pub(super) fn publish(generation: Generation, datarefs: &mut Datarefs, rules: bool) {
     if generation == Generation::XPlane12 {
         datarefs.set(names::WEATHER_SOURCE, f64::from(u8::from(rules)));
     }
 }
 
-/// Writes it over what was written.
+/// Overwrites what was written.
 pub(super) fn overwrite(generation: Generation, datarefs: &mut Datarefs) {
     let values = match generation {
         Generation::XPlane11 => REAL_11,

@@ -1,4 +1,4 @@
-//! What instruments and the picture have of the weather: read-only datarefs that follow what is shown, not what is written.
+//! The weather as seen by instruments and the picture: read-only datarefs that follow what is shown, not what is written.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::datarefs::Datarefs;
 /// Rain of 0.8 was read at the aircraft as 0.796.
 const RAIN_AT_AIRCRAFT: f64 = 0.995;
 
-/// Datarefs of the aircraft that have the values of the region's.
+/// Datarefs of the aircraft with the values of the region's.
 const LIKE_REGION: [(&str, &str); 6] = [
     (names::CLOUD_TYPE, "sim/weather/aircraft/cloud_type"),
     (
@@ -27,7 +27,7 @@ const LIKE_REGION: [(&str, &str); 6] = [
     ),
 ];
 
-/// Says what is shown.
+/// Publishes the effective weather.
 pub(super) fn publish(
     generation: Generation,
     weather: &Weather,

@@ -3,7 +3,7 @@ use super::*;
 const COVER_0: &str = "sim/weather/region/cloud_coverage_percent[0]";
 const BASE_0: &str = "sim/weather/region/cloud_base_msl_m[0]";
 
-/// A sky of its own, with datarefs around it.
+/// A separate sky, with datarefs.
 struct Outdoors {
     datarefs: Datarefs,
     sky: Sky,
@@ -77,7 +77,7 @@ fn clouds_of_twelve_want_the_command_or_to_be_told_soon_after_it() {
     assert_eq!(outdoors.cover(), 0.75);
     outdoors.write(COVER_0, 0.5);
     assert_eq!(outdoors.cover(), 0.5);
-    // Long after the command nothing is taken over any more.
+    // Long after the command nothing is accepted any more.
     outdoors.wait(70.0);
     outdoors.write(COVER_0, 0.25);
     assert_eq!(outdoors.cover(), 0.5);
@@ -139,7 +139,7 @@ fn late_clouds_read_and_show_the_old_ones_in_all_slots_and_then_come_at_once() {
     );
     assert_eq!(outdoors.reads("sim/weather/region/cloud_type[2]"), 3.0);
     assert_eq!(outdoors.cover(), 0.75);
-    // All else is not late.
+    // Nothing else is delayed.
     outdoors.write(names::RAIN, 0.5);
     assert_eq!(outdoors.reads(names::RAIN), 0.5);
 }
