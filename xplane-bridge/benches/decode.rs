@@ -1,7 +1,7 @@
-//! How fast the values of a simulator are read: `cargo bench -p xplane-bridge`.
+//! How fast a simulator's values are decoded: `cargo bench -p xplane-bridge`.
 //!
-//! A million values, in datagrams of 183 as X-Plane packs them, by the view that the client uses and by the packet that owns
-//! its values. One core. The bound that the project sets itself is 20 ms.
+//! A million values, in datagrams of 183 as X-Plane packs them, through the view that the client uses and through the packet that
+//! owns its values. One core. The project's own target is 20 ms.
 
 use std::hint::black_box;
 

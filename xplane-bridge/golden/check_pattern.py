@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
-"""Makes `check_pattern.json` of this folder anew: `python3 xplane-bridge/golden/check_pattern.py`.
+"""Regenerates `check_pattern.json` of this folder: `python3 xplane-bridge/golden/check_pattern.py`.
 
-The check pattern as `docs/capture-link.md` describes it, as rectangles to be filled one after the other. Written from the
-description and not from the Rust code that it tests.
+The check pattern of `docs/capture-link.md`, as rectangles to be filled one after the other. Written from the description and not
+from the Rust code that it tests.
 """
 
 import binascii

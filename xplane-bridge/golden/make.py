@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
-"""Makes the golden packets of this folder anew: `python3 xplane-bridge/golden/make.py`.
+"""Regenerates the golden packets of this folder: `python3 xplane-bridge/golden/make.py`.
 
-Each packet is a `.bin` (the datagram) and a `.json` (what it means). They are packed here with Python's `struct`, from
-the field tables of Laminar's "Exchanging data with X-Plane" and not by the Rust code that they test, so that a mistake
-in one of the two shows. The forms of real clients (padding, missing NUL, odd fifth byte) are included; those cannot be
-encoded back, since we send the plain form.
+Each packet is a `.bin` (the datagram) and a `.json` (its meaning). They are packed here with Python's `struct`, from the field
+tables of Laminar's "Exchanging data with X-Plane" and not by the Rust code that they test, so that a mistake in one of the two
+shows. Variants that real clients send (padding, missing NUL, odd fifth byte) are included; those cannot be encoded back, since we
+send the plain form.
 """
 
 import json

@@ -1,7 +1,7 @@
 """dtd bridge: serves the capture link of `dtd` inside X-Plane 11 (XPPython3 3.1) and 12 (XPPython3 4).
 
-Installed by ``dtd install-plugin``. Everything that thinks lies in ``dtd_bridge``; this file only connects it to X-Plane.
-Whatever goes wrong is written to XPPython3's log and told to the client; nothing is raised into X-Plane.
+Installed by ``dtd install-plugin``. The logic is in ``dtd_bridge``; this file only connects it to X-Plane. Errors are written to
+XPPython3's log and sent to the client; nothing is raised into X-Plane.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ EVERY_FRAME = -1.0
 
 
 def _publish(name: str, read: Callable[[], float]) -> Any:
-    """Makes a dataref of a number, as an integer and as a float."""
+    """Registers a dataref of a number, as an integer and as a float."""
 
     def read_int(_refcon: Any) -> int:
         return int(read())
@@ -47,7 +47,7 @@ def _publish(name: str, read: Callable[[], float]) -> Any:
 
 
 class PythonInterface:
-    """What XPPython3 calls."""
+    """The interface for XPPython3."""
 
     def __init__(self) -> None:
         self._bridge: Bridge | None = None
@@ -68,7 +68,7 @@ class PythonInterface:
         return f"{NAME} {VERSION}", "dtd.bridge", "Serves poses and pictures to dtd over the capture link"
 
     def XPluginEnable(self) -> int:
-        """Begins to listen. A plugin that cannot is still enabled: its log says why, and its port reads 0."""
+        """Starts listening. A plugin that cannot is still enabled: its log says why, and its port reads 0."""
         try:
             settings = read_settings(HERE / "dtd_bridge.ini")
             self._settle_s = settings.weather_settle_s
@@ -80,7 +80,7 @@ class PythonInterface:
         return 1
 
     def XPluginDisable(self) -> None:
-        """Gives everything back."""
+        """Restores everything."""
         try:
             if self._flight_loop is not None:
                 xp.destroyFlightLoop(self._flight_loop)
@@ -100,7 +100,7 @@ class PythonInterface:
             self._log_failure("cannot withdraw its datarefs")
 
     def XPluginReceiveMessage(self, _from_who: int, _message: int, _param: Any) -> None:
-        """Nothing is needed: scenery loads are seen by their dataref, and no local coordinate is kept."""
+        """Nothing is needed: scenery loads are detected by their dataref, and no local coordinates are kept."""
 
     def _on_frame(self, _since_last: float, _since_loop: float, _counter: int, _refcon: Any) -> float:
         try:

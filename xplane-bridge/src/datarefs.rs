@@ -1,7 +1,7 @@
-//! The datarefs of X-Plane that we use, and the only place where SI turns into X-Plane's units and back.
+//! The datarefs of X-Plane that we use, and the only conversion between SI and X-Plane's units.
 //!
-//! In: conditions and runways in SI. Out: lists of dataref writes. Names and units differ between X-Plane 11 and 12 for the
-//! weather alone ([`weather`]). How nearly each must read back is one table ([`tolerance`]).
+//! Input: conditions and runways in SI. Output: lists of dataref writes. Names and units differ between X-Plane 11 and 12 only for
+//! the weather ([`weather`]). The tolerances for reading back are one table ([`tolerance`]).
 
 mod tolerance;
 mod version;
@@ -25,19 +25,19 @@ pub const WIND_LAYERS: usize = 13;
 
 /// Version of the simulator as one number, 124009 for 12.4.0-r2: see [`Version::of_number`].
 pub const VERSION: &str = "sim/version/xplane_internal_version";
-/// Ours: TCP port of the capture link, 0 while it does not listen. Published by the plugin and by the stand-in.
+/// Ours: TCP port of the capture link, 0 while not listening. Published by the plugin and by the stand-in.
 pub const CAPTURE_PORT: &str = "dtd/bridge/capture_port";
-/// Ours: how long the weather takes to show after it was regenerated, seconds. Published with [`CAPTURE_PORT`].
+/// Ours: how long regenerated weather takes to show, seconds. Published with [`CAPTURE_PORT`].
 pub const WEATHER_SETTLE_S: &str = "dtd/bridge/weather_settle_s";
 
-/// Seconds since midnight UTC. Runs on while the simulator is not frozen.
+/// Seconds since midnight UTC. Keeps running unless the simulator is frozen.
 pub const ZULU_TIME_S: &str = "sim/time/zulu_time_sec";
 /// Days since 1 January, 0 to 364.
 pub const DATE_DAYS: &str = "sim/time/local_date_days";
-/// 1 makes the simulator's clock follow the computer's, and every write to it void.
+/// 1 makes the simulator's clock follow the computer's, and overrides every write to it.
 pub const USE_SYSTEM_TIME: &str = "sim/time/use_system_time";
 
-/// Seconds since the simulator was started: smaller than before means another run of it.
+/// Seconds since the simulator was started: a smaller value means that it restarted.
 pub const RUNNING_TIME_S: &str = "sim/time/total_running_time_sec";
 /// Simulated seconds since the flight began: stands still in a pause, and in a menu.
 pub const FLIGHT_TIME_S: &str = "sim/time/total_flight_time_sec";
@@ -102,7 +102,7 @@ pub const RUNWAY_FRICTION: &str = "sim/weather/region/runway_friction";
 pub const WEATHER_PRESET: &str = "sim/weather/region/weather_preset";
 /// X-Plane 12, read-only: who makes the weather, see [`WeatherSource`].
 pub const WEATHER_SOURCE: &str = "sim/weather/region/weather_source";
-/// How far one sees, metres: what is drawn, which follows what was set.
+/// Visibility as drawn, metres, which follows the setting.
 pub const VISIBILITY_EFFECTIVE_M: &str = "sim/graphics/view/visibility_effective_m";
 /// X-Plane 12, read-only, per cloud layer: cover around the aircraft, 0 to 1.
 pub const CLOUD_COVER_AT_AIRCRAFT: &str = "sim/weather/aircraft/cloud_coverage_percent";
@@ -113,7 +113,7 @@ pub const WIND_DIRECTION_AT_AIRCRAFT: &str = "sim/weather/aircraft/wind_now_dire
 /// X-Plane 12, read-only: rain or snow on the aircraft, 0 to 1.
 pub const RAIN_AT_AIRCRAFT: &str = "sim/weather/aircraft/precipitation_on_aircraft_ratio";
 
-/// X-Plane 11: 1 while real weather overwrites whatever is set.
+/// X-Plane 11: 1 while real weather overwrites all settings.
 pub const USE_REAL_WEATHER_11: &str = "sim/weather/use_real_weather_bool";
 /// X-Plane 11: visibility, metres.
 pub const VISIBILITY_M_11: &str = "sim/weather/visibility_reported_m";
@@ -129,8 +129,8 @@ pub const THERMAL_RATE_11: &str = "sim/weather/thermal_rate_ms";
 pub const TEMPERATURE_C_11: &str = "sim/weather/temperature_sealevel_c";
 /// X-Plane 11: pressure at sea level, inches of mercury.
 pub const PRESSURE_INHG_11: &str = "sim/weather/barometer_sealevel_inhg";
-/// X-Plane 11, per cloud layer: 0 clear, 1 cirrus, 2 scattered, 3 broken, 4 overcast, 5 stratus. Layers are scalars whose names end in
-/// `[0]` to `[2]`. It chooses the sky; `cloud_coverage`, X-Plane 10's, is left alone.
+/// X-Plane 11, per cloud layer: 0 clear, 1 cirrus, 2 scattered, 3 broken, 4 overcast, 5 stratus. Layers are scalars whose names end
+/// in `[0]` to `[2]`. It determines the sky; `cloud_coverage`, X-Plane 10's, is left alone.
 pub const CLOUD_TYPE_11: &str = "sim/weather/cloud_type";
 /// X-Plane 11, per cloud layer: base above mean sea level, metres.
 pub const CLOUD_BASE_11: &str = "sim/weather/cloud_base_msl_m";
@@ -142,7 +142,7 @@ pub const WIND_ALTITUDE_11: &str = "sim/weather/wind_altitude_msl_m";
 pub const WIND_SPEED_KT_11: &str = "sim/weather/wind_speed_kt";
 /// X-Plane 11, per wind layer: where it comes from, degrees true.
 pub const WIND_DIRECTION_11: &str = "sim/weather/wind_direction_degt";
-/// X-Plane 11, per wind layer: turbulence. Its scale is documented nowhere; 0 to 1 is the cautious reading.
+/// X-Plane 11, per wind layer: turbulence. Its scale is undocumented; 0 to 1 is the cautious reading.
 pub const TURBULENCE_11: &str = "sim/weather/turbulence";
 /// X-Plane 11, per wind layer: gust above the wind, knots.
 pub const SHEAR_SPEED_KT_11: &str = "sim/weather/shear_speed_kt";
@@ -153,7 +153,7 @@ pub const SHEAR_DIRECTION_11: &str = "sim/weather/shear_direction_degt";
 pub const NAV1_FREQUENCY: &str = "sim/cockpit/radios/nav1_freq_hz";
 /// Course set on the first navigation receiver, degrees **magnetic**.
 pub const NAV1_COURSE_MAGNETIC: &str = "sim/cockpit/radios/nav1_obs_degm";
-/// What the autopilot follows: 0 is the first navigation receiver.
+/// Source of the autopilot: 0 is the first navigation receiver.
 pub const HSI_SOURCE: &str = "sim/cockpit2/radios/actuators/HSI_source_select_pilot";
 /// 1 gives the autopilot power.
 pub const AUTOPILOT_ELECTRIC_MASTER: &str = "sim/cockpit2/autopilot/autopilot_electric_master";
@@ -187,17 +187,17 @@ pub const GLIDE_SLOPE_STATUS: &str = "sim/cockpit2/autopilot/glideslope_status";
 /// Localizer and glide slope together: 0 off, 1 armed, 2 captured.
 pub const APPROACH_STATUS: &str = "sim/cockpit2/autopilot/approach_status";
 
-/// Something of the autopilot that an approach needs.
+/// A function of the autopilot that an approach needs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AutopilotSwitch {
-    /// The command that switches it on. Most are buttons, which switch off what is on.
+    /// The command that switches it on. Most are toggle buttons.
     pub command: &'static str,
     /// On while each dataref of one of these has at least its value.
     pub on_while: &'static [&'static [(&'static str, f32)]],
 }
 
 impl AutopilotSwitch {
-    /// Whether it is on, by what datarefs read; `None` if too few could be read to say.
+    /// Whether it is on, from the datarefs read; `None` if too few could be read to decide.
     pub fn is_on(&self, read: impl Fn(&str) -> Option<f32>) -> Option<bool> {
         let mut all_known = true;
         for states in self.on_while {
@@ -218,7 +218,7 @@ impl AutopilotSwitch {
         all_known.then_some(false)
     }
 
-    /// All datarefs that say whether it is on.
+    /// All datarefs that show whether it is on.
     pub fn datarefs(&self) -> impl Iterator<Item = &'static str> {
         self.on_while
             .iter()
@@ -226,8 +226,8 @@ impl AutopilotSwitch {
     }
 }
 
-/// What engages an approach on the autopilot, in order: by the button for localizer and glide slope, and whichever of the two does
-/// not show then by its own.
+/// What engages an approach on the autopilot, in order: the button for localizer and glide slope, then the button of whichever of
+/// the two does not show.
 pub const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
     AutopilotSwitch {
         command: COMMAND_SERVOS_ON,
@@ -259,7 +259,8 @@ pub(crate) const WIND_ALTITUDES_MSL_M: [f64; WIND_LAYERS] = [
     0.0, 540.0, 988.0, 1_948.0, 3_011.0, 4_207.0, 5_572.0, 7_182.0, 9_160.0, 10_363.0, 11_887.0,
     13_594.0, 16_179.0,
 ];
-/// Heights that we give X-Plane 11's three layers of wind: each acts near its own only, and approaches are flown below a kilometre.
+/// Heights that we give X-Plane 11's three layers of wind: each is effective only near its own, and approaches are flown below a
+/// kilometre.
 const WIND_ALTITUDES_11_MSL_M: [f64; 3] = [300.0, 3_000.0, 9_000.0];
 /// International standard atmosphere at sea level. No figure of a scenario depends on it.
 pub(crate) const STANDARD_TEMPERATURE_C: f64 = 15.0;
@@ -267,14 +268,14 @@ pub(crate) const STANDARD_TEMPERATURE_C: f64 = 15.0;
 pub(crate) const STANDARD_PRESSURE_PA: f64 = 101_325.0;
 /// X-Plane 11 measures pressure in inches of mercury.
 const PASCAL_PER_INCH_OF_MERCURY: f64 = 3_386.389;
-/// Dew point below temperature: dry air. Fog is the visibility's, whatever the dew point.
+/// Dew point below temperature: dry air. Fog is set by the visibility, whatever the dew point.
 const DEW_POINT_BELOW_C: f64 = 5.0;
 /// [`RUNWAY_FRICTION`] of a dry runway.
 const DRY: f64 = 0.0;
-/// The clock runs on between writing and reading it back. Freezing stops it and writes it again, exactly.
+/// The clock keeps running between writing and reading it back. Freezing stops it and writes it again, exactly.
 const RUNNING_CLOCK_TOLERANCE_S: f32 = 20.0;
-/// A clock that stands still has the time that was set: seconds of a day in 32 bits are rounded by 4 ms at most. More would let a write
-/// that was lost pass for one that was late.
+/// A stopped clock has the time that was set: seconds of a day in 32 bits are rounded by 4 ms at most. A wider tolerance could
+/// mistake a lost write for a late one.
 const STANDING_CLOCK_TOLERANCE_S: f32 = 0.02;
 
 /// One dataref to write, and how closely it must read back.
@@ -284,7 +285,7 @@ pub struct DatarefWrite {
     pub name: String,
     /// In X-Plane's unit, rounded to X-Plane's 32 bits.
     pub value: f32,
-    /// What is still the same value.
+    /// Tolerance for the value read back.
     pub tolerance: Tolerance,
 }
 
@@ -298,7 +299,7 @@ impl DatarefWrite {
         }
     }
 
-    /// The same, but whatever comes back will do.
+    /// The same, but any value read back is accepted.
     fn unread(self) -> Self {
         Self {
             tolerance: Tolerance::Unread,
@@ -311,16 +312,16 @@ impl DatarefWrite {
         self.tolerance != Tolerance::Unread
     }
 
-    /// Whether a value read back is the one that was written.
+    /// Whether a value read back matches the written one.
     pub fn is_met_by(&self, value: f32) -> bool {
         self.tolerance.allows(self.value, value)
     }
 }
 
-/// Everything that conditions set, clock first.
+/// All settings of conditions, clock first.
 ///
 /// # Errors
-/// [`BridgeError::BadConditions`] for more layers than X-Plane has, or a number that is none.
+/// [`BridgeError::BadConditions`] for more layers than X-Plane has, or a NaN.
 pub fn condition_writes(
     conditions: &Conditions,
     generation: Generation,
@@ -346,7 +347,7 @@ pub fn running_clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     writes
 }
 
-/// The clock, to be exact once it stands still. The order matters: the simulator's own time must be off first.
+/// The clock, for an exact time once it stands still. The order matters: following the system time must be off first.
 pub fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     vec![
         DatarefWrite::new(USE_SYSTEM_TIME, 0.0),
@@ -358,7 +359,7 @@ pub fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     ]
 }
 
-/// What [`COMMAND_REGENERATE_WEATHER`] does not take over and wants to be told again: clouds and temperature.
+/// What [`COMMAND_REGENERATE_WEATHER`] resets and must be written again: clouds and temperature.
 pub fn needs_repeating_after_regeneration(name: &str) -> bool {
     name.contains("/cloud_")
         || name == TEMPERATURE_C
@@ -367,21 +368,21 @@ pub fn needs_repeating_after_regeneration(name: &str) -> bool {
             .any(|array| name.starts_with(array))
 }
 
-/// Who makes the weather of X-Plane 12, by [`WEATHER_SOURCE`]. A verdict, not a switch.
+/// The source of X-Plane 12's weather, from [`WEATHER_SOURCE`]. Read-only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum WeatherSource {
-    /// A preset, or what was written: ours.
+    /// A preset, or values that were written: ours.
     Preset,
     /// Real weather.
     Real,
-    /// The pad of an instructor's station.
+    /// The panel of an instructor's station.
     ControlPad,
     /// Another plugin.
     Plugin,
 }
 
 impl WeatherSource {
-    /// Of the dataref's value; `None` for one that X-Plane does not have.
+    /// From the dataref's value; `None` for an unknown one.
     pub fn of_value(value: f32) -> Option<Self> {
         match value {
             0.0 => Some(Self::Preset),
@@ -404,8 +405,8 @@ pub fn clock_from_datarefs(read: impl Fn(&str) -> f32) -> Clock {
 /// What an autopilot needs for an instrument approach: power, the first receiver as its source, and the radio settings of the runway, if
 /// it has any.
 ///
-/// The course knob is magnetic. A runway that does not know its magnetic course leaves the knob alone: on a localizer
-/// frequency it turns a needle's card only, and a true course there would be wrong.
+/// The course knob is magnetic. For a runway without a magnetic course the knob is left alone: on a localizer frequency it only
+/// turns a needle's card, and a true course there would be wrong.
 pub fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
     let frequency = runway
         .ils_frequency_mhz
@@ -423,7 +424,7 @@ pub fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
 /// An aircraft that X-Plane brings along.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AircraftFile {
-    /// What [`AIRCRAFT_ICAO`] reads while it is loaded.
+    /// Value of [`AIRCRAFT_ICAO`] while it is loaded.
     pub icao: &'static str,
     /// Its `.acf` file below X-Plane's folder.
     pub path: &'static str,
@@ -431,7 +432,7 @@ pub struct AircraftFile {
     pub size_m: (f64, f64),
 }
 
-/// The file of an aircraft as sweeps name it; `None` for one that we do not know, which a person has to load.
+/// The file of an aircraft by its name in sweeps; `None` for an unknown one, which the user must load.
 pub fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile> {
     let path = match (name, generation) {
         ("B737-800", Generation::XPlane11) => "Aircraft/Laminar Research/Boeing B737-800/b738.acf",
@@ -445,7 +446,7 @@ pub fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile>
     })
 }
 
-/// A frequency as [`NAV1_FREQUENCY`] counts it: whole tens of kilohertz.
+/// A frequency in the unit of [`NAV1_FREQUENCY`]: tens of kilohertz.
 pub fn nav_frequency_10khz(frequency_mhz: f64) -> f64 {
     (frequency_mhz * 100.0).round()
 }

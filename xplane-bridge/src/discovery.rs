@@ -1,8 +1,8 @@
 //! Finding simulators by the beacon that X-Plane sends once a second.
 //!
-//! In: how long to listen. Out: who announced itself, and where it takes packets. The beacon is multicast: it does not cross
-//! routers, and some networks drop it; then the address must be told. We join the group on the default interface and on the
-//! loopback one, which is where a simulator on this computer is heard.
+//! Input: how long to listen. Output: which simulators announced themselves, and their addresses. The beacon is multicast: it does
+//! not cross routers, and some networks drop it; then the address must be given. We join the group on the default interface and on
+//! loopback, where a simulator on this computer is heard.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -20,15 +20,15 @@ use crate::packet::{BEACON_GROUP, BEACON_PORT, Beacon, FromSimulator};
 pub const DISCOVERY_TIMEOUT: Duration = Duration::from_secs(3);
 /// [`Beacon::host`] of X-Plane; 2 is PlaneMaker.
 const HOST_X_PLANE: i32 = 1;
-/// [`Beacon::role`] of a simulator that flies; the others show what it flies.
+/// [`Beacon::role`] of a simulator that flies; the others only display.
 const ROLE_MASTER: u32 = 1;
 
 /// A simulator that announced itself.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Announced {
-    /// Where it takes UDP packets: the sender's address, the beacon's port.
+    /// Its UDP address: the sender's address, the beacon's port.
     pub address: SocketAddr,
-    /// What it says of itself.
+    /// The content of its beacon.
     pub beacon: Beacon,
 }
 
@@ -92,7 +92,7 @@ pub(crate) fn choose(
     }
 }
 
-/// A socket on the beacon's port, which it shares with whoever else listens there.
+/// A socket on the beacon's port, shared with other listeners.
 fn listen() -> io::Result<UdpSocket> {
     let socket = Socket::new(Domain::IPV4, Type::DGRAM, Some(Protocol::UDP))?;
     socket.set_reuse_address(true)?;

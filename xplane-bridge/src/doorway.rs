@@ -1,4 +1,4 @@
-//! Taking TCP clients: a few at a time, and no trouble with one of them ends the server.
+//! Accepts TCP clients: a few at a time, and no problem with one of them ends the server.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -8,10 +8,10 @@ use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::sleep;
 
-/// How long to wait after a client could not be taken: what is short, descriptors or memory, others have to give back first.
+/// Delay after a client could not be accepted: others must first release the scarce resource, descriptors or memory.
 const PAUSE: Duration = Duration::from_millis(100);
 
-/// Lets clients in as long as there is room; the others wait in the system's queue.
+/// Accepts clients as long as there is space; the others wait in the system's queue.
 #[derive(Debug)]
 pub struct Doorway {
     what: &'static str,
@@ -35,7 +35,7 @@ impl Doorway {
 
     /// The next client. Loses none when it is cancelled.
     pub async fn next(&self, listener: &TcpListener) -> (TcpStream, SocketAddr, Room) {
-        // The semaphore is never closed; a place that cannot be had would only mean that nobody counts.
+        // The semaphore is never closed; without a permit the client would only not be counted.
         let permit = self.room.clone().acquire_owned().await.ok();
         let mut failed_before = false;
         loop {
@@ -51,7 +51,7 @@ impl Doorway {
         }
     }
 
-    /// A place for somebody who came in another way, if there is one.
+    /// A place for a client that came in another way, if there is one.
     pub fn room(&self) -> Option<Room> {
         let permit = self.room.clone().try_acquire_owned().ok()?;
         Some(Room {
@@ -81,7 +81,7 @@ mod tests {
         assert!(doorway.room().is_none());
         let next = doorway.next(&listener);
         tokio::pin!(next);
-        // Polled once, it finds no room although a client waits.
+        // Polled once, it finds no space although a client waits.
         assert!(timeout(Duration::ZERO, &mut next).await.is_err());
         let first_from = first.1;
         drop(first);

@@ -1,4 +1,4 @@
-//! What can go wrong between us and a simulator, with what a person can do about it.
+//! Errors between us and a simulator, with what the user can do.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -11,14 +11,14 @@ use crate::pixels::PixelError;
 /// Why the simulator could not be made to do something.
 #[derive(Debug, thiserror::Error)]
 pub enum BridgeError {
-    /// The environment says something that cannot be understood.
+    /// An environment variable has an invalid value.
     #[error("the environment variable {name} is {found:?}: {why}")]
     BadVariable {
         /// Which variable.
         name: &'static str,
         /// What it is.
         found: String,
-        /// Why that is nothing, and what would do.
+        /// What is wrong with it, and what is expected.
         why: String,
     },
     /// Nothing came back over UDP.
@@ -70,7 +70,7 @@ pub enum BridgeError {
         simulator: String,
         /// Number of the view, from 0.
         view: usize,
-        /// What it cannot draw, as the link has it.
+        /// What it cannot draw, as named in the link.
         wanted: String,
     },
     /// The simulator is not the one that was set up.
@@ -86,7 +86,7 @@ pub enum BridgeError {
         /// How long it says it runs now.
         found_s: f32,
     },
-    /// A setting that was confirmed does not hold any more.
+    /// A confirmed setting has changed.
     #[error(
         "dataref {name} was set to {wanted} and confirmed, but {} now. Was the simulator restarted, or does another program \
          change it?", .found.map_or("does not answer".to_owned(), |value| format!("reads {value}"))
@@ -94,9 +94,9 @@ pub enum BridgeError {
     SettingLost {
         /// Which dataref.
         name: String,
-        /// What was confirmed.
+        /// The confirmed value.
         wanted: f32,
-        /// What it is now, if it answers.
+        /// The current value, if it answers.
         found: Option<f32>,
     },
     /// Simulated time does not move.
@@ -107,7 +107,7 @@ pub enum BridgeError {
     NotReady {
         /// Which simulator.
         address: SocketAddr,
-        /// How long was waited each time.
+        /// Duration of each wait.
         waited: Duration,
     },
     /// Another aircraft would be in the pictures.
@@ -115,14 +115,14 @@ pub enum BridgeError {
         "the aircraft that is loaded is {found}, expected {wanted} ({path}): load it in X-Plane, and run the same command again"
     )]
     WrongAircraft {
-        /// Type that the sweep names.
+        /// Type named by the sweep.
         wanted: &'static str,
-        /// Type that X-Plane says.
+        /// Type reported by X-Plane.
         found: String,
         /// File of the wanted one.
         path: &'static str,
     },
-    /// An aircraft of the right type that cannot be it.
+    /// An aircraft of the right type with impossible dimensions.
     #[error(
         "the aircraft that is loaded says that it is a {icao}, but is {found_m:.1} m large ({name}), expected about {expected_m:.1} m: true boxes \
          would not fit it. Load {path} in X-Plane, and run the same command again"
@@ -136,10 +136,10 @@ pub enum BridgeError {
         found_m: f64,
         /// What the type has.
         expected_m: f64,
-        /// File of an aircraft that has it.
+        /// File of an aircraft with the right ones.
         path: &'static str,
     },
-    /// The aircraft is not where a flight was to begin.
+    /// The aircraft is not where a flight should begin.
     #[error(
         "the aircraft was put to {wanted_latitude_deg:.4}, {wanted_longitude_deg:.4} {attempts} times ({by}), but {}",
         .found.map_or("its position never came (RPOS)".to_owned(), |(latitude, longitude)| format!("is at {latitude:.4}, {longitude:.4}"))
@@ -153,7 +153,7 @@ pub enum BridgeError {
         wanted_latitude_deg: f64,
         /// Where to.
         wanted_longitude_deg: f64,
-        /// Latitude and longitude of where it is, if known.
+        /// Its actual latitude and longitude, if known.
         found: Option<(f64, f64)>,
     },
     /// The Web API failed.
@@ -177,7 +177,7 @@ pub enum BridgeError {
         "cannot open the capture link at {address} (TCP), which the simulator announced: {source}. Is a firewall between?"
     )]
     CannotOpenLink {
-        /// Where it should listen.
+        /// Its expected address.
         address: SocketAddr,
         /// Why not.
         source: std::io::Error,
@@ -193,7 +193,7 @@ pub enum BridgeError {
     /// A packet could not be made.
     #[error(transparent)]
     Packet(#[from] PacketError),
-    /// The capture link broke or does not speak our language.
+    /// The capture link broke or the other side does not speak its protocol.
     #[error("capture link, while waiting for {doing}: {source}")]
     Link {
         /// What was expected.
@@ -214,7 +214,7 @@ pub enum BridgeError {
     /// An earlier failure left the link between two messages.
     #[error("the capture link was closed after an earlier failure; connect again")]
     LinkClosed,
-    /// The simulator refused.
+    /// The simulator rejected the request.
     #[error("the simulator refused {doing}: {text}")]
     Refused {
         /// What was asked.
@@ -222,7 +222,7 @@ pub enum BridgeError {
         /// What it said.
         text: String,
     },
-    /// The simulator answered something else.
+    /// The simulator gave an unexpected answer.
     #[error("capture link: expected {expected}, found {found}")]
     WrongAnswer {
         /// What was due.
@@ -230,7 +230,7 @@ pub enum BridgeError {
         /// What came.
         found: String,
     },
-    /// More captures asked for than the link may hold.
+    /// More captures requested than the link allows.
     #[error(
         "{outstanding} captures are outstanding, which is the most the capture link holds: receive a frame first"
     )]
@@ -238,10 +238,10 @@ pub enum BridgeError {
         /// How many.
         outstanding: usize,
     },
-    /// A frame awaited that nobody asked for.
+    /// A frame awaited without a request.
     #[error("no capture is outstanding: send one before receiving a frame")]
     NothingOutstanding,
-    /// Pictures cannot be had, or cannot be trusted.
+    /// Pictures are unavailable, or cannot be trusted.
     #[error(transparent)]
     Pixels(#[from] PixelError),
     /// Conditions that X-Plane cannot have.
@@ -250,7 +250,7 @@ pub enum BridgeError {
         /// Which and why.
         what: String,
     },
-    /// A dataref that does not take its value.
+    /// A dataref that does not accept its value.
     #[error(
         "dataref {name} was written {attempts} times as {wanted}, but {}. Does another plugin or a real-weather setting \
          hold it?", .found.map_or("never answered".to_owned(), |value| format!("reads {value}"))
@@ -262,10 +262,10 @@ pub enum BridgeError {
         attempts: u32,
         /// What was written.
         wanted: f32,
-        /// What came back, if anything did.
+        /// What was read back, if anything.
         found: Option<f32>,
     },
-    /// The weather that was set does not come.
+    /// The requested weather does not arrive.
     #[error(
         "the weather does not become what was set: {name} was set to {wanted}, but {} {patience:?} later, although it was written once more \
          and given as long again. X-Plane 12 keeps old clouds for up to a minute and lets temperatures slide for some; longer means that {}. \
@@ -278,16 +278,16 @@ pub enum BridgeError {
         name: String,
         /// What was written.
         wanted: f32,
-        /// What it reads, if it answers.
+        /// The current value, if it answers.
         found: Option<f32>,
-        /// How long was waited after each writing.
+        /// Time waited after each write.
         patience: Duration,
-        /// Who makes the weather, as X-Plane says.
+        /// The source of the weather, according to X-Plane.
         made_by: Option<WeatherSource>,
     },
 }
 
-/// Who keeps the weather from changing.
+/// What keeps the weather from changing.
 fn maker(source: Option<WeatherSource>) -> &'static str {
     match source {
         Some(WeatherSource::Real) => "real weather is on (weather_source reads 1)",

@@ -1,8 +1,8 @@
-//! What a live flight is asked to be: where it starts, which runway it lands on and how it comes down.
+//! The request for a live flight: its start, its runway and its vertical profile.
 //!
-//! These are the words of the capture link's `fly` message. The simulator flies them with its own flight model and
-//! autopilot (the stand-in with the model of `mock-xplane`), and answers with the states at its own rate. Wind and
-//! turbulence are no part of the request: they are the weather that the simulator has.
+//! These are the types of the capture link's `fly` message. The simulator flies it with its own flight model and autopilot (the
+//! stand-in with the model of `mock-xplane`), and answers with the states at its own rate. Wind and turbulence are not part of the
+//! request: they are the simulator's current weather.
 
 use dataset::geodesy::Geodetic;
 use dataset::runway::Runway;
@@ -16,17 +16,17 @@ use serde::{Deserialize, Serialize};
 pub struct FlightStart {
     /// Position of the centre of gravity.
     pub position: Geodetic,
-    /// Where the nose points, degrees true.
+    /// Heading, degrees true.
     pub heading_true_deg: f64,
-    /// True airspeed, metres per second. Never zero: an aircraft put into the air at rest falls out of it.
+    /// True airspeed, metres per second. Never zero: an aircraft put into the air at rest would fall.
     pub speed_mps: f64,
 }
 
-/// The vertical plan of an approach. Laterally all of them follow the localizer.
+/// The vertical profile of an approach. Laterally all of them follow the localizer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(tag = "kind", rename_all = "snake_case", deny_unknown_fields)]
 pub enum ApproachProfile {
-    /// Level until the glide path comes down to the aircraft, then down the glide path.
+    /// Level until the aircraft meets the glide path, then down the glide path.
     GlidePath {
         /// Altitude of the level segment above mean sea level, metres.
         level_altitude_msl_m: f64,
@@ -102,10 +102,9 @@ pub struct FlyRequest {
     pub profile: ApproachProfile,
     /// Seed of everything random in the flight (gusts, turbulence). X-Plane has no such seed and ignores it.
     pub seed: u64,
-    /// Give up when the flight has not landed after so much simulated time, seconds.
+    /// Give up if the flight has not landed after this much simulated time, seconds.
     pub time_limit_s: f64,
-    /// Whether the flight is in the air at its start already (X-Plane 12 started it over its Web API), so that the aircraft need
-    /// not be put there.
+    /// Whether the flight has already started in the air (by X-Plane 12's Web API), so that the aircraft need not be placed.
     #[serde(default)]
     pub already_started: bool,
 }

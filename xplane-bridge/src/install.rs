@@ -1,7 +1,7 @@
-//! Puts our plugin into an X-Plane folder: what is there is looked at first, and what cannot work is refused with its reason.
+//! Installs our plugin into an X-Plane folder: checks the installation first, and rejects what cannot work with the reason.
 //!
-//! In: the folder of X-Plane. Out: the files in `Resources/plugins/PythonPlugins`, and what a person still has to switch on. Done
-//! again, it writes only what differs; the settings file beside the plugin is the user's and never touched.
+//! Input: the folder of X-Plane. Output: the files in `Resources/plugins/PythonPlugins`, and the remaining steps for the user. A
+//! repeated run writes only what differs; the settings file next to the plugin is the user's and never touched.
 
 mod found;
 
@@ -20,7 +20,7 @@ macro_rules! plugin_file {
     };
 }
 
-/// The plugin as this program carries it: path below `PythonPlugins`, text.
+/// The plugin as embedded in this program: path below `PythonPlugins`, text.
 const FILES: [(&str, &str); 28] = [
     plugin_file!("PI_dtd_bridge.py"),
     plugin_file!("dtd_bridge/__init__.py"),
@@ -49,7 +49,7 @@ const FILES: [(&str, &str); 28] = [
     plugin_file!("dtd_bridge/traffic.py"),
     plugin_file!("dtd_bridge/wire.py"),
     plugin_file!("dtd_bridge/xp_api.py"),
-    // For whoever opens the folder.
+    // For users who open the folder.
     ("dtd_bridge/README.txt", README),
 ];
 
@@ -66,7 +66,7 @@ pub enum InstallError {
     NotXPlane {
         /// The folder.
         folder: PathBuf,
-        /// What X-Plane's has.
+        /// The version found.
         missing: &'static str,
     },
     /// X-Plane was never started.
@@ -97,7 +97,7 @@ pub enum InstallError {
         folder: PathBuf,
         /// Version of X-Plane.
         xplane: Version,
-        /// Which XPPython3 fits.
+        /// Which XPPython3 is needed.
         wanted: &'static str,
     },
     /// XPPython3 of another X-Plane.
@@ -113,7 +113,7 @@ pub enum InstallError {
     /// A file cannot be read or written.
     #[error("cannot {action} {}: {source}", path.display())]
     Io {
-        /// What was being done.
+        /// The operation.
         action: &'static str,
         /// The file.
         path: PathBuf,
@@ -122,15 +122,15 @@ pub enum InstallError {
     },
 }
 
-/// What became of a file.
+/// The result for a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FileChange {
-    /// New, or other than before.
+    /// New or changed.
     Written,
     /// As it was.
     Unchanged,
-    /// Of an older plugin.
+    /// From an older plugin.
     Removed,
 }
 
@@ -143,18 +143,18 @@ pub struct InstalledFile {
     pub change: FileChange,
 }
 
-/// What was done, and what is left to do.
+/// What was done, and the remaining steps.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct InstallReport {
     /// Version of X-Plane.
     pub xplane: String,
-    /// Version of XPPython3; `None` if it has never run, or does not say.
+    /// Version of XPPython3; `None` if it has never run, or its log lacks it.
     pub xppython3: Option<String>,
-    /// What may keep the plugin from working.
+    /// What may prevent the plugin from working.
     pub warnings: Vec<String>,
     /// The plugin's files.
     pub files: Vec<InstalledFile>,
-    /// What a person still has to do, in this order.
+    /// The user's remaining steps, in this order.
     pub next_steps: Vec<String>,
 }
 
@@ -189,7 +189,7 @@ pub fn install_plugin(folder: &Path) -> Result<InstallReport, InstallError> {
 /// Where XPPython3 looks for plugins.
 const PYTHON_PLUGINS: &str = "Resources/plugins/PythonPlugins";
 
-/// Writes a file whole or not at all, if it is not so already.
+/// Writes a file atomically, if its content differs.
 fn put(path: &Path, text: &str) -> Result<FileChange, InstallError> {
     if fs::read(path).is_ok_and(|bytes| bytes == text.as_bytes()) {
         return Ok(FileChange::Unchanged);
@@ -210,7 +210,7 @@ fn put(path: &Path, text: &str) -> Result<FileChange, InstallError> {
     Ok(FileChange::Written)
 }
 
-/// A module that an older plugin had would still be imported by nobody, but would puzzle everybody.
+/// Nothing would import a module left over from an older plugin, but it would confuse users.
 fn remove_stale(python_plugins: &Path) -> Result<Vec<InstalledFile>, InstallError> {
     let folder = python_plugins.join("dtd_bridge");
     let failed = |action, path: &Path| {

@@ -1,10 +1,9 @@
-//! Speaks to X-Plane: its UDP protocol, its datarefs and the capture link of our plugin.
+//! Communication with X-Plane: its UDP protocol, its datarefs and the capture link of our plugin.
 //!
-//! [`Simulator`] is the client that the generator uses; it cannot tell X-Plane from the stand-in. Below it lie, each usable
-//! alone: [`discovery`] (who announces itself), [`packet`] (bytes <-> UDP packets), [`subscription`] (datarefs that stay
-//! subscribed), [`datarefs`] (names, and the only conversion of units), [`web_api`] (X-Plane 12's own), [`link`] (the TCP
-//! link for poses and pictures), [`pixels`] (where the pixels of a drawn frame come from) and [`fly`] (what a live flight is
-//! asked to be).
+//! [`Simulator`] is the client that the generator uses; it treats X-Plane and the stand-in alike. Its parts can be used separately:
+//! [`discovery`] (beacons), [`packet`] (bytes <-> UDP packets), [`subscription`] (datarefs that stay subscribed), [`datarefs`]
+//! (names, and the only conversion of units), [`web_api`] (X-Plane 12's own), [`link`] (the TCP link for poses and pictures),
+//! [`pixels`] (sources of a drawn frame's pixels) and [`fly`] (requests for live flights).
 
 pub mod datarefs;
 pub mod discovery;

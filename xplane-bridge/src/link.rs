@@ -1,8 +1,8 @@
 //! The capture link: a TCP connection to our plugin inside the simulator (or to the stand-in), for what UDP cannot carry.
 //!
-//! UDP values have 32 bits, a metre of longitude; poses and pictures need 64 bits and megabytes. Form: after an 8-byte
-//! greeting in both directions, messages of two lengths, a JSON header and bytes. Answers come in the order of the
-//! requests, which may be pipelined. `docs/capture-link.md` describes it for whoever writes the other side.
+//! UDP values have 32 bits, a metre of longitude; poses and pictures need 64 bits and megabytes. Protocol: after an 8-byte greeting
+//! in both directions, messages of two lengths, a JSON header and bytes. Answers come in the order of the requests, which may be
+//! pipelined. `docs/capture-link.md` specifies it for other implementations.
 
 mod capture;
 mod description;
@@ -30,6 +30,6 @@ pub use wire::{
     read_payload, read_request, write_message,
 };
 
-/// Captures that a client may have outstanding. Their requests (some 700 bytes each) then always fit the socket's
-/// buffers, so that sending never waits for an answer that is itself waiting to be received.
+/// Maximum outstanding captures of a client. Their requests (some 700 bytes each) then always fit the socket's buffers, so that
+/// sending never waits for an answer that is itself waiting to be received.
 pub const MAX_OUTSTANDING_CAPTURES: usize = 64;

@@ -1,9 +1,9 @@
 //! X-Plane's UDP packets, `bytes <-> packet`, in both directions.
 //!
-//! In: a datagram, or a packet to say. Out: the packet, or the datagram. Nothing here knows a socket and nothing here
-//! panics: a datagram comes from anybody. The layouts are those of Laminar's "Exchanging data with X-Plane" (a
-//! four-character tag, one more byte that is ignored, a packed little-endian body); the tolerances are those that real
-//! clients were seen to need: the fifth byte is anything, commands come padded or unterminated, beacons vary in length.
+//! Input: a datagram, or a packet. Output: the packet, or the datagram. Nothing here uses sockets or panics: datagrams are
+//! untrusted. The layouts are those of Laminar's "Exchanging data with X-Plane" (a four-character tag, one more byte that is
+//! ignored, a packed little-endian body); the tolerances are those that real clients were seen to need: the fifth byte is anything,
+//! commands come padded or unterminated, beacons vary in length.
 
 mod aircraft_file;
 mod alert;
@@ -32,7 +32,7 @@ pub use subscription::{
     DatarefValue, DatarefValues, DatarefValuesView, MAX_VALUES_PER_REPLY, SubscribeDataref,
 };
 
-/// Why a datagram is no packet, or a packet no datagram.
+/// Why a datagram cannot be decoded, or a packet not encoded.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum PacketError {
     /// Fewer bytes than a tag.
@@ -41,7 +41,7 @@ pub enum PacketError {
         /// Bytes there were.
         found: usize,
     },
-    /// A tag that this direction does not know.
+    /// An unknown tag for this direction.
     #[error("unknown tag {tag:?} in a packet {direction}")]
     UnknownTag {
         /// The tag, escaped.
@@ -61,14 +61,14 @@ pub enum PacketError {
         /// Bytes there were.
         found: usize,
     },
-    /// A text that is not one.
+    /// An invalid text.
     #[error("{tag} packet: {field} is {found}, expected {expected}")]
     BadField {
         /// Which packet.
         tag: &'static str,
         /// Which field.
         field: &'static str,
-        /// What may stand there.
+        /// The allowed values.
         expected: &'static str,
         /// What stood there.
         found: String,
@@ -79,17 +79,17 @@ pub enum PacketError {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum ToSimulator {
-    /// `RREF`: send me this dataref so often.
+    /// `RREF`: send me this dataref at this rate.
     SubscribeDataref(SubscribeDataref),
     /// `DREF`: set a dataref.
     WriteDataref(WriteDataref),
-    /// `CMND`: do a command once.
+    /// `CMND`: run a command once.
     Command(Command),
-    /// `RPOS`: send me the aircraft's position so often.
+    /// `RPOS`: send me the aircraft's position at this rate.
     SubscribePosition(SubscribePosition),
     /// `VEHX` or `VEHS`: put the aircraft there.
     PlaceAircraft(PlaceAircraft),
-    /// `PREL`: begin a flight there.
+    /// `PREL`: start a flight there.
     PlaceAtStart(PlaceAtStart),
     /// `ACFN`: load another aircraft.
     LoadAircraft(LoadAircraft),

@@ -1,10 +1,11 @@
-//! Where the pixels of a drawn frame come from, and how it is proven that they are those of that frame.
+//! Sources of a drawn frame's pixels, and the proof that they belong to that frame.
 //!
-//! Four ways ([`PixelKind`]): the stand-in sends its pictures over the capture link (`link`); the plugin reads X-Plane's frame
-//! back from OpenGL and sends it (`gl`); the simulator only says that the frame is drawn, and the picture is grabbed from the screen
-//! (`screen`); or X-Plane writes a file, which the plugin sends (`screenshot`). To the client's core they are one trait, [`PixelSource`].
-//! The plugin proves that what it sends is the frame asked for; for the screen, [`ScreenSource`] proves by a check pattern, before the first picture and after the last, that what is grabbed is the window, whole and unscaled, and
-//! never an older frame than the one asked for.
+//! Four sources ([`PixelKind`]): the stand-in sends its pictures over the capture link (`link`); the plugin reads X-Plane's frame
+//! back from OpenGL and sends it (`gl`); the simulator only reports that the frame is drawn, and the picture is grabbed from the
+//! screen (`screen`); or X-Plane writes a file, which the plugin sends (`screenshot`). To the client's core they are one trait,
+//! [`PixelSource`]. The plugin proves that what it sends is the requested frame; for the screen, [`ScreenSource`] proves by a check
+//! pattern, before the first picture and after the last, that what is grabbed is the window, complete and unscaled, and never an
+//! older frame than the requested one.
 
 pub mod check_pattern;
 mod choice;
@@ -27,34 +28,34 @@ pub use screenshots::Screenshots;
 use crate::error::BridgeError;
 pub use crate::link::PixelKind;
 
-/// A picture that is still to come.
+/// A pending picture.
 pub type ComingPicture<'a> = Pin<Box<dyn Future<Output = Result<Vec<u8>, PixelError>> + Send + 'a>>;
 
-/// A proof that is still to come.
+/// A pending proof.
 pub type Confirmed<'a> = Pin<Box<dyn Future<Output = Result<(), BridgeError>> + Send + 'a>>;
 
 /// Shows check patterns: the simulator at the other end of the link.
 pub trait PatternDisplay: Send {
-    /// Shows the pattern of a code over the window, or takes it away; done when the simulator says that it is drawn.
+    /// Shows the pattern of a code over the window, or removes it; done when the simulator reports that it is drawn.
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_>;
 }
 
-/// Gives the pictures of frames that the simulator says it has drawn.
+/// Returns the pictures of frames that the simulator reports as drawn.
 pub trait PixelSource: Debug + Send {
     /// Which it is.
     fn kind(&self) -> PixelKind;
 
-    /// Captures that may be outstanding at once. A frame that has to stay on the screen until it is grabbed allows one.
+    /// Maximum outstanding captures. A frame that must stay on the screen until it is grabbed allows one.
     fn most_outstanding(&self) -> usize;
 
-    /// How late its pictures are at most, if that was measured.
+    /// Maximum delay of its pictures, if measured.
     fn lag(&self) -> Option<Lag> {
         None
     }
 
-    /// The picture of the frame just drawn. `payload` is what came with the simulator's answer: the picture, or memory for it.
+    /// The picture of the frame just drawn. `payload` came with the simulator's answer: the picture, or memory for it.
     fn picture(&mut self, payload: Vec<u8>) -> ComingPicture<'_>;
 
-    /// Proves after the last picture that what was proven before the first one still holds.
+    /// Proves after the last picture that the initial proof still holds.
     fn confirm<'a>(&'a mut self, display: &'a mut dyn PatternDisplay) -> Confirmed<'a>;
 }

@@ -1,8 +1,8 @@
 //! What `dtd doctor` measured of one installation of X-Plane, where reports contradict each other or there are none.
 //!
-//! In: a few minutes of writing, reading and looking at pictures ([`crate::doctor`]). Out: a record that the plugin keeps beside itself and
-//! gives to every client with its `hello`, so that whichever computer a client runs on, it knows. [`crate::Simulator`] uses what it
-//! can; the rest is for people, who send it to us.
+//! Input: a few minutes of writing, reading and examining pictures ([`crate::doctor`]). Output: a record that the plugin stores and
+//! sends to every client with its `hello`, on whichever computer. [`crate::Simulator`] uses some of it; the rest is for people, who
+//! send it to us.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -15,21 +15,21 @@ use serde_json::Value;
 use crate::datarefs::{DatarefWrite, WIND_SPEED};
 use crate::link::{PictureSize, PixelKind};
 
-/// Version of the record. Another one is measured again.
+/// Version of the record. Records of another version are measured again.
 pub const PROFILE_FORMAT: u32 = 1;
 
-/// Something that was to be measured.
+/// A measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Finding<T> {
     /// It was.
     Found(T),
-    /// It was not, for this reason.
+    /// It was not made, for this reason.
     NotMeasured(String),
 }
 
 impl<T> Finding<T> {
-    /// What was found, if anything.
+    /// The result, if any.
     pub fn found(&self) -> Option<&T> {
         match self {
             Self::Found(value) => Some(value),
@@ -38,7 +38,7 @@ impl<T> Finding<T> {
     }
 }
 
-/// In which unit X-Plane takes `wind_speed_msc`.
+/// The unit in which X-Plane takes `wind_speed_msc`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum WindUnit {
@@ -48,18 +48,18 @@ pub enum WindUnit {
     Knots,
 }
 
-/// In what order the plugin is called back.
+/// The order of the plugin's callbacks.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct CallbackOrders {
     /// Frames that were watched.
     pub frames: u32,
-    /// How far X-Plane's cycle number moved in them.
+    /// How far X-Plane's cycle number advanced in them.
     pub cycles: u32,
-    /// Callbacks after the one before the flight model, and in how many frames they came so.
+    /// Callbacks after the one before the flight model, and the number of frames with that order.
     pub orders: BTreeMap<String, u32>,
 }
 
-/// How a grabbed screen follows what is drawn.
+/// The delay of a grabbed screen.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Grabbing {
     /// Grabs that still showed something older, at most.
@@ -68,7 +68,7 @@ pub struct Grabbing {
     pub lag_ms: f64,
 }
 
-/// All that was measured.
+/// All measurements.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Profile {
     /// [`PROFILE_FORMAT`].
@@ -81,33 +81,33 @@ pub struct Profile {
     pub simulator: String,
     /// Name and version of the plugin, if one serves the link.
     pub plugin: Option<String>,
-    /// How pictures came, if they did.
+    /// The source of the pictures, if there were any.
     pub pixels: Option<PixelKind>,
-    /// The window that X-Plane draws into, which is the only size of its pictures.
+    /// The window that X-Plane draws into, which is the only possible picture size.
     pub window: Finding<PictureSize>,
-    /// How the screen is grabbed.
+    /// The delay of screen grabs.
     pub grabbing: Finding<Grabbing>,
     /// The unit of `wind_speed_msc`.
     pub wind_unit: Finding<WindUnit>,
-    /// Whether a visibility that was written shows only after `regen_weather`.
+    /// Whether a written visibility shows only after `regen_weather`.
     pub visibility_needs_regeneration: Finding<bool>,
-    /// Whether clouds that were written, and read back, show only after `regen_weather`.
+    /// Whether written clouds that read back show only after `regen_weather`.
     pub clouds_need_regeneration: Finding<bool>,
     /// How long clouds take to read back, seconds of simulated time.
     pub clouds_take_s: Finding<f64>,
     /// Whether a pose and a camera that are written in a pause are drawn.
     pub pause_shows_poses: Finding<bool>,
-    /// After how many frames two pictures in a row agree when the aircraft has moved.
+    /// After how many frames two consecutive pictures are equal when the aircraft has moved.
     pub frames_until_still: Finding<u32>,
-    /// After how many frames a picture is the final one when the camera has turned: shadows and exposure.
+    /// After how many frames a picture is final when the camera has turned: shadows and exposure.
     pub frames_until_settled: Finding<u32>,
-    /// Whether pictures of a scene that stands still move by themselves in a pause: water.
+    /// Whether pictures of a static scene move by themselves in a pause: water.
     pub still_pictures_move: Finding<bool>,
-    /// In what order the plugin is called back.
+    /// The order of the plugin's callbacks.
     pub callbacks: Finding<CallbackOrders>,
 }
 
-/// Why a profile is of no use.
+/// Why a profile cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ProfileError {
     /// Written by another version.
@@ -132,22 +132,22 @@ pub enum ProfileError {
     },
 }
 
-/// What is known of the simulator at the other end.
+/// What is known of the connected simulator.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub enum KnownProfile {
     /// Nothing was measured.
     #[default]
     None,
-    /// Something was, and is of no use.
+    /// There is a profile, but it cannot be used.
     Unusable(ProfileError),
     /// All of this.
     Current(Box<Profile>),
-    /// What pictures show, looked at by this client for itself; of the weather nothing.
+    /// This client's own checks of the pictures; nothing about the weather.
     PicturesOnly(Box<Profile>),
 }
 
 impl KnownProfile {
-    /// What came with a `hello` of this simulator and plugin.
+    /// The profile in a `hello` of this simulator and plugin.
     pub(crate) fn of(kept: Option<Value>, simulator: &str, plugin: Option<&str>) -> Self {
         let Some(kept) = kept else {
             return Self::None;
@@ -158,7 +158,7 @@ impl KnownProfile {
         }
     }
 
-    /// The profile, if it may be used.
+    /// The profile, if usable.
     pub fn current(&self) -> Option<&Profile> {
         match self {
             Self::Current(profile) | Self::PicturesOnly(profile) => Some(profile),
@@ -167,7 +167,7 @@ impl KnownProfile {
     }
 }
 
-/// For people: which profile is used, or how to get one.
+/// As text: which profile is used, or how to get one.
 impl fmt::Display for KnownProfile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -217,31 +217,31 @@ impl Profile {
         }
     }
 
-    /// Frames that a new pose and camera are drawn before the one that counts, `usual` or more.
+    /// Frames that a new pose and camera are drawn before the one that counts, at least `usual`.
     pub(crate) fn settle_frames(&self, usual: u32) -> u32 {
         let measured = self.frames_until_settled.found();
         usual.max(measured.copied().unwrap_or(0))
     }
 
-    /// Whether weather has to be regenerated before it shows. Unless it was seen that it need not be, it has to.
+    /// Whether weather must be regenerated before it shows. True unless it was measured to be unnecessary.
     pub(crate) fn regenerates(&self) -> bool {
         let needed = |finding: &Finding<bool>| finding.found() != Some(&false);
         needed(&self.visibility_needs_regeneration) || needed(&self.clouds_need_regeneration)
     }
 
-    /// How long weather may take, `usual` or more: half as long again as clouds took.
+    /// How long weather may take, at least `usual`: one and a half times as long as clouds took.
     pub(crate) fn weather_patience(&self, usual: Duration) -> Duration {
         let took_s = self.clouds_take_s.found().copied().unwrap_or(0.0);
         let measured = Duration::try_from_secs_f64(1.5 * took_s.min(600.0));
         usual.max(measured.unwrap_or_default())
     }
 
-    /// Whether time has to run while pictures are taken, because a pause shows nothing new.
+    /// Whether time must run while pictures are taken, because a pause shows nothing new.
     pub(crate) fn time_has_to_run(&self) -> bool {
         self.pause_shows_poses.found() == Some(&false)
     }
 
-    /// Why nobody knows whether a picture shows what was written, if so.
+    /// Why it is unknown whether a picture shows what was written, if so.
     fn pictures_in_doubt(&self) -> Option<&str> {
         match (&self.pause_shows_poses, &self.frames_until_settled) {
             (Finding::NotMeasured(why), _) | (_, Finding::NotMeasured(why)) => Some(why),
@@ -249,7 +249,7 @@ impl Profile {
         }
     }
 
-    /// Whether pictures move by themselves, so that two of the same pose are no proof of anything.
+    /// Whether pictures move by themselves, so that two equal ones prove nothing.
     pub(crate) fn pictures_move(&self) -> bool {
         self.still_pictures_move.found() == Some(&true)
     }
@@ -259,7 +259,7 @@ impl Profile {
         self.wind_unit.found() == Some(&WindUnit::Knots)
     }
 
-    /// Weather as it has to be written here: winds in X-Plane's own unit.
+    /// Weather as it must be written here: winds in X-Plane's own unit.
     pub(crate) fn in_its_units(&self, mut writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
         if self.winds_are_in_knots() {
             let winds = writes

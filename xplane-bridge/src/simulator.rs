@@ -1,7 +1,7 @@
 //! The client: one connected simulator, by UDP and capture link.
 //!
-//! Goes in: conditions, flights to fly, poses and cameras to draw. Comes out: flight states and pictures. Everything has a
-//! time limit; whatever may be lost (UDP) is asked again; whatever was set is read back.
+//! Input: conditions, flights to fly, poses and cameras to draw. Output: flight states and pictures. Everything has a timeout;
+//! whatever may be lost (UDP) is requested again; every setting is read back.
 
 mod commands;
 mod conditions;
@@ -48,44 +48,44 @@ use udp::UdpClient;
 pub use udp::somebody_answers;
 use vigil::Vigil;
 
-/// How long [`Simulator::connect`] may reasonably wait.
+/// A reasonable timeout for [`Simulator::connect`].
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
-/// How long a picture may take: X-Plane loads scenery after a jump.
+/// Timeout of a picture: X-Plane loads scenery after a jump.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
-/// How long a freeze or a release may take.
+/// Timeout of a freeze or a release.
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
-/// How long X-Plane's weather takes to show, if the plugin does not say, seconds.
+/// How long X-Plane's weather takes to show, if the plugin does not report it, seconds.
 const WEATHER_SETTLE_S: f32 = 15.0;
-/// What is left of the time to connect for opening the capture link, once the simulator has answered.
+/// Time reserved for opening the capture link once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
 
-/// Frames that X-Plane draws with a new pose and camera before the one that counts, unless told otherwise: what is written
-/// in one frame is drawn in the next, and shadows and effects follow one later.
+/// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: what is written in one frame
+/// is drawn in the next, and shadows and effects follow one later.
 pub const SETTLE_FRAMES: u32 = 3;
-/// The same where pictures come off the screen. A picture that the plugin reads back is proven by what it shows; here frames are only counted,
-/// and clients of a live X-Plane were seen to wait for up to four.
+/// The same where pictures come off the screen. A picture that the plugin reads back is proven by its content; here frames are only
+/// counted, and clients of a live X-Plane were seen to wait for up to four.
 const SETTLE_FRAMES_ON_SCREEN: u32 = 5;
 
-/// Who is at the other end.
+/// The connected simulator.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SimulatorDescription {
     /// Name of the simulator.
     pub name: String,
     /// Its version.
     pub version: String,
-    /// Version of the capture link that both sides speak.
+    /// Version of the capture link in use.
     pub capture_link: u32,
-    /// Name and version of the plugin that serves the link; `None` if it is the simulator itself.
+    /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
     pub plugin: Option<String>,
-    /// Where pictures can come from, the best first.
+    /// Sources of pictures, the best first.
     pub pixels: Vec<PixelKind>,
     /// The window that shows what is drawn, if there is one.
     pub window: Option<SimulatorWindow>,
-    /// The only size that its pictures can have; `None` if they can have any, or it does not say.
+    /// The only possible picture size; `None` if any size is possible, or it is unknown.
     pub drawn_size: Option<PictureSize>,
-    /// Whether it can draw through lenses, bent and turbulent air and with noise.
+    /// Whether it can draw lenses, refraction, turbulent air and noise.
     pub imaging: bool,
-    /// What was measured of it.
+    /// Its profile.
     pub profile: KnownProfile,
     /// Whether a tape gives the answers.
     pub replayed: bool,
@@ -102,19 +102,19 @@ pub struct Simulator {
     generation: Generation,
     weather_settle: Duration,
     settle_frames: u32,
-    /// Where the pixels of a drawn frame come from.
+    /// Source of the pixels.
     pixels: Box<dyn PixelSource>,
     /// The screen that shows them.
     drawn_on: DrawnOn,
-    /// What was set last. Its clock is set again exactly once it stands still.
+    /// The last settings. The clock is set again exactly once it stands still.
     conditions: Option<Conditions>,
-    /// Sees to it that they stay set.
+    /// Checks that they stay set.
     vigil: Option<Vigil>,
-    /// The aircraft that flies, as sweeps name it.
+    /// The aircraft in use, by its name in sweeps.
     aircraft: Option<String>,
-    /// The flight that has begun and is still to be flown, and whether it is in the air.
+    /// The started flight that is still to be flown, and whether it is in the air.
     begun: Option<(FlightStart, bool)>,
-    /// With the memory that was lent for the picture, if it does not travel.
+    /// With the memory that was lent for the picture, if it is shared.
     outstanding: VecDeque<(CaptureRequest, Option<SharedPicture>)>,
     sharing: Sharing,
     spare_buffers: Vec<Vec<u8>>,
@@ -133,9 +133,9 @@ impl Simulator {
     /// [`Simulator::connect`] with other options.
     ///
     /// # Errors
-    /// Within `timeout`: [`BridgeError::NobodyAnswers`], [`BridgeError::NoPlugin`] or [`BridgeError::CannotOpenLink`],
-    /// which say what to do; [`BridgeError::Link`] if the other side is of another version; [`BridgeError::Refused`] if it
-    /// demands another token.
+    /// Within `timeout`: [`BridgeError::NobodyAnswers`], [`BridgeError::NoPlugin`] or [`BridgeError::CannotOpenLink`], which say
+    /// what to do; [`BridgeError::Link`] if the other side has another version; [`BridgeError::Refused`] if it requires another
+    /// token.
     pub async fn connect_with(
         address: SocketAddr,
         timeout: Duration,
@@ -248,31 +248,31 @@ impl Simulator {
         })
     }
 
-    /// Who is at the other end.
+    /// The connected simulator.
     pub fn description(&self) -> &SimulatorDescription {
         &self.description
     }
 
-    /// Sets how many frames X-Plane draws with a new pose and camera before the one that counts, from the next freeze on. More, where its
-    /// profile says so.
+    /// Sets how many frames X-Plane draws with a new pose and camera before the one that counts, from the next freeze on. More, if
+    /// its profile says so.
     pub fn set_settle_frames(&mut self, frames: u32) {
         self.settle_frames = frames;
     }
 
-    /// Says which aircraft flies, as sweeps name it. One that X-Plane brings along is loaded when a flight begins; any other
-    /// is for a person to load.
+    /// Sets the aircraft, by its name in sweeps. One that comes with X-Plane is loaded when a flight begins; any other must be
+    /// loaded by the user.
     pub fn set_aircraft(&mut self, name: &str) {
         self.aircraft = Some(name.to_owned());
     }
 
-    /// Flies an approach with the simulator's own flight model and the weather it has; the states at its own rate.
+    /// Flies an approach with the simulator's own flight model in its current weather; returns the states at its own rate.
     ///
-    /// Begins the flight and tunes the instrument landing system first. The autopilot is engaged by our plugin where it serves the
-    /// link, and from here otherwise.
+    /// Starts the flight and tunes the instrument landing system first. Our plugin engages the autopilot where it serves the link;
+    /// otherwise this client does.
     ///
     /// # Errors
-    /// If the aircraft, the radios or the autopilot do not take their settings, the simulator gives up, or it does not have
-    /// the conditions any more that were set.
+    /// The aircraft, the radios or the autopilot do not accept their settings, the simulator gives up, or its conditions have
+    /// changed.
     pub async fn fly(&mut self, request: &FlyRequest) -> Result<Vec<FlightState>, BridgeError> {
         let already_started = match self.begun.take() {
             Some((start, in_the_air)) if start == request.start => in_the_air,
@@ -287,8 +287,8 @@ impl Simulator {
         self.resume().await?;
         let radios = datarefs::approach_writes(&request.runway);
         self.write_until_read_back(&radios).await?;
-        // Our plugin holds the aircraft until it lets it go with a velocity, and engages the autopilot itself, once the aircraft is in the air: two
-        // who press its buttons switch it off again.
+        // Our plugin holds the aircraft until it releases it with a velocity, and engages the autopilot itself, once the aircraft
+        // is in the air: two sides that press its buttons switch it off again.
         if self.description.plugin.is_none() {
             self.let_aircraft_go().await?;
             self.engage_approach().await?;
@@ -324,12 +324,12 @@ impl Simulator {
     /// [`Simulator::set_conditions`] is set once more, now that it stands still.
     ///
     /// # Errors
-    /// If the simulator refuses, or its clock does not take the time.
+    /// The simulator rejects it, or its clock does not accept the time.
     pub async fn freeze(&mut self, runway: &Runway) -> Result<(), BridgeError> {
         self.freeze_imaging(runway, &[]).await
     }
 
-    /// [`Simulator::freeze`] for views that are seen through lenses, air and sensors, in the order of the views.
+    /// [`Simulator::freeze`] with lenses, air and sensors, in the order of the views.
     ///
     /// # Errors
     /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal pictures only.
@@ -373,7 +373,7 @@ impl Simulator {
         }
     }
 
-    /// The clock, if time has to run while pictures are taken: X-Plane's rain and snow fall only then.
+    /// The clock, if time must run while pictures are taken: X-Plane's rain and snow fall only then.
     fn running_at(&self) -> Option<Clock> {
         self.description.plugin.as_ref()?;
         let conditions = self.conditions.as_ref()?;
@@ -383,7 +383,7 @@ impl Simulator {
         needed.then_some(conditions.clock)
     }
 
-    /// Frames that settle: as many as were set, or were measured to be needed.
+    /// Settle frames: as many as were set, or were measured to be needed.
     fn frames_to_settle(&self) -> u32 {
         match self.description.profile.current() {
             Some(profile) => profile.settle_frames(self.settle_frames),
@@ -406,7 +406,7 @@ impl Simulator {
         }
     }
 
-    /// Asks for one view of one tick. Several may be outstanding; [`Simulator::receive_frame`] returns them in this order.
+    /// Requests one view of one tick. Several may be outstanding; [`Simulator::receive_frame`] returns them in this order.
     ///
     /// # Errors
     /// If 64 are outstanding, or the link is broken.
@@ -439,8 +439,8 @@ impl Simulator {
     /// The picture of the oldest outstanding capture.
     ///
     /// # Errors
-    /// If nothing is outstanding, nothing comes for a minute, the simulator refuses, it does not have the conditions any more
-    /// that were set, or what comes is no answer to that capture. Whether the drawn pose is the asked one is left to the caller, who records it.
+    /// Nothing is outstanding, nothing comes for a minute, the simulator rejects it, its conditions have changed, or the answer
+    /// does not belong to that capture. The caller checks whether the drawn pose is the requested one.
     pub async fn receive_frame(&mut self) -> Result<CapturedFrame, BridgeError> {
         let (request, lent) = self
             .outstanding
@@ -489,7 +489,7 @@ impl Simulator {
         Ok(CapturedFrame::new(header, rgb))
     }
 
-    /// Gives a picture's memory back for the next frames. Optional: fresh memory costs milliseconds a frame.
+    /// Returns a picture's memory for the next frames. Optional: fresh memory costs milliseconds a frame.
     pub fn recycle(&mut self, rgb: PictureBytes) {
         match rgb {
             PictureBytes::Own(rgb) if self.spare_buffers.len() < MAX_OUTSTANDING_CAPTURES => {
@@ -500,10 +500,10 @@ impl Simulator {
         }
     }
 
-    /// Lets the simulator run again and takes leave: nothing stays subscribed.
+    /// Lets the simulator run again and disconnects: nothing stays subscribed.
     ///
     /// # Errors
-    /// If the simulator does not confirm. What can be undone is undone nevertheless.
+    /// The simulator does not confirm. Everything that can be undone is undone nevertheless.
     pub async fn release(mut self) -> Result<(), BridgeError> {
         let discarded = self.discard_outstanding().await;
         let released = match discarded {
@@ -533,7 +533,7 @@ impl Simulator {
     }
 }
 
-/// An answer that does not belong to its question.
+/// An answer that does not match its request.
 fn wrong(expected: &str, found: &Answer) -> BridgeError {
     BridgeError::WrongAnswer {
         expected: expected.to_owned(),
@@ -541,7 +541,7 @@ fn wrong(expected: &str, found: &Answer) -> BridgeError {
     }
 }
 
-/// Waits for something of the link until a moment.
+/// Waits for the link until a deadline.
 async fn before<T>(
     doing: &'static str,
     limit: Duration,

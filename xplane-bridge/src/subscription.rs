@@ -1,8 +1,8 @@
-//! Datarefs that stay subscribed, whatever happens to the simulator.
+//! Datarefs that stay subscribed, even if the simulator restarts.
 //!
-//! In: an address, names, a rate. Out: the newest value of each and when it came. A task of its own asks in batches that
-//! X-Plane takes, asks again for what was lost, and subscribes anew when values stop, since nothing survives a restart of the
-//! simulator. Whoever drops a subscription ends it there: a leaked one would be sent for ever.
+//! Input: an address, names, a rate. Output: the newest value of each and its arrival time. A separate task sends requests in
+//! batches that X-Plane accepts, repeats lost ones, and subscribes again when values stop, since nothing survives a restart of the
+//! simulator. Dropping a subscription ends it there: a leaked one would be sent forever.
 
 mod roll;
 
@@ -20,13 +20,13 @@ use crate::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
 use crate::udp_socket::{is_refused, open};
 use roll::Roll;
 
-/// Requests at one go. X-Plane takes about 140 in one of its frames and loses the others silently.
+/// Requests per batch. X-Plane handles about 140 in one of its frames and loses the others silently.
 pub(crate) const BATCH: usize = 100;
 /// Time between batches: X-Plane draws several frames in it.
 pub(crate) const BATCH_PAUSE: Duration = Duration::from_millis(100);
-/// A simulator that sends nothing for so long has forgotten us, or is gone.
+/// A simulator that is silent for this long has forgotten us, or is gone.
 pub const SILENCE: Duration = Duration::from_millis(2_500);
-/// How long to listen on leaving for values of subscriptions whose end was lost.
+/// How long to listen on exit for values of subscriptions whose end was lost.
 const LEAVE_PAUSE: Duration = Duration::from_millis(60);
 
 /// The newest value of a dataref.
@@ -57,7 +57,7 @@ impl Subscription {
     /// Subscribes to `names` at the simulator that takes packets at `address`. Returns at once; values come as they come.
     ///
     /// # Errors
-    /// If no socket can be had. A simulator that is not there is none: it may come.
+    /// No socket is available. A missing simulator is not an error: it may come.
     pub async fn start(
         address: SocketAddr,
         names: impl IntoIterator<Item = String>,
@@ -78,12 +78,12 @@ impl Subscription {
         })
     }
 
-    /// The newest values, in the order of the names; `None` for those that have not come yet.
+    /// The newest values, in the order of the names; `None` for those that have not arrived yet.
     pub fn readings(&self) -> Vec<Option<Reading>> {
         self.readings.borrow().clone()
     }
 
-    /// Whether there are other values than at the last call. Cheap.
+    /// Whether values changed since the last call. Cheap.
     pub fn has_changed(&mut self) -> bool {
         let changed = self.readings.has_changed().unwrap_or(false);
         if changed {
@@ -92,13 +92,13 @@ impl Subscription {
         changed
     }
 
-    /// Waits until values come. Cancel safe.
+    /// Waits until values arrive. Cancel safe.
     pub async fn changed(&mut self) {
         // The task that sends lives as long as this.
         let _ = self.readings.changed().await;
     }
 
-    /// Ends it, and listens for a moment whether something still comes. Dropping ends it too, but does not listen.
+    /// Ends it, and listens for a moment whether something still arrives. Dropping ends it, too, but does not listen.
     pub async fn end(self) {
         self.task.abort();
         self.shared.say_end();
@@ -132,14 +132,14 @@ impl Shared {
         self.roll.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Ends all that was ever asked for. Once is enough.
+    /// Ends everything that was ever requested. Once is enough.
     fn say_end(&self) {
         for index in self.roll().end() {
             self.send_now(&end_of(index));
         }
     }
 
-    /// Waits until the socket takes it. (A fresh one is not known to be writable, so that trying at once would lose everything.)
+    /// Waits until the socket is writable. (A fresh one is not known to be, so that trying at once would lose everything.)
     async fn send(&self, request: SubscribeDataref) {
         if let Ok(datagram) = ToSimulator::SubscribeDataref(request).encode() {
             let _ = self.socket.send(&datagram).await;
@@ -153,7 +153,7 @@ impl Shared {
     }
 }
 
-/// Asks and listens until it is aborted.
+/// Sends and listens until it is aborted.
 async fn keep(shared: Arc<Shared>, readings: watch::Sender<Vec<Option<Reading>>>) {
     let mut buffer = [0; 2048];
     loop {
@@ -169,7 +169,7 @@ async fn keep(shared: Arc<Shared>, readings: watch::Sender<Vec<Option<Reading>>>
             Err(_) => continue,
             Ok(Ok(length)) => length,
             Ok(Err(error)) => {
-                // "Connection refused" answers an earlier datagram: nobody listens, maybe not yet.
+                // "Connection refused" answers an earlier datagram: nobody listens, perhaps not yet.
                 if !is_refused(&error) {
                     tracing::warn!(address = %shared.address, %error, "subscription");
                 }

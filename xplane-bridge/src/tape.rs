@@ -1,11 +1,11 @@
-//! The tape: a whole X-Plane session as one MCAP file, for replay, for tests without a simulator and for looking into.
+//! The tape: a whole X-Plane session as one MCAP file, for replay, for tests without a simulator and for inspection.
 //!
-//! [`record`] is a proxy between any clients and one simulator: UDP in both directions, and the capture link. Everything
-//! that passes is written with the moment at which it passed, byte for byte, before it is passed on. [`TapeReader`] gives
-//! it back in that order, also from a tape whose recorder was killed. `dtd mock-xplane --tape` answers clients from it.
+//! [`record`] is a proxy between any clients and one simulator: UDP in both directions, and the capture link. All traffic is
+//! written with its time, byte for byte, before it is forwarded. [`TapeReader`] returns it in that order, also from a tape whose
+//! recorder was killed. `dtd mock-xplane --tape` answers clients from it.
 //!
-//! What is on it ([`format`](self::format) says it in code, `docs/tape.md` for other readers): a channel per client and
-//! direction, one datagram or one message of the link to a message of MCAP.
+//! The content ([`format`](self::format) defines it in code, `docs/tape.md` for other readers): a channel per client and direction,
+//! one datagram or one message of the link per MCAP message.
 
 mod chunk;
 mod error;

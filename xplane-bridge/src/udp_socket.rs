@@ -7,7 +7,7 @@ use tokio::net::UdpSocket;
 
 use crate::error::BridgeError;
 
-/// Opens a socket that talks to this address only. Sends nothing yet.
+/// Opens a socket that talks only to this address. Sends nothing yet.
 pub(crate) async fn open(address: SocketAddr) -> Result<UdpSocket, BridgeError> {
     let any: SocketAddr = match address {
         SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
@@ -22,7 +22,7 @@ pub(crate) async fn open(address: SocketAddr) -> Result<UdpSocket, BridgeError> 
         .map_err(|source| BridgeError::Udp { address, source })
 }
 
-/// Whether an error is only the answer to an earlier datagram: nobody listens, maybe not yet.
+/// Whether an error is only the answer to an earlier datagram: nobody listens, perhaps not yet.
 pub(crate) fn is_refused(error: &io::Error) -> bool {
     matches!(
         error.kind(),

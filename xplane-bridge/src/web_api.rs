@@ -1,8 +1,8 @@
 //! X-Plane 12's own Web API: HTTP with JSON on the simulator's computer, since 12.1.1.
 //!
-//! In: an address (X-Plane answers on 127.0.0.1:8086 only). Out: datarefs read and written, commands done, flights begun; all
-//! of them with an answer, which UDP does not give. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0)
-//! flights. Identifiers are valid for one session of the simulator, so that every call looks its own up.
+//! Input: an address (X-Plane answers only on 127.0.0.1:8086). Output: datarefs read and written, commands run, flights started;
+//! all of them are acknowledged, unlike with UDP. Three versions: v1 has datarefs, v2 (12.1.4) commands, v3 (12.4.0) flights.
+//! Identifiers are valid for one session of the simulator, so every call looks up its own.
 
 mod flight;
 
@@ -16,18 +16,18 @@ use serde_json::{Value, json};
 
 pub use flight::{AirStart, flight_body};
 
-/// Where X-Plane serves it, unless started with another `--web_server_port`.
+/// X-Plane's default port, unless started with another `--web_server_port`.
 pub const DEFAULT_ADDRESS: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8086);
-/// How long an answer may take.
+/// Timeout of an answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);
-/// How long the answer to beginning a flight may take: X-Plane loads the aircraft and the scenery first.
+/// Timeout of starting a flight: X-Plane loads the aircraft and the scenery first.
 const FLIGHT_TIMEOUT: Duration = Duration::from_secs(180);
 
-/// Why the Web API did not do something.
+/// Why a call to the Web API failed.
 #[derive(Debug, thiserror::Error)]
 pub enum WebApiError {
-    /// Nobody serves HTTP there, or not in time.
+    /// Nothing serves HTTP there, or not in time.
     #[error("no Web API at {address}, while {doing}: {source}")]
     NotReached {
         /// Where we asked.
@@ -37,7 +37,7 @@ pub enum WebApiError {
         /// Why not.
         source: reqwest::Error,
     },
-    /// X-Plane refuses all of it.
+    /// X-Plane rejects all requests.
     #[error(
         "X-Plane refuses its Web API at {address}: switch on Settings > Network > \"Accept incoming connections\""
     )]
@@ -70,10 +70,10 @@ pub enum WebApiError {
         needed: &'static str,
         /// Version of the simulator.
         found: String,
-        /// Since when it would do.
+        /// The minimum version.
         since: &'static str,
     },
-    /// It answered that it cannot.
+    /// It answered with an error.
     #[error("the Web API at {address} answered {status} to {doing}: {text}")]
     Refused {
         /// Where we asked.
@@ -85,7 +85,7 @@ pub enum WebApiError {
         /// What it said.
         text: String,
     },
-    /// An answer of another form.
+    /// An answer in an unexpected format.
     #[error("the Web API at {address} answered {found} to {doing}, expected {expected}")]
     WrongAnswer {
         /// Where we asked.
@@ -136,13 +136,13 @@ struct SimulatorVersion {
     version: String,
 }
 
-/// What every answer has around it.
+/// The envelope of every answer.
 #[derive(Deserialize)]
 struct Data<T> {
     data: T,
 }
 
-/// What an error looks like.
+/// The format of an error.
 #[derive(Deserialize)]
 struct Problem {
     error_message: Option<String>,
@@ -150,10 +150,10 @@ struct Problem {
 }
 
 impl WebApi {
-    /// Asks who is there, waiting at most `timeout`.
+    /// Queries the simulator's identity, waiting at most `timeout`.
     ///
     /// # Errors
-    /// [`WebApiError::NotReached`] if nobody is, [`WebApiError::Forbidden`] if X-Plane is but takes no connections.
+    /// [`WebApiError::NotReached`] if there is none, [`WebApiError::Forbidden`] if X-Plane accepts no connections.
     pub async fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, WebApiError> {
         let doing = "asking for its capabilities";
         let http = Client::builder()
@@ -188,12 +188,12 @@ impl WebApi {
         &self.capabilities.simulator.version
     }
 
-    /// Whether commands can be done (since X-Plane 12.1.4).
+    /// Whether commands are supported (since X-Plane 12.1.4).
     pub fn has_commands(&self) -> bool {
         self.has("v2")
     }
 
-    /// Whether flights can be begun (since X-Plane 12.4.0).
+    /// Whether starting flights is supported (since X-Plane 12.4.0).
     pub fn has_flights(&self) -> bool {
         self.has("v3")
     }
@@ -203,7 +203,7 @@ impl WebApi {
         versions.iter().any(|found| found == version)
     }
 
-    /// The newest version that both sides know.
+    /// The newest version that both sides support.
     fn newest(&self) -> &'static str {
         if self.has_flights() {
             "v3"
@@ -249,8 +249,8 @@ impl WebApi {
         })
     }
 
-    /// Writes a dataref, or the element of an array that `name[3]` names. A whole number is sent as one only to a dataref of
-    /// whole numbers: an integer is refused for a float.
+    /// Writes a dataref, or the element of an array that `name[3]` names. Integers are sent only to integer datarefs: X-Plane
+    /// rejects an integer for a float.
     ///
     /// # Errors
     /// If the simulator does not have it, or it cannot be written.
@@ -281,7 +281,7 @@ impl WebApi {
         .await
     }
 
-    /// Does a command once.
+    /// Runs a command once.
     ///
     /// # Errors
     /// If the simulator is older than 12.1.4 or does not have it.
@@ -297,7 +297,7 @@ impl WebApi {
         .await
     }
 
-    /// Begins a flight; see [`flight_body`]. Returns when the simulator says that it has begun.
+    /// Starts a flight; see [`flight_body`]. Returns when the simulator reports that it has started.
     ///
     /// # Errors
     /// If the simulator is older than 12.4.0 or refuses.
@@ -353,7 +353,7 @@ impl WebApi {
         send(self.address, doing, self.request(method, path, build)).await
     }
 
-    /// For calls whose answer says nothing.
+    /// For calls with an empty answer.
     async fn send_unit(
         &self,
         doing: &str,
@@ -449,7 +449,7 @@ fn not_reached(address: SocketAddr, doing: &str, source: reqwest::Error) -> WebA
     }
 }
 
-/// Enough of an answer to recognise it by.
+/// Enough of an answer to identify it.
 fn shortened(text: &str) -> &str {
     let end = text
         .char_indices()

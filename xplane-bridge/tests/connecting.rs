@@ -1,4 +1,4 @@
-//! Connecting to what is not there, not whole or not ours ends in time and says what to do.
+//! Connecting to what is missing, incomplete or foreign ends in time and says what to do.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -95,7 +95,7 @@ async fn a_capture_link_of_another_version_is_refused_although_datagrams_were_lo
     tokio::spawn(async move {
         let (mut stream, _) = listener.accept().await.unwrap();
         stream.write_all(b"DTDL\x01\0\0\0").await.unwrap();
-        // Stays open: the client must find out by itself.
+        // Stays open: the client must notice by itself.
         std::future::pending::<()>().await;
     });
     let error = error_of(address, Duration::from_secs(3)).await;

@@ -1,4 +1,4 @@
-//! The packets in `golden/`, which were packed by Python (`golden/make.py`), mean here what they mean there.
+//! The packets in `golden/`, which Python packed (`golden/make.py`), decode to the same meaning here.
 
 use std::path::PathBuf;
 

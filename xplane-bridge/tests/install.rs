@@ -1,4 +1,4 @@
-//! The plugin goes into X-Planes in which it can work, and into no other.
+//! The plugin is installed into X-Planes in which it can work, and into no other.
 
 use std::fs;
 use std::path::Path;

@@ -1,6 +1,6 @@
-//! The plugin's own Python tests (`plugin/tests/`), run by the system's Python with its standard library only.
+//! The plugin's own Python tests (`plugin/tests/`), run by the system's Python with only its standard library.
 //!
-//! They read the golden messages as Python means them, and drive the whole plugin against the fake `xp` module on paper.
+//! They decode the golden messages in Python, and run the whole plugin against the in-memory fake `xp` module.
 
 use std::path::Path;
 use std::process::Command;
@@ -9,7 +9,7 @@ use std::process::Command;
 fn the_plugins_python_tests_pass() {
     let plugin = Path::new(env!("CARGO_MANIFEST_DIR")).join("plugin");
     let output = Command::new("python3")
-        // Nothing but the standard library: neither the user's packages nor a virtual environment's.
+        // Only the standard library: neither the user's packages nor a virtual environment's.
         .args(["-I", "-S", "-B", "-c", RUN])
         .arg(plugin.join("tests"))
         .output()

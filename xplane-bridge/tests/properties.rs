@@ -1,4 +1,4 @@
-//! What must hold for every packet: what was encoded decodes to the same, and no bytes make a decoder panic.
+//! Properties of every packet: what was encoded decodes to the same, and no bytes make a decoder panic.
 
 use proptest::prelude::*;
 use xplane_bridge::packet::{

@@ -1,4 +1,4 @@
-//! A screen that the plugin of another computer grabs: what it is asked, and answers that are none.
+//! A screen that the plugin of another computer grabs: its requests, and invalid answers.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -38,7 +38,7 @@ fn refusal() -> ScreenAnswer {
     }
 }
 
-/// A plugin that gives these answers and payloads one after the other, and then closes; what it was asked is returned.
+/// A plugin that gives these answers and payloads one after the other, and then closes; returns the requests.
 async fn plugin(
     answers: Vec<(ScreenAnswer, Vec<u8>)>,
 ) -> (SocketAddr, tokio::task::JoinHandle<Vec<ScreenRequest>>) {

@@ -1,4 +1,4 @@
-//! What goes out over the wire for a scenario, to X-Plane 11 and to X-Plane 12, and what happens when it does not hold.
+//! The wire traffic of a scenario, to X-Plane 11 and to X-Plane 12, and the reaction when settings do not hold.
 
 mod fake_simulator;
 
@@ -225,7 +225,7 @@ async fn x_plane_12_is_told_its_clouds_again_after_the_weather_was_regenerated()
     assert_eq!(flown, Some(false));
 }
 
-/// A simulator whose clock runs 100 times as fast as ours and which takes clouds over so late, by its clock.
+/// A simulator whose clock runs 100 times as fast as ours and which delays clouds by this much, by its clock.
 async fn with_late_clouds(take_s: f32) -> Fake {
     let fake = Fake::start(TWELVE, "B738", None).await;
     let mut told = fake.told();
@@ -326,7 +326,7 @@ async fn weather_that_settles_a_little_elsewhere_is_the_weather_that_was_set() {
     ] {
         fake.told().set(name, value);
     }
-    // Longer than the watch takes an older value for one that was overtaken.
+    // Longer than the watch takes an older value for a reordered one.
     sleep(Duration::from_millis(1_500)).await;
     simulator.confirm_conditions().await.unwrap();
     fake.told().set(datarefs::VISIBILITY_SM, 8.0);
@@ -551,7 +551,7 @@ async fn whoever_leaves_leaves_nothing_subscribed() {
     simulator.release().await.unwrap();
     sleep(Duration::from_millis(50)).await;
     assert_eq!(fake.told().subscriptions(), 0);
-    // And whoever fails, too.
+    // Also after a failure.
     drop(set_up_and_fly(&fake).await);
     sleep(Duration::from_millis(100)).await;
     assert_eq!(fake.told().subscriptions(), 0);

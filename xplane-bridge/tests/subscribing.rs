@@ -49,7 +49,7 @@ async fn a_simulator_that_forgets_is_asked_anew_and_one_that_is_left_is_told() {
         .await
         .unwrap();
     assert!(subscription.readings().iter().all(Option::is_some));
-    // Whatever was asked again before the answer came is behind us; then all is quiet until the silence is noticed.
+    // Requests repeated before the answer came are done; then all is quiet until the silence is noticed.
     while timeout(Duration::from_millis(100), simulator.recv(&mut [0; 2048]))
         .await
         .is_ok()
@@ -64,7 +64,7 @@ async fn a_simulator_that_forgets_is_asked_anew_and_one_that_is_left_is_told() {
         answered.elapsed()
     );
 
-    // What is asked again would fill the socket's buffer, and the ends be lost.
+    // Repeated requests would fill the socket's buffer, and the ends be lost.
     requests(&simulator).await;
     subscription.end().await;
     let (last, _) = requests(&simulator).await;

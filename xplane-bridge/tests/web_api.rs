@@ -1,4 +1,4 @@
-//! The Web API's requests, and what is made of answers as X-Plane 12 documents them.
+//! The Web API's requests, and how answers documented by X-Plane 12 are handled.
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex};
@@ -136,7 +136,7 @@ async fn a_command_is_looked_up_and_done_once() {
     let last = requests.lock().unwrap().last().cloned().unwrap();
     assert_eq!(last.0, "POST /api/v2/command/1033/activate");
     assert_eq!(last.1, r#"{"duration":0.0}"#);
-    // 12.1.4 cannot begin flights, and that is said without asking it.
+    // 12.1.4 cannot start flights, which is reported without a request.
     let error = api.start_flight(&serde_json::json!({})).await.unwrap_err();
     assert!(matches!(error, WebApiError::TooOld { .. }), "{error}");
     assert!(error.to_string().contains("12.1.4"), "{error}");

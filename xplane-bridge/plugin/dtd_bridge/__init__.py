@@ -1,6 +1,6 @@
 """X-Plane's end of the capture link (docs/capture-link.md), as an XPPython3 plugin.
 
-Which module answers which question:
+The modules:
 
 ``wire``           bytes <-> messages; ``messages``: headers <-> typed requests. Neither knows X-Plane.
 ``server``         sockets, in threads of their own. Nothing there calls ``xp``.

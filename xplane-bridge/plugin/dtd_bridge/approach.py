@@ -1,4 +1,4 @@
-"""What to dial and to lower when, on the way down. Pure: distances and altitudes in, settings out.
+"""What to dial and lower, and when, on the way down. Pure: distances and altitudes in, settings out.
 
 Laterally the autopilot follows the localizer. Vertically it holds an altitude or a vertical speed until the glide path is to be
 captured, which the plan of the approach decides. Speeds, flaps and gear are those of a Boeing 737-800 by distance.
@@ -17,17 +17,17 @@ FPM_PER_MPS = FEET_PER_METER * 60
 SPEED_KT = ((math.inf, 180.0), (14_000.0, 160.0), (11_000.0, 145.0), (8_000.0, 138.0))
 FLAP_RATIO = ((math.inf, 0.25), (15_000.0, 0.375), (13_000.0, 0.625), (12_000.0, 0.75))
 GEAR_DOWN_FROM_M = 14_800.0
-# The step of a step-down approach is flown faster down than the glide path, about 4 degrees at 160 kt.
+# The step of a step-down approach descends faster than the glide path, about 4 degrees at 160 kt.
 STEP_DESCENT_FPM = -1_100.0
-# The glide path is left to the autopilot once the aircraft is level so nearly.
+# The glide path is left to the autopilot once the aircraft is this close to level flight.
 LEVEL_WITHIN_M = 30.0
-# Earth, for the distance to the threshold: schedules need no more than a sphere.
+# Earth radius, for the distance to the threshold: a sphere is accurate enough for schedules.
 METERS_PER_DEGREE = 111_320.0
 
 
 @dataclass(frozen=True)
 class Dials:
-    """What the crew sets. ``None``: not touched."""
+    """The crew's settings. ``None``: not touched."""
 
     speed_kt: float
     flap_ratio: float
@@ -38,7 +38,7 @@ class Dials:
 
 
 def before_threshold_m(runway: Runway, latitude_deg: float, longitude_deg: float) -> float:
-    """Distance still to go along the course, metres; negative behind the threshold."""
+    """Remaining distance along the course, metres; negative past the threshold."""
     north = (runway.latitude_deg - latitude_deg) * METERS_PER_DEGREE
     east = (runway.longitude_deg - longitude_deg) * METERS_PER_DEGREE * math.cos(math.radians(runway.latitude_deg))
     course = math.radians(runway.course_true_deg)
@@ -48,7 +48,7 @@ def before_threshold_m(runway: Runway, latitude_deg: float, longitude_deg: float
 def dials(
     profile: Profile, runway: Runway, distance_m: float, altitude_msl_m: float, ground_speed_mps: float
 ) -> Dials:
-    """What is set at a distance before the threshold, an altitude and a speed over ground."""
+    """The settings at a distance before the threshold, an altitude and a ground speed."""
     altitude_m, vertical_fpm, glide_slope = profile.start_altitude_msl_m, None, True
     if profile.kind == "step_down" and profile.lower_altitude_msl_m is not None:
         # Above the lower level the glide path must not be captured: it would be met before the step.

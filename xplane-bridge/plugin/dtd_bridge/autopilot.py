@@ -1,7 +1,7 @@
-"""X-Plane's autopilot: switched by its commands, believed by its datarefs.
+"""X-Plane's autopilot: switched by its commands, verified by its datarefs.
 
-Most of its commands are buttons: they switch on what is off, and off what is on. So a command is sent only while the datarefs say that
-something is not as wanted, once, and nothing else before its effect shows. Nobody but this module sends them.
+Most of its commands are toggle buttons. So a command is sent once, only while the datarefs say that something is not as wanted, and
+nothing else is sent before its effect shows. Only this module sends them.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from .messages import Refusal
 from .stage import Stage
 from .xp_api import Xp
 
-# A command shows within a frame or two. After so many frames this aircraft does not show it.
+# A command shows within a frame or two. After this many frames the aircraft does not show it.
 PATIENCE_FRAMES = 120
 
-# A dataref, and its least value while something is on: most read 0 off, 1 armed, 2 captured.
+# A dataref, and its minimum while something is on: most read 0 off, 1 armed, 2 captured.
 State = tuple[str, int]
 
 
 @dataclass(frozen=True)
 class Switch:
-    """One thing of the autopilot as it is wanted."""
+    """A wanted state of one part of the autopilot."""
 
     what: str
     command: str
     # On while all states of one of these are.
     on_while: tuple[tuple[State, ...], ...]
     on: bool = True
-    # Without it there is no flight; of the rest aircraft show different things, and the flight shows whether they are on.
+    # Without it there is no flight; for the rest, aircraft show different things, and the flight shows whether they are on.
     needed: bool = False
 
 
@@ -46,7 +46,7 @@ GLIDE_SLOPE = Switch("the glide slope", "sim/autopilot/glide_slope", ((_GLIDE_SL
 ALTITUDE_HOLD = Switch("the altitude", "sim/autopilot/altitude_hold", (((names.ALTITUDE_HOLD_STATUS, 1),),))
 VERTICAL_SPEED = Switch("the vertical speed", "sim/autopilot/vertical_speed", (((names.VERTICAL_SPEED_STATUS, 1),),))
 
-# What the flight before left captured must not hold this one: a glide slope, or an altitude that was another's.
+# Modes captured during the previous flight must not affect this one: a glide slope, or another flight's altitude.
 FROM_SCRATCH = (
     SERVOS,
     AUTOTHROTTLE,
@@ -55,12 +55,12 @@ FROM_SCRATCH = (
     Switch("the last altitude", ALTITUDE_HOLD.command, ALTITUDE_HOLD.on_while, on=False),
     LOCALIZER,
 )
-# Localizer and glide path: by the button for both, and whichever of the two this aircraft does not show then.
+# Localizer and glide path: by the button for both, then by the button of whichever does not show.
 CAPTURE = (APPROACH, LOCALIZER, GLIDE_SLOPE)
 
 
 class Autopilot:
-    """Brings about what is wanted, in its order, a step each frame."""
+    """Establishes the wanted states in order, one step per frame."""
 
     def __init__(self, stage: Stage, datarefs: Datarefs, xp: Xp) -> None:
         self._stage = stage
@@ -72,15 +72,15 @@ class Autopilot:
 
     @property
     def busy(self) -> bool:
-        """Whether something is still to be brought about."""
+        """Whether something is still pending."""
         return bool(self._wanted)
 
     def want(self, *switches: Switch) -> None:
-        """Has these brought about, after whatever was wanted before."""
+        """Queues these states after the earlier ones."""
         self._wanted.extend(switches)
 
     def step(self) -> None:
-        """As far as it goes in this frame."""
+        """As far as possible in this frame."""
         while self._wanted:
             switch = self._wanted[0]
             if not self._is_as_wanted(switch):

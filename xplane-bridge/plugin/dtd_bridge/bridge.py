@@ -1,7 +1,7 @@
 """The bridge: one step per simulator frame, in X-Plane's main thread.
 
-Requests come from the sockets' threads through a queue, are run one after the other in their order, and answered. A request that takes
-frames is a generator; each step of the bridge lets it run to its next ``yield``.
+Requests come from the sockets' threads through a queue, run one after the other in order, and are answered. A request that takes
+several frames is a generator; each step of the bridge runs it to its next ``yield``.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from .traffic import Traffic
 from .wire import Header, printable
 from .xp_api import Xp
 
-# Frames that the check pattern may take to be drawn, and a pause to take hold.
+# Time limits, in frames, for the check pattern to be drawn and for a pause to take effect.
 FRAMES_LIMIT = 600
-# The most frames for which callbacks are watched.
+# Maximum number of frames to watch callbacks.
 WATCH_LIMIT = 600
 
 Task = Generator[None, None, Answer]
@@ -69,7 +69,7 @@ class Bridge:
         return self._server.port
 
     def close(self) -> None:
-        """Gives X-Plane everything back."""
+        """Restores X-Plane."""
         self._server.close()
         self._leave()
         self._found.give_back_everything()
@@ -84,7 +84,7 @@ class Bridge:
         self._take_events()
         if self._task is None:
             self._begin_next()
-        # A request that takes no frame must not keep the next one waiting for one; a pose written now is still drawn in this frame.
+        # A request that takes no frame must not delay the next one by a frame; a pose written now is still drawn in this frame.
         while self._task is not None:
             answer = self._advance(self._task)
             if answer is None:
@@ -122,7 +122,7 @@ class Bridge:
                 self._xp.log(event.text)
 
     def _leave(self) -> None:
-        """The client is gone: nothing of what it wanted is left."""
+        """The client is gone: nothing it requested remains."""
         self._client = None
         self._waiting.clear()
         if self._task is not None:
@@ -139,7 +139,7 @@ class Bridge:
             self._task = self._run(asked.header)
 
     def _advance(self, task: Task) -> Answer | None:
-        """Runs a request on; its answer when it has one."""
+        """Advances a request; returns its answer when it is done."""
         try:
             next(task)
             return None
@@ -148,12 +148,12 @@ class Bridge:
             return answer
         except Refusal as refusal:
             return _error(str(refusal))
-        except Exception as error:  # A mistake of ours must not take X-Plane along.
+        except Exception as error:  # A bug of ours must not crash X-Plane.
             self._xp.log(f"a request failed: {error!r}")
             return _error(f"the plugin failed: {error!r}")
 
     def _run(self, header: Header) -> Task:
-        """A request as a generator, so that whatever it refuses is caught in one place."""
+        """A request as a generator, so that every rejection is caught in one place."""
         return (yield from self._task_of(header))
 
     def _task_of(self, header: Header) -> Task:
@@ -191,7 +191,7 @@ class Bridge:
         pixels = ["screen"] if self._pixels.no_readback else ["gl", "screen"]
         if self._screenshots.is_offered():
             pixels.append("screenshot")
-        # The size is X-Plane's to tell in any case, the window's place on the desktop only sometimes.
+        # X-Plane always knows the size, but only sometimes the window's position on the desktop.
         width, height = (int(self._datarefs.get_or(name, 0.0)) for name in names.WINDOW_SIZE)
         profile = self._profile.read() if self._profile else None
         self._pixels.restless = still_pictures_move(profile)
@@ -211,8 +211,8 @@ class Bridge:
         )
 
     def _version(self) -> str:
-        """X-Plane's version as people write it: 11.55, 12.4.0. Its number is the build of Log.txt: 124009 is 12.4.0, and before X-Plane 12 the
-        minor version has two digits: 115501 is 11.55."""
+        """X-Plane's version in human notation: 11.55, 12.4.0. Its number is the build of Log.txt: 124009 is 12.4.0, and before
+        X-Plane 12 the minor version has two digits: 115501 is 11.55."""
         version = int(self._datarefs.get_or(names.VERSION, 0.0))
         major = version // 10_000
         if major < 12:
@@ -220,7 +220,7 @@ class Bridge:
         return f"{major}.{version // 1_000 % 10}.{version // 100 % 10}"
 
     def _window(self) -> dict[str, Any] | None:
-        """Where on the desktop X-Plane draws. A plugin learns that only for a full screen; a window must be found from outside."""
+        """Where on the desktop X-Plane draws. A plugin knows that only for a full screen; a window must be located from outside."""
         bounds: list[tuple[int, int, int, int]] = []
         inside: list[tuple[int, int, int, int]] = []
         self._xp.getAllMonitorBoundsGlobal(lambda _i, *edges: inside.append(edges[:4]), None)

@@ -1,4 +1,4 @@
-"""In what order X-Plane calls back within a frame. Nothing here relies on it; ``dtd doctor`` watches it, since reports differ."""
+"""The order of X-Plane's callbacks within a frame. Nothing here relies on it; ``dtd doctor`` records it, since reports differ."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ BEFORE, AFTER, CAMERA, DRAW = "before_flight_model", "after_flight_model", "came
 
 
 class Callbacks:
-    """Whoever is called back says so here; while nobody watches, that is forgotten."""
+    """Each callback reports here; the reports are dropped unless somebody watches."""
 
     def __init__(self, xp: Xp) -> None:
         self._xp = xp
         self._seen: list[str] | None = None
 
     def note(self, what: str) -> None:
-        """This callback has come."""
+        """This callback was called."""
         if self._seen is not None:
             self._seen.append(what)
 
     def watch(self, frames: int) -> Generator[None, None, dict[str, Any]]:
-        """So many frames: how often each order came, and how far X-Plane's cycle number moved."""
+        """For this many frames: how often each order occurred, and how far X-Plane's cycle number advanced."""
         loop = self._xp.createFlightLoop(self._on_frame, self._xp.FlightLoop_Phase_BeforeFlightModel, None)
         self._xp.scheduleFlightLoop(loop, -1.0)
         try:
-            # Into a frame that is watched from its beginning.
+            # In a frame that is watched from its beginning.
             yield
             self._seen = []
             cycle = self._xp.getCycleNumber()

@@ -1,4 +1,4 @@
-"""One picture: settle frames, the frame that counts, and what it really showed.
+"""One picture: settle frames, the frame that counts, and what it actually showed.
 
 Written as generators: each ``yield`` waits for the next flight loop, that is, for one more drawn frame.
 """
@@ -18,18 +18,21 @@ from .screenshots import NOT_OURS, Screenshots
 from .stage import Stage, Tick
 from .xp_api import Xp
 
-# Less than the client's minute, so that it hears why.
+# Less than the client's minute, so that the client learns the reason.
 TIME_LIMIT_S = 50.0
-# How far what X-Plane has may be from what was asked before a frame is thought to be disturbed and taken again. The client judges for itself.
+# How far X-Plane's values may deviate from the request before a frame counts as disturbed and is repeated. The client makes the
+# final decision.
 POSITION_M = 0.01
 ANGLE_DEG = 0.0002
-# A picture is taken so often before what X-Plane has is reported as it is.
+# Attempts at a picture before X-Plane's values are reported as they are.
 TRIES = 5
-# A new pose shows within a few frames. A picture that is still the last one's after so many is one in which nothing changed: an aircraft in fog.
+# A new pose shows within a few frames. A picture that still equals the previous one after this many shows no change: an aircraft in
+# fog.
 STALE_FRAMES = 10
-# In a pause two pictures in a row agree once exposure and shadows have settled. Where they never do (water that moves), that is no sign.
+# In a pause two consecutive pictures are equal once exposure and shadows have settled. If they never are (moving water), the
+# comparison is useless.
 RESTLESS_FRAMES = 30
-# Whoever looks away from the scene sees something else: pitch up to there, degrees.
+# A camera turned away from the scene sees something else: the pitch for that, degrees.
 AWAY_PITCH_DEG = 60.0
 # Draw callbacks come 0 to n times a frame.
 UNDRAWN_FRAMES = 10
@@ -71,7 +74,7 @@ def take(
         _raise_if_failed(stage, pixels)
         pose, (camera, hfov_deg, vfov_deg) = stage.read_pose(), stage.read_camera()
         if not stage.is_shown() or (request.deliver != "drawn" and picture is None):
-            # Disturbed; how often is limited by the time that settling may take.
+            # Disturbed; the settling time limits how often.
             continue
         tried += 1
         same = (
@@ -94,7 +97,7 @@ def tick_of(request: Capture) -> Tick:
 
 
 def _settle(stage: Stage, frames: int, deadline: float) -> Generator[None, None, None]:
-    """Lets so many frames in a row be drawn with pose and camera of the tick while no scenery loads."""
+    """Waits until this many frames in a row are drawn with pose and camera of the tick while no scenery loads."""
     stage.keep_camera()
     first = stage.written
     while stage.written - first < frames:
@@ -130,7 +133,8 @@ def _screenshot(stage: Stage, screenshots: Screenshots, settle_frames: int, dead
 def _look_away(
     tick: Tick, picture: Frame, stage: Stage, settle_frames: int, deadline: float, look: Callable[[], Look]
 ) -> Generator[None, None, None]:
-    """Proves that screenshots show what our camera sees: X-Plane takes the camera for them, and nobody says whether before or after it draws."""
+    """Proves that screenshots show what our camera sees: X-Plane takes the camera for them, and no source says whether before or
+    after it draws."""
     stage.show(replace(tick, camera=replace(tick.camera, heading_true_deg=tick.camera.heading_true_deg + 180.0, pitch_deg=AWAY_PITCH_DEG)))
     yield from _settle(stage, settle_frames, deadline)
     for _ in range(TRIES):
@@ -143,8 +147,8 @@ def _look_away(
 def _new_picture(
     tick: Tick, shown_at: int, stage: Stage, pixels: Pixels, xp: Xp, look: Callable[[], Look]
 ) -> Generator[None, None, Frame | None]:
-    """The picture of a tick that has settled, proven by what it shows: it is not the one of the tick before, and it stands still. ``None`` if
-    it was disturbed."""
+    """The settled picture of a tick, proven by its content: it differs from the previous tick's, and it does not change any more.
+    ``None`` if it was disturbed."""
     before: Frame | None = None
     for _ in range(RESTLESS_FRAMES):
         picture = yield from look()
@@ -202,7 +206,7 @@ def _check_window(request: Capture, datarefs: Datarefs) -> None:
 
 
 def _check_shape(request: Capture, vfov_deg: float, wanted_deg: float) -> None:
-    """The answer has no vertical angle, so that a wrong one would pass for right."""
+    """The answer has no vertical angle, so a wrong one would go unnoticed."""
     if abs(vfov_deg - wanted_deg) >= ANGLE_DEG:
         raise Refusal(
             f"X-Plane's vertical field of view is {vfov_deg:.4f} degrees, expected {wanted_deg:.4f} for a picture of "
@@ -217,7 +221,7 @@ def _raise_if_failed(stage: Stage, pixels: Pixels) -> None:
 
 
 def _near(a: Pose, b: Pose) -> bool:
-    """Whether two poses are the same but for rounding."""
+    """Whether two poses are equal except for rounding."""
     north = (a.latitude_deg - b.latitude_deg) * METERS_PER_DEGREE
     east = (a.longitude_deg - b.longitude_deg) * METERS_PER_DEGREE * math.cos(math.radians(a.latitude_deg))
     away = math.hypot(north, east, a.altitude_msl_m - b.altitude_msl_m)

@@ -16,7 +16,7 @@ COLUMNS, ROWS = 8, 6
 
 
 def rectangles(code: int, width: int, height: int) -> Iterator[Rectangle]:
-    """What to fill, in this order, in a window of so many pixels."""
+    """The rectangles to fill, in this order, in a window of this size."""
     border = max(2, min(width, height) // 32)
     yield 0, 0, width, height, MAGENTA
     yield border, border, width - border, height - border, BLACK

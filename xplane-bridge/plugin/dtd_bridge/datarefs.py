@@ -21,14 +21,15 @@ ENGINE_COUNT = "sim/aircraft/engine/acf_num_engines"
 ENGINES_RUNNING = "sim/flightmodel/engine/ENGN_running"
 
 OVERRIDE_FLIGHT_MODEL = "sim/operation/override/override_planepath[0]"
-# While the aircraft is posed nobody else moves it: not the flight model, no stick (whose cross shows in the picture), no lever.
+# While the aircraft is posed nothing else may move it: not the flight model, no stick (whose cross shows in the picture), no lever.
 OVERRIDES = (
     OVERRIDE_FLIGHT_MODEL,
     "sim/operation/override/override_joystick",
     "sim/operation/override/override_flightcontrol",
     "sim/operation/override/override_throttles",
 )
-# Airliners land with them on, by day too; the newer name has a switch for each. The airport's X-Plane lights itself at dusk and in bad sight.
+# Airliners land with them on, also by day; the newer name has a switch for each. X-Plane switches on the airport's lights itself at
+# dusk and in poor visibility.
 LANDING_LIGHTS = (
     "sim/cockpit/electrical/landing_lights_on",
     *(f"sim/cockpit2/switches/landing_lights_switch[{at}]" for at in range(4)),
@@ -58,7 +59,7 @@ WINDOW_SIZE = (VIEW + "window_width", VIEW + "window_height")
 MODERN_DRIVER = VIEW + "using_modern_driver"
 VERSION = "sim/version/xplane_internal_version"
 
-# Where flaps and gear are now, to be read; and what sets them at once or asks for them: X-Plane 12's first, then 11's.
+# Current positions of flaps and gear, to be read; and what sets or requests them: X-Plane 12's first, then 11's.
 FLAPS_NOW = ("sim/flightmodel2/controls/flap1_deploy_ratio", "sim/flightmodel/controls/flaprat")
 GEAR_NOW = ("sim/flightmodel2/gear/deploy_ratio[0]", "sim/aircraft/parts/acf_gear_deploy[0]")
 FLAPS_WANTED = ("sim/cockpit2/controls/flap_handle_request_ratio", "sim/cockpit2/controls/flap_ratio")
@@ -68,7 +69,7 @@ GEAR_DRAWN = "sim/aircraft/parts/acf_gear_deploy"
 
 NAV1_FREQUENCY_10KHZ = "sim/cockpit/radios/nav1_freq_hz"
 NAV1_COURSE_MAGNETIC = "sim/cockpit/radios/nav1_obs_degm"
-# 0 is the first receiver; what the autopilot follows.
+# 0 is the first receiver; the autopilot follows it.
 HSI_SOURCE = "sim/cockpit2/radios/actuators/HSI_source_select_pilot"
 HEADING_BUG_MAGNETIC = "sim/cockpit/autopilot/heading_mag"
 AUTOPILOT_ELECTRIC_MASTER = "sim/cockpit2/autopilot/autopilot_electric_master"
@@ -91,7 +92,7 @@ _ELEMENT = re.compile(r"^(.*)\[(\d+)\]$")
 
 
 class Datarefs:
-    """Reads and writes by name; ``name[3]`` is one element of an array. Handles are looked up once."""
+    """Reads and writes by name; ``name[3]`` is one element of an array. Handles are cached."""
 
     def __init__(self, xp: Xp) -> None:
         self._xp = xp
@@ -106,7 +107,7 @@ class Datarefs:
         return next((name for name in names if self.has(name)), None)
 
     def get(self, name: str) -> float:
-        """Its value with all the bits it has; refuses a name that X-Plane lacks."""
+        """Its value with full precision; rejects a name that X-Plane lacks."""
         xp, (ref, kinds, index) = self._xp, self._must(name)
         if index is not None:
             if kinds & xp.Type_FloatArray:
@@ -127,7 +128,7 @@ class Datarefs:
         return self.get(name) if self.has(name) else default
 
     def set(self, name: str, value: float) -> None:
-        """Writes it; refuses a name that X-Plane lacks."""
+        """Writes it; rejects a name that X-Plane lacks."""
         xp, (ref, kinds, index) = self._xp, self._must(name)
         if index is not None:
             self._set_array(ref, kinds, [value], index)
@@ -175,7 +176,7 @@ class Datarefs:
             match = _ELEMENT.match(name)
             ref = self._xp.findDataRef(match.group(1) if match else name)
             if not ref:
-                # Not remembered: other plugins' datarefs come and go.
+                # Not cached: other plugins' datarefs come and go.
                 return None
             self._known[name] = (ref, self._xp.getDataRefTypes(ref), int(match.group(2)) if match else None)
         return self._known[name]

@@ -1,4 +1,4 @@
-"""A live approach: into the air, down by X-Plane's autopilot, every frame logged with all the bits there are.
+"""A live approach: into the air, down by X-Plane's autopilot, every frame logged with full precision.
 
 Written as a generator like ``capture``: each ``yield`` is one more frame of X-Plane.
 """
@@ -30,22 +30,22 @@ COLUMNS = (
 )  # fmt: skip
 ROW = struct.Struct(f"<{len(COLUMNS)}d")
 
-# A start is called by X-Plane itself, from a callback of its own that comes once and so much later: called from within another it crashed
-# X-Plane at times, and callbacks after the flight model must not start flights at all.
+# X-Plane itself calls a start, from a separate one-shot callback this much later: called from within another it crashed X-Plane at
+# times, and callbacks after the flight model must not start flights at all.
 START_DELAY_S = 0.5
 START_LIMIT_S = 60.0
-# Engines of an air start run at once; a frame or two may pass until X-Plane says so.
+# Engines of an air start run at once; X-Plane may report that a frame or two later.
 ENGINES_LIMIT_S = 10.0
 # Dials round.
 DIAL_STEP_FT = 1.0
-# The rollout belongs to the recording for so long.
+# The recording includes the rollout for this long.
 AFTER_TOUCHDOWN_S = 3.0
-# Touching down farther from the threshold than this is no landing on this runway.
+# Touching down farther from the threshold than this is not a landing on this runway.
 RUNWAY_AROUND_M = 5_000.0
 
 
 class Flights:
-    """Begins flights and flies them."""
+    """Starts flights and flies them."""
 
     def __init__(
         self, stage: Stage, datarefs: Datarefs, frame: LocalFrame, ground: Ground, traffic: Traffic, xp: Xp
@@ -58,7 +58,8 @@ class Flights:
         self._xp = xp
 
     def travel(self, start: Start, already_started: bool) -> Generator[None, None, Answer]:
-        """Begins a flight at a place, once, unless X-Plane has begun it there, and holds the aircraft when the scenery has come."""
+        """Starts a flight at a place, once, unless X-Plane has started it there, and holds the aircraft when the scenery has
+        loaded."""
         if not already_started:
             yield from self._begin(start)
         yield from self._arrive(start)
@@ -72,8 +73,8 @@ class Flights:
         return (yield from _fly(request, self._stage, self._datarefs, self._frame, self._xp))
 
     def _begin(self, start: Start) -> Generator[None, None, None]:
-        """X-Plane's own air start, for its engines: they run after it even if the aircraft was parked cold. Where it puts the aircraft is
-        rounded to 32 bits and flies on at once, so the place is written again when it has arrived."""
+        """X-Plane's own air start, for its engines: they run after it even if the aircraft was parked cold. The position is rounded
+        to 32 bits and the aircraft flies on at once, so the place is written again on arrival."""
         xp, pose = self._xp, start.pose
         # A paused X-Plane was seen to ignore a start.
         set_pause(xp, self._datarefs, False)
@@ -117,7 +118,7 @@ class Flights:
         self._traffic.clear()
 
     def _launch(self, start: Start) -> None:
-        """Off with a velocity."""
+        """Releases it with a velocity."""
         heading = math.radians(start.pose.heading_true_deg)
         ned = (start.speed_mps * math.cos(heading), start.speed_mps * math.sin(heading), 0.0)
         self._stage.write_pose(start.pose)
@@ -177,8 +178,8 @@ def _fly(
 
 
 class _Clock:
-    """X-Plane's own time of the flight. Lengths of frames are not added up: what X-Plane says of them is rounded, and is not the
-    time by which it moved the aircraft when frames are slow."""
+    """X-Plane's own time of the flight. Frame lengths are not added up: X-Plane reports them rounded, and with slow frames they
+    differ from the time by which it moved the aircraft."""
 
     def __init__(self, datarefs: Datarefs) -> None:
         self._datarefs = datarefs
@@ -186,11 +187,11 @@ class _Clock:
 
     @property
     def elapsed_s(self) -> float:
-        """Simulated time since this was made, as of the last look."""
+        """Simulated time since this was created, as of the last update."""
         return self._now_s - self._first_s
 
     def has_advanced(self) -> bool:
-        """Looks again; whether time has passed since the last look."""
+        """Updates; returns whether time has passed since the last update."""
         before_s, self._now_s = self._now_s, self._datarefs.get(names.FLIGHT_TIME_S)
         if self._now_s < before_s:
             raise Refusal(
@@ -221,7 +222,7 @@ def _wait_for_engines(datarefs: Datarefs) -> Generator[None, None, None]:
 
 
 def _tune(runway: Runway, datarefs: Datarefs, xp: Xp) -> None:
-    """The landing system, and what an autopilot follows it by. Its course is magnetic."""
+    """The landing system, and the autopilot's source. Its course is magnetic."""
     datarefs.set_if_there((names.AUTOPILOT_ELECTRIC_MASTER,), 1)
     datarefs.set_if_there((names.HSI_SOURCE, names.AIRSPEED_IS_MACH), 0)
     if runway.ils_frequency_mhz is not None:
@@ -243,14 +244,14 @@ class _Crew:
         self._now: Dials | None = None
 
     def set(self, distance_m: float, altitude_msl_m: float, ground_speed_mps: float) -> None:
-        """As the plan of the approach has it for here."""
+        """As planned for the current position."""
         wanted = dials(self._request.profile, self._request.runway, distance_m, altitude_msl_m, ground_speed_mps)
         now, self._now = self._now, wanted
         if wanted != now:
             self._change(now, wanted)
         if self._pilot.busy:
             return
-        # Switched on, a mode dials the vertical speed or the altitude of that moment: ours come after it.
+        # When switched on, a mode captures the current vertical speed or altitude: ours are set afterwards.
         fpm = wanted.vertical_speed_fpm
         if fpm is not None and self._datarefs.get(names.VERTICAL_SPEED_FPM) != fpm:
             self._datarefs.set(names.VERTICAL_SPEED_FPM, fpm)
@@ -261,7 +262,7 @@ class _Crew:
         if now is None or wanted.speed_kt != now.speed_kt:
             self._datarefs.set(names.AIRSPEED_DIAL_KT, wanted.speed_kt)
         if now is None or wanted.flap_ratio != now.flap_ratio:
-            # The handle only: the flaps run out at their own pace.
+            # The handle only: the flaps extend at their own pace.
             self._datarefs.set_if_there(names.FLAPS_WANTED, wanted.flap_ratio)
         if now is None or wanted.gear_down != now.gear_down:
             self._datarefs.set_if_there(names.GEAR_WANTED, 1.0 if wanted.gear_down else 0.0)

@@ -1,8 +1,9 @@
-"""X-Plane as a client found it, and giving it back.
+"""Saves X-Plane's state for a client, and restores it.
 
-Taken when a client greets, before it changes anything, over whichever way. Given back in two steps. View, pause and overrides return when the
-client releases or leaves, also when it was killed: its connection ends with it. The weather's and the clock's own ways return when no client has
-come back for a while: a run of `dtd` comes and goes with every scenario, and after real weather temperatures slide for minutes.
+Saved when a client greets, before it changes anything over any channel. Restored in two steps. View, pause and overrides return
+when the client releases or leaves, also when it was killed: its connection ends with it. The weather's and the clock's own modes
+return when no client has come back for a while: a run of `dtd` connects anew for every scenario, and after real weather
+temperatures drift for minutes.
 """
 
 from __future__ import annotations
@@ -13,11 +14,11 @@ from . import datarefs as names
 from .datarefs import Datarefs
 from .xp_api import Xp
 
-# What is given back at once: written in this order, the switch of the vertical angle last.
+# Restored at once: written in this order, the switch of the vertical angle last.
 OF_THE_STAGE = (
     *names.OVERRIDES, names.MOUSE_IS_YOKE, *names.LANDING_LIGHTS, names.FIELD_OF_VIEW, names.VERTICAL_FIELD_OF_VIEW, names.NON_PROPORTIONAL_VIEW,
 )  # fmt: skip
-# What is given back at the end: real weather or a trend, the computer's clock.
+# Restored at the end: real weather or a trend, the computer's clock.
 OF_THE_WORLD = (names.CHANGE_MODE, names.USE_REAL_WEATHER, names.USE_SYSTEM_TIME)
 # Longer than the pauses between scenarios.
 COMES_BACK_WITHIN_S = 20.0
@@ -25,7 +26,7 @@ DEFAULT_VIEW = "sim/view/default_view"
 
 
 class Found:
-    """What is to be given back, if anything."""
+    """What is to be restored, if anything."""
 
     def __init__(self, xp: Xp, datarefs: Datarefs) -> None:
         self._xp = xp
@@ -36,7 +37,7 @@ class Found:
         self._left_at: float | None = None
 
     def remember(self) -> None:
-        """A client begins: what it finds, unless an earlier one's has not been given back."""
+        """A client begins: saves the state, unless an earlier one's has not been restored."""
         self._left_at = None
         if self._values is None:
             there = [name for name in (*OF_THE_STAGE, *OF_THE_WORLD) if self._datarefs.has(name)]
@@ -54,17 +55,17 @@ class Found:
         set_pause(self._xp, self._datarefs, self._paused)
 
     def client_left(self) -> None:
-        """Nobody is there now."""
+        """No client is connected now."""
         if self._values is not None and self._left_at is None:
             self._left_at = time.monotonic()
 
     def step(self) -> None:
-        """One frame: gives the rest back when nobody came back."""
+        """One frame: restores the rest if no client came back."""
         if self._left_at is not None and time.monotonic() - self._left_at > COMES_BACK_WITHIN_S:
             self.give_back_everything()
 
     def give_back_everything(self) -> None:
-        """The stage, and whose weather and time it is."""
+        """The stage, and the mode of weather and time."""
         self.give_back_the_stage()
         self._put_back(OF_THE_WORLD)
         self._values = self._left_at = None
@@ -90,5 +91,5 @@ def set_pause(xp: Xp, datarefs: Datarefs, wanted: bool) -> None:
     if (datarefs.get(names.PAUSED) != 0) == wanted:
         return
     path = "sim/operation/pause_on" if wanted else "sim/operation/pause_off"
-    # Not every X-Plane 11 has the two commands; the toggle is as good, since we know the state.
+    # Not every X-Plane 11 has the two commands; the toggle is equivalent, since we know the state.
     command(xp, path if xp.findCommand(path) else "sim/operation/pause_toggle")

@@ -5,7 +5,7 @@ Away from it, "up" is not y and "north" is not -z: 50 km away the two differ by 
 angles of a camera are about the local axes, ours about north, east and down where the body is. So positions go through X-Plane's own
 two conversions, and angles through the directions of north, east and down there, found with the same conversions.
 
-Nothing is kept between calls: the origin may move at any time.
+Nothing is cached between calls: the origin may move at any time.
 """
 
 from __future__ import annotations
@@ -52,20 +52,20 @@ class LocalPose:
 
 
 class LocalFrame:
-    """The two conversions of X-Plane, and what follows from them."""
+    """X-Plane's two conversions, and functions based on them."""
 
     def __init__(self, world_to_local: Conversion, local_to_world: Conversion) -> None:
         self._to_local = world_to_local
         self._to_world = local_to_world
 
     def place(self, pose: Pose) -> LocalPose:
-        """Where and how a pose is in local coordinates, now."""
+        """A pose in local coordinates, with the current origin."""
         at = (pose.latitude_deg, pose.longitude_deg, pose.altitude_msl_m)
         turned = _product(self._axes(*at), _rotation(pose.heading_true_deg, pose.pitch_deg, pose.roll_deg))
         return LocalPose(*self._to_local(*at), *_angles(turned))
 
     def read(self, local: LocalPose) -> Pose:
-        """Where and how something in local coordinates is on earth, now."""
+        """A pose in local coordinates converted to the earth, with the current origin."""
         at = self._to_world(local.x, local.y, local.z)
         turned = _product(_transposed(self._axes(*at)), _rotation(local.psi, local.theta, local.phi))
         return Pose(*at, *_angles(turned))

@@ -1,4 +1,4 @@
-"""Headers of the link as typed values, checked: what a client asks, and why it is refused. Pure."""
+"""Headers of the link as typed, checked values: what a client requests, and why it is rejected. Pure."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ MAX_PICTURE_SIDE_PX = 8192
 
 
 class Refusal(Exception):
-    """Why a request is answered by ``error``: a sentence for a person."""
+    """Why a request is answered by ``error``, as a sentence."""
 
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a body is and how it is turned: WGS-84, metres above sea level, degrees true, nose up, right wing down."""
+    """Position and attitude of a body: WGS-84, metres above sea level, degrees true, nose up, right wing down."""
 
     latitude_deg: float
     longitude_deg: float
@@ -25,13 +25,13 @@ class Pose:
     roll_deg: float
 
     def header(self) -> dict[str, float]:
-        """As the link has it."""
+        """As in the link."""
         return dict(vars(self))
 
 
 @dataclass(frozen=True)
 class Runway:
-    """What of a runway an approach needs."""
+    """The parts of a runway that an approach needs."""
 
     name: str
     latitude_deg: float
@@ -219,7 +219,7 @@ def start(header: Mapping[str, Any]) -> Start:
         0.0,
         0.0,
     )
-    # An aircraft put into the air at rest falls out of it.
+    # An aircraft put into the air at rest would fall.
     return Start(where, number(header, "speed_mps", 30, 400))
 
 

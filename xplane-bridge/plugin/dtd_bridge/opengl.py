@@ -40,7 +40,7 @@ class OpenGl:
         x, y, width, height = viewport
         pixels = ctypes.create_string_buffer(max(1, width * height * 3))
         while self._gl.glGetError():
-            # Somebody else's, from before.
+            # Left over from somebody else.
             pass
         self._gl.glPixelStorei(GL_PACK_ALIGNMENT, 1)
         self._gl.glReadPixels(x, y, width, height, GL_RGB, GL_UNSIGNED_BYTE, pixels)

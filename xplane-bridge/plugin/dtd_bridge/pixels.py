@@ -1,4 +1,4 @@
-"""Draw callbacks: reading the frame back, and drawing the check pattern. Whether this X-Plane can is decided once."""
+"""Draw callbacks: reading the frame back, and drawing the check pattern. Whether this X-Plane supports it is decided once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from .xp_api import Xp
 
 # Width, height, and red, green, blue from the top left.
 Frame = tuple[int, int, bytes]
-# Draw callbacks ask for this of the phase as a whole: X-Plane's SDK has 1 for before it, 0 for after. (XPPython3's documents swap the two.)
+# Draw callbacks request this of the whole phase: X-Plane's SDK has 1 for before it, 0 for after. (XPPython3's documents swap the
+# two.)
 BEFORE, AFTER = 1, 0
 
 
@@ -36,7 +37,7 @@ class Pixels:
         self.patterns_drawn = 0
         self.error: str | None = None
         self._gl: OpenGl | None = None
-        # X-Plane 11 only: 12 draws with Vulkan or Metal, out of reach for plugins.
+        # X-Plane 11 only: 12 draws with Vulkan or Metal, which plugins cannot access.
         version = datarefs.get_or(names.VERSION, 0.0)
         self.no_readback: str | None = None
         try:
@@ -51,17 +52,17 @@ class Pixels:
             )
 
     def register(self) -> None:
-        """From now on X-Plane calls."""
+        """Registers the callbacks."""
         self._xp.registerDrawCallback(self.on_scene_drawn, self._xp.Phase_Window, BEFORE, None)
         self._xp.registerDrawCallback(self.on_windows_drawn, self._xp.Phase_Window, AFTER, None)
 
     def unregister(self) -> None:
-        """X-Plane calls no more."""
+        """Unregisters the callbacks."""
         self._xp.unregisterDrawCallback(self.on_scene_drawn, self._xp.Phase_Window, BEFORE, None)
         self._xp.unregisterDrawCallback(self.on_windows_drawn, self._xp.Phase_Window, AFTER, None)
 
     def want_frame(self) -> None:
-        """Has the next frame that is drawn read back."""
+        """Requests that the next drawn frame is read back."""
         self._wanted, self._frame = True, None
 
     def take_frame(self) -> Frame | None:
@@ -70,12 +71,12 @@ class Pixels:
         return frame
 
     def forget(self) -> None:
-        """A new client: nothing is wanted, and no picture was taken."""
+        """A new client: nothing is requested, and no picture was taken."""
         self.take_frame()
         self.pattern_code, self._last = None, None
 
     def is_new(self, tick: Tick, picture: Frame) -> bool:
-        """Whether a picture is proven to be that of a tick: the last one, of another tick, shows something else."""
+        """Whether a picture is proven to be that of a tick: the previous one, of another tick, shows something else."""
         return self._last is not None and (self._last[0] == tick or self._last[1] != picture)
 
     def remember(self, tick: Tick, picture: Frame) -> None:
@@ -83,7 +84,7 @@ class Pixels:
         self._last = (tick, picture)
 
     def on_scene_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:
-        """Before the windows of the user interface are drawn: the scene is whole and nothing lies over it."""
+        """Before the windows of the user interface are drawn: the scene is complete and nothing covers it."""
         try:
             self._callbacks.note(callbacks.DRAW)
             if self._wanted and self._frame is None and self._gl:
@@ -93,7 +94,7 @@ class Pixels:
         return 1
 
     def on_windows_drawn(self, _phase: int, _is_before: int, _refcon: object) -> int:
-        """After everything: the pattern lies over it."""
+        """After everything: the pattern covers it."""
         try:
             if self.pattern_code is not None and self._gl:
                 self._draw_pattern(self._gl, self.pattern_code)

@@ -1,6 +1,6 @@
-"""What ``dtd doctor`` measured of this X-Plane, kept beside the plugin: one computer has it, whichever computers clients run on.
+"""The results of ``dtd doctor`` for this X-Plane, stored next to the plugin: for clients on any computer.
 
-Clients bring it and get it with every ``hello``; what it means is theirs to know, but for what the plugin itself uses.
+Clients store it and receive it with every ``hello``; only clients interpret it, except for what the plugin itself uses.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ProfileFile:
         self._path = path
 
     def read(self) -> Profile | None:
-        """What was measured; nothing where there is no file, or one that is no profile."""
+        """The stored profile; empty if there is no file, or an invalid one."""
         try:
             found = json.loads(self._path.read_text(encoding="utf-8"))
         except (OSError, ValueError):
@@ -30,7 +30,7 @@ class ProfileFile:
         return found if isinstance(found, dict) else None
 
     def keep(self, profile: Profile) -> None:
-        """Replaces it, whole or not at all."""
+        """Replaces it, atomically."""
         fresh = self._path.with_suffix(".new")
         try:
             fresh.write_text(json.dumps(profile, indent=2) + "\n", encoding="utf-8")
@@ -40,6 +40,6 @@ class ProfileFile:
 
 
 def still_pictures_move(profile: Profile | None) -> bool:
-    """Whether pictures were seen to move by themselves in a pause, so that waiting for two that agree is waiting for nothing."""
+    """Whether pictures were seen to move by themselves in a pause, so that waiting for two equal ones is pointless."""
     found = (profile or {}).get("still_pictures_move")
     return isinstance(found, dict) and found.get("found") is True

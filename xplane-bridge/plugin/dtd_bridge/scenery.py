@@ -1,6 +1,7 @@
-"""Waiting until the ground is there, and its height.
+"""Waiting for the ground to load, and its height.
 
-X-Plane says that it loads scenery, and stops saying so before the fine ground has come: the ground is there when its height stands still.
+X-Plane has a flag for loading scenery, but clears it before the fine ground has loaded: the ground is ready when its height is
+stable.
 """
 
 from __future__ import annotations
@@ -12,10 +13,10 @@ from .messages import Refusal
 from .stage import Stage
 from .xp_api import Xp
 
-# However soon it seems ready: a jump shows only after a while that it loads.
+# However early it seems ready: after a jump the loading flag is set with a delay.
 HOLD_S = 3.0
 LIMIT_S = 60.0
-# So many looks at the ground, so long apart, agree to so much.
+# Number of probes of the ground, their interval, and how closely they must agree.
 PROBES, PROBE_GAP_S, PROBES_WITHIN_M = 4, 0.5, 1.0
 
 
@@ -32,8 +33,8 @@ class Ground:
         if self._probe is None:
             self._probe = xp.createProbe(xp.ProbeY)
         altitude = 0.0
-        # A probe looks along the local y axis, which leans away from the vertical with distance from the local origin: the second look
-        # starts where the first one landed and hits below the place itself.
+        # A probe goes along the local y axis, which leans away from the vertical with distance from the local origin: the second
+        # probe starts where the first one landed and hits below the place itself.
         for _ in range(2):
             hit = xp.probeTerrainXYZ(self._probe, *xp.worldToLocal(latitude, longitude, altitude))
             if hit.result != xp.ProbeHitTerrain:
@@ -42,7 +43,7 @@ class Ground:
         return altitude
 
     def close(self) -> None:
-        """Gives the probe back."""
+        """Releases the probe."""
         if self._probe is not None:
             self._xp.destroyProbe(self._probe)
             self._probe = None
@@ -51,7 +52,8 @@ class Ground:
 def wait(
     stage: Stage, ground: Ground, place: tuple[float, float], each_frame: Callable[[], None]
 ) -> Generator[None, None, None]:
-    """Until the scenery around a place has come. ``each_frame`` holds the aircraft there: the jump moves X-Plane's local origin."""
+    """Until the scenery around a place has loaded. ``each_frame`` holds the aircraft there: the jump moves X-Plane's local
+    origin."""
     began = time.monotonic()
     heights: list[float] = []
     probed_at = began - PROBE_GAP_S

@@ -1,4 +1,5 @@
-"""Windows' desktop, through GDI: as composed, so that what Vulkan draws is there. (A window's own device context stays black then.)"""
+"""Windows' desktop, through GDI: as composed, so that Vulkan's output is included. (A window's own device context stays black
+then.)"""
 
 from __future__ import annotations
 
@@ -37,7 +38,7 @@ class BitmapInfo(ctypes.Structure):
     ]
 
 
-# Handles have 64 bits, which ctypes would cut off: each function with its result and its arguments.
+# Handles have 64 bits, which ctypes would truncate: each function with its result and its arguments.
 USER32: dict[str, tuple[Any, ...]] = {
     "GetSystemMetrics": (c_int, c_int),
     "GetDC": (c_void_p, c_void_p),
@@ -62,7 +63,7 @@ def open_gdi() -> Screen:
 
 
 class GdiScreen:
-    """The whole desktop. Nothing is held between two grabs."""
+    """The whole desktop. No handles are held between two grabs."""
 
     def __init__(self, user32: Any, gdi32: Any, last_error: Callable[[], int]) -> None:
         self._user32, self._gdi32, self._last_error = user32, gdi32, last_error
@@ -80,15 +81,15 @@ class GdiScreen:
         return width, height
 
     def close(self) -> None:
-        """There is nothing to give back."""
+        """There is nothing to release."""
 
     def grab(self, x: int, y: int, width: int, height: int) -> bytes:
-        """A part of the desktop; its top left is that of the leftmost and topmost monitor, not of the first one."""
+        """A region of the desktop; its top left is that of the leftmost and topmost monitor, not of the first one."""
         left, top = (self._user32.GetSystemMetrics(metric) for metric in (SM_XVIRTUALSCREEN, SM_YVIRTUALSCREEN))
         gdi, bits = self._gdi32, c_void_p()
         # A negative height has the first row on top.
         info = BitmapInfo(ctypes.sizeof(BitmapInfo) - 4, width, -height, 1, 32, BI_RGB)
-        # What is taken is given back in the opposite order, whatever fails in between.
+        # Handles are released in the opposite order, whatever fails in between.
         with ExitStack() as held:
             desktop = self._got("GetDC", self._user32.GetDC(None))
             held.callback(self._user32.ReleaseDC, None, desktop)
@@ -100,12 +101,12 @@ class GdiScreen:
             held.callback(gdi.SelectObject, memory, before)
             copied = gdi.BitBlt(memory, 0, 0, width, height, desktop, left + x, top + y, SRCCOPY | CAPTUREBLT)
             self._got("BitBlt", copied)
-            # Until then the copy may still be under way.
+            # Until then the copy may still be in progress.
             gdi.GdiFlush()
             return rgb_of_bgrx(ctypes.string_at(self._got("CreateDIBSection", bits.value), width * height * 4))
 
     def _got(self, function: str, found: int | None) -> int:
-        """What a function gave, unless that was nothing."""
+        """The result of a function, checked for failure."""
         if found:
             return found
         raise ScreenError(
@@ -115,10 +116,10 @@ class GdiScreen:
 
 
 def _see_physical_pixels(user32: Any) -> None:
-    """For the calling thread; without it a scaled desktop is seen in its own units. Windows before 10 has no such call."""
+    """For the calling thread; otherwise a scaled desktop is seen in logical units. Windows before 10 has no such call."""
     set_awareness = getattr(user32, "SetThreadDpiAwarenessContext", None)
     if set_awareness is None:
         return
     set_awareness.restype, set_awareness.argtypes = c_void_p, [c_void_p]
-    # Nothing comes back where the context is not known.
+    # Returns nothing if the context is unknown.
     any(set_awareness(context) for context in PER_MONITOR_AWARE)

@@ -1,4 +1,4 @@
-"""The screen of this computer, for a client on another one: what it may ask, and which way this system has. Nothing here calls ``xp``.
+"""The screen of this computer, for a client on another one: its requests, and this system's way to grab. Nothing here calls ``xp``.
 
 X-Plane 12's frame cannot be read back, so pictures come off the screen, and a client on another computer cannot grab that. A screen is used by
 one thread, the one of its connection.
@@ -12,12 +12,12 @@ from typing import Protocol
 from .messages import Refusal, whole
 from .wire import MAX_PAYLOAD_BYTES, Header
 
-# A part may lie anywhere on a desktop of several monitors.
+# A region may be anywhere on a desktop of several monitors.
 MAX_SIDE_PX = 65_535
 
 
 class ScreenError(Exception):
-    """Why the screen cannot be grabbed: a sentence for a person."""
+    """Why the screen cannot be grabbed, as a sentence."""
 
 
 class Screen(Protocol):
@@ -27,14 +27,14 @@ class Screen(Protocol):
         """Width and height now; monitors come and go."""
 
     def grab(self, x: int, y: int, width: int, height: int) -> bytes:
-        """A part that lies on it: red, green, blue, row by row from the top left."""
+        """A region of it: red, green, blue, row by row from the top left."""
 
     def close(self) -> None:
-        """Gives back what it holds."""
+        """Releases its resources."""
 
 
 def no_way_here() -> str | None:
-    """Why this system's screen cannot be grabbed by the plugin, if it cannot."""
+    """Why the plugin cannot grab this system's screen, if it cannot."""
     if sys.platform == "win32" or sys.platform.startswith("linux"):
         return None
     return "the plugin can grab the screen of Windows and of Linux (X11), not of this system: run dtd on X-Plane's computer"
@@ -74,7 +74,7 @@ def rgb_of_bgrx(pixels: bytes) -> bytes:
 
 
 def _part(header: Header, across: int, down: int) -> tuple[int, int, int, int]:
-    """The part that is asked for: left, top, width, height; all of it if none is named."""
+    """The requested region: left, top, width, height; everything if none is given."""
     keys = ("x_px", "y_px", "width_px", "height_px")
     x, y, width, height = 0, 0, across, down
     if any(key in header for key in keys):

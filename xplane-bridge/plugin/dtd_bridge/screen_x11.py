@@ -1,4 +1,4 @@
-"""The desktop of an X server, through libxcb. Not through Xlib, whose answer to an error is to end the process, and that is X-Plane."""
+"""The desktop of an X server, through libxcb. Not through Xlib, which ends the process on an error, and that is X-Plane."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from .screen_grab import Screen, ScreenError, rgb_of_bgrx
 
 Z_PIXMAP, ALL_PLANES = 2, 0xFFFFFFFF
 LEAST_SIGNIFICANT_FIRST = 0
-# Where a pixel of four bytes, read as a number, has red, green and blue.
+# The masks of red, green and blue in a pixel of four bytes, read as a number.
 MASKS = (0xFF0000, 0xFF00, 0xFF)
-# Answers begin with 32 bytes, which say more than is read here.
+# Answers begin with 32 bytes, more than is read here.
 GEOMETRY_WIDTH_AT, GEOMETRY_HEIGHT_AT = 16, 18
 
 
 class Setup(ctypes.Structure):
-    """xcb_setup_t up to what is needed."""
+    """xcb_setup_t up to the needed fields."""
 
     _fields_ = [
         ("before", c_uint8 * 30),
@@ -55,12 +55,12 @@ class Visual(ctypes.Structure):
 
 
 def _iterator(of: Any) -> Any:
-    """A list in an answer: the item at hand, and how many there are with it."""
+    """A list in an answer: the current item, and how many remain including it."""
     return type("Iterator", (ctypes.Structure,), {"_fields_": [("data", of), ("rem", c_int), ("index", c_int)]})
 
 
 class Cookie(ctypes.Structure):
-    """What a question's answer is asked for with."""
+    """The cookie for a request's answer."""
 
     _fields_ = [("sequence", c_uint)]
 
@@ -100,7 +100,7 @@ def open_x11(display: str | None = None) -> Screen:
 
 
 class X11Screen:
-    """The root window: all that is seen."""
+    """The root window: everything visible."""
 
     def __init__(self, xcb: Any, free: Any, display: str | None) -> None:
         self._xcb, self._free = xcb, free
@@ -125,7 +125,7 @@ class X11Screen:
             raise
 
     def close(self) -> None:
-        """Leaves the X server."""
+        """Disconnects from the X server."""
         if self._connection is not None:
             self._xcb.xcb_disconnect(self._connection)
             self._connection = None
@@ -141,7 +141,7 @@ class X11Screen:
             self._free(reply)
 
     def grab(self, x: int, y: int, width: int, height: int) -> bytes:
-        """A part of the root window."""
+        """A region of the root window."""
         cookie = self._xcb.xcb_get_image(self._connection, Z_PIXMAP, self._root, x, y, width, height, ALL_PLANES)
         reply = self._answered(self._xcb.xcb_get_image_reply(self._connection, cookie, None))
         try:
@@ -153,13 +153,13 @@ class X11Screen:
             self._free(reply)
 
     def _answered(self, reply: int | None) -> int:
-        # An error that nobody takes is thrown away by libxcb; it shows as a missing answer.
+        # libxcb discards unclaimed errors; they show as missing answers.
         if not reply:
             raise ScreenError("the X server gives no picture: did the screen change its size, or the session end?")
         return reply
 
     def _check_form(self, setup: Any, screen: Any) -> None:
-        """Refuses pixels of another form than four bytes with blue first."""
+        """Rejects pixel formats other than four bytes with blue first."""
         xcb, depth = self._xcb, screen.contents.root_depth
         formats = xcb.xcb_setup_pixmap_formats_iterator(setup)
         bits = 0
@@ -176,7 +176,7 @@ class X11Screen:
             )
 
     def _masks(self, screen: Any) -> tuple[int, ...]:
-        """Where the root window's pixels have red, green and blue."""
+        """The masks of red, green and blue in the root window's pixels."""
         xcb = self._xcb
         depths = xcb.xcb_screen_allowed_depths_iterator(screen)
         while depths.rem:

@@ -1,7 +1,7 @@
-"""Pictures by X-Plane's own screenshot command: the one way that needs neither OpenGL nor a screen that somebody can grab.
+"""Pictures by X-Plane's own screenshot command: the only way that needs neither OpenGL nor a screen to grab.
 
-X-Plane names the file itself and writes it into ``Output/screenshots`` some tenths of a second later. It takes the camera for it, so whoever takes
-a screenshot has to take the camera back. That makes it slow: good for a picture every few seconds of flight.
+X-Plane names the file itself and writes it into ``Output/screenshots`` some tenths of a second later. It takes the camera for it,
+so the camera has to be taken back afterwards. That makes it slow: suitable for a picture every few seconds of flight.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from .pixels import Frame
 from .xp_api import Xp
 
 COMMAND = "sim/operation/screenshot"
-# Live clients wait for 0.2 or 0.3 s; a large picture on a slow disk takes longer.
+# Live clients wait 0.2 or 0.3 s; a large picture on a slow disk takes longer.
 FILE_LIMIT_S = 10.0
 MAX_FILE_BYTES = 192 << 20
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
@@ -25,7 +25,7 @@ NOT_OURS = (
     "X-Plane's screenshots do not follow the camera: it takes the camera away before it draws them, so they show another view. "
     "Take the pictures off the screen instead (--pixels screen)"
 )
-# Chunks without which there is no picture. Others (the time, the program) would make two files of one picture differ.
+# The essential chunks. Others (the time, the program) would make two files of the same picture differ.
 CRITICAL = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
 
 
@@ -43,7 +43,7 @@ class Screenshots:
         return self._xp.findCommand(COMMAND) is not None
 
     def take(self, camera_is_ours: Callable[[], bool]) -> Generator[None, None, Frame]:
-        """The next frame that X-Plane draws, as a PNG file; the camera may be gone then."""
+        """The next frame that X-Plane draws, as a PNG file; the camera may be lost then."""
         command = self._xp.findCommand(COMMAND)
         if command is None:
             raise Refusal(f"X-Plane does not know the command {COMMAND}")
@@ -80,19 +80,19 @@ class Screenshots:
 
 
 def _whole(path: Path) -> bytes | None:
-    """A file that X-Plane has written to its end."""
+    """A file that X-Plane has finished writing."""
     try:
         if path.stat().st_size > MAX_FILE_BYTES:
             raise Refusal(f"{path} has more than {MAX_FILE_BYTES} bytes: that is no screenshot of X-Plane")
         png = path.read_bytes()
     except OSError:
-        # Windows lets nobody read what is being written.
+        # On Windows a file that is being written cannot be read.
         return None
     return png if png.startswith(SIGNATURE) and png.endswith(END) else None
 
 
 def parse(png: bytes) -> Frame:
-    """Width, height, and the file without what is not the picture."""
+    """Width, height, and the file without ancillary data."""
     size, kept, at = None, [SIGNATURE], len(SIGNATURE)
     while at + 12 <= len(png):
         length, kind = struct.unpack_from(">I4s", png, at)

@@ -1,10 +1,10 @@
-"""The sockets of the capture link, in threads of their own. Nothing here calls ``xp``: X-Plane is not thread-safe.
+"""The sockets of the capture link, in separate threads. Nothing here calls ``xp``: X-Plane is not thread-safe.
 
-A connection for the screen (:class:`Watchers`) takes no seat and is answered by its own thread; the main thread never sees it.
+A connection for the screen (:class:`Watchers`) takes no seat and is served by its own thread; the main thread never sees it.
 
 What the main thread sees: a queue of events (:class:`Opened`, :class:`Asked`, :class:`Closed`, :class:`Note`), and a
-:class:`Connection` to answer on. One client at a time, see :class:`Seat`; it has to say hello, with the token if there is one,
-before it is let in.
+:class:`Connection` to answer on. One client at a time, see :class:`Seat`; it must send a hello, with the token if there is one,
+before it is admitted.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ from .screen_grab import ScreenError
 from .settings import Settings
 from .wire import GREETING, Header, WireError, check_greeting, pack, read_request
 
-# From the connection to its greeting and its whole hello.
+# From the connection to its greeting and its complete hello.
 HELLO_TIMEOUT_S = 5.0
-# How long a client waits for the seat of another one.
+# How long a client waits for another one's seat.
 SEAT_TIMEOUT_S = 2.0
-# A client that neither asks nor takes its answers for so long loses its seat to the next one.
+# A client that neither sends requests nor reads answers for this long loses its seat to the next one.
 SILENCE_S = 120.0
-# Connections at a time, most of which wait to say hello or for the seat.
+# Maximum connections, most of which wait to say hello or for the seat.
 MAX_CONNECTIONS = 16
-# Requests of a client that wait for their answer, or whose answer waits to be taken. A client may send 64 captures ahead.
+# Pending requests of a client, including those whose answer is not read yet. A client may send 64 captures ahead.
 MAX_OUTSTANDING = 128
-# Answers that wait to be taken, bytes. Beyond that no request is begun: pictures that nobody takes would fill X-Plane's memory.
+# Unread answers, bytes. Beyond that no request is started: unread pictures would fill X-Plane's memory.
 MAX_QUEUED_BYTES = 64 << 20
-# Connections for the screen at a time. A client needs one, and another one while it looks for the window.
+# Maximum connections for the screen. A client needs one, and another one while it looks for the window.
 MAX_WATCHERS = 4
-# How long to wait after a client could not be taken: what is short, descriptors or threads, others have to give back first.
+# Delay after a client could not be accepted: others must first release the scarce resource, descriptors or threads.
 ACCEPT_PAUSE_S = 0.1
 
 
 class Connection:
-    """One client. ``answer`` may be called from any thread; a thread of its own writes."""
+    """One client. ``answer`` may be called from any thread; a separate thread writes."""
 
     def __init__(self, stream: socket.socket) -> None:
         self._stream = stream
         self._outbox: queue.Queue[bytes | None] = queue.Queue()
         self._room = threading.Semaphore(MAX_OUTSTANDING)
         self._closed = threading.Event()
-        # Until then everything has to be read.
+        # Deadline for reading everything.
         self._deadline: float | None = time.monotonic() + HELLO_TIMEOUT_S
         self._lock = threading.Lock()
         self._unanswered = 0
@@ -66,7 +66,7 @@ class Connection:
         self._heard(-1)
 
     def takes_more(self) -> bool:
-        """Whether the client has taken enough of its answers for the next request to be begun."""
+        """Whether the client has read enough of its answers for the next request to be started."""
         with self._lock:
             return self._queued_bytes < MAX_QUEUED_BYTES
 
@@ -78,15 +78,16 @@ class Connection:
         check_greeting(self.read_exactly(8))
 
     def admitted(self, one_by_one: bool = False) -> None:
-        """From now on the client may take its time. `one_by_one`: what it asks is read when it has taken the answer before."""
+        """From now on the client may take its time. `one_by_one`: the next request is read when the client has read the previous
+        answer."""
         self._deadline = None
         self._stream.settimeout(None)
         if one_by_one:
-            # The answer to come makes room for the next.
+            # The coming answer makes space for the next.
             self._room = threading.Semaphore(0)
 
     def comes_from_elsewhere(self) -> bool:
-        """Whether the client is on another computer: its address is not the one by which it reaches this one."""
+        """Whether the client is on another computer: its address differs from the local end of the connection."""
         try:
             client, here = (ipaddress.ip_address(name()[0].split("%")[0]) for name in (self._stream.getpeername, self._stream.getsockname))
         except OSError:
@@ -95,7 +96,7 @@ class Connection:
         return client != here and not client.is_loopback
 
     def next_request(self) -> Header:
-        """Blocks for a request, and before that for room for its answer."""
+        """Blocks for a request, and before that for space for its answer."""
         while not self._room.acquire(timeout=1.0):
             if self._closed.is_set():
                 raise EOFError("the client takes no more answers")
@@ -104,12 +105,12 @@ class Connection:
         return header
 
     def read_exactly(self, count: int) -> bytes:
-        """Blocks for so many bytes."""
+        """Blocks for this many bytes."""
         buffer = bytearray(count)
         view, got = memoryview(buffer), 0
         while got < count:
             if self._deadline is not None:
-                # Of all of it: a byte now and then wins no time.
+                # For all of it: a byte now and then does not extend the time.
                 left = self._deadline - time.monotonic()
                 if left <= 0:
                     raise TimeoutError(f"no hello within {HELLO_TIMEOUT_S} s")
@@ -121,7 +122,7 @@ class Connection:
         return bytes(buffer)
 
     def silent_s(self) -> float:
-        """For how long it is the client that nothing comes from; 0 while it waits for us."""
+        """For how long the client has been silent; 0 while it waits for us."""
         takes_more = self.takes_more()
         with self._lock:
             waits_for_us = self._unanswered > 0 and takes_more
@@ -162,9 +163,10 @@ class Connection:
 
 
 class Seat:
-    """The one place at the aircraft. Whoever has it keeps it as long as he uses it; who is silent keeps it until somebody else wants it.
+    """The single place at the aircraft. A client keeps it as long as it uses it; a silent client keeps it until another one wants
+    it.
 
-    So a client may take all the time it needs between two requests, and one that hangs keeps nobody out.
+    So a client may take all the time it needs between two requests, and one that hangs blocks nobody.
     """
 
     def __init__(self) -> None:
@@ -182,7 +184,7 @@ class Seat:
         return True
 
     def leave(self) -> None:
-        """Gives the place back."""
+        """Releases the place."""
         self._holder = None
         self._place.release()
 
@@ -195,7 +197,7 @@ class Watchers:
         self._there: set[Connection] = set()
 
     def enter(self, connection: Connection) -> bool:
-        """Whether there is room."""
+        """Whether there is space."""
         with self._lock:
             if len(self._there) >= MAX_WATCHERS:
                 longest = max(self._there, key=Connection.silent_s)
@@ -207,7 +209,7 @@ class Watchers:
             return True
 
     def leave(self, connection: Connection) -> None:
-        """Gives the room back."""
+        """Releases the space."""
         with self._lock:
             self._there.discard(connection)
 
@@ -262,14 +264,14 @@ class LinkServer:
         threading.Thread(target=self._accept, name="dtd link", daemon=True).start()
 
     def screen_for(self, connection: Connection) -> Header | None:
-        """What a client is told of this computer's screen: nothing if it can grab it itself, else `refused` says why it is not given."""
+        """What a client is told about this computer's screen: nothing if it can grab it itself, else `refused` has the reason."""
         if not connection.comes_from_elsewhere():
             return None
         reason = self._no_screen()
         return {} if reason is None else {"refused": reason}
 
     def _no_screen(self) -> str | None:
-        """Why the screen is not given, if it is not."""
+        """Why the screen is not provided, if it is not."""
         if not self._grab:
             return (
                 "its plugin may not show this computer's screen: put `grab = on` below the token in [link] of dtd_bridge.ini, and restart X-Plane"
@@ -277,7 +279,7 @@ class LinkServer:
         return screen_grab.no_way_here()
 
     def close(self) -> None:
-        """Ends listening and all connections."""
+        """Stops listening and closes all connections."""
         self._closing.set()
         # On some systems only a shutdown wakes a thread that accepts.
         try:
@@ -289,7 +291,7 @@ class LinkServer:
             connection.abort()
 
     def _accept(self) -> None:
-        """Takes clients as long as there is room; the others wait in the system's queue. No trouble with one of them ends it."""
+        """Accepts clients as long as there is space; the others wait in the system's queue. No problem with one of them ends it."""
         failed_before = False
         while not self._closing.is_set():
             self._room.acquire()
@@ -342,13 +344,13 @@ class LinkServer:
             self._open.discard(connection)
 
     def _admit(self, connection: Connection) -> Header:
-        """The first message of a client that may come in."""
+        """The first message of a client that may be admitted."""
         header = connection.next_request()
         if header["message"] not in ("hello", "open_screen"):
             raise WireError(f"the first message is {header['message']!r}, expected hello or open_screen")
         if self._token is not None:
             given = header.get("token")
-            # JSON may hold halves of characters, which have no bytes in UTF-8.
+            # JSON may contain lone surrogates, which cannot be encoded in UTF-8.
             if not isinstance(given, str) or not hmac.compare_digest(
                 given.strip().encode("utf-8", "surrogatepass"), self._token.encode()
             ):
@@ -359,7 +361,7 @@ class LinkServer:
         return header
 
     def _show_screen(self, connection: Connection) -> None:
-        """Serves a connection for the screen, in the thread that is its own."""
+        """Serves a connection for the screen, in its own thread."""
         reason = self._no_screen()
         if reason is not None:
             raise WireError(reason)

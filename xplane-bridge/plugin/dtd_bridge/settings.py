@@ -1,4 +1,4 @@
-"""The settings file beside the plugin, ``dtd_bridge.ini``. Without it, the defaults.
+"""The settings file next to the plugin, ``dtd_bridge.ini``. Without it, the defaults.
 
 ::
 
@@ -26,7 +26,7 @@ class SettingsError(Exception):
 
 @dataclass(frozen=True)
 class Settings:
-    """Where to listen, and what cannot be measured."""
+    """Where to listen, and values that cannot be measured."""
 
     bind: str = "127.0.0.1"
     port: int = 49010
@@ -35,7 +35,8 @@ class Settings:
     grab: bool = False
 
     def __post_init__(self) -> None:
-        """Whoever reaches the link commands the simulator: a link that others reach has a secret, and an empty one is none."""
+        """Anyone who reaches the link controls the simulator: a link that others can reach needs a secret, and an empty one does
+        not count."""
         if not ipaddress.ip_address(self.bind).is_loopback and not (self.token or "").strip():
             raise SettingsError(f"bind = {self.bind} opens the link to other machines: give a token as well")
         if self.grab and not (self.token or "").strip():
@@ -46,7 +47,7 @@ KNOWN = {"link": {"bind", "port", "token", "grab"}, "weather": {"settle_s"}}
 
 
 def read_settings(path: Path) -> Settings:
-    """Reads the file if it is there. Unknown keys are refused: a mistyped token must not open the link."""
+    """Reads the file if it exists. Unknown keys are rejected: a mistyped token must not open the link."""
     if not path.exists():
         return Settings()
     parser = configparser.ConfigParser(inline_comment_prefixes=(";",), interpolation=None)

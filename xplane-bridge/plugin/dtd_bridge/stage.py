@@ -1,10 +1,11 @@
-"""Standing still, and being put somewhere: the flight model stopped, time stopped, pose and camera of a tick written together.
+"""Freezing and posing: the flight model stopped, time stopped, pose and camera of a tick written together.
 
-X-Plane asks for the camera once a frame, before it draws; whether that is before or after our flight loop of the frame is not said, so
-nothing here asks. In that one callback both pose and camera of the tick are converted with the local origin of that moment and
-written, so no frame shows the pose of one tick from the camera of another; the flight loop writes the pose, too, for what X-Plane computes
-in between. What counts is that the callback came at all: it fails to when somebody took the camera (a view key, a screenshot). Such frames do
-not count, and the camera is taken back, in an external view: in any other the cockpit is drawn around it.
+X-Plane asks for the camera once a frame, before it draws; whether that is before or after our flight loop of the frame is
+undocumented, so nothing here depends on it. In that one callback both pose and camera of the tick are converted with the current
+local origin and written, so no frame shows the pose of one tick from the camera of another; the flight loop writes the pose, too,
+for what X-Plane computes in between. What counts is that the callback came at all: it does not when somebody took the camera (a
+view key, a screenshot). Such frames do not count, and the camera is taken back, in an external view: in any other the cockpit is
+drawn around it.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ from .xp_api import Xp
 
 # X-Plane has 10 landing gears.
 GEARS = 10
-# An external view shows within a frame or two; the command is given again after so many.
+# An external view shows within a frame or two; the command is repeated after this many.
 VIEW_FRAMES = 30
 FREE_CAMERA = "sim/view/free_camera"
-# What lies over the scene, as far as X-Plane has commands for it.
+# Windows over the scene, as far as X-Plane has commands for them.
 CLOSING = (
     "sim/operation/close_windows", "sim/instruments/map_close", "sim/GPS/g1000n1_popup_close",
     *(f"sim/instruments/popup_{number}_close" for number in range(1, 13)),
@@ -35,7 +36,7 @@ CLOSING = (
 
 @dataclass(frozen=True)
 class Tick:
-    """What one picture shows."""
+    """Content of one picture."""
 
     pose: Pose
     flap_ratio: float
@@ -55,7 +56,7 @@ class Stage:
         self._frame = frame
         self._tick: Tick | None = None
         self._running_at: Clock | None = None
-        # Our own counts: X-Plane's cycle number moves at another pace.
+        # Our own counts: X-Plane's cycle number advances at another pace.
         self._frames = 0
         self._written = 0
         self._holds_camera = False
@@ -72,17 +73,18 @@ class Stage:
 
     @property
     def frozen(self) -> bool:
-        """Whether the flight model and time stand still on our account."""
+        """Whether we have stopped the flight model and time."""
         return self._frozen
 
     @property
     def time_runs(self) -> bool:
-        """Whether time goes on although the aircraft is frozen."""
+        """Whether time keeps running although the aircraft is frozen."""
         return self._running_at is not None
 
     def freeze(self, running_at: Clock | None) -> None:
-        """Stops the flight model, and time: paused, X-Plane still draws and still takes poses, but nothing moves by itself. With a clock
-        time goes on instead, and the clock is set back to it in every frame: rain and snow fall only while time runs."""
+        """Stops the flight model, and time: paused, X-Plane still draws and still accepts poses, but nothing moves by itself. With
+        a clock, time keeps running instead, and the clock is set back to it in every frame: rain and snow fall only while time
+        runs."""
         if not self._frozen:
             self._before = self.read_pose()
         self._frozen = True
@@ -92,16 +94,16 @@ class Stage:
         self._clear_the_view()
 
     def is_still(self) -> bool:
-        """Whether time stands or runs as the freeze wanted it."""
+        """Whether time is stopped or running as the freeze requested."""
         return self.paused() != self.time_runs
 
     def put_back(self) -> None:
-        """The aircraft where it was: shown in the air, a parked one would fall and crash."""
+        """Returns the aircraft to its place: shown in the air, a parked one would fall and crash."""
         if self._frozen and self._before is not None:
             self.write_pose(self._before)
 
     def release(self) -> None:
-        """Takes the hands off. What was changed is given back by whoever remembers it."""
+        """Releases control. What was changed is restored by the module that saved it."""
         self._tick = self._running_at = self._asked_for_view_at = None
         if self._holds_camera:
             self._holds_camera = False
@@ -111,18 +113,18 @@ class Stage:
             self.let_go()
 
     def hold(self) -> None:
-        """Stops the flight model alone."""
+        """Stops only the flight model."""
         self._datarefs.set(names.OVERRIDE_FLIGHT_MODEL, 1)
 
     def let_go(self) -> None:
-        """Gives the aircraft back to the flight model, stick and levers."""
+        """Returns the aircraft to the flight model, stick and levers."""
         self._datarefs.set_if_there(names.OVERRIDES, 0)
 
     def _hold(self) -> None:
         self._datarefs.set_if_there(names.OVERRIDES, 1)
 
     def _clear_the_view(self) -> None:
-        """Nothing over the picture: windows, instruments, the cross of a mouse that flies. The aircraft with its landing lights on."""
+        """Removes what covers the picture: windows, instruments, the cross of a mouse that flies. Landing lights on."""
         for path in CLOSING:
             found = self._xp.findCommand(path)
             if found:
@@ -132,7 +134,7 @@ class Stage:
         self._datarefs.set_if_there(names.LANDING_LIGHTS, 1)
 
     def step(self) -> None:
-        """One frame: whatever X-Plane or another flight has changed since the last one is as it was."""
+        """One frame: undoes whatever X-Plane or another flight has changed since the last one."""
         self._frames += 1
         if not self._frozen:
             return
@@ -149,7 +151,7 @@ class Stage:
         return self._datarefs.get(names.PAUSED) != 0
 
     def scenery_is_loading(self) -> bool:
-        """Whether X-Plane is loading scenery in the background; false where it does not say."""
+        """Whether X-Plane is loading scenery in the background; false if it does not report that."""
         return self._datarefs.get_or(names.SCENERY_LOADING, 0.0) != 0
 
     def command(self, path: str) -> None:
@@ -182,16 +184,16 @@ class Stage:
 
     @property
     def written(self) -> int:
-        """How often pose and camera were written together, once a frame. The callback comes before our flight loop in some frames and after
-        it in others, so that between two loops there may be none or two of them."""
+        """How often pose and camera were written together, once a frame. The callback comes before our flight loop in some frames
+        and after it in others, so there may be none or two of them between two loops."""
         return self._written
 
     def is_shown(self) -> bool:
-        """Whether the view is ours, and from outside. Once it is lost it stays so until the camera is taken again."""
+        """Whether the view is ours, and from outside. Once lost it stays so until the camera is taken again."""
         return self._holds_camera and self._is_external()
 
     def what_is_wrong_with_the_view(self) -> str:
-        """Why no frame counts, for a person."""
+        """Why no frame counts, as text."""
         if self.scenery_is_loading():
             return "scenery was loading"
         if not self._is_external():
@@ -199,7 +201,8 @@ class Stage:
         return "the camera was not to be had: switch off other camera plugins"
 
     def on_camera(self, position: list[float] | None, is_losing_control: int, _refcon: object) -> int:
-        """X-Plane asks where the camera is. The list must be changed in place; 1 means that it was, and 0 gives the camera away."""
+        """X-Plane asks for the camera's position. The list must be changed in place; 1 means that it was, and 0 gives the camera
+        up."""
         try:
             if is_losing_control or self._tick is None or position is None:
                 self._holds_camera = False
@@ -224,11 +227,11 @@ class Stage:
         position[:] = [camera.x, camera.y, camera.z, camera.theta, camera.psi, camera.phi, 1.0]
 
     def write_pose(self, pose: Pose) -> None:
-        """Puts the aircraft somewhere, converted with the local origin of this moment."""
+        """Places the aircraft, converted with the current local origin."""
         local = self._frame.place(pose)
         for name, value in zip(names.LOCAL_XYZ, (local.x, local.y, local.z)):
             self._datarefs.set(name, value)
-        # The angles are what is drawn, the quaternion what the flight model goes on from: both, or one overwrites the other.
+        # The angles are drawn, the flight model continues from the quaternion: write both, or one overwrites the other.
         for name, value in zip(names.ATTITUDE, (local.psi, local.theta, local.phi)):
             self._datarefs.set(name, value)
         self._datarefs.set_array(names.QUATERNION, local.quaternion())
@@ -241,16 +244,16 @@ class Stage:
         self._datarefs.set_array(names.GEAR_DRAWN, [gear_ratio] * GEARS)
 
     def read_local_pose(self) -> LocalPose:
-        """Where X-Plane has the aircraft, local coordinates."""
+        """The aircraft's position in X-Plane, local coordinates."""
         return LocalPose(*(self._datarefs.get(name) for name in names.LOCAL_XYZ + names.ATTITUDE))
 
     def read_pose(self) -> Pose:
-        """Where X-Plane has the aircraft."""
+        """The aircraft's position in X-Plane."""
         return self._frame.read(self.read_local_pose())
 
     def read_camera(self) -> tuple[Pose, float, float]:
-        """Where X-Plane has the camera, and its horizontal and vertical fields of view. An X-Plane that has no vertical one to be
-        written derives it from the window, whose shape is checked."""
+        """X-Plane's camera, and its horizontal and vertical fields of view. An X-Plane without a writable vertical one derives it
+        from the window, whose shape is checked."""
         x, y, z, heading, pitch, roll = (self._datarefs.get(name) for name in names.VIEW_POSE)
         camera = self._frame.read(LocalPose(x, y, z, wrapped_360(heading), pitch, roll))
         wanted = self._tick.vfov_deg if self._tick is not None else math.nan

@@ -1,4 +1,4 @@
-"""Other aircraft: none while pictures are taken."""
+"""No other aircraft while pictures are taken."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from .xp_api import Xp
 
 
 class Traffic:
-    """X-Plane's AI aircraft, which a plugin switches off by taking them for itself."""
+    """X-Plane's AI aircraft, which a plugin switches off by taking control of them."""
 
     def __init__(self, xp: Xp) -> None:
         self._xp = xp
@@ -16,7 +16,7 @@ class Traffic:
         self._found: int | None = None
 
     def clear(self) -> None:
-        """Leaves the user's aircraft alone in the world. X-Plane brings the others back with every flight."""
+        """Removes all aircraft except the user's. X-Plane brings the others back with every flight."""
         _, active, _ = self._xp.countAircraft()
         if active <= 1:
             return
@@ -30,7 +30,7 @@ class Traffic:
         self._xp.setActiveAircraftCount(1)
 
     def give_back(self) -> None:
-        """As many as there were, and whoever wants them."""
+        """Their previous number, and who requested the removal."""
         if self._holds:
             self._holds = False
             if self._found is not None:

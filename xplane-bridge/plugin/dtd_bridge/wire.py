@@ -1,6 +1,6 @@
 """Greeting and framing of the capture link: bytes <-> messages. No sockets, no X-Plane.
 
-A message is two little-endian lengths, a JSON header and a payload. A length is believed only up to a limit.
+A message is two little-endian lengths, a JSON header and a payload. Lengths above a limit are rejected.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ MAX_HEADER_BYTES = 64 << 10
 MAX_PAYLOAD_BYTES = 192 << 20
 
 Header = dict[str, Any]
-# Returns exactly so many bytes, or raises WireError if the other side went away.
+# Returns exactly this many bytes, or raises WireError if the other side closed.
 ReadExactly = Callable[[int], bytes]
 
 
 class WireError(Exception):
-    """The other side does not speak this link; the text says how that shows."""
+    """The other side does not speak this protocol; the text says how that shows."""
 
 
 def check_greeting(greeting: bytes) -> None:
@@ -37,7 +37,7 @@ def check_greeting(greeting: bytes) -> None:
 
 
 def pack(header: Header, payload: bytes = b"") -> bytes:
-    """One message. Numbers keep all their digits; what is no JSON number (NaN) is refused."""
+    """One message. Numbers keep all their digits; values that are not JSON numbers (NaN) are rejected."""
     text = json.dumps(header, separators=(",", ":"), allow_nan=False).encode()
     return struct.pack("<II", len(text), len(payload)) + text + payload
 
@@ -50,7 +50,7 @@ def read_message(read_exactly: ReadExactly) -> tuple[Header, bytes]:
 
 
 def read_request(read_exactly: ReadExactly) -> Header:
-    """The next message of a client, which has no payload: of one that is announced, nothing is read."""
+    """The next message of a client, which has no payload: if one is announced, nothing of it is read."""
     header_bytes, payload_bytes = _read_lengths(read_exactly)
     if payload_bytes:
         raise WireError(f"a request has no payload, but {payload_bytes} bytes are announced")
@@ -58,7 +58,7 @@ def read_request(read_exactly: ReadExactly) -> Header:
 
 
 def printable(text: str) -> str:
-    """What a client says, for the log: on one line, without characters that a terminal obeys."""
+    """A client's text, for the log: on one line, without control characters."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text[:200])
 
 

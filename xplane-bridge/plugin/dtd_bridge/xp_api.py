@@ -1,7 +1,7 @@
 """The functions and constants of XPPython3's module ``xp`` that the plugin uses, and their types, as XPPython3 documents them.
 
-``mypy --strict`` holds the plugin against these; what is not here, the plugin does not use. Where XPPython3 3 and 4 differ, the types are what both
-take. Written for this project, since the types that XPPython3 ships come with it alone.
+``mypy --strict`` checks the plugin against these; the plugin uses nothing else. Where XPPython3 3 and 4 differ, the types are those
+that both accept. Written for this project, since XPPython3 ships its types only with itself.
 """
 
 from __future__ import annotations
@@ -12,19 +12,20 @@ DataRef = Any
 Command = Any
 FlightLoop = Any
 Probe = Any
-# Seconds since the last call, seconds since the last frame, a counter, and what was given on registering; when to be called again.
+# Seconds since the last call, seconds since the last frame, a counter, and the reference from registering; returns when to be
+# called again.
 OnFrame = Callable[[float, float, int, Any], float]
-# The camera's list, to be changed in place, whether control is being lost, and what was given; 1 if the list was changed.
+# The camera's list, to be changed in place, whether control is being lost, and the reference; 1 if the list was changed.
 OnCamera = Callable[["list[float] | None", int, Any], int]
-# The phase, 1 for before it, and what was given; 1 to let X-Plane draw.
+# The phase, 1 for before it, and the reference; 1 to let X-Plane draw.
 OnDraw = Callable[[int, int, Any], int]
-# Number of the monitor, left, top, right, bottom, and what was given.
+# Number of the monitor, left, top, right, bottom, and the reference.
 OnMonitor = Callable[[int, int, int, int, int, Any], None]
 OnPlanesAvailable = Callable[[Any], None]
 
 
 class ProbeInfo(Protocol):
-    """What a terrain probe found."""
+    """Result of a terrain probe."""
 
     @property
     def result(self) -> int: ...

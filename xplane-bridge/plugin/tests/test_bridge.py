@@ -1,4 +1,4 @@
-"""The whole plugin against the fake ``xp`` on paper, over real sockets: captures, disturbances, flights, refusals."""
+"""The whole plugin against the in-memory fake ``xp``, over real sockets: captures, disturbances, flights, rejections."""
 
 import paths  # noqa: F401
 
@@ -28,7 +28,7 @@ RUNWAY = {
 }  # fmt: skip
 FREEZE = {"message": "freeze", "runway": RUNWAY, "settle_frames": 3}
 OVERRIDE = "sim/operation/override/override_planepath"
-# Callbacks in the order that is worst, two cycles in a frame, starts that crash where X-Plane would.
+# Callbacks in the worst order, two cycles in a frame, starts that crash where X-Plane would.
 QUIRKS = frozenset({
     "two_cycles_per_loop", "camera_callback_order", "draw_before_is_one", "camera_taken", "late_start_crashes",
 })  # fmt: skip
@@ -228,7 +228,7 @@ class Profiles(WithBridge):
             self.assertEqual(client.ask({"message": "keep_profile", "profile": profile})[0], {"message": "profile_kept"})
             self.assertEqual([item.name for item in Path(folder).iterdir()], ["dtd_profile.json"])
             self.assertEqual(self.hello(client)["profile"], profile)
-            # What moves by itself is not waited for.
+            # Motion in a pause is not waited for.
             self.assertTrue(self.bridge._pixels.restless)
             client.ask({"message": "keep_profile", "profile": {}})
             self.assertFalse(self.bridge._pixels.restless)
@@ -265,7 +265,7 @@ class Capturing(WithBridge):
         self.near(answer["camera"], capture(7)["camera"])
         # Read back from 32 bits, not copied.
         self.assertNotEqual(answer["camera"]["latitude_deg"], capture(7)["camera"]["latitude_deg"])
-        # Upright: red grows to the right, green downwards; blue is the aircraft's place. No window lies over it.
+        # Upright: red grows to the right, green downwards; blue encodes the aircraft's position. No window covers it.
         self.assertEqual((picture[0], picture[1], picture[2]), (0, 0, self.world.colour()))
         self.assertEqual(picture[3 * 63], 63)
         self.assertEqual(picture[3 * 64 * 47 + 1], 47)
@@ -277,7 +277,7 @@ class Capturing(WithBridge):
         client.send(capture(2))
         frames = [client.receive()[0]["sim_frame"] for _ in range(2)]
         self.assertGreater(frames[0], first + 3)
-        # Asked ahead, the second follows at once: three that settle, one more, and the one that is the same again.
+        # Requested ahead, the second follows at once: three that settle, one more, and the one that is the same again.
         self.assertIn(frames[1] - frames[0], (5, 6))
 
     def test_a_picture_that_still_shows_the_tick_before_is_not_taken_for_the_new_one(self):
@@ -442,7 +442,7 @@ class Capturing(WithBridge):
                     self.assertEqual(client.ask({"message": "release"})[0], {"message": "released"})
                     self.assertEqual(self.world.get(OVERRIDE), 0)
                     self.assertEqual(self.world.get("sim/time/use_system_time"), 0, "the client may come back")
-                # As a process that is killed does.
+                # Like a process that is killed.
                 client.stream.close()
                 deadline = time.monotonic() + 10
                 while self.world.get("sim/time/use_system_time") == 0 and time.monotonic() < deadline:

@@ -1,4 +1,4 @@
-"""Every dataref and command of X-Plane that the client or the plugin uses has a line in the table of ``docs/x-plane.md``, and no other has."""
+"""The table of ``docs/x-plane.md`` lists exactly the datarefs and commands of X-Plane that the client or the plugin uses."""
 
 import paths
 
@@ -11,7 +11,7 @@ NAME = re.compile(r"sim/[a-zA-Z0-9_/]+")
 
 
 def used():
-    """Names that stand in the sources, and those that the plugin puts together."""
+    """Names in the sources, and those that the plugin composes."""
     sources = [BRIDGE / "src" / "datarefs.rs", *(BRIDGE / "src" / "datarefs").glob("*.rs")]
     sources += (BRIDGE / "src" / "simulator" / "doctor").glob("*.rs")
     sources += (paths.PLUGIN / "dtd_bridge").glob("*.py")

@@ -1,4 +1,4 @@
-"""The fake of ``xp`` itself: what its quirks do to frames and callbacks (the names are those of docs/simulator.md)."""
+"""The fake of ``xp`` itself: the effect of its quirks on frames and callbacks (the names are those of docs/simulator.md)."""
 
 import tempfile
 import unittest

@@ -1,4 +1,4 @@
-"""Poses in X-Plane's local coordinates: right way round, and back to within rounding wherever the origin is."""
+"""Poses in X-Plane's local coordinates: correct directions, and a round trip to within rounding wherever the origin is."""
 
 import paths  # noqa: F401
 

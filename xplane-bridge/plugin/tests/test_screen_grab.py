@@ -1,4 +1,4 @@
-"""The screen for a client on another computer: what may be asked, GDI against a Windows on paper, libxcb against a real X server."""
+"""The screen for a client on another computer: valid requests, GDI against a fake of Windows, libxcb against a real X server."""
 
 import paths  # noqa: F401
 

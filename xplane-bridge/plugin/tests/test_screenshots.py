@@ -1,4 +1,4 @@
-"""Pictures by X-Plane's screenshot command: whole files, of the right tick, from our camera, and none left behind."""
+"""Pictures by X-Plane's screenshot command: complete files, of the right tick, from our camera, and none left behind."""
 
 import paths  # noqa: F401
 
@@ -46,7 +46,7 @@ class Screenshots(WithBridge):
             header, payload = self.shot(client, tick)
             self.assertEqual((header["tick"], header["width_px"], header["height_px"]), (tick, 64, 48))
             rgb, kinds = pixels(payload)
-            # The text that X-Plane wrote along is gone: it differs from file to file.
+            # The text that X-Plane adds is gone: it differs from file to file.
             self.assertEqual(kinds, [b"IHDR", b"IDAT", b"IEND"])
             self.assertEqual(rgb[5], self.world.colour(), "the aircraft is where this tick has it")
             # A window of ours lies over the first pixel, the camera's heading is in the last one.

@@ -1,4 +1,4 @@
-"""The link's sockets against clients that mean no good, or nothing at all."""
+"""The link's sockets against hostile and silent clients."""
 
 import paths  # noqa: F401
 
@@ -15,7 +15,7 @@ from dtd_bridge.settings import Settings, SettingsError
 from test_screen_grab import PaperScreen
 
 HELLO = {"message": "hello", "client": "test"}
-# How long a test waits for what has to come.
+# Timeout of a test.
 PATIENCE_S = 20.0
 
 
@@ -120,7 +120,7 @@ class Silence(WithServer):
         first.sendall(wire.pack({"message": "release"}) * 3)
         for _ in range(3):
             self.wait_for(Asked)
-        # More than sockets keep on their way.
+        # More than the sockets' buffers hold.
         connection.answer({"message": "hello"}, bytes(32 << 20))
         self.assertFalse(connection.takes_more())
         self.patch(SILENCE_S=1e-6)
@@ -171,7 +171,7 @@ class Screen(WithServer):
             header, payload = self.answer(stream)
             self.assertEqual((header["message"], len(payload)), ("grabbed", 3_600))
         self.assertEqual(self.answer(stream)[0]["message"], "error")
-        # Of all that the main thread has seen nothing.
+        # The main thread has seen none of it.
         self.assertTrue(self.server.events.empty())
         stream.close()
         self.wait_for(Note)

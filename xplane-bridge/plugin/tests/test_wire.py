@@ -1,4 +1,4 @@
-"""The golden messages mean here what they mean in Rust; broken ones are refused with their reason."""
+"""The golden messages decode to the same as in Rust; broken ones are rejected with the reason."""
 
 import paths  # noqa: F401
 

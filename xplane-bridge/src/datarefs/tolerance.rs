@@ -1,49 +1,50 @@
-//! How nearly a dataref that was written must read back, in the unit of the dataref: the one table, for setting and for watching.
+//! Tolerances for reading back a written dataref, in the unit of the dataref: the one table, for setting and for watching.
 //!
-//! X-Plane keeps weather in its own units and grids, smooths it, and settles on values near the ones asked. The widths are those that
-//! clients of a live X-Plane 12.4 use (`docs/x-plane.md` names them); one in 10,000, which is rounding, is nobody's practice for weather.
+//! X-Plane stores weather in its own units and grids, smooths it, and settles on values near the requested ones. The tolerances are
+//! those that clients of a live X-Plane 12.4 use (`docs/x-plane.md` names them); none uses one in 10,000, which is rounding, for
+//! weather.
 
 use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
 
 use super::*;
 
-/// A value that went through X-Plane's 32-bit floats, and for some datarefs through its own units, comes back within this.
+/// Tolerance for a value that went through X-Plane's 32-bit floats, and for some datarefs through its own units.
 const ROUNDING: f32 = 1e-4;
-/// Wind, metres per second. Below it a direction means nothing.
+/// Wind, metres per second. Below it a direction is meaningless.
 pub(super) const WIND_MPS: f64 = 1.5;
 const WIND_FROM_DEG: f32 = 6.0;
 const VISIBILITY_RATIO: f32 = 0.1;
 /// Rain and turbulence.
 const INTENSITY: f32 = 0.05;
 const COVER: f32 = 0.02;
-/// Asked for a base, X-Plane may settle on another some metres off: beyond 30 ft a client of X-Plane 12 warns its user. (Another holds
-/// X-Plane 12.4.3 to 5 m, which would refuse such a sky.)
+/// X-Plane may settle on a base some metres off the requested one: beyond 30 ft a client of X-Plane 12 warns its user. (Another
+/// holds X-Plane 12.4.3 to 5 m, which would reject such a sky.)
 const CLOUD_HEIGHT_M: f32 = (30.0 * METERS_PER_FOOT) as f32;
-/// Kinds are whole numbers, between which X-Plane 12 may blend.
+/// Kinds are integers, between which X-Plane 12 may blend.
 const CLOUD_TYPE_STEP: f32 = 0.25;
 const PRESSURE_TOLERANCE_PA: f64 = 100.0;
 const TEMPERATURE_TOLERANCE_C: f32 = 1.0;
 
-/// How far a value read back may be from the one that was written.
+/// How far a value read back may deviate from the written one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Tolerance {
-    /// So much, in the dataref's unit.
+    /// This much, in the dataref's unit.
     Absolute(f32),
-    /// So large a part of the value.
+    /// This share of the value.
     Relative(f32),
-    /// So many degrees around the circle.
+    /// This many degrees around the circle.
     Degrees(f32),
-    /// It is not read back: no picture and no flight depends on what X-Plane makes of it.
+    /// It is not read back: no picture and no flight depends on it.
     Unread,
 }
 
 impl Tolerance {
-    /// For a value that comes back as it is but for rounding.
+    /// For a value that is only rounded.
     pub(super) fn rounding(value: f64) -> Self {
         Self::Absolute(value.abs().max(1.0) as f32 * ROUNDING)
     }
 
-    /// Whether `found` may be what became of `written`.
+    /// Whether `found` is acceptable after writing `written`.
     pub fn allows(self, written: f32, found: f32) -> bool {
         let off = (found - written).abs();
         match self {

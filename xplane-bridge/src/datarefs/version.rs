@@ -5,7 +5,7 @@ use std::fmt;
 /// From this number on it is X-Plane 12.
 const FIRST_OF_12: u32 = 120_000;
 
-/// Which weather datarefs a simulator has.
+/// The set of weather datarefs of a simulator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Generation {
     /// `sim/weather/`, up to 11.55.
@@ -21,7 +21,7 @@ impl Generation {
     }
 }
 
-/// A version as people write it: 11.55, 12.4.0.
+/// A version in human notation: 11.55, 12.4.0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Version {
     /// 11, 12.
@@ -53,7 +53,7 @@ impl Version {
         }
     }
 
-    /// Which weather datarefs it has.
+    /// Its set of weather datarefs.
     pub fn generation(self) -> Generation {
         if self.major < 12 {
             Generation::XPlane11

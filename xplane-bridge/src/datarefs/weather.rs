@@ -1,14 +1,14 @@
-//! The weather as X-Plane 11 and 12 have it, and back.
+//! Conversion of the weather to the datarefs of X-Plane 11 and 12, and back.
 //!
-//! Weather outlives flights in the simulator, so every parameter is always written, in the order in which X-Plane 12 takes it over best
-//! (`docs/x-plane.md`): unused cloud layers as empty, the same wind at every height, or what was there blows on as shear.
+//! Weather outlives flights in the simulator, so every parameter is always written, in the order that X-Plane 12 handles best
+//! (`docs/x-plane.md`): unused cloud layers as empty, the same wind at every height, since leftovers would remain as shear.
 
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use dataset::units::MPS_PER_KNOT;
 
 use super::*;
 
-/// The weather. A simulator that shows what was written reads these values, as nearly as each has to.
+/// The weather. A simulator that shows it reads these values, within their tolerances.
 ///
 /// # Errors
 /// [`BridgeError::BadConditions`] for more layers than X-Plane has.
@@ -88,7 +88,7 @@ fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
         .iter()
         .any(|cloud| cloud.kind == CloudKind::Cumulonimbus);
     let thunderstorm = if has_storm { weather.rain_ratio } else { 0.0 };
-    // Real weather overwrites whatever is set while it is on.
+    // Real weather overwrites all settings while it is on.
     let mut writes = vec![write(USE_REAL_WEATHER_11, 0.0)];
     for (layer, altitude_msl_m) in WIND_ALTITUDES_11_MSL_M.into_iter().enumerate() {
         let speed_kt = weather.wind_speed_mps / MPS_PER_KNOT;
@@ -140,7 +140,7 @@ fn weather_writes_11(weather: &Weather) -> Vec<DatarefWrite> {
     writes
 }
 
-/// What describes a layer of clouds; of an empty one nothing can be seen.
+/// Details of a cloud layer; those of an empty one are invisible.
 fn cloud_writes<const N: usize>(
     cloud: Option<&CloudLayer>,
     writes: [DatarefWrite; N],
@@ -151,7 +151,7 @@ fn cloud_writes<const N: usize>(
     }
 }
 
-/// Where a wind comes from; a calm comes from nowhere.
+/// Wind direction; a calm has none.
 fn wind_direction(name: &str, layer: usize, weather: &Weather) -> DatarefWrite {
     let direction = element(name, layer, weather.wind_from_true_deg);
     if weather.wind_speed_mps < tolerance::WIND_MPS {
@@ -168,8 +168,7 @@ fn standard_temperature_c(altitude_msl_m: f64) -> f64 {
     STANDARD_TEMPERATURE_C - LAPSE_C_PER_M * altitude_msl_m.min(TROPOPAUSE_MSL_M)
 }
 
-/// What X-Plane 12 shows of a weather that was written, with the widths within which it does: never equality, since it is what the air is like
-/// around the aircraft.
+/// What X-Plane 12 shows of written weather, with tolerances: never exactly equal, since it is the air around the aircraft.
 pub fn weather_effects(writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
     /// Gusts and the boundary layer.
     const WIND_RATIO: f64 = 0.25;
@@ -199,7 +198,7 @@ pub fn weather_effects(writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
             let most_mps = (mps * WIND_RATIO).max(LEAST_WIND_MPS) as f32;
             shown(WIND_SPEED_AT_AIRCRAFT, mps, Tolerance::Absolute(most_mps))
         }),
-        // A light wind comes from anywhere.
+        // The direction of a light wind is meaningless.
         written(&format!("{WIND_DIRECTION}[0]"))
             .filter(|_| wind_mps.is_some_and(|mps| mps > LEAST_WIND_MPS))
             .map(|from| {
@@ -254,8 +253,8 @@ fn cloud_type_11(cloud: &CloudLayer) -> f64 {
     }
 }
 
-/// The weather that a simulator with these datarefs has: the inverse of [`condition_writes`], for the stand-in. The wind is
-/// that of the lowest layer. X-Plane 11 has no number for the cover of a cloud, and gives the middle of its kind's range.
+/// The weather of a simulator with these datarefs: the inverse of [`condition_writes`], for the stand-in. The wind is that of the
+/// lowest layer. X-Plane 11 has no number for the cover of a cloud; this returns the middle of its kind's range.
 pub fn weather_from_datarefs(generation: Generation, read: impl Fn(&str) -> f32) -> Weather {
     match generation {
         Generation::XPlane11 => weather_11(read),

@@ -1,4 +1,4 @@
-//! What an X-Plane folder holds: X-Plane's version, and XPPython3's.
+//! Inspects an X-Plane folder: X-Plane's version, and XPPython3's.
 
 use std::fmt;
 use std::fs;
@@ -13,7 +13,7 @@ use super::InstallError;
 pub struct Version(Vec<u32>);
 
 impl Version {
-    /// The version that a text begins with, e.g. `12.4.0` of `12.4.0-r2-9b69b91a`.
+    /// The version at the start of a text, e.g. `12.4.0` of `12.4.0-r2-9b69b91a`.
     pub fn at_start_of(text: &str) -> Option<Self> {
         let end = text
             .find(|c: char| !c.is_ascii_digit() && c != '.')
@@ -44,11 +44,11 @@ impl fmt::Display for Version {
 pub struct Found {
     /// Version of X-Plane.
     pub xplane: Version,
-    /// What XPPython3's log says of it.
+    /// The result from XPPython3's log.
     pub xppython3: XpPython3,
 }
 
-/// What XPPython3's log says of it.
+/// The result from XPPython3's log.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum XpPython3 {
     /// Its version.
@@ -70,21 +70,21 @@ impl XpPython3 {
 }
 
 impl Found {
-    /// X-Plane's log, rewritten at each start. Its first line holds the version.
+    /// X-Plane's log, rewritten at each start. Its first line contains the version.
     pub(super) const LOG: &str = "Log.txt";
-    /// XPPython3's log, beside X-Plane's.
+    /// XPPython3's log, next to X-Plane's.
     const XPPYTHON3_LOG: &str = "XPPython3Log.txt";
-    /// What its version stands behind, in the log.
+    /// The text before its version in the log.
     const XPPYTHON3_WORDS: &str = "[XPPython3] Version ";
     /// Where XPPython3 lies.
     pub(super) const XPPYTHON3: &str = "Resources/plugins/XPPython3";
-    /// The oldest that any XPPython3 of ours runs in.
+    /// The oldest X-Plane that any supported XPPython3 runs in.
     pub(super) const OLDEST_XPLANE: &str = "11.52";
 
-    /// Looks into a folder.
+    /// Inspects a folder.
     ///
     /// # Errors
-    /// If it is not X-Plane's, or the plugin cannot work there.
+    /// It is not X-Plane's, or the plugin cannot work there.
     pub fn look(folder: &Path) -> Result<Self, InstallError> {
         for missing in ["Resources/plugins", "Resources/default scenery"] {
             if !folder.join(missing).is_dir() {
@@ -131,7 +131,7 @@ impl Found {
         Ok(Self { xplane, xppython3 })
     }
 
-    /// What may keep the plugin from working there, though nobody says that it does.
+    /// What may prevent the plugin from working there, in untested combinations.
     pub(super) fn warnings(&self) -> Vec<String> {
         let wanted = wanted(&self.xplane);
         let warning = match &self.xppython3 {
@@ -141,14 +141,14 @@ impl Found {
                 Self::XPPYTHON3_LOG,
                 Self::XPPYTHON3_WORDS
             )),
-            // What goes with X-Plane 11 is 3.1.x; nothing that we know says what 4.0 to 4.6 do there.
+            // 3.1.x is made for X-Plane 11; there is no report about 4.0 to 4.6 there.
             XpPython3::Version(found) if self.xplane.major() == 11 && !found.is_below(&[4]) => {
                 Some(format!(
                     "XPPython3 {found} is not known to work with X-Plane {}: install XPPython3 {wanted} if the plugin does not start",
                     self.xplane
                 ))
             }
-            // 3.1.5 runs in X-Plane 11.52 and newer, 12 among them, but with a Python that it has to find.
+            // 3.1.5 runs in X-Plane 11.52 and newer, 12 included, but with an external Python.
             XpPython3::Version(found) if self.xplane.major() >= 12 && found.is_below(&[4, 7]) => {
                 Some(format!(
                     "XPPython3 {found} is older than what X-Plane {} should have: install XPPython3 {wanted} (3.x also needs a Python 3.10 of its own)",
@@ -160,7 +160,7 @@ impl Found {
         warning.into_iter().collect()
     }
 
-    /// What a person still has to do, after files have `changed` or not.
+    /// The user's remaining steps, after files have `changed` or not.
     pub(super) fn next_steps(&self, changed: bool) -> Vec<String> {
         let mut steps = Vec::new();
         if changed {
@@ -215,12 +215,12 @@ fn holds_a_plugin(folder: &Path) -> bool {
         .any(|file| file.path().extension() == Some("xpl".as_ref()))
 }
 
-/// A version stands in the first lines of a log.
+/// The version is in the first lines of a log.
 const LOG_LINES: usize = 10;
-/// Plugins may write much into the log of a long session.
+/// Plugins may write a lot into the log of a long session.
 const MOST_LOG_BYTES: u64 = 1 << 30;
 
-/// The version behind some words in the first lines of a log.
+/// The version after some words in the first lines of a log.
 fn version_in(log: &Path, words: &str) -> Option<Version> {
     let bytes = outside_file::read(log, FileKind::new("log", MOST_LOG_BYTES)).ok()?;
     let text = String::from_utf8_lossy(&bytes);

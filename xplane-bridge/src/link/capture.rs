@@ -1,4 +1,4 @@
-//! One view of one instant: what to draw, and what was drawn.
+//! One view of one instant: the request, and what was drawn.
 
 use std::ops::RangeInclusive;
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::PictureBytes;
 use super::wire::MAX_PAYLOAD_BYTES;
 
-/// Longest side of a picture, pixels. Bounds what a request can make the other side allocate.
+/// Maximum side of a picture, pixels. Limits what a request can make the other side allocate.
 pub const MAX_PICTURE_SIDE_PX: u32 = 8_192;
 
 /// How a drawn frame gets to the client.
@@ -67,7 +67,7 @@ impl CaptureRequest {
         }
     }
 
-    /// Refuses what cannot be drawn: a size or a field of view that is none, a place not on earth. The text says why.
+    /// Rejects what cannot be drawn: an invalid size or field of view, or a place that is not on earth. The text states the reason.
     pub fn check(&self) -> Result<(), String> {
         for (name, side) in [("width_px", self.width_px), ("height_px", self.height_px)] {
             if !(1..=MAX_PICTURE_SIDE_PX).contains(&side) {
@@ -108,8 +108,8 @@ impl CaptureRequest {
 
 /// What was drawn. Pose and camera are those of the picture, not a copy of the request's.
 ///
-/// Keys that are not known here are passed over, as in all answers: a simulator may say more than this client asks. A request with such
-/// keys is refused, since what they wish would not be done.
+/// Unknown keys are ignored, as in all answers: a simulator may report more than this client needs. A request with unknown keys is
+/// rejected, since it could not be fulfilled.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FrameHeader {
     /// Tick of the request.
@@ -150,7 +150,7 @@ pub struct CapturedFrame {
 }
 
 impl CapturedFrame {
-    /// Joins what the two parts of the answer say.
+    /// Combines the two parts of the answer.
     pub fn new(header: FrameHeader, rgb: PictureBytes) -> Self {
         Self {
             tick: header.tick,

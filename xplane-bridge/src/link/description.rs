@@ -1,4 +1,4 @@
-//! Who serves a capture link: its plugin, where its pictures may come from, and the window that shows them.
+//! The server of a capture link: its plugin, the sources of its pictures, and the window that shows them.
 
 use std::fmt;
 
@@ -14,7 +14,7 @@ pub enum PixelKind {
     Gl,
     /// The client grabs the simulator's window off the screen.
     Screen,
-    /// The simulator writes files by its own screenshot command, which the plugin sends.
+    /// The simulator writes files with its own screenshot command, which the plugin sends.
     Screenshot,
 }
 

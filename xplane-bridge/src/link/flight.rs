@@ -51,7 +51,7 @@ pub fn encode_flight(states: &[FlightState]) -> Vec<u8> {
     payload
 }
 
-/// The states of a payload. The text of an error says what does not fit.
+/// The states of a payload. The error says what does not match.
 pub fn decode_flight(
     columns: &[String],
     rows: usize,

@@ -1,4 +1,4 @@
-//! The headers of the capture link's messages: what a client asks, what a simulator answers.
+//! The headers of the capture link's messages: a client's requests, a simulator's answers.
 
 use std::net::SocketAddr;
 
@@ -18,15 +18,16 @@ use crate::profile::CallbackOrders;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum Request {
-    /// First of all: who is there.
+    /// The first message: identification.
     Hello {
         /// Name and version of the client, for the simulator's log.
         client: String,
-        /// The secret that a link open to other machines demands.
+        /// The token, if the link requires one.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         token: Option<String>,
     },
-    /// Draw pictures into this memory from now on, when a capture lends a slot of it. Only to a simulator that offered it in its hello.
+    /// From now on draw pictures into this memory, when a capture lends a slot of it. Only for a simulator that offers it in its
+    /// hello.
     ShareMemory(SharedMemory),
     /// Stop the flight model, the clock and the clouds: poses come from captures now.
     Freeze {
@@ -34,46 +35,46 @@ pub enum Request {
         runway: Runway,
         /// Frames that X-Plane draws with a new pose and camera before the one that counts, so that everything has followed.
         settle_frames: u32,
-        /// Lens, air and sensor of each view, in their order; missing views, and all if it is missing, are ideal. Only for simulators
-        /// that say in [`Answer::Hello`] that they have them.
+        /// Lens, air and sensor of each view, in their order; missing views, or a missing list, are ideal. Only for simulators that
+        /// announce support in [`Answer::Hello`].
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         imaging: Vec<Imaging>,
         /// Let time run, and set the clock back to this in every frame: X-Plane's rain and snow stop falling in a pause.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         running_at: Option<Clock>,
     },
-    /// Begin a flight there, unless it has begun, and hold the aircraft there once the scenery has come. Of a plugin.
+    /// Start a flight there, unless it has started, and hold the aircraft there once the scenery has loaded. For plugins only.
     Travel {
         /// Where.
         start: FlightStart,
-        /// Whether the flight has begun there (by X-Plane 12's Web API).
+        /// Whether the flight has started there (by X-Plane 12's Web API).
         #[serde(default)]
         already_started: bool,
     },
-    /// How high is the ground that the simulator shows there?
+    /// Query the height of the ground that the simulator shows there.
     ProbeTerrain {
         /// Latitude, degrees.
         latitude_deg: f64,
         /// Longitude, degrees.
         longitude_deg: f64,
     },
-    /// Draw the check pattern over the window, to prove that what a client grabs is this window. Only for setting up: while
-    /// it shows, captures are refused.
+    /// Draw the check pattern over the window, to prove that what a client grabs is this window. Only for registration: while it is
+    /// shown, captures are rejected.
     CheckPattern {
-        /// The number that the pattern carries; `None` takes the pattern away.
+        /// The number in the pattern; `None` removes the pattern.
         code: Option<u32>,
     },
-    /// Do one of the simulator's commands, exactly once: over UDP it could be lost, and nothing would tell.
+    /// Run one of the simulator's commands exactly once: over UDP it could be lost without notice.
     Command {
         /// Its name, e.g. `sim/operation/regen_weather`.
         path: String,
     },
-    /// Keep what was measured of this simulator, and give it to every client with the hello.
+    /// Store measurements of this simulator, and send them to every client with the hello.
     KeepProfile {
         /// A [`crate::profile::Profile`], of whichever version.
         profile: Value,
     },
-    /// In what order is the plugin called back? Of a plugin, behind a capture.
+    /// Report the order of the plugin's callbacks. For plugins only, after a capture.
     WatchCallbacks {
         /// Frames to watch, at most 600.
         frames: u32,
@@ -96,31 +97,31 @@ pub enum Answer {
         name: String,
         /// Its version.
         version: String,
-        /// Name and version of the plugin that serves the link; `None` if it is the simulator itself.
+        /// Name and version of the plugin that serves the link; `None` if the simulator itself does.
         plugin: Option<String>,
-        /// Where pictures can come from, the best first. Ways that are not known here are passed over.
+        /// Sources of pictures, the best first. Unknown names are ignored.
         #[serde(deserialize_with = "known_kinds")]
         pixels: Vec<PixelKind>,
         /// The window that shows what is drawn, if there is one.
         window: Option<SimulatorWindow>,
-        /// Size of what it draws, the only one that its pictures can have: X-Plane's, which draws into a window. `None` of a simulator that
-        /// draws any size, and of a plugin that is older than this key.
+        /// Size of what it draws, the only possible picture size: for X-Plane, which draws into a window. `None` for a simulator
+        /// that draws any size, and for a plugin that is older than this key.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         drawn_size: Option<PictureSize>,
-        /// The client's address as the simulator sees it, if it can draw into memory that a client shares. A client that does not know this
-        /// address for its own speaks through somebody, a recorder or a tunnel, who has to see the pictures pass.
+        /// The client's address as the simulator sees it, if it can draw into memory that a client shares. A client with another
+        /// address is connected through an intermediary, a recorder or a tunnel, which must see the pictures pass.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         shares_memory_with: Option<SocketAddr>,
-        /// Whether it can draw through lenses, bent and turbulent air and with noise; X-Plane cannot.
+        /// Whether it can draw lenses, refraction, turbulent air and noise; X-Plane cannot.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         imaging: bool,
-        /// The screen that it draws on, if that is out of the client's reach: the plugin's, to a client on another computer.
+        /// The screen that it draws on, if the client cannot reach it: the plugin's, for a client on another computer.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         screen: Option<ScreenOffer>,
-        /// What was measured of it, if anything was: a [`crate::profile::Profile`], of whichever version.
+        /// Measurements of it, if any: a [`crate::profile::Profile`], of whichever version.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         profile: Option<Value>,
-        /// Whether a tape gives the answers: what it does not have it will not have later either.
+        /// Whether a tape gives the answers: what it lacks will not come later either.
         #[serde(default, skip_serializing_if = "std::ops::Not::not")]
         replayed: bool,
     },
@@ -157,7 +158,7 @@ pub enum Answer {
     },
     /// To [`Request::Capture`]; the payload is the picture.
     Frame(FrameHeader),
-    /// In place of any of them.
+    /// Instead of any of them.
     Error {
         /// What went wrong.
         text: String,

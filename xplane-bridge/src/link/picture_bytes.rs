@@ -1,15 +1,15 @@
-//! The bytes of a picture, wherever they lie.
+//! The bytes of a picture, wherever they are stored.
 
 use std::fmt;
 use std::ops::Deref;
 
 use super::SharedPicture;
 
-/// Red, green, blue, one byte each, row by row from the top left: in memory of our own, or in memory that the simulator shares.
+/// Red, green, blue, one byte each, row by row from the top left: in our own memory, or in memory shared with the simulator.
 pub enum PictureBytes {
-    /// They came over the link, or were grabbed.
+    /// Received over the link, or grabbed.
     Own(Vec<u8>),
-    /// They lie where the simulator drew them.
+    /// Where the simulator drew them.
     Shared(SharedPicture),
 }
 
@@ -43,7 +43,7 @@ impl PartialEq for PictureBytes {
     }
 }
 
-/// Millions of numbers would help nobody.
+/// Printing millions of numbers would be useless.
 impl fmt::Debug for PictureBytes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let place = match self {

@@ -1,7 +1,7 @@
-//! What a connection for the screen carries: a client on another computer grabs the simulator's screen through its plugin.
+//! Messages of a connection for the screen: a client on another computer grabs the simulator's screen through its plugin.
 //!
-//! It is a conversation of its own, beside that of the seat, so that pictures never wait for the simulator's frames. A server that
-//! does not know it refuses its first message.
+//! It is a separate conversation from that of the seat, so that pictures never wait for the simulator's frames. A server that does
+//! not support it rejects its first message.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum ScreenRequest {
-    /// First of all, in the place of a hello.
+    /// The first message, instead of a hello.
     OpenScreen {
         /// Name and version of the client.
         client: String,
@@ -19,13 +19,13 @@ pub enum ScreenRequest {
     },
     /// Take a picture of the screen now.
     Grab {
-        /// Which part; all of it if none is named.
+        /// The region; everything if missing.
         #[serde(flatten)]
         part: Option<ScreenPart>,
     },
 }
 
-/// A part of the screen: all monitors together, physical pixels from the top left.
+/// A region of the screen: all monitors together, physical pixels from the top left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScreenPart {
     /// Its leftmost column.
@@ -42,7 +42,7 @@ pub struct ScreenPart {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "snake_case")]
 pub enum ScreenAnswer {
-    /// To [`ScreenRequest::OpenScreen`]: how large the screen is.
+    /// To [`ScreenRequest::OpenScreen`]: the size of the screen.
     ScreenOpened {
         /// Width of the whole screen, pixels.
         width_px: u32,
@@ -56,14 +56,14 @@ pub enum ScreenAnswer {
         /// Its height.
         height_px: u32,
     },
-    /// In place of either.
+    /// Instead of either.
     Error {
         /// What went wrong.
         text: String,
     },
 }
 
-/// What a plugin says in its hello, to a client on another computer only, of the screen that it draws on.
+/// What a plugin reports about its screen in its hello, only to a client on another computer.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ScreenOffer {
     /// Why the plugin does not grab it; missing if it does.

@@ -1,10 +1,10 @@
-//! Pictures that never travel: the simulator draws them into memory that the client can see, on one computer.
+//! Shared memory for pictures: on one computer, the simulator draws them into the client's memory.
 //!
-//! The client makes a file in memory (`memfd`) with room for some pictures, each in a slot of its own, and tells the simulator the
-//! process and the number under which it is open. A request for a picture lends a slot to the simulator; the answer gives it back with
-//! the picture in it. The file has no name, so a killed process leaves nothing behind; its size is sealed, so that no access can miss;
-//! and it begins with a secret, so that the file of another process, maybe in another container with the same numbers, is not taken
-//! for it. Over the loopback each picture was copied twice and cost the client more than 5 % of a core (`docs/capture-link.md`).
+//! The client creates a file in memory (`memfd`) with slots for some pictures, and tells the simulator the process and the number
+//! under which it is open. A request for a picture lends a slot to the simulator; the answer returns it with the picture in it. The
+//! file has no name, so a killed process leaves nothing behind; its size is sealed, so that no access can fail; and it begins with
+//! a secret, so that the file of another process, perhaps in another container with the same numbers, is not mistaken for it. Over
+//! loopback each picture was copied twice and cost the client more than 5 % of a core (`docs/capture-link.md`).
 #![allow(unsafe_code)]
 
 #[cfg_attr(target_os = "linux", path = "shared_memory/memfd.rs")]
@@ -24,12 +24,12 @@ use serde::{Deserialize, Serialize};
 
 use super::MAX_PAYLOAD_BYTES;
 
-/// Most slots that a simulator takes.
+/// Maximum number of slots that a simulator accepts.
 const MAX_SLOTS: u32 = 64;
-/// Slots begin at multiples of this, and what lies before the first is the secret's: a page of every usual system.
+/// Slots begin at multiples of this; the secret is before the first. A page on every usual system.
 const PAGE_BYTES: usize = 64 << 10;
 
-/// Where a client's memory is, and how it is divided.
+/// Location and layout of a client's memory.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SharedMemory {
@@ -37,7 +37,7 @@ pub struct SharedMemory {
     pub process: u32,
     /// The number of the open file in it.
     pub descriptor: i32,
-    /// What the file begins with, 32 hexadecimal digits.
+    /// The secret at the beginning of the file, 32 hexadecimal digits.
     pub secret: String,
     /// How many slots it has.
     pub slots: u32,
@@ -83,7 +83,7 @@ impl SharedMemory {
 /// The client's side: memory for some pictures of one size.
 #[derive(Debug)]
 pub struct SharedPictures {
-    /// Open as long as a simulator may want to open it too.
+    /// Stays open as long as a simulator may need to open it, too.
     _file: File,
     memory: SharedMemory,
     free: Arc<Mutex<Vec<Slot>>>,
@@ -96,10 +96,10 @@ struct Slot {
 }
 
 impl SharedPictures {
-    /// Memory for `slots` pictures of so many bytes each. It costs nothing until pictures are drawn into it.
+    /// Memory for `slots` pictures of this size. It takes no memory until pictures are drawn into it.
     ///
     /// # Errors
-    /// If the system has no such memory.
+    /// The system has no such memory.
     pub fn new(slots: u32, picture_bytes: usize) -> io::Result<Self> {
         let [first, second] = [(); 2].map(|()| RandomState::new().build_hasher().finish());
         let mut memory = SharedMemory {
@@ -116,8 +116,9 @@ impl SharedPictures {
         memory.descriptor = file.as_raw_fd();
         file.write_all_at(memory.secret.as_bytes(), 0)?;
         let slots = (0..slots).rev().map(|number| {
-            // SAFETY: the file cannot shrink. Others write to it, but to this slot only while it is lent, when nobody here reads it:
-            // `SharedPicture` alone gives access to it. A simulator that breaks this rule spoils its picture; all bytes are valid.
+            // SAFETY: the file cannot shrink. Others write to it, but to this slot only while it is lent, when nobody here reads
+            // it: `SharedPicture` alone gives access to it. A simulator that breaks this rule corrupts its picture; all bytes are
+            // valid.
             let memory = unsafe { memory.slot(number).map(&file) }?;
             Ok(Slot { number, memory })
         });
@@ -129,17 +130,17 @@ impl SharedPictures {
         })
     }
 
-    /// What a simulator has to know of it.
+    /// The description for the simulator.
     pub fn offer(&self) -> &SharedMemory {
         &self.memory
     }
 
-    /// Bytes of the largest picture that it can hold.
+    /// Size of the largest picture that it can hold, bytes.
     pub fn largest_picture_bytes(&self) -> usize {
         self.memory.slot_bytes
     }
 
-    /// A free slot for a picture of so many bytes, the one that was used last; `None` if all are in use.
+    /// A free slot for a picture of this size, the most recently used one; `None` if all are in use.
     pub fn lend(&self, picture_bytes: usize) -> Option<SharedPicture> {
         let slot = lock(&self.free).pop()?;
         Some(SharedPicture {
@@ -150,7 +151,7 @@ impl SharedPictures {
     }
 }
 
-/// A slot of the client's memory, and the picture in it once the simulator has answered. Dropped, the slot is free again.
+/// A slot of the client's memory, and the picture in it once the simulator has answered. Dropping it frees the slot.
 #[derive(Debug)]
 pub struct SharedPicture {
     /// Taken only by `drop`.
@@ -192,7 +193,7 @@ impl DrawingSlots {
     /// Whether this computer can share memory at all.
     pub const POSSIBLE: bool = memfd::POSSIBLE;
 
-    /// Opens the memory that a client offers. The text of an error says why it cannot be used; pictures can still travel.
+    /// Opens the memory that a client offers. The error says why it cannot be used; pictures are then sent over the link.
     pub fn open(offer: &SharedMemory) -> Result<Self, String> {
         if let Some(fault) = offer.fault() {
             return Err(fault);
@@ -218,7 +219,7 @@ impl DrawingSlots {
         })
     }
 
-    /// The memory of a slot for a picture of so many bytes. The text of an error says why it cannot be had.
+    /// The memory of a slot for a picture of this size. The error says why it is unavailable.
     pub fn borrow(&self, number: u32, picture_bytes: usize) -> Result<DrawingSlot, String> {
         let home = self.slots.get(number as usize).ok_or_else(|| {
             format!(
@@ -242,7 +243,7 @@ impl DrawingSlots {
     }
 }
 
-/// A slot while a picture is drawn into it. Dropped, it can be borrowed again.
+/// A slot while a picture is drawn into it. Dropping it makes it available again.
 #[derive(Debug)]
 pub struct DrawingSlot {
     /// Taken only by `drop`.

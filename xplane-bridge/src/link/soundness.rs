@@ -1,4 +1,4 @@
-//! Requests whose numbers can be: a server checks them before it flies or draws anything.
+//! Range checks of requests: a server runs them before it flies or draws anything.
 
 use dataset::geodesy::Geodetic;
 use dataset::runway::Runway;
@@ -8,11 +8,11 @@ use crate::fly::{ApproachProfile, FlyRequest};
 
 /// Altitudes of aircraft and ground, metres.
 const ALTITUDES_M: [f64; 2] = [-500.0, 30_000.0];
-/// As far as anything of an approach is from its runway, metres.
+/// Maximum distance of anything of an approach from its runway, metres.
 const LENGTHS_M: [f64; 2] = [-1e6, 1e6];
 const ANGLES_DEG: [f64; 2] = [-720.0, 720.0];
 
-/// A number that cannot be.
+/// A number out of range.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("{key} is {found}, expected {low} to {high}")]
 pub struct OutOfRange {
@@ -23,7 +23,7 @@ pub struct OutOfRange {
 }
 
 impl Request {
-    /// Refuses a runway and a flight that cannot be. Captures have more to be checked: [`super::CaptureRequest::check`].
+    /// Rejects an impossible runway or flight. Captures have further checks: [`super::CaptureRequest::check`].
     pub fn check(&self) -> Result<(), OutOfRange> {
         match self {
             Self::Freeze { runway, .. } => check_runway(runway),
@@ -34,7 +34,7 @@ impl Request {
 }
 
 fn within(key: &'static str, found: f64, [low, high]: [f64; 2]) -> Result<(), OutOfRange> {
-    // Not of what is no number.
+    // False for NaN.
     if found >= low && found <= high {
         return Ok(());
     }

@@ -4,31 +4,31 @@ use std::{env, fmt};
 
 use crate::LINK_TOKEN_VARIABLE;
 
-/// A secret that a client has to know. Never empty, never shown.
+/// A secret that a client must know. Never empty, never shown.
 #[derive(Clone, PartialEq, Eq)]
 pub struct LinkToken(String);
 
 impl LinkToken {
-    /// A token from what a person set; `None` if that is nothing but blanks, which everybody knows.
+    /// A token from a user's setting; `None` if that is blank, which is no secret.
     pub fn new(text: &str) -> Option<Self> {
         let text = text.trim();
         (!text.is_empty()).then(|| Self(text.to_owned()))
     }
 
-    /// What the environment says ([`LINK_TOKEN_VARIABLE`]).
+    /// The value in the environment ([`LINK_TOKEN_VARIABLE`]).
     pub fn from_environment() -> Option<Self> {
         Self::new(&env::var(LINK_TOKEN_VARIABLE).ok()?)
     }
 
-    /// Whether a client gave this token. Takes as long for a wrong one, wherever it differs.
+    /// Whether a client gave this token. Takes equally long for any wrong one.
     pub fn is(&self, given: Option<&str>) -> bool {
-        // Comparing hashes in constant time compares what was hashed so.
+        // Comparing hashes in constant time has the same effect for the tokens.
         given.is_some_and(|given| {
             blake3::hash(given.trim().as_bytes()) == blake3::hash(self.0.as_bytes())
         })
     }
 
-    /// The secret, for whoever has to pass it on.
+    /// The secret, for passing it on.
     pub fn secret(&self) -> &str {
         &self.0
     }

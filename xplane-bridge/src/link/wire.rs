@@ -1,7 +1,7 @@
 //! Greeting and framing of the capture link, for both sides.
 //!
-//! A length is believed only up to a limit, and no input panics: the other side is another program, maybe of another
-//! version. Socket buffers keep the system's automatic size, which grows past what may be asked for by hand.
+//! Lengths above a limit are rejected, and no input panics: the other side is another program, perhaps of another version. Socket
+//! buffers keep the system's automatic size, which grows beyond what may be requested manually.
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
@@ -24,7 +24,7 @@ pub enum LinkError {
     /// The socket failed.
     #[error("{0}")]
     Io(#[from] std::io::Error),
-    /// The other side went away.
+    /// The other side closed.
     #[error("the other side closed the connection inside {inside}")]
     Ended {
         /// Where.
@@ -60,17 +60,17 @@ pub enum LinkError {
         /// Its length.
         announced: usize,
     },
-    /// A header that is no message.
+    /// A header that is not a valid message.
     #[error("the header is no message that this side knows: {reason}; it begins {begin:?}")]
     BadHeader {
-        /// What the parser said.
+        /// The parser's error.
         reason: String,
         /// Its first characters.
         begin: String,
     },
 }
 
-/// Sends our greeting and checks the other side's. Ours goes first, so that both sides of different versions learn why.
+/// Sends our greeting and checks the other side's. Ours goes first, so that sides of different versions both learn why.
 pub async fn exchange_greetings(
     stream: &mut (impl AsyncRead + AsyncWrite + Unpin),
 ) -> Result<(), LinkError> {
@@ -163,7 +163,7 @@ async fn read_text<H: DeserializeOwned>(
     })
 }
 
-/// Reads a payload into `buffer`, whose memory is used again and not zeroed first: at 7 MB a frame both cost.
+/// Reads a payload into `buffer`, whose memory is reused without zeroing: at 7 MB a frame both matter.
 pub async fn read_payload(
     stream: &mut (impl AsyncRead + Unpin),
     payload_bytes: usize,

@@ -10,7 +10,7 @@ const PATH_BYTES: usize = 150;
 /// X-Plane's own struct has them behind a path of 150 characters, to bring the next number to a multiple of four.
 const PADDING: [u8; 2] = [0; 2];
 
-/// `ACFN` to the simulator. Suspect on X-Plane 12.1 and newer: there the Web API starts a flight with its aircraft.
+/// `ACFN` to the simulator. May not work on X-Plane 12.1 and newer: there the Web API starts a flight with its aircraft.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LoadAircraft {

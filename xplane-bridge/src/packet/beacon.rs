@@ -61,8 +61,8 @@ impl Beacon {
         let (host, version) = (fields.i32("host")?, fields.i32("version")?);
         let (role, port) = (fields.u32("role")?, fields.u16("port")?);
         let (name, raknet) = match fields.rest() {
-            // Two bytes are no name but the port behind a name that was left out; unless they are a name of one character,
-            // since no port below 256 is free for this.
+            // Two bytes are not a name but the port after an omitted name; unless they are a name of one character, since no port
+            // below 256 is free for this.
             rest @ [_, 1..=u8::MAX] => (&rest[..0], rest),
             rest => {
                 let end = rest

@@ -2,7 +2,7 @@
 
 use super::PacketError;
 
-/// Bytes before the body: four of the tag, one that means nothing.
+/// Bytes before the body: four of the tag, one without meaning.
 pub(super) const HEADER_BYTES: usize = 5;
 
 /// Takes fields one after the other from a datagram.
@@ -22,7 +22,7 @@ macro_rules! take_number {
 }
 
 impl<'a> Fields<'a> {
-    /// Starts behind the header of a datagram. A datagram of a bare tag is as good as one with an empty body.
+    /// Starts after the header of a datagram. A bare tag is treated like an empty body.
     pub(super) fn new(tag: &'static str, datagram: &'a [u8]) -> Self {
         Self {
             tag,
@@ -38,7 +38,7 @@ impl<'a> Fields<'a> {
     take_number!(f32, f32);
     take_number!(f64, f64);
 
-    /// All that is left, which may be nothing.
+    /// The rest, which may be empty.
     pub(super) fn rest(&mut self) -> &'a [u8] {
         let rest = self.datagram.get(self.at..).unwrap_or_default();
         self.at = self.datagram.len();

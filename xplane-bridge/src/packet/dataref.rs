@@ -1,4 +1,4 @@
-//! `DREF`: writing a dataref. There is no answer; whoever must know reads it back.
+//! `DREF`: writing a dataref. There is no answer; read it back to confirm.
 
 use serde::{Deserialize, Serialize};
 

@@ -1,7 +1,7 @@
 //! `VEHX`, `VEHS`, `PREL`: putting the aircraft somewhere.
 //!
-//! `VEHX` freezes the flight model and wants to be streamed, `VEHS` moves the aircraft once, `PREL` begins a flight. The
-//! order on the wire is latitude, longitude, then heading, pitch, roll: the other way round than in `RPOS`.
+//! `VEHX` freezes the flight model and must be streamed, `VEHS` moves the aircraft once, `PREL` starts a flight. The order on the
+//! wire is latitude, longitude, then heading, pitch, roll: the reverse of `RPOS`.
 
 use serde::{Deserialize, Serialize};
 

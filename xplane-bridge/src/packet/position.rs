@@ -1,4 +1,4 @@
-//! `RPOS`: the aircraft's position as often as asked, with 64-bit coordinates.
+//! `RPOS`: the aircraft's position at a requested rate, with 64-bit coordinates.
 //!
 //! The order on the wire is longitude, latitude (not the other way round) and pitch, heading, roll.
 

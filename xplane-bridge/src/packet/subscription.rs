@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::PacketError;
 use super::body::{Fields, push_text, start, text};
 
-/// Values that the simulator puts into one reply: more would not fit an Ethernet frame.
+/// Maximum values in one reply: more would not fit an Ethernet frame.
 pub const MAX_VALUES_PER_REPLY: usize = 183;
 
 const TAG: &str = "RREF";
@@ -68,17 +68,17 @@ pub struct DatarefValues {
     pub values: Vec<DatarefValue>,
 }
 
-/// `RREF,` from the simulator as it lies in its datagram: the values are read where they are, nothing is allocated.
+/// `RREF,` from the simulator as a view of its datagram: the values are read in place, nothing is allocated.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct DatarefValuesView<'a> {
     values: &'a [[u8; VALUE_BYTES]],
 }
 
 impl<'a> DatarefValuesView<'a> {
-    /// Looks at a datagram.
+    /// Parses a datagram.
     ///
     /// # Errors
-    /// If it is no `RREF` or ends inside a value.
+    /// It is not an `RREF` or ends inside a value.
     pub fn new(datagram: &'a [u8]) -> Result<Self, PacketError> {
         match &super::tag_of(datagram)? {
             b"RREF" => Self::of_body(datagram),

@@ -1,10 +1,10 @@
-//! The check pattern: a picture that says which one it is, so that whoever grabs the screen knows what was grabbed.
+//! The check pattern: a picture that identifies itself, so that a client knows what it grabbed from the screen.
 //!
-//! During set-up the simulator covers its window with the pattern of a code that it was given; the client grabs the screen until it
-//! reads that very code, and learns where the window lies, whether it is scaled, and how long a drawn frame takes to be seen. It is
-//! never drawn during a recording. A border in magenta, which no scenery has, tells the place; a grid of black and white cells
-//! carries the code and a checksum, so that a picture torn between two codes is none. `docs/capture-link.md` describes it for
-//! whoever draws it elsewhere.
+//! During registration the simulator covers its window with the pattern of a given code; the client grabs the screen until it reads
+//! that very code, and learns the window's position, whether it is scaled, and how long a drawn frame takes to be visible. It is
+//! never drawn during a recording. A border in magenta, which no scenery has, marks the position; a grid of black and white cells
+//! carries the code and a checksum, so that a picture torn between two codes is invalid. `docs/capture-link.md` specifies it for
+//! other implementations.
 
 use super::picture::{Rectangle, RgbPicture};
 
@@ -22,15 +22,15 @@ const MAGENTA: Rgb = [255, 0, 255];
 const BLACK: Rgb = [0, 0, 0];
 const WHITE: Rgb = [255, 255, 255];
 
-/// From here on red and blue are taken for magenta's.
+/// Minimum of red and blue in magenta.
 const BRIGHT: u8 = 160;
-/// Up to here green is.
+/// Maximum of green in magenta.
 const DARK: u8 = 96;
-/// Part of the border's area that has to be magenta; less, and something lies over the window.
+/// Share of the border's area that must be magenta; with less, something covers the window.
 const BORDER_SEEN: f64 = 0.9;
-/// Least difference between white and black, grey levels.
+/// Minimum difference between white and black, grey levels.
 const LEAST_CONTRAST: f64 = 64.0;
-/// A cell is black below the first and white above the second, as a part of the way from black to white.
+/// A cell is black below the first and white above the second, as a share of the way from black to white.
 const UNDECIDED: (f64, f64) = (0.35, 0.65);
 
 /// A pattern that was found.
@@ -38,7 +38,7 @@ const UNDECIDED: (f64, f64) = (0.35, 0.65);
 pub struct Sighting {
     /// The code that it carries.
     pub code: u32,
-    /// Where it lies in the picture: its window.
+    /// Its position in the picture: the window.
     pub rectangle: Rectangle,
 }
 
@@ -48,15 +48,15 @@ pub enum Unreadable {
     /// No border anywhere.
     #[error("no check pattern")]
     Absent,
-    /// Something that might be the border, but is not whole.
+    /// A candidate for the border, but incomplete.
     #[error("a check pattern that is partly covered or not whole, around {0}")]
     Covered(Rectangle),
-    /// The border is whole, the code is not: between two codes, or drawn otherwise than agreed.
+    /// The border is complete, the code is not: between two codes, or drawn differently than specified.
     #[error("a check pattern without a valid code, at {0}")]
     Damaged(Rectangle),
 }
 
-/// The pattern of `code` as a picture. A window smaller than [`SMALLEST_PX`] has no room for it.
+/// The pattern of `code` as a picture. A window smaller than [`SMALLEST_PX`] is too small for it.
 pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
     let mut picture = RgbPicture::black(width_px, height_px);
     for (rectangle, colour) in rectangles(code, width_px, height_px) {
@@ -69,11 +69,11 @@ pub fn draw(code: u32, width_px: u32, height_px: u32) -> RgbPicture {
     picture
 }
 
-/// Finds the pattern in a picture of the window or of the whole screen, and reads its code. Stands noise, lower contrast and
-/// scaling; the rectangle is exact where nothing is scaled.
+/// Finds the pattern in a picture of the window or of the whole screen, and reads its code. Tolerates noise, lower contrast and
+/// scaling; the rectangle is exact if nothing is scaled.
 ///
 /// # Errors
-/// If there is none, or one that is not whole.
+/// There is none, or an incomplete one.
 pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
     let rectangle = border_box(picture).ok_or(Unreadable::Absent)?;
     let smallest = SMALLEST_PX;
@@ -97,8 +97,8 @@ pub fn read(picture: &RgbPicture) -> Result<Sighting, Unreadable> {
     }
 }
 
-/// Whether a picture of just the window may show the pattern: a look at its corners, cheap enough for every picture. Nothing else
-/// has all four of them in magenta.
+/// Whether a picture of just the window may show the pattern: checks its corners, cheap enough for every picture. Nothing else has
+/// all four of them in magenta.
 pub fn covers(picture: &RgbPicture) -> bool {
     let (width, height) = (picture.width_px, picture.height_px);
     width > 0
@@ -133,7 +133,7 @@ fn border_px(width_px: u32, height_px: u32) -> u32 {
     (width_px.min(height_px) / 32).max(2)
 }
 
-/// What to fill, in this order: all magenta, the inside black, the cells of bits that are set white.
+/// The rectangles to fill, in this order: all magenta, the inside black, the cells of set bits white.
 fn rectangles(code: u32, width_px: u32, height_px: u32) -> Vec<(Rectangle, Rgb)> {
     let window = Rectangle {
         x_px: 0,
@@ -152,7 +152,7 @@ fn rectangles(code: u32, width_px: u32, height_px: u32) -> Vec<(Rectangle, Rgb)>
     all
 }
 
-/// The cells of a pattern that lies there, row by row.
+/// The cells of a pattern at this position, row by row.
 fn cells(window: Rectangle) -> impl Iterator<Item = Rectangle> {
     let grid = window.inside(2 * border_px(window.width_px, window.height_px));
     let edge = |start: u32, length: u32, at: u32, of: u32| start + length * at / of;
@@ -172,7 +172,7 @@ fn is_magenta(pixel: &Rgb) -> bool {
     pixel[0] >= BRIGHT && pixel[2] >= BRIGHT && pixel[1] <= DARK
 }
 
-/// The window that the border frames: its upper and lower edge are the longest runs of magenta, and lie one above the other.
+/// The window that the border frames: its upper and lower edge are the longest runs of magenta, one above the other.
 fn border_box(picture: &RgbPicture) -> Option<Rectangle> {
     let run_of_row = |y_px| longest_run(picture.pixels(0, picture.width_px, y_px));
     let runs: Vec<(u32, u32)> = (0..picture.height_px).map(run_of_row).collect();
@@ -198,9 +198,9 @@ fn longest_run(row: &[Rgb]) -> (u32, u32) {
     longest
 }
 
-/// White and black as the border shows them, if it is whole.
+/// White and black as the border shows them, if it is complete.
 fn border_levels(picture: &RgbPicture, window: Rectangle) -> Option<(f64, f64)> {
-    // The outermost and innermost line of a scaled border are mixed with what lies beside it.
+    // The outermost and innermost line of a scaled border are blended with their surroundings.
     let border = border_px(window.width_px, window.height_px);
     let mixed = if border < 3 { 0 } else { 1.max(border / 4) };
     let (outer, inner) = (window.inside(mixed), window.inside(border - mixed));

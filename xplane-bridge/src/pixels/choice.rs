@@ -1,4 +1,4 @@
-//! Which source of pixels is used: the caller's choice among what the simulator offers.
+//! Selects the source of pixels: the caller's choice among what the simulator offers.
 
 use std::fmt;
 use std::str::FromStr;
@@ -27,7 +27,7 @@ impl fmt::Display for PixelKind {
     }
 }
 
-/// What a person asks for.
+/// The user's choice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum PixelChoice {
     /// The best that the simulator offers.
@@ -65,7 +65,7 @@ impl PixelChoice {
     /// The source to use with a simulator that offers these.
     ///
     /// # Errors
-    /// [`PixelError::NotOffered`] if the simulator has not what was asked for, or nothing.
+    /// [`PixelError::NotOffered`] if the simulator does not offer the choice, or nothing at all.
     pub fn among(self, offered: &[PixelKind]) -> Result<PixelKind, PixelError> {
         let found = match self {
             Self::Auto => PixelKind::ALL

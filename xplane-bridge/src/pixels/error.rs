@@ -1,4 +1,4 @@
-//! Why there are no pictures, with what a person can do about it.
+//! Why there are no pictures, with what the user can do.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -7,7 +7,7 @@ use super::check_pattern::Unreadable;
 use super::{PixelChoice, PixelKind, Rectangle};
 use crate::link::{LinkError, PictureSize};
 
-/// Why pictures cannot be had, or cannot be trusted.
+/// Why pictures are unavailable, or cannot be trusted.
 #[derive(Debug, thiserror::Error)]
 pub enum PixelError {
     /// The simulator has no such source.
@@ -18,7 +18,7 @@ pub enum PixelError {
         /// What there is.
         offered: Vec<PixelKind>,
     },
-    /// Nobody knows how to grab the screen of this system.
+    /// Grabbing the screen is not supported on this system.
     #[error(
         "the screen of this system cannot be grabbed: Linux (X11), Windows and macOS can; use --pixels gl or run X-Plane there"
     )]
@@ -62,7 +62,7 @@ pub enum PixelError {
         /// What happened.
         source: LinkError,
     },
-    /// The plugin does not give a picture.
+    /// The plugin does not provide a picture.
     #[error("the plugin at {link} gives no picture of its screen: {text}")]
     RemoteRefused {
         /// Its capture link.
@@ -70,7 +70,7 @@ pub enum PixelError {
         /// What it said.
         text: String,
     },
-    /// A picture of the screen did not come.
+    /// A picture of the screen did not arrive.
     #[error(
         "no picture of the screen: {what}. Was the window closed, resized or the screen locked?"
     )]
@@ -78,7 +78,7 @@ pub enum PixelError {
         /// What happened instead.
         what: String,
     },
-    /// The screen has another form of pixels than 8 bits of red, green, blue.
+    /// The screen has a pixel format other than 8 bits of red, green, blue.
     #[error(
         "the screen has pixels of the form {found}, expected 8 bits each of red, green, blue: set it to 24-bit colour"
     )]
@@ -92,13 +92,13 @@ pub enum PixelError {
          window open on this screen, in front of all others, not minimised and not reaching over the edge?"
     )]
     PatternNotSeen {
-        /// The code that should be there.
+        /// The expected code.
         code: u32,
         /// How long we looked.
         waited: Duration,
         /// Where we looked.
         screen: String,
-        /// What was there last.
+        /// The last state.
         found: Unreadable,
     },
     /// An older pattern stays.
@@ -107,11 +107,11 @@ pub enum PixelError {
          it is drawn late or not at all, and pictures would show earlier ticks. Is the simulator paused or its window frozen?"
     )]
     StalePattern {
-        /// The code that should be there.
+        /// The expected code.
         code: u32,
         /// How long we looked.
         waited: Duration,
-        /// The code that was there last.
+        /// The last code.
         found: u32,
     },
     /// The simulator draws into a window of another size.
@@ -152,12 +152,12 @@ pub enum PixelError {
         /// Height of the pictures, pixels.
         height_px: u32,
     },
-    /// The window is no longer where it was.
+    /// The window moved.
     #[error(
         "the simulator's window has moved or changed: the check pattern fills {found} of what is grabbed, expected {expected}. Leave it alone while recording"
     )]
     Moved {
-        /// Where it should be.
+        /// Its expected position.
         expected: Rectangle,
         /// Where it is.
         found: Rectangle,
@@ -167,7 +167,7 @@ pub enum PixelError {
         "the check pattern is still on the screen where a picture should be: the simulator did not remove it, or draws late"
     )]
     PatternStays,
-    /// X-Plane's screenshot is not the picture that was asked for.
+    /// X-Plane's screenshot is not the requested picture.
     #[error("X-Plane's screenshot cannot be used: {what}")]
     Screenshot {
         /// Why not.
@@ -187,7 +187,7 @@ pub enum PixelError {
 }
 
 impl PixelError {
-    /// Whether the caller asked for what this simulator does not have: the same call will fail again.
+    /// Whether the caller requested something that this simulator does not have: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         matches!(
             self,

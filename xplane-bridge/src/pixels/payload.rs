@@ -1,4 +1,4 @@
-//! Pictures that come with the simulator's answer: nothing is left to do.
+//! Pictures that come with the simulator's answer, ready to use.
 
 use super::{ComingPicture, Confirmed, PatternDisplay, PixelKind, PixelSource};
 use crate::link::MAX_OUTSTANDING_CAPTURES;

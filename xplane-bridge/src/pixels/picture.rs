@@ -1,8 +1,8 @@
-//! Pictures in memory and places in them.
+//! Pictures in memory and positions in them.
 
 use std::fmt;
 
-/// A place in a picture or on a screen, pixels from its top left.
+/// A rectangle in a picture or on a screen, pixels from its top left.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Rectangle {
     /// Its leftmost column.
@@ -36,7 +36,7 @@ impl Rectangle {
         self.y_px + self.height_px
     }
 
-    /// What is left without a margin all around.
+    /// The rest without a margin all around.
     pub(super) fn inside(self, margin_px: u32) -> Self {
         Self {
             x_px: self.x_px + margin_px,
@@ -80,7 +80,7 @@ impl RgbPicture {
         }
     }
 
-    /// Gives it another size; what it shows is undefined until it is filled.
+    /// Resizes it; its content is undefined until it is filled.
     pub(super) fn resize(&mut self, width_px: u32, height_px: u32) {
         (self.width_px, self.height_px) = (width_px, height_px);
         self.rgb

@@ -1,10 +1,11 @@
-//! The source `screen`: the simulator's window, grabbed from the screen, with the proof that each picture is the frame asked for.
+//! The source `screen`: the simulator's window, grabbed from the screen, with the proof that each picture is the requested frame.
 //!
-//! Set-up: the simulator shows a check pattern with a code of ours; the whole screen is grabbed until that code is read, which gives
-//! the window's rectangle, and so its size. From then on only this rectangle is grabbed. More codes measure the lag: how many grabs
-//! and how long it takes from "it is drawn" until it is seen. While recording, every grab waits twice the longest lag and skips as many
-//! grabs; the frame stays on the screen until the next request, so waiting is always right. After the recording [`ScreenSource::confirm`]
-//! measures again: a window that moved, or a screen that has become slower than what was waited for, ends the attempt.
+//! Registration: the simulator shows a check pattern with our code; the whole screen is grabbed until that code is read, which
+//! gives the window's rectangle, and so its size. Afterwards only this rectangle is grabbed. More codes measure the lag: how many
+//! grabs and how long it takes from "it is drawn" until it is visible. While recording, every grab waits twice the longest lag and
+//! skips as many grabs; the frame stays on the screen until the next request, so waiting is always safe. After the recording
+//! [`ScreenSource::confirm`] measures again: a window that moved, or a screen that has become slower than the waiting time, ends
+//! the attempt.
 
 mod device;
 mod ffmpeg_screen;
@@ -30,46 +31,46 @@ pub use ffmpeg_screen::FfmpegScreen;
 use grabber::Grabber;
 pub use remote_screen::RemoteScreen;
 
-/// How long a pattern may take to be seen.
+/// How long a pattern may take to be visible.
 const PATIENCE: Duration = match cfg!(test) {
-    // A made-up screen does nothing while one waits.
+    // A fake screen does nothing while the test waits.
     true => Duration::from_millis(200),
     false => Duration::from_secs(2),
 };
-/// Codes with which the lag is measured.
+/// Number of codes for measuring the lag.
 const TRIALS: u32 = 8;
-/// While recording, so many times the longest lag is waited for.
+/// While recording, this multiple of the longest lag is waited for.
 const LAG_MARGIN: u32 = 2;
-/// A screen that is late at all is waited for at least one refresh at 60 Hz: less than that, the machine's other work decides.
+/// For a screen with any lag, wait at least one refresh at 60 Hz: below that, the machine's other work decides.
 const REFRESH: Duration = Duration::from_micros(16_667);
 
-/// A screen that can be grabbed: that of this machine, or one that a test makes up.
+/// A screen that can be grabbed: that of this machine, or a fake one in tests.
 pub trait Screen: fmt::Debug + Send + Sync {
     /// What to call it.
     fn name(&self) -> String;
 
-    /// Begins to grab a part of it, or all of it.
+    /// Starts grabbing a region of it, or all of it.
     ///
     /// # Errors
-    /// If it cannot be grabbed.
+    /// It cannot be grabbed.
     fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError>;
 }
 
-/// Takes pictures of a part of a screen.
+/// Takes pictures of a region of a screen.
 pub trait Grab: Send {
-    /// Takes the next picture. What it shows may be older than this call: how old is measured, never assumed.
+    /// Takes the next picture. It may be older than this call: its age is measured, never assumed.
     ///
     /// # Errors
     /// If there is none.
     fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError>;
 }
 
-/// From the simulator's word that a frame is drawn until the frame is seen.
+/// From the simulator's report that a frame is drawn until the frame is visible.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Lag {
     /// Grabs that still showed something older.
     pub grabs: u32,
-    /// Time until the grab began that showed it; zero if it was the first.
+    /// Time until the start of the first grab that showed it; zero if it was the first.
     pub time: Duration,
 }
 
@@ -82,10 +83,10 @@ impl Lag {
     }
 }
 
-/// A picture that is still the one before after so many more grabs is one in which nothing changed; before, it may be late.
+/// A picture that still equals the previous one after this many more grabs shows no change; before that, it may be late.
 const STALE_GRABS: u32 = 10;
 
-/// A window that is grabbed, and what was measured about it.
+/// A window that is grabbed, and its measurements.
 pub struct ScreenSource {
     grabber: Grabber,
     screen: String,
@@ -97,11 +98,11 @@ pub struct ScreenSource {
 }
 
 impl ScreenSource {
-    /// Finds the simulator's window on `screen`, proves that it is seen whole, unscaled and in the size of the pictures, and
+    /// Finds the simulator's window on `screen`, proves that it is visible, complete, unscaled and in the size of the pictures, and
     /// measures the lag. `reported`: the window as the simulator reports it, for messages.
     ///
     /// # Errors
-    /// If any of it is not so; the message says what to change. The pattern is taken away in any case.
+    /// Any of it fails; the message says what to change. The pattern is removed in any case.
     pub async fn set_up(
         screen: &Arc<dyn Screen>,
         (width_px, height_px): (u32, u32),
@@ -144,17 +145,17 @@ impl ScreenSource {
         Ok(source)
     }
 
-    /// Where the window lies on the screen.
+    /// Position of the window on the screen.
     pub fn window(&self) -> Rectangle {
         self.window
     }
 
-    /// The longest lag of the set-up.
+    /// The longest lag of the registration.
     pub fn lag(&self) -> Lag {
         self.lag
     }
 
-    /// What is waited for, and how many grabs are skipped, before each picture.
+    /// The waiting time, and the number of skipped grabs, before each picture.
     fn allowed(&self) -> Lag {
         Lag {
             grabs: self.lag.grabs,
@@ -177,7 +178,7 @@ impl ScreenSource {
                 let found = seen.rectangle;
                 return Err(PixelError::Moved { expected, found }.into());
             }
-            // The first one empties the queue that a device may have filled while nobody grabbed.
+            // The first one empties a queue that the device may have filled while nobody grabbed.
             if trial > 0 {
                 longest = longest.or_longer(lag);
             }
@@ -194,7 +195,7 @@ impl ScreenSource {
         }
     }
 
-    /// Waits until no pattern is seen any more.
+    /// Waits until no pattern is visible any more.
     async fn wait_until_gone(&self) -> Result<(), PixelError> {
         let began = Instant::now();
         while !matches!(
@@ -274,7 +275,7 @@ impl fmt::Debug for ScreenSource {
     }
 }
 
-/// Refuses pictures that are larger than the screen, where no window could show them.
+/// Rejects pictures that are larger than the screen, where no window could show them.
 async fn check_room(screen: &Arc<dyn Screen>, wanted: PictureSize) -> Result<(), PixelError> {
     let whole = Grabber::open(screen, None).await?;
     let picture = whole.grab(RgbPicture::default(), 0).await?;
@@ -310,7 +311,7 @@ async fn find(
     Ok(seen.rectangle)
 }
 
-/// Grabs until a code is seen.
+/// Grabs until a code is visible.
 async fn wait_for(
     grabber: &Grabber,
     screen: &str,
@@ -348,7 +349,7 @@ async fn wait_for(
     }
 }
 
-/// Takes the pattern away, also after a failure, which is then what is told.
+/// Removes the pattern, also after a failure, which is then reported.
 async fn clearing<T>(
     result: Result<T, BridgeError>,
     display: &mut dyn PatternDisplay,
@@ -358,7 +359,7 @@ async fn clearing<T>(
     cleared.map(|()| done)
 }
 
-/// Codes that differ from each other, and from those of any client before.
+/// Codes that differ from each other, and from those of any earlier client.
 #[derive(Debug, Clone, Copy)]
 struct Codes(u32);
 

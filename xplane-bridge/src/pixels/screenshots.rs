@@ -1,4 +1,4 @@
-//! The source `screenshot`: files that X-Plane writes itself, sent by the plugin as they are.
+//! The source `screenshot`: files that X-Plane writes itself, sent unchanged by the plugin.
 
 use std::io::Cursor;
 
@@ -7,10 +7,10 @@ use image::{ImageFormat, ImageReader, Limits};
 use super::{ComingPicture, Confirmed, PatternDisplay, PixelError, PixelKind, PixelSource};
 use crate::link::PictureSize;
 
-/// X-Plane's own screenshots. Slow: good for sparse sweeps.
+/// X-Plane's own screenshots. Slow: suitable for sparse sweeps.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Screenshots {
-    /// The size that pictures have to have.
+    /// The required size of the pictures.
     pub size: PictureSize,
 }
 

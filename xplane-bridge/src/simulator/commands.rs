@@ -1,4 +1,5 @@
-//! Commands, which have no answer over UDP: by the Web API or the capture link, which answer, or repeated until their effect shows.
+//! Commands, which have no answer over UDP: by the Web API or the capture link, which acknowledge them, or repeated until their
+//! effect shows.
 
 use std::time::Duration;
 
@@ -12,7 +13,7 @@ use crate::datarefs::{
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
 
-/// Commands sent before we believe that they have no effect. One of five is lost in the worst network that we test with.
+/// Attempts before a command counts as ineffective. One of five is lost in the worst network that we test with.
 const ATTEMPTS: u32 = 8;
 /// How long an effect may take to show.
 const EFFECT_TIMEOUT: Duration = Duration::from_millis(500);
@@ -36,9 +37,9 @@ impl Simulator {
             .await
     }
 
-    /// Engages the autopilot on the landing system, command by command, for a simulator whose link is served by itself: our plugin
-    /// does it, too, but once the aircraft is in the air. Most commands are buttons, which switch off what is on. So each is sent
-    /// only while its state is known to be off; a state that does not come is asked for again, not taken for off.
+    /// Engages the autopilot on the landing system, command by command, for a simulator that serves its link without a plugin: our
+    /// plugin does it, too, but once the aircraft is in the air. Most commands are toggle buttons. So each is sent only while its
+    /// state is known to be off; a state that does not arrive is requested again, not taken for off.
     pub(super) async fn engage_approach(&mut self) -> Result<(), BridgeError> {
         for switch in APPROACH_SWITCHES {
             let command = switch.command;
@@ -55,7 +56,7 @@ impl Simulator {
             }
             match found {
                 (Some(true), _) => {}
-                // The servos are certain; what an aircraft shows of the modes differs. The flight shows whether they are on.
+                // The servos are reliable; aircraft differ in what they show of the modes. The flight shows whether they are on.
                 (_, values) if command != COMMAND_SERVOS_ON => {
                     tracing::warn!(command, ?values, "the autopilot does not show it");
                 }
@@ -72,8 +73,8 @@ impl Simulator {
         Ok(())
     }
 
-    /// Whether something of the autopilot is on, as far as can be read, and what was read. With `effect` it may take a moment until
-    /// it is; without, the first values that say it do.
+    /// Whether a function of the autopilot is on, as far as can be read, and what was read. With `effect` it waits until it is;
+    /// without, it takes the first values.
     async fn state_of(
         &mut self,
         switch: &AutopilotSwitch,
@@ -97,7 +98,7 @@ impl Simulator {
         Ok((is_on(&values), values))
     }
 
-    /// Does a command until a dataref shows its effect; not at all if it does already.
+    /// Repeats a command until a dataref shows its effect; sends nothing if it does already.
     async fn command_until(
         &mut self,
         command: &str,
@@ -129,7 +130,7 @@ impl Simulator {
         })
     }
 
-    /// Does a command whose effect no dataref shows, exactly once: by the capture link, which answers.
+    /// Runs a command whose effect no dataref shows, exactly once: by the capture link, which acknowledges it.
     pub(super) async fn command_once(&mut self, command: &str) -> Result<(), BridgeError> {
         let request = Request::Command {
             path: command.to_owned(),
@@ -153,7 +154,7 @@ impl Simulator {
         }
     }
 
-    /// Says whether the Web API did it.
+    /// Returns whether the Web API did it.
     async fn command_by_web_api(&self, command: &str) -> bool {
         let Some(api) = self.web_api.as_ref().filter(|api| api.has_commands()) else {
             return false;

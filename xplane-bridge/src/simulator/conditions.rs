@@ -14,17 +14,17 @@ use crate::datarefs::{
 };
 use crate::error::BridgeError;
 
-/// Writings of a dataref before we believe that it does not take the value. A scenario has some 110 of them: where one datagram
-/// of five is lost, fewer attempts would make one scenario in thirty fail.
+/// Writes of a dataref before it counts as not accepting the value. A scenario has some 110 of them: if one datagram of five is
+/// lost, fewer attempts would make one scenario in thirty fail.
 const ATTEMPTS: u32 = 12;
-/// How long one reading back may take.
+/// Timeout of one reading.
 const READ_TIMEOUT: Duration = Duration::from_secs(3);
-/// How long X-Plane has for a frame between writing and the next attempt.
+/// Time for X-Plane to draw a frame between writing and the next attempt.
 const RETRY_PAUSE: Duration = Duration::from_millis(100);
 
 impl Simulator {
     /// Sets every parameter of weather and time, reads all of them back and compares. From then on they are watched: if one
-    /// changes, or the simulator is restarted, the next frame or flight is an error.
+    /// changes, or the simulator restarts, the next frame or flight is an error.
     ///
     /// # Errors
     /// [`BridgeError::BadConditions`] before anything is sent; [`BridgeError::NotTaken`] names the dataref, the value
@@ -33,11 +33,11 @@ impl Simulator {
         let writes = self.in_its_units(condition_writes(conditions, self.generation)?);
         let expected = self.expected_of(&writes);
         match &mut self.vigil {
-            // Watched already; until they are set again they may be anything.
+            // Watched already; any value is allowed until they are set again.
             Some(vigil) => vigil.expect([]),
             None => self.vigil = Some(Vigil::begin(self.address, &expected).await?),
         }
-        // Weather changes while time runs; an aircraft that may be in the air is held meanwhile.
+        // Weather changes only while time runs; an aircraft that may be in the air is held meanwhile.
         self.hold_aircraft().await?;
         self.resume().await?;
         let (clock, weather): (Vec<_>, Vec<_>) =
@@ -62,7 +62,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Weather in the units that this simulator was measured to take.
+    /// Weather in the units that this simulator was measured to use.
     fn in_its_units(&self, writes: Vec<DatarefWrite>) -> Vec<DatarefWrite> {
         match self.description.profile.current() {
             Some(profile) => profile.in_its_units(writes),
@@ -70,20 +70,20 @@ impl Simulator {
         }
     }
 
-    /// What has to read back and stay, once conditions are set.
+    /// What must read back and stay, once conditions are set.
     fn expected_of(&self, writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
         let read_back = writes.iter().filter(|write| write.is_read_back()).cloned();
         let ours = (self.generation == Generation::XPlane12).then(weather::ours);
         read_back.chain(ours).collect()
     }
 
-    /// Stops the flight model alone: time goes on, the aircraft does not.
+    /// Stops only the flight model: time continues, the aircraft does not move.
     pub(super) async fn hold_aircraft(&mut self) -> Result<(), BridgeError> {
         self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 1.0)])
             .await
     }
 
-    /// A flight that began brought weather with it: waits until it is that of the scenario, if there is one.
+    /// A new flight brought its own weather: waits until it is that of the scenario, if there is one.
     pub(super) async fn await_weather_of(
         &mut self,
         conditions: Option<&Conditions>,
@@ -100,14 +100,14 @@ impl Simulator {
         self.write_until_read_back(&clock).await
     }
 
-    /// Lets the flight model go on.
+    /// Lets the flight model continue.
     pub(super) async fn let_aircraft_go(&mut self) -> Result<(), BridgeError> {
         self.write_until_read_back(&[DatarefWrite::new(OVERRIDE_FLIGHT_MODEL, 0.0)])
             .await
     }
 
-    /// Asks once more for everything that was set, and compares: what was recorded since then was recorded under these
-    /// conditions, by this simulator.
+    /// Reads all settings once more, and compares: what was recorded since then was recorded under these conditions, by this
+    /// simulator.
     ///
     /// # Errors
     /// [`BridgeError::SettingLost`] or [`BridgeError::Restarted`].
@@ -132,12 +132,12 @@ impl Simulator {
         }
     }
 
-    /// Sets the clock once more, now that it stands still; from now on it is watched too.
+    /// Sets the clock once more, now that it stands still; from now on it is watched, too.
     pub(super) async fn set_clock_exactly(&mut self) -> Result<(), BridgeError> {
         let Some(conditions) = &self.conditions else {
             return Ok(());
         };
-        // A clock that runs is set back in every frame by the plugin.
+        // The plugin sets back a running clock in every frame.
         let clock = match self.running_at() {
             None => clock_writes(&conditions.clock),
             Some(clock) => running_clock_writes(&clock),
@@ -149,7 +149,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// An error if what is watched is not as it was set.
+    /// An error if a watched value differs from its setting.
     pub(super) fn check_vigil(&mut self) -> Result<(), BridgeError> {
         self.vigil.as_mut().map_or(Ok(()), Vigil::check)
     }
@@ -160,7 +160,7 @@ impl Simulator {
         }
     }
 
-    /// Writes a dataref that cannot be read back: often enough that one arrives.
+    /// Writes a dataref that cannot be read back: often enough that one datagram arrives.
     pub(super) async fn write_surely(&mut self, name: &str, value: f32) -> Result<(), BridgeError> {
         const TIMES: usize = 5;
         self.udp
@@ -168,7 +168,7 @@ impl Simulator {
             .await
     }
 
-    /// Writes datarefs that are not yet as they should be, until all are.
+    /// Writes datarefs that are not yet as required, until all are.
     pub(super) async fn write_until_read_back(
         &mut self,
         writes: &[DatarefWrite],
@@ -184,7 +184,7 @@ impl Simulator {
         }
     }
 
-    /// The same, but so many times at most; the first that is still not as it should be.
+    /// The same, but at most this many times; returns the first that still differs.
     pub(super) async fn write_in_rounds(
         &mut self,
         writes: &[DatarefWrite],
@@ -234,12 +234,12 @@ impl Simulator {
     }
 }
 
-/// Whether a dataref is one of time, not of weather.
+/// Whether a dataref belongs to time, not weather.
 fn is_time(name: &str) -> bool {
     is_clock(name) || name == USE_SYSTEM_TIME
 }
 
-/// Whether a dataref is one of the clock, which runs on until the simulator is frozen.
+/// Whether a dataref belongs to the clock, which runs until the simulator is frozen.
 fn is_clock(name: &str) -> bool {
     name == ZULU_TIME_S || name == DATE_DAYS
 }

@@ -1,7 +1,6 @@
-//! What to know of a simulator besides its address: what a caller says, or the environment.
+//! Connection options besides the address: from the caller or the environment.
 //!
-//! A variable that cannot be understood is an error that names it. Doing without what it asked for would record scenarios in
-//! another way than the person who set it believes.
+//! An invalid variable is an error that names it. Ignoring it would record scenarios in another way than the user intended.
 
 use std::env::{self, VarError};
 use std::net::{SocketAddr, ToSocketAddrs};
@@ -12,24 +11,24 @@ use crate::web_api;
 
 /// Environment variable with the token of a capture link that is open to other machines.
 pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
-/// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to do without it.
+/// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to disable it.
 pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
-/// Environment variable that, when it is `off`, has every picture travel over the capture link.
+/// Environment variable that, when it is `off`, sends every picture over the capture link.
 pub const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
 
-/// What to know of a simulator besides its address.
+/// Connection options besides the address.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct ConnectOptions {
-    /// The token that a capture link open to other machines demands.
+    /// The token for a capture link that is open to other machines.
     pub token: Option<String>,
-    /// Where X-Plane 12's Web API is, if it may be used. It is used if the same simulator answers there.
+    /// Address of X-Plane 12's Web API, if it may be used. It is used if it belongs to the same simulator.
     pub web_api: Option<SocketAddr>,
-    /// Whether every picture has to travel over the link, although the simulator could draw it into memory of ours.
+    /// Whether every picture must be sent over the link, even if the simulator could draw it into our memory.
     pub no_shared_memory: bool,
 }
 
 impl ConnectOptions {
-    /// What the environment says ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`], [`SHARED_MEMORY_VARIABLE`]) of the simulator at
+    /// The environment's options ([`LINK_TOKEN_VARIABLE`], [`WEB_API_VARIABLE`], [`SHARED_MEMORY_VARIABLE`]) for the simulator at
     /// `address`.
     ///
     /// # Errors
@@ -46,7 +45,7 @@ impl ConnectOptions {
 /// Where X-Plane 12's Web API is looked for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum WebApiPlace {
-    /// Where X-Plane serves it unless told otherwise: on its own computer only, so that it is looked for if that is this one.
+    /// X-Plane's default: on its own computer only, so it is tried only if that is this one.
     #[default]
     Usual,
     /// Nowhere.
@@ -56,15 +55,15 @@ pub enum WebApiPlace {
 }
 
 impl WebApiPlace {
-    /// What [`WEB_API_VARIABLE`] says.
+    /// The value of [`WEB_API_VARIABLE`].
     ///
     /// # Errors
-    /// [`BridgeError::BadVariable`] if it is neither `off` nor an address. A host's name is looked up here.
+    /// [`BridgeError::BadVariable`] if it is neither `off` nor an address. Host names are resolved here.
     pub fn from_environment() -> Result<Self, BridgeError> {
         Self::of_variable(env::var(WEB_API_VARIABLE))
     }
 
-    /// Without a variable, or with an empty one, it is where it usually is.
+    /// Without a variable, or with an empty one, the default is used.
     fn of_variable(found: Result<String, VarError>) -> Result<Self, BridgeError> {
         let bad = |found: String, why: String| BridgeError::BadVariable {
             name: WEB_API_VARIABLE,
@@ -82,7 +81,7 @@ impl WebApiPlace {
         }
     }
 
-    /// Where to look for that of the simulator that takes UDP packets at `address`, if anywhere.
+    /// The address to try for the simulator that takes UDP packets at `address`, if any.
     pub fn of(self, address: SocketAddr) -> Option<SocketAddr> {
         match self {
             Self::Usual => address
@@ -108,7 +107,7 @@ impl FromStr for WebApiPlace {
             .to_socket_addrs()
             .map_err(|error| format!("{error}; {EXPECTED}"))?
             .collect();
-        // X-Plane serves it on IPv4 alone, and `localhost` is often an address of IPv6 first.
+        // X-Plane serves it on IPv4 only, and `localhost` often resolves to an IPv6 address first.
         found
             .iter()
             .find(|address| address.is_ipv4())

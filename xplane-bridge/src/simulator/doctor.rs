@@ -1,9 +1,9 @@
-//! Examines a live connection point by point, for a person who wants to know what to fix.
+//! Examines a live connection point by point, for a user who wants to know what to fix.
 //!
-//! In: where the simulator should be. Out: one [`Check`] after the other, each with what was found and, where it is not well,
-//! what to do. A check that needs an earlier one that failed is skipped and says so. Once per installation what reports disagree on is
-//! measured, too, and kept as a [`Profile`]. Whatever is changed on the way is put back: one course, the pause, the weather, and the
-//! aircraft's place for the time of the pictures.
+//! Input: the expected address of the simulator. Output: one [`Check`] after the other, each with the finding and, if it is not ok,
+//! a remedy. A check that depends on an earlier one that failed is skipped and says so. Once per installation it also measures what
+//! reports disagree on, and stores it as a [`Profile`]. Every change is undone: one course, the pause, the weather, and the
+//! aircraft's place during the pictures.
 
 mod announcement;
 mod eyes;
@@ -34,22 +34,22 @@ use crate::pixels::{FfmpegScreen, Screen};
 use crate::profile::Finding;
 use crate::{Simulator, SimulatorDescription, WebApiPlace};
 
-/// Where X-Plane is if nobody says anything else.
+/// X-Plane's default address.
 const USUAL_ADDRESS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 49_000);
-/// How long the capture link may take to open.
+/// Timeout for opening the capture link.
 const LINK_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// How a check came out.
+/// Result of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// Well.
     Ok,
-    /// Recording is possible, but somebody should look.
+    /// Recording is possible, but the user should look at it.
     Warning,
     /// Recording is impossible or would be wrong.
     Failed,
-    /// Not tried, for the reason that is given.
+    /// Not tried, for the given reason.
     Skipped,
 }
 
@@ -67,13 +67,13 @@ impl fmt::Display for Verdict {
 /// One point of the examination.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Check {
-    /// What was looked at.
+    /// What was checked.
     pub name: &'static str,
     /// How it came out.
     pub verdict: Verdict,
     /// What was found.
     pub found: String,
-    /// What to do, unless it is well.
+    /// The remedy, unless it is ok.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub hint: Option<String>,
 }
@@ -110,7 +110,7 @@ impl Check {
         Self::bad(name, Verdict::Warning, found, hint)
     }
 
-    /// Something that was to be measured; a person may read why it was not.
+    /// A measurement; if it was not made, the reason as text.
     fn measured<T>(
         name: &'static str,
         finding: &Finding<T>,
@@ -147,18 +147,18 @@ pub enum Measuring {
 /// What is to be recorded afterwards.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Intent {
-    /// File of the sweep, as a person names it.
+    /// File of the sweep, as the user names it.
     pub sweep: String,
-    /// How large its pictures are.
+    /// Size of its pictures.
     pub pictures: PictureSize,
 }
 
 /// What to examine.
 #[derive(Debug, Clone)]
 pub struct Patient {
-    /// Where it takes UDP packets; by default where the beacon says, or X-Plane's usual address.
+    /// Its UDP address; by default the one in the beacon, or X-Plane's default.
     pub address: Option<SocketAddr>,
-    /// Where its Web API is looked for.
+    /// Address of its Web API.
     pub web_api: WebApiPlace,
     /// The screen that it draws on, if pictures come off it.
     pub screen: Arc<dyn Screen>,
@@ -168,12 +168,12 @@ pub struct Patient {
     pub wait: Duration,
     /// Whether to measure.
     pub measuring: Measuring,
-    /// What is to be recorded with it, if that is known.
+    /// What is to be recorded with it, if known.
     pub intent: Option<Intent>,
 }
 
 impl Patient {
-    /// The simulator there, or whichever there is, with its Web API where that usually is.
+    /// The simulator there, or any, with its Web API at the default address.
     pub fn at(address: Option<SocketAddr>) -> Self {
         Self {
             address,
@@ -187,7 +187,7 @@ impl Patient {
     }
 }
 
-/// Names of the checks behind a UDP answer, for saying that they were skipped.
+/// Names of the checks that need UDP answers, for reporting them as skipped.
 const OVER_UDP: [&str; 6] = [
     "version",
     "web api",
@@ -196,7 +196,7 @@ const OVER_UDP: [&str; 6] = [
     "commands",
     "frame rate",
 ];
-/// Names of the checks behind a capture link.
+/// Names of the checks that need a capture link.
 const OVER_LINK: [&str; 6] = [
     "pixels", "window", "terrain", "profile", "lockstep", "release",
 ];
@@ -230,7 +230,7 @@ impl Examination<'_> {
         }
     }
 
-    /// Returns where the simulator is, if that is known.
+    /// Returns the simulator's address, if known.
     async fn run(&mut self, patient: &Patient) -> Option<SocketAddr> {
         let (check, announced) = announcement::listen(patient).await;
         let heard = check.verdict == Verdict::Ok;
@@ -335,8 +335,8 @@ impl Examination<'_> {
     }
 }
 
-/// Why nothing comes over UDP. Incoming connections that are switched off show elsewhere: the beacon goes out all the same, and the Web API
-/// refuses in so many words.
+/// Why nothing comes over UDP. Incoming connections that are switched off show elsewhere: the beacon is sent nevertheless, and the
+/// Web API says so in its answer.
 async fn silent(
     address: SocketAddr,
     patient: &Patient,

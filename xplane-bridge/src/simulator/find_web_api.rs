@@ -1,7 +1,7 @@
-//! Is what answers at an address the Web API of the very simulator that we talk to over UDP?
+//! Checks whether a Web API belongs to the simulator that we talk to over UDP.
 //!
-//! It is if it knows the same capture link. Another X-Plane on the same computer must be left alone: a flight that is begun there
-//! would be waited for here.
+//! It does if it reports the same capture link. Another X-Plane on the same computer must be left alone: a flight that is started
+//! there would be waited for here.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -9,7 +9,7 @@ use std::time::Duration;
 use crate::datarefs::{CAPTURE_PORT, VERSION};
 use crate::web_api::{WebApi, WebApiError};
 
-/// How long the Web API may take to say that it is there.
+/// Timeout of the Web API's first answer.
 const TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Why a Web API is not used.
@@ -43,7 +43,7 @@ pub(super) enum NotUsed {
     },
 }
 
-/// The Web API there, if it is that of the simulator whose capture link has this port.
+/// The Web API there, if it belongs to the simulator whose capture link has this port.
 pub(super) async fn find(address: SocketAddr, capture_port: u16) -> Result<WebApi, NotUsed> {
     let api = WebApi::connect(address, TIMEOUT).await?;
     let other = |found| NotUsed::OtherSimulator {
@@ -67,7 +67,7 @@ pub(super) async fn find(address: SocketAddr, capture_port: u16) -> Result<WebAp
     }
 }
 
-/// [`find`]; `None`, with the reason in the log, if it is not to be used.
+/// [`find`]; `None`, with the reason in the log, if it cannot be used.
 pub(super) async fn usable(address: SocketAddr, capture_port: u16) -> Option<WebApi> {
     match find(address, capture_port).await {
         Ok(api) => Some(api),

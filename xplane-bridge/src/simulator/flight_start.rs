@@ -1,8 +1,9 @@
-//! How a flight begins: who puts the aircraft where it starts, decided and logged here alone.
+//! How a flight starts: this module alone decides, and logs, who places the aircraft.
 //!
-//! The best way is X-Plane 12.4's Web API, which takes aircraft, place, speed, time and weather together and answers. Where it
-//! is not, our plugin puts the aircraft there. Where no plugin serves the capture link, the UDP packet `PREL` does, and `RPOS` shows whether
-//! it did. A start is asked for once: X-Plane closes the connection of starts that succeed, and a second one would begin the flight again.
+//! The best way is X-Plane 12.4's Web API, which takes aircraft, place, speed, time and weather together and answers. Without it,
+//! our plugin places the aircraft. If no plugin serves the capture link, the UDP packet `PREL` does, and `RPOS` shows whether it
+//! worked. A start is requested once: X-Plane closes the connection of starts that succeed, and a second one would restart the
+//! flight.
 
 use std::time::Duration;
 
@@ -23,28 +24,28 @@ use crate::web_api::{AirStart, WebApi, WebApiError, flight_body};
 
 /// Kind of `PREL` that starts at latitude, longitude and elevation.
 const START_AT_POSITION: i32 = 6;
-/// Tries of `PREL` and `ACFN`.
+/// Attempts of `PREL` and `ACFN`.
 const ATTEMPTS: u32 = 8;
 /// How long a position may take to follow a `PREL`.
 const PLACE_TIMEOUT: Duration = Duration::from_millis(500);
-/// An aircraft that was put somewhere is found this close to it: it flies on while the answer travels.
+/// A placed aircraft is found this close to its place: it flies on while the answer travels.
 const PLACED_WITHIN_M: f64 = 2_000.0;
-/// The same of a flight that X-Plane began while it did not answer, for a minute or two.
+/// The same for a flight that X-Plane started while it did not answer, for a minute or two.
 const BEGUN_WITHIN_M: f64 = 12_000.0;
-/// Farther than this from where pictures are to be taken, the aircraft has to travel: scenery and weather are those around it.
+/// Farther than this from where pictures are taken, the aircraft must travel: scenery and weather are those around it.
 const NEAR_M: f64 = 30_000.0;
-/// How long X-Plane takes at most to load an aircraft.
+/// Maximum time for X-Plane to load an aircraft.
 const LOAD_TIMEOUT: Duration = Duration::from_secs(60);
 /// How long a flight may take to begin.
 const START_TIMEOUT: Duration = Duration::from_secs(180);
-/// How long the plugin may take to travel: to start, and for the scenery to come.
+/// Timeout of the plugin's travel: to start, and for the scenery to load.
 const TRAVEL_TIMEOUT: Duration = Duration::from_secs(150);
-/// How long simulated time may take to move, and a position to come.
+/// Timeout for simulated time to move, and for a position to arrive.
 const READY_TIMEOUT: Duration = Duration::from_secs(5);
-/// Sizes that X-Plane has of an aircraft of some type are within these multiples of the type's; they are rough.
+/// X-Plane's size of an aircraft of some type is within these multiples of the type's; it is approximate.
 const SIZE_RATIOS: std::ops::RangeInclusive<f64> = 0.4..=1.6;
 
-/// Who begins flights.
+/// Who starts flights.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Starter {
     /// X-Plane 12.4's Web API.
@@ -56,11 +57,11 @@ pub(super) enum Starter {
 }
 
 impl Simulator {
-    /// Sees to it that a flight is on, with the scenario's aircraft, where its pictures are taken or its approach starts, and the scenery
-    /// there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or another one.
+    /// Ensures that a flight is loaded, with the scenario's aircraft, where its pictures are taken or its approach starts, with the
+    /// scenery there. A live flight begins there; for a recorded one the aircraft only travels if it is far away or another one.
     ///
     /// # Errors
-    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or whatever keeps the flight from beginning.
+    /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or whatever prevents the flight from starting.
     pub async fn prepare(
         &mut self,
         conditions: &Conditions,
@@ -89,7 +90,7 @@ impl Simulator {
             if now_s.is_some_and(moves) {
                 return Ok(());
             }
-            // Silence is no menu: X-Plane hangs for seconds when it loads something.
+            // Silence does not mean a menu: X-Plane hangs for seconds while it loads.
             if first_s.is_none() || now_s.is_none() {
                 return Err(BridgeError::NobodyAnswers {
                     address: self.address,
@@ -107,7 +108,7 @@ impl Simulator {
         })
     }
 
-    /// One value, once it is as wanted, or the last that came.
+    /// One value, once it is as wanted, or the last one.
     async fn read_one(
         &mut self,
         name: &str,
@@ -118,7 +119,7 @@ impl Simulator {
         Ok(self.udp.read_until(&[name], deadline, enough).await?[0])
     }
 
-    /// Where the aircraft is; `None` if X-Plane does not say, or says nowhere.
+    /// Position of the aircraft; `None` if X-Plane does not report a plausible one.
     async fn position(&mut self) -> Result<Option<LatLon>, BridgeError> {
         let plausible = |found: &Position| found.latitude_deg != 0.0 || found.longitude_deg != 0.0;
         let deadline = Instant::now() + READY_TIMEOUT;
@@ -126,7 +127,7 @@ impl Simulator {
         Ok(found.filter(plausible).as_ref().map(lat_lon))
     }
 
-    /// Who begins flights here.
+    /// Who starts flights here.
     pub(super) fn starter(&self, conditions: Option<&Conditions>) -> Starter {
         let has_flights = self.web_api.as_ref().is_some_and(WebApi::has_flights);
         if has_flights && self.aircraft_file().is_some() && conditions.is_some() {
@@ -138,8 +139,8 @@ impl Simulator {
         }
     }
 
-    /// Begins a flight, once; says whether the aircraft is in the air then, or is to be put there by whoever flies it. A plugin holds it
-    /// there afterwards.
+    /// Starts a flight, once; returns whether the aircraft is then in the air, or must be placed there by whoever flies it. A
+    /// plugin holds it there afterwards.
     pub(super) async fn begin_flight(
         &mut self,
         start: &FlightStart,
@@ -151,7 +152,7 @@ impl Simulator {
         if let (Starter::WebApi, Some(conditions)) = (starter, conditions) {
             match self.start_by_web_api(start, conditions).await {
                 Ok(()) => already_started = true,
-                // Refused: nothing has begun.
+                // Rejected: nothing has started.
                 Err(BridgeError::WebApi(error)) => {
                     tracing::warn!(%error, "the flight is begun without the Web API");
                 }
@@ -240,7 +241,7 @@ impl Simulator {
         }
     }
 
-    /// Whether the scenario's aircraft is loaded. One that is not known, or a simulator that does not say, is left alone.
+    /// Whether the scenario's aircraft is loaded. An unknown one, or a simulator that does not report it, is accepted.
     async fn has_the_aircraft(&mut self) -> Result<bool, BridgeError> {
         let Some(file) = self.aircraft_file() else {
             return Ok(true);
@@ -265,7 +266,7 @@ impl Simulator {
             (AIRCRAFT_LENGTH_M, file.size_m.1),
         ] {
             let found_m = self.read_one(name, |_| true).await?.map_or(0.0, f64::from);
-            // X-Plane reads 0 for a name that it does not have.
+            // X-Plane reads 0 for an unknown name.
             if found_m != 0.0 && !SIZE_RATIOS.contains(&(found_m / size_m)) {
                 return Err(BridgeError::WrongSize {
                     name,
@@ -279,7 +280,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Loads the scenario's aircraft if the simulator has another one. One that does not say which it has is left alone.
+    /// Loads the scenario's aircraft if the simulator has another one. A simulator that does not report its aircraft is left alone.
     async fn load_aircraft(&mut self) -> Result<(), BridgeError> {
         let Some(file) = self.aircraft_file() else {
             return Ok(());
@@ -315,7 +316,7 @@ impl Simulator {
         })
     }
 
-    /// Type of the aircraft that is loaded; empty if the simulator does not say.
+    /// Type of the loaded aircraft; empty if the simulator does not report it.
     async fn loaded_icao(&mut self, timeout: Duration) -> Result<String, BridgeError> {
         let names: Vec<String> = (0..4).map(|i| format!("{AIRCRAFT_ICAO}[{i}]")).collect();
         let names: Vec<&str> = names.iter().map(String::as_str).collect();

@@ -1,5 +1,5 @@
-//! The client's end of the capture link. A failure in the middle of a message closes it, since nobody knows then where the
-//! next message begins.
+//! The client's end of the capture link. A failure in the middle of a message closes it, because the position of the next message
+//! is then unknown.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -45,7 +45,7 @@ impl LinkClient {
         })
     }
 
-    /// Our own address, as the other side sees it unless somebody stands between.
+    /// Our own address, as the other side sees it unless there is an intermediary.
     pub(super) fn local_address(&self) -> SocketAddr {
         self.local
     }
@@ -73,7 +73,7 @@ impl LinkClient {
         self.close_on_error(sent)
     }
 
-    /// The next answer. Its payload, if it has one, is still to be taken.
+    /// The next answer. Its payload, if it has one, must be read next.
     pub(super) async fn receive(
         &mut self,
         doing: &'static str,

@@ -1,4 +1,4 @@
-//! Where this client's pictures come from: chosen after connecting, proven before the first picture and after the last.
+//! The source of this client's pictures: chosen after connecting, proven before the first picture and after the last.
 
 use std::net::SocketAddr;
 use std::sync::Arc;
@@ -13,10 +13,10 @@ use crate::pixels::{
     ScreenSource, Screenshots,
 };
 
-/// The screen that the simulator draws on, as it says.
+/// The screen that the simulator draws on, as reported.
 #[derive(Debug)]
 pub(super) enum DrawnOn {
-    /// The one that the caller can grab.
+    /// One that the caller can grab.
     Here,
     /// That of another computer, which the plugin there grabs for us.
     Elsewhere(Arc<dyn Screen>),
@@ -25,7 +25,7 @@ pub(super) enum DrawnOn {
 }
 
 impl DrawnOn {
-    /// What a hello says of it, and the way to it for who gave that `token` to the link.
+    /// The screen in a hello, and the way to it with the link's `token`.
     pub(super) fn offered(
         offer: Option<ScreenOffer>,
         link: SocketAddr,
@@ -44,7 +44,7 @@ impl DrawnOn {
 }
 
 impl Simulator {
-    /// The screen to grab: `here`, or that of the computer that the simulator is on.
+    /// The screen to grab: `here`, or that of the simulator's computer.
     pub(super) fn screen(&self, here: &Arc<dyn Screen>) -> Result<Arc<dyn Screen>, PixelError> {
         match &self.drawn_on {
             DrawnOn::Here => Ok(here.clone()),
@@ -55,12 +55,12 @@ impl Simulator {
         }
     }
 
-    /// Chooses where pictures come from, and proves that they can: for those of the screen, that the simulator's window is seen whole, and
-    /// in the size of the pictures, width and height in pixels, on `screen`, or on that of its own computer if that is another one and the
-    /// plugin grabs there. Without this, pictures come over the link.
+    /// Chooses the source of pictures, and proves that it works: for the screen, that the simulator's window is visible, complete,
+    /// and in the size of the pictures, width and height in pixels, on `screen`, or on that of its own computer if that is another
+    /// one and the plugin grabs there. Without this call, pictures come over the link.
     ///
     /// # Errors
-    /// If the simulator does not offer the choice, or the proof fails; the message says what to change.
+    /// The simulator does not offer the choice, or the proof fails; the message says what to change.
     pub async fn use_pixels(
         &mut self,
         choice: PixelChoice,
@@ -92,20 +92,20 @@ impl Simulator {
         Ok(kind)
     }
 
-    /// Proves after the last picture that what was proven before the first one still holds.
+    /// Proves after the last picture that the initial proof still holds.
     ///
     /// # Errors
-    /// If it does not: the pictures in between may be wrong.
+    /// It does not: the pictures in between may be wrong.
     pub async fn confirm_pixels(&mut self) -> Result<(), BridgeError> {
         self.pixels.confirm(&mut LinkDisplay(&mut self.link)).await
     }
 
-    /// Where pictures come from.
+    /// Source of the pictures.
     pub fn pixels(&self) -> PixelKind {
         self.pixels.kind()
     }
 
-    /// How captures have to ask for their pictures.
+    /// How captures must request their pictures.
     pub fn deliver(&self) -> Deliver {
         match self.pixels.kind() {
             PixelKind::Screen => Deliver::Drawn,
@@ -114,13 +114,13 @@ impl Simulator {
         }
     }
 
-    /// Captures that may be outstanding at once.
+    /// Maximum outstanding captures.
     pub fn most_outstanding(&self) -> usize {
         self.pixels.most_outstanding()
     }
 }
 
-/// The simulator at the other end of the link, as one that shows check patterns.
+/// The simulator at the other end of the link, for showing check patterns.
 struct LinkDisplay<'a>(&'a mut LinkClient);
 
 impl PatternDisplay for LinkDisplay<'_> {

@@ -1,4 +1,4 @@
-//! What was measured of this simulator: kept by its plugin, watched by it where only it can.
+//! The profile of this simulator: stored by its plugin, which also makes the measurements that only it can.
 
 use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
@@ -6,10 +6,10 @@ use crate::link::{Answer, Request};
 use crate::profile::{CallbackOrders, KnownProfile, Profile};
 
 impl Simulator {
-    /// Has the plugin keep a profile; from now on it is used here, too.
+    /// Lets the plugin store a profile; from now on it is used here, too.
     ///
     /// # Errors
-    /// If the plugin cannot keep it.
+    /// The plugin cannot store it.
     pub async fn keep_profile(&mut self, profile: Profile) -> Result<(), BridgeError> {
         let kept = serde_json::to_value(&profile).map_err(|error| BridgeError::Refused {
             doing: "keeping the profile",
@@ -29,17 +29,17 @@ impl Simulator {
         }
     }
 
-    /// Uses what an earlier connection to the same simulator found out for itself, unless the plugin keeps more.
+    /// Uses the findings of an earlier connection to the same simulator, unless the plugin has more.
     pub fn use_profile(&mut self, known: KnownProfile) {
         if self.description.profile.current().is_none() {
             self.description.profile = known;
         }
     }
 
-    /// In what order the plugin is called back in the next frames. Only behind a capture.
+    /// The order of the plugin's callbacks in the next frames. Only after a capture.
     ///
     /// # Errors
-    /// If nobody is called back: a simulator that serves its link without a plugin.
+    /// There are no callbacks: a simulator that serves its link without a plugin.
     pub async fn watch_callbacks(&mut self, frames: u32) -> Result<CallbackOrders, BridgeError> {
         let request = Request::WatchCallbacks { frames };
         match self
@@ -52,7 +52,7 @@ impl Simulator {
         }
     }
 
-    /// Lets everything run again, and stays.
+    /// Lets everything run again, and stays connected.
     pub(super) async fn let_go(&mut self) -> Result<(), BridgeError> {
         match self
             .link

@@ -1,4 +1,4 @@
-//! What a client asks over the capture link while it sets up: the ground's height, and proof of the window.
+//! Requests of a client during setup: the ground's height, and the check pattern.
 
 use super::link_client::LinkClient;
 use super::{SWITCH_TIMEOUT, Simulator, wrong};
@@ -7,10 +7,10 @@ use crate::link::{Answer, Request};
 
 impl Simulator {
     /// Height of the ground that the simulator shows at a place, above mean sea level, metres. Airport data can be tens of metres
-    /// off it.
+    /// off.
     ///
     /// # Errors
-    /// If the simulator has no ground there, or the link is broken.
+    /// The simulator has no ground there, or the link is broken.
     pub async fn probe_terrain(
         &mut self,
         latitude_deg: f64,
@@ -30,17 +30,17 @@ impl Simulator {
         }
     }
 
-    /// Draws the check pattern with a code over the simulator's window, or takes it away. Returns the number of the first frame
-    /// that shows it so. While it shows, captures are refused.
+    /// Draws the check pattern with a code over the simulator's window, or removes it. Returns the number of the first frame that
+    /// shows it so. While it is shown, captures are rejected.
     ///
     /// # Errors
-    /// If the simulator cannot draw it, or the link is broken.
+    /// The simulator cannot draw it, or the link is broken.
     pub async fn check_pattern(&mut self, code: Option<u32>) -> Result<u64, BridgeError> {
         show_check_pattern(&mut self.link, code).await
     }
 }
 
-/// Has the check pattern drawn or taken away by the other side of a link.
+/// Lets the other side of a link draw or remove the check pattern.
 pub(super) async fn show_check_pattern(
     link: &mut LinkClient,
     code: Option<u32>,

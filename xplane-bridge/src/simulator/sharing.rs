@@ -1,6 +1,6 @@
 //! Memory for pictures that client and simulator share: offered with the first capture, if the simulator is on this computer.
 //!
-//! Where it cannot be had, or is all in use, pictures travel over the link.
+//! If it is unavailable, or all in use, pictures are sent over the link.
 
 use std::net::SocketAddr;
 
@@ -8,22 +8,22 @@ use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
 use crate::link::{Answer, CaptureRequest, Deliver, Request, SharedPicture, SharedPictures};
 
-/// Pictures that can be on their way at once without travelling: a few being drawn, and those that wait for two encoders.
+/// Maximum shared pictures in flight: a few being drawn, and those that wait for two encoders.
 const SLOTS: u32 = 16;
 
 /// Where it stands.
 #[derive(Debug)]
 pub(super) enum Sharing {
-    /// There is none to be had.
+    /// There is none.
     Impossible,
-    /// The simulator can; what size is wanted is not known yet.
+    /// The simulator supports it; the size is not known yet.
     Possible,
     /// The simulator draws into it.
     Shared(SharedPictures),
 }
 
 impl Sharing {
-    /// What can be done with a simulator that shares memory with the client at `with`, for the client at `local`.
+    /// What is possible with a simulator that shares memory with the client at `with`, for the client at `local`.
     pub(super) fn with(with: Option<SocketAddr>, local: SocketAddr) -> Self {
         match with {
             Some(with) if with == local => Self::Possible,
@@ -37,7 +37,7 @@ impl Sharing {
 }
 
 impl Simulator {
-    /// Memory to lend for the picture that a request asks for, unless it has to travel.
+    /// Memory to lend for the requested picture, unless it must be sent.
     pub(super) async fn lend_memory(
         &mut self,
         request: &CaptureRequest,
@@ -51,7 +51,7 @@ impl Simulator {
             Sharing::Possible => false,
             Sharing::Shared(pictures) => pictures.largest_picture_bytes() >= bytes,
         };
-        // The answer to an offer must not come behind those to captures.
+        // The answer to an offer must not come after those to captures.
         if !has_room && self.outstanding.is_empty() {
             self.sharing = self.share_memory(bytes).await?;
         }

@@ -1,8 +1,8 @@
 //! The client's UDP side: reading datarefs by short-lived subscriptions, writing them, sending commands.
 //!
-//! Datagrams may be lost both ways, so requests are repeated until values arrive, and values that arrive for a
-//! subscription that should have ended end it again. Every reading uses fresh indices: a late value of an earlier
-//! reading cannot be taken for a new one.
+//! Datagrams may be lost both ways, so requests are repeated until values arrive, and values that arrive for a subscription that
+//! should have ended end it again. Every reading uses fresh indices, so that a late value of an earlier reading is not mistaken for
+//! a new one.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::net::SocketAddr;
@@ -20,13 +20,13 @@ use crate::packet::{
 use crate::subscription::{BATCH, BATCH_PAUSE, end_of};
 use crate::udp_socket::{is_refused, open};
 
-/// Until a request that brought no value is sent again.
+/// Delay before a request that brought no value is sent again.
 const REPEAT_AFTER: Duration = Duration::from_millis(250);
 /// A subscription lives for one value; a high rate brings it soon.
 const FREQUENCY_HZ: i32 = 50;
-/// How long to listen on leaving for values of subscriptions whose end was lost.
+/// How long to listen on exit for values of subscriptions whose end was lost.
 const LEAVE_PAUSE: Duration = Duration::from_millis(60);
-/// Writes sent at one go: they must fit the receiver's buffer together.
+/// Writes sent at once: they must fit the receiver's buffer together.
 const WRITES_AT_ONCE: usize = 32;
 
 /// Whether a simulator answers at an address within a time. Nothing stays subscribed.
@@ -63,7 +63,7 @@ impl UdpClient {
         })
     }
 
-    /// Reads datarefs until all have come and `enough` says so, or `deadline` passes; `None` for those that never came.
+    /// Reads datarefs until all have arrived and `enough` is satisfied, or `deadline` passes; `None` for those that never arrived.
     pub(super) async fn read_until(
         &mut self,
         names: &[&str],
@@ -101,7 +101,7 @@ impl UdpClient {
         Ok(values)
     }
 
-    /// Sets datarefs. Whether they took the values must be read back.
+    /// Sets datarefs. The values must be read back to confirm.
     pub(super) async fn write<'a>(
         &self,
         writes: impl IntoIterator<Item = (&'a str, f32)>,
@@ -117,7 +117,7 @@ impl UdpClient {
         Ok(())
     }
 
-    /// Does a command once.
+    /// Runs a command once.
     pub(super) async fn command(&self, path: &str) -> Result<(), BridgeError> {
         self.send(&ToSimulator::Command(Command {
             path: path.to_owned(),
@@ -125,7 +125,7 @@ impl UdpClient {
         .await
     }
 
-    /// Begins a flight in the air.
+    /// Starts a flight in the air.
     pub(super) async fn place_at_start(&self, start: PlaceAtStart) -> Result<(), BridgeError> {
         self.send(&ToSimulator::PlaceAtStart(start)).await
     }
@@ -135,8 +135,8 @@ impl UdpClient {
         self.send(&ToSimulator::LoadAircraft(load)).await
     }
 
-    /// Where the aircraft is, with all bits: listens until that satisfies `enough` or `deadline` passes, and returns the last
-    /// position that came.
+    /// Position of the aircraft with full precision: listens until that satisfies `enough` or `deadline` passes, and returns the
+    /// last position.
     pub(super) async fn position_until(
         &mut self,
         deadline: Instant,
@@ -190,7 +190,7 @@ impl UdpClient {
         }
     }
 
-    /// Ends whatever is subscribed, and listens for a moment whether something still comes.
+    /// Ends all subscriptions, and listens for a moment whether something still arrives.
     pub(super) async fn unsubscribe_all(&mut self) {
         let _ = self.subscribe_position(0).await;
         for index in std::mem::take(&mut self.active) {
@@ -220,7 +220,7 @@ impl UdpClient {
     async fn send(&self, packet: &ToSimulator) -> Result<(), BridgeError> {
         match self.socket.send(&packet.encode()?).await {
             Ok(_) => Ok(()),
-            // "Connection refused" is the answer to an earlier datagram: nobody listens, maybe not yet.
+            // "Connection refused" is the answer to an earlier datagram: nobody listens, perhaps not yet.
             Err(error) if is_refused(&error) => Ok(()),
             Err(source) => Err(BridgeError::Udp {
                 address: self.address,
@@ -229,7 +229,7 @@ impl UdpClient {
         }
     }
 
-    /// Takes in values until `until`, or until `enough`.
+    /// Receives values until `until`, or until `enough`.
     async fn listen(
         &mut self,
         until: Instant,
@@ -262,7 +262,7 @@ impl UdpClient {
 }
 
 impl Drop for UdpClient {
-    /// A client that fails half-way must not leave the simulator sending for ever.
+    /// A client that fails half-way must not leave the simulator sending forever.
     fn drop(&mut self) {
         for &index in &self.active {
             let _ = self.socket.try_send(&end_datagram(index));

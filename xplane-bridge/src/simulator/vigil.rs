@@ -1,8 +1,8 @@
-//! Watching, while a scenario is recorded, that the simulator is still the one that was set up.
+//! Checks, while a scenario is recorded, that the simulator is still the one that was set up.
 //!
-//! Every setting that was confirmed stays subscribed, and so does the time for which the simulator runs. A restarted
-//! simulator runs for less time than before and has settings of its own; both end the attempt with an error that says so,
-//! before a picture under other conditions can pass for one of the scenario.
+//! Every confirmed setting stays subscribed, and so does the simulator's running time. A restarted simulator has a shorter running
+//! time and its own settings; both end the attempt with an error that says so, before a picture under other conditions can be
+//! mistaken for one of the scenario.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -14,32 +14,32 @@ use crate::datarefs::{DatarefWrite, RUNNING_TIME_S};
 use crate::error::BridgeError;
 use crate::subscription::{Reading, SILENCE, Subscription};
 
-/// Values per second of every dataref: a tenth of what SILENCE calls silence may get lost.
+/// Values per second of every dataref: nine of ten may be lost before SILENCE counts as silence.
 const FREQUENCY_HZ: i32 = 4;
-/// Datagrams overtake each other by less than this. An older value is no sign of anything.
+/// Datagrams are reordered by less than this. An older value proves nothing.
 const OVERTAKING: Duration = Duration::from_secs(1);
 
-/// The watch over a simulator.
+/// Watches a simulator.
 #[derive(Debug)]
 pub(super) struct Vigil {
     subscription: Subscription,
     judge: Judge,
 }
 
-/// What is compared with what. Pure.
+/// The comparison. Pure.
 #[derive(Debug)]
 struct Judge {
     address: SocketAddr,
     /// The datarefs in the order of the readings; the first is [`RUNNING_TIME_S`].
     names: Vec<String>,
     expected: BTreeMap<String, DatarefWrite>,
-    /// Readings from before this may show what was before the settings.
+    /// Readings from before this may show the state before the settings.
     expected_from: Instant,
     running: Option<Reading>,
 }
 
 impl Vigil {
-    /// Begins to watch the datarefs of `writes`, though nothing is expected of them yet.
+    /// Starts watching the datarefs of `writes`, without expectations yet.
     pub(super) async fn begin(
         address: SocketAddr,
         writes: &[DatarefWrite],
@@ -63,7 +63,7 @@ impl Vigil {
         self.judge.expected.values().cloned().collect()
     }
 
-    /// Compares what came since the last time. Costs nothing if nothing came.
+    /// Compares what arrived since the last call. Free if nothing arrived.
     ///
     /// # Errors
     /// [`BridgeError::Restarted`], [`BridgeError::SettingLost`].
@@ -120,7 +120,7 @@ impl Judge {
 
     fn check_running(&mut self, now: Reading) -> Result<(), BridgeError> {
         if let Some(before) = self.running {
-            // After a silence nothing overtakes any more: then the smallest step back is a restart.
+            // After a silence nothing is reordered any more: then the smallest step back means a restart.
             let tolerance_s = match now.at.duration_since(before.at) >= SILENCE {
                 true => 0.0,
                 false => OVERTAKING.as_secs_f32(),

@@ -1,10 +1,10 @@
-//! X-Plane 12's weather, in the order in which it is taken over, and waited for.
+//! Sets X-Plane 12's weather in the order that it handles best, and waits for it.
 //!
-//! Written values read back at once or after a while: clouds keep their old values in all slots for up to a minute and then change all
-//! together, temperatures slide for minutes after real weather. Writing them meanwhile only makes it last longer. So everything is
-//! written, regenerated once (which puts clouds and temperatures back to a preset's), those are written once more, and then only read,
-//! with tolerances, until it is there. Values that read right are not yet what shows: so the sky at the aircraft is read as well, and one
-//! that stays another is regenerated once more. Sources: `docs/x-plane.md`.
+//! Written values read back at once or after a while: clouds keep their old values in all slots for up to a minute and then change
+//! all together, temperatures drift for minutes after real weather. Writing them in the meantime only prolongs it. So everything is
+//! written, regenerated once (which resets clouds and temperatures to a preset's), those are written once more, and then only read,
+//! with tolerances, until it is there. Values that read right may not show yet: so the sky at the aircraft is read as well, and if
+//! it still differs it is regenerated once more. Sources: `docs/x-plane.md`.
 
 use std::time::Duration;
 
@@ -19,27 +19,27 @@ use crate::datarefs::{
 use crate::error::BridgeError;
 use crate::profile::Profile;
 
-/// How long X-Plane has for the preset before the values come: it sets winds of its own half a second later.
+/// Time for the preset before the values are written: it sets its own winds half a second later.
 const PRESET_PAUSE: Duration = Duration::from_secs(1);
-/// How long X-Plane has to begin with the weather before it is told clouds and temperatures again.
+/// Time for X-Plane to begin with the weather before clouds and temperatures are written again.
 const REGENERATION_PAUSE: Duration = Duration::from_secs(1);
-/// How often is looked whether the weather is there.
+/// Interval for checking whether the weather is there.
 const POLL: Duration = Duration::from_secs(1);
-/// The same of a tape, and after how many looks without a change nothing new will come.
+/// The same for a tape, and after how many unchanged readings nothing new will come.
 const REPLAYED_POLL: Duration = Duration::from_millis(50);
 const REPLAYED_POLLS: u32 = 10;
-/// How long the weather may take, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
+/// Timeout of the weather, by the simulator's clock or ours, whichever is faster. Clouds were seen to take 55 s.
 const PATIENCE: Duration = Duration::from_secs(70);
-/// A regeneration stops X-Plane for seconds; one that says nothing for longer is gone.
+/// A regeneration stops X-Plane for seconds; after a longer silence it is considered gone.
 const LONGEST_HITCH: Duration = Duration::from_secs(30);
-/// The same while nothing but the temperature is missing: after the start, and after real weather, it slides for minutes.
+/// The same while only the temperature is missing: after the start, and after real weather, it drifts for minutes.
 const PATIENCE_WITH_TEMPERATURE: Duration = Duration::from_secs(300);
-/// How long a temperature has to be right after it was written: one that slides is within its tolerance for the first second or two.
+/// How long a temperature must be right after it was written: a drifting one is within its tolerance for the first second or two.
 const TEMPERATURE_HOLDS: Duration = Duration::from_secs(5);
-/// How long what the aircraft is in and what is drawn may take to follow what was set.
+/// How long the aircraft's surroundings and the picture may take to follow the settings.
 const SHOWING: Duration = Duration::from_secs(10);
 
-/// What is not as it should be.
+/// What is not as required.
 struct Missing {
     write: DatarefWrite,
     found: Option<f32>,
@@ -47,7 +47,7 @@ struct Missing {
     patience: Duration,
 }
 
-/// What X-Plane 12 has to read besides what was written: that nobody else makes the weather.
+/// What X-Plane 12 must read besides the settings: that nobody else makes the weather.
 pub(super) fn ours() -> DatarefWrite {
     DatarefWrite::new(WEATHER_SOURCE, 0.0)
 }
@@ -60,7 +60,7 @@ impl Simulator {
         clear: bool,
     ) -> Result<(), BridgeError> {
         if clear {
-            // Zeros alone may leave clouds that are there.
+            // Zeros alone may leave existing clouds.
             self.write_surely(WEATHER_PRESET, 0.0).await?;
             self.pause_for_weather(PRESET_PAUSE).await;
         }
@@ -85,7 +85,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Has X-Plane rebuild the weather that was written, and waits until it has everything.
+    /// Lets X-Plane rebuild the written weather, and waits until it has everything.
     async fn regenerate(&mut self, writes: &[DatarefWrite]) -> Result<(), BridgeError> {
         let regenerated = Instant::now();
         self.rebuild_weather(writes).await?;
@@ -94,7 +94,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Has X-Plane rebuild the weather that was written, and tells it again what that puts back.
+    /// Lets X-Plane rebuild the written weather, and rewrites what that resets.
     pub(super) async fn rebuild_weather(
         &mut self,
         writes: &[DatarefWrite],
@@ -109,7 +109,7 @@ impl Simulator {
         self.write_weather(&again).await
     }
 
-    /// How long the weather may take here.
+    /// Timeout of the weather here.
     fn weather_patience(&self) -> Duration {
         match self.description.profile.current() {
             Some(profile) => profile.weather_patience(PATIENCE),
@@ -129,7 +129,7 @@ impl Simulator {
             return Ok(());
         };
         if is_temperature(&late.write) || self.description.replayed {
-            // It was written again all the time, or a tape gives the answers, which are always the same.
+            // It was rewritten all the time, or a tape gives the answers, which are always the same.
             return Err(not_taken(late));
         }
         tracing::warn!(
@@ -143,8 +143,8 @@ impl Simulator {
         }
     }
 
-    /// Writes weather; all but the clouds is applied at once. What is lost on the way is written again in the first moments, and
-    /// whatever then takes its time is left in peace.
+    /// Writes weather; all but the clouds is applied at once. Losses are rewritten in the first moments, and whatever takes longer
+    /// after that is left alone.
     pub(super) async fn write_weather(
         &mut self,
         writes: &[DatarefWrite],
@@ -152,11 +152,11 @@ impl Simulator {
         const ROUNDS: u32 = 5;
         self.write_surely(UPDATE_IMMEDIATELY, 1.0).await?;
         self.write_in_rounds(writes, ROUNDS).await?;
-        // X-Plane takes it back once it has applied everything, so that it is not read back.
+        // X-Plane resets it once it has applied everything, so it is not read back.
         self.write_surely(UPDATE_IMMEDIATELY, 1.0).await
     }
 
-    /// Reads until everything is as it should be; what is not when patience ends.
+    /// Reads until everything is as required; returns what is not when the time is up.
     async fn poll_weather(
         &mut self,
         writes: &[DatarefWrite],
@@ -193,7 +193,7 @@ impl Simulator {
                     !is_met || is_temperature(write) && !holds
                 })
                 .collect();
-            // The temperature last: it is waited for in another way, once all else is there.
+            // The temperature last: it is waited for differently, once everything else is there.
             missing.sort_by_key(|(write, _)| is_temperature(write));
             let Some(&(write, &value)) = missing.first() else {
                 return Ok(None);
@@ -234,7 +234,7 @@ impl Simulator {
         }
     }
 
-    /// A tape gives its next values whenever it is asked.
+    /// A tape gives its next values on every reading.
     fn poll_pause(&self) -> Duration {
         match self.description.replayed {
             true => REPLAYED_POLL,
@@ -242,8 +242,8 @@ impl Simulator {
         }
     }
 
-    /// Waits until the air around the aircraft and what is drawn follow what was set; what does not. X-Plane has more to say about them
-    /// (haze, gusts, a cloud's edge), so that it is no error.
+    /// Waits until the air around the aircraft and the picture follow the settings; returns what does not. Other effects contribute
+    /// (haze, gusts, a cloud's edge), so that it is not an error.
     async fn await_effects(
         &mut self,
         writes: &[DatarefWrite],
@@ -251,7 +251,7 @@ impl Simulator {
         let mut wanted = weather_effects(writes);
         let profile = self.description.profile.current();
         if profile.is_some_and(Profile::winds_are_in_knots) {
-            // Nobody knows the unit at the aircraft then; the doctor has seen the wind blow.
+            // The unit at the aircraft is unknown then; the doctor has seen the wind.
             wanted.retain(|write| write.name != WIND_SPEED_AT_AIRCRAFT);
         }
         let began = Instant::now();
@@ -269,7 +269,7 @@ impl Simulator {
         }
     }
 
-    /// A pause that a simulator does not need whose weather shows at once.
+    /// A pause that a simulator whose weather shows at once does not need.
     pub(super) async fn pause_for_weather(&self, pause: Duration) {
         sleep(pause.min(self.weather_settle)).await;
     }

@@ -1,4 +1,5 @@
-//! Who is subscribed, who has answered, and whom to ask next. Pure: takes the time and values, returns requests.
+//! Which datarefs are subscribed, which have answered, and which to request next. Pure: takes the time and values, returns
+//! requests.
 
 use std::time::Duration;
 
@@ -7,7 +8,7 @@ use tokio::time::Instant;
 use super::{BATCH, BATCH_PAUSE, Reading, SILENCE};
 use crate::packet::{DatarefValue, SubscribeDataref};
 
-/// Until a request that brought no value is sent again.
+/// Delay before a request that brought no value is sent again.
 const REPEAT_AFTER: Duration = Duration::from_millis(500);
 /// Our numbers count from here; never 0, which clients use for "all".
 const FIRST_INDEX: i32 = 1;
@@ -40,7 +41,7 @@ impl Roll {
         &self.readings
     }
 
-    /// What to ask for now: never more than X-Plane takes in a frame.
+    /// What to request now: never more than X-Plane accepts in a frame.
     pub(super) fn due(&mut self, now: Instant) -> Vec<SubscribeDataref> {
         if self.ended || self.batch_from.is_some_and(|from| now < from) {
             return Vec::new();
@@ -64,7 +65,7 @@ impl Roll {
             .collect()
     }
 
-    /// When to look again whether something is due.
+    /// When to check again whether something is due.
     pub(super) fn wake_at(&self, now: Instant) -> Instant {
         let soonest = (0..self.names.len())
             .map(|at| self.asks_from(at).unwrap_or(now))
@@ -73,7 +74,7 @@ impl Roll {
         soonest.max(self.batch_from.unwrap_or(now)).max(now)
     }
 
-    /// Takes a value; says whether somebody wants it.
+    /// Receives a value; returns whether it is wanted.
     pub(super) fn take(&mut self, value: DatarefValue, now: Instant) -> bool {
         let at = value
             .index
@@ -92,7 +93,7 @@ impl Roll {
         true
     }
 
-    /// Nothing is wanted any more: the numbers to end, empty if that was said already.
+    /// Cancels everything: returns the numbers to end, empty if that was done already.
     pub(super) fn end(&mut self) -> Vec<i32> {
         if std::mem::replace(&mut self.ended, true) {
             return Vec::new();
@@ -103,7 +104,7 @@ impl Roll {
             .collect()
     }
 
-    /// From when on a dataref is asked for: when its value stopped, but not too soon after the last time; `None` for at once.
+    /// When to request a dataref: when its value stopped, but not too soon after the last time; `None` for at once.
     fn asks_from(&self, at: usize) -> Option<Instant> {
         let silent = self.readings[at].map(|reading| reading.at + SILENCE);
         let again = self.asked_at[at].map(|asked| asked + REPEAT_AFTER);

@@ -1,7 +1,7 @@
-//! What is in a chunk of a tape: a file from somewhere, whose lengths may say anything.
+//! Reads a chunk of a tape: an untrusted file whose lengths may be anything.
 //!
-//! MCAP's own chunk reader trusts the lengths of the records in it, and asks for that much memory. So the chunk goes through its reader of whole
-//! files, which takes a limit; and only records that a tape is made of are parsed.
+//! MCAP's own chunk reader trusts the lengths of the records in it, and allocates that much memory. So the chunk goes through its
+//! reader of whole files, which has a limit; and only the record types of a tape are parsed.
 
 use std::path::Path;
 
@@ -20,7 +20,7 @@ const HEADER_BYTES: usize = 40;
 /// The channels and the messages in a chunk, in their order. Its checksum is checked.
 ///
 /// # Errors
-/// The chunk is damaged, or holds more than there is memory for.
+/// The chunk is damaged, or larger than the available memory.
 pub(super) fn channels_and_messages(
     body: &[u8],
     path: &Path,
@@ -32,7 +32,7 @@ pub(super) fn channels_and_messages(
     if header.uncompressed_size > MAX_RECORD_BYTES {
         return Err(failed(McapError::ChunkTooLarge(header.uncompressed_size)));
     }
-    // Bytes behind the compressed ones would be taken for more records.
+    // Bytes after the compressed ones would be taken for more records.
     let expected = HEADER_BYTES + header.compression.len() + data.len();
     if body.len() != expected {
         return Err(failed(McapError::BadChunkLength {

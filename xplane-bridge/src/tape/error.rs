@@ -1,4 +1,4 @@
-//! What can go wrong with a tape, and with recording one.
+//! Errors of a tape, and of recording one.
 
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr};
@@ -7,17 +7,17 @@ use std::path::PathBuf;
 /// Why a tape cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum TapeError {
-    /// The file cannot be made, written or read.
+    /// The file cannot be created, written or read.
     #[error("tape {}: cannot {doing}: {source}", path.display())]
     Io {
         /// The tape.
         path: PathBuf,
-        /// What was being done.
+        /// The operation.
         doing: &'static str,
         /// Why not.
         source: io::Error,
     },
-    /// The file is none that can be read.
+    /// The file cannot be read as a tape.
     #[error(transparent)]
     Outside(#[from] dataset::Error),
     /// A recording never overwrites another one.
@@ -31,12 +31,12 @@ pub enum TapeError {
     Mcap {
         /// The tape.
         path: PathBuf,
-        /// What was being done.
+        /// The operation.
         doing: &'static str,
         /// Why not.
         source: Box<mcap::McapError>,
     },
-    /// The file is no tape, or one of another version.
+    /// The file is not a tape, or has another version.
     #[error("{} is no tape that this version reads: {found}; expected an MCAP file of `dtd record`", path.display())]
     NoTape {
         /// The file.
@@ -56,7 +56,7 @@ pub enum TapeError {
         /// What is wrong with it.
         found: String,
     },
-    /// An address cannot be had.
+    /// An address is not available.
     #[error(
         "cannot listen on {address} ({what}): {source}. Does X-Plane run there? --port 0 takes any free port"
     )]
@@ -85,13 +85,13 @@ pub enum TapeError {
         /// How.
         source: io::Error,
     },
-    /// The thread that writes the tape ended by itself, which is a mistake in it.
+    /// The thread that writes the tape ended by itself, which is a bug.
     #[error("the tape's writer stopped")]
     WriterStopped,
 }
 
 impl TapeError {
-    /// Whether the caller has to name another file, or mend it, first: the same call will fail again.
+    /// Whether the caller must name another file, or repair it, first: the same call will fail again.
     pub fn is_bad_input(&self) -> bool {
         match self {
             Self::Exists { .. }

@@ -1,4 +1,4 @@
-//! The words of the tape: topics, encodings, metadata.
+//! Constants of the tape: topics, encodings, metadata.
 //!
 //! | topic | encoding | one message is |
 //! |---|---|---|
@@ -16,12 +16,12 @@ use serde::{Deserialize, Serialize};
 pub const PROFILE: &str = "dtd-tape";
 /// Name of the metadata record.
 pub const METADATA_NAME: &str = "dtd-tape";
-/// Key in the metadata of a link's channel: the version that its two sides speak.
+/// Key in the metadata of a link's channel: the version of its two sides.
 pub(super) const LINK_VERSION_KEY: &str = "link_version";
-/// Version of what is described here. A change that an older reader would misread raises it.
+/// Version of this format. A change that an older reader would misread raises it.
 const FORMAT: &str = "1";
 
-/// Which way a message went.
+/// Direction of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Direction {
     /// From a client.
@@ -39,15 +39,15 @@ impl Direction {
     }
 }
 
-/// What becomes of the pictures, by far the largest part of a session.
+/// How to store the pictures, by far the largest part of a session.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum FramesKept {
     /// They are on the tape, compressed without loss.
     #[default]
     Inline,
-    /// Their BLAKE3 hashes are: enough to prove that a picture drawn again is the same.
+    /// Only their BLAKE3 hashes: enough to prove that a picture drawn again is the same.
     Reference,
-    /// Nothing of them is.
+    /// Not at all.
     None,
 }
 
@@ -98,7 +98,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// Which way its messages go.
+    /// Direction of its messages.
     pub fn direction(&self) -> Direction {
         match self {
             Self::Udp { direction, .. } | Self::Link { direction, .. } => *direction,
@@ -168,7 +168,7 @@ pub struct TapeInfo {
     pub simulator: String,
     /// When recording began, RFC 3339 in UTC.
     pub began: String,
-    /// What became of the pictures: `inline`, `reference` or `none`.
+    /// How the pictures are stored: `inline`, `reference` or `none`.
     pub frames: String,
 }
 
@@ -197,7 +197,7 @@ impl TapeInfo {
             .into()
     }
 
-    /// The text of an error says what is missing or of another version.
+    /// The error says what is missing or has another version.
     pub(super) fn of_metadata(metadata: &BTreeMap<String, String>) -> Result<Self, String> {
         let take = |key: &str| {
             let value = metadata.get(key).cloned();

@@ -1,4 +1,4 @@
-//! Messages of the capture link as bytes, whatever they say: what a recorder needs that must not change them.
+//! Messages of the capture link as bytes, whatever their content: for a recorder that must not change them.
 
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncReadExt};
@@ -11,7 +11,7 @@ pub const MAGIC: [u8; 4] = *b"DTDL";
 const LENGTHS: usize = 8;
 /// Bytes of a BLAKE3 hash.
 const HASH: usize = 32;
-/// What stands on a tape where a token stood.
+/// Replacement for a token on a tape.
 const TOKEN_LEFT_OUT: &str = "left out of the tape";
 
 /// One message: lengths, header and payload, as on the wire.
@@ -22,7 +22,7 @@ pub struct LinkMessage {
 }
 
 impl LinkMessage {
-    /// Of the bytes of a whole message. The text of an error says what does not fit.
+    /// From the bytes of a whole message. The error says what does not match.
     pub fn parse(bytes: Vec<u8>) -> Result<Self, String> {
         let (header, payload) = lengths(&bytes)?;
         let expected = LENGTHS + header + payload;
@@ -127,12 +127,12 @@ impl LinkMessage {
         &self.bytes[self.header_end..]
     }
 
-    /// Whether it carries a picture.
+    /// Whether it contains a picture.
     pub(super) fn is_picture(&self) -> bool {
         !self.payload().is_empty() && message_of(self.header()).as_deref() == Some("frame")
     }
 
-    /// The token that a hello gives.
+    /// The token of a hello.
     pub fn token(&self) -> Option<String> {
         let header: Value = serde_json::from_slice(self.header()).ok()?;
         Some(header.get("token")?.as_str()?.to_owned())
@@ -144,7 +144,7 @@ impl LinkMessage {
         matches!(request, Ok(ScreenRequest::OpenScreen { .. }))
     }
 
-    /// As it may be kept: a token is a secret, and a tape is passed on.
+    /// As it may be stored: a token is a secret, and tapes are passed on.
     pub(super) fn without_token(&self) -> Option<Self> {
         let mut header: Value = serde_json::from_slice(self.header()).ok()?;
         let token = header.get_mut("token")?;
@@ -152,7 +152,7 @@ impl LinkMessage {
         Some(Self::new(header.to_string().as_bytes(), self.payload()))
     }
 
-    /// As it is kept without its payload: lengths and header as they were, then the payload's hash, or nothing.
+    /// As it is stored without its payload: lengths and header unchanged, then the payload's hash, or nothing.
     pub(super) fn reference(&self, with_hash: bool) -> Vec<u8> {
         let mut kept = self.bytes[..self.header_end].to_vec();
         if with_hash {
@@ -169,12 +169,12 @@ pub struct ReferencedMessage {
     pub header: Vec<u8>,
     /// Length of its payload, bytes.
     pub payload_bytes: usize,
-    /// BLAKE3 hash of its payload; `None` if not even that was kept.
+    /// BLAKE3 hash of its payload; `None` if that was not stored either.
     pub hash: Option<blake3::Hash>,
 }
 
 impl ReferencedMessage {
-    /// Of the bytes on the tape. The text of an error says what does not fit.
+    /// From the bytes on the tape. The error says what does not match.
     pub fn parse(bytes: &[u8]) -> Result<Self, String> {
         let (header, payload_bytes) = lengths(bytes)?;
         let end = LENGTHS + header;
@@ -196,7 +196,7 @@ impl ReferencedMessage {
     }
 }
 
-/// What a header says it is.
+/// The message name in a header.
 fn message_of(header: &[u8]) -> Option<String> {
     let header: Value = serde_json::from_slice(header).ok()?;
     Some(header.get("message")?.as_str()?.to_owned())

@@ -1,7 +1,7 @@
-//! Reading a tape from its beginning, and single messages of it again.
+//! Reads a tape from its beginning, and single messages of it again.
 //!
-//! Reads what is there: a tape whose recorder was killed ends with its last whole chunk. Nothing but one chunk is kept in
-//! memory, since tapes hold pictures.
+//! Reads what there is: a tape whose recorder was killed ends with its last complete chunk. Only one chunk is kept in memory, since
+//! tapes contain pictures.
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
@@ -16,10 +16,10 @@ use super::chunk::{channels_and_messages, parse};
 use super::error::TapeError;
 use super::format::{Channel, LINK_VERSION_KEY, METADATA_NAME, PROFILE, TapeInfo};
 
-/// Longest record that is believed, bytes: a chunk with the largest picture, and ample.
+/// Maximum record length, bytes: a chunk with the largest picture, with a margin.
 pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
-/// Where a message lies.
+/// Location of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Place {
     chunk_at: u64,
@@ -36,7 +36,7 @@ impl Place {
 /// One message of a tape.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
-    /// Where to find it again.
+    /// Its location.
     pub place: Place,
     /// Its channel.
     pub channel: Channel,
@@ -51,12 +51,12 @@ pub struct TapeReader {
     path: PathBuf,
     file: BufReader<File>,
     info: TapeInfo,
-    /// Channels so far, by MCAP's number; foreign ones are left out.
+    /// Channels so far, by MCAP's number; foreign ones are ignored.
     channels: HashMap<u16, Channel>,
     link_version: Option<u32>,
     ready: VecDeque<Entry>,
     whole: bool,
-    /// The chunk that was read again last.
+    /// The most recently reread chunk.
     kept: Option<(u64, HashMap<u32, Vec<u8>>)>,
 }
 
@@ -64,7 +64,7 @@ impl TapeReader {
     /// Opens a tape.
     ///
     /// # Errors
-    /// If it cannot be read, or is none, or of another version.
+    /// It cannot be read, is not a tape, or has another version.
     pub fn open(path: &Path) -> Result<Self, TapeError> {
         let file = outside_file::open(path, FileKind::TAPE)?;
         let no_tape = |found: String| TapeError::NoTape {
@@ -82,7 +82,7 @@ impl TapeReader {
             let Some((_, op, body)) = next_record(&mut file, path)? else {
                 return Err(no_tape(format!("its metadata has no {METADATA_NAME}")));
             };
-            // What is not ours is not looked into.
+            // Foreign records are not examined.
             let record = match op {
                 op::HEADER | op::METADATA => parse(op, &body, path)?,
                 op::CHUNK | op::DATA_END => {
@@ -113,7 +113,7 @@ impl TapeReader {
         }
     }
 
-    /// What the tape says about itself.
+    /// The tape's own metadata.
     pub fn info(&self) -> &TapeInfo {
         &self.info
     }
@@ -123,12 +123,12 @@ impl TapeReader {
         &self.path
     }
 
-    /// Whether its recorder came to the end. Known once [`TapeReader::next_entry`] has given the last message.
+    /// Whether its recorder finished. Known once [`TapeReader::next_entry`] has returned the last message.
     pub fn is_whole(&self) -> bool {
         self.whole
     }
 
-    /// Version of the capture link that the clients so far spoke; `None` if none came.
+    /// Version of the capture link that the clients so far used; `None` if there were none.
     pub fn link_version(&self) -> Option<u32> {
         self.link_version
     }
@@ -182,7 +182,7 @@ impl TapeReader {
         })
     }
 
-    /// The bytes of a message that was read before. Cheap for messages of the same chunk one after the other.
+    /// The bytes of a message that was read before. Cheap for consecutive messages of the same chunk.
     ///
     /// # Errors
     /// If the file cannot be read any more, or was changed.
@@ -226,7 +226,7 @@ impl TapeReader {
     }
 }
 
-/// The next record of the file with its place; `None` at the end, which a kill may have put anywhere.
+/// The next record of the file with its position; `None` at the end, which may be anywhere after a kill.
 fn next_record(
     file: &mut BufReader<File>,
     path: &Path,
@@ -245,7 +245,7 @@ fn next_record(
     }
     let [op, length @ ..] = head;
     let length = u64::from_le_bytes(length);
-    // What a chunk announces until it is closed: the recorder is still at it, or was killed.
+    // A chunk that is not closed: the recorder is still running, or was killed.
     if length == u64::MAX {
         return Ok(None);
     }
@@ -283,7 +283,7 @@ mod tests {
     }
 
     fn datagram(number: u32) -> Vec<u8> {
-        // Long enough for several chunks, and not to be compressed to nothing.
+        // Long enough for several chunks, and incompressible.
         (0..50_000_u32)
             .map(|i| (i.wrapping_mul(2_654_435_761) >> (number % 24)) as u8)
             .collect()
@@ -326,7 +326,7 @@ mod tests {
             assert_eq!(entry.data, datagram(number as u32));
             assert_eq!(tape.read_again(entry.place).unwrap(), entry.data);
         }
-        // Reading again does not lose the place in the order.
+        // Rereading does not lose the position in the order.
         assert_eq!(tape.next_entry().unwrap().unwrap().time_ns, 0);
     }
 

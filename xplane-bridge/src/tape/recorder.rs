@@ -1,4 +1,4 @@
-//! The recorder: a proxy that clients take for the simulator.
+//! The recorder: a proxy that looks like the simulator to clients.
 //!
 //! ```text
 //! client 1 --UDP--> | recorder | --UDP, a socket per client--> simulator
@@ -6,9 +6,9 @@
 //!                        \--> a thread that writes the tape
 //! ```
 //!
-//! Every message is handed to the tape before it is passed on, so the tape holds a request before its answer. One thing is
-//! changed on the way to clients: the value of the dataref that tells the port of the capture link, which becomes the
-//! recorder's own (the tape has what the simulator said). X-Plane's Web API does not pass here.
+//! Every message is handed to the tape before it is forwarded, so the tape has a request before its answer. One thing is changed on
+//! the way to clients: the value of the dataref with the port of the capture link, which becomes the recorder's own (the tape has
+//! the simulator's). X-Plane's Web API is not recorded.
 
 mod deck;
 mod link;
@@ -32,23 +32,23 @@ use super::format::{FramesKept, TapeInfo};
 use super::writer::{TapeSummary, TapeWriter};
 use deck::Deck;
 
-/// The recorder's capture link listens so much above its UDP port, as the stand-in's does.
+/// The recorder's capture link listens this much above its UDP port, as the stand-in's does.
 const LINK_PORT_OFFSET: u16 = 10;
 
 /// What to record, and where.
 #[derive(Debug, Clone)]
 pub struct RecordOptions {
-    /// Where the simulator takes UDP packets.
+    /// The simulator's UDP address.
     pub simulator: SocketAddr,
-    /// Address to listen on. Only the loopback one is safe: whoever reaches the recorder commands the simulator.
+    /// Address to listen on. Only loopback is safe: anyone who reaches the recorder controls the simulator.
     pub bind: IpAddr,
     /// UDP port to listen on; 0 takes any free one. The capture link is 10 above it, or any free one.
     pub port: u16,
     /// The tape.
     pub out: PathBuf,
-    /// What becomes of the pictures.
+    /// How to store the pictures.
     pub frames: FramesKept,
-    /// What a client of the capture link must say first. Required if the address is not a loopback one.
+    /// The token that a client of the capture link must send. Required if the address is not a loopback one.
     pub token: Option<LinkToken>,
 }
 
@@ -66,7 +66,7 @@ impl RecordOptions {
     }
 }
 
-/// Where clients find the recorder; as JSON, the line that `dtd record` prints.
+/// The recorder's addresses; as JSON, the line that `dtd record` prints.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecorderAddresses {
     /// X-Plane's UDP protocol.
@@ -75,10 +75,10 @@ pub struct RecorderAddresses {
     pub capture_link: SocketAddr,
 }
 
-/// Records until `stop` comes; calls `ready` once clients may come.
+/// Records until `stop` resolves; calls `ready` once clients may connect.
 ///
 /// # Errors
-/// If a port or the tape cannot be had, or the tape cannot be written on: what is not on the tape is not passed on.
+/// A port or the tape is unavailable, or the tape cannot be written: what is not on the tape is not forwarded.
 pub async fn record(
     options: RecordOptions,
     ready: impl FnOnce(RecorderAddresses),
@@ -113,27 +113,27 @@ pub async fn record(
         () = stop => Ok(()),
         ended = udp::run(Arc::new(udp), route.clone()) => ended,
         never = link::run(listener, route.clone()) => match never {},
-        // Before its time only if the tape cannot be written.
+        // Early only if the tape cannot be written.
         summary = &mut writing => return deck::ended(summary),
     };
-    // Clients' tasks have ended with the futures above; what they handed over is still written.
+    // Clients' tasks have ended with the futures above; what they queued is still written.
     route.deck.stop().await;
     let summary = deck::ended(writing.await)?;
     ended.map(|()| summary)
 }
 
-/// What the proxies share.
+/// Shared by the proxies.
 struct Route {
     simulator: SocketAddr,
     our_link_port: u16,
-    /// As the simulator told it last; 0 before.
+    /// The simulator's last value; 0 before.
     simulators_link_port: AtomicU16,
     token: Option<LinkToken>,
     deck: Deck,
 }
 
 impl Route {
-    /// Where the simulator's capture link listens, if it has said so.
+    /// Address of the simulator's capture link, if it has reported it.
     fn simulators_link(&self) -> Option<SocketAddr> {
         match self.simulators_link_port.load(Ordering::Relaxed) {
             0 => None,

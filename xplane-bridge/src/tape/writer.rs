@@ -1,4 +1,4 @@
-//! Writing a tape so that whatever stops the recorder leaves it readable up to the last second.
+//! Writes a tape so that it is readable up to the last second, however the recorder stops.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs::File;
@@ -15,10 +15,10 @@ use super::format::{Channel, Direction, METADATA_NAME, PROFILE, TapeInfo};
 
 /// Uncompressed size at which a chunk is closed.
 const CHUNK_BYTES: u64 = 1 << 20;
-/// How old an open chunk gets: so much a kill costs at most.
+/// Maximum age of an open chunk: a kill loses at most that much.
 const FLUSH_AFTER: Duration = Duration::from_secs(1);
 
-/// What became of a recording.
+/// Result of a recording.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct TapeSummary {
     /// The tape.
@@ -38,16 +38,16 @@ pub struct TapeWriter {
     channels: HashMap<Channel, u16>,
     messages: u32,
     from_simulator: u32,
-    /// Of the last message. Log times never go back, see [`TapeWriter::write`].
+    /// Of the last message. Log times never decrease, see [`TapeWriter::write`].
     last_log_time_ns: u64,
     flushed: Instant,
 }
 
 impl TapeWriter {
-    /// Begins a tape. Never overwrites a file.
+    /// Creates a tape. Never overwrites a file.
     ///
     /// # Errors
-    /// If there is such a file, or it cannot be written.
+    /// The file exists, or cannot be written.
     pub fn create(path: &Path, info: &TapeInfo) -> Result<Self, TapeError> {
         let file = File::create_new(path).map_err(|source| match source.kind() {
             ErrorKind::AlreadyExists => TapeError::Exists { path: path.into() },
@@ -82,10 +82,10 @@ impl TapeWriter {
         })
     }
 
-    /// Makes a channel known. `about` is for whoever looks into the tape.
+    /// Adds a channel. `about` is for people who inspect the tape.
     ///
     /// # Errors
-    /// If there are 65,534 already, or the file cannot be written.
+    /// There are 65,534 already, or the file cannot be written.
     pub fn add_channel(
         &mut self,
         channel: Channel,
@@ -101,11 +101,11 @@ impl TapeWriter {
 
     /// Adds a message to a channel. `time_ns` counts from 1970 in UTC.
     ///
-    /// The order on the tape is the order of these calls, and log times keep to it: a message that was stamped before the one
-    /// in front of it (two connections, or a clock that was set back) gets that one's log time. Its own stays its publish time.
+    /// The order on the tape is the order of these calls, and log times keep to it: a message with an earlier time than the
+    /// previous one (two connections, or a clock that was set back) gets that one's log time. Its own stays its publish time.
     ///
     /// # Errors
-    /// If the channel is not known, or the file cannot be written.
+    /// The channel is unknown, or the file cannot be written.
     pub fn write(&mut self, channel: Channel, time_ns: u64, data: &[u8]) -> Result<(), TapeError> {
         if !self.channels.contains_key(&channel) {
             self.add_channel(channel, &BTreeMap::new())?;
@@ -124,7 +124,7 @@ impl TapeWriter {
         self.flush_if_due()
     }
 
-    /// Closes the open chunk if it is old enough. To be called now and then when nothing is written.
+    /// Closes the open chunk if it is old enough. Call it now and then when nothing is written.
     ///
     /// # Errors
     /// If the file cannot be written.

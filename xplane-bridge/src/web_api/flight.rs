@@ -1,8 +1,8 @@
-//! The body with which X-Plane 12.4 begins a flight: aircraft, start in the air, time, weather.
+//! The request body with which X-Plane 12.4 starts a flight: aircraft, start in the air, time, weather.
 //!
-//! Pure. Its traps are taken care of here: every key of the weather is there, since a flight without one of them does not
-//! begin; every number that X-Plane reads as a float is written as one (`10.0`, never `10`), since an integer is refused without
-//! a word; units are feet, knots and kilometres.
+//! Pure. Handles X-Plane's traps: every key of the weather is present, since a flight without one of them does not start; every
+//! number that X-Plane reads as a float is written as one (`10.0`, never `10`), since an integer is silently rejected; units are
+//! feet, knots and kilometres.
 
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::units::{METERS_PER_FOOT, MPS_PER_KNOT};
@@ -17,7 +17,7 @@ use crate::fly::FlightStart;
 /// A start in the air.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct AirStart {
-    /// Where, and how fast.
+    /// Position and speed.
     pub start: FlightStart,
     /// Pitch, degrees, nose up positive.
     pub pitch_deg: f64,
@@ -26,7 +26,7 @@ pub struct AirStart {
 /// The body of a flight of the aircraft in the file `aircraft_path` (below X-Plane's folder), in these conditions.
 ///
 /// # Errors
-/// [`BridgeError::BadConditions`] for more cloud layers than X-Plane has, or a number that is none.
+/// [`BridgeError::BadConditions`] for more cloud layers than X-Plane has, or a NaN.
 pub fn flight_body(
     aircraft_path: &str,
     AirStart { start, pitch_deg }: &AirStart,
@@ -48,7 +48,7 @@ pub fn flight_body(
         "weather": weather(&conditions.weather, start)?,
     });
     match without_number(&body, "flight") {
-        // JSON has no NaN: a number that is none became null.
+        // JSON has no NaN: it became null.
         Some(path) => Err(BridgeError::BadConditions {
             what: format!("{path} is not a finite number"),
         }),
@@ -56,7 +56,7 @@ pub fn flight_body(
     }
 }
 
-/// Universal time, which needs no time zone. The day is the one whole number of the body, 0 on 1 January.
+/// Universal time, which needs no time zone. The day is the only integer of the body, 0 on 1 January.
 fn time(clock: &Clock) -> Value {
     json!({
         "day_of_year": clock.day_of_year.saturating_sub(1),
@@ -190,7 +190,7 @@ mod tests {
         flight_body("Aircraft/b738.acf", &start(), &conditions()).unwrap()
     }
 
-    /// Whole numbers written without a point, by path.
+    /// Integers written without a decimal point, by path.
     fn integers(value: &Value, path: &str) -> Vec<String> {
         match value {
             Value::Number(number) if !number.is_f64() => vec![path.to_owned()],
@@ -205,7 +205,7 @@ mod tests {
 
     #[test]
     fn no_number_but_the_day_is_written_as_an_integer() {
-        // Every number of these conditions is whole, which is what goes wrong.
+        // Every number of these conditions is an integer, which is the trap.
         assert_eq!(integers(&body(), ""), ["/gmt_time/day_of_year"]);
         let text = body().to_string();
         assert!(

@@ -1,4 +1,4 @@
-//! A simulator for the client's tests: remembers what it was told, sends what is subscribed, and says yes to everything.
+//! A simulator for the client's tests: records what it receives, sends what is subscribed, and accepts everything.
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
@@ -23,7 +23,7 @@ use xplane_bridge::packet::{
 };
 use xplane_bridge::{CONNECT_TIMEOUT, ConnectOptions, Simulator};
 
-/// What it was told, in order.
+/// What it received, in order.
 #[derive(Debug, Default)]
 pub(crate) struct Told {
     pub(crate) datarefs: BTreeMap<String, f32>,
@@ -31,12 +31,13 @@ pub(crate) struct Told {
     pub(crate) commands: Vec<String>,
     pub(crate) starts: Vec<PlaceAtStart>,
     pub(crate) loads: Vec<LoadAircraft>,
-    /// Where the aircraft is before anybody starts a flight.
+    /// Position of the aircraft before a flight starts.
     pub(crate) parked: Option<PlaceAtStart>,
     pub(crate) requests: Vec<Request>,
-    /// X-Plane 12's habit: clouds keep their old values in all slots until so long after they were last written, by the simulator's clock.
+    /// X-Plane 12's habit: clouds keep their old values in all slots until this long after they were last written, by the
+    /// simulator's clock.
     pub(crate) clouds_take_s: f32,
-    /// Its habit after real weather: until then, by the simulator's clock, the temperature is another than was written.
+    /// Its habit after real weather: until then, by the simulator's clock, the temperature differs from the written one.
     pub(crate) temperature_slides_until_s: f32,
     pending_clouds: Vec<(String, f32)>,
     clouds_from_s: f32,
@@ -62,7 +63,7 @@ impl Told {
         self.datarefs.insert(name.to_owned(), value);
     }
 
-    /// Lets its clock run, so many times as fast as ours.
+    /// Runs its clock this many times as fast as ours.
     pub(crate) fn run_clock(&mut self, rate: f32) {
         self.clock = Some((Instant::now(), rate));
     }
@@ -102,7 +103,7 @@ impl Told {
         self.writes.push((path, value));
     }
 
-    /// What has become of it by now.
+    /// Its current value.
     fn pass(&mut self) {
         if self.menu.is_none() {
             self.frames += 1;
@@ -118,7 +119,7 @@ impl Told {
         }
     }
 
-    /// A button of the autopilot: on if it is off, off if it is on.
+    /// A toggle button of the autopilot.
     fn press(&mut self, status: &str) {
         let on = self.datarefs.get(status).is_some_and(|value| *value > 0.0);
         self.set(status, if on { 0.0 } else { 1.0 });
@@ -135,7 +136,7 @@ impl Told {
         }
     }
 
-    /// How many datarefs are subscribed by anybody.
+    /// Number of subscribed datarefs.
     pub(crate) fn subscriptions(&self) -> usize {
         self.subscribed.len()
     }

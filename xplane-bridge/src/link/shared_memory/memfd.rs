@@ -11,12 +11,12 @@ use rustix::fs::{
 /// Whether there are such files.
 pub(super) const POSSIBLE: bool = true;
 
-/// With these a file keeps its size for good.
+/// With these a file's size is fixed.
 const SIZE_SEALS: SealFlags = SealFlags::SHRINK
     .union(SealFlags::GROW)
     .union(SealFlags::SEAL);
 
-/// A file of so many bytes, which take memory only once they are written.
+/// A file of this size, which takes memory only as it is written.
 pub(super) fn create(bytes: u64) -> io::Result<File> {
     let flags = MemfdFlags::CLOEXEC | MemfdFlags::ALLOW_SEALING;
     let file = File::from(memfd_create("dtd-pictures", flags)?);
@@ -25,17 +25,17 @@ pub(super) fn create(bytes: u64) -> io::Result<File> {
     Ok(file)
 }
 
-/// Opens the file of another process. The text of an error says why it is not one that [`create`] made with so many bytes.
+/// Opens the file of another process. The error says why it is not one that [`create`] made with this size.
 pub(super) fn open(process: u32, descriptor: i32, bytes: u64) -> Result<File, String> {
     let path = format!("/proc/{process}/fd/{descriptor}");
     let file = File::options()
         .read(true)
         .write(true)
-        // Opening something else must not wait for somebody.
+        // Opening anything else must not block.
         .custom_flags(OFlags::NONBLOCK.bits() as i32)
         .open(&path)
         .map_err(|error| format!("{path}: {error}"))?;
-    // Whatever else a client might name, it cannot be sealed, and is left alone.
+    // Any other file that a client might name is not sealed, and is left alone.
     let sealed = fcntl_get_seals(&file).is_ok_and(|seals| seals.contains(SIZE_SEALS));
     if !sealed {
         return Err(format!("{path} is no sealed memory"));

@@ -1,4 +1,4 @@
-//! Other systems than Linux: no memory is shared, pictures travel.
+//! Systems other than Linux: no memory is shared, pictures are sent over the link.
 
 use std::fs::File;
 use std::io;

@@ -1,4 +1,4 @@
-//! What is drawn is read again, wherever it lies and however it suffered; what is not whole is never taken for a code.
+//! What is drawn can be read again, at any position and after any degradation; an incomplete pattern is never accepted.
 
 use super::*;
 
@@ -24,7 +24,7 @@ fn on_a_screen(window: &RgbPicture, at: (u32, u32), screen: (u32, u32)) -> RgbPi
     picture
 }
 
-/// Scales with mixing of neighbours, as desktops do.
+/// Scales with blending of neighbours, as desktops do.
 fn scaled(picture: &RgbPicture, factor: f64) -> RgbPicture {
     let size = |px: u32| (f64::from(px) * factor).round() as u32;
     let mut out = RgbPicture::black(size(picture.width_px), size(picture.height_px));
@@ -88,7 +88,7 @@ fn a_scaled_window_is_read_and_its_size_is_known_within_a_pixel() {
 
 #[test]
 fn noise_and_low_contrast_do_not_hide_the_code() {
-    // A small generator of its own: the noise is the same everywhere.
+    // A small deterministic generator: the noise is the same everywhere.
     let mut state = 1_u32;
     let mut noise = || {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -132,7 +132,7 @@ fn a_covered_window_and_a_screen_without_one_are_told_apart() {
     assert_eq!(read(&RgbPicture::black(0, 0)), Err(Unreadable::Absent));
 }
 
-/// The golden file is drawn by Python from the description: both sides must fill the same rectangles.
+/// Python generates the golden file from the description: both sides must fill the same rectangles.
 #[test]
 fn the_pattern_is_the_golden_one_to_the_pixel() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/golden/check_pattern.json");

@@ -1,4 +1,4 @@
-//! Which of FFmpeg's input devices grabs the screen of which system, and with which options: plain values.
+//! FFmpeg's input device for grabbing the screen of each system, and its options: plain values.
 
 use crate::pixels::Rectangle;
 
@@ -13,7 +13,7 @@ pub(super) enum Platform {
     AvFoundation,
 }
 
-/// What FFmpeg is asked to open.
+/// The arguments for FFmpeg.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct DeviceCall {
     /// Name of the input device.
@@ -22,17 +22,17 @@ pub(super) struct DeviceCall {
     pub(super) input: String,
     /// Options of the device.
     pub(super) options: Vec<(&'static str, String)>,
-    /// The part of its pictures to keep, where the device itself cannot be told.
+    /// The region of its pictures to keep, if the device itself cannot select it.
     pub(super) crop: Option<Rectangle>,
 }
 
-/// Grabs are made on demand; the device shall not wait between them.
+/// Grabs are made on demand; the device must not wait between them.
 const UNPACED_HZ: &str = "1000";
-/// macOS pushes pictures at a rate that its displays have.
+/// macOS delivers pictures at a rate that its displays support.
 const PUSHED_HZ: &str = "60";
 
 impl Platform {
-    /// That of this machine, if it has one that we know.
+    /// That of this machine, if supported.
     pub(super) fn here() -> Option<Self> {
         if cfg!(windows) {
             Some(Self::Gdi)
@@ -60,7 +60,7 @@ impl Platform {
         }
     }
 
-    /// How to open a part of the screen, or all of it. `display` is X11's; the other systems have but one.
+    /// How to open a region of the screen, or all of it. `display` is X11's; the other systems have only one.
     pub(super) fn call(self, display: &str, part: Option<Rectangle>) -> DeviceCall {
         let option = |name, value: &dyn ToString| (name, value.to_string());
         let region = |x: &'static str, y: &'static str| {

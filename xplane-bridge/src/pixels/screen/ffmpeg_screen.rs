@@ -78,7 +78,7 @@ impl Screen for FfmpegScreen {
     }
 }
 
-/// A part of the screen that is being grabbed.
+/// A region of the screen that is being grabbed.
 struct FfmpegGrab {
     input: Input,
     stream: usize,
@@ -122,7 +122,7 @@ fn start_ffmpeg() {
     START.call_once(|| {
         // It fails only if FFmpeg lacks memory for its tables; opening a device reports that too.
         let _ = ffmpeg_next::init();
-        // Errors come back as values; its own lines on stderr would tear progress bars.
+        // Errors are returned as values; FFmpeg's own lines on stderr would disrupt progress bars.
         ffmpeg_next::log::set_level(ffmpeg_next::log::Level::Fatal);
     });
 }

@@ -1,8 +1,8 @@
-//! Which pictures fit a screen, where those of a sweep do not.
+//! Which picture sizes fit a screen, if those of a sweep do not.
 
 use crate::link::PictureSize;
 
-/// Pictures of the same shape that a screen holds: the largest, and about three quarters and half of it. Videos want even sides.
+/// Sizes of the same shape that fit the screen: the largest, and about three quarters and half of it. Videos need even sides.
 pub(super) fn sizes_that_fit(wanted: PictureSize, screen: PictureSize) -> Vec<PictureSize> {
     let (mut divisor, mut rest) = (wanted.width_px, wanted.height_px);
     while rest != 0 {
@@ -52,7 +52,7 @@ mod tests {
             sizes((1_920, 1_080), (1_366, 768)),
             ["1344x756", "992x558", "672x378"]
         );
-        // A shape that nothing smaller has.
+        // A shape that no smaller size has.
         assert_eq!(sizes((1_921, 1_279), (1_366, 768)), [""; 0]);
     }
 }

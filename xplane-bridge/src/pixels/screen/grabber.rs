@@ -1,4 +1,4 @@
-//! Grabs on a thread that may wait, for a caller that may not.
+//! Grabs on a thread that may block, for a caller that may not.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
@@ -10,15 +10,15 @@ use super::{Grab, Screen};
 use crate::pixels::check_pattern::{self, Sighting, Unreadable};
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// How long one grab may take: macOS gives none while the screen is locked.
+/// Timeout of one grab: macOS delivers none while the screen is locked.
 const GRAB_TIMEOUT: Duration = Duration::from_secs(5);
 
-/// A part of a screen that is being grabbed.
+/// A region of a screen that is being grabbed.
 #[derive(Clone)]
 pub(super) struct Grabber(Arc<Mutex<Box<dyn Grab>>>);
 
 impl Grabber {
-    /// Begins to grab a part of a screen, or all of it.
+    /// Starts grabbing a region of a screen, or all of it.
     pub(super) async fn open(
         screen: &Arc<dyn Screen>,
         part: Option<Rectangle>,
@@ -28,7 +28,7 @@ impl Grabber {
         Ok(Self(Arc::new(Mutex::new(grab))))
     }
 
-    /// The picture after so many that are thrown away; `picture` gives its memory.
+    /// The picture after this many discarded ones; `picture` provides its memory.
     pub(super) async fn grab(
         &self,
         mut picture: RgbPicture,
@@ -43,7 +43,7 @@ impl Grabber {
         .await
     }
 
-    /// What the next picture says as a check pattern.
+    /// The next picture, decoded as a check pattern.
     pub(super) async fn look(&self) -> Result<Result<Sighting, Unreadable>, PixelError> {
         self.with(|grab| {
             let mut picture = RgbPicture::default();
@@ -57,7 +57,7 @@ impl Grabber {
         &self,
         work: impl FnOnce(&mut dyn Grab) -> Result<T, PixelError> + Send + 'static,
     ) -> Result<T, PixelError> {
-        // Shared, so that a caller who stops waiting leaves it whole.
+        // Shared, so that a caller who stops waiting leaves it intact.
         let grab = self.0.clone();
         before_timeout(move || {
             let mut grab = grab.lock().unwrap_or_else(PoisonError::into_inner);

@@ -1,4 +1,5 @@
-//! From the bytes of a screen's pixels to red, green, blue. Only forms that hold exactly these are taken: nothing is converted.
+//! Converts the bytes of a screen's pixels to red, green, blue. Only formats with exactly these are supported: nothing is
+//! converted.
 
 use ffmpeg_next::format::Pixel;
 use ffmpeg_next::frame;
@@ -58,7 +59,7 @@ pub(super) fn copy(
 
 fn copy_row(form: PixelForm, row: &[u8], pixels: &mut [[u8; 3]]) {
     match form {
-        // The form of X11 and Windows, spelled out for the compiler's sake: a third of the time.
+        // The format of X11 and Windows, written out for the optimiser: a third of the time.
         PixelForm {
             bytes: 4,
             rgb: [2, 1, 0],

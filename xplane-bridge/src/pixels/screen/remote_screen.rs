@@ -1,4 +1,4 @@
-//! The screen of the computer that X-Plane runs on, where that is another one: grabbed by the plugin, over a connection of its own.
+//! The screen of another computer that X-Plane runs on: grabbed by the plugin, over a separate connection.
 
 use std::fmt;
 use std::io;
@@ -17,7 +17,7 @@ use crate::link::{
 };
 use crate::pixels::{PixelError, Rectangle, RgbPicture};
 
-/// How long opening or a grab may take: a little less than whoever waits for it allows, so that the thread ends before.
+/// Timeout of opening or a grab: slightly less than the caller's, so that the thread ends first.
 const PATIENCE: Duration = Duration::from_secs(4);
 
 /// Buffered for the small reads of headers; a payload goes past the buffer into its own memory.
@@ -31,8 +31,8 @@ pub struct RemoteScreen {
 }
 
 impl RemoteScreen {
-    /// That of the plugin whose capture link is there, with the link's token. It is opened and grabbed on threads of a runtime that may wait
-    /// (`spawn_blocking`).
+    /// That of the plugin whose capture link is there, with the link's token. It is opened and grabbed on threads of a runtime that
+    /// may block (`spawn_blocking`).
     pub fn new(link: SocketAddr, token: Option<String>) -> Self {
         Self { link, token }
     }
@@ -84,11 +84,11 @@ impl RemoteScreen {
     }
 }
 
-/// A part of it that is being grabbed.
+/// A region of it that is being grabbed.
 struct RemoteGrab {
     link: SocketAddr,
     part: Option<ScreenPart>,
-    /// Missing after a failure: nobody knows then where the next message begins.
+    /// Missing after a failure, which leaves the position of the next message unknown.
     stream: Option<Stream>,
 }
 
@@ -137,7 +137,7 @@ async fn grabbed(
     Ok(())
 }
 
-/// The answer to a request, and the bytes of the payload that is still to be read.
+/// The answer to a request, and the size of its payload, which is still to be read.
 async fn ask(
     stream: &mut Stream,
     link: SocketAddr,
@@ -158,7 +158,7 @@ async fn ask(
     }
 }
 
-/// Waits on the thread that may, which screens are opened and grabbed on.
+/// Waits on the blocking thread that opens and grabs screens.
 fn before_timeout<T>(
     link: SocketAddr,
     work: impl Future<Output = Result<T, PixelError>>,
@@ -170,7 +170,7 @@ fn before_timeout<T>(
     })
 }
 
-/// Something else than what was asked for.
+/// Something other than what was requested.
 fn wrong(link: SocketAddr, found: String) -> PixelError {
     PixelError::Grab {
         what: format!("the plugin at {link} sends {found}"),

@@ -1,4 +1,4 @@
-//! Screens that are made up: on time, late, covered, moved, scaled, never drawn on.
+//! Fake screens: on time, late, covered, moved, scaled, never drawn on.
 
 use std::sync::{Mutex, MutexGuard};
 
@@ -12,19 +12,19 @@ const WINDOW: Rectangle = Rectangle {
     height_px: 64,
 };
 
-/// What is on the made-up screen, and how it misbehaves.
+/// The content of the fake screen, and its faults.
 #[derive(Debug, Clone)]
 struct Desk {
     window: Rectangle,
     /// Codes shown so far, `None` for the simulator's picture.
     shown: Vec<Option<u32>>,
-    /// Grabs that still show what was there before, after each change.
+    /// Grabs that still show the old content after each change.
     late_grabs: u32,
     /// How many of them are left.
     late_left: u32,
     /// From this change on nothing new appears.
     dead_from: Option<usize>,
-    /// From this change on the window lies elsewhere.
+    /// From this change on the window is elsewhere.
     moved_from: Option<usize>,
 }
 
@@ -158,7 +158,7 @@ async fn a_screen_that_is_late_is_waited_for() {
     let screen = MadeUp::new(|desk| desk.late_grabs = 3);
     let mut source = screen.set_up().await.unwrap();
     assert_eq!(source.lag().grabs, 3);
-    // The next frame is drawn; the first three grabs still show the one before.
+    // The next frame is drawn; the first three grabs still show the previous one.
     screen.clone().show(None).await.unwrap();
     let newest = screen.desk().shown.len() as u8;
     let rgb = source.picture(Vec::new()).await.unwrap();
@@ -220,7 +220,7 @@ async fn a_window_of_another_size_is_refused_with_both_sizes() {
     for words in ["80x64", "96x64", "scales it to 83 %"] {
         assert!(text.contains(words), "no {words:?} in {text}");
     }
-    // Without a report of the simulator nobody can tell scaling from a small window.
+    // Without a report of the simulator, scaling cannot be distinguished from a small window.
     let desk = MadeUp::new(|desk| desk.window.width_px = 80);
     let screen: Arc<dyn Screen> = Arc::new(desk.clone());
     let found = ScreenSource::set_up(&screen, (96, 64), None, &mut desk.clone()).await;

@@ -8,8 +8,8 @@ use crate::error::BridgeError;
 
 const NAME: &str = "beacon";
 
-/// Listens for the beacon of the patient, or of whichever simulator there is if no address is known; returns where it says that it
-/// is. If several announce themselves and none is meant, the check fails.
+/// Listens for the beacon of the examined simulator, or of any if no address is known; returns the announced address. If several
+/// announce themselves and none was specified, the check fails.
 pub(super) async fn listen(patient: &Patient) -> (Check, Option<SocketAddr>) {
     let heard = match announced(patient.listen).await {
         Ok(heard) => heard,

@@ -12,18 +12,18 @@ use crate::Simulator;
 use crate::error::BridgeError;
 use crate::link::{CapturedFrame, Deliver, PixelKind};
 
-/// Pictures of the same shot may differ by so much on the average, of 255, beside what moves by itself.
+/// Maximum mean difference between pictures of the same shot, of 255, besides what moves by itself.
 pub(super) const SAME: f64 = 1.0;
-/// Frames after which everything that settles has settled.
+/// Frames after which everything has settled.
 pub(super) const SETTLED: u32 = 60;
 
 /// The sun is up at noon on every day, but near the poles.
 const ANY_DAY: u32 = 172;
 
-/// When a scene that stands still is looked at again.
+/// When a static scene is checked again.
 const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
 
-/// What is in a picture.
+/// Content of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shot {
     /// How far the aircraft is moved to the east.
@@ -41,12 +41,12 @@ impl Shot {
         turned_deg: 0.0,
         up_deg: 0.0,
     };
-    /// The same with the aircraft beside its place.
+    /// The same with the aircraft moved.
     pub(super) const MOVED: Self = Self {
         moved_m: lockstep::MOVED_M,
         ..Self::BEHIND
     };
-    /// The other way, into the sky: another light.
+    /// The opposite direction, into the sky: another light.
     pub(super) const AWAY: Self = Self {
         turned_deg: 180.0,
         up_deg: 40.0,
@@ -76,14 +76,14 @@ impl<'a> Eyes<'a> {
         }
     }
 
-    /// Why nothing can be seen, if so.
+    /// Why nothing is visible, if so.
     pub(super) fn blind(&self) -> Option<String> {
         deliver(self.simulator).is_none().then(|| {
             "pictures cannot be seen from here: run the doctor on X-Plane's own computer, in its desktop session".into()
         })
     }
 
-    /// Stands still from now on, and lets this many frames settle.
+    /// Freezes from now on, with this many settle frames.
     pub(super) async fn freeze(&mut self, settle_frames: u32) -> Result<(), BridgeError> {
         self.hold(settle_frames, true).await
     }
@@ -106,7 +106,7 @@ impl<'a> Eyes<'a> {
             .await
     }
 
-    /// Takes pictures one behind the other, without a pause between.
+    /// Takes pictures one after the other, without a pause in between.
     pub(super) async fn take<const N: usize>(
         &mut self,
         shots: [Shot; N],
@@ -138,7 +138,7 @@ impl<'a> Eyes<'a> {
             })
     }
 
-    /// One picture in which everything has settled; time and weather go on afterwards.
+    /// One completely settled picture; time and weather continue afterwards.
     pub(super) async fn glance(&mut self, shot: Shot) -> Result<CapturedFrame, BridgeError> {
         self.freeze(SETTLED).await?;
         let [frame] = self.take([shot]).await?;
@@ -147,7 +147,7 @@ impl<'a> Eyes<'a> {
         Ok(frame)
     }
 
-    /// How different settled pictures of a shot are within a second: the first from two more, since waves may be the same again.
+    /// How different settled pictures of a shot are within a second: the first from two more, since waves may repeat.
     pub(super) async fn noise(&mut self, shot: Shot) -> Result<f64, BridgeError> {
         self.freeze(SETTLED).await?;
         let [first] = self.take([shot]).await?;
@@ -161,7 +161,7 @@ impl<'a> Eyes<'a> {
     }
 }
 
-/// How pictures can be had, if they can. Those of the screen only once its window was found there.
+/// The sources of pictures, if any. The screen only once its window was found there.
 fn deliver(simulator: &Simulator) -> Option<Deliver> {
     match (simulator.pixels(), simulator.description().pixels.first()) {
         (PixelKind::Screen, _) => Some(Deliver::Drawn),

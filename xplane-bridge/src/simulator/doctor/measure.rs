@@ -1,4 +1,4 @@
-//! What reports disagree on, measured once per installation and kept by the plugin.
+//! Measures what reports disagree on, once per installation; the plugin stores the result.
 
 use chrono::{SecondsFormat, Utc};
 use dataset::conditions::Clock;
@@ -19,7 +19,7 @@ use crate::simulator::{SWITCH_TIMEOUT, wrong};
 
 const NAME: &str = "profile";
 
-/// Measures, if that is to be done, and has the profile kept. It takes minutes, so that each point is noted as it is known.
+/// Measures, if requested, and stores the profile. It takes minutes, so each point is reported as it is known.
 pub(super) async fn measure(
     simulator: &mut Simulator,
     place: PlaceOnGround,
@@ -49,7 +49,7 @@ pub(super) async fn measure(
             "Install plugin and program of the same release: `dtd install-plugin XPLANE_DIR`";
         return note(Check::failed(NAME, error.to_string(), hint));
     }
-    // A clock that follows the computer's goes on in a pause, and the sun with it.
+    // A clock that follows the computer's continues in a pause, and the sun with it.
     let system_time = simulator.take_clock().await;
     let mut eyes = Eyes::at(simulator, place);
     let pictures = PictureFindings::measure(&mut eyes).await;
@@ -75,11 +75,11 @@ pub(super) async fn measure(
 }
 
 impl Simulator {
-    /// Looks at the pictures of an X-Plane that nobody measured: some seconds, for this run alone. One that keeps its picture in a
-    /// pause, or whose exposure settles slowly, would give wrong ones. Before freezing, with the aircraft at such a height.
+    /// Checks the pictures of an unmeasured X-Plane: some seconds, for this run alone. One that freezes its picture in a pause, or
+    /// whose exposure settles slowly, would give wrong ones. Before freezing, with the aircraft at this height.
     ///
     /// # Errors
-    /// If the simulator does not go on afterwards. What cannot be seen is part of the profile.
+    /// The simulator does not continue afterwards. What cannot be seen is part of the profile.
     pub async fn look_at_pictures(&mut self, aircraft: &Pose) -> Result<(), BridgeError> {
         let description = &self.description;
         if description.plugin.is_none() || description.profile.current().is_some() {
@@ -92,7 +92,7 @@ impl Simulator {
             ground_msl_m: 0.0,
         };
         tracing::info!("nobody measured this simulator: its pictures are looked at first");
-        // By night nothing shows.
+        // At night nothing is visible.
         let noon_s = (12.0 - aircraft.longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0;
         self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
         self.write_surely(ZULU_TIME_S, noon_s as f32).await?;
@@ -158,7 +158,7 @@ async fn keep(simulator: &mut Simulator, profile: Profile) -> Check {
 }
 
 impl Simulator {
-    /// Measures without what was measured before, on both sides. If this examination is broken off there is no profile.
+    /// Measures without earlier measurements, on both sides. If this examination is aborted there is no profile.
     async fn forget_profile(&mut self) -> Result<(), BridgeError> {
         self.description.profile = KnownProfile::None;
         let request = Request::KeepProfile { profile: json!({}) };
@@ -172,7 +172,7 @@ impl Simulator {
         }
     }
 
-    /// Lets the clock go its own way; what is to be written to give it back.
+    /// Detaches the clock from the computer's; returns what to write to restore it.
     async fn take_clock(&mut self) -> Result<Vec<DatarefWrite>, BridgeError> {
         let ours = DatarefWrite::new(USE_SYSTEM_TIME, 0.0);
         let found = self.read(std::slice::from_ref(&ours)).await?;
@@ -181,7 +181,7 @@ impl Simulator {
         Ok(before.into_iter().collect())
     }
 
-    /// The clock that has to run on while pictures are taken here, if one has to.
+    /// The clock that must run while pictures are taken here, if one must.
     pub(super) fn running_clock(&self, clock: Clock) -> Option<Clock> {
         let profile = self.description.profile.current();
         profile

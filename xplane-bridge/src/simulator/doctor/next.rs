@@ -5,7 +5,7 @@ use std::net::SocketAddr;
 use super::{Check, Patient, Verdict};
 
 const NAME: &str = "next";
-/// What is recorded if nobody says.
+/// The default sweep.
 const USUAL_SWEEP: &str = "SWEEP.toml";
 
 /// What to do after these checks.

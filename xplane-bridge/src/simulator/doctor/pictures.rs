@@ -1,4 +1,4 @@
-//! What pictures show of a simulator that stands still: whether a pause shows new poses, how soon, and what moves by itself.
+//! What pictures show of a static simulator: whether a pause shows new poses, how soon, and what moves by itself.
 
 use super::Check;
 use super::eyes::{Eyes, SAME, SETTLED, Shot};
@@ -12,7 +12,7 @@ const TRIED: [u32; 11] = [1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48];
 /// Frames in which callbacks are watched.
 const WATCHED: u32 = 60;
 
-/// All that was found.
+/// All findings.
 pub(super) struct PictureFindings {
     pub(super) pause_shows_poses: Finding<bool>,
     pub(super) still_pictures_move: Finding<bool>,
@@ -22,7 +22,7 @@ pub(super) struct PictureFindings {
 }
 
 impl PictureFindings {
-    /// Measures, one after the other, since each needs what the one before found.
+    /// Measures, one after the other, since each depends on the previous one.
     pub(super) async fn measure(eyes: &mut Eyes<'_>) -> Self {
         if let Some(reason) = eyes.blind() {
             return Self {
@@ -126,7 +126,7 @@ impl PictureFindings {
     }
 }
 
-/// Whether another shot is another picture in a pause. If it is none, it has to be one while time runs: in fog all look alike.
+/// Whether another shot is another picture in a pause. If not, it must be one while time runs: in fog all look alike.
 async fn shows_poses(eyes: &mut Eyes<'_>, noise: f64) -> Result<Finding<bool>, BridgeError> {
     eyes.freeze(SETTLED).await?;
     if differ(eyes, noise).await? {
@@ -146,7 +146,7 @@ async fn differ(eyes: &mut Eyes<'_>, noise: f64) -> Result<bool, BridgeError> {
     Ok(difference(&behind.rgb, &away.rgb) > noise + SAME)
 }
 
-/// The most frames from one picture that stands still to the next, when only the aircraft has moved.
+/// The maximum number of frames between two static pictures when only the aircraft has moved.
 async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     if eyes.simulator.pixels() == PixelKind::Screen {
         return Finding::NotMeasured(
@@ -167,7 +167,7 @@ async fn until_still(eyes: &mut Eyes<'_>) -> Finding<u32> {
     finding(measured.await)
 }
 
-/// The fewest settle frames that give the final picture after the camera has looked at another light.
+/// The minimum number of settle frames for a final picture after the camera has looked at another light.
 async fn until_settled(
     eyes: &mut Eyes<'_>,
     noise: f64,

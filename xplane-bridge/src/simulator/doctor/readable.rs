@@ -1,7 +1,7 @@
-//! Are the datarefs that we need there, and are they what we take them for?
+//! Do the datarefs that we need exist, with their expected meaning?
 //!
-//! X-Plane answers 0 for a name that it does not have, so that an answer alone proves nothing. A value that only the right
-//! dataref would have does; one that is 0 and may be is told by X-Plane 12's Web API, which knows names, or is listed.
+//! X-Plane answers 0 for an unknown name, so an answer alone proves nothing. A value that only the right dataref would have does;
+//! for a plausible 0, X-Plane 12's Web API, which knows names, is asked, or the name is listed.
 
 use std::ops::RangeInclusive;
 
@@ -15,7 +15,7 @@ use crate::web_api::{WebApi, WebApiError};
 
 const NAME: &str = "datarefs readable";
 
-/// A dataref, and the values that it may have. Where 0 is not among them, a 0 says that the name is unknown.
+/// A dataref, and its possible values. If 0 is not among them, a 0 means that the name is unknown.
 type Expected = (&'static str, RangeInclusive<f32>);
 
 fn expected(generation: Generation) -> [Expected; 13] {
@@ -43,14 +43,14 @@ fn expected(generation: Generation) -> [Expected; 13] {
     ]
 }
 
-/// What values tell of the datarefs they came from.
+/// What the values reveal about their datarefs.
 #[derive(Debug, Default, PartialEq)]
 struct Findings {
     /// No value came.
     silent: Vec<&'static str>,
-    /// Name and value, in words, of what cannot be the dataref that we mean.
+    /// Name and value, as text, of what cannot be the intended dataref.
     wrong: Vec<String>,
-    /// 0, which may be, and is what an unknown name has.
+    /// 0, which is possible, and is also the value of an unknown name.
     untold: Vec<&'static str>,
 }
 
@@ -167,7 +167,7 @@ mod tests {
     use super::*;
     use crate::simulator::doctor::Verdict;
 
-    /// Values of a sound X-Plane 12, in the order of [`expected`].
+    /// Values of a correct X-Plane 12, in the order of [`expected`].
     const SOUND: [f32; 13] = [
         120_400.0, 512.25, 1.35, 103.98, 18_000.0, 200.0, 0.0, 0.0, 0.0, 0.0, 11_030.0, 23.0, 20.0,
     ];

@@ -1,4 +1,5 @@
-//! What X-Plane 12 makes of weather that is written, by what reads back, by its gauges and by pictures. The weather that was there is put back.
+//! How X-Plane 12 handles written weather, measured by what reads back, by its gauges and by pictures. The original weather is
+//! restored.
 
 use std::time::Duration;
 
@@ -19,28 +20,28 @@ use crate::datarefs::{
 use crate::error::BridgeError;
 use crate::profile::{Finding, WindUnit};
 
-/// The wind that the aircraft has, knots.
+/// The wind at the aircraft, knots.
 const WIND_GAUGE_KT: &str = "sim/cockpit2/gauges/indicators/wind_speed_kts";
-/// Winds that are written, and one that shows as this many knots for each was taken as metres per second, or as knots. Near the ground it is
-/// weaker, so that the two ranges are wide, and two winds have to agree.
+/// Winds to write, and the range of knots shown for each if it was taken as metres per second, or as knots. Near the ground it is
+/// weaker, so the two ranges are wide, and two winds must agree.
 const WINDS: [f64; 2] = [10.0, 20.0];
 const AS_METERS_PER_SECOND: std::ops::RangeInclusive<f64> = 1.6..=2.2;
 const AS_KNOTS: std::ops::RangeInclusive<f64> = 0.8..=1.15;
-/// How long what is written may take to show, but for clouds.
+/// How long written weather may take to show, except for clouds.
 const SHOWING: Duration = Duration::from_secs(12);
 /// How long clouds may take to read back.
 const CLOUDS_WITHIN: Duration = Duration::from_secs(180);
 /// How long a regeneration may take to begin before clouds are written again.
 const REGENERATION: Duration = Duration::from_secs(1);
-/// Another visibility or cover changes a picture by more than this on the average, of 255; clouds that drift do not.
+/// Another visibility or cover changes a picture by more than this on average, of 255; drifting clouds do not.
 const CHANGED: f64 = 3.0;
-/// After so much simulated time a regeneration has nothing to do with what is written.
+/// After this much simulated time a regeneration has no effect on what is written.
 const AFTER_REGENERATION_S: f64 = 75.0;
 const POLL: Duration = Duration::from_millis(500);
-/// The visibilities that are tried: the one that is farther from what is shown.
+/// The visibilities to try: the one that is farther from the current one.
 const VISIBILITIES_M: [f64; 2] = [4_000.0, 30_000.0];
 
-/// All that was found.
+/// All findings.
 pub(super) struct SkyFindings {
     pub(super) wind_unit: Finding<WindUnit>,
     pub(super) visibility_needs_regeneration: Finding<bool>,
@@ -49,7 +50,7 @@ pub(super) struct SkyFindings {
 }
 
 impl SkyFindings {
-    /// Measures, and puts the weather back.
+    /// Measures, and restores the weather.
     pub(super) async fn measure(eyes: &mut Eyes<'_>) -> Self {
         if eyes.simulator.generation == Generation::XPlane11 {
             return Self::nothing("X-Plane 11 has other datarefs, which nobody disagrees on");
@@ -132,7 +133,7 @@ impl SkyFindings {
 }
 
 impl Simulator {
-    /// All of the weather that a scenario would write, as it is now.
+    /// The current values of everything that a scenario would write.
     async fn weather_now(&mut self) -> Result<Vec<DatarefWrite>, BridgeError> {
         let any = Weather {
             visibility_m: 10_000.0,
@@ -150,7 +151,7 @@ impl Simulator {
             .collect())
     }
 
-    /// Writes it again; whose weather it is comes last, since real weather overwrites the rest.
+    /// Restores it; the source of the weather comes last, since real weather overwrites the rest.
     async fn put_weather_back(&mut self, before: &[DatarefWrite]) -> Result<(), BridgeError> {
         let (whose, values): (Vec<_>, Vec<_>) = before
             .iter()
@@ -180,10 +181,10 @@ impl Simulator {
         Ok(read[0].map_or(0.0, f64::from))
     }
 
-    /// Waits for so much simulated time.
+    /// Waits for this much simulated time.
     async fn let_time_pass(&mut self, seconds: f64) -> Result<(), BridgeError> {
         let (began, began_s) = (Instant::now(), self.value(RUNNING_TIME_S).await?);
-        // A clock that stands still ends it, too.
+        // A stopped clock ends it, too.
         while self.value(RUNNING_TIME_S).await? < began_s + seconds
             && began.elapsed().as_secs_f64() < 2.0 * seconds
         {
@@ -192,7 +193,7 @@ impl Simulator {
         Ok(())
     }
 
-    /// Waits until a value is as wanted; the last one, if it never is.
+    /// Waits until a value is as wanted; returns the last one, if it never is.
     async fn value_once(
         &mut self,
         name: &str,
@@ -209,7 +210,7 @@ impl Simulator {
     }
 }
 
-/// Writes another visibility, and sees whether it shows: in pictures, or by what X-Plane says that it draws where they cannot be seen.
+/// Writes another visibility, and checks whether it shows: in pictures, or by X-Plane's own value if they cannot be seen.
 async fn visibility(eyes: &mut Eyes<'_>) -> Result<Finding<bool>, BridgeError> {
     let sees = eyes.blind().is_none();
     let before_m = eyes.simulator.value(VISIBILITY_EFFECTIVE_M).await?;
@@ -265,7 +266,7 @@ async fn clouds(
     regenerate: bool,
 ) -> Result<(Finding<f64>, Finding<bool>), BridgeError> {
     let blind = eyes.blind();
-    // In fog no cloud is seen.
+    // In fog no cloud is visible.
     let far = DatarefWrite::new(VISIBILITY_SM, VISIBILITIES_M[1] / METERS_PER_STATUTE_MILE);
     eyes.simulator.write_steady([far]).await?;
     if regenerate {
@@ -342,8 +343,8 @@ fn layers(covered: bool, generation: Generation) -> Result<Vec<DatarefWrite>, Br
         .collect())
 }
 
-/// Writes clouds once and waits until all slots read so; how long it took, seconds of simulated time or ours, whichever is more. Writing them
-/// meanwhile would make it last longer.
+/// Writes clouds once and waits until all slots read so; returns how long it took, seconds of simulated or real time, whichever is
+/// more. Writing them in the meantime would prolong it.
 async fn await_clouds(
     simulator: &mut Simulator,
     writes: &[DatarefWrite],
@@ -409,7 +410,7 @@ async fn wind(
     })
 }
 
-/// The unit in which a written wind was taken, by the knots that it shows.
+/// The unit in which a written wind was taken, from the knots that it shows.
 fn unit_of(written: f64, knots: f64) -> Option<WindUnit> {
     let ratio = knots / written;
     match ratio {

@@ -1,4 +1,4 @@
-//! What the user has before the eyes: a menu, a replay, a view, pop-ups, an aircraft.
+//! What the user sees: a menu, a replay, a view, pop-ups, an aircraft.
 
 use super::Check;
 use super::talk::Talk;
@@ -7,12 +7,12 @@ use crate::datarefs::{AIRCRAFT_ICAO, AIRCRAFT_LENGTH_M, FLIGHT_TIME_S};
 const IS_IN_REPLAY: &str = "sim/time/is_in_replay";
 const VIEW_IS_EXTERNAL: &str = "sim/graphics/view/view_is_external";
 const POP_UPS: &str = "sim/cockpit2/radios/indicators/show_popup";
-/// Pop-ups that are looked at.
+/// Pop-ups to check.
 const POP_UPS_COUNT: usize = 20;
-/// Names of the checks, for saying that they were skipped.
+/// Names of the checks, for reporting them as skipped.
 pub(super) const NAMES: [&str; 5] = ["menus", "replay", "view", "pop-ups", "aircraft"];
 
-/// Looks at all of them.
+/// Runs all of them.
 pub(super) async fn checks(talk: &mut Talk) -> Vec<Check> {
     vec![
         menus(talk).await,

@@ -1,4 +1,4 @@
-//! What can be found out over UDP: version, capture link, writing, commands, frame rate, place. What is read is judged beside.
+//! Checks over UDP: version, capture link, writing, commands, frame rate, position. The values read are evaluated elsewhere.
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -22,10 +22,10 @@ pub(super) const LONGITUDE: &str = "sim/flightmodel/position/longitude";
 pub(super) const FRAME_PERIOD_S: &str = "sim/operation/misc/frame_rate_period";
 /// Oldest version on which XPPython3 runs: 11.52.
 const OLDEST: f32 = 115_200.0;
-/// Frames a second below which recording is a patience game.
+/// Frames a second below which recording takes too long.
 const SLOW_HZ: f32 = 20.0;
 
-/// Where the aircraft is and how high the ground is below it, as the datarefs say.
+/// Position of the aircraft and height of the ground below it, from the datarefs.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct PlaceOnGround {
     pub(super) latitude_deg: f64,
@@ -52,7 +52,7 @@ impl Talk {
         self.udp.unsubscribe_all().await;
     }
 
-    /// All values, as far as they come; none if the socket fails, which is the same to a reader.
+    /// All values, as far as they arrive; none if the socket fails, which is equivalent for a reader.
     pub(super) async fn read(&mut self, names: &[&str]) -> Vec<Option<f32>> {
         let all = |values: &[Option<f32>]| values.iter().all(Option::is_some);
         let read = self
@@ -62,7 +62,7 @@ impl Talk {
         read.unwrap_or_else(|_| vec![None; names.len()])
     }
 
-    /// One value, once it is as expected, or the last that came.
+    /// One value, once it is as expected, or the last one.
     pub(super) async fn read_expecting(
         &mut self,
         name: &str,
@@ -129,7 +129,7 @@ impl Talk {
         )
     }
 
-    /// Pauses and resumes, or the other way round if it is paused.
+    /// Pauses and resumes, or the reverse if it is paused.
     pub(super) async fn commands(&mut self) -> Check {
         const NAME: &str = "commands";
         let Some(before) = self.read(&[PAUSED]).await[0] else {
@@ -148,7 +148,7 @@ impl Talk {
         Check::ok(NAME, "pause and resume were taken")
     }
 
-    /// Pauses or resumes; what was found if it does not.
+    /// Pauses or resumes; returns what was found if it does not.
     async fn set_pause(&mut self, paused: bool) -> Result<(), String> {
         let command = match paused {
             true => COMMAND_PAUSE_ON,
@@ -166,7 +166,7 @@ impl Talk {
         Err(format!("after {command}, {PAUSED} reads {found:?}"))
     }
 
-    /// Does something while time runs, and pauses again if there was a pause.
+    /// Runs something while time runs, and pauses again if there was a pause.
     pub(super) async fn while_running<T>(&mut self, look: impl AsyncFnOnce(&mut Self) -> T) -> T {
         let was_paused = self.read(&[PAUSED]).await[0].is_some_and(|value| value != 0.0);
         if was_paused {

@@ -1,4 +1,4 @@
-//! Does X-Plane 12's Web API answer, is it that of the same simulator, and has that a flight loaded?
+//! Does X-Plane 12's Web API answer, does it belong to the same simulator, and is a flight loaded?
 
 use std::net::SocketAddr;
 use std::time::Duration;
@@ -14,7 +14,7 @@ const HINT: &str = "Needed only to begin flights with weather in one request (X-
                     own computer, port 8086, if \"Accept incoming connections\" is on. Another place: the environment variable \
                     DTD_WEB_API=HOST:PORT, or --web-api HOST:PORT for this examination alone";
 
-/// Looks at the Web API there as a client would; returns it if a client would use it.
+/// Tries the Web API there as a client would; returns it if a client would use it.
 pub(super) async fn check(
     place: Option<SocketAddr>,
     capture_port: Option<u16>,
@@ -51,7 +51,7 @@ pub(super) async fn check(
     }
 }
 
-/// Something may answer, but whose it is shows the port of the capture link, which there is not.
+/// Something may answer, but only the port of the capture link shows whose it is, and there is none.
 async fn without_plugin(address: SocketAddr) -> Check {
     match WebApi::connect(address, TIMEOUT).await {
         Err(error) => Check::warning(NAME, error.to_string(), HINT),
@@ -66,7 +66,7 @@ async fn without_plugin(address: SocketAddr) -> Check {
     }
 }
 
-/// Whether a simulator says there that it takes no connections.
+/// Whether a simulator reports there that it accepts no connections.
 pub(super) async fn refuses(address: SocketAddr) -> bool {
     matches!(
         WebApi::connect(address, TIMEOUT).await,

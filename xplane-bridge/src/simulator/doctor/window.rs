@@ -1,4 +1,4 @@
-//! The window that X-Plane draws into: its size, and whether its pictures can be grabbed where they have to be.
+//! The window that X-Plane draws into: its size, and whether its pictures can be grabbed where necessary.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use crate::{Simulator, SimulatorDescription};
 
 pub(super) const NAME: &str = "window";
 
-/// The size that the simulator's pictures have to have; `None` if it draws any.
+/// The required picture size; `None` if the simulator draws any.
 pub(super) fn picture_size(description: &SimulatorDescription) -> Option<PictureSize> {
     let of_window = description.window.as_ref().map(|window| PictureSize {
         width_px: window.width_px,
@@ -19,7 +19,7 @@ pub(super) fn picture_size(description: &SimulatorDescription) -> Option<Picture
     description.drawn_size.or(of_window)
 }
 
-/// What to do about a window of another size than the pictures.
+/// Remedy for a window of another size than the pictures.
 pub(super) fn misfit(size: PictureSize, intent: Option<&Intent>) -> Option<String> {
     let Intent { sweep, pictures } = intent.filter(|intent| intent.pictures != size)?;
     Some(format!(
@@ -29,8 +29,8 @@ pub(super) fn misfit(size: PictureSize, intent: Option<&Intent>) -> Option<Strin
     ))
 }
 
-/// Looks at the window. If pictures come off the screen alone, it is found there by its check pattern, and pictures come from there
-/// from now on; how late they are is returned.
+/// Checks the window. If pictures come only off the screen, it is located there by its check pattern, and pictures come from there
+/// from now on; returns their delay.
 pub(super) async fn check(
     simulator: &mut Simulator,
     screen: &Arc<dyn Screen>,

@@ -12,9 +12,9 @@ use crate::tape::format::{Channel, Direction, FramesKept};
 use crate::tape::link_message::LinkMessage;
 use crate::tape::writer::{TapeSummary, TapeWriter};
 
-/// Messages that may wait to be written. When they are so many, clients and simulator wait too.
+/// Maximum queued messages. When the queue is full, clients and simulator wait, too.
 const QUEUE: usize = 32;
-/// How often an idle tape is looked at.
+/// Interval for checking an idle tape.
 const LOOK_EVERY: Duration = Duration::from_millis(500);
 
 enum Job {
@@ -26,7 +26,7 @@ enum Job {
     Stop,
 }
 
-/// Takes what is to be on the tape.
+/// Receives what is to be written.
 pub(super) struct Deck {
     jobs: mpsc::Sender<Job>,
 }
@@ -53,7 +53,7 @@ impl Deck {
         (Self { jobs }, writing)
     }
 
-    /// Makes a channel known, with what may be said about it.
+    /// Adds a channel, with its metadata.
     pub(super) async fn add_channel(&self, channel: Channel, about: &[(&str, String)]) {
         let about = about
             .iter()
@@ -83,12 +83,12 @@ impl Deck {
             .await;
     }
 
-    /// Ends the tape behind everything that was handed over.
+    /// Ends the tape after everything that was queued.
     pub(super) async fn stop(&self) {
         self.hand_over(Job::Stop).await;
     }
 
-    /// If the thread has ended, the recorder is ending too and says why.
+    /// If the thread has ended, the recorder is ending, too, and reports why.
     async fn hand_over(&self, job: Job) {
         let _ = self.jobs.send(job).await;
     }

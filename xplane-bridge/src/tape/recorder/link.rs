@@ -1,4 +1,4 @@
-//! The proxy of the capture link: greetings pass as they are, then whole messages in both directions.
+//! The proxy of the capture link: greetings are forwarded unchanged, then whole messages in both directions.
 
 use std::convert::Infallible;
 use std::net::SocketAddr;
@@ -22,7 +22,7 @@ const GREETING: usize = 8;
 
 /// Connections at a time.
 const MOST_CONNECTIONS: usize = 32;
-/// How long greetings and the hello may take, on both sides together.
+/// Timeout of greetings and hello, on both sides together.
 const HELLO_WITHIN: Duration = Duration::from_secs(5);
 
 /// Serves until dropped.
@@ -53,7 +53,7 @@ struct Connection {
     route: Arc<Route>,
 }
 
-/// Two sides that have greeted each other, and the client's first request.
+/// Two sides that have exchanged greetings, and the client's first request.
 struct Admitted {
     version: u32,
     hello: LinkMessage,
@@ -85,7 +85,7 @@ impl Connection {
             simulator: (simulator_reads, mut simulator_writes),
         } = admitted;
         if hello.opens_the_screen() {
-            // All that is on that desktop is nobody's business but the client's: a tape is passed on.
+            // The content of that desktop is nobody's business but the client's: tapes are passed on.
             tracing::info!(%from, "pictures of the screen pass, and are not recorded");
             simulator_writes.write_all(hello.bytes()).await?;
             let (mut asks, mut answers) = (client_reads, simulator_reads);
@@ -109,7 +109,7 @@ impl Connection {
             .link_message(self.number, Direction::ToSimulator, &hello)
             .await;
         simulator_writes.write_all(hello.bytes()).await?;
-        // When the simulator has nothing more to say, the conversation is over; a client may stop asking before that.
+        // When the simulator closes, the conversation is over; a client may stop sending before that.
         let requests = async {
             let mut reads = client_reads;
             while let Some(message) = LinkMessage::read_request(&mut reads).await? {
@@ -134,14 +134,15 @@ impl Connection {
         }
     }
 
-    /// Exchanges greetings with both sides and reads the client's hello; `None` if it is not let in.
+    /// Exchanges greetings with both sides and reads the client's hello; `None` if it is rejected.
     async fn admit(
         &self,
         client: TcpStream,
         address: SocketAddr,
     ) -> Result<Option<Admitted>, LinkError> {
         let (mut client_reads, mut client_writes) = client.into_split();
-        // Neither side waits for the other's greeting, so the client's comes by itself, and one that sends none costs the simulator nothing.
+        // Neither side waits for the other's greeting, so the client's comes by itself, and a client that sends none costs the
+        // simulator nothing.
         let greeting = read_greeting(&mut client_reads).await?;
         let simulator = TcpStream::connect(address).await?;
         simulator.set_nodelay(true)?;

@@ -1,4 +1,4 @@
-//! The UDP proxy. Each client gets a socket of its own towards the simulator, which tells clients apart by their address.
+//! The UDP proxy. Each client gets a separate socket towards the simulator, which distinguishes clients by their address.
 
 use std::collections::{BTreeSet, HashMap};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
@@ -17,11 +17,11 @@ use crate::packet::ToSimulator;
 use crate::tape::error::TapeError;
 use crate::tape::format::{Channel, Direction};
 
-/// A client from and to whom nothing came for so long is forgotten. If it comes back, it is a new one.
+/// A client without traffic for this long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);
-/// Clients at a time, each of which takes a socket: a few programs of one person.
+/// Maximum clients, each of which takes a socket: a few programs of one user.
 const MOST_CLIENTS: usize = 256;
-/// Datagrams of a client that may wait; more are lost, as UDP's are.
+/// Maximum queued datagrams of a client; more are lost, as is usual with UDP.
 const WAITING: usize = 1_000;
 /// Largest datagram.
 const DATAGRAM_BYTES: usize = 65_536;
@@ -82,7 +82,7 @@ struct Client {
     ours: Arc<UdpSocket>,
     towards_simulator: UdpSocket,
     route: Arc<Route>,
-    /// Under which numbers this client has asked for the port of the capture link.
+    /// The indices with which this client has requested the port of the capture link.
     link_port_indices: BTreeSet<i32>,
 }
 
@@ -124,7 +124,7 @@ impl Client {
         loop {
             let next = async {
                 tokio::select! {
-                    // In the order of things: what the simulator has said is older than what it has not yet heard.
+                    // In causal order: what the simulator has sent is older than what it has not yet received.
                     biased;
                     received = self.towards_simulator.recv_from(&mut buffer) => Some(Err(received)),
                     datagram = datagrams.recv() => datagram.map(Ok),
@@ -135,7 +135,7 @@ impl Client {
                 Ok(Some(Err(Ok((length, from))))) if from.ip() == self.route.simulator.ip() => {
                     self.pass_to_client(&mut buffer[..length]).await;
                 }
-                // From a stranger, or the news that nobody listens, maybe not yet.
+                // From a stranger, or the notice that nobody listens, perhaps not yet.
                 Ok(Some(Err(_))) => {}
                 Ok(None) | Err(_) => return,
             }
@@ -148,7 +148,7 @@ impl Client {
             .datagram(self.number, Direction::ToSimulator, datagram)
             .await;
         if let Ok(ToSimulator::SubscribeDataref(request)) = ToSimulator::decode(datagram) {
-            // Values may still come after the end of a subscription, so only another use of the number counts.
+            // Values may still arrive after the end of a subscription, so only reuse of the index counts.
             if request.path.trim_end_matches("[0]") == CAPTURE_PORT {
                 self.link_port_indices.insert(request.index);
             } else if !request.is_end() {
@@ -180,7 +180,7 @@ impl Client {
         }
     }
 
-    /// Puts the recorder's own link port in the place of the simulator's.
+    /// Replaces the simulator's link port by the recorder's own.
     fn redirect(&self, [i0, i1, i2, i3, value @ ..]: &mut [u8; VALUE]) {
         let index = i32::from_le_bytes([*i0, *i1, *i2, *i3]);
         let port = f32::from_le_bytes(*value);
