@@ -130,8 +130,8 @@ mod tests {
         let pace = |done, elapsed_s| pace(done, 200, Duration::from_secs_f64(elapsed_s));
         assert_eq!(pace(20, 0.1), "");
         assert_eq!(pace(0, 10.0), "");
-        assert_eq!(pace(20, 10.0), " in 10 seconds, 2.0/s, 90 seconds left");
-        assert_eq!(pace(20, 3_600.0), " in 60 minutes, 0.3/min, 9 hours left");
-        assert_eq!(pace(200, 100.0), " in 100 seconds, 2.0/s");
+        assert_eq!(pace(50, 10.0), " in 10 seconds, 5.0/s, 30 seconds left");
+        assert_eq!(pace(20, 7_200.0), " in 2 hours, 0.2/min, 18 hours left");
+        assert_eq!(pace(200, 20.0), " in 20 seconds, 10.0/s");
     }
 }
