@@ -1,9 +1,9 @@
-//! Our encoder against the `ffmpeg` program: the same raw pictures, the same settings, one after the other in one run.
+//! Our encoder compared with the `ffmpeg` program: the same raw pictures, the same settings, alternating in one run.
 //!
-//! `benches/encoder.sh` runs it. Wall-clock rates are compared, best of all rounds, and processor time, which says the same on a busy
-//! machine. Both read the same file of raw pictures from the page cache, convert them to BT.709 with the same
-//! switches of swscale, encode on one thread and write the same fragments; ours adds the index at the end. Rounds alternate, so
-//! that a busy machine is busy for both.
+//! `benches/encoder.sh` runs it. It compares wall-clock rates, best of all rounds, and processor time, which is also valid on a
+//! busy machine. Both read the same file of raw pictures from the page cache, convert them to BT.709 with the same switches of
+//! swscale, encode on one thread and write the same fragments; ours adds the index at the end. Rounds alternate, so that a busy
+//! machine is busy for both.
 
 #[path = "video/ffmpeg_program.rs"]
 mod ffmpeg_program;
@@ -23,9 +23,9 @@ use processor_time::cpu_so_far;
 use scenery::{HEIGHT_PX, Scenery, WIDTH_PX, cloudy};
 
 const ROUNDS: usize = 5;
-/// What the ratio should reach.
+/// Target of the ratio.
 const GOAL: f64 = 0.95;
-/// As `dataset/src/video/writer.rs` has them.
+/// As in `dataset/src/video/writer.rs`.
 const X264_PARAMETERS: &str = "deadzone-inter=0:deadzone-intra=0";
 const RATE: FrameRate = FrameRate {
     numerator: 30,
@@ -52,7 +52,7 @@ fn main() {
         for round in 0..ROUNDS {
             let ours = || encode(&raw, pictures, &settings, &ours);
             let theirs = || run_ffmpeg(&raw, pictures, &settings, &theirs);
-            // Who begins changes from round to round.
+            // The order alternates from round to round.
             let (a, b) = if round % 2 == 0 {
                 let a = counted(&mut cpu, 0, ours);
                 (a, counted(&mut cpu, 1, theirs))
@@ -86,7 +86,7 @@ fn main() {
     }
 }
 
-/// Does the work, and adds the processor time that it took to that of one of both: 0 is this process, 1 its children.
+/// Does the work, and adds its processor time to that of one of both: 0 is this process, 1 its children.
 fn counted(cpu: &mut [Duration; 2], whose: usize, work: impl FnOnce() -> f64) -> f64 {
     let before = cpu_so_far()[whose];
     let rate = work();

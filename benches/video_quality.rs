@@ -1,11 +1,11 @@
-//! What video settings leave of an aircraft at 10 nautical miles: how far its centre moves and how much of its contrast stays.
+//! The effect of video settings on an aircraft at 10 nautical miles: how far its centre moves and how much of its contrast remains.
 //!
 //! `cargo bench --bench video_quality` prints the table of `docs/video.md`. Pictures of the stand-in in full size are encoded and
 //! decoded. What the aircraft adds to the backdrop, in the raw picture and in the decoded one, is compared by least squares:
 //! `decoded(p) = contrast * raw(p - shift)`, to first order in the shift (Lucas and Kanade 1981), on brightness.
 //!
-//! Before our settings come what the pixel formats leave without any codec, and settings that we do not offer, encoded by the `ffmpeg`
-//! program (scripts/setup.sh installs it) and decoded by our reader.
+//! Before our settings come the pixel formats without any codec, and settings that we do not offer, encoded by the `ffmpeg` program
+//! (scripts/setup.sh installs it) and decoded by our reader.
 
 #[path = "video/ffmpeg_program.rs"]
 mod ffmpeg_program;
@@ -291,7 +291,7 @@ fn difference(a: &Patch, b: &Patch) -> Patch {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// Contrast kept and shift of the aircraft in pixels.
+/// Remaining contrast and shift of the aircraft in pixels.
 fn compare(raw: &Patch, decoded: &Patch) -> (f64, DVec2) {
     let at = |x: i64, y: i64| raw[(y * PATCH_WIDTH + x) as usize];
     let (mut normal, mut right) = (DMat3::ZERO, DVec3::ZERO);
@@ -308,7 +308,7 @@ fn compare(raw: &Patch, decoded: &Patch) -> (f64, DVec2) {
     (found.x, DVec2::new(found.y, found.z) / found.x)
 }
 
-/// What the pictures of one scenery came to.
+/// The result for the pictures of one scene.
 #[derive(Default)]
 struct Comparison {
     shifts_px: Vec<f64>,
@@ -352,9 +352,9 @@ fn floor(name: &str, levels: Levels, recordings: &[Recording]) -> String {
     format!("| no codec, {name} | {} | | | |", cells.join(" | "))
 }
 
-/// Brightness around the aircraft after its way into a pixel format and back.
+/// Brightness around the aircraft after conversion to a pixel format and back.
 fn rounded_patch(rgb: &[u8], (cx, cy): (i64, i64), levels: Levels) -> Patch {
-    // Even, as colours are shared, and a little larger than the patch.
+    // Even, because of the chroma subsampling, and a little larger than the patch.
     let (left, top) = ((cx - HALF_PX.0 - 2) & !1, (cy - HALF_PX.1 - 2) & !1);
     let (width, height) = (PATCH_WIDTH + 7, PATCH_HEIGHT + 7);
     let piece: Vec<[f64; 3]> = (0..height)
@@ -380,7 +380,7 @@ fn rounded_patch(rgb: &[u8], (cx, cy): (i64, i64), levels: Levels) -> Patch {
     grey
 }
 
-/// Of this process and of the programs that it ran.
+/// Of this process and its child processes.
 fn processor() -> Duration {
     cpu_so_far().iter().sum()
 }

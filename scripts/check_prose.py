@@ -31,7 +31,7 @@ def comment_lines(lines: list[str], comment: re.Pattern[str]):
             fence = False
         elif line.strip(" /!#").startswith("```"):
             fence = not fence
-        elif not fence:
+        elif not fence and not line.strip(" /!#").startswith("|"):
             yield number, line
 
 

@@ -123,8 +123,8 @@ pub(crate) struct GenerateArgs {
     #[arg(long)]
     pub(crate) keep_staged: bool,
     /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of
-    /// a live X-Plane (docs/simulator.md), HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE a session recorded with `dtd record`. Several, with commas between,
-    /// share the work
+    /// a live X-Plane (docs/simulator.md), HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network,
+    /// tape:FILE a session recorded with `dtd record`. Several, separated by commas, share the work
     #[arg(
         long,
         value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
@@ -132,7 +132,7 @@ pub(crate) struct GenerateArgs {
     )]
     pub(crate) sim: Simulators,
     /// Where the pictures come from: `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's
-    /// window, `screenshot` has X-Plane write files (slow: a picture takes seconds); `auto` takes the first of them that the simulator offers
+    /// window, `screenshot` has X-Plane write files (slow: a picture takes seconds); `auto` uses the simulator's first offer
     #[arg(long, value_name = "auto|link|gl|screen|screenshot", default_value_t = PixelChoice::Auto)]
     pub(crate) pixels: PixelChoice,
     /// Record only these scenarios (identifiers as `dtd plan` prints them), separated by commas
@@ -448,8 +448,8 @@ pub(crate) struct DoctorArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RecordArgs {
-    /// X-Plane's UDP address, `auto` for the X-Plane that announces itself on the network, or the stand-in (with the awkward habits of a live
-    /// X-Plane), which runs as long as the recorder
+    /// X-Plane's UDP address, `auto` for the X-Plane that announces itself on the network, or the stand-in (`mock:awkward`: with the
+    /// awkward habits of a live X-Plane), which runs as long as the recorder
     #[arg(long, value_name = "auto|mock|mock:awkward|HOST:PORT")]
     pub(crate) sim: String,
     /// The tape to write. An existing file is never overwritten

@@ -1,5 +1,5 @@
-//! Files that ship inside the program: the sweeps that the documentation speaks of, the flights that they replay, and the detector. So `dtd`
-//! works wherever it is installed.
+//! Files embedded in the program: the sweeps from the documentation, the flights that they replay, and the detector. So `dtd` works
+//! wherever it is installed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use tempfile::TempDir;
 const DEMO_SWEEP: &str = "demo.toml";
 const DETECTOR: &str = "models/aircraft.onnx";
 
-/// A file of the repository: its name there and its content.
+/// A file of the repository: its name and its content.
 macro_rules! shipped {
     ($($name:literal),* $(,)?) => {
         [$(($name, include_bytes!(concat!("../", $name)).as_slice())),*]
@@ -29,7 +29,7 @@ const FILES: [(&str, &[u8]); 9] = shipped![
     "tests/data/flights/07_loc_offset_intercept.csv",
 ];
 
-/// The files in a folder of their own, which goes with this value.
+/// The files in a temporary folder that is deleted with this value.
 pub(crate) struct Shipped {
     folder: TempDir,
 }
@@ -54,7 +54,7 @@ impl Shipped {
     }
 }
 
-/// Writes all files into a folder. Those that are there already stay as they are.
+/// Writes all files into a folder. Existing ones stay as they are.
 pub(crate) fn write(folder: &Path) -> dataset::Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     for (name, content) in FILES {

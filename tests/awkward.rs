@@ -1,5 +1,5 @@
-//! A corpus through our plugin from stand-ins that are as awkward as a live X-Plane: all habits at once, each alone, some at random. Recorded
-//! flights have to give the pictures that a well-behaved simulator gives; live ones have to be sound.
+//! Corpora recorded through our plugin from stand-ins with all habits of a live X-Plane at once, each alone, and some at random.
+//! Recorded flights must give the pictures of a well-behaved simulator; live ones must be valid.
 #![cfg(target_os = "linux")]
 
 #[path = "awkward/pictures.rs"]
@@ -29,13 +29,13 @@ use simulator::{PATIENCE, PLUGIN, SWEEP, Simulator, plugin_with, said};
 const LIVE: &str = "1200-clear-r1";
 const STORM: &str = "1200-stormy-r1";
 const HAZE: &str = "1200-hazy-r1";
-/// Simulators at work at the same time: most of what they do is wait.
+/// Simulators in parallel: they mostly wait.
 const AT_ONCE: usize = 4;
-/// How many combinations of habits are drawn, unless the environment says otherwise.
+/// Number of random combinations of habits, unless the environment overrides it.
 const COMBINATIONS_VARIABLE: &str = "DTD_QUIRK_COMBINATIONS";
 const COMBINATIONS: usize = 6;
 
-/// Pictures of storm and haze as well-behaved simulators give them, of X-Plane 11 and 12.
+/// Pictures of storm and haze from well-behaved simulators, of X-Plane 11 and 12.
 static WANTED: LazyLock<[[Vec<Vec<u8>>; 2]; 2]> = LazyLock::new(|| {
     ["11", "12"].map(|xplane| {
         let simulator = Simulator::start(xplane, Some("none"), Path::new(PLUGIN));
@@ -48,7 +48,7 @@ fn wanted(xplane: &str, id: &str) -> &'static [Vec<u8>] {
     &WANTED[usize::from(xplane == "12")][usize::from(id == HAZE)]
 }
 
-/// Makes scenarios, or says why not.
+/// Records scenarios, or returns why not.
 fn made(simulator: &Simulator, only: &str) -> Result<std::path::PathBuf, String> {
     let corpus = simulator.folder().join("corpus");
     let output = simulator.generate(only, &corpus);
@@ -58,7 +58,7 @@ fn made(simulator: &Simulator, only: &str) -> Result<std::path::PathBuf, String>
     }
 }
 
-/// What is wrong with scenarios that a simulator with some habits gives, if anything.
+/// What is wrong with the scenarios of a simulator with some habits, if anything.
 fn wrong_with(xplane: &str, quirks: Option<&str>, only: &str) -> Option<String> {
     let simulator = Simulator::start(xplane, quirks, Path::new(PLUGIN));
     let corpus = match made(&simulator, only) {
@@ -89,7 +89,7 @@ fn wrong_with(xplane: &str, quirks: Option<&str>, only: &str) -> Option<String> 
     None
 }
 
-/// Runs cases side by side; what is wrong with each that is wrong.
+/// Runs cases in parallel; returns the faults of each failing one.
 fn all_of(cases: Vec<(String, &'static str, &'static str)>) -> Vec<String> {
     LazyLock::force(&WANTED);
     let cases = Mutex::new(cases);
@@ -122,7 +122,7 @@ fn x_plane_11_as_awkward_as_it_is_by_default_gives_a_whole_corpus() {
 #[test]
 fn each_awkward_habit_alone_gives_the_pictures_of_a_well_behaved_simulator() {
     let cases = habits().map(|facts| {
-        // Some touch a flight that is flown live alone, some clouds and rain.
+        // Some affect only live flights, some clouds and rain.
         let only = match facts.name {
             "dropped_start"
             | "restarting_start"
@@ -156,8 +156,8 @@ fn awkward_habits_at_random_give_the_pictures_of_a_well_behaved_simulator() {
     assert!(wrong.is_empty(), "{}", wrong.join("\n\n"));
 }
 
-/// All that a client copes with unprepared. Of those that reports disagree on it looks at pictures for itself; the weather needs `dtd doctor`
-/// first (mock-xplane/tests/profile.rs).
+/// All that a client handles without preparation. For those that reports disagree on it checks pictures itself; the weather needs
+/// `dtd doctor` first (mock-xplane/tests/profile.rs).
 fn habits() -> impl Iterator<Item = &'static Facts> {
     const LOOKED_AT: [&str; 2] = ["pause_keeps_pose", "slow_exposure"];
     FACTS
@@ -165,7 +165,7 @@ fn habits() -> impl Iterator<Item = &'static Facts> {
         .filter(|facts| !OPEN.contains(&facts.quirk) || LOOKED_AT.contains(&facts.name))
 }
 
-/// Each habit or not, as a coin says that a seed throws.
+/// A coin toss per habit, from a seed.
 fn drawn(seed: usize) -> Quirks {
     let coins = blake3::hash(&seed.to_le_bytes());
     habits()
@@ -200,7 +200,7 @@ fn a_storm_leaves_no_cloud_in_the_haze_after_it() {
     }
 }
 
-/// Waits until datarefs read so; `None` is anything.
+/// Waits until datarefs read so; `None` matches anything.
 async fn until_read(watch: &mut Subscription, wanted: &[Option<f32>]) {
     let right = |watch: &Subscription| {
         let readings = watch.readings();
@@ -232,7 +232,7 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
     let mut watch = Subscription::start(simulator.udp(), names.map(str::to_owned), 20)
         .await
         .unwrap();
-    // In a cockpit, in real weather, by the computer's clock.
+    // In a cockpit, with real weather, following the computer's clock.
     let found = [0.0, 0.0, 0.0, 60.0, 7.0, 1.0].map(Some);
     until_read(&mut watch, &found).await;
     let corpus = simulator.folder().join("corpus");
@@ -259,7 +259,7 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
     watch.end().await;
 }
 
-/// How far the haze's pictures are from those wanted if the plugin lacks what it does about a habit.
+/// How far the haze's pictures are from the expected ones if the plugin lacks its remedy for a habit.
 fn without_remedy(quirk: &str, change: (&str, &str, &str)) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let plugin = plugin_with(folder.path(), &[change]);

@@ -1,4 +1,4 @@
-//! The whole chain over real sockets: stand-in, generator, labels, detections, training, evaluation; judged from outside.
+//! The whole pipeline over real sockets: stand-in, generator, labels, detections, training, evaluation; checked from outside.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// A labelled corpus that all tests of one sweep share. Made once per run of the tests.
+/// A labelled corpus shared by all tests of one sweep. Recorded once per run of the tests.
 struct Shared(OnceLock<tempfile::TempDir>);
 
 impl Shared {
@@ -105,7 +105,7 @@ fn contents(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     found
 }
 
-/// Runs a Python judge on a corpus; returns its verdict.
+/// Runs a Python check on a corpus; returns its result.
 fn judge(script: &str, corpus: &Path) -> Value {
     let python = repository().join(".venv/bin/python");
     assert!(

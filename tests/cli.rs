@@ -1,4 +1,4 @@
-//! The command as a shell sees it: plans, bad input, a simulator that is not there.
+//! The command as seen from a shell: plans, bad input, a missing simulator.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -69,7 +69,7 @@ fn the_demo_flies_recorded_flights_in_every_weather_at_three_times() {
     }
 }
 
-/// The demo's sweep with one part replaced, in a folder of its own.
+/// The demo's sweep with one part replaced, in a new folder.
 fn broken_demo(folder: &Path, from: &str, to: &str) -> PathBuf {
     let flights = repository().join("tests/data/flights");
     let text = fs::read_to_string(repository().join("demo.toml")).unwrap();
@@ -82,7 +82,7 @@ fn broken_demo(folder: &Path, from: &str, to: &str) -> PathBuf {
 
 #[test]
 fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_written() {
-    // What is replaced, by what, and words that the message must hold.
+    // The original, its replacement, and words that the message must contain.
     let cases = [
         ("repeats = 1", "repeat = 1", vec!["repeat", "repeats"]),
         (

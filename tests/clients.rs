@@ -1,7 +1,7 @@
-//! Clients that other people wrote for X-Plane, unmodified, against `dtd mock-xplane` as a process.
+//! Other people's X-Plane clients, unmodified, against `dtd mock-xplane` as a process.
 //!
-//! What they were written against is X-Plane itself: where the stand-in differs, they fail. The Python ones are in
-//! `tests/clients/` and run in the environment that `scripts/setup.sh` makes for them.
+//! They were written against X-Plane itself: where the stand-in differs, they fail. The Python ones are in `tests/clients/` and run
+//! in the environment that `scripts/setup.sh` creates for them.
 
 use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, UdpSocket};
@@ -14,14 +14,14 @@ use tokio::sync::Mutex;
 use tokio::time::{Instant, timeout_at};
 use xpudpc::{Beacon, PlacementConfig, Pose, Response, SituationOp, StartType, XPlaneClient};
 
-/// Clients listen to the beacon's port in ways that exclude each other.
+/// Clients listen to the beacon's port in mutually exclusive ways.
 static BEACON_PORT: Mutex<()> = Mutex::const_new(());
 
 /// As X-Plane listens. These clients join the beacon's group on the default interface, which a simulator that is bound to the
 /// loopback interface does not reach.
 const EVERYWHERE: [&str; 2] = ["--bind", "0.0.0.0"];
 
-/// How long anything may take on a busy computer.
+/// Timeout of everything on a busy computer.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 struct StandIn {
@@ -55,7 +55,7 @@ fn stand_in(options: &[&str]) -> StandIn {
     StandIn { process, addresses }
 }
 
-/// Python with the clients, and whether it is new enough (3.12) for those that ask for it.
+/// Python with the clients, and whether it is new enough (3.12) for those that need it.
 fn python() -> (&'static str, bool) {
     const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/.venv-clients/bin/python");
     assert!(
@@ -88,7 +88,7 @@ fn run(python: &str, script: &str, arguments: &[String]) {
 fn pyxpudpserver_discovers_subscribes_reads_writes_commands_and_takes_the_data_output() {
     let _alone = BEACON_PORT.blocking_lock();
     let (python, _) = python();
-    // A port that is free now. The client wants to be told one.
+    // A free port. The client needs an explicit one.
     let data_to = UdpSocket::bind("127.0.0.1:0")
         .unwrap()
         .local_addr()
@@ -265,7 +265,7 @@ async fn xpudpc_subscribes_reads_writes_commands_and_moves_the_aircraft() {
         .unwrap();
     client.alert("a", "b", "c", "d").await.unwrap();
 
-    // A flight that begins flies, and its rates are not zero.
+    // A new flight flies, and its rates are not zero.
     let start = PlacementConfig {
         start_type: StartType::SpecifyLatLonEle,
         latitude: 1.1,

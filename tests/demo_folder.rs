@@ -1,4 +1,4 @@
-//! What `dtd demo --fresh` refuses, seen from a shell: everything is still there afterwards.
+//! What `dtd demo --fresh` rejects, as seen from a shell: everything is still there afterwards.
 
 use std::fs;
 use std::path::Path;

@@ -1,5 +1,5 @@
-//! `dtd detect` with models and libraries that mean no good: every shape of answer, windows and batches that no memory holds, numbers that
-//! are none, and libraries that somebody else put somewhere.
+//! `dtd detect` with hostile models and libraries: every output shape, windows and batches that exceed any memory, NaN, and
+//! libraries that another user could have planted.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -92,7 +92,7 @@ fn sound() -> &'static Path {
     Box::leak(folder.path().join("corpus").into_boxed_path())
 }
 
-/// The sound corpus with nothing detected in it, for a test of its own.
+/// A copy of the valid corpus without detections, for one test.
 fn corpus(folder: &Path) -> PathBuf {
     let copy = folder.join("corpus");
     copy_tree(sound(), &copy);
@@ -124,7 +124,7 @@ fn node(op_type: &str, inputs: &[&str], outputs: &[&str]) -> NodeProto {
 /// A model that answers every picture with the same number everywhere, in one shape. It takes windows of `input`.
 struct Constant<'a> {
     input: [Dimension; 4],
-    /// Of the answer; 0 where the model does as it is.
+    /// Of the output; 0 where the model adopts the actual size.
     shape: &'a [i64],
     number: f32,
     profile: Option<&'a str>,
@@ -146,7 +146,7 @@ fn windows_of(size_px: i64) -> [Dimension; 4] {
 
 impl Constant<'_> {
     fn write(&self, path: &Path) {
-        // The input has to be used: its sum times 0 is added.
+        // The input must be used: its sum times 0 is added.
         let expand = [
             node("ReduceMax", &["pictures"], &["largest"]),
             node("Mul", &["largest", "zero"], &["nothing"]),
@@ -155,7 +155,7 @@ impl Constant<'_> {
         ];
         let mut expand = expand.to_vec();
         expand[0].attribute = vec![AttributeProto::int("keepdims", 0)];
-        // Lengths that the file leaves open, so that only the running model shows them.
+        // Lengths that the file leaves open, so that only running the model reveals them.
         let rank: Vec<Dimension> = (0..self.shape.len())
             .map(|at| open(&format!("length{at}")))
             .collect();
@@ -234,7 +234,7 @@ fn a_hundred_thousand_boxes_end() {
     let output = Constant {
         input: windows_of(64),
         shape: &[1, 100_000, 6],
-        // Boxes of 30 px that lie on each other, all of them certain.
+        // Overlapping boxes of 30 px, all with full score.
         number: 30.0,
         profile: None,
     }
@@ -395,7 +395,7 @@ fn a_library_that_lies_above_the_working_folder_is_not_loaded() {
     };
     let output = detect(None, None);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    // Neither by a name that is searched for, nor one that means the working folder.
+    // Neither by a name that is searched for, nor by a path relative to the working folder.
     for relative in ["libonnxruntime.so", "./libonnxruntime.so"] {
         for output in [
             detect(None, Some(relative)),
@@ -406,7 +406,7 @@ fn a_library_that_lies_above_the_working_folder_is_not_loaded() {
         }
     }
     assert!(!trace.exists(), "the planted library ran");
-    // The trace would show: who names it has it loaded.
+    // The trace would show it: an explicitly named library is loaded.
     let output = detect(Some(&library), None);
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(trace.exists(), "{}", said(&output));

@@ -1,4 +1,4 @@
-//! `dtd doctor` against the stand-in, sound and with faults.
+//! `dtd doctor` against the stand-in, correct and with faults.
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
@@ -47,8 +47,8 @@ impl Drop for StandIn {
     }
 }
 
-/// `dtd doctor` with these arguments, on a machine that says nothing of a Web API and has no screen, in a folder without a sweep. What it
-/// measures is tested with the stand-in.
+/// `dtd doctor` with these arguments, on a machine without Web API variables and screen, in a folder without a sweep. Measurements
+/// are tested with the stand-in.
 fn doctor(arguments: &[&str]) -> Command {
     let mut command = measuring_doctor(arguments);
     command.arg("--no-measure");
@@ -76,7 +76,7 @@ fn outcome(mut command: Command) -> (Option<i32>, Vec<Value>) {
     (output.status.code(), checks)
 }
 
-/// Of a simulator whose Web API is not where it is looked for.
+/// Of a simulator whose Web API is not at the expected address.
 fn examined(sim: &str) -> (Option<i32>, Vec<Value>) {
     outcome(doctor(&["--sim", sim, "--web-api", "127.0.0.1:9"]))
 }
@@ -189,7 +189,7 @@ fn every_point_that_is_not_well_comes_with_a_hint() {
 
 #[test]
 fn our_own_plugin_is_found_well_although_nobody_knows_where_its_window_lies() {
-    // X-Plane 12 has its pictures on the screen only, and there is none here.
+    // X-Plane 12 has its pictures only on the screen, and there is none here.
     for (generation, window) in [("11", "ok"), ("12", "warning")] {
         let simulator = StandIn::start(&[
             "--xplane",

@@ -1,4 +1,4 @@
-//! `dtd generate` as a scheduler treats it: killed, stopped, started twice, given a full disk or none at all.
+//! `dtd generate` as a scheduler treats it: killed, stopped, started twice, with a full disk or an unusable one.
 
 use std::fs;
 use std::io::Read;
@@ -29,7 +29,7 @@ fn generate(corpus: &Path) -> Command {
         .arg(corpus)
         .arg("--json")
         .current_dir(repository())
-        // A scheduler that runs these tests is not asked.
+        // The environment of a scheduler that runs these tests is ignored.
         .env_remove("SLURM_ARRAY_TASK_ID")
         .env_remove("JOB_COMPLETION_INDEX");
     command
@@ -85,7 +85,7 @@ fn assert_same(corpus: &Path) {
     }
 }
 
-/// A corpus that nothing disturbed, made once, and how long that took.
+/// A corpus without disturbances, made once, and its duration.
 static UNDISTURBED: LazyLock<(PathBuf, Duration)> = LazyLock::new(|| {
     let corpus = Path::new(env!("CARGO_TARGET_TMPDIR")).join("undisturbed");
     let _ = fs::remove_dir_all(&corpus);
@@ -101,7 +101,7 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_bytes_of_an_undisturbed_on
     let took = UNDISTURBED.1;
     let folder = tempdir().unwrap();
     let corpus = folder.path().join("corpus");
-    // Spread over the time that a run takes; the last ones come late in it, when much is whole.
+    // Spread over the duration of a run; the last ones come late, when most of it is finished.
     for part in [0.15, 0.5, 0.35, 0.7, 0.25] {
         let mut run = start(&corpus);
         sleep(took.mul_f64(part));
@@ -212,7 +212,8 @@ fn a_disk_that_takes_no_more_ends_the_run_and_nothing_half_written_counts() {
         .output()
         .unwrap();
     assert!(first.status.success(), "{}", said(&first));
-    // Files may not grow beyond 12 kB, and tables are larger: without root, as near to a full disk as it gets. 1024-byte blocks in bash.
+    // Files may not grow beyond 12 kB, and tables are larger: without root, as close to a full disk as possible. 1024-byte blocks
+    // in bash.
     let limited = "trap '' XFSZ; ulimit -f 12; exec \"$@\"";
     let plain = generate(&corpus);
     let output = Command::new("bash")
@@ -255,7 +256,7 @@ fn places_where_no_corpus_can_be_are_bad_input() {
     let folder = tempdir().unwrap();
     let file = folder.path().join("file");
     fs::write(&file, "").unwrap();
-    // Nobody, not even root, can make a folder there.
+    // Nobody, not even root, can create a folder there.
     for place in [file.as_path(), Path::new("/proc/corpus")] {
         let output = generate(place).output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));

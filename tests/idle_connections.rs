@@ -1,4 +1,4 @@
-//! Servers with few descriptors and many clients that say nothing: they live on, and serve who speaks.
+//! Servers with few descriptors and many silent clients: they survive, and serve active clients.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{SocketAddr, TcpStream, UdpSocket};
@@ -56,7 +56,7 @@ fn idle(address: SocketAddr) -> Vec<TcpStream> {
     clients.collect()
 }
 
-/// Waits for a whole greeting of the capture link.
+/// Waits for a complete greeting of the capture link.
 fn is_greeted(link: SocketAddr) {
     let mut stream = TcpStream::connect(link).unwrap();
     stream.set_read_timeout(Some(PATIENCE)).unwrap();
@@ -97,7 +97,7 @@ fn a_hundred_and_twenty_idle_connections_and_clients_end_no_recorder() {
         "--out",
         tape.to_str().unwrap(),
     ]);
-    // Whoever asks for the link's port lets the recorder know where it is.
+    // Requesting the link's port tells the recorder where it is.
     let mut request = b"RREF\0\x0a\0\0\0\0\0\0\0dtd/bridge/capture_port".to_vec();
     request.resize(413, 0);
     let asks = |socket: &UdpSocket| {

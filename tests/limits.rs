@@ -1,4 +1,4 @@
-//! Values, sizes and things that cannot be, in every place where somebody else's files are read: a fault with its place, in time, and in
+//! Impossible values, sizes and files in every place where untrusted files are read: a fault with its position, in time, and in
 //! little memory; never a panic, a hang or a result.
 
 mod tiny;
@@ -22,7 +22,7 @@ fn dtd(tiny: &Tiny, arguments: &[&str]) -> Output {
     run(&mut tiny.dtd(arguments), PATIENCE).unwrap_or_else(|| panic!("{arguments:?} hangs"))
 }
 
-/// That a verb ends with this code and says all of this.
+/// Asserts that a verb ends with this code and prints all of this.
 fn assert_says(tiny: &Tiny, arguments: &[&str], code: i32, words: &[&str]) {
     let output = dtd(tiny, arguments);
     let said = said(&output);
@@ -36,7 +36,7 @@ fn assert_says(tiny: &Tiny, arguments: &[&str], code: i32, words: &[&str]) {
     }
 }
 
-/// A FIFO instead of whatever is there.
+/// A FIFO instead of the file.
 fn put_fifo(path: &Path) {
     let _ = fs::remove_file(path);
     rustix::fs::mknodat(CWD, path, FileType::Fifo, Mode::RUSR | Mode::WUSR, 0).unwrap();
@@ -340,7 +340,7 @@ fn what_needs_more_memory_than_allowed_says_how_much() {
         .map(|entry| entry.unwrap().path())
         .find(|path| path.extension().is_some_and(|ending| ending == "parquet"))
         .unwrap();
-    // As many as the pictures of the scenario may have: 12,000.
+    // As many as the scenario may have pictures: 12,000.
     let rows = 12_000;
     TableWriter::new()
         .u32("tick", std::iter::repeat_n(0, rows))
@@ -373,7 +373,7 @@ fn what_needs_more_memory_than_allowed_says_how_much() {
     assert_says(&tiny, &["--max-memory", "none", "schema"], 2, &["e.g. 2G"]);
 }
 
-/// A file system's quota or `ulimit -f` ends no process: what cannot be written is an error, and nothing half is left.
+/// A file system's quota or `ulimit -f` does not end the process: a failed write is an error, and nothing partial remains.
 #[test]
 fn a_file_that_may_not_grow_is_an_error_and_no_death_by_signal() {
     let tiny = Tiny::made().copy();

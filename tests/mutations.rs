@@ -1,10 +1,10 @@
-//! Damaged, forged and hostile input to every verb: no panic, no abort, no hang, and no change that passes in silence.
+//! Damaged, forged and hostile input to every verb: no panic, no abort, no hang, and no change that goes unnoticed.
 //!
-//! Each case copies a small corpus with its run, its copy in an object store and its settings, changes one thing in one file, and runs a verb that
-//! reads it. Where a seal, a hash or a plan covers the file, the verb either fails, or does exactly what it does without the change. Settings and
-//! forgeries with a seal of their own are only asked not to break the program.
+//! Each case copies a small corpus with its run, its copy in an object store and its settings, changes one thing in one file, and
+//! runs a verb that reads it. If a seal, a hash or a plan covers the file, the verb either fails, or does exactly what it does
+//! without the change. For settings and resealed forgeries only crashes, hangs and resource use are checked.
 //!
-//! `DTD_MUTATIONS` is the number of cases (240), `DTD_MUTATION_SEED` draws them (1), `DTD_MUTATION_CASE` runs one of them alone.
+//! `DTD_MUTATIONS` is the number of cases (240), `DTD_MUTATION_SEED` draws them (1), `DTD_MUTATION_CASE` runs only one of them.
 
 #[path = "mutations/json.rs"]
 mod json;
@@ -38,12 +38,12 @@ use rand_chacha::ChaCha12Rng;
 use targets::{Form, Guard, TARGETS, Target, VERBS};
 use tiny::{Tiny, said};
 
-/// Far longer than any of this takes; what takes longer hangs.
+/// Far longer than any of this takes; anything longer is a hang.
 const TOO_LONG: Duration = Duration::from_secs(120);
-/// Address space of a verb, KiB: what asks for more is a bomb that went off.
+/// Address space of a verb, KiB: exceeding it means that a decompression bomb worked.
 const MEMORY_KIB: u64 = 8 << 20;
 
-/// The tiny corpus, with a recorded flight, a tape and a model beside it, and in an object store as well.
+/// The tiny corpus, with a recorded flight, a tape and a model, and in an object store as well.
 static BASE: LazyLock<Tiny> = LazyLock::new(|| {
     let base = Tiny::made().copy();
     let data = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data");
@@ -86,7 +86,7 @@ fn run(tiny: &Tiny, verb: &str) -> Option<Output> {
     )
 }
 
-/// What a verb does to the base as it is.
+/// What a verb does to the unchanged base.
 fn undisturbed(verb: &'static str) -> &'static Outcome {
     static KNOWN: LazyLock<BTreeMap<&str, OnceLock<Outcome>>> = LazyLock::new(|| {
         VERBS
@@ -127,7 +127,7 @@ impl Mutated {
         };
         if random.random_bool(0.15) {
             mutated.what = place::mutate(&path, &mutated.tiny.path("outside"), random);
-            // Without its seal a scenario is not whole and counts for nothing.
+            // Without its seal a scenario is not complete and is ignored.
             if mutated.name.ends_with("DONE.json") && !path.is_file() {
                 mutated.guard = Guard::Free;
             }
@@ -144,7 +144,7 @@ impl Mutated {
         mutated
     }
 
-    /// Seals the scenario as it is now, as somebody would who wants the change to be believed.
+    /// Seals the scenario in its current state, as a forger would.
     fn forge_seal(&mut self) {
         let id = self.name.split('/').nth(2).expect("corpus/scenarios/ID/..");
         let scenario = |tiny: &Tiny| Corpus::open(&tiny.corpus()).unwrap().scenario(id);
@@ -154,9 +154,9 @@ impl Mutated {
         self.what += ", and sealed again";
     }
 
-    /// What is wrong with an outcome that claims to be good.
+    /// What is wrong with an outcome that reports success.
     fn silent_change(&self, verb: &'static str, output: &Output) -> Option<String> {
-        // What records, searches or sends again mends what it finds, and says so.
+        // Recording, detecting or uploading again repairs the fault, and reports it.
         let mends = match verb {
             "generate" | "detect" | "detect again" => true,
             "push over" => self.name.starts_with("store/"),
@@ -170,7 +170,7 @@ impl Mutated {
         }
         let found = Outcome::of(&self.tiny, output);
         let difference = undisturbed(verb).difference(&found, &self.name)?;
-        // What a verb says of the very file is not silent.
+        // A message about the very file is not silence.
         let file = self.name.rsplit('/').next().unwrap_or_default();
         if ["push over", "fetch"].contains(&verb) && said(output).contains(&format!("{file} ")) {
             return None;
@@ -259,7 +259,7 @@ fn file_name(pattern: &str, tiny: &Tiny, random: &mut ChaCha12Rng) -> String {
         )
 }
 
-/// What no input may do to a process.
+/// Requirements on every process, whatever the input.
 fn faults_of_process(output: &Output) -> Vec<String> {
     let words = said(output);
     let shown: String = words.lines().take(12).collect::<Vec<_>>().join("\n    ");

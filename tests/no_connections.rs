@@ -1,5 +1,5 @@
-//! Nothing that `dtd` does opens a connection that nobody asked for: every verb in a network of its own, which holds the loopback device
-//! only, with each address that the processes try written down.
+//! `dtd` opens no unrequested connection: every verb runs in a separate network namespace with only the loopback device, and every
+//! address that the processes try is recorded.
 
 mod tiny;
 
@@ -11,7 +11,7 @@ use std::process::{Child, Command, Output, Stdio};
 use serde_json::Value;
 use tiny::{Tiny, said};
 
-/// Brings up the loopback device of a fresh network, which no tool need be installed for, and becomes the command.
+/// Brings up the loopback device of a new network namespace, without needing an installed tool, and becomes the command.
 const INSIDE: &str = r#"
 import fcntl, os, socket, struct, sys
 IFF_UP, SIOCSIFFLAGS = 1, 0x8914
@@ -19,22 +19,22 @@ with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any:
     fcntl.ioctl(any, SIOCSIFFLAGS, struct.pack("16sh14x", b"lo", IFF_UP))
 os.execvp(sys.argv[1], sys.argv[1:])
 "#;
-/// System calls that name the other side.
+/// System calls that name the peer.
 const CALLS: &str = "trace=connect,sendto,sendmsg,sendmmsg";
 /// X-Plane's beacon, which the stand-in sends as X-Plane does.
 const BEACON: (&str, &str) = ("239.255.1.1", "49707");
 
-/// A network of its own, a home of its own.
+/// A separate network and home.
 struct Cell {
     folder: PathBuf,
     home: PathBuf,
     trace: PathBuf,
-    /// How to get a network of its own: some systems let only root, some only the root of a user namespace.
+    /// How to create a network namespace: some systems allow it only to root, some only to the root of a user namespace.
     unshare: &'static [&'static str],
 }
 
 impl Cell {
-    /// None where this system does not let us, which is said.
+    /// None if this system does not allow it, which is reported.
     fn new(folder: &Path) -> Option<Self> {
         let (home, trace) = (folder.join("home"), folder.join("trace"));
         fs::create_dir(&home).unwrap();
@@ -97,7 +97,7 @@ fn between<'a>(line: &'a str, before: &str, after: &str) -> Option<&'a str> {
 fn foreign(line: &str) -> Option<String> {
     let address = between(line, "inet_addr(\"", "\"").or(between(line, "AF_INET6, \"", "\""))?;
     let port = between(line, "_port=htons(", ")").unwrap_or_default();
-    // The system's resolver may be here, but whoever asks it means somebody elsewhere.
+    // The system's resolver may be local, but resolving means contacting somebody elsewhere.
     let here = ["127.", "::1", "0.0.0.0"]
         .iter()
         .any(|own| address.starts_with(own))
@@ -180,7 +180,7 @@ fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
         let output = cell.dtd(arguments);
         assert!(output.status.success(), "{arguments:?}: {}", said(&output));
     }
-    // Nobody answers, nothing is there: that they end is enough.
+    // Nobody answers, nothing is there: it is enough that they end.
     cell.dtd(&["doctor", "--sim", "127.0.0.1:9"]);
     cell.dtd(&["install-plugin", "no-x-plane"]);
     let record = ["record", "--sim", "127.0.0.1:9", "--out", "session.mcap"];

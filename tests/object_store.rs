@@ -1,4 +1,5 @@
-//! A corpus in a bucket of a real S3 server: made there by processes that are killed and cut off, brought back, and the same as in a folder.
+//! A corpus in a bucket of a real S3 server: uploaded by processes that are killed and cut off, downloaded again, and equal to one
+//! in a folder.
 
 #[path = "object_store/s3_server.rs"]
 mod s3_server;
@@ -25,7 +26,7 @@ const TOO_LONG: Duration = Duration::from_secs(180);
 
 static SERVER: LazyLock<S3Server> = LazyLock::new(|| S3Server::start(&[]));
 
-/// The corpus as a folder, made by one run, and how long that took.
+/// The corpus as a folder, made by one run, and its duration.
 static IN_A_FOLDER: LazyLock<(PathBuf, Duration)> = LazyLock::new(|| {
     let corpus = Path::new(env!("CARGO_TARGET_TMPDIR")).join("object-store-undisturbed");
     let _ = fs::remove_dir_all(&corpus);
@@ -45,7 +46,7 @@ fn repository() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The command, with the environment of somebody who uses the server there.
+/// The command, with the environment for the server.
 fn dtd(server: SocketAddr) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
     command
@@ -94,7 +95,7 @@ fn number(outcome: &Value, list: &str) -> usize {
     outcome[list].as_array().map_or(0, Vec::len)
 }
 
-/// A bucket of its own.
+/// A new bucket.
 fn bucket(name: &str) -> String {
     SERVER.make_bucket(name);
     format!("s3://{name}/a/corpus")
@@ -146,7 +147,7 @@ fn contents(corpus: &Path) -> Vec<(PathBuf, Vec<u8>)> {
     found
 }
 
-/// What is at the URL, fetched, is what one run makes in a folder, and sound.
+/// The corpus at the URL, downloaded, equals that of one run in a folder, and is valid.
 fn assert_same(url: &str) {
     let (_folder, corpus, output) = fetch(url);
     assert!(output.status.success(), "{}", said(&output));
@@ -183,7 +184,7 @@ fn two_shards_of_which_one_is_killed_make_the_corpus_of_one_run() {
     until("a scenario is committed", || committed("two-shards") > 0);
     killed.kill().unwrap();
     killed.wait().unwrap();
-    // What counts is whole, whatever else lies there.
+    // Committed scenarios are complete, whatever else is there.
     let (_folder, corpus, output) = fetch(&url);
     assert!(output.status.success(), "{}", said(&output));
     let verified = dtd(SERVER.address).arg("verify").arg(&corpus).output();
@@ -231,7 +232,7 @@ fn a_run_that_is_killed_again_and_again_goes_on_from_its_stage() {
 fn a_scenario_without_its_seal_is_not_taken_for_whole() {
     let url = bucket("half");
     let stage = tempdir().unwrap();
-    // As a killed upload leaves it.
+    // Like a killed upload.
     let scenario = "/half/a/corpus/scenarios/1200-clear-r1";
     SERVER.put(&format!("{scenario}/frames.parquet"), "of another run");
     SERVER.put(&format!("{scenario}/MANIFEST.b3"), "");
@@ -399,7 +400,7 @@ fn labels_go_back_to_the_bucket_and_another_mirror_gets_them() {
     assert_eq!(number(&pushed, "unchanged"), SCENARIOS, "{pushed}");
     let (_two, two, _) = fetch(&url);
     assert_eq!(contents(Path::new(one)), contents(&two));
-    // A mirror that has them already moves nothing; one with other content is not overwritten.
+    // A mirror that has them already transfers nothing; one with other content is not overwritten.
     let again = json(&run(&["fetch", &url, "--out", one, "--json"]));
     assert_eq!(number(&again, "unchanged"), SCENARIOS, "{again}");
     let output = dtd(SERVER.address)
@@ -432,14 +433,14 @@ fn push(corpus: &Path, url: &str) -> Output {
         .unwrap()
 }
 
-/// What is at the URL, fetched.
+/// The corpus at the URL, downloaded.
 fn mirror(url: &str) -> Vec<(PathBuf, Vec<u8>)> {
     let (_folder, corpus, output) = fetch(url);
     assert!(output.status.success(), "{}", said(&output));
     contents(&corpus)
 }
 
-/// Dates a file: `hours` from now, or ago if that is negative. Stores know seconds only.
+/// Dates a file: `hours` from now, or ago if negative. Stores have a resolution of seconds.
 fn date(path: &Path, hours: i64) {
     let file = fs::File::options().write(true).open(path).unwrap();
     let span = Duration::from_secs(3600 * hours.unsigned_abs());
@@ -471,7 +472,7 @@ fn damaged_files_of_the_whole_corpus_go_neither_way() {
     for name in ["plan.json", "splits.json", "corpus.toml"] {
         let path = local.join(name);
         let good = fs::read(&path).unwrap();
-        // In the middle of a name, where TOML has none that end so.
+        // In the middle of a name, where TOML cannot end.
         let middle = match good.windows(4).position(|text| text == b"[app") {
             Some(place) => place + 4,
             None => good.len() / 2,
@@ -489,7 +490,7 @@ fn damaged_files_of_the_whole_corpus_go_neither_way() {
             assert!(mirror(&url) == whole, "{name} was sent: {message}");
         }
         fs::write(&path, &good).unwrap();
-        // Here and damaged, it is brought again, and that is said.
+        // Damaged locally, it is downloaded again, with a message.
         let (_other, other) = copy_of(&local);
         fs::write(other.join(name), "").unwrap();
         let output = dtd(SERVER.address)
@@ -500,7 +501,7 @@ fn damaged_files_of_the_whole_corpus_go_neither_way() {
         assert!(output.status.success(), "{}", said(&output));
         assert!(said(&output).contains("damaged"), "{}", said(&output));
         assert!(fs::read(other.join(name)).unwrap() == good);
-        // Damaged in the store, it never comes here; a push of a whole one mends it.
+        // Damaged in the store, it is never downloaded; pushing an intact one repairs it.
         SERVER.put(&format!("/damaged-files/a/corpus/{name}"), "");
         let (_third, third) = copy_of(&local);
         let output = dtd(SERVER.address)
@@ -562,7 +563,7 @@ fn an_older_mirror_does_not_undo_labels_and_a_damaged_one_replaces_nothing() {
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     assert!(said(&output).contains("newer"), "{}", said(&output));
     assert!(mirror(&url) == whole);
-    // Newer by its clock, but not what was sealed.
+    // Newer by its clock, but not matching its seal.
     for seal in seals_of(&older) {
         flip(&seal.with_file_name("frames.parquet"));
         date(&seal, 1);
@@ -646,7 +647,7 @@ fn detections_are_never_overwritten_here_and_replaced_there_only_by_newer_ones()
         "{}",
         said(&output)
     );
-    // Damaged here: not sent; and mended from the store where that has the very same.
+    // Damaged locally: not uploaded; and repaired from the store if that has exactly the same.
     for (corpus, table) in [(&one, &table), (&two, &theirs)] {
         flip(table);
         let output = push(corpus, &url);

@@ -1,8 +1,8 @@
-//! Any two verbs at once on one corpus: nothing is lost, no seal breaks, files of others stay, and the exit codes are true.
+//! Any two verbs at once on one corpus: nothing is lost, no seal breaks, other people's files stay, and the exit codes are correct.
 //!
-//! Each round copies a corpus in which every verb has something to do, starts two verbs a random moment apart, and looks at what they left.
-//! `DTD_RACE_ROUNDS` is the number of rounds for each pair (1), `DTD_RACE_SEED` draws the moments, `DTD_RACE_VERBS=label,push` narrows the
-//! pairs down.
+//! Each round copies a corpus in which every verb has something to do, starts two verbs with a random delay, and checks the result.
+//! `DTD_RACE_ROUNDS` is the number of rounds for each pair (1), `DTD_RACE_SEED` draws the delays, `DTD_RACE_VERBS=label,push`
+//! restricts the pairs.
 
 mod tiny;
 
@@ -46,20 +46,20 @@ const VERBS: [(&str, &str); 10] = [
 /// Longer than anything here takes.
 const TOO_LONG: Duration = Duration::from_secs(300);
 
-/// Files that nobody but their owner may touch, beside ours and with names like those that we use on the way.
+/// Files that only their owner may touch, next to ours and with names like our temporary ones.
 const NOTES: [&str; 3] = [
     "corpus/notes.new",
     "corpus/plan.json.mine.tmp",
     "run.notes.tmp",
 ];
 
-/// A corpus in which every verb has work: a scenario is still to be recorded, or to be fetched from the store, which has it; two have labels that
-/// are off by less than any check minds.
+/// A corpus in which every verb has work: a scenario is still to be recorded, or to be downloaded from the store, which has it; two
+/// have labels that are slightly off, within every check's tolerance.
 struct Start {
     tiny: Tiny,
     /// The scenario that is only in the store.
     absent: String,
-    /// What `verify --quick` says before the race.
+    /// The result of `verify --quick` before the race.
     findings: Value,
 }
 
@@ -119,7 +119,7 @@ fn must(tiny: &Tiny, arguments: &[impl AsRef<std::ffi::OsStr>]) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_default()
 }
 
-/// What `verify --quick` finds.
+/// The result of `verify --quick`.
 fn findings(tiny: &Tiny, corpus: &str) -> Value {
     let output = tiny
         .dtd(&["verify", corpus, "--quick", "--json"])
@@ -136,13 +136,13 @@ fn is_true_ending(verb: &str, other: &str, output: &Output) -> bool {
     let words = said(output);
     match output.status.code() {
         Some(0) => true,
-        // Somebody else is at it; the message says so.
+        // Another process holds it; the message says so.
         Some(75) => words.contains("error: "),
-        // A scenario that the other one changed meanwhile is another than the store's, and detections that it made are newer.
+        // A scenario that the other one changed in the meantime differs from the store's, and its detections are newer.
         Some(3) => {
             verb == "fetch" && ["generate", "label", "detect", "push", "fetch"].contains(&other)
         }
-        // The other one brought a scenario that nobody labelled or searched yet.
+        // The other one downloaded a scenario without labels or detections.
         Some(2) => {
             ["train", "evaluate", "train-detector"].contains(&verb)
                 && adds_scenarios
@@ -161,7 +161,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
         .map(|(verb, pause)| {
             let mut command = tiny.dtd(&arguments(&tiny, verb));
             thread::spawn(move || {
-                // Not a wait for anything: the moment is what is varied.
+                // Not waiting for anything: the delay is the variable.
                 thread::sleep(pause);
                 tiny::run(&mut command, TOO_LONG)
             })
@@ -174,7 +174,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
             None => wrong.push(format!("{verb} hung")),
             Some(output) => {
                 let words = said(output);
-                // A message names what is missing and why, not the number of an error.
+                // A message names what is missing and why, not an error number.
                 let is_raw = words.contains("panicked") || words.contains("os error");
                 if !is_true_ending(verb, partner, output) || is_raw {
                     wrong.push(format!("{verb} ended with {}: {words}", output.status));
@@ -189,7 +189,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
     }
     let after: BTreeSet<String> = tiny.files().into_iter().collect();
     let lost = before.iter().filter(|name| !after.contains(*name));
-    // A new training takes the figures of the old one away.
+    // A new training removes the results of the old one.
     let replaced = |name: &str| names.contains(&"train") && name.starts_with("run/");
     for name in lost.filter(|name| !replaced(name)) {
         wrong.push(format!("{name} is lost"));
@@ -233,7 +233,7 @@ fn race(first: usize, second: usize, apart: Duration) -> Vec<String> {
     wrong
 }
 
-/// Whether a file is one that should have had another name by the end.
+/// Whether a file should have been renamed by the end.
 fn is_leftover(name: &str) -> bool {
     Path::new(name).components().any(|part| {
         let part = part.as_os_str().to_string_lossy();
@@ -244,7 +244,7 @@ fn is_leftover(name: &str) -> bool {
     })
 }
 
-/// What a run says of itself must come from the weights that lie there: metrics of others are worse than none.
+/// A run's results must come from its weights: another run's metrics are worse than none.
 fn mixed_run(tiny: &Tiny) -> Option<String> {
     let metrics = tiny.path("run/metrics.json");
     let stored = fs::read(&metrics).ok()?;
@@ -272,7 +272,7 @@ fn two_verbs_at_once_lose_nothing_and_end_truly() {
         only.as_ref()
             .is_none_or(|only| only.split(',').any(|name| name == VERBS[verb].0))
     };
-    // How long each takes alone, so that the second begins anywhere in the first.
+    // The duration of each alone, so that the second begins anywhere within the first.
     let alone = VERBS.each_ref().map(|_| Duration::ZERO);
     let mut alone = alone;
     for (verb, took) in alone.iter_mut().enumerate() {

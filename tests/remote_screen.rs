@@ -1,7 +1,7 @@
-//! X-Plane 12 on another computer: a `dtd` without a display of its own gets its pictures from the screen that the plugin grabs there.
+//! X-Plane 12 on another computer: a `dtd` without a display gets its pictures from the screen that the plugin grabs there.
 //!
-//! One computer plays both. The plugin is changed in two places: it takes every client for one of another computer, and it may show its
-//! screen, as `grab = on` says.
+//! One computer plays both. The plugin is changed in two places: it takes every client for one of another computer, and it may show
+//! its screen, as with `grab = on`.
 #![cfg(target_os = "linux")]
 
 #[path = "awkward/pictures.rs"]
@@ -35,13 +35,13 @@ const ELSEWHERE: (&str, &str, &str) = (
 );
 const GRAB_ON: (&str, &str, &str) = ("settings.py", "grab: bool = False", "grab: bool = True");
 
-/// An X-Plane 12 with a plugin that is changed so.
+/// An X-Plane 12 with the changed plugin.
 fn simulator(folder: &Path, changes: &[(&str, &str, &str)]) -> Simulator {
     let plugin = plugin_with(folder, changes);
     Simulator::start_with_token("12", Some("none"), &plugin, TOKEN)
 }
 
-/// A verb of `dtd` on the computer beside it, which has no display.
+/// A verb of `dtd` on the other computer, which has no display.
 fn from_elsewhere(simulator: &Simulator, arguments: &[&str]) -> Output {
     let mut command = simulator.dtd(arguments);
     command.env("DISPLAY", "").output().unwrap()

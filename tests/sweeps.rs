@@ -1,5 +1,5 @@
-//! Sweeps as their authors meet them: what is wrong with one is said by the command with file, line and column, and the schema that editors
-//! and checkers read says the same as far as a schema can.
+//! Sweeps as their authors experience them: the command reports mistakes with file, line and column, and the schema for editors and
+//! checkers agrees as far as a schema can.
 
 use std::fmt::Write;
 use std::fs;
@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value;
 
-/// A sound sweep; the cases change a line of it.
+/// A valid sweep; the cases change one line of it.
 const SOUND: &str = r#"#:schema ./sweep.schema.json
 [corpus]
 name = "small"
@@ -96,7 +96,7 @@ hfov_deg = 10
 touchdown_past_threshold_m = 617.7
 "#;
 
-/// Who can find a fault: a schema knows forms and ranges of numbers; names, files and sums only the command knows.
+/// Who can find a mistake: a schema knows structure and ranges of numbers; only the command knows names, files and sums.
 #[derive(PartialEq)]
 enum By {
     Schema,
@@ -104,8 +104,8 @@ enum By {
 }
 use By::{CommandOnly, Schema};
 
-/// What stands in the sound sweep, what is written instead, what the message has to point at (the first place of these words in the
-/// changed sweep), words that have to be in it, and who finds it.
+/// The original text, its replacement, the position that the message must point at (the first occurrence of these words in the
+/// changed sweep), words that must be in it, and who finds it.
 type Case = (&'static str, &'static str, &'static str, &'static str, By);
 
 #[rustfmt::skip]
@@ -180,7 +180,7 @@ const CASES: &[Case] = &[
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 0\n\n[[rig", "0\n\n[[rig", "field of view", Schema),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k1 = -200 }\n\n[[rig", "distortion", "folds the picture over", CommandOnly),
     ("hfov_deg = 10\n\n[[rig", "hfov_deg = 10\ndistortion = { k4 = 1 }\n\n[[rig", "k4", "unknown field `k4`", Schema),
-    // Cameras that are off, pictures that are not ideal.
+    // Misplaced cameras, degraded pictures.
     ("[video]", "[aim]\ndtd_nm = 5\npitch_deg = 1\n\n[video]", "aim]", "expected either dtd_nm", Schema),
     ("[video]", "[aim]\ndtd_nm = { min = 3, max = 70 }\n\n[video]", "dtd_nm = { min = 3", "from -0.5 to 40", Schema),
     ("[video]", "[jitter]\nheading_deg = 20\n\n[video]", "20\n\n[video", "from -10 to 10", Schema),
@@ -207,7 +207,7 @@ fn dtd(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// Runs a program of the virtual environment that `scripts/setup.sh` makes.
+/// Runs a program of the virtual environment that `scripts/setup.sh` creates.
 fn judge(program: &str, folder: &Path, arguments: &[&str]) -> Output {
     let path = repository().join(".venv/bin").join(program);
     Command::new(&path)

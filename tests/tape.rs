@@ -1,4 +1,4 @@
-//! Sessions recorded by `dtd record` and replayed: the same corpus comes out, and others can read the tape.
+//! Sessions recorded by `dtd record` and replayed: the same corpus results, and other tools can read the tape.
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -78,7 +78,7 @@ impl Drop for Server {
     }
 }
 
-/// Records the making of some scenarios; the tape lies beside the corpus.
+/// Records a run of some scenarios; the tape is next to the corpus.
 fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
     let (corpus, tape) = (folder.join("corpus"), folder.join("session.mcap"));
     let arguments = [&["record", "--sim", "mock", "--out", text(&tape)], more].concat();
@@ -158,7 +158,7 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
     for words in ["again in", "retr", "another plugin"] {
         assert!(!said.to_lowercase().contains(words), "{words}: {said}");
     }
-    // Each scenario for itself.
+    // Each scenario separately.
     for id in IDS {
         assert!(corpus.join("failed").join(format!("{id}.json")).exists());
     }
@@ -226,7 +226,7 @@ fn the_stored_tape_gives_the_stored_tables_and_labels() {
         fs::write(&path, &found).unwrap();
     }
     let expected = fs::read_to_string(path).unwrap();
-    // Sines of another processor's library may differ in their last bit, and with them a table's hash.
+    // Sines from another processor's library may differ in their last bit, and with them a table's hash.
     if cfg!(all(target_arch = "x86_64", target_os = "linux")) {
         assert_eq!(
             found, expected,
@@ -288,13 +288,13 @@ fn a_killed_recorder_leaves_a_tape_that_reads() {
         client.send_to(&datagram, &recorder.udp).unwrap();
         let mut buffer = [0; 1_024];
         let mut length = simulator.recv(&mut buffer).unwrap();
-        // The recorder's own question whether anybody is there, which is on no tape.
+        // The recorder's own probe, which is on no tape.
         while buffer.starts_with(b"RREF") || buffer.starts_with(b"RPOS") {
             length = simulator.recv(&mut buffer).unwrap();
         }
         assert_eq!(buffer[..length], datagram, "not as it was sent");
     }
-    // What is on the tape gets into the file within a second or so; the machine may be busy.
+    // The tape's content reaches the file within a second or so; the machine may be busy.
     let begin = Instant::now();
     let read = || {
         let mut tape = TapeReader::open(&tape).unwrap();

@@ -1,5 +1,5 @@
-//! `dtd verify` against every fault that it promises to find, in a corpus that the stand-in recorded. A fault that its hash would give
-//! away is injected a second time with the seal made anew, so that what was recorded has to give it away.
+//! `dtd verify` against every fault that it promises to find, in a corpus that the stand-in recorded. A fault that its hash would
+//! reveal is injected a second time with a new seal, so that the content must reveal it.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,8 +17,7 @@ use dataset::verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with}
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use serde_json::Value;
 
-/// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog, with cameras that are a little off and see a little
-/// less than well.
+/// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog, with slightly misplaced and degraded cameras.
 const SWEEP: &str = r#"
 [corpus]
 name = "faults"
@@ -68,7 +67,7 @@ blur_sigma_px = 0.4
 "#;
 const CLEAR: &str = "1200-clear-r1";
 const FOGGY: &str = "1200-foggy-r1";
-/// A tick in which the aircraft is near enough to be seen moving: one before the end of the recording by so many.
+/// A tick in which the aircraft is near enough for visible motion, counted from the end of the recording.
 const FROM_THE_END: usize = 30;
 
 fn dtd(arguments: &[&str]) -> Output {
@@ -82,7 +81,7 @@ fn text(path: &Path) -> &str {
     path.to_str().unwrap()
 }
 
-/// The sound corpus, made once per run of the tests.
+/// The valid corpus, made once per run of the tests.
 fn sound() -> &'static Path {
     static CORPUS: OnceLock<tempfile::TempDir> = OnceLock::new();
     let folder = CORPUS.get_or_init(|| {
@@ -111,7 +110,7 @@ fn sound() -> &'static Path {
     Box::leak(folder.path().join("corpus").into_boxed_path())
 }
 
-/// A copy of the sound corpus to be damaged.
+/// A copy of the valid corpus to damage.
 struct Copy {
     _folder: tempfile::TempDir,
     corpus: Corpus,
@@ -136,13 +135,13 @@ impl Copy {
         self.clear().root().join(name)
     }
 
-    /// Seals the damaged scenario, as somebody would who trusts hashes alone.
+    /// Seals the damaged scenario, as an author who trusts only hashes would.
     fn seal(&self) {
         let seal = self.clear().seal().unwrap().unwrap();
         seal_folder(self.clear().root(), &seal.config_hash).unwrap();
     }
 
-    /// Labels the scenario again, which seals it too.
+    /// Labels the scenario again, which seals it, too.
     fn label(&self) {
         self.seal();
         let outcome = labeller::label_corpus(&self.corpus, &|_| {}).unwrap();
@@ -153,7 +152,7 @@ impl Copy {
         verify(&self.corpus).findings
     }
 
-    /// What is found without decoding a picture.
+    /// The findings without decoding a picture.
     fn findings_without_pictures(&self) -> Vec<Finding> {
         let options = VerifyOptions {
             decode: false,
@@ -168,7 +167,7 @@ impl Copy {
         record.write(&self.clear().record_path()).unwrap();
     }
 
-    /// Changes the left camera, with everything in the file that follows from it.
+    /// Changes the left camera, with everything in the file that depends on it.
     fn change_left_camera(&self, change: impl FnOnce(&mut CameraEntry)) {
         let path = self.clear().calibration_path();
         let mut calibration = Calibration::read(&path).unwrap();
@@ -229,7 +228,7 @@ fn listed(findings: &[Finding]) -> String {
         .collect()
 }
 
-/// That a fault of the clear scenario is found in this file, row and view, in these words.
+/// Asserts that a fault of the clear scenario is found in this file, row and view, in these words.
 fn assert_found(
     findings: &[Finding],
     file: &str,
@@ -471,7 +470,7 @@ fn a_pose_shifted_by_one_tick_is_found_even_if_all_tables_agree_on_it() {
         "pose drawn is not the tick's",
     );
 
-    // Every pose is that of the next tick, in step with velocities, echoes, labels and boxes: only the pictures know better.
+    // Every pose is that of the next tick, consistent with velocities, echoes, labels and boxes: only the pictures reveal it.
     let copy = Copy::new();
     copy.change_frames(|frames| {
         let rows = &mut frames.rows;
@@ -528,7 +527,7 @@ fn a_wrong_touchdown_is_found_even_if_labels_follow_it() {
     let words = "touchdown is 110.";
     assert_found(&copy.findings(), "scenario.json", None, None, words);
 
-    // With a threshold that fits, only the plan knows better.
+    // With a matching threshold, only the plan reveals it.
     let copy = Copy::new();
     copy.change_record(|record| {
         record.runway.touchdown_past_threshold_m += 50.0;
@@ -569,7 +568,7 @@ fn a_missing_column_is_named() {
     assert_found(&copy.findings(), "frames.parquet", None, None, words);
 }
 
-/// Writes a table again, with its floats changed or left out, as somebody would who knows no limits.
+/// Rewrites a table with its floats changed or left out, without checking limits.
 fn rewrite(path: &Path, change: impl Fn(&str, Vec<Option<f64>>) -> Option<Vec<Option<f64>>>) {
     let table = Table::read(path, u64::MAX).unwrap();
     let mut again = TableWriter::new();
@@ -630,7 +629,7 @@ fn a_camera_that_is_not_as_it_was_planned_is_found_even_if_tables_and_labels_fol
             left.placed.pose.heading_true_deg += 0.01;
         }),
         ("roll_deg", |left| left.placed.pose.roll_deg = 0.1),
-        // What gives another `k`.
+        // Values that give another `k`.
         ("hfov_deg", |left| left.placed.hfov_deg += 0.1),
         ("latitude_deg, longitude_deg, altitude_msl_m", |left| {
             left.placed.pose.altitude_msl_m += 0.5;
@@ -720,7 +719,7 @@ fn a_leaked_split_is_found() {
 fn a_foreign_schema_version_is_found() {
     for (version, words) in [(99, "has schema version 99"), (0, "schema version is 0")] {
         let copy = Copy::new();
-        // As plain JSON: our own writer refuses it.
+        // As plain JSON: our own writer rejects it.
         let path = copy.clear().record_path();
         let mut record: Value = read_json(&path, "scenario record").unwrap();
         record["schema_version"] = version.into();
@@ -735,7 +734,7 @@ fn a_box_that_is_not_where_the_aircraft_is_is_found_in_its_row() {
     let copy = Copy::new();
     let path = copy.clear().truth_boxes_path();
     let mut boxes = dataset::pixel_box::read_truth_boxes(&path, u64::MAX).unwrap();
-    // One that is whole in the picture, and lower than it will be moved.
+    // One that is completely in the picture, and lower than it will be moved.
     let row = boxes
         .iter()
         .position(|one| one.truncation == 0.0 && one.pixel_box.height_px < 20.0)

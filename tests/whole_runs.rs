@@ -1,4 +1,4 @@
-//! Trainings and evaluations that are killed at any moment, judged by what lies on the disk.
+//! Trainings and evaluations that are killed at any moment, checked by the files left on disk.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -91,7 +91,7 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
     });
     assert!(undisturbed[0] != undisturbed[1]);
     for kill in 0..KILLS {
-        // A training, then an evaluation, then another training ... each ended a little later than the last of its kind.
+        // A training, then an evaluation, then another training ... each killed slightly later than the last of its kind.
         let mut command = match kill % 3 {
             0 => workshop.train(&workshop.run, 0),
             1 => workshop.evaluate(),

@@ -1,4 +1,4 @@
-//! The `ffmpeg` program as an encoder of raw pictures: settings that ours does not offer, and a rate to be compared with.
+//! The `ffmpeg` program as an encoder of raw pictures: for settings that ours does not offer, and for comparing rates.
 
 use std::path::Path;
 use std::process::Command;

@@ -1,8 +1,8 @@
-//! Processor time, which says the same on a busy machine.
+//! Processor time, which is also valid on a busy machine.
 
 use std::time::Duration;
 
-/// Processor time so far of this process, and of programs that it ran.
+/// Processor time so far of this process and of its child processes.
 pub(crate) fn cpu_so_far() -> [Duration; 2] {
     const TICKS_PER_S: f64 = 100.0;
     let stat = std::fs::read_to_string("/proc/self/stat").expect("Linux's /proc");

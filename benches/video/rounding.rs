@@ -1,5 +1,5 @@
-//! What a pixel format alone leaves of a picture: RGB to YUV and back in exact arithmetic, with nothing but the rounding to its levels and
-//! the sharing of colours among four pixels.
+//! The effect of a pixel format alone: RGB to YUV and back in exact arithmetic, with only the rounding to its levels and the chroma
+//! subsampling.
 
 /// BT.709.
 pub(crate) const LUMA: [f64; 3] = [0.2126, 0.7152, 0.0722];
@@ -14,11 +14,11 @@ pub(crate) struct Levels {
     pub(crate) luma: f64,
     /// 255 and 224.
     pub(crate) chroma: f64,
-    /// Four pixels have one colour.
+    /// Four pixels share one colour.
     pub(crate) shared: bool,
 }
 
-/// A piece of picture with an even number of rows and columns, there and back.
+/// A piece of picture with an even number of rows and columns, converted there and back.
 pub(crate) fn there_and_back(rgb: &[[f64; 3]], width: usize, levels: Levels) -> Vec<[f64; 3]> {
     let round = |value: f64, levels: f64| (value * levels / 255.0).round() * 255.0 / levels;
     let bright = |[r, g, b]: [f64; 3]| LUMA[0] * r + LUMA[1] * g + LUMA[2] * b;

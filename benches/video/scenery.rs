@@ -1,5 +1,5 @@
-//! Pictures that both benches encode: an approach at 10 nautical miles, drawn by the stand-in's renderer in full size, as the left
-//! camera of the sweeps sees it.
+//! Pictures for both benches: an approach at 10 nautical miles, drawn by the stand-in's renderer in full size, as the left camera
+//! of the sweeps sees it.
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Weather};

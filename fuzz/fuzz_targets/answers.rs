@@ -1,17 +1,17 @@
-//! Any numbers in any shape, taken for what an ONNX model answers: no panic, boxes that are boxes, and suppression that ends.
+//! Any numbers in any shape as a model's output: no panic, valid boxes, and suppression that terminates.
 
 #![no_main]
 
 use arbitrary::Arbitrary;
 use libfuzzer_sys::fuzz_target;
 
-/// What a model answers, as the fuzzer makes it up.
+/// A model output made up by the fuzzer.
 #[derive(Debug, Arbitrary)]
 struct Made {
-    /// Which layout a profile says; none if it is beyond the last.
+    /// The layout in a profile; none if it is beyond the last.
     layout: u8,
     shape: Vec<u16>,
-    /// Repeated until there are as many as the shape says.
+    /// Repeated until the count matches the shape.
     numbers: Vec<f32>,
     windows: u8,
     window_px: u16,
@@ -19,7 +19,7 @@ struct Made {
     corner: bool,
     /// In 255ths.
     floor: u8,
-    /// Whether there is a number more than the shape says.
+    /// Whether there is one number too many.
     surplus: bool,
 }
 
@@ -50,7 +50,7 @@ mod detector {
         Layout::BatchCorners,
     ];
 
-    /// As the labeller has it.
+    /// As in the labeller.
     #[derive(Debug, Clone, Copy, PartialEq)]
     pub struct ScoredBox {
         pub pixel_box: dataset::pixel_box::PixelBox,

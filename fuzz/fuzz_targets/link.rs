@@ -1,5 +1,5 @@
-//! Any bytes, taken for what a side of the capture link sends; the first one says which, and to whom. No panic, and a message that is understood is
-//! understood again, and the same, when it is sent on.
+//! Any bytes as the input of one side of the capture link; the first one selects the side. No panic, and a decoded message encodes
+//! and decodes to the same.
 
 #![no_main]
 
@@ -40,7 +40,7 @@ fuzz_target!(|bytes: &[u8]| {
     });
 });
 
-/// What the simulator's side reads. After a header that is no message it reads on.
+/// Input of the simulator's side. After an invalid header it reads on.
 async fn requests(peer: &mut Peer<'_>) {
     use xplane_bridge::link::LinkError::BadHeader;
     loop {
@@ -59,12 +59,12 @@ async fn requests(peer: &mut Peer<'_>) {
     }
 }
 
-/// What the client reads, with the payload of a flight decoded.
+/// Input of the client, with the payload of a flight decoded.
 async fn answers(peer: &mut Peer<'_>) {
     let mut payload = Vec::new();
     while let Ok(Some((answer, payload_bytes))) = read_header::<Answer>(peer).await {
         same_again(&answer).await;
-        // Room is made for a payload that is announced. Here that would only take time.
+        // Space is allocated for an announced payload. Here that would only take time.
         if payload_bytes > peer.0.len() {
             return;
         }
@@ -94,13 +94,13 @@ async fn same_again<M: Serialize + DeserializeOwned>(message: &M) {
     assert_eq!(sent, again);
 }
 
-/// Runs what never waits.
+/// Runs futures that never wait.
 fn at_once(work: impl Future<Output = ()>) {
     let mut context = Context::from_waker(Waker::noop());
     assert!(pin!(work).poll(&mut context).is_ready());
 }
 
-/// Says these bytes and hears nothing.
+/// Sends these bytes and receives nothing.
 struct Peer<'a>(&'a [u8]);
 
 impl AsyncRead for Peer<'_> {

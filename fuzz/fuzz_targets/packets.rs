@@ -1,4 +1,4 @@
-//! Any bytes, taken for a datagram of either direction: no panic, and what is understood is said again in the same bytes.
+//! Any bytes as a datagram of either direction: no panic, and a decoded packet encodes to the same bytes.
 
 #![no_main]
 
@@ -9,7 +9,7 @@ fuzz_target!(|datagram: &[u8]| {
     if let Ok(view) = DatarefValuesView::new(datagram) {
         assert_eq!(view.iter().count(), view.len());
     }
-    // Compared as bytes: a NaN is not equal to itself. An encoder may refuse, e.g. a text that fills its field.
+    // Compared as bytes: a NaN is not equal to itself. An encoder may fail, e.g. on a text that fills its field.
     let to = |bytes: &[u8]| ToSimulator::decode(bytes).and_then(|packet| packet.encode());
     if let Ok(again) = to(datagram) {
         assert_eq!(to(&again), Ok(again.clone()));

@@ -1,4 +1,4 @@
-//! Any bytes, taken for a recorded flight (CSV): no panic, and what is accepted can be flown at the ticks of a scenario.
+//! Any bytes as a recorded flight (CSV): no panic, and an accepted flight can be resampled to the ticks of a scenario.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! Any bytes, taken for a JSON file of a corpus; the first one says which. No panic, and what is accepted is written and read again as the same.
+//! Any bytes as a JSON file of a corpus; the first one selects the kind. No panic, and accepted input survives writing and reading.
 
 #![no_main]
 
@@ -50,7 +50,7 @@ fuzz_target!(|bytes: &[u8]| {
         5 => drop(survives(bytes, |bytes| {
             parse_json::<Seal>(bytes, path, "seal")
         })),
-        // A manifest is believed because its hash is in the seal: it is fuzzed behind that.
+        // A manifest is trusted because its hash is in the seal: it is fuzzed without that.
         _ => {
             let manifest = String::from_utf8_lossy(bytes);
             let seal = Seal {
@@ -64,7 +64,7 @@ fuzz_target!(|bytes: &[u8]| {
     }
 });
 
-/// What was read, if it is accepted, which it then is again once written.
+/// The input, if it is accepted; then it must be accepted again after writing.
 fn survives<T: Serialize + PartialEq + Debug, E: Debug>(
     bytes: &[u8],
     read: impl Fn(&[u8]) -> Result<T, E>,

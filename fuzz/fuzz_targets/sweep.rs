@@ -1,4 +1,4 @@
-//! Any text, taken for a sweep: refused with its place, or expanded to the same plan twice, which is a plan that can be read.
+//! Any text as a sweep: rejected with its position, or expanded to the same plan twice, and that plan can be read.
 
 #![no_main]
 
@@ -12,7 +12,7 @@ use libfuzzer_sys::fuzz_target;
 const SCENARIOS: usize = 200;
 
 fuzz_target!(|text: &str| {
-    // Whatever files a made-up glob names, there are none.
+    // Whatever files a generated glob names, there are none.
     let folder = Path::new("/dev/null");
     let read = || Sweep::parse(Path::new("sweep.toml"), folder, text.to_owned());
     if let Ok(sweep) = read()

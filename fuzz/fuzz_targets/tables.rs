@@ -1,4 +1,4 @@
-//! Any bytes, taken for a table of a corpus; the first one says which. No panic, and what is accepted is written and read again as the same.
+//! Any bytes as a table of a corpus; the first one selects the kind. No panic, and accepted tables survive writing and reading.
 
 #![no_main]
 

@@ -1,5 +1,6 @@
-//! Any bytes, taken for a tape, or (by the first one) for what is in a chunk of a sound tape, which compression and checksums would hide from the
-//! fuzzer: no panic, every message is found again where it was, and what the link said is taken apart as the stand-in does.
+//! Any bytes as a tape, or (selected by the first one) as the content of a chunk of a valid tape, which compression and checksums
+//! would hide from the fuzzer: no panic, every message is found again at its location, and messages of the link are parsed as in
+//! the stand-in.
 
 #![no_main]
 
@@ -62,7 +63,7 @@ fn read(path: &std::path::Path) {
     }
 }
 
-/// A tape with one chunk, uncompressed, whose checksum nobody checks because it is 0.
+/// A tape with one uncompressed chunk, whose checksum is ignored because it is 0.
 fn with_chunk(records: &[u8]) -> Vec<u8> {
     let length = (records.len() as u64).to_le_bytes();
     let no_times = [0; 16];

@@ -1,10 +1,10 @@
-//! What the fuzz targets share: the generator's pure modules, from their sources, and files in memory.
+//! Shared by the fuzz targets: the generator's pure modules, from their sources, and files in memory.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-/// What a sweep becomes before anything is recorded: the whole crate would bring the object store's clients along.
+/// The expansion of a sweep, without recording: the whole crate would bring the object store's clients along.
 #[path = "../../generator/src"]
 mod generator {
     pub mod airports;
@@ -20,14 +20,14 @@ mod generator {
 
 pub use generator::*;
 
-/// Writes bytes to a file that this process alone uses, in memory where there is such a place, and hands its path on.
+/// Writes bytes to a file that only this process uses, in memory if possible, and passes its path on.
 pub fn as_file<T>(bytes: &[u8], name: &str, read: impl FnOnce(&Path) -> T) -> T {
     let path = place(name);
     fs::write(&path, bytes).unwrap();
     read(&path)
 }
 
-/// A path that this process alone uses.
+/// A path that only this process uses.
 pub fn place(name: &str) -> PathBuf {
     static FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
         let memory = Path::new("/dev/shm");

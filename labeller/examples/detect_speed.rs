@@ -1,8 +1,8 @@
 //! Which division of the cores detects fastest: workers x threads per worker x batch.
 //!
-//! `ORT_DISABLE_TELEMETRY=1 ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so cargo run --release -p labeller --example detect_speed -- MODEL.onnx [WIDTH HEIGHT]`
-//! prints pictures per second of the first pass (all tiles of an empty picture), without decoding. The default of `DetectOptions`
-//! is based on it.
+//! `cargo run --release -p labeller --example detect_speed -- MODEL.onnx [WIDTH HEIGHT]`, with `ORT_DISABLE_TELEMETRY=1` and
+//! `ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so` in the environment, prints pictures per second of the first pass (all tiles of
+//! an empty picture), without decoding. The default of `DetectOptions` is based on it.
 
 use std::path::Path;
 use std::time::Instant;

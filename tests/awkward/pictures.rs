@@ -1,11 +1,11 @@
-//! Pictures of a scenario, and how far they are from those that a well-behaved simulator gave.
+//! Pictures of a scenario, and how far they are from those of a well-behaved simulator.
 
 use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::video::VideoReader;
 
-/// By how much a picture of the same pose may differ in the mean, of 255: 32-bit numbers put cameras aside by millimetres.
+/// Maximum mean difference of a picture of the same pose, of 255: 32-bit numbers shift cameras by millimetres.
 pub(crate) const ALIKE: f64 = 0.25;
 
 /// All pictures of both views of a scenario.

@@ -1,4 +1,4 @@
-//! A stand-in of its own process with our plugin in it, as a person starts it by hand, and `dtd` commands that use it.
+//! A stand-in with our plugin in a separate process, as a user starts it, and `dtd` commands that use it.
 
 use std::ffi::OsStr;
 use std::fs::{self, File};
@@ -14,36 +14,36 @@ use xplane_bridge::LINK_TOKEN_VARIABLE;
 
 use super::xvfb::Xvfb;
 
-/// The folder of the plugin that ships.
+/// The folder of our plugin.
 pub(crate) const PLUGIN: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/xplane-bridge/plugin");
 /// The sweep of these tests.
 pub(crate) const SWEEP: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/awkward/sweep.toml");
 /// Size of its pictures.
 const WINDOW: &str = "96x64";
-/// How much faster than ours the simulator's clock runs: a minute of waiting takes three seconds.
+/// How much faster than real time the simulator's clock runs: a minute of waiting takes three seconds.
 const CLOCK_RATE: &str = "20";
 
-/// Nothing takes longer, however busy the machine.
+/// Timeout of everything, on however busy a machine.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
-/// Runs as long as this value lives.
+/// Runs while this value lives.
 pub(crate) struct Simulator {
     process: Child,
     addresses: Addresses,
-    /// X-Plane 12's pictures can be had off the screen only.
+    /// X-Plane 12's pictures are available only off the screen.
     screen: Option<Xvfb>,
     folder: TempDir,
-    /// What its link demands; nothing if it is empty.
+    /// The token of its link; none if it is empty.
     token: String,
 }
 
 impl Simulator {
-    /// An X-Plane of a generation, 11 or 12, with some habits, or all that it has by default, and with a plugin.
+    /// An X-Plane of a generation, 11 or 12, with some habits, or its default ones, and with a plugin.
     pub(crate) fn start(xplane: &str, quirks: Option<&str>, plugin: &Path) -> Self {
         Self::start_with_token(xplane, quirks, plugin, "")
     }
 
-    /// The same with a link that demands a token, unless that is empty.
+    /// The same with a link that requires a token, unless that is empty.
     pub(crate) fn start_with_token(
         xplane: &str,
         quirks: Option<&str>,
@@ -114,7 +114,7 @@ impl Simulator {
         panic!("the plugin does not serve: {}", self.log());
     }
 
-    /// Where it takes UDP packets.
+    /// Its UDP address.
     pub(crate) fn udp(&self) -> SocketAddr {
         self.addresses.udp
     }
@@ -144,7 +144,7 @@ impl Simulator {
         command
     }
 
-    /// Makes scenarios of the sweep, all of them if none is named, into a corpus.
+    /// Records scenarios of the sweep, all of them if none is named, into a corpus.
     pub(crate) fn generate(&self, only: &str, corpus: &Path) -> Output {
         let corpus = corpus.to_str().unwrap();
         let mut command = self.dtd(&["-v", "generate", SWEEP, "--out", corpus]);
@@ -154,7 +154,7 @@ impl Simulator {
         command.output().unwrap()
     }
 
-    /// Where a test may write.
+    /// A folder that a test may write to.
     pub(crate) fn folder(&self) -> &Path {
         self.folder.path()
     }
@@ -172,7 +172,7 @@ impl Drop for Simulator {
     }
 }
 
-/// What a command said, for a test that fails.
+/// A command's output, for failing tests.
 pub(crate) fn said(output: &Output) -> String {
     format!(
         "{}{}",
@@ -181,7 +181,7 @@ pub(crate) fn said(output: &Output) -> String {
     )
 }
 
-/// A copy of the plugin with changes: in a file, a text is another one.
+/// A copy of the plugin with changes: in a file, a text is replaced.
 pub(crate) fn plugin_with(folder: &Path, changes: &[(&str, &str, &str)]) -> PathBuf {
     let copy = folder.join("plugin");
     let package = copy.join("dtd_bridge");

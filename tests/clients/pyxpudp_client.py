@@ -1,6 +1,6 @@
 """Drives the stand-in with `pyXPUDP`, unmodified. Argument: UDP port. It has no discovery.
 
-The client demands exactly `RREF,`, writes garbage behind the NUL of a path, and sends commands without a NUL.
+The client requires exactly `RREF,`, writes garbage after the NUL of a path, and sends commands without a NUL.
 """
 
 import sys
@@ -21,7 +21,7 @@ def wait_until(what, condition, seconds=15.0):
 
 
 with XPConnector("127.0.0.1", send_port=int(sys.argv[1]), listen_freq=20) as client:
-    # Asking for values subscribes to them. (Subscribing to a name that was never asked for raises a ValueError in 0.0.3.1.)
+    # Requesting values subscribes to them. (Subscribing to a name that was never requested raises a ValueError in 0.0.3.1.)
     client.get_datarefs(FREQUENCY, PAUSED)
     client.subscribe_to_datarefs(FREQUENCY, PAUSED, freq=20)
     value = lambda name: client.get_dataref(name)

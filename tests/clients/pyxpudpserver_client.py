@@ -1,7 +1,7 @@
 """Drives the stand-in with `pyxpudpserver`, unmodified. Arguments: UDP port, name in the beacon, port for the data output.
 
-The client sends `0` as the fifth byte, pads paths with spaces, appends [0] to scalars, opens a socket per dataref, sends
-commands without a NUL, and knows that the simulator lives by the name in its beacon.
+The client sends `0` as the fifth byte, pads paths with spaces, appends [0] to scalars, opens a socket per dataref, sends commands
+without a NUL, and detects a live simulator by the name in its beacon.
 """
 
 import sys
@@ -36,7 +36,7 @@ try:
     wait_until("the version", lambda: version() == 124009.0)
     wait_until("a frequency", lambda: client.getData(FREQUENCY) == 11030.0)
 
-    # Write; the client makes nav1_freq_hz[0] of it.
+    # Write; the client turns it into nav1_freq_hz[0].
     client.sendXPDref(FREQUENCY, 0, 11090)
     wait_until("the written frequency", lambda: client.getData(FREQUENCY) == 11090.0)
 

@@ -1,6 +1,6 @@
 """Drives the stand-in with `xpwebapi`, unmodified: beacon, UDP, REST and WebSocket. Arguments: UDP port, Web API port.
 
-It wants a name in the beacon, pads commands to 505 bytes, and expects JSON as the answer to a write.
+It requires a name in the beacon, pads commands to 505 bytes, and expects JSON as the answer to a write.
 """
 
 import sys

@@ -1,10 +1,10 @@
 """Projects the aircraft's centre of gravity, wing tips and nose with its own WGS-84 and camera code and compares with boxes_truth.parquet.
 
-Nothing of the project's geometry is used: only calibration.json's matrices and frames.parquet's poses, read with pyarrow.
-The wing tips lie half a span (17.9 m) left and right of the body's plane of symmetry, so the box must reach from the one to
-the other: its width is compared with the projected distance of two points a span apart, seen from ahead.
+Nothing of the project's geometry is used: only calibration.json's matrices and frames.parquet's poses, read with pyarrow. The wing
+tips are half a span (17.9 m) left and right of the body's plane of symmetry, so the box must reach from one to the other: its width
+is compared with the projected distance of two points a span apart, seen from ahead.
 
-usage: projection.py CORPUS     prints JSON {boxes, outside, worst_width_ratio}; exit 1 if a box does not hold the aircraft
+usage: projection.py CORPUS     prints JSON {boxes, outside, worst_width_ratio}; exit 1 if a box does not contain the aircraft
 """
 
 import json
@@ -73,7 +73,7 @@ def main(corpus: pathlib.Path) -> int:
             ratio = box["width_px"] / abs(right[0] - left[0])
             worst_ratio = max(worst_ratio, ratio, 1 / ratio)
     print(json.dumps({"boxes": boxes, "outside": outside, "worst_width_ratio": round(worst_ratio, 4)}))
-    # Seen up to 25 degrees off the nose, fuselage and sweep make the box at most a quarter wider than the span itself.
+    # Up to 25 degrees off the nose, fuselage and sweep make the box at most a quarter wider than the span itself.
     return 0 if boxes and not outside and worst_ratio < 1.25 else 1
 
 

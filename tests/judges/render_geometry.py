@@ -1,15 +1,16 @@
-"""Predicts where wheels, wing tips and nose of rendered aircraft lie in the picture, with its own WGS-84 and camera code.
+"""Predicts where wheels, wing tips and nose of rendered aircraft are in the picture, with its own WGS-84 and camera code.
 
-Nothing of the project's geometry is used. Known are the aircraft's published dimensions (span 35.8 m; the nose 18.2 m ahead of
-the centre of gravity, which the main wheels follow by 1.4 m and the nose wheels precede by 14.2 m; wheels 3.2 m below it), the
-poses that were asked for, and the camera's place, direction and field of view. Measured is the box of pixels that an aircraft changes.
+Nothing of the project's geometry is used. Known are the aircraft's published dimensions (span 35.8 m; the nose 18.2 m ahead of the
+centre of gravity, which the main wheels follow by 1.4 m and the nose wheels precede by 14.2 m; wheels 3.2 m below it), the
+requested poses, and the camera's position, direction and field of view. Measured is the box of pixels that an aircraft changes.
 
 The wing tips carry lamps whose glow reaches beyond them; against the noon sky the wings are dark, so their columns are those that
-got darker. A pixel changes when the outline crosses any part of it, so one edge lies up to half a pixel off the true one; over poses at
-sixteen fractions of a pixel that averages out.
+got darker. A pixel changes when the outline crosses any part of it, so one edge is up to half a pixel off the true one; over poses
+at sixteen fractions of a pixel that averages out.
 
-Some pictures are drawn through a lens and air that bends light. The lens is OpenCV's model, written out here from OpenCV's documentation; bent light is an
-arc of a circle of the earth's radius over the coefficient, whose tangent at the camera is what is seen.
+Some pictures are drawn with a lens and refraction. The lens is OpenCV's model, implemented here from OpenCV's documentation; a
+refracted ray is an arc of a circle of the earth's radius over the coefficient, whose tangent at the camera is the apparent
+direction.
 
 usage: render_geometry.py FOLDER     of scenes.json and the raw pictures that it names; prints JSON; exit 1 beyond 0.3 px
 """
@@ -53,7 +54,7 @@ def forward_right_down(pose):
 
 
 def bent(seen, up, coefficient):
-    """The chords of arcs of light, turned upwards into the arcs' tangents."""
+    """The chords of rays of light, rotated upwards to the arcs' tangents."""
     length = np.linalg.norm(seen, axis=1, keepdims=True)
     along = seen / length
     upwards = up - along * (along @ up)[:, None]

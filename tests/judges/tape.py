@@ -1,4 +1,4 @@
-"""A tape as MCAP's own reader sees it: every checksum is checked, and what is on it is counted as JSON.
+"""A tape as read by MCAP's own reader: every checksum is checked, and the contents are counted as JSON.
 
 Usage: python tape.py TAPE.mcap
 """

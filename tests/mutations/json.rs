@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::text;
 
-/// Changes one value of a document, or its text. Says what was done.
+/// Changes one value of a document, or its text. Returns what was done.
 pub(super) fn mutate(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, String) {
     let Ok(mut document) = serde_json::from_slice::<Value>(bytes) else {
         return text::mutate(bytes, random);
@@ -90,7 +90,7 @@ fn strange_value(old: &Value, random: &mut ChaCha12Rng) -> Value {
     ];
     match (random.random_range(0..10), old) {
         (0..6, Value::Number(number)) => match random.random_range(0..4) {
-            // Near the truth is what no limit catches.
+            // Near the original, within all limits.
             0 => json!(number.as_f64().unwrap_or(1.0) * 0.5),
             1 => number
                 .as_i64()
@@ -124,7 +124,8 @@ fn strange_value(old: &Value, random: &mut ChaCha12Rng) -> Value {
     }
 }
 
-/// Any value of the document, containers included, as a JSON pointer. Goes down from the top, so that long lists do not hide what is beside them.
+/// Any value of the document, containers included, as a JSON pointer. Descends from the top, so that long lists do not hide their
+/// neighbours.
 fn some_place(document: &Value, random: &mut ChaCha12Rng) -> String {
     let (mut place, mut here) = (String::new(), document);
     loop {

@@ -1,4 +1,4 @@
-//! What a verb did: its answer and everything that lies on the disk afterwards, value by value, to be compared with another run.
+//! The outcome of a verb: its answer and everything on disk afterwards, value by value, for comparison with another run.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::tiny::Tiny;
 
-/// Values by place: a file's name and, within JSON, the path to the value.
+/// Values by location: a file's name and, within JSON, the path to the value.
 pub(super) struct Outcome(BTreeMap<String, String>);
 
 impl Outcome {
@@ -28,15 +28,15 @@ impl Outcome {
         Self(values)
     }
 
-    /// Without what two equal runs have different: times, mostly.
+    /// Without what differs between two equal runs: mostly times.
     pub(super) fn steady_part(mut self, other: &Self) -> Self {
         self.0
             .retain(|place, value| other.0.get(place) == Some(value));
         self
     }
 
-    /// The first value that another outcome has different, besides those of one file and counts of bytes, which are what a damaged file changes
-    /// in all honesty.
+    /// The first value that differs from another outcome, except those of one file and counts of bytes, which a damaged file
+    /// changes legitimately.
     pub(super) fn difference(&self, other: &Self, besides: &str) -> Option<String> {
         self.0
             .iter()

@@ -1,4 +1,4 @@
-//! Mutations of what lies at a place: no file at all, or no file of the usual kind.
+//! Mutations of a path: a missing file, or something other than a regular file.
 
 use std::fs::{self, File};
 use std::os::unix::fs::symlink;
@@ -21,10 +21,10 @@ enum Kind {
     NotUtf8Beside,
 }
 
-/// What [`mutate`] calls a file beside the chosen one that nobody can name, and that nobody has to mind.
+/// [`mutate`]'s name for an additional file next to the chosen one, which no verb needs to notice.
 pub(super) const BESIDE: &str = "NotUtf8Beside";
 
-/// Puts something else in the place of a file. `outside` is a file that nobody may change. Says what was done.
+/// Replaces a file by something else. `outside` is a file that nothing may change. Returns what was done.
 pub(super) fn mutate(path: &Path, outside: &Path, random: &mut ChaCha12Rng) -> String {
     let kinds = [
         Kind::Gone,
@@ -50,7 +50,7 @@ pub(super) fn mutate(path: &Path, outside: &Path, random: &mut ChaCha12Rng) -> S
         Kind::LinkToDevice => symlink("/dev/zero", path).unwrap(),
         Kind::LinkOutside => symlink(outside, path).unwrap(),
         Kind::LinkToItself => symlink(path, path).unwrap(),
-        // Takes no room on the disk.
+        // Takes no disk space.
         Kind::Huge => File::create(path).unwrap().set_len(1 << 40).unwrap(),
         Kind::NotUtf8Beside => {
             use std::os::unix::ffi::OsStrExt;

@@ -1,4 +1,4 @@
-//! Mutations of Parquet tables: of values and columns, written again as a sound file, and of bytes.
+//! Mutations of Parquet tables: of values and columns, rewritten as a valid file, and of bytes.
 
 use std::path::Path;
 
@@ -21,7 +21,7 @@ enum Column {
     Words(Vec<String>),
 }
 
-/// Changes a table on the disk. Says what was done.
+/// Changes a table on disk. Returns what was done.
 pub(super) fn mutate(path: &Path, random: &mut ChaCha12Rng) -> String {
     if random.random_bool(0.2) {
         let (bytes, what) = text::mutate(&std::fs::read(path).unwrap(), random);
@@ -179,7 +179,7 @@ fn length(column: &Column) -> usize {
     }
 }
 
-/// Cuts a column to so many rows, or repeats its last one.
+/// Truncates a column to this many rows, or repeats its last one.
 fn repeat(column: &mut Column, rows: usize) {
     fn to<T: Clone>(values: &mut Vec<T>, rows: usize) {
         if let Some(last) = values.last().cloned() {

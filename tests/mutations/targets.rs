@@ -1,6 +1,6 @@
-//! What is changed, which verbs read it, and what has to come of it.
+//! What is changed, which verbs read it, and the required outcome.
 
-/// What a verb is asked, with `{store}` for the URL of an object store.
+/// Arguments of a verb, with `{store}` for the URL of an object store.
 pub(super) const VERBS: [(&str, &str); 15] = [
     ("plan", "plan sweep.toml --json"),
     ("plan recorded", "plan recorded.toml --json"),
@@ -28,18 +28,18 @@ pub(super) const VERBS: [(&str, &str); 15] = [
     ),
 ];
 
-/// What a change of a file has to come to.
+/// The required outcome of a change of a file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Guard {
-    /// A seal covers it: whoever reads it fails, and `verify` finds it.
+    /// A seal covers it: every reader fails, and `verify` finds it.
     Sealed,
-    /// It says something about other files: whoever uses it fails, or does what it did before.
+    /// It is about other files: every user of it fails, or does what it did before.
     Checked,
-    /// It is the user's word, or only a decoder can tell.
+    /// It is the user's choice, or only a decoder can tell.
     Free,
 }
 
-/// How a file is written, and so how it is changed.
+/// Format of a file, which determines how it is changed.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum Form {
     Json,
@@ -91,7 +91,7 @@ pub(super) const TARGETS: [Target; 30] = [
     Target { file: "corpus/scenarios/{id}/scenario.json", form: Form::Json, guard: Guard::Sealed, verbs: SCENARIO },
     Target { file: "corpus/scenarios/{id}/scenario.json", form: Form::Json, guard: Guard::Sealed, verbs: SCENARIO },
     Target { file: "corpus/scenarios/{id}/calibration.json", form: Form::Json, guard: Guard::Sealed, verbs: SCENARIO },
-    // The seal itself has no seal: what it says of others counts.
+    // The seal itself has no seal: what it says of other files is checked.
     Target { file: "corpus/scenarios/{id}/DONE.json", form: Form::Json, guard: Guard::Checked, verbs: SCENARIO },
     Target { file: "corpus/scenarios/{id}/MANIFEST.b3", form: Form::Bytes, guard: Guard::Sealed, verbs: SCENARIO },
     Target { file: "corpus/scenarios/{id}/frames.parquet", form: Form::Table, guard: Guard::Sealed, verbs: SCENARIO },
@@ -107,6 +107,6 @@ pub(super) const TARGETS: [Target; 30] = [
     Target { file: "run/weights.safetensors", form: Form::Bytes, guard: Guard::Checked, verbs: &["evaluate"] },
     Target { file: "store/a/scenarios/{id}/{object}", form: Form::Bytes, guard: Guard::Checked, verbs: OBJECTS },
     Target { file: "store/a/{whole}", form: Form::Json, guard: Guard::Checked, verbs: OBJECTS },
-    // A folder as a store keeps no hashes beside its objects: what a record says of itself is its word.
+    // A folder as a store keeps no hashes with its objects: a record's statement about itself is trusted.
     Target { file: "store/a/scenarios/{id}/detections/{model}.json", form: Form::Json, guard: Guard::Free, verbs: OBJECTS },
 ];

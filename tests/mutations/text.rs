@@ -1,11 +1,11 @@
-//! Mutations of bytes and of lines: what a bad disk, a bad editor or a bad will leaves of a file.
+//! Mutations of bytes and of lines: damage by a bad disk, a bad editor or an attacker.
 
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
 use super::json::pick;
 
-/// Words that are no name, no path within a folder, and nothing to be shown as it is.
+/// Words that are not names, not paths within a folder, and unsafe to print.
 pub(super) const STRANGE_WORDS: [&str; 9] = [
     "",
     "../../outside",
@@ -18,7 +18,7 @@ pub(super) const STRANGE_WORDS: [&str; 9] = [
     "1700-foggy-r9999999999999999999999",
 ];
 
-/// Values to put behind a `key = ` of TOML.
+/// Values for the right side of a `key = ` of TOML.
 const STRANGE_TOML: [&str; 26] = [
     "-1",
     "0",
@@ -48,7 +48,7 @@ const STRANGE_TOML: [&str; 26] = [
     "{ min = 1e308, max = -1e308 }",
 ];
 
-/// Changes bytes anywhere. Says what was done.
+/// Changes bytes anywhere. Returns what was done.
 pub(super) fn mutate(bytes: &[u8], random: &mut ChaCha12Rng) -> (Vec<u8>, String) {
     let mut bytes = bytes.to_vec();
     let at = random.random_range(0..=bytes.len());

@@ -1,4 +1,4 @@
-//! Moto's S3 server on loopback, and a way to it that can be cut.
+//! Moto's S3 server on loopback, and a connection to it that can be cut.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -66,7 +66,7 @@ impl S3Server {
     /// A request without a body; the answer's status and text.
     pub(crate) fn ask(&self, method: &str, path: &str, body: &str) -> (u16, String) {
         let mut connection = TcpStream::connect(self.address).unwrap();
-        // Moto looks at the form of the signature only.
+        // Moto checks only the form of the signature.
         let request = format!(
             "{method} {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\nContent-Length: {}\r\n\
              Authorization: AWS4-HMAC-SHA256 Credential=key/20260101/us-east-1/s3/aws4_request, SignedHeaders=host, Signature=0\r\n\r\n{body}",
@@ -108,7 +108,7 @@ impl Drop for S3Server {
     }
 }
 
-/// A way to a server that can be cut and mended: connections are passed on, or closed at once.
+/// A connection to a server that can be cut and restored: forwarded, or closed at once.
 pub(crate) struct Way {
     pub address: SocketAddr,
     open: Arc<AtomicBool>,

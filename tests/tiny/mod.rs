@@ -1,5 +1,5 @@
-//! A tiny corpus with everything in it (five scenarios recorded by the stand-in, labels, detections, a trained and evaluated run), made once,
-//! and copies of it for tests that race, damage or starve the command.
+//! A tiny corpus with everything in it (five scenarios recorded by the stand-in, labels, detections, a trained and evaluated run), made
+//! once, and copies of it for tests that race, damage or starve the command.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
 use std::env;
@@ -55,7 +55,7 @@ test = 0.2
 visibility_m = 80000
 "#;
 
-/// Just enough steps to leave every file of a run behind.
+/// Just enough steps to create every file of a run.
 const TRAINING: &str = r#"
 [augmentation]
 fill_up_to_samples = 64
@@ -121,11 +121,11 @@ static MADE: LazyLock<Tiny> = LazyLock::new(|| {
     tiny
 });
 
-/// The detector that ships.
+/// The bundled detector.
 pub(crate) const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/aircraft.onnx");
 
 impl Tiny {
-    /// The one that is made once. Nobody changes it.
+    /// The original. Never changed.
     pub(crate) fn made() -> &'static Self {
         &MADE
     }
@@ -166,7 +166,7 @@ impl Tiny {
         found
     }
 
-    /// The command, run within the folder by somebody whom no scheduler started. `DTD` names another build of it.
+    /// The command, run within the folder without a scheduler's environment. `DTD` names another build of it.
     pub(crate) fn dtd(&self, arguments: &[impl AsRef<OsStr>]) -> Command {
         let build = env::var_os("DTD").unwrap_or_else(|| env!("CARGO_BIN_EXE_dtd").into());
         let mut command = Command::new(build);
@@ -179,7 +179,7 @@ impl Tiny {
         command
     }
 
-    /// The same with so much address space and no more. Nothing in the standard library sets a limit for a child, so a shell does.
+    /// The same with limited address space. The standard library cannot set a limit for a child, so a shell does.
     pub(crate) fn dtd_within(&self, memory_kib: u64, arguments: &[impl AsRef<OsStr>]) -> Command {
         let plain = self.dtd(arguments);
         let mut command = Command::new("bash");
@@ -244,7 +244,7 @@ fn onnx_runtime() -> &'static Path {
     &FOUND
 }
 
-/// Runs a command to its end; `None` if it does not come to one in time and is killed.
+/// Runs a command to its end; `None` if it times out and is killed.
 pub(crate) fn run(command: &mut Command, patience: Duration) -> Option<Output> {
     let mut process = command
         .stdin(Stdio::null())
@@ -256,7 +256,7 @@ pub(crate) fn run(command: &mut Command, patience: Duration) -> Option<Output> {
         Box::new(process.stdout.take().unwrap()),
         Box::new(process.stderr.take().unwrap()),
     ];
-    // Read as they come: a full pipe would stop the process.
+    // Read continuously: a full pipe would stop the process.
     let [stdout, stderr] = streams.map(|mut stream| {
         thread::spawn(move || {
             let mut bytes = Vec::new();

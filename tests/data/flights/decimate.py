@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Remakes the flight fixtures of this folder from a folder of 30 Hz originals.
+"""Regenerates the flight fixtures of this folder from a folder of 30 Hz originals.
 
     python3 tests/data/flights/decimate.py FOLDER            write every 6th row (5 Hz) of each FOLDER/*.csv beside this script
     python3 tests/data/flights/decimate.py FOLDER --measure  write nothing; print what decimation costs, at several rates
 
-Rows are copied as text, so the values stay those of the originals, digit for digit. The last row of a flight is always
-kept: the end of the flight does not move. The measure is the worst distance between an original row and the cubic Hermite
-interpolation (positions and velocities) between the kept rows around it, in metres.
+Rows are copied as text, so the values stay those of the originals, digit for digit. The last row of a flight is always kept, so the
+end of the flight does not move. The error is the worst distance between an original row and the cubic Hermite interpolation
+(positions and velocities) between the kept rows around it, in metres.
 """
 
 import csv
