@@ -71,3 +71,27 @@ fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
+
+#[test]
+fn a_detector_is_trained_in_little_memory_or_it_is_said_what_that_needs() {
+    let tiny = Tiny::made().copy();
+    let arguments = [
+        "train-detector",
+        "corpus",
+        "--out",
+        "detector/new.onnx",
+        "--minutes",
+        "0.001",
+    ];
+    for limit_kib in [400_000, 600_000, 900_000, 1_200_000] {
+        let command = &mut tiny.dtd_within(limit_kib, &arguments);
+        let output = tiny::run(command, TOO_LONG).expect("it ends");
+        let words = said(&output);
+        let refused = output.status.code() == Some(2) && words.contains("of memory");
+        assert!(
+            refused || output.status.success(),
+            "{limit_kib} KiB: {}: {words}",
+            output.status
+        );
+    }
+}

@@ -599,8 +599,8 @@ fn detect(corpus: &Path, score: f64) -> PathBuf {
         score,
         tile: 0,
     };
-    let model = "abc";
-    detections::replace(&claim, &source, "abc0", model, &[detection], |provenance| {
+    let (model, hash) = ("abc", format!("abc{}", "0".repeat(61)));
+    detections::replace(&claim, &source, &hash, model, &[detection], |provenance| {
         provenance
     })
     .unwrap();
@@ -717,4 +717,54 @@ for line in sys.argv[1].splitlines():
         .unwrap();
     assert!(judged.status.success(), "{}", said(&judged));
     assert_eq!(said(&judged).lines().count(), manifest.lines().count());
+}
+
+#[test]
+fn a_corpus_that_is_no_stage_is_left_alone_and_detections_keep_a_scenario_on_its_stage() {
+    let url = bucket("no-stage");
+    let (_copy, corpus) = copy_of(&IN_A_FOLDER.0);
+    assert!(push(&corpus, &url).status.success());
+    let table = detect(&corpus, 0.5);
+    let before = contents(&corpus);
+    let output = generate(SERVER.address, &url, &corpus).output().unwrap();
+    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert!(said(&output).contains("no stage.json"), "{}", said(&output));
+    assert!(contents(&corpus) == before);
+
+    // What somebody detected on a stage is nowhere else.
+    let mark = format!("{{\"corpus\": \"{url}\"}}");
+    fs::write(corpus.join("stage.json"), mark).unwrap();
+    let output = generate(SERVER.address, &url, &corpus).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("dtd push"), "{}", said(&output));
+    assert!(table.exists());
+    assert_eq!(scenarios_on(&corpus), 1);
+    assert!(push(&corpus, &url).status.success());
+    let output = generate(SERVER.address, &url, &corpus).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    assert_eq!(scenarios_on(&corpus), 0);
+}
+
+#[test]
+fn a_scenario_that_lost_a_file_or_is_not_the_planned_one_is_refused_and_the_others_are_sent() {
+    let url = bucket("lost-a-file");
+    let (_copy, corpus) = copy_of(&IN_A_FOLDER.0);
+    let ids: Vec<String> = Corpus::open(&corpus)
+        .unwrap()
+        .scenarios()
+        .unwrap()
+        .iter()
+        .map(|folder| folder.id())
+        .collect();
+    let folder = |number: usize| corpus.join("scenarios").join(&ids[number]);
+    fs::remove_file(folder(0).join("frames.parquet")).unwrap();
+    dataset::seal::seal_folder(&folder(1), "of another corpus").unwrap();
+    let output = push(&corpus, &url);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    let outcome = json(&output);
+    assert_eq!(number(&outcome, "pushed"), SCENARIOS - 2, "{outcome}");
+    let refused = outcome["refused"].to_string();
+    for words in [&ids[0], "frames.parquet", &ids[1], "of another corpus"] {
+        assert!(refused.contains(words), "no {words} in {refused}");
+    }
 }

@@ -9,7 +9,7 @@
 
 use std::fmt;
 use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::{ErrorKind, Write};
+use std::io::{ErrorKind, Read, Seek, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -20,6 +20,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::corpus::Corpus;
 use crate::error::{Error, Result};
+use crate::file_name;
 use crate::json_file::read_json;
 use crate::own_path::refuse_link;
 
@@ -30,6 +31,8 @@ const FOLDER: &str = "claims";
 const ATTEMPTS: u32 = 100;
 /// Interval for checking a claim that another process holds.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
+/// A claim's file holds a name and a number. Nothing larger is one.
+const MOST_BYTES: u64 = 512;
 /// Waiting is worth a message only if it takes longer than a typical change.
 const SAID_AFTER: Duration = Duration::from_secs(2);
 
@@ -138,8 +141,10 @@ impl Claim {
             if !is_named_by(&file, &path) {
                 continue;
             }
+            refuse_other_content(&mut file, &path)?;
             let text = serde_json::to_vec(&Holder::this_process()).unwrap_or_default();
             file.set_len(0)
+                .and_then(|()| file.rewind())
                 .and_then(|()| file.write_all(&text))
                 .map_err(Error::io("write", &path))?;
             return Ok(Claimed::Mine(Self { path, _file: file }));
@@ -147,14 +152,20 @@ impl Claim {
         Ok(Claimed::Theirs(None))
     }
 
-    /// Deletes the claims that killed processes left.
+    /// Deletes the claims that killed processes left, and nothing else that lies there.
     pub fn tidy(corpus: &Corpus) {
         let Ok(left) = fs::read_dir(corpus.root().join(FOLDER)) else {
             return;
         };
         for entry in left.flatten() {
-            // Taking and releasing it deletes it.
-            let _ = Self::take(corpus, &entry.file_name().to_string_lossy());
+            let name = entry.file_name();
+            if let Some(name) = name
+                .to_str()
+                .filter(|name| file_name::check_id(name).is_ok())
+            {
+                // Taking and releasing it deletes it.
+                let _ = Self::take(corpus, name);
+            }
         }
     }
 }
@@ -180,6 +191,26 @@ impl Holder {
                 .into_owned(),
             pid: process::id(),
         }
+    }
+}
+
+/// Refuses what no claim can be: taking it would overwrite it, and letting go of it would delete it.
+fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
+    let found = file.metadata().map_err(Error::io("read", path))?;
+    let mut text = Vec::new();
+    let is_claim = found.is_file() && found.nlink() == 1 && found.len() <= MOST_BYTES && {
+        file.take(MOST_BYTES)
+            .read_to_end(&mut text)
+            .map_err(Error::io("read", path))?;
+        // A kill leaves it empty or whole: it is written at once.
+        text.is_empty() || serde_json::from_slice::<Holder>(&text).is_ok()
+    };
+    match is_claim {
+        true => Ok(()),
+        false => Err(Error::corpus(
+            path,
+            "is in the place of a claim and is none; expected nothing there, or a file of ours that names a process; move it away",
+        )),
     }
 }
 
@@ -225,7 +256,8 @@ mod tests {
         let (folder, corpus) = corpus();
         let left = folder.path().join(FOLDER);
         fs::create_dir(&left).unwrap();
-        fs::write(left.join("0001"), "{").unwrap();
+        let killed = serde_json::to_string(&Holder::this_process()).unwrap();
+        fs::write(left.join("0001"), killed).unwrap();
         fs::write(left.join("0002"), "").unwrap();
         assert!(matches!(
             Claim::take(&corpus, "0001").unwrap(),
@@ -233,6 +265,30 @@ mod tests {
         ));
         Claim::tidy(&corpus);
         assert!(!left.exists());
+    }
+
+    #[test]
+    fn what_is_no_claim_is_neither_overwritten_nor_tidied_away() {
+        let (folder, corpus) = corpus();
+        let left = folder.path().join(FOLDER);
+        fs::create_dir(&left).unwrap();
+        let plan = folder.path().join("plan.json");
+        fs::write(&plan, "{}").unwrap();
+        fs::hard_link(&plan, left.join("hard")).unwrap();
+        fs::write(left.join("notes.txt"), "").unwrap();
+        fs::write(left.join("0001"), "a thesis").unwrap();
+        fs::create_dir(left.join("run")).unwrap();
+        Claim::tidy(&corpus);
+        for name in ["hard", "0001"] {
+            let message = Claim::take(&corpus, name).unwrap_err().to_string();
+            assert!(
+                message.contains(name) && message.contains("move it away"),
+                "{message}"
+            );
+        }
+        assert_eq!(fs::read(&plan).unwrap(), b"{}");
+        assert_eq!(fs::read(left.join("0001")).unwrap(), b"a thesis");
+        assert_eq!(fs::read_dir(&left).unwrap().count(), 4);
     }
 
     #[test]

@@ -149,6 +149,18 @@ impl Corpus {
     }
 }
 
+/// The folders of a corpus that only its scenarios, its claims and the reports of what failed belong in.
+const OWN_FOLDERS: [&str; 3] = [SCENARIOS, "claims", "failed"];
+
+/// The folder of a corpus that a path is, or lies in, where nothing but what the corpus itself keeps there may be put.
+pub fn own_folder_around(path: &Path) -> Option<&Path> {
+    path.ancestors().find(|folder| {
+        let name = folder.file_name().and_then(|name| name.to_str());
+        let corpus = folder.parent().unwrap_or(folder);
+        name.is_some_and(|name| OWN_FOLDERS.contains(&name)) && corpus.join(SCENARIOS).is_dir()
+    })
+}
+
 /// Rejects a path that cannot hold a corpus, before anything is done: FFmpeg accepts only UTF-8 paths, and so do most tools that
 /// read a corpus.
 pub fn check_path(root: &Path) -> Result<()> {

@@ -176,10 +176,25 @@ fn record(folder: &ScenarioFolder, model: &str) -> Result<Option<Vec<u8>>> {
 }
 
 fn parse(bytes: &[u8], folder: &ScenarioFolder, model: &str) -> Result<Provenance> {
-    serde_json::from_slice(bytes).map_err(|error| {
+    let provenance: Provenance = serde_json::from_slice(bytes).map_err(|error| {
         Error::corpus(
             &record_path(folder, model),
             format!("does not say what its table was made from ({error}); run `dtd detect` on the corpus with that model again"),
         )
-    })
+    })?;
+    let hash = &provenance.model_blake3;
+    let is_hash = hash.len() == blake3::OUT_LEN * 2
+        && hash
+            .bytes()
+            .all(|digit| matches!(digit, b'0'..=b'9' | b'a'..=b'f'));
+    if !is_hash || model.is_empty() || !hash.starts_with(model) {
+        return Err(Error::corpus(
+            &record_path(folder, model),
+            format!(
+                "has the model_blake3 {hash:?}, expected 64 hexadecimal digits that begin with {model}, its name; run `dtd detect` on the \
+                 corpus with that model again"
+            ),
+        ));
+    }
+    Ok(provenance)
 }

@@ -30,6 +30,7 @@ mod others_decoder;
 pub mod outside_file;
 pub mod own_path;
 pub mod pixel_box;
+pub mod planned;
 pub mod pose;
 pub mod refraction;
 pub mod rig;

@@ -7,22 +7,55 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
+
 use crate::calibration::Calibration;
-use crate::corpus::ScenarioFolder;
+use crate::corpus::{PARTIAL_SUFFIX, ScenarioFolder};
 use crate::detections::{self, Provenance};
 use crate::error::{Error, Result};
 use crate::frames::Frames;
+use crate::json_file::parse_json;
 use crate::outside_file::FileKind;
 use crate::pixel_box::{Detection, TruthBox, parse_detections, parse_truth_boxes};
 use crate::scenario::ScenarioRecord;
-use crate::seal::{DONE, Seal};
+use crate::seal::{DONE, Seal, view_of};
 use crate::sealed::{ATTEMPTS, Sealed};
 use crate::video::VideoReader;
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
-/// Folder of the videos.
-const VIEWS: &str = "views";
+
+/// What a record says of which scenario it is of.
+#[derive(Deserialize)]
+struct Identity {
+    id: String,
+    config_hash: String,
+}
+
+/// Refuses files that are another scenario's, or a copy under another name: `content` is the `scenario.json` that was sealed.
+///
+/// # Errors
+/// It is of another identifier or of other parameters than the seal, or no record.
+pub fn check_identity(id: &str, seal: &Seal, content: &[u8], path: &Path) -> Result<()> {
+    let said: Identity = parse_json(content, path, "scenario record")?;
+    let fault = if said.id != id {
+        format!(
+            "has the id {:?}, expected {id:?}, the name of its folder",
+            said.id
+        )
+    } else if said.config_hash != seal.config_hash {
+        format!(
+            "has the config_hash {:?}, expected {:?}, that of {DONE}",
+            said.config_hash, seal.config_hash
+        )
+    } else {
+        return Ok(());
+    };
+    Err(Error::corpus(
+        path,
+        format!("{fault}: it is another scenario's; put the right one there, or generate it again"),
+    ))
+}
 
 /// A scenario in one state of its folder.
 #[derive(Debug)]
@@ -34,6 +67,24 @@ pub struct OpenScenario {
 }
 
 impl ScenarioFolder {
+    /// Refuses a sealed folder that holds another scenario's files, or a copy under another name.
+    ///
+    /// # Errors
+    /// Those of [`check_identity`], and a record that is not what was sealed.
+    pub fn check_identity(&self, sealed: &Sealed) -> Result<()> {
+        match sealed.content(RECORD, kind_of(RECORD))? {
+            Some(record) => self.check_record(sealed, &record),
+            None => Ok(()),
+        }
+    }
+
+    fn check_record(&self, sealed: &Sealed, record: &[u8]) -> Result<()> {
+        // Whoever makes a scenario opens it before it is in its place.
+        let folder = self.id();
+        let id = folder.strip_suffix(PARTIAL_SUFFIX).unwrap_or(&folder);
+        check_identity(id, sealed.seal(), record, &self.record_path())
+    }
+
     /// Opens the scenario as it was sealed.
     ///
     /// # Errors
@@ -63,6 +114,9 @@ impl ScenarioFolder {
             if let Some(content) = sealed.content(name, kind_of(name))? {
                 contents.insert(name, content);
             }
+        }
+        if let Some(record) = contents.get(RECORD) {
+            self.check_record(&sealed, record)?;
         }
         Ok(OpenScenario {
             folder: self.clone(),
@@ -130,7 +184,18 @@ impl OpenScenario {
     /// There are none, they were made from other videos or do not record which, or the table is not the one that was written.
     pub fn detections(&self, model: &str) -> Result<Vec<Detection>> {
         let (path, content) = self.detections_table(model)?;
-        parse_detections(content, &path, self.record()?.pictures())
+        let record = self.record()?;
+        let detections = parse_detections(content, &path, record.pictures())?;
+        let mut rows = detections.iter().enumerate();
+        match rows.find_map(|(row, detection)| Some((row, fault_of(detection, &record)?))) {
+            None => Ok(detections),
+            Some((row, (column, fault))) => Err(Error::corpus(
+                &path,
+                format!(
+                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
+                ),
+            )),
+        }
     }
 
     /// The current path of the table of a model's detections, and its content.
@@ -159,15 +224,13 @@ impl OpenScenario {
     /// # Errors
     /// There is none, it does not match the seal, or it cannot be decoded.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
-        let mut files = self.sealed.files().iter();
-        let video = files.find(|file| view_of(&file.name) == Some(view));
-        let video = video.ok_or_else(|| {
+        let video = self.sealed.video_of(view).ok_or_else(|| {
             Error::corpus(
                 self.folder.root(),
                 format!("has no sealed video of view {view}; generate the scenario again"),
             )
         })?;
-        VideoReader::open(&self.sealed.check(&video.name)?)
+        VideoReader::open(&self.sealed.check(video)?)
     }
 
     fn content(&self, name: &'static str) -> Result<&[u8]> {
@@ -188,9 +251,15 @@ fn kind_of(name: &'static str) -> FileKind {
     .unlinked()
 }
 
-/// The view of a video, from its file name.
-fn view_of(name: &str) -> Option<&str> {
-    let path = Path::new(name);
-    let is_video = path.parent() == Some(Path::new(VIEWS));
-    is_video.then(|| path.file_stem()?.to_str())?
+/// The column that shows that a detection is of no picture of the scenario, and how.
+pub(crate) fn fault_of(
+    detection: &Detection,
+    record: &ScenarioRecord,
+) -> Option<(&'static str, String)> {
+    let Detection { tick, view, .. } = detection;
+    if *tick >= record.ticks {
+        let message = format!("is {tick}, expected below {}", record.ticks);
+        return Some(("tick", message));
+    }
+    (!record.views.contains(view)).then(|| ("view", format!("{view} is no view of the scenario")))
 }

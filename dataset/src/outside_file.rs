@@ -57,6 +57,11 @@ impl FileKind {
         }
     }
 
+    /// How large such a file may be at most, bytes.
+    pub const fn most_bytes(self) -> u64 {
+        self.most_bytes
+    }
+
     /// The same, but rejecting a symbolic link in the place of the file.
     #[must_use]
     pub const fn unlinked(self) -> Self {

@@ -15,12 +15,15 @@ use std::path::{Component, Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::claim::Claim;
+use crate::corpus::ScenarioFolder;
 use crate::error::{Error, Result};
+use crate::file_name;
 use crate::json_file::{read_json, write_atomically, write_json};
 use crate::new_file::{TEMPORARY_SUFFIX, clear_leftovers, sync};
 use crate::outside_file::{self, FileKind};
 use crate::own_path::{own_path, refuse_link};
 use crate::sealed::{self, Found, Sealed};
+use crate::video::VideoCodec;
 
 /// Hashes of all files of a folder.
 pub const MANIFEST: &str = "MANIFEST.b3";
@@ -60,6 +63,11 @@ pub fn sealed_files(manifest: &str, seal: &Seal) -> std::result::Result<Vec<Seal
     if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
         return Err(format!("{MANIFEST} does not match the hash in {DONE}"));
     }
+    files_in(manifest)
+}
+
+/// The files that a manifest lists. Each has one line, and each view one video; nothing else lies among the videos.
+fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, String> {
     let file = |line: &str| match line.split_once("  ") {
         // It becomes a path under the folder, and may come from anyone.
         Some((blake3, name)) if is_within(Path::new(name)) => Ok(SealedFile {
@@ -73,7 +81,45 @@ pub fn sealed_files(manifest: &str, seal: &Seal) -> std::result::Result<Vec<Seal
             "{MANIFEST} has a line that is not `hash  name`: {line}"
         )),
     };
-    manifest.lines().map(file).collect()
+    let files: Vec<SealedFile> = manifest
+        .lines()
+        .map(file)
+        .collect::<std::result::Result<_, _>>()?;
+    let mut names = BTreeSet::new();
+    let mut views = BTreeMap::new();
+    for SealedFile { name, .. } in &files {
+        if !names.insert(name) {
+            return Err(format!("{MANIFEST} has two lines for {name}, expected one"));
+        }
+        if !name.starts_with(VIDEOS) {
+            continue;
+        }
+        let Some(view) = view_of(name) else {
+            return Err(format!(
+                "{MANIFEST} names {name}, expected only videos there: {VIDEOS}VIEW.mp4 or .mov"
+            ));
+        };
+        if let Some(other) = views.insert(view, name) {
+            return Err(format!(
+                "{MANIFEST} names two videos of view {view}, {other} and {name}; expected one"
+            ));
+        }
+    }
+    Ok(files)
+}
+
+/// The view of a video, by its name within the folder.
+pub(crate) fn view_of(name: &str) -> Option<&str> {
+    let (view, ending) = name.strip_prefix(VIDEOS)?.rsplit_once('.')?;
+    let is_video = VideoCodec::ALL
+        .iter()
+        .any(|codec| codec.extension() == ending);
+    (is_video && file_name::check(view).is_ok()).then_some(view)
+}
+
+/// Whether a name within the folder has the form of a file that a scenario has.
+pub fn is_scenario_file(name: &str) -> bool {
+    ScenarioFolder::FILES.contains(&name) || view_of(name).is_some()
 }
 
 /// Whether a relative name stays within its folder.
@@ -115,6 +161,12 @@ pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
         sync(&folder)?;
     }
     let manifest = manifest_of(folder)?;
+    files_in(&manifest).map_err(|message| {
+        Error::corpus(
+            folder,
+            format!("is not sealed, nobody could read it: {message}"),
+        )
+    })?;
     write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;
     let seal = Seal {
         config_hash: config_hash.into(),

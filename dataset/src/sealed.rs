@@ -12,7 +12,8 @@ use crate::error::{Error, Result};
 use crate::outside_file::{self, FileKind};
 use crate::own_path::{own_path, refuse_link};
 use crate::seal::{
-    DONE, MANIFEST, Seal, SealedFile, hash_sealed, read_seal, sealed_files, with_new_suffix,
+    DONE, MANIFEST, Seal, SealedFile, hash_sealed, read_seal, sealed_files, view_of,
+    with_new_suffix,
 };
 
 /// Number of restarts before a reader gives up. A change takes milliseconds, and each step of the pipeline changes a scenario once.
@@ -102,6 +103,12 @@ impl Sealed {
     pub fn hash_of(&self, name: &str) -> Option<&str> {
         let file = self.files.iter().find(|file| file.name == name)?;
         Some(&file.blake3)
+    }
+
+    /// The name of a view's video, if one is sealed.
+    pub fn video_of(&self, view: &str) -> Option<&str> {
+        let mut names = self.files.iter().map(|file| file.name.as_str());
+        names.find(|name| view_of(name) == Some(view))
     }
 
     /// The content of a sealed file; `None` if it is not sealed.

@@ -29,6 +29,7 @@ mod session;
 mod set_aside;
 mod simulators;
 mod space;
+mod stage;
 mod workplace;
 
 use std::cmp::Reverse;
@@ -100,6 +101,9 @@ pub async fn generate(
         Some(remote) => (remote.look(&plan).await?, remote.committed(&wanted).await?),
         None => (None, BTreeMap::new()),
     };
+    if let Some(remote) = &options.remote {
+        stage::check(corpus_root, remote.store.name())?;
+    }
     let frozen = freeze::frozen_plan(corpus_root, &plan)?;
     let mut outcome = Outcome::default();
     let (mut to_make, mut staged) = (Vec::new(), Vec::new());
@@ -142,10 +146,13 @@ pub async fn generate(
     // A missing simulator is detected before anything is written.
     let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
     let corpus = Corpus::create(corpus_root)?;
+    if let Some(remote) = &options.remote {
+        stage::mark(&corpus, remote.store.name())?;
+    }
     freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
     if let Some(remote) = &options.remote {
         remote.publish(&corpus, &plan).await?;
-        remote.clear_what_is_sent(&corpus, &in_store);
+        remote.clear_what_is_sent(&corpus, &in_store).await;
         remote.bring_failures(&corpus, &to_make, &in_store).await?;
     }
     for scenario in &to_make {

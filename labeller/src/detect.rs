@@ -13,12 +13,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::seal::hash_file;
 use serde::Serialize;
 
 pub use record::DetectionRecord;
 
-use crate::detector::{Detector, OrtDetector, OrtOptions};
+use crate::detector::{Detector, ModelFile, OrtDetector, OrtOptions};
 use crate::error::{Error, Result};
 use crate::outcome::{Failure, Progress};
 use crate::statistics::DetectionCounts;
@@ -82,19 +81,19 @@ pub struct DetectOutcome {
 struct Model {
     file_name: String,
     blake3: String,
+    /// Hash of the profile that lies beside it, if one does.
+    profile_blake3: Option<String>,
 }
 
 impl Model {
-    fn of(path: &Path) -> Result<Self> {
-        let file_name = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
-        Ok(Self {
-            file_name,
-            blake3: hash_file(path)?,
-        })
+    fn of(file: &ModelFile) -> Self {
+        let hash = |bytes: &Vec<u8>| blake3::hash(bytes).to_string();
+        let file_name = file.path.file_name().unwrap_or_default();
+        Self {
+            file_name: file_name.to_string_lossy().into_owned(),
+            blake3: hash(&file.onnx),
+            profile_blake3: file.profile.as_ref().map(hash),
+        }
     }
 
     fn short_hash(&self) -> &str {
@@ -119,11 +118,11 @@ pub fn detect_corpus(
         batch: options.batch,
     };
     // First of all: the caller must learn that a model does not load, even if there is nothing to do.
-    drop(OrtDetector::load(model_path, &ort)?);
-    let make = || {
-        OrtDetector::load(model_path, &ort).map(|detector| Box::new(detector) as Box<dyn Detector>)
-    };
-    detect_with(corpus, &Model::of(model_path)?, &make, options, progress)
+    let file = ModelFile::read(model_path)?;
+    drop(OrtDetector::of(&file, &ort)?);
+    let make =
+        || OrtDetector::of(&file, &ort).map(|detector| Box::new(detector) as Box<dyn Detector>);
+    detect_with(corpus, &Model::of(&file), &make, options, progress)
 }
 
 fn detect_with(

@@ -7,6 +7,7 @@
 mod answer;
 mod input;
 mod layout;
+mod model_file;
 mod onnx_runtime;
 mod ort_detector;
 mod profile;
@@ -16,6 +17,7 @@ mod window;
 use dataset::pixel_box::PixelBox;
 
 pub use layout::Layout;
+pub use model_file::ModelFile;
 pub use onnx_runtime::{LibraryError, NO_TELEMETRY_VARIABLE};
 pub use ort_detector::{OrtDetector, OrtOptions};
 pub use profile::{BoxOrigin, ChannelOrder, ModelProfile};

@@ -6,6 +6,7 @@ use std::time::Duration;
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
+use dataset::planned::PlannedScenarios;
 use serde::Serialize;
 use store::{CorpusStore, Keep, OnOther, Patience, Pushed, Settled, StoreError};
 
@@ -94,11 +95,22 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
         Err(error) => bar.say(&format!("unfinished uploads are left there: {error}")),
     }
     send_corpus_files(&files, store, &mut sent).await?;
+    let planned = PlannedScenarios::read(corpus).map_err(Failure::of_corpus)?;
     bar.set_total(scenarios.len() as u64);
     for (done, folder) in scenarios.iter().enumerate() {
         let id = folder.id();
         bar.working_on(&id);
         bar.set_done(done as u64);
+        let is_planned = match folder.seal() {
+            Ok(Some(seal)) => planned.check(&id, &seal.config_hash),
+            // What is wrong with it, sending it says.
+            _ => Ok(()),
+        };
+        if let Err(error) = is_planned {
+            let reason = error.to_string();
+            sent.refused.push(Refused { what: id, reason });
+            continue;
+        }
         let pushed = patience
             .with(&watch, async |watch| {
                 store
@@ -121,6 +133,10 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
             Ok(Pushed::Newer) => Some(format!(
                 "the store has another one, which is newer; move {} away to fetch it",
                 folder.root().display()
+            )),
+            Ok(Pushed::Labelled) => Some(format!(
+                "the store has it with labels, and here it has none; run `dtd label` on {}, or move the scenario away and fetch it",
+                corpus.root().display()
             )),
             Err(error @ StoreError::Damaged { .. }) => Some(error.to_string()),
             Err(error) => return Err(failure_of(error)),

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::{Duration, SystemTime};
 
 use dataset::outside_file::{self, FileKind};
-use dataset::seal::{DONE, Seal};
+use dataset::own_path::own_path;
+use dataset::seal::{DONE, MANIFEST, Seal};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as ObjectPath;
 use object_store::{
@@ -208,11 +209,16 @@ impl CorpusStore {
             return Ok(None);
         };
         let object = got.meta.clone();
-        if object.size > MOST_BYTES {
+        // What those who read it from a folder would refuse is not brought there.
+        let most_bytes = match name.rsplit('/').next() {
+            Some(MANIFEST) => FileKind::MANIFEST.most_bytes(),
+            _ => MOST_BYTES,
+        };
+        if object.size > most_bytes {
             return Err(StoreError::Damaged {
                 place: format!("{}/{name}", self.name),
                 message: format!(
-                    "is {} bytes large, expected at most {MOST_BYTES}; remove it from the store and push it again",
+                    "is {} bytes large, expected at most {most_bytes}; remove it from the store and push it again",
                     object.size
                 ),
             });
@@ -230,6 +236,7 @@ impl CorpusStore {
 
     /// An object, if it exists.
     pub(crate) async fn get(&self, name: &str, options: GetOptions) -> Result<Option<GetResult>> {
+        let key = self.own_key(name)?;
         // Nobody writes to the other end of a FIFO: opening it would block forever.
         if let Some(folder) = &self.folder
             && let Err(error) = outside_file::open(&folder.join(name), OBJECT)
@@ -240,7 +247,7 @@ impl CorpusStore {
                 message: format!("cannot be read: {error}"),
             });
         }
-        match self.store.get_opts(&self.key(name), options).await {
+        match self.store.get_opts(&key, options).await {
             Ok(got) => Ok(Some(got)),
             Err(object_store::Error::NotFound { .. }) => Ok(None),
             Err(error) => Err(self.error(&format!("read {name}"), &error)),
@@ -249,6 +256,7 @@ impl CorpusStore {
 
     /// Writes a small file unconditionally; named as in the corpus' folder.
     pub async fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
+        self.own_key(name)?;
         self.put(name, bytes, PutMode::Overwrite)
             .await
             .map_err(|error| self.error(&format!("write {name}"), &error))
@@ -256,10 +264,15 @@ impl CorpusStore {
 
     /// Deletes a small file, if it exists. Checks first: write permission does not imply permission to delete.
     pub async fn remove(&self, name: &str) -> Result<()> {
-        if self.read(name).await?.is_none() {
-            return Ok(());
+        match self.read(name).await? {
+            Some(_) => self.delete(name).await,
+            None => Ok(()),
         }
-        match self.store.delete(&self.key(name)).await {
+    }
+
+    /// Deletes an object, if it is there.
+    pub(crate) async fn delete(&self, name: &str) -> Result<()> {
+        match self.store.delete(&self.own_key(name)?).await {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
             Err(error) => Err(self.error(&format!("delete {name}"), &error)),
         }
@@ -284,6 +297,7 @@ impl CorpusStore {
         ours: &[u8],
         mut judge: impl FnMut(&[u8]) -> std::result::Result<Keep, E>,
     ) -> std::result::Result<Settled, E> {
+        self.own_key(name)?;
         // Tried first even if the file probably exists: so missing write permission shows now, not after the first scenario.
         let mut mode = PutMode::Create;
         for _ in 0..ROUNDS {
@@ -384,6 +398,19 @@ impl CorpusStore {
             attributes.insert(Attribute::Metadata(HASH.into()), blake3.to_owned().into());
         }
         attributes
+    }
+
+    /// The key of an object that is read, written or deleted. In a folder a link may lead out of the store.
+    pub(crate) fn own_key(&self, name: &str) -> Result<ObjectPath> {
+        if let Some(folder) = &self.folder
+            && let Err(error) = own_path(folder, name)
+        {
+            return Err(StoreError::Damaged {
+                place: format!("{}/{name}", self.name),
+                message: error.to_string(),
+            });
+        }
+        Ok(self.key(name))
     }
 
     pub(crate) fn key(&self, name: &str) -> ObjectPath {

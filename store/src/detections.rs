@@ -51,6 +51,29 @@ fn files_of(model: &str) -> [String; 2] {
 }
 
 impl CorpusStore {
+    /// Whether the store has all detections that lie in the folder of a scenario, byte for byte.
+    pub async fn has_detections_of(&self, folder: &ScenarioFolder) -> Result<bool> {
+        let models = models_of(folder)?;
+        if models.is_empty() {
+            return Ok(true);
+        }
+        let there = self.objects(&folder.id()).await?;
+        for name in models.iter().flat_map(|model| files_of(model)) {
+            let path = own_path(folder.root(), &name)?;
+            if !path.exists() {
+                continue;
+            }
+            let blake3 = hash_file(&path)?;
+            if !self
+                .has(folder, &SealedFile { name, blake3 }, &there)
+                .await?
+            {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     /// Uploads the detections of a scenario that the store lacks, or has older.
     pub async fn push_detections(
         &self,
@@ -143,37 +166,21 @@ impl CorpusStore {
                 continue;
             };
             let record_blake3 = blake3::hash(&theirs).to_string();
-            let local = record_path(folder, &model);
-            let ours = local.exists().then(|| hash_file(&local)).transpose()?;
-            let table_there = folder.detections_path(&model).exists();
-            let mut mends = false;
-            match ours {
-                Some(ours) if ours == record_blake3 => match sound(folder, &model) {
-                    Ok(_) => continue,
-                    // The same detections, damaged locally.
-                    Err(_) => mends = table_there,
-                },
-                None if !table_there => {}
-                _ => {
-                    let is_newer = there.get(&record).zip(modified(&local));
-                    let standing = match is_newer.map(|(theirs, ours)| theirs.modified > ours) {
-                        Some(true) => {
-                            "the store has others, which are newer; move these away to fetch them"
-                        }
-                        Some(false) => {
-                            "the store has others, which are older; `dtd push` replaces them there"
-                        }
-                        None => {
-                            "here is a table without its record; move it away to fetch the store's"
-                        }
-                    };
-                    result.leave(&model, standing);
+            let stand = || standing(folder, &model, &record_blake3, there.get(&record));
+            let mut standing = stand()?;
+            if matches!(standing, Standing::Missing { .. }) && claimed.is_none() {
+                claimed = Some(claim(folder).await?);
+                // Whoever was waited for may have written them.
+                standing = stand()?;
+            }
+            let mends = match standing {
+                Standing::Missing { mends } => mends,
+                Standing::Same => continue,
+                Standing::Others(reason) => {
+                    result.leave(&model, reason);
                     continue;
                 }
-            }
-            if claimed.is_none() {
-                claimed = Some(claim(folder).await?);
-            }
+            };
             let names = [(table, table_blake3), (record, record_blake3)];
             let mut failed = None;
             for (name, blake3) in &names {
@@ -199,6 +206,49 @@ impl CorpusStore {
         }
         Ok(result)
     }
+}
+
+/// How a model's detections in the folder stand to those of the store.
+enum Standing {
+    /// They are the same.
+    Same,
+    /// There are none, or the same, but damaged.
+    Missing { mends: bool },
+    /// There are others, and this is what to do.
+    Others(&'static str),
+}
+
+fn standing(
+    folder: &ScenarioFolder,
+    model: &str,
+    their_record_blake3: &str,
+    theirs: Option<&ObjectInfo>,
+) -> Result<Standing> {
+    let local = record_path(folder, model);
+    let ours = local.exists().then(|| hash_file(&local)).transpose()?;
+    let table_there = folder.detections_path(model).exists();
+    Ok(match ours {
+        Some(ours) if ours == their_record_blake3 => match sound(folder, model) {
+            Ok(_) => Standing::Same,
+            // The same detections, damaged here.
+            Err(_) => Standing::Missing { mends: table_there },
+        },
+        None if !table_there => Standing::Missing { mends: false },
+        _ => {
+            let is_newer = theirs.zip(modified(&local));
+            Standing::Others(
+                match is_newer.map(|(theirs, ours)| theirs.modified > ours) {
+                    Some(true) => {
+                        "the store has others, which are newer; move these away to fetch them"
+                    }
+                    Some(false) => {
+                        "the store has others, which are older; `dtd push` replaces them there"
+                    }
+                    None => "here is a table without its record; move it away to fetch the store's",
+                },
+            )
+        }
+    })
 }
 
 /// The provenance of detections whose table matches their record, made from this scenario.

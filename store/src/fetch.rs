@@ -1,15 +1,17 @@
 //! Downloads one scenario into a folder, atomically, as `dtd generate` writes it: next to its destination, then renamed.
 
 use std::fs;
-use std::io::Write;
+use std::io::{self, ErrorKind, Write};
 use std::path::Path;
 
 use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::json_file::write_atomically;
 use dataset::new_file::{NewFile, clear_leftovers};
+use dataset::open_scenario::check_identity;
+use dataset::outside_file::{self, FileKind};
 use dataset::own_path::{own_path, refuse_link};
-use dataset::seal::{self, DONE, MANIFEST};
+use dataset::seal::{self, DONE, MANIFEST, SealedFile};
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::GetOptions;
 use tokio::task::spawn_blocking;
@@ -20,6 +22,7 @@ use crate::patience::Watch;
 
 /// Advice for a scenario that is damaged in the store.
 const MEND: &str = "Delete the scenario's DONE.json in the store; then `dtd push` sends it again, or `dtd generate` makes it anew";
+const RECORD: &str = "scenario.json";
 /// Files in parallel.
 const FILES_AT_ONCE: usize = 4;
 
@@ -76,6 +79,7 @@ impl CorpusStore {
 
         let partial = corpus.partial_scenario(id);
         refuse_link(partial.root())?;
+        clear_others(partial.root(), &files)?;
         let jobs = files.iter().map(|file| {
             let target = own_path(partial.root(), &file.name);
             let name = scenario_file(id, &file.name);
@@ -92,6 +96,12 @@ impl CorpusStore {
             .buffer_unordered(FILES_AT_ONCE)
             .try_collect()
             .await?;
+        if let Some(record) = files.iter().find(|file| file.name == RECORD) {
+            let path = partial.root().join(&record.name);
+            let content = outside_file::read(&path, FileKind::json("scenario record").unlinked())?;
+            check_identity(id, &theirs, &content, Path::new(&record.name))
+                .map_err(|error| damaged(error.to_string()))?;
+        }
         write_atomically(&partial.root().join(MANIFEST), manifest.as_bytes())?;
         dataset::json_file::write_json(&partial.root().join(DONE), &theirs)?;
         for folder in [partial.root().to_owned(), partial.root().join("views")] {
@@ -146,6 +156,60 @@ impl CorpusStore {
         }
         Ok(file.commit()?)
     }
+}
+
+/// Clears from a folder that will be a scenario what an earlier attempt, of whatever verb, left there and these files are not; refuses what
+/// nobody of ours put there, for it would become a part of the scenario.
+fn clear_others(partial: &Path, files: &[SealedFile]) -> Result<()> {
+    let listed = |folder: &Path| {
+        let entries = match fs::read_dir(folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
+            Err(error) => return Err(dataset::Error::io("list", folder)(error)),
+        };
+        entries
+            .map(|entry| entry.map(|entry| entry.path()))
+            .collect::<io::Result<Vec<_>>>()
+            .map_err(dataset::Error::io("list", folder))
+    };
+    clear_leftovers(partial);
+    let views = partial.join("views");
+    if refuse_link(&views).is_ok() {
+        clear_leftovers(&views);
+    }
+    let mut to_look_at = listed(partial)?;
+    while let Some(path) = to_look_at.pop() {
+        let name = path
+            .strip_prefix(partial)
+            .unwrap_or(&path)
+            .to_string_lossy()
+            .into_owned();
+        if files.iter().any(|file| file.name == name) {
+            continue;
+        }
+        let is_folder = path.is_dir() && refuse_link(&path).is_ok();
+        if is_folder
+            && files
+                .iter()
+                .any(|file| Path::new(&file.name).starts_with(&name))
+        {
+            to_look_at.extend(listed(&path)?);
+            continue;
+        }
+        // As a change that was killed left it.
+        let whole_name = name.strip_suffix(".new").unwrap_or(&name);
+        let is_ours = seal::is_scenario_file(whole_name) || [MANIFEST, DONE].contains(&whole_name);
+        if is_folder || !is_ours {
+            return Err(StoreError::Damaged {
+                place: partial.display().to_string(),
+                message: format!(
+                    "holds {name}, which is not of the scenario; the folder is where it is put together: move {name} away and fetch again"
+                ),
+            });
+        }
+        fs::remove_file(&path).map_err(dataset::Error::io("remove", &path))?;
+    }
+    Ok(())
 }
 
 /// The claim of a scenario to be written; waits for another writer.

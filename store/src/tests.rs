@@ -15,6 +15,8 @@ use tempfile::TempDir;
 use super::*;
 
 const ID: &str = "1200-clear-r1";
+/// Of the record.
+const CONFIG_HASH: &str = "985970a59798a068db8bc453403b79e51b260fdbb0b466acfa8fb960a5b84abb";
 /// More than one part.
 const LARGE: usize = 9 << 20;
 
@@ -37,7 +39,7 @@ fn corpus_with_record() -> (TempDir, Corpus) {
     let root = corpus.scenario(ID).root().to_owned();
     let record = include_str!("tests/scenario.json");
     fs::write(root.join("scenario.json"), record).unwrap();
-    seal_folder(&root, "config").unwrap();
+    seal_folder(&root, CONFIG_HASH).unwrap();
     (folder, corpus)
 }
 
@@ -312,7 +314,8 @@ fn detect(corpus: &Corpus, score: f64) {
         tile: 0,
     };
     let record = |provenance| provenance;
-    detections::replace(&claim, &source, "abc0", "abc", &[detection], record).unwrap();
+    let hash = format!("abc{}", "0".repeat(61));
+    detections::replace(&claim, &source, &hash, "abc", &[detection], record).unwrap();
 }
 
 #[tokio::test]
@@ -416,4 +419,208 @@ async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
         message.contains("frames.parquet") && message.contains("FIFO"),
         "{message}"
     );
+}
+
+#[tokio::test]
+async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with_record();
+    push(&store, &ours).await.unwrap();
+    detect(&ours, 0.5);
+    store
+        .push_detections(&ours.scenario(ID), &())
+        .await
+        .unwrap();
+    let (_theirs, theirs) = empty();
+    store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+    let there = theirs.scenario(ID);
+    // Somebody is detecting there, and is done when the fetch is already waiting.
+    let claim = there.claim().unwrap();
+    let source = there.open().unwrap();
+    let fetching = tokio::spawn({
+        let (store, there) = (store.clone(), there.clone());
+        async move { store.fetch_detections(&there, &()).await }
+    });
+    // A store in memory answers at once, so all that is left to wait for is the claim.
+    for _ in 0..100 {
+        tokio::task::yield_now().await;
+    }
+    let mine = Detection {
+        tick: 0,
+        view: "left".into(),
+        pixel_box: PixelBox::from_edges(1.0, 1.0, 9.0, 9.0),
+        score: 0.9,
+        tile: 0,
+    };
+    let hash = format!("abc{}", "0".repeat(61));
+    detections::replace(&claim, &source, &hash, "abc", &[mine.clone()], |made| made).unwrap();
+    drop(claim);
+    let fetched = fetching.await.unwrap().unwrap();
+    assert_eq!(fetched.left.len(), 1, "{fetched:?}");
+    assert_eq!(there.open().unwrap().detections("abc").unwrap(), [mine]);
+}
+
+#[tokio::test]
+async fn labels_are_not_replaced_by_none_however_new_the_folder_is() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let (_labelled, labelled) = corpus_with("table with labels");
+        let root = labelled.scenario(ID).root().to_owned();
+        fs::write(root.join(ScenarioFolder::TRUTH_BOXES), "boxes").unwrap();
+        seal_folder(&root, "config").unwrap();
+        push(&store, &labelled).await.unwrap();
+        let (_other, other) = corpus_with("table");
+        assert_eq!(push(&store, &other).await.unwrap(), Pushed::Labelled);
+        let seal = labelled.scenario(ID).seal().unwrap();
+        assert_eq!(store.seal(ID).await.unwrap(), seal);
+    }
+}
+
+#[tokio::test]
+async fn files_that_a_scenario_has_no_more_go_and_those_of_others_stay() {
+    let (_folder, stores) = stores();
+    for store in stores {
+        let (_first, first) = corpus_with("table");
+        let root = first.scenario(ID).root().to_owned();
+        fs::write(root.join("views/right.mov"), "video").unwrap();
+        seal_folder(&root, "config").unwrap();
+        push(&store, &first).await.unwrap();
+        let mine = store.key(&format!("scenarios/{ID}/notes.txt"));
+        store.store.put(&mine, "mine".into()).await.unwrap();
+        let (_second, second) = corpus_with("another table");
+        push(&store, &second).await.unwrap();
+        let there = store.objects(ID).await.unwrap();
+        let names: Vec<_> = there.keys().map(String::as_str).collect();
+        let expected = [
+            DONE,
+            MANIFEST,
+            "frames.parquet",
+            "notes.txt",
+            "views/left.mp4",
+        ];
+        assert_eq!(names, expected);
+    }
+}
+
+#[tokio::test]
+async fn a_scenario_that_lost_a_file_is_damaged_and_says_which() {
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with("table");
+    for name in ["views/left.mp4", MANIFEST] {
+        fs::remove_file(ours.scenario(ID).root().join(name)).unwrap();
+        let error = push(&store, &ours).await.unwrap_err();
+        assert!(matches!(error, StoreError::Damaged { .. }), "{error:?}");
+        assert!(error.to_string().contains(name), "{error}");
+    }
+}
+
+#[tokio::test]
+async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_nor_brought() {
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with_record();
+    push(&store, &ours).await.unwrap();
+    // As somebody copies it in the store.
+    for (name, object) in [
+        ("frames.parquet", "frames.parquet"),
+        ("views/left.mp4", "views/left.mp4"),
+        ("scenario.json", "scenario.json"),
+        (MANIFEST, MANIFEST),
+        (DONE, DONE),
+    ] {
+        let bytes = fs::read(ours.scenario(ID).root().join(name)).unwrap();
+        let key = store.key(&format!("scenarios/copy/{object}"));
+        store.store.put(&key, bytes.into()).await.unwrap();
+    }
+    let (_theirs, theirs) = empty();
+    let error = store
+        .fetch_scenario("copy", &theirs, &())
+        .await
+        .unwrap_err();
+    let message = error.to_string();
+    assert!(message.contains("expected \"copy\""), "{message}");
+    assert!(theirs.scenarios().unwrap().is_empty());
+    let copy = ours.scenario("copy");
+    fs::rename(ours.scenario(ID).root(), copy.root()).unwrap();
+    let pushed = store.push_scenario(&copy, OnOther::ReplaceOlder, &()).await;
+    let error = pushed.unwrap_err();
+    assert!(matches!(error, StoreError::Damaged { .. }), "{error:?}");
+    assert!(error.to_string().contains("expected \"copy\""), "{error}");
+}
+
+#[tokio::test]
+async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario() {
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with("table");
+    push(&store, &ours).await.unwrap();
+    let (_theirs, theirs) = empty();
+    let partial = theirs.partial_scenario(ID).root().to_owned();
+    fs::create_dir_all(partial.join("views")).unwrap();
+    // What our own verbs leave is cleared.
+    for name in [
+        "views/left.mov",
+        "boxes_truth.parquet",
+        "DONE.json.new",
+        "MANIFEST.b3",
+    ] {
+        fs::write(partial.join(name), "of another attempt").unwrap();
+    }
+    for name in ["thesis.tex", "views/photo.jpg", "detections"] {
+        match name {
+            "detections" => fs::create_dir(partial.join(name)).unwrap(),
+            _ => fs::write(partial.join(name), "mine").unwrap(),
+        }
+        let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
+        assert!(
+            error.to_string().contains(&format!("holds {name}")),
+            "{error}"
+        );
+        assert!(theirs.scenarios().unwrap().is_empty());
+        match name {
+            "detections" => fs::remove_dir(partial.join(name)).unwrap(),
+            _ => fs::remove_file(partial.join(name)).unwrap(),
+        }
+    }
+    store.fetch_scenario(ID, &theirs, &()).await.unwrap();
+    let folder = theirs.scenario(ID);
+    assert_eq!(seal::faults(folder.root()).unwrap(), Vec::<String>::new());
+    same_files(&ours.scenario(ID), &folder);
+}
+
+#[tokio::test]
+async fn a_linked_folder_in_a_store_is_neither_written_through_nor_read() {
+    let (_here, corpus) = corpus_with("table");
+    let (folder, [_, store]) = stores();
+    let outside = tempfile::tempdir().unwrap();
+    let scenarios = folder.path().join("a bucket/scenarios");
+    fs::create_dir_all(&scenarios).unwrap();
+    std::os::unix::fs::symlink(outside.path(), scenarios.join(ID)).unwrap();
+    let error = push(&store, &corpus).await.unwrap_err();
+    assert!(error.to_string().contains("is a symbolic link"), "{error}");
+    assert_eq!(fs::read_dir(outside.path()).unwrap().count(), 0);
+    for name in [MANIFEST, DONE] {
+        fs::copy(
+            corpus.scenario(ID).root().join(name),
+            outside.path().join(name),
+        )
+        .unwrap();
+    }
+    let (_there, other) = empty();
+    let error = store.fetch_scenario(ID, &other, &()).await.unwrap_err();
+    assert!(error.to_string().contains("is a symbolic link"), "{error}");
+}
+
+#[tokio::test]
+async fn a_manifest_larger_than_readers_take_is_not_brought() {
+    let store = CorpusStore::in_memory();
+    let (_ours, ours) = corpus_with("table");
+    push(&store, &ours).await.unwrap();
+    let key = store.key(&format!("scenarios/{ID}/{MANIFEST}"));
+    store
+        .store
+        .put(&key, vec![b'\n'; (16 << 20) + 1].into())
+        .await
+        .unwrap();
+    let (_theirs, theirs) = empty();
+    let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
+    assert!(error.to_string().contains("at most 16777216"), "{error}");
 }

@@ -12,9 +12,9 @@ use std::time::SystemTime;
 use dataset::corpus::ScenarioFolder;
 use dataset::json_file::json_bytes;
 use dataset::outside_file::{self, FileKind};
-use dataset::seal::{self, DONE, MANIFEST, SealedFile};
+use dataset::seal::{self, DONE, MANIFEST, Seal, SealedFile};
 use dataset::sealed::Sealed;
-use object_store::{ObjectStoreExt, PutMultipartOptions, PutOptions, WriteMultipart};
+use object_store::{PutMultipartOptions, PutOptions, WriteMultipart};
 use tokio::task::spawn_blocking;
 
 use crate::corpus_store::{CorpusStore, ObjectInfo, scenario_file};
@@ -57,6 +57,8 @@ pub enum Pushed {
     Other,
     /// The same, because that content is newer than ours.
     Newer,
+    /// The same, since that content has labels and ours has none, however new it is: copying a folder makes it new.
+    Labelled,
 }
 
 impl CorpusStore {
@@ -73,16 +75,27 @@ impl CorpusStore {
     ) -> Result<Pushed> {
         let mut rounds_left = ROUNDS;
         loop {
-            let sealed = Sealed::read(folder.root())?.ok_or_else(|| StoreError::Damaged {
+            let damaged = |message: String| StoreError::Damaged {
                 place: folder.root().display().to_string(),
-                message: format!("has no {DONE}: it was never finished"),
-            })?;
+                message,
+            };
+            let sealed = match Sealed::read(folder.root()) {
+                Ok(Some(sealed)) => sealed,
+                Ok(None) => return Err(damaged(format!("has no {DONE}: it was never finished"))),
+                Err(error) if error.is_bad_content() => return Err(damaged(error.to_string())),
+                Err(error) => return Err(error.into()),
+            };
             match self.push_state(folder, &sealed, on_other, watch).await {
                 // It was labelled in the meantime, or a file was renamed between two looks.
                 Err(StoreError::Damaged { .. })
                     if folder.seal()?.as_ref() != Some(sealed.seal()) => {}
-                Err(StoreError::Local(error)) if error.is_not_found() && rounds_left > 0 => {
+                Err(StoreError::Local(error))
+                    if (error.is_not_found() || error.is_passing()) && rounds_left > 0 =>
+                {
                     rounds_left -= 1;
+                }
+                Err(StoreError::Local(error)) if error.is_not_found() || error.is_bad_content() => {
+                    return Err(damaged(format!("is not what was sealed: {error}")));
                 }
                 pushed => return pushed,
             }
@@ -101,6 +114,7 @@ impl CorpusStore {
             place: folder.root().display().to_string(),
             message,
         };
+        folder.check_identity(sealed)?;
         let (ours, files) = (sealed.seal(), sealed.files());
         let mut replaced = false;
         match self.dated_seal(&id).await? {
@@ -115,13 +129,19 @@ impl CorpusStore {
                 });
             }
             Some(_) if on_other == OnOther::Keep => return Ok(Pushed::Other),
+            Some((theirs, _))
+                if sealed.hash_of(ScenarioFolder::TRUTH_BOXES).is_none()
+                    && self.is_labelled(&id, &theirs).await? =>
+            {
+                return Ok(Pushed::Labelled);
+            }
             Some((_, committed)) if committed > sealed_at(folder)? => return Ok(Pushed::Newer),
             Some(_) => {
                 // The store's version counts until ours is known to be complete.
                 if let Some(fault) = seal::faults(folder.root())?.into_iter().next() {
                     return Err(damaged(fault));
                 }
-                self.take_seal_away(&id).await?;
+                self.delete(&scenario_file(&id, DONE)).await?;
                 replaced = true;
             }
             None => {}
@@ -135,6 +155,7 @@ impl CorpusStore {
                 skipped += 1;
             }
         }
+        self.delete_unnamed(&id, sealed, &there).await;
         // Only now: nobody looks at a scenario without them.
         let done = json_bytes(ours, &folder.root().join(DONE))?;
         for (name, bytes) in [
@@ -150,11 +171,30 @@ impl CorpusStore {
         })
     }
 
-    async fn take_seal_away(&self, id: &str) -> Result<()> {
-        let name = scenario_file(id, DONE);
-        match self.store.delete(&self.key(&name)).await {
-            Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
-            Err(error) => Err(self.error(&format!("delete {name}"), &error)),
+    /// Whether a scenario of the store is labelled; `false` if its manifest does not say.
+    async fn is_labelled(&self, id: &str, seal: &Seal) -> Result<bool> {
+        let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
+        let manifest = manifest.and_then(|manifest| String::from_utf8(manifest).ok());
+        let files = manifest.and_then(|manifest| seal::sealed_files(&manifest, seal).ok());
+        let mut files = files.unwrap_or_default().into_iter();
+        Ok(files.any(|file| file.name == ScenarioFolder::TRUTH_BOXES))
+    }
+
+    /// Deletes the files that an earlier state of the scenario had and this one has not.
+    async fn delete_unnamed(
+        &self,
+        id: &str,
+        sealed: &Sealed,
+        there: &BTreeMap<String, ObjectInfo>,
+    ) {
+        let unnamed = there
+            .keys()
+            .filter(|name| seal::is_scenario_file(name) && sealed.hash_of(name).is_none());
+        for name in unnamed {
+            // Whoever may write may not always delete. It does no harm: nobody reads what the manifest does not name.
+            if let Err(error) = self.delete(&scenario_file(id, name)).await {
+                tracing::warn!(%error, "an earlier form of the scenario had it, and it is still there");
+            }
         }
     }
 
@@ -227,7 +267,7 @@ impl CorpusStore {
             ..PutOptions::default()
         };
         self.store
-            .put_opts(&self.key(name), bytes.into(), options)
+            .put_opts(&self.own_key(name)?, bytes.into(), options)
             .await
             .map_err(|error| self.error(&format!("write {name}"), &error))?;
         watch.passed(length);
@@ -259,7 +299,7 @@ impl CorpusStore {
         };
         let upload = self
             .store
-            .put_multipart_opts(&self.key(name), options)
+            .put_multipart_opts(&self.own_key(name)?, options)
             .await
             .map_err(|error| self.error(&format!("write {name}"), &error))?;
         let part_bytes = PART_BYTES.max(bytes.div_ceil(MOST_PARTS));
@@ -308,7 +348,7 @@ impl CorpusStore {
             ..PutOptions::default()
         };
         self.store
-            .put_opts(&self.key(name), bytes.into(), options)
+            .put_opts(&self.own_key(name)?, bytes.into(), options)
             .await
             .map_err(|error| self.error(&format!("write {name}"), &error))?;
         Ok(())

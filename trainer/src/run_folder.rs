@@ -8,6 +8,7 @@
 //!   baselines.json      the fitted formulas: pinholes and centre offsets
 //!   weights.safetensors all networks
 //!   convergence.json    errors on the validation side over both stages
+//!   replaces.json       which run was in its place when it was made
 //!   metrics.json  predictions.parquet  evaluation.json  report.html     (from `evaluate`)
 //!   MANIFEST.b3  DONE.json      the seal, as a scenario has it
 //! ```
@@ -17,11 +18,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use burn::module::Module;
+use burn::module::{Module, ModuleVisitor, Param};
 use burn::store::{ModuleSnapshot, SafetensorsStore, SafetensorsStoreError};
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor};
 use dataset::calibration::CameraEntry;
 use dataset::json_file::{write_json_unsynced, write_unsynced};
+use dataset::limits::{self, Check};
 use dataset::seal::{self, DONE, MANIFEST};
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
@@ -63,6 +65,7 @@ impl RunFolder {
     pub(crate) const METRICS: &str = "metrics.json";
     pub(crate) const PREDICTIONS: &str = "predictions.parquet";
     pub(crate) const REPORT: &str = "report.html";
+    pub(crate) const REPLACES: &str = "replaces.json";
 
     /// The files of a training.
     pub(crate) const TRAINED: [&str; 6] = [
@@ -75,7 +78,7 @@ impl RunFolder {
     ];
 
     /// All files that a run may contain.
-    pub const FILES: [&str; 12] = [
+    pub const FILES: [&str; 13] = [
         Self::CONFIG,
         Self::SUMMARY,
         Self::NORMALISATION,
@@ -86,6 +89,7 @@ impl RunFolder {
         Self::METRICS,
         Self::PREDICTIONS,
         Self::REPORT,
+        Self::REPLACES,
         MANIFEST,
         DONE,
     ];
@@ -237,6 +241,74 @@ impl Networks {
     }
 }
 
+/// No training comes near such a number of a network.
+const MOST_WEIGHT: f32 = 1e6;
+/// ... or of a formula: pixels times metres of an airliner's span, or metres to the target.
+const MOST_OF_A_FORMULA: f64 = 1e12;
+
+/// Refuses numbers that make every answer meaningless: no numbers, infinite ones, and those that no training leaves.
+fn check_numbers(
+    sealed: &SealedRun,
+    normalisation: &Normalisation,
+    baselines: &Baselines,
+    networks: &Networks,
+) -> Result<()> {
+    let Normalisation {
+        offset_px,
+        scale_px,
+        range_px,
+        ..
+    } = normalisation;
+    let check = &mut Check::default();
+    let ranges = range_px.iter().flatten().flatten().flatten().flatten();
+    for &place in offset_px.iter().flatten().chain(ranges) {
+        check.number("offset_px or range_px", place, limits::BOX_PLACE_PX);
+    }
+    for &scale in scale_px.iter().flatten() {
+        check.number("scale_px", scale, limits::FEATURE_SCALE_PX);
+    }
+    if let Some(fault) = std::mem::take(check).first() {
+        return Err(sealed.fault(RunFolder::NORMALISATION, format!("{fault}; train again")));
+    }
+    let pinholes = baselines.pinholes.iter().flatten();
+    let mut formulas = pinholes
+        .flat_map(|pinhole| [pinhole.focal_times_span_px_m, pinhole.setback_m])
+        .chain(baselines.centre_offsets.iter().flat_map(|offset| {
+            let [right, down] = offset.constant_px;
+            let [of_width, of_height] = offset.part_of_size;
+            [right, down, of_width, of_height]
+        }));
+    // Not a number is not below.
+    if let Some(number) = formulas.find(|number| !(number.abs() <= MOST_OF_A_FORMULA)) {
+        return Err(sealed.fault(
+            RunFolder::BASELINES,
+            format!("has the number {number:e}, expected one up to {MOST_OF_A_FORMULA:e} in size; train again"),
+        ));
+    }
+    let mut worst = WorstWeight(None);
+    networks.visit(&mut worst);
+    match worst.0 {
+        None => Ok(()),
+        Some(weight) => Err(sealed.fault(
+            RunFolder::WEIGHTS,
+            format!("has the weight {weight:e}, expected numbers up to {MOST_WEIGHT:e} in size; train again"),
+        )),
+    }
+}
+
+/// A weight that none can be, if there is one.
+struct WorstWeight(Option<f32>);
+
+impl ModuleVisitor for WorstWeight {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let data = param.val().into_data();
+        let bad = data
+            .iter::<f32>()
+            .find(|weight| !(weight.abs() <= MOST_WEIGHT));
+        self.0 = self.0.or(bad);
+    }
+}
+
 /// A trained run in memory. Its networks are on a device without autodiff.
 #[derive(Debug, Clone)]
 pub struct TrainedRun {
@@ -325,6 +397,7 @@ impl TrainedRun {
                     format!("weights do not fit the networks of config.json: {error}; train again"),
                 )
             })?;
+        check_numbers(sealed, &normalisation, &baselines, &networks)?;
         Ok(Self {
             summary: sealed.json(RunFolder::SUMMARY, "run summary")?,
             convergence: sealed.json(RunFolder::CONVERGENCE, "convergence log")?,

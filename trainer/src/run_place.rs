@@ -8,9 +8,10 @@
 //!   old/          the run that it replaces, on its way out
 //! ```
 //!
-//! A run is built in `new/` and sealed like a scenario (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves
-//! to `old/`, `new/` to `RUN`, and `old/` is deleted. The next holder of the claim completes a committed change and drops an
-//! uncommitted one. An evaluation, too, builds a complete run: the training's files, and its own.
+//! A run is built in `new/`, which records from the start which run it replaces (`replaces.json`), and sealed like a scenario
+//! (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves to `old/`, `new/` to `RUN`, and `old/` is deleted. The next
+//! holder of the claim completes a committed change and drops an uncommitted one. Only the run that was there when the new one was begun is
+//! ever replaced, and only files of a run are ever deleted. An evaluation, too, builds a complete run: the training's files, and its own.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -18,8 +19,11 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
 use dataset::claim::{Claim, Claimed};
-use dataset::new_file::sync;
+use dataset::corpus::own_folder_around;
+use dataset::json_file::{read_json, write_json_unsynced};
+use dataset::new_file::{clear_leftovers, sync};
 use dataset::seal;
+use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::run_folder::RunFolder;
@@ -60,6 +64,15 @@ impl RunPlace {
 
     fn take_if(run: &RunFolder, is_wanted: impl Fn(&Path) -> bool) -> Result<Self> {
         let run = real_path(run.root())?;
+        if let Some(own) = own_folder_around(&run) {
+            return Err(Error::Run {
+                path: run.clone(),
+                message: format!(
+                    "lies in {}, where a corpus keeps what is its own; name a folder outside",
+                    own.display()
+                ),
+            });
+        }
         if !is_wanted(&run) {
             return Err(no_run(&run));
         }
@@ -97,6 +110,10 @@ impl RunPlace {
     pub(crate) fn begin(&self) -> Result<RunFolder> {
         let new = self.new_run();
         fs::create_dir(&new).map_err(dataset::Error::io("create", &new))?;
+        let replaces = Replaces {
+            run: identity(&self.run)?,
+        };
+        write_json_unsynced(&new.join(RunFolder::REPLACES), &replaces)?;
         Ok(RunFolder::at(&new))
     }
 
@@ -106,7 +123,7 @@ impl RunPlace {
         self.put_in_place().inspect_err(|_| {
             tracing::warn!(
                 run = %self.new_run().display(),
-                "the finished run is whole there; the next start puts it into its place"
+                "the finished run is whole there; the next start puts it into its place, if that is free or holds the run that it replaces"
             );
         })
     }
@@ -122,7 +139,11 @@ impl RunPlace {
     /// Completes what a killed process had committed, and drops what it had not.
     fn recover(&self) -> Result<()> {
         let (new, old) = (self.new_run(), self.old_run());
-        let is_decided = new.is_dir() && seal::read_seal(&new)?.is_some();
+        for folder in [&new, &old] {
+            clear_leftovers(folder);
+            refuse_strangers(folder, &RunFolder::FILES, "is where a run is made, but")?;
+        }
+        let is_decided = new.join(seal::DONE).exists() && seal::faults(&new)?.is_empty();
         // When a run is deleted, run.json goes first.
         let old_is_whole = old.join(RunFolder::SUMMARY).is_file();
         if old_is_whole && !is_decided && is_vacant(&self.run) {
@@ -139,22 +160,46 @@ impl RunPlace {
                     ),
                 });
             }
-            return self.put_in_place();
+            self.put_in_place()?;
+            tracing::warn!(
+                run = %self.run.display(),
+                "an earlier training or evaluation had finished, but was killed before its run was in its place; it is now"
+            );
+            return Ok(());
         }
-        if new.exists() {
-            fs::remove_dir_all(&new).map_err(dataset::Error::io("remove", &new))?;
-        }
+        remove_run(&new)?;
         remove_run(&old)
     }
 
     fn put_in_place(&self) -> Result<()> {
-        if !is_vacant(&self.run) {
-            // Something may have been put there since the check.
-            self.refuse_other_content()?;
-            rename(&self.run, &self.old_run())?;
+        let (new, old) = (self.new_run(), self.old_run());
+        // Somebody may have put something there since it was looked at.
+        self.refuse_other_content()?;
+        let there = match identity(&self.run)? {
+            None => identity(&old)?,
+            there => there,
+        };
+        let replaces = new.join(RunFolder::REPLACES);
+        let expected = match read_json::<Replaces>(&replaces, "note of what a run replaces") {
+            Ok(Replaces { run }) => run,
+            // Of an earlier version, or nobody's.
+            Err(error) if error.is_not_found() => None,
+            Err(error) => return Err(error.into()),
+        };
+        if there.is_some() && there != expected {
+            return Err(Error::Run {
+                path: self.run.clone(),
+                message: format!(
+                    "is not the run that {} was made to replace; move one of the two away",
+                    new.display()
+                ),
+            });
         }
-        rename(&self.new_run(), &self.run)?;
-        remove_run(&self.old_run())
+        if !is_vacant(&self.run) {
+            rename(&self.run, &old)?;
+        }
+        rename(&new, &self.run)?;
+        remove_run(&old)
     }
 
     /// Rejects a folder that contains anything but a run: it will be replaced as a whole.
@@ -174,8 +219,31 @@ impl Drop for RunPlace {
         let new = self.new_run();
         // The next holder completes a committed change, and removes then what cannot be removed now.
         if new.is_dir() && !new.join(seal::DONE).exists() {
-            let _ = fs::remove_dir_all(&new);
+            clear_leftovers(&new);
+            let _ = remove_run(&new);
         }
+    }
+}
+
+/// What a new run says of the place that it is made for (`replaces.json`).
+#[derive(Serialize, Deserialize)]
+struct Replaces {
+    /// Which run was there; `null` if none was.
+    run: Option<String>,
+}
+
+/// What tells a run from all others: the hash of its manifest, or of its `run.json` if it has no seal. `None` if no run is there.
+fn identity(run: &Path) -> Result<Option<String>> {
+    match seal::read_seal(run) {
+        Ok(Some(seal)) => return Ok(Some(seal.manifest_blake3)),
+        Ok(None) => {}
+        Err(error) if error.is_bad_content() => {}
+        Err(error) => return Err(error.into()),
+    }
+    match seal::hash_file(&run.join(RunFolder::SUMMARY)) {
+        Ok(hash) => Ok(Some(hash)),
+        Err(error) if error.is_not_found() => Ok(None),
+        Err(error) => Err(error.into()),
     }
 }
 

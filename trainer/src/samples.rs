@@ -12,7 +12,9 @@ use dataset::camera::Camera;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::detections::models_of;
 use dataset::geodesy::Geodetic;
+use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::{Detection, PixelBox};
+use dataset::planned::PlannedScenarios;
 use dataset::runway::Runway;
 use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -119,6 +121,7 @@ impl Samples {
     /// Reads the samples of a corpus.
     pub fn read(corpus: &Corpus, model_hash: Option<&str>, range: DistanceRange) -> Result<Self> {
         let splits = corpus.splits()?;
+        let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
         let model_hash = choose_model(corpus, &folders, model_hash)?;
         let CommonRig {
@@ -137,18 +140,20 @@ impl Samples {
             samples: Vec::new(),
         };
         for folder in &folders {
-            found.add_scenario(folder, &splits, range)?;
+            let scenario = folder.open()?;
+            planned.check(&scenario.id(), &scenario.seal().config_hash)?;
+            found.add_scenario(&scenario, &splits, range)?;
         }
         Ok(found)
     }
 
     fn add_scenario(
         &mut self,
-        folder: &ScenarioFolder,
+        scenario: &OpenScenario,
         splits: &Splits,
         range: DistanceRange,
     ) -> Result<()> {
-        let scenario = folder.open()?;
+        let folder = scenario.folder();
         let record = scenario.record()?;
         let fault = |message: String| Error::Corpus {
             path: folder.root().to_owned(),
@@ -428,7 +433,7 @@ mod tests {
     use dataset::seal::seal_folder;
 
     use super::*;
-    use crate::synthetic::SyntheticCorpus;
+    use crate::synthetic::{MODEL_HASH, SyntheticCorpus};
 
     const ALL: DistanceRange = DistanceRange {
         min_nm: 0.0,
@@ -551,18 +556,19 @@ mod tests {
         let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
         let first = &corpus.scenarios().unwrap()[0];
         fs::copy(
-            first.detections_path("synthetic"),
+            first.detections_path(MODEL_HASH),
             first.detections_path("other"),
         )
         .unwrap();
         let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
-        assert!(message.contains("other, synthetic"), "{message}");
-        assert!(Samples::read(&corpus, Some("synthetic"), ALL).is_ok());
+        let listed = format!("{MODEL_HASH}, other");
+        assert!(message.contains(&listed), "{message}");
+        assert!(Samples::read(&corpus, Some(MODEL_HASH), ALL).is_ok());
         let message = Samples::read(&corpus, Some("third"), ALL)
             .unwrap_err()
             .to_string();
         assert!(
-            message.contains("third") && message.contains("other, synthetic"),
+            message.contains("third") && message.contains(&listed),
             "{message}"
         );
     }

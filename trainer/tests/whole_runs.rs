@@ -80,6 +80,23 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
+/// Seals a run again, after somebody edited it.
+fn seal_again(run: &Path) {
+    let seal = seal::read_seal(run).unwrap().unwrap();
+    seal::seal_folder(run, &seal.config_hash).unwrap();
+}
+
+/// Makes a run one that was made while `replaced` was in its place.
+fn made_to_replace(run: &Path, replaced: &Path) {
+    let hash = seal::read_seal(replaced).unwrap().unwrap().manifest_blake3;
+    fs::write(
+        run.join("replaces.json"),
+        format!("{{\"run\": \"{hash}\"}}"),
+    )
+    .unwrap();
+    seal_again(run);
+}
+
 fn assert_whole(run: &Path) {
     assert_eq!(seal::faults(run).unwrap(), Vec::<String>::new());
 }
@@ -112,6 +129,105 @@ fn what_is_no_run_is_never_replaced_and_is_named_before_anything_is_computed() {
     let left = names(workshop.folder.path());
     let expected = ["corpus", "file", "link", "mine", "taken.partial", "tool"];
     assert_eq!(left, expected, "nothing else was made, nothing is gone");
+}
+
+#[test]
+fn a_run_is_not_made_where_a_corpus_keeps_what_is_its_own() {
+    let workshop = Workshop::new();
+    for name in [
+        "corpus/scenarios/0009",
+        "corpus/scenarios",
+        "corpus/claims",
+        "corpus/failed/run",
+    ] {
+        let message = workshop.refusal(name);
+        assert!(
+            message.contains("where a corpus keeps what is its own"),
+            "{message}"
+        );
+    }
+    assert!(!workshop.path("corpus/claims").exists() && !workshop.path("corpus/failed").exists());
+    assert_eq!(workshop.corpus.scenarios().unwrap().len(), 7);
+}
+
+#[test]
+fn what_somebody_put_beside_a_run_is_neither_removed_nor_taken_for_a_run() {
+    let workshop = Workshop::new();
+    let run = workshop.train("run", 0).unwrap();
+    let other = workshop.train("other", 1).unwrap();
+    let weights = fs::read(run.weights_path()).unwrap();
+    let beside = workshop.path("run.partial");
+    for folder in ["new", "old"] {
+        fs::create_dir_all(beside.join(folder)).unwrap();
+        fs::copy(
+            other.root().join("DONE.json"),
+            beside.join(folder).join("DONE.json"),
+        )
+        .unwrap();
+        fs::write(beside.join(folder).join("photo.jpg"), "precious").unwrap();
+        for message in [
+            workshop.refusal("run"),
+            workshop.evaluate("run").unwrap_err().to_string(),
+        ] {
+            assert!(message.contains("holds photo.jpg"), "{message}");
+        }
+        fs::remove_file(beside.join(folder).join("photo.jpg")).unwrap();
+        // A seal alone is no run.
+        workshop.evaluate("run").unwrap();
+        assert!(!beside.exists());
+    }
+    // A whole run that was not made to replace this one.
+    copy(other.root(), &beside.join("new"));
+    for message in [
+        workshop.refusal("run"),
+        workshop.evaluate("run").unwrap_err().to_string(),
+    ] {
+        assert!(message.contains("is not the run that"), "{message}");
+    }
+    assert_whole(&beside.join("new"));
+    assert!(fs::read(run.weights_path()).unwrap() == weights);
+    assert_whole(run.root());
+}
+
+#[test]
+fn numbers_that_no_training_leaves_are_refused_by_file() {
+    let workshop = Workshop::new();
+    let run = workshop.train("run", 0).unwrap();
+    let weights = fs::read(run.weights_path()).unwrap();
+    for number in [f32::NAN, f32::INFINITY, 1e30] {
+        let mut spoilt = weights.clone();
+        let last = spoilt.len() - 4;
+        spoilt[last..].copy_from_slice(&number.to_le_bytes());
+        fs::write(run.weights_path(), spoilt).unwrap();
+        seal_again(run.root());
+        let message = workshop.evaluate("run").unwrap_err().to_string();
+        assert!(
+            message.contains("weights.safetensors: has the weight"),
+            "{message}"
+        );
+    }
+    fs::write(run.weights_path(), weights).unwrap();
+    for (path, field, name) in [
+        (run.normalisation_path(), "offset_px", "normalisation.json"),
+        (run.normalisation_path(), "scale_px", "normalisation.json"),
+        (run.baselines_path(), "constant_px", "baselines.json"),
+    ] {
+        let text = fs::read_to_string(&path).unwrap();
+        let at = text.find(field).unwrap();
+        let digit = at + text[at..].find(|c: char| c.is_ascii_digit()).unwrap();
+        let end = digit + text[digit..].find([',', '\n']).unwrap();
+        let spoilt = format!("{}1e308{}", &text[..digit], &text[end..]);
+        fs::write(&path, spoilt).unwrap();
+        seal_again(run.root());
+        let message = workshop.evaluate("run").unwrap_err().to_string();
+        assert!(
+            message.contains(name) && message.contains("1e308"),
+            "{message}"
+        );
+        fs::write(&path, text).unwrap();
+    }
+    seal_again(run.root());
+    workshop.evaluate("run").unwrap();
 }
 
 #[test]
@@ -243,6 +359,9 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
             if let Some(from) = from {
                 copy(from.root(), &to);
             }
+        }
+        if let (Some(_), Some(replaced)) = (new, run.or(old)) {
+            made_to_replace(&beside.join("new"), replaced.root());
         }
         if let Some(files) = unsealed {
             fs::create_dir(beside.join("new")).unwrap();

@@ -352,3 +352,57 @@ fn files_of_a_terabyte_are_named_and_not_read() {
         assert!(sealed.check(name).is_err());
     }
 }
+
+/// What is said of a manifest with these files, sealed by somebody.
+fn said_of(names: &[&str]) -> String {
+    let hash = blake3::hash(b"").to_string();
+    let manifest: String = names
+        .iter()
+        .map(|name| format!("{hash}  {name}\n"))
+        .collect();
+    let seal = Seal {
+        config_hash: "config".into(),
+        manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+        video_bytes: BTreeMap::new(),
+    };
+    sealed_files(&manifest, &seal).map_or_else(|fault| fault, |_| "nothing".into())
+}
+
+#[test]
+fn a_view_has_one_video_a_file_one_line_and_nothing_else_lies_among_the_videos() {
+    assert_eq!(
+        said_of(&["frames.parquet", "views/left.mov", "views/right.mp4"]),
+        "nothing"
+    );
+    for (names, words) in [
+        (
+            ["views/left.mov", "views/left.mp4"],
+            "two videos of view left, views/left.mov and views/left.mp4",
+        ),
+        (
+            ["frames.parquet", "frames.parquet"],
+            "two lines for frames.parquet",
+        ),
+        (
+            ["frames.parquet", "views/notes.txt"],
+            "names views/notes.txt, expected only videos",
+        ),
+        (
+            ["frames.parquet", "views/more/left.mp4"],
+            "names views/more/left.mp4",
+        ),
+    ] {
+        let said = said_of(&names);
+        assert!(said.contains(words), "{said}");
+    }
+    let example = Example::sealed();
+    fs::write(example.path("views/left.mov"), "another video").unwrap();
+    let message = seal_folder(&example.folder, "config")
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("two videos of view left"), "{message}");
+    assert_eq!(
+        example.faults(),
+        ["views/left.mov is not listed in MANIFEST.b3"]
+    );
+}

@@ -191,6 +191,14 @@ fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut F
     for entry in entries.flatten() {
         let path = entry.path();
         let name = entry.file_name().to_string_lossy().into_owned();
+        if entry.file_name().to_str().is_none() {
+            faults.of(
+                &name,
+                "scenarios",
+                "is a name that is no UTF-8 text, so no verb sees it; rename it or move it away",
+            );
+            continue;
+        }
         let known = scenarios.iter().any(|folder| folder.root() == path)
             // Committed by another run since the scenarios were listed.
             || matches!(seal::read_seal(&path), Ok(Some(_)));

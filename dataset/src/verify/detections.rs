@@ -1,12 +1,29 @@
 //! Detections, if there are any: they were made from the current videos, their records and tables can be read and belong together,
-//! and every row refers to a picture of the scenario.
+//! the counts and settings of the records are possible, and every row refers to a picture of the scenario.
+
+use std::collections::BTreeMap;
+
+use serde::Deserialize;
+use serde_json::Value;
 
 use super::Faults;
 use crate::corpus::ScenarioFolder;
 use crate::detections;
-use crate::limits::MOST_PICTURES;
+use crate::json_file::read_json;
+use crate::limits::{self, MOST_PICTURES};
+use crate::open_scenario::fault_of;
 use crate::pixel_box::{Detection, read_detections_with_faults};
 use crate::scenario::ScenarioRecord;
+
+/// What a record says besides where its table comes from. Other makers than ours may say less.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct Counts {
+    pictures: Option<u64>,
+    detections: Option<u64>,
+    seconds: Option<f64>,
+    settings: BTreeMap<String, Value>,
+}
 
 /// Checks the detections of all models. `record` is missing if `scenario.json` cannot be read.
 pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, faults: &mut Faults) {
@@ -17,10 +34,8 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
     for model in models.into_iter().flatten() {
         let file = format!("{}/{model}.parquet", detections::FOLDER);
         let mut path = folder.detections_path(&model);
-        let provenance = faults.keep(
-            &format!("{}/{model}.json", detections::FOLDER),
-            detections::provenance(folder, &model),
-        );
+        let record_file = format!("{}/{model}.json", detections::FOLDER);
+        let provenance = faults.keep(&record_file, detections::provenance(folder, &model));
         if provenance.is_some()
             && let Some(scenario) = &scenario
             && let Some((current, _)) = faults.keep(&file, scenario.detections_table(&model))
@@ -37,6 +52,59 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
         for (row, detection) in found.iter().enumerate() {
             check_row(&file, row, detection, record, faults);
         }
+        let path = detections::record_path(folder, &model);
+        if matches!(provenance, Some(Some(_)))
+            && let Some(counts) =
+                faults.keep(&record_file, read_json(&path, "record of detections"))
+        {
+            check_counts(&record_file, &counts, found.len(), record, faults);
+        }
+    }
+}
+
+fn check_counts(
+    file: &str,
+    counts: &Counts,
+    rows: usize,
+    record: Option<&ScenarioRecord>,
+    faults: &mut Faults,
+) {
+    let expected = [
+        (
+            "pictures",
+            counts.pictures,
+            record.map(ScenarioRecord::pictures),
+        ),
+        ("detections", counts.detections, Some(rows as u64)),
+    ];
+    for (what, found, expected) in expected {
+        if let (Some(found), Some(expected)) = (found, expected)
+            && found != expected
+        {
+            faults.file(file, format!("{what} is {found}, expected {expected}"));
+        }
+    }
+    if let Some(seconds) = counts
+        .seconds
+        .filter(|seconds| !(0.0..=1e10).contains(seconds))
+    {
+        faults.file(
+            file,
+            format!("seconds is {seconds:e}, expected a time from 0 to 1e10"),
+        );
+    }
+    for (name, limits) in [
+        ("tile_score", limits::RATIO),
+        ("score", limits::RATIO),
+        ("merge_iou", limits::RATIO),
+        ("most_windows", limits::WINDOWS),
+    ] {
+        let value = counts.settings.get(name);
+        // What is no number is in no range.
+        let number = value.map(|value| value.as_f64().unwrap_or(f64::NAN));
+        if let Some(Err(fault)) = number.map(|number| limits.check(number)) {
+            faults.file(file, format!("settings.{name} {fault}"));
+        }
     }
 }
 
@@ -48,15 +116,10 @@ fn check_row(
     faults: &mut Faults,
 ) {
     let view = detection.view.as_str();
-    if let Some(record) = record {
-        if detection.tick >= record.ticks {
-            let message = format!("is {}, expected below {}", detection.tick, record.ticks);
-            faults.view_row(view, file, row, "tick", message);
-        }
-        if !record.views.contains(&detection.view) {
-            let message = format!("{view} is no view of the scenario");
-            faults.row(file, row, "view", message);
-        }
+    match record.and_then(|record| fault_of(detection, record)) {
+        Some((kind @ "view", message)) => faults.row(file, row, kind, message),
+        Some((kind, message)) => faults.view_row(view, file, row, kind, message),
+        None => {}
     }
     if detection.pixel_box.area() == 0.0 {
         let message = format!("{:?} is none", detection.pixel_box);

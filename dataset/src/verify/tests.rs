@@ -575,6 +575,102 @@ fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
     );
 }
 
+/// What is found after detections were made, with this record.
+fn with_detections(record: serde_json::Value) -> String {
+    let example = Example::new();
+    let folder = example.scenario();
+    let found = crate::pixel_box::Detection {
+        tick: 0,
+        view: "left".into(),
+        pixel_box: PixelBox::from_edges(10.0, 10.0, 20.0, 20.0),
+        score: 0.5,
+        tile: 0,
+    };
+    let source = folder.open().unwrap();
+    let claim = folder.claim().unwrap();
+    let hash = "a".repeat(64);
+    crate::detections::replace(&claim, &source, &hash, "aaaa", &[found], |provenance| {
+        let mut made = serde_json::to_value(provenance).unwrap();
+        let fields = record.as_object().unwrap().clone();
+        made.as_object_mut().unwrap().extend(fields);
+        made
+    })
+    .unwrap();
+    drop(claim);
+    example.findings()
+}
+
+#[test]
+fn counts_settings_and_models_that_cannot_be_are_found_in_records_of_detections() {
+    let sound = serde_json::json!({"pictures": 10, "detections": 1, "seconds": 0.1,
+        "settings": {"tile_score": 0.15, "score": 0.3, "merge_iou": 0.3, "most_windows": 6}});
+    assert_eq!(with_detections(sound), "");
+    for (record, words) in [
+        (
+            serde_json::json!({"pictures": 9}),
+            "pictures is 9, expected 10",
+        ),
+        (
+            serde_json::json!({"detections": 4_000_000_000_u64}),
+            "expected 1",
+        ),
+        (
+            serde_json::json!({"detections": -1}),
+            "record of detections",
+        ),
+        (serde_json::json!({"seconds": -1.0}), "seconds is -1"),
+        (
+            serde_json::json!({"settings": {"score": 1e308}}),
+            "settings.score 1e308 is out of range",
+        ),
+        (
+            serde_json::json!({"settings": {"most_windows": 0}}),
+            "settings.most_windows 0",
+        ),
+        (
+            serde_json::json!({"model_blake3": "mine"}),
+            "64 hexadecimal digits",
+        ),
+        (
+            serde_json::json!({"model_blake3": "b".repeat(64)}),
+            "begin with aaaa",
+        ),
+    ] {
+        let findings = with_detections(record);
+        assert!(
+            findings.contains("aaaa.json") && findings.contains(words),
+            "{findings}"
+        );
+    }
+}
+
+#[test]
+fn the_sealed_video_is_looked_at_whatever_lies_beside_it() {
+    let example = Example::new();
+    let folder = example.scenario();
+    fs::write(folder.root().join("views/left.mov"), "no video").unwrap();
+    let findings = example.findings();
+    assert_found(&findings, "views/left.mov is not listed in MANIFEST.b3");
+    assert_eq!(findings.lines().count(), 1, "{findings}");
+}
+
+#[test]
+fn a_folder_whose_name_is_no_text_is_found() {
+    use std::os::unix::ffi::OsStrExt;
+
+    let example = Example::new();
+    let name = std::ffi::OsStr::from_bytes(b"0003\xff");
+    let path = example.corpus.root().join("scenarios").join(name);
+    fs::create_dir(&path).unwrap();
+    fs::copy(
+        example.scenario().root().join(seal::DONE),
+        path.join(seal::DONE),
+    )
+    .unwrap();
+    let findings = example.findings();
+    assert!(findings.contains("no UTF-8 text"), "{findings}");
+}
+
 #[test]
 fn a_folder_without_a_seal_is_found() {
     let example = Example::new();

@@ -8,6 +8,7 @@ use super::pixels::{Scenario, ViewProof, Watcher};
 use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
 use crate::scenario::ScenarioRecord;
+use crate::sealed::Sealed;
 use crate::video::VideoReader;
 
 /// Checks all videos of a scenario, in parallel; returns how many pictures were decoded, and the evidence.
@@ -17,13 +18,17 @@ pub(super) fn check(
     calibration: Option<&Calibration>,
     faults: &mut Faults,
 ) -> (u64, Vec<ViewProof>) {
+    let sealed = Sealed::read(folder.root()).ok().flatten();
     let read: Vec<(&String, PathBuf, Decoded)> = thread::scope(|scope| {
         let threads: Vec<_> = scenario
             .record
             .views
             .iter()
             .map(|view| {
-                let path = folder.video_path(view);
+                // What was sealed, where that can be read; a stray of another ending is named as such.
+                let sealed = sealed.as_ref().and_then(|sealed| sealed.video_of(view));
+                let path =
+                    sealed.map_or_else(|| folder.video_path(view), |name| folder.root().join(name));
                 let watcher = Watcher::new(view, scenario);
                 let decoded = scope.spawn({
                     let path = path.clone();

@@ -44,6 +44,14 @@ pub enum GenerateError {
         /// What is wrong with it.
         message: String,
     },
+    /// The folder for staging is not one.
+    #[error("{}: {message}, or name another folder with --staging", folder.display())]
+    NotAStage {
+        /// The folder.
+        folder: PathBuf,
+        /// What is wrong with it, and what to do.
+        message: String,
+    },
     /// The corpus path is taken by something else.
     #[error("{}: is a file, expected a folder, or a name under which one can be made", path.display())]
     NotAFolder {
@@ -103,6 +111,7 @@ impl GenerateError {
             Self::OtherPlan { .. }
             | Self::UnknownScenario { .. }
             | Self::ForeignFolder { .. }
+            | Self::NotAStage { .. }
             | Self::Tape { .. }
             | Self::NotAFolder { .. } => true,
             // A path where no corpus can be created.
@@ -268,7 +277,10 @@ impl ScenarioError {
 
     /// Whether the next attempt would fail in the same way.
     pub(super) fn is_certain(&self) -> bool {
-        matches!(self, Self::NotOnTape { .. })
+        matches!(
+            self,
+            Self::NotOnTape { .. } | Self::Corpus(dataset::Error::Corpus { .. })
+        )
     }
 
     /// Whose fault it is.

@@ -121,7 +121,11 @@ impl Remote {
     }
 
     /// Removes from the stage what an earlier run uploaded and did not clear before it was killed.
-    pub(super) fn clear_what_is_sent(&self, stage: &Corpus, committed: &BTreeMap<String, Seal>) {
+    pub(super) async fn clear_what_is_sent(
+        &self,
+        stage: &Corpus,
+        committed: &BTreeMap<String, Seal>,
+    ) {
         if self.keep_staged {
             return;
         }
@@ -138,8 +142,34 @@ impl Remote {
             }
             // Other content is somebody's work: it stays.
             if whole.seal().is_ok_and(|ours| ours.as_ref() == Some(theirs)) {
-                unstage(stage, id);
+                self.unstage(stage, id).await;
             }
+        }
+    }
+
+    /// Takes a scenario that the store has from the stage, without ever leaving half of one under its name. Detections that are nowhere
+    /// else keep it there.
+    async fn unstage(&self, stage: &Corpus, id: &str) {
+        let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
+        match self.store.has_detections_of(&whole).await {
+            Ok(true) => {}
+            Ok(false) => {
+                tracing::warn!(
+                    id,
+                    "stays on the stage, for the store has not all of its detections; send them with `dtd push {} {}`",
+                    stage.root().display(),
+                    self.store.name()
+                );
+                return;
+            }
+            Err(error) => {
+                tracing::warn!(%error, id, "sent, but still on the stage");
+                return;
+            }
+        }
+        match fs::rename(whole.root(), partial.root()) {
+            Ok(()) => remove(partial.root()),
+            Err(error) => tracing::warn!(%error, id, "sent, but still on the stage"),
         }
     }
 
@@ -185,15 +215,6 @@ impl Remote {
 
     fn path_of(&self, name: &str) -> PathBuf {
         PathBuf::from(format!("{}/{name}", self.store.name()))
-    }
-}
-
-/// Removes a scenario from the stage, without ever leaving half of one under its name.
-fn unstage(stage: &Corpus, id: &str) {
-    let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
-    match fs::rename(whole.root(), partial.root()) {
-        Ok(()) => remove(partial.root()),
-        Err(error) => tracing::warn!(%error, id, "sent, but still on the stage"),
     }
 }
 
@@ -321,12 +342,12 @@ impl<'a> Run<'a> {
             Ok(pushed) => {
                 remote.forget_failure(id).await;
                 if !remote.keep_staged {
-                    unstage(self.work.corpus, id);
+                    remote.unstage(self.work.corpus, id).await;
                 }
                 let outcome = &mut lock(&self.tally).outcome;
                 match pushed {
                     Pushed::Committed { .. } => outcome.committed.push(id.to_owned()),
-                    Pushed::Same | Pushed::Other | Pushed::Newer => {
+                    Pushed::Same | Pushed::Other | Pushed::Newer | Pushed::Labelled => {
                         outcome.skipped.push(id.to_owned());
                     }
                 }

@@ -18,7 +18,13 @@ impl Workplace {
         let folder = corpus.partial_scenario(id);
         let root = folder.root();
         // If a link was planted there, only the link is removed.
-        if root.symlink_metadata().is_ok() {
+        if let Ok(found) = root.symlink_metadata() {
+            if !found.is_dir() && !found.is_symlink() {
+                return Err(Error::corpus(
+                    root,
+                    "is where the scenario is made, and is no folder; move it away, then the scenario is generated",
+                ));
+            }
             fs::remove_dir_all(root).map_err(Error::io("remove", root))?;
         }
         let views = root.join("views");
@@ -56,6 +62,23 @@ impl Workplace {
 mod tests {
     use super::*;
     use dataset::claim::Claimed;
+
+    #[test]
+    fn what_is_no_folder_is_named_and_stays() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = Corpus::create(folder.path()).unwrap();
+        let Claimed::Mine(claim) = Claim::take(&corpus, "0001").unwrap() else {
+            panic!("nobody else is there");
+        };
+        let partial = corpus.partial_scenario("0001").root().to_owned();
+        fs::write(&partial, "notes").unwrap();
+        let error = Workplace::clear(&corpus, "0001", &claim).err().unwrap();
+        assert!(
+            error.to_string().contains("is no folder; move it away"),
+            "{error}"
+        );
+        assert_eq!(fs::read(&partial).unwrap(), b"notes");
+    }
 
     #[test]
     fn what_a_killed_run_left_is_cleared_unless_it_was_finished() {

@@ -122,6 +122,7 @@ impl ScenarioJob {
         let record = |provenance| DetectionRecord {
             model: self.model.file_name.clone(),
             provenance,
+            profile_blake3: self.model.profile_blake3.clone(),
             detector,
             settings: self.settings,
             dtd: env!("CARGO_PKG_VERSION").into(),

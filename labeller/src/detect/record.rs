@@ -20,6 +20,9 @@ pub struct DetectionRecord {
     /// What they were made from, and the hash of their table.
     #[serde(flatten)]
     pub provenance: Provenance,
+    /// BLAKE3 hash of the profile beside the model, which says how it is fed and read; missing where none lay there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub profile_blake3: Option<String>,
     /// Output layout and window size.
     pub detector: String,
     /// What counted as a hit.
@@ -40,7 +43,7 @@ impl DetectionRecord {
         detections::record_path(folder, model_hash)
     }
 
-    /// Whether the scenario has detections of this model with these settings, made from its current videos.
+    /// Whether the scenario has detections of this model with this profile and these settings, made from its current videos.
     pub(super) fn is_there(
         scenario: &OpenScenario,
         model: &Model,
@@ -52,6 +55,8 @@ impl DetectionRecord {
         }
         let path = Self::path(scenario.folder(), model.short_hash());
         let record: Self = read_json(&path, "record of detections")?;
-        Ok(record.provenance.model_blake3 == model.blake3 && record.settings == *settings)
+        Ok(record.provenance.model_blake3 == model.blake3
+            && record.profile_blake3 == model.profile_blake3
+            && record.settings == *settings)
     }
 }

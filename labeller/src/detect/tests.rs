@@ -2,7 +2,7 @@ use std::fs;
 use std::sync::Mutex;
 
 use dataset::json_file::read_json;
-use dataset::pixel_box::{PixelBox, write_detections};
+use dataset::pixel_box::{Detection, PixelBox, write_detections};
 use dataset::seal::seal_folder;
 
 use super::*;
@@ -15,7 +15,8 @@ const HEIGHT: u32 = 768;
 fn model() -> Model {
     Model {
         file_name: "blobs.onnx".into(),
-        blake3: "0123456789abcdef0123".into(),
+        blake3: "0123456789abcdef".repeat(4),
+        profile_blake3: None,
     }
 }
 
@@ -136,6 +137,112 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
         .len(),
         1
     );
+}
+
+#[test]
+fn another_profile_is_another_way_to_ask_so_the_model_is_asked_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    detect(&corpus, &two_workers());
+    let file = |profile: &str| ModelFile {
+        path: "blobs.onnx".into(),
+        onnx: b"blobs".to_vec(),
+        profile: Some(profile.as_bytes().to_vec()),
+    };
+    let [one, other] = ["{}", r#"{"input": {"scale": 1.0}}"#].map(|profile| Model {
+        blake3: model().blake3,
+        ..Model::of(&file(profile))
+    });
+    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
+    let searched = |model: &Model| {
+        let outcome = detect_with(&corpus, model, &make, &two_workers(), &|_| {}).unwrap();
+        outcome.detected.len()
+    };
+    assert_eq!(
+        [&one, &one, &other, &other, &model()].map(searched),
+        [1, 0, 1, 0, 1]
+    );
+}
+
+#[test]
+fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let folder = corpus.scenario("0001-a");
+    type Spoil = fn(&mut Detection);
+    let cases: [(Spoil, &str); 2] = [
+        (|found| found.tick = 3, "row 0: tick is 3, expected below 3"),
+        (
+            |found| found.view = "lift".into(),
+            "row 0: view lift is no view",
+        ),
+    ];
+    for (spoil, words) in cases {
+        detect(&corpus, &two_workers());
+        let scenario = folder.open().unwrap();
+        let mut found = scenario.detections("0123456789abcdef").unwrap();
+        spoil(&mut found[0]);
+        let path = DetectionRecord::path(&folder, "0123456789abcdef");
+        let record: DetectionRecord = read_json(&path, "record").unwrap();
+        let made = |provenance| DetectionRecord {
+            provenance,
+            ..record
+        };
+        let claim = folder.claim().unwrap();
+        let (hash, name) = (&model().blake3, "0123456789abcdef");
+        dataset::detections::replace(&claim, &scenario, hash, name, &found, made).unwrap();
+        drop(claim);
+        let message = scenario.detections(name).unwrap_err().to_string();
+        assert!(message.contains(words), "{message}");
+        assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
+        assert_eq!(scenario.detections(name).unwrap().len(), 6);
+    }
+}
+
+#[test]
+fn a_record_whose_model_is_not_the_one_of_its_name_is_refused() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let folder = corpus.scenario("0001-a");
+    for hash in [
+        "",
+        "a model of mine",
+        &"f".repeat(64),
+        &"0123456789ABCDEF".repeat(4),
+    ] {
+        detect(&corpus, &two_workers());
+        let path = DetectionRecord::path(&folder, "0123456789abcdef");
+        let mut record: DetectionRecord = read_json(&path, "record").unwrap();
+        record.provenance.model_blake3 = hash.into();
+        dataset::json_file::write_json(&path, &record).unwrap();
+        let message = folder
+            .open()
+            .unwrap()
+            .detections("0123456789abcdef")
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("begin with 0123456789abcdef"), "{message}");
+        assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
+    }
+}
+
+#[test]
+fn a_scenario_of_another_name_or_of_other_parameters_is_not_opened() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let (one, copy) = (corpus.scenario("0001-a"), corpus.scenario("0003-c"));
+    fs::rename(one.root(), copy.root()).unwrap();
+    let message = copy.open().unwrap_err().to_string();
+    assert!(
+        message.contains("\"0001-a\", expected \"0003-c\""),
+        "{message}"
+    );
+    let other = corpus.scenario("0002-b");
+    seal_folder(other.root(), "other config").unwrap();
+    let message = other.open().unwrap_err().to_string();
+    assert!(message.contains("expected \"other config\""), "{message}");
+    let outcome = detect(&corpus, &two_workers());
+    assert_eq!((outcome.detected.len(), outcome.failed.len()), (0, 2));
 }
 
 #[test]

@@ -9,11 +9,17 @@ use ort::value::TensorRef;
 use super::answer::{Answer, AnswerFault};
 use super::input::{Batch, CHANNELS, Input};
 use super::layout::{Decoding, Layout};
+use super::model_file::ModelFile;
 use super::onnx_runtime;
 use super::profile::{METADATA_KEY, ModelProfile};
 use super::window::{Picture, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, Result};
+
+/// Where weights are looked for that are not in the model's own file. Nowhere: the hash of the model would say nothing of them, and a model
+/// from others would read files of its choice.
+const EXTERNAL_WEIGHTS: &str = "session.model_external_initializers_file_folder_path";
+const NOWHERE: &str = "/dev/null";
 
 /// Options for running a model.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -39,11 +45,14 @@ pub struct OrtDetector {
 }
 
 impl OrtDetector {
-    /// Loads a model, runs it once on an empty window and determines its output layout.
+    /// Reads and loads a model.
     pub fn load(path: &Path, options: &OrtOptions) -> Result<Self> {
-        if !path.is_file() {
-            return Err(Error::model(path, "is not there; expected an ONNX file"));
-        }
+        Self::of(&ModelFile::read(path)?, options)
+    }
+
+    /// Loads a model, runs it once on an empty window and finds out how it answers.
+    pub fn of(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
+        let path = model.path.as_path();
         let environment = onnx_runtime::environment(options.library.as_deref())?;
         let fault = |e: &dyn std::fmt::Display| {
             Error::model(path, format!("ONNX Runtime cannot load it: {e}"))
@@ -56,13 +65,17 @@ impl OrtDetector {
             .map_err(|e| fault(&e))?
             // Threads that spin while waiting would take the cores that decode the next picture.
             .with_intra_op_spinning(false)
+            .map_err(|e| fault(&e))?
+            .with_config_entry(EXTERNAL_WEIGHTS, NOWHERE)
             .map_err(|e| fault(&e))?;
-        let session = builder.commit_from_file(path).map_err(|e| fault(&e))?;
+        let session = builder
+            .commit_from_memory(&model.onnx)
+            .map_err(|e| fault(&e))?;
         let metadata = session
             .metadata()
             .ok()
             .and_then(|metadata| metadata.custom(METADATA_KEY));
-        let profile = ModelProfile::find(path, metadata)?;
+        let profile = ModelProfile::find(model, metadata)?;
         let input = Input::of(&session, &profile, options.batch)
             .map_err(|fault| Error::model(path, fault))?;
         let output = session.outputs()[0].name().to_owned();

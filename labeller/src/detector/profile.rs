@@ -7,11 +7,11 @@
 //! {"input": {"order": "bgr", "scale": 1.0, "size_px": 416}, "layout": "yolox", "aircraft_class": 4}
 //! ```
 
-use std::path::Path;
-
+use dataset::json_file::parse_json;
 use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
+use super::model_file::ModelFile;
 use crate::error::{Error, Result};
 
 /// Name of the metadata property of a model that contains its profile.
@@ -67,12 +67,11 @@ pub struct InputProfile {
 
 impl ModelProfile {
     /// The profile of a model: from the file next to it, else from its metadata, else empty.
-    pub(super) fn find(model: &Path, metadata: Option<String>) -> Result<Self> {
-        let mut beside = model.as_os_str().to_owned();
-        beside.push(".json");
-        let beside = Path::new(&beside);
-        let (profile, from) = if beside.exists() {
-            let read = dataset::json_file::read_json::<Self>(beside, "model profile");
+    pub(super) fn find(file: &ModelFile, metadata: Option<String>) -> Result<Self> {
+        let model = file.path.as_path();
+        let (profile, from) = if let Some(text) = &file.profile {
+            let beside = ModelFile::profile_path(model);
+            let read = parse_json::<Self>(text, &beside, "model profile");
             let profile = read.map_err(|error| Error::model(model, error))?;
             (profile, beside.display().to_string())
         } else if let Some(text) = metadata {
@@ -133,29 +132,31 @@ impl ModelProfile {
 mod tests {
     use super::*;
 
+    fn model(profile: Option<&str>) -> ModelFile {
+        ModelFile {
+            path: "net.onnx".into(),
+            onnx: Vec::new(),
+            profile: profile.map(|text| text.as_bytes().to_vec()),
+        }
+    }
+
     #[test]
     fn a_file_beside_the_model_goes_before_its_metadata_and_unknown_keys_are_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let model = folder.path().join("net.onnx");
         let metadata = Some(r#"{"input": {"scale": 1.0}}"#.to_owned());
         assert_eq!(
-            ModelProfile::find(&model, metadata.clone())
+            ModelProfile::find(&model(None), metadata.clone())
                 .unwrap()
                 .scale(Layout::Rows),
             1.0
         );
-        std::fs::write(
-            folder.path().join("net.onnx.json"),
-            r#"{"input": {"scale": 0.5, "order": "bgr"}}"#,
-        )
-        .unwrap();
-        let profile = ModelProfile::find(&model, metadata).unwrap();
+        let beside = model(Some(r#"{"input": {"scale": 0.5, "order": "bgr"}}"#));
+        let profile = ModelProfile::find(&beside, metadata).unwrap();
         assert_eq!(
             (profile.scale(Layout::Rows), profile.order(Layout::Rows)),
             (0.5, ChannelOrder::Bgr)
         );
-        std::fs::write(folder.path().join("net.onnx.json"), r#"{"colour": "bgr"}"#).unwrap();
-        let message = format!("{}", ModelProfile::find(&model, None).unwrap_err());
+        let unknown = model(Some(r#"{"colour": "bgr"}"#));
+        let message = format!("{}", ModelProfile::find(&unknown, None).unwrap_err());
         assert!(
             message.contains("net.onnx.json") && message.contains("colour"),
             "{message}"
@@ -166,7 +167,7 @@ mod tests {
     fn a_scale_that_spoils_every_picture_is_refused() {
         for scale in ["0.0", "-1.0"] {
             let metadata = Some(format!(r#"{{"input": {{"scale": {scale}}}}}"#));
-            let found = ModelProfile::find(Path::new("net.onnx"), metadata);
+            let found = ModelProfile::find(&model(None), metadata);
             let said = found.unwrap_err().to_string();
             assert!(
                 said.contains("net.onnx") && said.contains("input.scale"),

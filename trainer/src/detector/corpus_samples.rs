@@ -7,18 +7,23 @@ use std::collections::HashMap;
 use std::sync::Arc;
 
 use dataset::corpus::Corpus;
+use dataset::memory;
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::TruthBox;
+use dataset::planned::PlannedScenarios;
 use dataset::splits::Side;
 use rayon::prelude::*;
 
-use super::picture::{Picture, is_visible};
+use super::picture::{Picture, is_visible, may_be_visible};
 use super::samples::{CROP_SIZES, Samples, size_for_width};
 use super::targets::CropTruth;
 use crate::error::{Error, Result};
 
 /// Whole frames kept of every video as background. Clouds and ground do not move within a scenario; lights and rain do.
 const BACKGROUNDS_PER_VIDEO: usize = 3;
+
+/// Frames that a decoder and its scaler hold at a time.
+const DECODED_FRAMES: u64 = 12;
 
 /// One video of a corpus.
 #[derive(Debug, Clone)]
@@ -41,6 +46,7 @@ pub struct JudgedFrame {
 /// The videos of the given sides of a corpus's split.
 pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
     let splits = corpus.splits()?;
+    let planned = PlannedScenarios::read(corpus)?;
     let mut videos = Vec::new();
     for folder in corpus.scenarios()? {
         if splits
@@ -49,6 +55,7 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
             .is_some_and(|assignment| sides.contains(&assignment.side))
         {
             let scenario = Arc::new(folder.open()?);
+            planned.check(&scenario.id(), &scenario.seal().config_hash)?;
             let record = scenario.record()?;
             let weather = record.conditions.weather_name;
             videos.extend(record.views.into_iter().map(|view| Video {
@@ -70,7 +77,25 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
 }
 
 /// All training samples of the videos.
+///
+/// # Errors
+/// A video or table cannot be read, or there is less memory than the pictures take.
 pub fn read_samples(videos: &[Video]) -> Result<Samples> {
+    let mut needed_bytes = decoding_bytes(videos)?;
+    for video in videos {
+        let backgrounds = BACKGROUNDS_PER_VIDEO.min(video.frames()?) as u64;
+        let pieces: u64 = video
+            .boxes()?
+            .filter(may_be_visible)
+            .map(|truth| {
+                let size = CROP_SIZES[size_for_width(truth.pixel_box.width_px)];
+                rgb_bytes(size.piece_side_px, size.piece_side_px)
+            })
+            .sum();
+        needed_bytes += backgrounds * video.frame_bytes()? + pieces;
+    }
+    memory::check("the pictures to train a detector with", needed_bytes)
+        .map_err(dataset::Error::from)?;
     let parts = videos
         .par_iter()
         .map(samples_of)
@@ -115,9 +140,31 @@ fn samples_of(video: &Video) -> Result<Samples> {
     Ok(samples)
 }
 
+/// What decoding takes, on all threads at once. The largest pictures decide.
+fn decoding_bytes(videos: &[Video]) -> Result<u64> {
+    let mut largest = 0;
+    for video in videos {
+        largest = largest.max(video.frame_bytes()?);
+    }
+    Ok(largest * DECODED_FRAMES * rayon::current_num_threads().min(videos.len()) as u64)
+}
+
+fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
+    3 * width_px as u64 * height_px as u64
+}
+
 /// About `count` frames, evenly spread over the videos, for evaluation.
+///
+/// # Errors
+/// Those of [`read_samples`].
 pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
     let per_video = count.div_ceil(videos.len().max(1)).max(1);
+    let mut needed_bytes = decoding_bytes(videos)?;
+    for video in videos {
+        needed_bytes += per_video.min(video.frames()?) as u64 * video.frame_bytes()?;
+    }
+    memory::check("the frames to judge a detector on", needed_bytes)
+        .map_err(dataset::Error::from)?;
     let parts = videos
         .par_iter()
         .map(|video| {
@@ -143,15 +190,32 @@ impl Video {
         Ok(self.scenario.record()?.ticks as usize)
     }
 
+    /// What one of its frames takes, bytes.
+    fn frame_bytes(&self) -> Result<u64> {
+        let cameras = self.scenario.calibration()?.cameras;
+        let camera = cameras.get(&self.view).ok_or_else(|| Error::Corpus {
+            path: self.scenario.folder().root().to_owned(),
+            message: format!(
+                "has no camera {} in calibration.json; generate it again",
+                self.view
+            ),
+        })?;
+        Ok(rgb_bytes(
+            camera.width_px as usize,
+            camera.height_px as usize,
+        ))
+    }
+
+    /// The true boxes of the view.
+    fn boxes(&self) -> Result<impl Iterator<Item = TruthBox>> {
+        let boxes = self.scenario.truth_boxes()?.into_iter();
+        Ok(boxes.filter(|truth| truth.view == self.view))
+    }
+
     /// Decodes the video and passes on every frame with its tick and its aircraft, until the receiver returns `false`.
     fn for_each_frame(&self, mut receive: impl FnMut(usize, &Picture) -> bool) -> Result<()> {
-        let boxes: HashMap<u32, TruthBox> = self
-            .scenario
-            .truth_boxes()?
-            .into_iter()
-            .filter(|truth| truth.view == self.view)
-            .map(|truth| (truth.tick, truth))
-            .collect();
+        let boxes: HashMap<u32, TruthBox> =
+            self.boxes()?.map(|truth| (truth.tick, truth)).collect();
         let mut reader = self.scenario.open_video(&self.view)?;
         let (width_px, height_px) = (reader.width() as usize, reader.height() as usize);
         let mut frame = Picture {

@@ -57,8 +57,12 @@ impl Picture {
 /// Whether the aircraft of a true box is visible in a frame. The transmission of the air does not decide: landing lights are
 /// visible through fog that hides the aircraft itself.
 pub fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
+    may_be_visible(truth) && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
+}
+
+/// Whether enough of the aircraft is in the picture; how much of it the air leaves only the pixels tell.
+pub(super) fn may_be_visible(truth: &TruthBox) -> bool {
     truth.visible_fraction >= LEAST_VISIBLE_FRACTION
-        && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
 }
 
 /// How far the strongest tenth of a box's pixels is from a plane through its surroundings, grey levels, minus half of the same

@@ -44,6 +44,46 @@ fn halved_distances_are_refused() {
 }
 
 #[test]
+fn a_scenario_that_the_plan_does_not_have_or_has_otherwise_is_refused() {
+    for (id, config_hash, words) in [
+        (
+            "0000",
+            "another",
+            "scenario 0000 with the config_hash another",
+        ),
+        ("0001", "synthetic", "has no scenario 0000"),
+    ] {
+        let message = said_after(|folder, _| {
+            let planned = serde_json::json!({"id": id, "config_hash": config_hash});
+            let plan = serde_json::json!({"scenarios": [planned]});
+            let path = folder.root().join("../../plan.json");
+            dataset::json_file::write_json(&path, &plan).unwrap();
+        });
+        assert!(
+            message.contains("plan.json") && message.contains(words),
+            "{message}"
+        );
+    }
+}
+
+#[test]
+fn a_copy_of_a_scenario_under_another_name_is_refused() {
+    let message = said_after(|folder, other| {
+        fs::remove_dir_all(other.root()).unwrap();
+        fs::create_dir(other.root()).unwrap();
+        for entry in fs::read_dir(folder.root()).unwrap().flatten() {
+            if entry.path().is_file() {
+                fs::copy(entry.path(), other.root().join(entry.file_name())).unwrap();
+            }
+        }
+    });
+    assert!(
+        message.contains("has the id \"0000\", expected \"0001\""),
+        "{message}"
+    );
+}
+
+#[test]
 fn the_table_of_another_scenario_is_refused() {
     let message = said_after(|folder, other| {
         fs::copy(other.frames_path(), folder.frames_path()).unwrap();
@@ -132,18 +172,15 @@ fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
         dataset::json_file::write_json(&record, &provenance).unwrap();
     });
     assert!(
-        message.contains("synthetic.parquet row 3: width_px"),
+        message.contains(&format!("{MODEL_HASH}.parquet row 3: width_px")),
         "{message}"
     );
 }
 
 #[test]
 fn links_out_of_the_corpus_are_refused() {
-    for name in [
-        "frames.parquet",
-        "detections/synthetic.parquet",
-        "detections",
-    ] {
+    let table = format!("detections/{MODEL_HASH}.parquet");
+    for name in ["frames.parquet", &table, "detections"] {
         let outside = tempfile::tempdir().unwrap();
         let target = outside.path().join("target");
         let message = said_after(|folder, _| {

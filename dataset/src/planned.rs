@@ -1,0 +1,74 @@
+//! What the plan of a corpus says of its scenarios, as far as readers of one scenario need it: which are planned, from which parameters.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use serde::Deserialize;
+
+use crate::corpus::Corpus;
+use crate::error::{Error, Result};
+use crate::json_file::parse_json;
+use crate::outside_file::{self, FileKind};
+use crate::own_path::own_path;
+
+/// The hashes of the planned parameters, by scenario.
+#[derive(Debug, Clone)]
+pub struct PlannedScenarios {
+    plan: PathBuf,
+    /// Missing where the corpus has no plan.
+    config_hashes: Option<BTreeMap<String, String>>,
+}
+
+#[derive(Deserialize)]
+struct Plan {
+    scenarios: Vec<Planned>,
+}
+
+#[derive(Deserialize)]
+struct Planned {
+    id: String,
+    config_hash: String,
+}
+
+impl PlannedScenarios {
+    /// Reads the plan of a corpus, if it has one.
+    ///
+    /// # Errors
+    /// It cannot be read, or is none.
+    pub fn read(corpus: &Corpus) -> Result<Self> {
+        let plan = own_path(corpus.root(), "plan.json")?;
+        let content = match outside_file::read(&plan, FileKind::PLAN.unlinked()) {
+            Ok(content) => Some(content),
+            Err(error) if error.is_not_found() => None,
+            Err(error) => return Err(error),
+        };
+        let parsed = content.map(|content| parse_json::<Plan>(&content, &plan, "plan"));
+        let scenarios = parsed.transpose()?.map(|plan| plan.scenarios);
+        let by_id = |planned: Planned| (planned.id, planned.config_hash);
+        Ok(Self {
+            plan,
+            config_hashes: scenarios.map(|all| all.into_iter().map(by_id).collect()),
+        })
+    }
+
+    /// Refuses a scenario that is not planned, or was made from other parameters. Without a plan there is nothing to compare with.
+    ///
+    /// # Errors
+    /// See above.
+    pub fn check(&self, id: &str, config_hash: &str) -> Result<()> {
+        let Some(planned) = &self.config_hashes else {
+            return Ok(());
+        };
+        let fault = match planned.get(id) {
+            Some(planned) if planned == config_hash => return Ok(()),
+            Some(planned) => format!(
+                "plans scenario {id} with the config_hash {planned}, but it was made with {config_hash}"
+            ),
+            None => format!("has no scenario {id}, which is in the corpus"),
+        };
+        Err(Error::corpus(
+            &self.plan,
+            format!("{fault}: one of the two is of another corpus; move it away"),
+        ))
+    }
+}

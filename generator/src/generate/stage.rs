@@ -1,0 +1,84 @@
+//! The mark of a stage: which corpus in an object store its scenarios go to. A folder without it may be the only place where its scenarios
+//! lie, and nothing is ever taken from that.
+
+use std::fs;
+use std::path::Path;
+
+use dataset::corpus::Corpus;
+use dataset::json_file::{read_json, write_json};
+use dataset::own_path::own_path;
+use serde::{Deserialize, Serialize};
+
+use super::error::GenerateError;
+
+const MARK: &str = "stage.json";
+
+#[derive(Serialize, Deserialize)]
+struct Mark {
+    /// URL of the corpus that the scenarios are sent to.
+    corpus: String,
+}
+
+/// Refuses a folder that is the stage of another corpus, or holds scenarios and is no stage. Nothing is written.
+pub(super) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
+    let refused = |message: String| {
+        Err(GenerateError::NotAStage {
+            folder: root.to_owned(),
+            message,
+        })
+    };
+    match read_json::<Mark>(&own_path(root, MARK)?, "mark of a stage") {
+        Ok(Mark { corpus }) if corpus == url => Ok(()),
+        Ok(Mark { corpus }) => refused(format!(
+            "is the stage of {corpus}, expected that of {url}; send to that one"
+        )),
+        Err(error) if !error.is_not_found() => Err(error.into()),
+        Err(_) => {
+            let scenarios = own_path(root, "scenarios")?;
+            let holds_some =
+                fs::read_dir(scenarios).is_ok_and(|mut entries| entries.next().is_some());
+            match holds_some {
+                false => Ok(()),
+                true => refused(format!(
+                    "holds scenarios and no {MARK}, so it is no stage from which they may be taken once they are sent; send them with \
+                     `dtd push {} {url}`",
+                    root.display()
+                )),
+            }
+        }
+    }
+}
+
+/// Marks a folder that was checked.
+pub(super) fn mark(stage: &Corpus, url: &str) -> Result<(), GenerateError> {
+    let path = own_path(stage.root(), MARK)?;
+    if !path.exists() {
+        let corpus = url.to_owned();
+        write_json(&path, &Mark { corpus })?;
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_with_scenarios_is_a_stage_only_of_the_url_that_it_was_marked_with() {
+        let folder = tempfile::tempdir().unwrap();
+        let root = folder.path().join("stage");
+        check(&root, "s3://bucket/a").unwrap();
+        let stage = Corpus::create(&root).unwrap();
+        check(&root, "s3://bucket/a").unwrap();
+        fs::create_dir(stage.scenario("0001").root()).unwrap();
+        let message = check(&root, "s3://bucket/a").unwrap_err().to_string();
+        assert!(
+            message.contains("no stage.json") && message.contains("dtd push"),
+            "{message}"
+        );
+        mark(&stage, "s3://bucket/a").unwrap();
+        check(&root, "s3://bucket/a").unwrap();
+        let message = check(&root, "s3://bucket/b").unwrap_err().to_string();
+        assert!(message.contains("the stage of s3://bucket/a"), "{message}");
+    }
+}
