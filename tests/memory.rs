@@ -75,15 +75,16 @@ fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
 #[test]
 fn a_detector_is_trained_in_little_memory_or_it_is_said_what_that_needs() {
     let tiny = Tiny::made().copy();
-    let arguments = [
-        "train-detector",
-        "corpus",
-        "--out",
-        "detector/new.onnx",
-        "--minutes",
-        "0.001",
-    ];
     for limit_kib in [400_000, 600_000, 900_000, 1_200_000] {
+        let out = format!("within-{limit_kib}.onnx");
+        let arguments = [
+            "train-detector",
+            "corpus",
+            "--out",
+            &out,
+            "--minutes",
+            "0.001",
+        ];
         let command = &mut tiny.dtd_within(limit_kib, &arguments);
         let output = tiny::run(command, TOO_LONG).expect("it ends");
         let words = said(&output);

@@ -561,14 +561,26 @@ fn an_older_mirror_does_not_undo_labels_and_a_damaged_one_replaces_nothing() {
     let whole = mirror(&url);
     let output = push(&older, &url);
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert!(said(&output).contains("with labels"), "{}", said(&output));
+    assert!(mirror(&url) == whole);
+    // Sealed with something more: older by its clock, then newer, but not what was sealed.
+    for seal in seals_of(&labelled) {
+        let scenario = seal.parent().unwrap();
+        let sealed = dataset::seal::read_seal(scenario).unwrap().unwrap();
+        fs::write(scenario.join("notes.txt"), "mine").unwrap();
+        dataset::seal::seal_folder(scenario, &sealed.config_hash).unwrap();
+        date(&seal, -1);
+    }
+    let output = push(&labelled, &url);
+    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     assert!(said(&output).contains("newer"), "{}", said(&output));
     assert!(mirror(&url) == whole);
     // Newer by its clock, but not matching its seal.
-    for seal in seals_of(&older) {
+    for seal in seals_of(&labelled) {
         flip(&seal.with_file_name("frames.parquet"));
         date(&seal, 1);
     }
-    let output = push(&older, &url);
+    let output = push(&labelled, &url);
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     assert!(
         said(&output).contains("frames.parquet"),

@@ -350,7 +350,7 @@ fn wherever_a_kill_falls_the_next_start_finds_one_whole_run() {
         let root = workshop.path(&name);
         let beside = workshop.path(&format!("{name}.partial"));
         fs::create_dir(&beside).unwrap();
-        fs::write(beside.join("claim"), "{}").unwrap();
+        fs::write(beside.join("claim"), "").unwrap();
         for (from, to) in [
             (run, root.clone()),
             (new, beside.join("new")),

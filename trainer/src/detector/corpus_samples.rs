@@ -25,6 +25,11 @@ const BACKGROUNDS_PER_VIDEO: usize = 3;
 /// Frames that a decoder and its scaler hold at a time.
 const DECODED_FRAMES: u64 = 12;
 
+/// Memory that the steps of a training take besides the pictures: batches have the same size whatever the corpus. Measured: 190 MiB.
+const TRAINING_BYTES: u64 = 208 << 20;
+/// Memory that judging a frame takes per pixel, besides the frame. Measured: 95 bytes.
+const JUDGING_BYTES_PER_PIXEL: u64 = 104;
+
 /// One video of a corpus.
 #[derive(Debug, Clone)]
 pub struct Video {
@@ -81,7 +86,7 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
 /// # Errors
 /// A video or table cannot be read, or there is less memory than the pictures take.
 pub fn read_samples(videos: &[Video]) -> Result<Samples> {
-    let mut needed_bytes = decoding_bytes(videos)?;
+    let mut needed_bytes = decoding_bytes(videos)?.max(TRAINING_BYTES);
     for video in videos {
         let backgrounds = BACKGROUNDS_PER_VIDEO.min(video.frames()?) as u64;
         let pieces: u64 = video
@@ -94,7 +99,7 @@ pub fn read_samples(videos: &[Video]) -> Result<Samples> {
             .sum();
         needed_bytes += backgrounds * video.frame_bytes()? + pieces;
     }
-    memory::check("the pictures to train a detector with", needed_bytes)
+    memory::check("training a detector with these pictures", needed_bytes)
         .map_err(dataset::Error::from)?;
     let parts = videos
         .par_iter()
@@ -140,13 +145,18 @@ fn samples_of(video: &Video) -> Result<Samples> {
     Ok(samples)
 }
 
-/// What decoding takes, on all threads at once. The largest pictures decide.
-fn decoding_bytes(videos: &[Video]) -> Result<u64> {
+fn largest_frame_bytes(videos: &[Video]) -> Result<u64> {
     let mut largest = 0;
     for video in videos {
         largest = largest.max(video.frame_bytes()?);
     }
-    Ok(largest * DECODED_FRAMES * rayon::current_num_threads().min(videos.len()) as u64)
+    Ok(largest)
+}
+
+/// What decoding takes, on all threads at once.
+fn decoding_bytes(videos: &[Video]) -> Result<u64> {
+    let decoders = rayon::current_num_threads().min(videos.len()) as u64;
+    Ok(largest_frame_bytes(videos)? * DECODED_FRAMES * decoders)
 }
 
 fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
@@ -159,11 +169,12 @@ fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
 /// Those of [`read_samples`].
 pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
     let per_video = count.div_ceil(videos.len().max(1)).max(1);
-    let mut needed_bytes = decoding_bytes(videos)?;
+    let judging = largest_frame_bytes(videos)? / 3 * JUDGING_BYTES_PER_PIXEL;
+    let mut needed_bytes = decoding_bytes(videos)?.max(judging);
     for video in videos {
         needed_bytes += per_video.min(video.frames()?) as u64 * video.frame_bytes()?;
     }
-    memory::check("the frames to judge a detector on", needed_bytes)
+    memory::check("judging a detector on these frames", needed_bytes)
         .map_err(dataset::Error::from)?;
     let parts = videos
         .par_iter()
