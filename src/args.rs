@@ -27,7 +27,7 @@ use xplane_bridge::tape::FramesKept;
     name = "dtd",
     version,
     after_help = "Exit codes: 0 done, 1 failed, 2 bad arguments or input, 3 finished but some scenarios were lost, \
-                  75 interrupted: run the same command again to go on.\n\
+                  75 interrupted: run the same command again to resume.\n\
                   Results go to stdout, progress and logs to stderr."
 )]
 pub(crate) struct Args {
@@ -526,6 +526,6 @@ impl FromStr for WindowSize {
                 width_px,
                 height_px,
             })
-            .ok_or_else(|| format!("{text:?} is no size, expected e.g. 1920x1280"))
+            .ok_or_else(|| format!("{text:?} is not a size, expected e.g. 1920x1280"))
     }
 }

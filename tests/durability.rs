@@ -137,7 +137,7 @@ fn sigterm_ends_a_run_in_good_order_and_the_same_command_goes_on() {
     );
     let output = run.wait_with_output().unwrap();
     assert_eq!(output.status.code(), Some(75), "{}", said(&output));
-    assert!(said(&output).contains("run the same command again to go on"));
+    assert!(said(&output).contains("run the same command again to resume"));
     let outcome = json(&output);
     assert_eq!(outcome["stopped"]["cause"], "interrupted");
     assert_eq!(outcome["failed"], serde_json::json!([]));

@@ -129,10 +129,10 @@ fn counts_and_rates_that_no_scenario_has_are_refused_by_every_reader() {
         ("ticks 4000000000 is out of range", |record| {
             record["ticks"] = 4_000_000_000_u32.into();
         }),
-        ("0/8 is no frame rate", |record| {
+        ("0/8 is not a frame rate", |record| {
             record["frame_rate"]["numerator"] = 0.into();
         }),
-        ("1/4294967295 is no frame rate", |record| {
+        ("1/4294967295 is not a frame rate", |record| {
             record["frame_rate"]["denominator"] = u32::MAX.into();
         }),
         ("names files", |record| {
@@ -286,10 +286,10 @@ fn names_and_rates_that_nothing_can_have_are_refused_by_plan_with_their_line() {
         (
             "\"1/8\"",
             "\"1/4294967295\"",
-            "1/4294967295 is no frame rate",
+            "1/4294967295 is not a frame rate",
         ),
-        ("\"1/8\"", "4294967295", "4294967295/1 is no frame rate"),
-        ("\"1/8\"", "\"0/1\"", "0/1 is no frame rate"),
+        ("\"1/8\"", "4294967295", "4294967295/1 is not a frame rate"),
+        ("\"1/8\"", "\"0/1\"", "0/1 is not a frame rate"),
     ] {
         let changed = match from {
             "clear" => sweep
@@ -326,7 +326,7 @@ fn a_path_that_is_no_text_has_one_message_for_all_verbs() {
         let output = run(&mut tiny.dtd(&arguments), PATIENCE).unwrap();
         let said = said(&output);
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-        let words = "is a path that is no UTF-8 text";
+        let words = "is not a UTF-8 path";
         assert!(said.contains(words), "{arguments:?}: {said}");
     }
 }

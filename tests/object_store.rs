@@ -531,7 +531,7 @@ fn a_lost_split_is_made_again_as_it_was_and_a_person_hears_of_it() {
     fs::remove_file(&split).unwrap();
     let output = push(&local, &url);
     assert!(output.status.success(), "{}", said(&output));
-    assert!(said(&output).contains("made again"), "{}", said(&output));
+    assert!(said(&output).contains("regenerated"), "{}", said(&output));
     assert!(fs::read(&split).unwrap() == good);
     fs::remove_file(&split).unwrap();
     let output = push(&local, &url);
@@ -542,7 +542,7 @@ fn a_lost_split_is_made_again_as_it_was_and_a_person_hears_of_it() {
     );
     SERVER.ask("DELETE", "/lost-split/a/corpus/splits.json", "");
     let (_mirror, corpus, output) = fetch(&url);
-    assert!(said(&output).contains("made again"), "{}", said(&output));
+    assert!(said(&output).contains("regenerated"), "{}", said(&output));
     assert!(fs::read(corpus.join("splits.json")).unwrap() == good);
 }
 

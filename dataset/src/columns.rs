@@ -568,7 +568,7 @@ mod tests {
         bytes[at + 1] = 0x10;
         let message = Table::parse(bytes, path, 2).err().unwrap().to_string();
         assert!(
-            message.contains("boxes.parquet") && message.contains("its decoder broke down"),
+            message.contains("boxes.parquet") && message.contains("its decoder panicked"),
             "{message}"
         );
     }

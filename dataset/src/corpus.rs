@@ -168,7 +168,7 @@ pub fn check_path(root: &Path) -> Result<()> {
         Some(_) => Ok(()),
         None => Err(Error::corpus(
             root,
-            "is a path that is no UTF-8 text, which FFmpeg does not take; rename the folder that is not",
+            "is not a UTF-8 path, which FFmpeg requires; rename the folder",
         )),
     }
 }

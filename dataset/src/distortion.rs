@@ -124,7 +124,7 @@ impl Distortion {
     /// What is wrong, as text.
     pub fn check(&self, corner: f64) -> Result<(), String> {
         if self.coefficients().iter().any(|c| !c.is_finite()) {
-            return Err(format!("{self:?} has a coefficient that is no number"));
+            return Err(format!("{self:?} has a coefficient that is not a number"));
         }
         let (directions, radii) = CHECKED;
         for direction in 0..directions {
@@ -217,7 +217,7 @@ mod tests {
             p1: f64::NAN,
             ..Distortion::default()
         };
-        assert!(nothing.check(CORNER).unwrap_err().contains("no number"));
+        assert!(nothing.check(CORNER).unwrap_err().contains("not a number"));
         // At ten degrees of view the same coefficient is a weak distortion.
         assert_eq!(folding.check(0.105), Ok(()));
     }

@@ -20,7 +20,7 @@ pub struct FrameRate {
 /// An invalid frame rate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{numerator}/{denominator} is no frame rate; expected {} to {} per second, as a whole number or as a fraction of numbers up to \
+    "{numerator}/{denominator} is not a frame rate; expected {} to {} per second, as a whole number or as a fraction of numbers up to \
      {MOST_FRAME_RATE_TERM}", "1/60", FRAME_RATE_HZ.most
 )]
 pub struct BadFrameRate {
@@ -130,7 +130,8 @@ mod tests {
             let message = serde_json::from_str::<FrameRate>(&text)
                 .unwrap_err()
                 .to_string();
-            let words = format!("{numerator}/{denominator} is no frame rate; expected 1/60 to 240");
+            let words =
+                format!("{numerator}/{denominator} is not a frame rate; expected 1/60 to 240");
             assert!(message.contains(&words), "{message}");
         }
         for (numerator, denominator) in [(30_000, 1_001), (1, 60), (240, 1), (1, 2)] {

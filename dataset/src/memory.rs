@@ -24,7 +24,7 @@ pub struct Bytes(pub u64);
 
 /// A text that is not a number of bytes.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0:?} is no amount of memory; expected a number with K, M, G or T, e.g. 2G")]
+#[error("{0:?} is not an amount of memory; expected a number with K, M, G or T, e.g. 2G")]
 pub struct BadBytes(String);
 
 impl FromStr for Bytes {

@@ -124,7 +124,7 @@ fn refuse_special(path: &Path) -> Result<()> {
     match fs::symlink_metadata(path) {
         Ok(found) if !found.is_file() && !found.is_symlink() => Err(Error::corpus(
             path,
-            "is no file, so no file is put in its place; expected a file or nothing",
+            "is not a file and would be replaced; expected a file or nothing",
         )),
         _ => Ok(()),
     }
@@ -203,7 +203,7 @@ mod tests {
         let message = NewFile::create(Path::new("/dev/null"))
             .unwrap_err()
             .to_string();
-        assert!(message.contains("/dev/null: is no file"), "{message}");
+        assert!(message.contains("/dev/null: is not a file"), "{message}");
     }
 
     #[test]

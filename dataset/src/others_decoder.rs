@@ -11,7 +11,7 @@ thread_local! {
 
 /// A decoder that panicked.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("is damaged: its decoder broke down ({said})")]
+#[error("is damaged: its decoder panicked ({said})")]
 pub(crate) struct BrokeDown {
     said: String,
 }

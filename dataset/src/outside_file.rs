@@ -117,7 +117,7 @@ pub fn read_text(path: &Path, kind: FileKind) -> Result<String> {
         let at = error.utf8_error().valid_up_to();
         Error::corpus(
             path,
-            format!("is no {}: byte {at} is no UTF-8 text", kind.what),
+            format!("is not a valid {}: byte {at} is not UTF-8", kind.what),
         )
     })
 }
@@ -233,7 +233,7 @@ mod tests {
         );
         fs::write(&path, [b'a', 0xff]).unwrap();
         let message = read_text(&path, TINY).unwrap_err().to_string();
-        assert!(message.contains("byte 1 is no UTF-8"), "{message}");
+        assert!(message.contains("byte 1 is not UTF-8"), "{message}");
     }
 
     #[test]

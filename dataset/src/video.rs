@@ -113,7 +113,7 @@ impl VideoSettings {
             return Some((
                 "preset",
                 format!(
-                    "{:?} is no preset of this codec; expected one of {known}",
+                    "{:?} is not a preset of this codec; expected one of {known}",
                     self.preset
                 ),
             ));

@@ -148,9 +148,9 @@ pub fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, Stri
         Some("") => pattern.to_owned(),
         _ if Path::new(pattern).is_absolute() => pattern.to_owned(),
         Some(folder) => format!("{}/{pattern}", Pattern::escape(folder)),
-        None => return Err(format!("the folder {} is no UTF-8", folder.display())),
+        None => return Err(format!("the folder {} is not UTF-8", folder.display())),
     };
-    let paths = glob::glob(&whole).map_err(|e| format!("{pattern:?} is no glob: {e}"))?;
+    let paths = glob::glob(&whole).map_err(|e| format!("{pattern:?} is not a valid glob: {e}"))?;
     let mut found = Vec::new();
     for path in paths {
         let path =
@@ -293,6 +293,10 @@ pub(crate) mod tests {
         assert_eq!(names("a.csv").unwrap(), ["a.csv"]);
         assert!(names("x*.csv").unwrap_err().contains("no file matches"));
         assert!(names("more").unwrap_err().contains("no file matches"));
-        assert!(names("a**.csv").unwrap_err().contains("is no glob"));
+        assert!(
+            names("a**.csv")
+                .unwrap_err()
+                .contains("is not a valid glob")
+        );
     }
 }

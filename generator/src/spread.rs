@@ -153,7 +153,7 @@ impl Table {
         let numbers = [min, max, mean, sd];
         let mut all = numbers.iter().flatten().chain(one_of.iter().flatten());
         if let Some(wrong) = all.find(|value| !value.is_finite()) {
-            return Err(format!("{wrong} is no usable number"));
+            return Err(format!("{wrong} is not a usable number"));
         }
         match (min, max, mean, sd, one_of) {
             (Some(min), Some(max), None, None, None) if min <= max => {
@@ -203,7 +203,7 @@ impl<'de> Visitor<'de> for SpreadVisitor {
             Ok(Spread::Fixed(value))
         } else {
             Err(E::custom(format!(
-                "{value} is no usable number; expected {EXPECTED}"
+                "{value} is not a usable number; expected {EXPECTED}"
             )))
         }
     }

@@ -53,7 +53,7 @@ pub enum Ignored {
     #[error("index out of range")]
     BadIndex,
     /// Not a number.
-    #[error("value is no finite number")]
+    #[error("value is not finite")]
     NotFinite,
 }
 

@@ -497,7 +497,7 @@ impl fmt::Display for Quirks {
 /// A text that names no quirks.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "there is no quirk {found:?}; expected all, none, quick, or names with commas between, each with a - before it to leave it out: {}",
+    "unknown quirk {found:?}; expected all, none, quick, or names separated by commas, each with a - before it to exclude it: {}",
     names()
 )]
 pub struct UnknownQuirk {

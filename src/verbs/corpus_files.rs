@@ -188,7 +188,7 @@ impl CorpusFiles {
 }
 
 /// The message about a regenerated split.
-pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been made again from plan and seed; if the corpus was ever added to, its \
+pub(super) const SPLIT_AGAIN: &str = "splits.json was lost and has been regenerated from plan and seed; if the corpus was ever added to, its \
                                       sides may not be those of before: train again before you evaluate";
 
 #[cfg(test)]

@@ -269,7 +269,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
                 said.push(SPLIT_AGAIN.into());
             }
             None => said.push(
-                "splits.json is missing, here and in the store, and cannot be made again without plan.json and corpus.toml".into(),
+                "splits.json is missing, here and in the store, and cannot be regenerated without plan.json and corpus.toml".into(),
             ),
         }
     }

@@ -144,7 +144,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
         }
         Some(Stopped::Interrupted) => {
             eprintln!(
-                "interrupted: {} made, {} to go; run the same command again to go on",
+                "interrupted: {} made, {} to go; run the same command again to resume",
                 generated.committed.len(),
                 generated.not_made.len()
             );
@@ -152,7 +152,7 @@ pub(crate) fn ending_of(generated: &Generated) -> Outcome {
         }
         Some(Stopped::NoSimulator { reason }) => {
             eprintln!(
-                "no simulator is left ({reason}): {} made, {} to go; run the same command again to go on",
+                "no simulator is left ({reason}): {} made, {} to go; run the same command again to resume",
                 generated.committed.len(),
                 generated.not_made.len()
             );

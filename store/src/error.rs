@@ -19,7 +19,7 @@ pub enum StoreError {
         why: String,
     },
     /// The environment lacks what is needed to reach the store.
-    #[error("{url}: the environment does not say how to reach it: {message}")]
+    #[error("{url}: the environment lacks what is needed to reach it: {message}")]
     NotConfigured {
         /// The corpus.
         url: String,
@@ -35,7 +35,7 @@ pub enum StoreError {
         message: String,
     },
     /// Access denied, or not authenticated.
-    #[error("{url}: the store refuses to {doing}: {message}. {HINT}")]
+    #[error("{url}: access denied when asked to {doing}: {message}. {HINT}")]
     Refused {
         /// The corpus.
         url: String,

@@ -57,7 +57,7 @@ impl CorpusStore {
             message,
         };
         if !seal::is_within(Path::new(id)) {
-            return Err(damaged("is no name of a scenario".into()));
+            return Err(damaged("is not the name of a scenario".into()));
         }
         let Some(theirs) = self.seal(id).await? else {
             return Ok(Fetched::NotCommitted);

@@ -113,7 +113,7 @@ fn s3(url: &str) -> AmazonS3Builder {
 fn open_folder(url: &StoreUrl, create: bool) -> Result<Opened> {
     let path: PathBuf = url.url.to_file_path().map_err(|()| StoreError::BadUrl {
         text: url.to_string(),
-        why: "it is no path of this machine".into(),
+        why: "it is not a local path".into(),
     })?;
     if create {
         fs::create_dir_all(&path).map_err(dataset::Error::io("create", &path))?;

@@ -75,7 +75,7 @@ impl FromStr for StoreUrl {
             "gs" => Kind::Google,
             "az" | "azure" | "abfs" | "abfss" | "adl" => Kind::Azure,
             "file" => Kind::LocalFiles,
-            other => return Err(bad(&format!("{other}:// is no object store"))),
+            other => return Err(bad(&format!("{other}:// is not an object store"))),
         };
         if url.query().is_some() || url.fragment().is_some() {
             return Err(bad("it has a ? or #, which no object's name may have here"));

@@ -204,12 +204,12 @@ impl RunPlace {
 
     /// Rejects a folder that contains anything but a run: it will be replaced as a whole.
     fn refuse_other_content(&self) -> Result<()> {
-        refuse_strangers(&self.run, &RunFolder::FILES, "is no run:")?;
+        refuse_strangers(&self.run, &RunFolder::FILES, "is not a run:")?;
         let is_run = is_vacant(&self.run) || self.run.join(RunFolder::SUMMARY).is_file();
         match is_run {
             true => Ok(()),
             // Whatever it contains, it is not a finished training.
-            false => refuse_strangers(&self.run, &[], "has no run.json, so it is no run:"),
+            false => refuse_strangers(&self.run, &[], "has no run.json, so it is not a run:"),
         }
     }
 }
@@ -286,7 +286,7 @@ fn real_path(run: &Path) -> Result<PathBuf> {
             // A link to a run that is just being replaced is dangling for a moment.
             let named = fs::read_link(run).map_or(run.to_owned(), |to| parent_of(run).join(to));
             let Some(name) = named.file_name() else {
-                return refused("is no name for a folder".into());
+                return refused("is not a valid folder name".into());
             };
             let parent = match named.parent() {
                 Some(parent) if !parent.as_os_str().is_empty() => parent,

@@ -122,7 +122,7 @@ fn check_row(
         None => {}
     }
     if detection.pixel_box.area() == 0.0 {
-        let message = format!("{:?} is none", detection.pixel_box);
+        let message = format!("{:?} has no area", detection.pixel_box);
         faults.view_row(view, file, row, "detection", message);
     }
 }

@@ -162,7 +162,7 @@ pub(super) fn check_boxes(
     for (row, truth) in boxes.iter().enumerate() {
         let view = truth.view.as_str();
         let Some(camera) = calibration.cameras.get(view) else {
-            let message = format!("{view} is no camera of the scenario");
+            let message = format!("{view} is not a camera of the scenario");
             faults.row(FILE, row, "view", message);
             continue;
         };

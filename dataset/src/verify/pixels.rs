@@ -238,7 +238,7 @@ impl<'a> Watcher<'a> {
         let enough = clear.len() >= LEAST_BOXES;
         if enough && (filled.len() as f64) < LEAST_FILLED * clear.len() as f64 {
             let message = format!(
-                "the aircraft is to be seen in {} of {} true boxes that are clear enough to show it{}",
+                "the aircraft is visible in {} of {} true boxes that are clear enough to show it{}",
                 filled.len(),
                 clear.len(),
                 self.hint()

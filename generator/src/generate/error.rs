@@ -37,7 +37,7 @@ pub enum GenerateError {
         example: String,
     },
     /// A folder is in the place of a scenario.
-    #[error("{}: a folder with this name is there, but {message}; move it away first, then the scenario is made anew", folder.display())]
+    #[error("{}: a folder with this name is there, but {message}; move it away first, then the scenario will be recorded again", folder.display())]
     ForeignFolder {
         /// The folder.
         folder: PathBuf,
@@ -218,7 +218,7 @@ pub enum ScenarioError {
         message: String,
     },
     /// The thread that hashes and renames failed.
-    #[error("sealing the scenario broke down: {message}")]
+    #[error("sealing the scenario failed: {message}")]
     Sealing {
         /// What it said.
         message: String,

@@ -43,7 +43,7 @@ impl Pictures {
             }
             Err(error) => {
                 if let Err(left) = simulator.release().await {
-                    tracing::debug!(error = %left, "the simulator did not take leave");
+                    tracing::debug!(error = %left, "the simulator did not confirm its release");
                 }
                 Err(error)
             }

@@ -74,7 +74,7 @@ pub(super) async fn record(
     match recorded.await {
         Ok((ticks, simulator)) => {
             if let Err(error) = simulator.release().await {
-                tracing::warn!(%error, "the scenario is whole, but the simulator did not take leave");
+                tracing::warn!(%error, "the scenario is complete, but the simulator did not confirm its release");
             }
             Ok(ticks)
         }

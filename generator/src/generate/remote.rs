@@ -360,7 +360,7 @@ impl<'a> Run<'a> {
             // The others are unaffected.
             Err(error @ StoreError::Damaged { .. }) => {
                 let reason = format!(
-                    "{error}. Move {} away, then the scenario is made anew",
+                    "{error}. Move {} away, then the scenario will be recorded again",
                     folder.root().display()
                 );
                 self.reporter.tell(Event::Failed {
@@ -376,7 +376,7 @@ impl<'a> Run<'a> {
                 self.stays_staged(job.scenario);
                 self.stop(Stopped::Store {
                     reason: format!(
-                        "{error}. Nothing is lost: what is whole and not sent yet stays in {}; run the same command again to go on",
+                        "{error}. Nothing is lost: complete scenarios that are not uploaded yet stay in {}; run the same command again to resume",
                         self.work.corpus.root().display()
                     ),
                 });

@@ -225,7 +225,7 @@ impl Session {
         if let Some(ready) = self.ready
             && let Err(error) = ready.release().await
         {
-            tracing::warn!(%error, "the simulator did not take leave");
+            tracing::warn!(%error, "the simulator did not confirm its release");
         }
         if let Some(stand_in) = self.stand_in {
             stand_in.stop().await;

@@ -258,7 +258,7 @@ impl Include {
                 if (1..=MOST_SCENARIOS).contains(&u64::from(*repeat)) {
                     Ok(())
                 } else {
-                    fault(key, format!("{repeat} is no repeat; expected 1 or more"))
+                    fault(key, format!("{repeat} is not a repeat; expected 1 or more"))
                 }
             })?;
             axes.repeats.clone_from(&self.repeats);

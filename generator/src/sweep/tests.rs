@@ -198,7 +198,7 @@ const FAULTS: [Fault; 36] = [
         "visibility_m = 30000",
         "visibility_m = nan",
         Some((27, 16)),
-        "NaN is no usable number",
+        "NaN is not a usable number",
     ),
     (
         "visibility_m = 30000",

@@ -36,7 +36,7 @@ pub(super) fn parse(key: &str, text: &str) -> Checked<TimeOfDay> {
         Some(time) => Ok(time),
         None => fault(
             key,
-            format!("{text:?} is no time of day; expected HH:MM from 00:00 to 23:59"),
+            format!("{text:?} is not a time of day; expected HH:MM from 00:00 to 23:59"),
         ),
     }
 }
@@ -64,7 +64,7 @@ impl TimeEntry {
             return fault(
                 format!("{key}.every_min"),
                 format!(
-                    "{every_min} is no step; expected 1 to {} minutes",
+                    "{every_min} is not a step; expected 1 to {} minutes",
                     MINUTES_PER_DAY - 1
                 ),
             );

@@ -19,7 +19,7 @@ pub(super) enum AnswerFault {
         "has the shape {shape:?}, more than {MOST_RUN_BYTES} bytes; expected a few thousand candidates a window"
     )]
     TooLarge { shape: Vec<usize> },
-    #[error("has {found} numbers, expected as many as its shape {shape:?} says")]
+    #[error("has {found} numbers, which does not match its shape {shape:?}")]
     Length { shape: Vec<usize>, found: usize },
     #[error(
         "is {found} at {place:?} of {shape:?}, expected a finite number: the model is damaged, or was exported for numbers of other precision"

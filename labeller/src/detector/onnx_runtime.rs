@@ -45,7 +45,7 @@ pub enum LibraryError {
         source: io::Error,
     },
     /// It is a folder, a device or a pipe.
-    #[error("{} ({place}) is no regular file", path.display())]
+    #[error("{} ({place}) is not a regular file", path.display())]
     NoFile {
         /// Who said so.
         place: &'static str,
@@ -199,7 +199,7 @@ mod tests {
                 "expected an absolute path",
             ),
             (&gone, "scripts/setup.sh"),
-            (root.path(), "is no regular file"),
+            (root.path(), "is not a regular file"),
         ] {
             let said = said(path);
             for word in [expected, PATH_VARIABLE, &path.display().to_string()] {

@@ -162,7 +162,7 @@ impl Server {
             ToSimulator::PlaceAircraft(_)
             | ToSimulator::PlaceAtStart(_)
             | ToSimulator::LoadAircraft(_) => {
-                tracing::warn!(%from, "ignored: there is no aircraft but the user's");
+                tracing::warn!(%from, "ignored: the only aircraft is the user's");
             }
         }
     }

@@ -50,7 +50,7 @@ impl OwnFolder {
     pub(super) fn open(root: &Path, fresh: bool) -> Result<Self, Failure> {
         if root.exists() && !root.is_dir() {
             return Err(Failure::bad_input_message(format!(
-                "{} is no folder; --out expects one, or the name of a new one",
+                "{} is not a folder; --out expects one, or the name of a new one",
                 root.display()
             )));
         }

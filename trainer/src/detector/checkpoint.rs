@@ -161,7 +161,7 @@ impl<'a> Checkpoint<'a> {
             return Err(Error::Run {
                 path: self.folder.clone(),
                 message: format!(
-                    "holds an unfinished training with other settings ({:?}); repeat those to go on with it, or delete the folder",
+                    "holds an unfinished training with other settings ({:?}); repeat those to resume it, or delete the folder",
                     state.config
                 ),
             });

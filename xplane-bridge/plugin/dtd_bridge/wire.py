@@ -27,7 +27,7 @@ class WireError(Exception):
 def check_greeting(greeting: bytes) -> None:
     """Raises WireError unless the eight bytes are those of this version."""
     if greeting[:4] != MAGIC:
-        raise WireError(f"the other side greets with {greeting[:4]!r}, expected {MAGIC!r}: that is no capture link")
+        raise WireError(f"the other side greets with {greeting[:4]!r}, expected {MAGIC!r}: that is not a capture link")
     (version,) = struct.unpack("<I", greeting[4:8])
     if version != LINK_VERSION:
         raise WireError(
@@ -78,7 +78,7 @@ def _read_header(read_exactly: ReadExactly, header_bytes: int) -> Header:
     try:
         header = json.loads(text)
     except (ValueError, RecursionError) as error:
-        raise WireError(f"the header is no JSON: {error}; it begins {text[:80]!r}") from error
+        raise WireError(f"the header is not JSON: {error}; it begins {text[:80]!r}") from error
     if not isinstance(header, dict) or not isinstance(header.get("message"), str):
         raise WireError(f"the header is no object with a message: it begins {text[:80]!r}")
     return header

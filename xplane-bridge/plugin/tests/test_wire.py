@@ -67,7 +67,7 @@ class Wire(unittest.TestCase):
             (b"\xff" * 8, "header of 4294967295"),
             (struct.pack("<II", 2, 0xFFFFFFFF) + b"{}", "payload of 4294967295"),
             (struct.pack("<II", 2, 0) + b"{}", "no object with a message"),
-            (struct.pack("<II", 2, 0) + b"\xff\xfe", "no JSON"),
+            (struct.pack("<II", 2, 0) + b"\xff\xfe", "not JSON"),
         ]:
             with self.assertRaisesRegex(wire.WireError, words):
                 wire.read_message(reader(data))

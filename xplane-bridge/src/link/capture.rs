@@ -98,7 +98,7 @@ impl CaptureRequest {
                 && pose.altitude_msl_m.abs() <= 1e6;
             if !on_earth || angles.iter().any(|angle| !angle.is_finite()) {
                 return Err(format!(
-                    "{name} is no place and attitude on earth: {pose:?}"
+                    "{name} is not a position and attitude on earth: {pose:?}"
                 ));
             }
         }

@@ -78,7 +78,9 @@ pub fn decode_flight(
             && state.pose.longitude_deg.is_finite()
     };
     match states.iter().position(|state| !whole(state)) {
-        Some(row) => Err(format!("state {row} has a time or place that is no number")),
+        Some(row) => Err(format!(
+            "state {row} has a time or position that is not a number"
+        )),
         None => Ok(states),
     }
 }

@@ -367,7 +367,7 @@ mod tests {
                 },
             ),
             (
-                "is no sealed memory",
+                "is not sealed memory",
                 SharedMemory {
                     descriptor: file.as_raw_fd(),
                     ..offer.clone()

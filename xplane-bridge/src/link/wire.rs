@@ -31,7 +31,7 @@ pub enum LinkError {
         inside: &'static str,
     },
     /// Another program listens there.
-    #[error("the other side greets with \"{}\", expected \"DTDL\": that is no capture link", .found.escape_ascii())]
+    #[error("the other side greets with \"{}\", expected \"DTDL\": that is not a capture link", .found.escape_ascii())]
     NotTheLink {
         /// Its first four bytes.
         found: [u8; 4],
@@ -61,7 +61,7 @@ pub enum LinkError {
         announced: usize,
     },
     /// A header that is not a valid message.
-    #[error("the header is no message that this side knows: {reason}; it begins {begin:?}")]
+    #[error("the header is not a known message: {reason}; it begins {begin:?}")]
     BadHeader {
         /// The parser's error.
         reason: String,

@@ -46,7 +46,7 @@ impl FromStr for PixelChoice {
             Some(kind) => Ok(Self::Only(kind)),
             None if text == "auto" => Ok(Self::Auto),
             None => Err(format!(
-                "{text:?} is no source of pixels, expected auto, link, gl, screen or screenshot"
+                "{text:?} is not a source of pixels, expected auto, link, gl, screen or screenshot"
             )),
         }
     }
@@ -96,7 +96,7 @@ mod tests {
             assert_eq!(PixelChoice::Auto.among(&offered).unwrap(), expected);
         }
         let message = PixelChoice::Auto.among(&[]).unwrap_err().to_string();
-        assert!(message.contains("no source of pixels"), "{message}");
+        assert!(message.contains("not a source of pixels"), "{message}");
     }
 
     #[test]

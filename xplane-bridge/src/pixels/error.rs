@@ -141,7 +141,7 @@ pub enum PixelError {
         fitting: Vec<PictureSize>,
     },
     /// The window is not as large as the pictures.
-    #[error("the simulator's window is {} on the screen, the pictures shall be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
+    #[error("the simulator's window is {} on the screen, the pictures must be {width_px}x{height_px}: {}", size(.window), size_advice(.window, .reported_px))]
     WrongSize {
         /// Where it is.
         window: Rectangle,

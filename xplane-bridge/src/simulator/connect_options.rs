@@ -76,7 +76,7 @@ impl WebApiPlace {
             Ok(text) => text.parse().map_err(|why| bad(text, why)),
             Err(VarError::NotUnicode(bytes)) => Err(bad(
                 bytes.to_string_lossy().into_owned(),
-                format!("it is no text in UTF-8; {EXPECTED}"),
+                format!("it is not UTF-8 text; {EXPECTED}"),
             )),
         }
     }

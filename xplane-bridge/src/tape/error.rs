@@ -37,7 +37,7 @@ pub enum TapeError {
         source: Box<mcap::McapError>,
     },
     /// The file is not a tape, or has another version.
-    #[error("{} is no tape that this version reads: {found}; expected an MCAP file of `dtd record`", path.display())]
+    #[error("{} is not a tape that this version reads: {found}; expected an MCAP file of `dtd record`", path.display())]
     NoTape {
         /// The file.
         path: PathBuf,

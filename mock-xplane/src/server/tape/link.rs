@@ -99,7 +99,7 @@ impl Player {
     fn answer(&self, message: &LinkMessage) -> LinkMessage {
         let request: Value = match serde_json::from_slice(message.header()) {
             Ok(request) => request,
-            Err(reason) => return error(&format!("the header is no JSON: {reason}")),
+            Err(reason) => return error(&format!("the header is not JSON: {reason}")),
         };
         let mut playback = self.playback();
         if is_hello(&request) {
@@ -189,7 +189,7 @@ fn marked_as_replayed(hello: &LinkMessage) -> LinkMessage {
             header.insert("replayed".into(), true.into());
             LinkMessage::new(Value::Object(header).to_string().as_bytes(), &[])
         }
-        _ => error("the recorded answer to hello is no object"),
+        _ => error("the recorded answer to hello is not an object"),
     }
 }
 

@@ -155,7 +155,7 @@ impl Loading {
         let sequence = entry.place.sequence();
         let message = LinkMessage::parse(entry.data).map_err(|found| (sequence, found))?;
         let request: Value = serde_json::from_slice(message.header())
-            .map_err(|error| (sequence, format!("its header is no JSON: {error}")))?;
+            .map_err(|error| (sequence, format!("its header is not JSON: {error}")))?;
         if is_hello(&request) {
             self.context.clear();
         }

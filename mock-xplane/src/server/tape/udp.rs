@@ -69,7 +69,7 @@ impl Server {
                     self.subscriptions.subscribe(from, request, now_s);
                 } else {
                     self.warn(format!(
-                        "nobody has read {} on the tape: no answer",
+                        "{} was never read on the tape: no answer",
                         request.path
                     ));
                 }
@@ -101,7 +101,7 @@ impl Server {
             Ok(ToSimulator::PlaceAircraft(_) | ToSimulator::PlaceAtStart(_)) => {
                 if !playback.positions.place(datagram) {
                     self.warn(
-                        "nobody has put the aircraft there on the tape: it stays where it is"
+                        "the aircraft was never placed there on the tape: it stays where it is"
                             .into(),
                     );
                 }

@@ -38,7 +38,7 @@ pub(super) fn open(process: u32, descriptor: i32, bytes: u64) -> Result<File, St
     // Any other file that a client might name is not sealed, and is left alone.
     let sealed = fcntl_get_seals(&file).is_ok_and(|seals| seals.contains(SIZE_SEALS));
     if !sealed {
-        return Err(format!("{path} is no sealed memory"));
+        return Err(format!("{path} is not sealed memory"));
     }
     match file.metadata() {
         Ok(found) if found.len() == bytes => Ok(file),

@@ -43,7 +43,7 @@ pub(super) fn copy(
     let part = part.unwrap_or(Rectangle::between(0, 0, width_px, height_px));
     if part.right_px() > width_px || part.bottom_px() > height_px {
         return Err(PixelError::Grab {
-            what: format!("{part} lies outside the screen, {width_px}x{height_px}"),
+            what: format!("{part} is outside the screen, {width_px}x{height_px}"),
         });
     }
     picture.resize(part.width_px, part.height_px);

@@ -60,7 +60,7 @@ pub(super) async fn measure(
         Err(error) => Err(error),
     };
     if let Err(error) = gone_on {
-        tracing::warn!(%error, "the simulator does not go on");
+        tracing::warn!(%error, "the simulator does not continue");
     }
     let sky = SkyFindings::measure(&mut eyes).await;
     sky.checks().into_iter().for_each(&mut *note);
@@ -91,7 +91,7 @@ impl Simulator {
             altitude_msl_m: aircraft.altitude_msl_m,
             ground_msl_m: 0.0,
         };
-        tracing::info!("nobody measured this simulator: its pictures are looked at first");
+        tracing::info!("no profile of this simulator: its pictures are checked first");
         // At night nothing is visible.
         let noon_s = (12.0 - aircraft.longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0;
         self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
@@ -152,7 +152,7 @@ async fn keep(simulator: &mut Simulator, profile: Profile) -> Check {
         Err(error) => Check::warning(
             NAME,
             format!("measured, but not kept: {error}"),
-            "dtd generate goes on without it, and takes what sources disagree on as most of them have it",
+            "dtd generate continues without it, and follows the majority of the sources where they disagree",
         ),
     }
 }

@@ -113,7 +113,7 @@ async fn ask_for_names(api: &WebApi, findings: &mut Findings) {
         match api.dataref(array).await {
             Ok(_) => {}
             Err(WebApiError::Unknown { .. }) => findings.wrong.push(format!(
-                "{name} is no dataref of this X-Plane, says its Web API"
+                "{name} is not a dataref of this X-Plane, according to its Web API"
             )),
             Err(_) => untold.push(name),
         }

@@ -53,7 +53,7 @@ impl SkyFindings {
     /// Measures, and restores the weather.
     pub(super) async fn measure(eyes: &mut Eyes<'_>) -> Self {
         if eyes.simulator.generation == Generation::XPlane11 {
-            return Self::nothing("X-Plane 11 has other datarefs, which nobody disagrees on");
+            return Self::nothing("X-Plane 11 has other datarefs, on which reports agree");
         }
         let before = match eyes.simulator.weather_now().await {
             Ok(before) => before,

@@ -73,7 +73,7 @@ async fn look(
     }
     let Some(window) = &description.window else {
         let found = format!(
-            "{size} pixels; where it lies is not told, and not needed: the plugin reads the frame back"
+            "{size} pixels; its position is unknown, and not needed: the plugin reads the frame back"
         );
         return Check::ok(NAME, found);
     };
