@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# What checking costs: processor time of `label`, `train` and `evaluate` with two builds of the command, on one corpus, alternating in one run, so
-# that other work on the machine hits both. Usage: scripts/checking-cost.sh OLD NEW [ROUNDS] [SWEEP.toml]
+# The cost of checking: processor time of `label`, `train` and `evaluate` with two builds of the command, on one corpus, alternating in one
+# run, so that other work on the machine affects both. Usage: scripts/checking-cost.sh OLD NEW [ROUNDS] [SWEEP.toml]
 #
 # NEW makes the corpus, from tests/data/chain.toml unless another sweep is given. Prints the median of each verb for both, and the ratio of their sums.
 # Build both alike, without CARGO_INCREMENTAL. Training uses one thread here: idle threads of a pool spin, for as long as other work keeps the machine busy.

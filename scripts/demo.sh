@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# The whole chain with one command: installs what is missing, builds, and runs `dtd demo`.
+# The whole pipeline with one command: installs what is missing, builds, and runs `dtd demo`.
 # Results: target/demo/corpus and target/demo/run/{metrics.json,report.html}. Arguments go to `dtd demo`.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# What cannot be had without root: a disk that is really full (a small tmpfs), a file system that becomes read-only, a stand-in that is
-# stopped (SIGSTOP) in the middle of its work. Each time the run must end with a message or go on, nothing half-written may be taken for
-# whole, and the next run must end with the bytes of an undisturbed one. Run as root.
+# Faults that need root: a full disk (a small tmpfs), a file system that becomes read-only, a stand-in that is stopped (SIGSTOP) in the
+# middle of its work. Each time the run must end with a message or continue, nothing incomplete may be accepted, and the next run must end
+# with the bytes of an undisturbed one. Run as root.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -24,7 +24,7 @@ fail() { echo "full-disk-test: $*" >&2; exit 1; }
 hashes "$work/whole" >"$work/expected"
 size_kb=$(du -sk --apparent-size "$work/whole" | cut -f 1)
 
-# A disk with room for about half of it.
+# A disk with space for about half of it.
 mount -t tmpfs -o "size=$((size_kb / 2))k" tmpfs "$work/disk"
 code=0
 "$dtd" generate "$sweep" --out "$work/disk/corpus" --json >"$work/outcome" 2>"$work/said" || code=$?
@@ -39,20 +39,20 @@ for scenario in "$work"/disk/corpus/scenarios/*; do
 done
 echo "full disk: ended with 1 after $made whole scenarios: $(grep '^error' "$work/said" | head -c 300)"
 
-# Nothing may be written: refused at once, with the place.
+# Read-only: rejected at once, with the path.
 mount -o remount,ro "$work/disk"
 code=0
 "$dtd" generate "$sweep" --out "$work/disk/corpus" >/dev/null 2>"$work/said" || code=$?
 [ "$code" -eq 2 ] || fail "a read-only disk ended with $code, expected 2: $(cat "$work/said")"
 echo "read-only: $(grep '^error' "$work/said")"
 
-# Room again: goes on where it stopped.
+# Space again: resumes.
 mount -o "remount,rw,size=$((size_kb * 3 + 2048))k" "$work/disk"
 "$dtd" generate "$sweep" --out "$work/disk/corpus" >/dev/null 2>&1
 hashes "$work/disk/corpus" | diff "$work/expected" - || fail "the corpus differs after a full disk"
 echo "room again: the corpus is byte-identical"
 
-# The stand-in is stopped in the middle of a scenario, for good: noticed after a minute, started afresh.
+# The stand-in is stopped permanently in the middle of a scenario: detected after a minute, restarted.
 "$dtd" generate "$sweep" --out "$work/frozen" >/dev/null 2>"$work/said" &
 run=$!
 until compgen -G "$work/frozen/scenarios/*.partial" >/dev/null; do sleep 0.02; done

@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Fuzzes what reads bytes of others: scripts/fuzz.sh [TARGET|all] [SECONDS], `packets` and 600 by default, on one core. Ends with the number of
-# executions, or with the input that broke the target.
+# Fuzzes the decoders of untrusted bytes: scripts/fuzz.sh [TARGET|all] [SECONDS], `packets` and 600 by default, on one core. Ends with the
+# number of executions, or with the input that broke the target.
 #
-# Begins from sound files: the repository's own, and those of the labelled and detected corpus that DTD_FUZZ_CORPUS names (one is made in
-# seconds: `dtd generate tests/data/small.toml --out C && dtd label C && dtd detect C`). What it learned stays in fuzz/corpus.
+# Starts from valid files: the repository's own, and those of the labelled and detected corpus that DTD_FUZZ_CORPUS names (one is made in
+# seconds: `dtd generate tests/data/small.toml --out C && dtd label C && dtd detect C`). The found inputs stay in fuzz/corpus.
 #
-# Installs cargo-fuzz if it is not there. Needs a C++ compiler (libFuzzer), no nightly toolchain: address sanitizing, which would need one, finds
+# Installs cargo-fuzz if it is missing. Needs a C++ compiler (libFuzzer), no nightly toolchain: address sanitizing, which would need one, finds
 # nothing in code that forbids unsafe. scripts/sanitize.sh is for the files that have some.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -25,7 +25,7 @@ if [ -n "${DTD_FUZZ_CORPUS:-}" ]; then
     scenario=$(find "$DTD_FUZZ_CORPUS/scenarios" -mindepth 1 -maxdepth 1 -type d ! -name '*.partial' | sort | head -n 1)
 fi
 
-# Copies of files as seeds, behind the byte that says which kind they are.
+# Copies of files as seeds, prefixed with the byte for their kind.
 seed() {
     local kind=$1 file
     shift

@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Kills `dtd generate` at random moments with `kill -9`, again and again, and compares what becomes of the corpus with an undisturbed one:
+# Kills `dtd generate` at random moments with `kill -9`, repeatedly, and compares the resulting corpus with an undisturbed one:
 # every file of every scenario must have the same bytes. Usage: scripts/kill-test.sh [KILLS] [SWEEP.toml] [extra arguments of generate..]
 #
-# Only runs that were killed while they worked count. When a corpus is whole before the kills are used up, the next one is begun.
+# Only runs that were killed while they worked count. When a corpus is complete before the kills are used up, the next one is started.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -33,7 +33,7 @@ in_this_corpus=0
 while ((killed < kills)); do
     "$dtd" generate "$sweep" --out "$work/corpus" "$@" >/dev/null 2>&1 &
     run=$!
-    # Anywhere in the time of a whole run.
+    # Anywhere within the duration of a whole run.
     ms=$((RANDOM % (took_ms + 1)))
     sleep "$((ms / 1000)).$(printf %03d $((ms % 1000)))"
     kill -9 "$run" 2>/dev/null || true
@@ -44,11 +44,11 @@ while ((killed < kills)); do
         in_this_corpus=$((in_this_corpus + 1))
         if compgen -G "$work/corpus/scenarios/*.partial" >/dev/null; then partial=$((partial + 1)); fi
     elif ((code == 0)); then
-        # Whole before it was killed.
+        # Complete before it was killed.
         compare "$@"
         in_this_corpus=0
     fi
-    # Late kills find little left to do: begin a new corpus from time to time.
+    # Late kills find little left to do: start a new corpus from time to time.
     if ((in_this_corpus >= 5)); then
         compare "$@"
         in_this_corpus=0

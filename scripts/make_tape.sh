@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Remakes the tape that the tests replay: records `dtd generate` of tests/data/tape/session.toml against the stand-in, and writes
-# down the hashes of the tables that come out of its replay. Needed when a request of the capture link changes, or a table.
+# Regenerates the tape that the tests replay: records `dtd generate` of tests/data/tape/session.toml against the stand-in, and writes the
+# hashes of the tables from its replay. Needed when a request of the capture link changes, or a table.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -11,7 +11,7 @@ work=$(mktemp -d)
 recorder=
 trap 'kill $recorder 2>/dev/null || true; rm -rf "$work"' EXIT
 
-# The address in the line of JSON with which a process says that it is ready.
+# The address in the JSON line that a process prints when it is ready.
 address() {
     for _ in $(seq 300); do
         grep -q '"udp"' "$1" && break

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Installs what the project needs and this machine lacks. Safe to run again; the second time it only looks.
+# Installs what the project needs and this machine lacks. Safe to run again; the second time it only checks.
 #
 # Needs: Debian 12 (or a relative with apt), a Rust toolchain, Python 3, and root or sudo if packages are missing.
 # Installs: the development packages of FFmpeg, Xvfb (an X server without a screen, for the tests of screen capture), the programs
@@ -18,7 +18,7 @@ command -v cargo >/dev/null || {
 packages=(
     build-essential pkg-config libclang-dev python3-venv xvfb
     libavutil-dev libavcodec-dev libavformat-dev libavfilter-dev libavdevice-dev libswscale-dev libswresample-dev
-    # Judges from outside: tests and benches hold our files against them.
+    # Independent tools that tests and benches compare our files with.
     b3sum ffmpeg
     # Which addresses a verb tries (tests/no_connections.rs).
     strace
@@ -50,14 +50,14 @@ if ! cmp -s scripts/requirements.txt "$stamp"; then
     cp scripts/requirements.txt "$stamp"
 fi
 
-# Where `target/release/dtd` looks for ONNX Runtime: its installation's own folder, ../lib/dtd from the program's.
+# Where `target/release/dtd` looks for ONNX Runtime: ../lib/dtd relative to the program's folder.
 library=$(find "$PWD"/.venv/lib/python3*/site-packages/onnxruntime/capi -name 'libonnxruntime.so.*' | sort | head -n 1)
 lib=${CARGO_TARGET_DIR:-target}/lib/dtd
 mkdir -p "$lib"
 ln -sfn "$library" "$lib/libonnxruntime.so"
 
-# Other authors' X-Plane clients, which judge the stand-in in the tests. Some want Python 3.12: the newest one there is is
-# taken, and what it is too old for is left out by requirements-clients.txt and skipped by the tests.
+# Other authors' X-Plane clients, for testing the stand-in. Some need Python 3.12: the newest installed one is used, and
+# clients that it is too old for are excluded by requirements-clients.txt and skipped by the tests.
 if ! cmp -s scripts/requirements-clients.txt .venv-clients/requirements.installed; then
     newest=python3
     for candidate in python3.12 python3.13 "$HOME"/.pyenv/versions/3.1[2-9]*/bin/python3; do

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs `dtd generate` and prints, every so many seconds, the resident memory and the processor time of the command and of its stand-ins;
+# Runs `dtd generate` and periodically prints the resident memory and the processor time of the command and of its stand-ins;
 # at the end the maxima, frames per second, processor milliseconds per frame and bytes per scenario.
 # Usage: scripts/soak.sh SECONDS_BETWEEN CORPUS arguments of generate.., e.g. scripts/soak.sh 60 corpus scenarios.toml --sim mock:2
 set -euo pipefail

@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# Holds every crate that is built on against deny.toml (licences, sources, bans), and against RustSec's database of known holes, which
-# `cargo audit` reads as well: one tool for both.
+# Checks all dependencies against deny.toml (licences, sources, bans), and against RustSec's database of known vulnerabilities, which
+# `cargo audit` uses as well: one tool for both.
 #
-# Builds cargo-deny if it is not there, without optimisation, which costs less than it saves here. The database is a git repository on GitHub: where
-# that cannot be reached, this says so and holds the rest; DTD_ADVISORIES=must makes it a failure.
+# Builds cargo-deny if it is missing, without optimisation, which saves more build time than it costs here. The database is a git repository
+# on GitHub: if that cannot be reached, this says so and checks the rest; DTD_ADVISORIES=must makes it a failure.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

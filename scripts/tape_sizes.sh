@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# How large tapes are: records `dtd generate` of a sweep (tests/data/tape/session.toml unless another is named) against the stand-in, once for each
-# way to keep pictures, and prints a row of docs/tape.md for each.
+# Tape sizes: records `dtd generate` of a sweep (tests/data/tape/session.toml by default) against the stand-in, once for each
+# way to store pictures, and prints a row of docs/tape.md for each.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -14,7 +14,7 @@ trap 'kill $recorder 2>/dev/null || true; rm -rf "$work"' EXIT
 echo "| pictures | bytes on the tape | messages | bytes a picture |"
 echo "|---|---|---|---|"
 for frames in inline reference none; do
-    # The end of its input ends the recorder, as a kill of this script does.
+    # The recorder ends with its input, also if this script is killed.
     mkfifo "$work/$frames.end"
     "$dtd" record --sim mock --port 0 --until-stdin-ends --frames "$frames" --out "$work/$frames.mcap" \
         <"$work/$frames.end" >"$work/$frames.ready" 2>"$work/$frames.said" &

@@ -261,5 +261,6 @@ pub(crate) fn fault_of(
         let message = format!("is {tick}, expected below {}", record.ticks);
         return Some(("tick", message));
     }
-    (!record.views.contains(view)).then(|| ("view", format!("{view} is no view of the scenario")))
+    (!record.views.contains(view))
+        .then(|| ("view", format!("{view} is not a view of the scenario")))
 }

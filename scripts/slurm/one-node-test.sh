@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs Slurm on this machine (Debian 12, root), starts it with one node, makes a small corpus with a real job array, one task of which is
-# stopped by Slurm in the middle and requeued, and compares the corpus byte by byte with one made by one run. Opt-in: not part of test.sh.
+# Installs Slurm on this machine (Debian 12, root), starts it with one node, records a small corpus with a real job array, one task of which is
+# stopped by Slurm in the middle and requeued, and compares the corpus byte by byte with that of a single run. Opt-in: not part of test.sh.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -26,7 +26,7 @@ cleanup() {
 }
 trap cleanup EXIT
 
-# munge: its key comes with the package. A socket of our own keeps away from a munged that may run already.
+# munge: its key comes with the package. A separate socket avoids a munged that may run already.
 mkdir -p "$work/munge" "$work/state" "$work/spool"
 dd if=/dev/urandom of="$work/munge/key" bs=1024 count=1 status=none
 chmod 0700 "$work/munge" && chmod 0400 "$work/munge/key"
@@ -78,7 +78,7 @@ sinfo -h -o %T | grep -qE 'idle|mixed' || { echo "one-node-test: the node did no
 job=$(sbatch --parsable --array="1-$tasks" --cpus-per-task=1 --mem=0 --output="$work/task-%a.log" --open-mode=append \
     --export="ALL,SWEEP=$sweep,CORPUS=$work/corpus" scripts/slurm/generate.sbatch)
 echo "one-node-test: job $job, $tasks tasks"
-# One task is stopped in the middle, as at the end of its time: exit code 75, and Slurm starts it again.
+# One task is stopped in the middle, as at the end of its time: exit code 75, and Slurm restarts it.
 until compgen -G "$work/corpus/scenarios/*.partial" >/dev/null; do sleep 0.05; done
 scancel --signal=TERM --full "${job}_1"
 for _ in $(seq 600); do

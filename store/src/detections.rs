@@ -170,7 +170,7 @@ impl CorpusStore {
             let mut standing = stand()?;
             if matches!(standing, Standing::Missing { .. }) && claimed.is_none() {
                 claimed = Some(claim(folder).await?);
-                // Whoever was waited for may have written them.
+                // The process that we waited for may have written them.
                 standing = stand()?;
             }
             let mends = match standing {

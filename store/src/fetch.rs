@@ -21,7 +21,7 @@ use crate::error::{Result, StoreError};
 use crate::patience::Watch;
 
 /// Advice for a scenario that is damaged in the store.
-const MEND: &str = "Delete the scenario's DONE.json in the store; then `dtd push` sends it again, or `dtd generate` makes it anew";
+const MEND: &str = "Delete the scenario's DONE.json in the store; then `dtd push` sends it again, or `dtd generate` records it again";
 const RECORD: &str = "scenario.json";
 /// Files in parallel.
 const FILES_AT_ONCE: usize = 4;

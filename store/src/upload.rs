@@ -191,7 +191,7 @@ impl CorpusStore {
             .keys()
             .filter(|name| seal::is_scenario_file(name) && sealed.hash_of(name).is_none());
         for name in unnamed {
-            // Whoever may write may not always delete. It does no harm: nobody reads what the manifest does not name.
+            // Write permission does not imply permission to delete. It does no harm: files outside the manifest are ignored.
             if let Err(error) = self.delete(&scenario_file(id, name)).await {
                 tracing::warn!(%error, "an earlier form of the scenario had it, and it is still there");
             }

@@ -76,7 +76,7 @@ pub enum BridgeError {
     /// The simulator is not the one that was set up.
     #[error(
         "the simulator at {address} was restarted: it runs for {found_s:.1} s, and ran for {before_s:.1} s before. What was set \
-         is lost; connect again and set it anew"
+         is lost; connect again and repeat the settings"
     )]
     Restarted {
         /// Which simulator.

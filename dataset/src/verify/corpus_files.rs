@@ -195,7 +195,7 @@ fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut F
             faults.of(
                 &name,
                 "scenarios",
-                "is a name that is no UTF-8 text, so no verb sees it; rename it or move it away",
+                "is a name that is not UTF-8, so no verb sees it; rename it or move it away",
             );
             continue;
         }

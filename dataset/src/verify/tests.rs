@@ -668,7 +668,7 @@ fn a_folder_whose_name_is_no_text_is_found() {
     )
     .unwrap();
     let findings = example.findings();
-    assert!(findings.contains("no UTF-8 text"), "{findings}");
+    assert!(findings.contains("not UTF-8"), "{findings}");
 }
 
 #[test]

@@ -220,7 +220,7 @@ impl Session {
         }
     }
 
-    /// Takes leave.
+    /// Disconnects.
     pub(super) async fn close(self) {
         if let Some(ready) = self.ready
             && let Err(error) = ready.release().await

@@ -174,7 +174,7 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
         (|found| found.tick = 3, "row 0: tick is 3, expected below 3"),
         (
             |found| found.view = "lift".into(),
-            "row 0: view lift is no view",
+            "row 0: view lift is not a view",
         ),
     ];
     for (spoil, words) in cases {

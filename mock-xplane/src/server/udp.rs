@@ -26,7 +26,7 @@ const DATA_PERIOD_S: f64 = 0.1;
 /// A datagram, with its source or destination.
 type Mail = (Vec<u8>, SocketAddr);
 
-/// Serves for ever.
+/// Serves forever.
 pub(super) async fn run(
     socket: Arc<UdpSocket>,
     world: Shared,

@@ -18,7 +18,7 @@ use crate::server::subscriptions::Subscriptions;
 /// Length of a frame, as in the stand-in: values are sent in frames.
 const FRAME: Duration = Duration::from_nanos(1_000_000_000 / 60);
 
-/// Serves for ever.
+/// Serves forever.
 pub(super) async fn run(socket: UdpSocket, player: Arc<Player>) -> Result<(), MockError> {
     let mut server = Server {
         player,
