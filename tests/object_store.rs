@@ -563,7 +563,7 @@ fn an_older_mirror_does_not_undo_labels_and_a_damaged_one_replaces_nothing() {
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
     assert!(said(&output).contains("with labels"), "{}", said(&output));
     assert!(mirror(&url) == whole);
-    // Sealed with something more: older by its clock, then newer, but not what was sealed.
+    // Sealed with an additional file: older by its clock, then newer, but not matching the seal.
     for seal in seals_of(&labelled) {
         let scenario = seal.parent().unwrap();
         let sealed = dataset::seal::read_seal(scenario).unwrap().unwrap();
@@ -743,7 +743,7 @@ fn a_corpus_that_is_no_stage_is_left_alone_and_detections_keep_a_scenario_on_its
     assert!(said(&output).contains("no stage.json"), "{}", said(&output));
     assert!(contents(&corpus) == before);
 
-    // What somebody detected on a stage is nowhere else.
+    // Detections made on a stage exist nowhere else.
     let mark = format!("{{\"corpus\": \"{url}\"}}");
     fs::write(corpus.join("stage.json"), mark).unwrap();
     let output = generate(SERVER.address, &url, &corpus).output().unwrap();

@@ -31,7 +31,7 @@ const FOLDER: &str = "claims";
 const ATTEMPTS: u32 = 100;
 /// Interval for checking a claim that another process holds.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
-/// A claim's file holds a name and a number. Nothing larger is one.
+/// A claim's file contains a name and a number. Anything larger is not a claim.
 const MOST_BYTES: u64 = 512;
 /// Waiting is worth a message only if it takes longer than a typical change.
 const SAID_AFTER: Duration = Duration::from_secs(2);
@@ -152,7 +152,7 @@ impl Claim {
         Ok(Claimed::Theirs(None))
     }
 
-    /// Deletes the claims that killed processes left, and nothing else that lies there.
+    /// Deletes the claims of killed processes, and no other files there.
     pub fn tidy(corpus: &Corpus) {
         let Ok(left) = fs::read_dir(corpus.root().join(FOLDER)) else {
             return;
@@ -194,7 +194,7 @@ impl Holder {
     }
 }
 
-/// Refuses what no claim can be: taking it would overwrite it, and letting go of it would delete it.
+/// Rejects a path that cannot be a claim: taking it would overwrite it, and releasing it would delete it.
 fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
     let found = file.metadata().map_err(Error::io("read", path))?;
     let mut text = Vec::new();
@@ -202,7 +202,7 @@ fn refuse_other_content(file: &mut File, path: &Path) -> Result<()> {
         file.take(MOST_BYTES)
             .read_to_end(&mut text)
             .map_err(Error::io("read", path))?;
-        // A kill leaves it empty or whole: it is written at once.
+        // A kill leaves it empty or complete: it is written at once.
         text.is_empty() || serde_json::from_slice::<Holder>(&text).is_ok()
     };
     match is_claim {

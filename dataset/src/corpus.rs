@@ -149,10 +149,10 @@ impl Corpus {
     }
 }
 
-/// The folders of a corpus that only its scenarios, its claims and the reports of what failed belong in.
+/// The folders of a corpus that are reserved for its scenarios, its claims and its failure reports.
 const OWN_FOLDERS: [&str; 3] = [SCENARIOS, "claims", "failed"];
 
-/// The folder of a corpus that a path is, or lies in, where nothing but what the corpus itself keeps there may be put.
+/// The reserved folder of a corpus that contains this path, if any: only the corpus' own files may be written there.
 pub fn own_folder_around(path: &Path) -> Option<&Path> {
     path.ancestors().find(|folder| {
         let name = folder.file_name().and_then(|name| name.to_str());

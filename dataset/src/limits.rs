@@ -314,9 +314,9 @@ pub const BOX_SIZE_PX: Limits = Limits::new(0.0, 16_384.0, "a size in pixels");
 pub const MOST_DETECTIONS_PER_PICTURE: u64 = 1_000;
 /// Of a detector.
 pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");
-/// Standard deviation of the places and sizes of boxes that a network was trained with.
+/// Standard deviation of the positions and sizes of boxes that a network was trained with.
 pub const FEATURE_SCALE_PX: Limits = Limits::new(1e-9, 16_384.0, "a standard deviation in pixels");
-/// Looked at again in one picture.
+/// Second passes in one picture.
 pub const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
 
 #[cfg(test)]

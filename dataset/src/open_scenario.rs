@@ -25,17 +25,17 @@ use crate::video::VideoReader;
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
 
-/// What a record says of which scenario it is of.
+/// The identity in a scenario's record.
 #[derive(Deserialize)]
 struct Identity {
     id: String,
     config_hash: String,
 }
 
-/// Refuses files that are another scenario's, or a copy under another name: `content` is the `scenario.json` that was sealed.
+/// Rejects another scenario's files, or a copy under another name: `content` is the sealed `scenario.json`.
 ///
 /// # Errors
-/// It is of another identifier or of other parameters than the seal, or no record.
+/// Its identifier or parameters differ from the seal's, or it is not a record.
 pub fn check_identity(id: &str, seal: &Seal, content: &[u8], path: &Path) -> Result<()> {
     let said: Identity = parse_json(content, path, "scenario record")?;
     let fault = if said.id != id {
@@ -67,10 +67,10 @@ pub struct OpenScenario {
 }
 
 impl ScenarioFolder {
-    /// Refuses a sealed folder that holds another scenario's files, or a copy under another name.
+    /// Rejects a sealed folder with another scenario's files, or a copy under another name.
     ///
     /// # Errors
-    /// Those of [`check_identity`], and a record that is not what was sealed.
+    /// Those of [`check_identity`], and a record that does not match the seal.
     pub fn check_identity(&self, sealed: &Sealed) -> Result<()> {
         match sealed.content(RECORD, kind_of(RECORD))? {
             Some(record) => self.check_record(sealed, &record),
@@ -79,7 +79,7 @@ impl ScenarioFolder {
     }
 
     fn check_record(&self, sealed: &Sealed, record: &[u8]) -> Result<()> {
-        // Whoever makes a scenario opens it before it is in its place.
+        // A scenario is opened before it is renamed to its final name.
         let folder = self.id();
         let id = folder.strip_suffix(PARTIAL_SUFFIX).unwrap_or(&folder);
         check_identity(id, sealed.seal(), record, &self.record_path())
@@ -251,7 +251,7 @@ fn kind_of(name: &'static str) -> FileKind {
     .unlinked()
 }
 
-/// The column that shows that a detection is of no picture of the scenario, and how.
+/// The column that shows that a detection belongs to no picture of the scenario, and why.
 pub(crate) fn fault_of(
     detection: &Detection,
     record: &ScenarioRecord,

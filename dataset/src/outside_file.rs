@@ -57,7 +57,7 @@ impl FileKind {
         }
     }
 
-    /// How large such a file may be at most, bytes.
+    /// Maximum size of such a file, bytes.
     pub const fn most_bytes(self) -> u64 {
         self.most_bytes
     }

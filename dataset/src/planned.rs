@@ -1,4 +1,4 @@
-//! What the plan of a corpus says of its scenarios, as far as readers of one scenario need it: which are planned, from which parameters.
+//! The planned scenarios and their parameters, for readers of one scenario.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -15,7 +15,7 @@ use crate::own_path::own_path;
 #[derive(Debug, Clone)]
 pub struct PlannedScenarios {
     plan: PathBuf,
-    /// Missing where the corpus has no plan.
+    /// Missing if the corpus has no plan.
     config_hashes: Option<BTreeMap<String, String>>,
 }
 
@@ -34,7 +34,7 @@ impl PlannedScenarios {
     /// Reads the plan of a corpus, if it has one.
     ///
     /// # Errors
-    /// It cannot be read, or is none.
+    /// It cannot be read, or is not a plan.
     pub fn read(corpus: &Corpus) -> Result<Self> {
         let plan = own_path(corpus.root(), "plan.json")?;
         let content = match outside_file::read(&plan, FileKind::PLAN.unlinked()) {
@@ -51,7 +51,7 @@ impl PlannedScenarios {
         })
     }
 
-    /// Refuses a scenario that is not planned, or was made from other parameters. Without a plan there is nothing to compare with.
+    /// Rejects a scenario that is not planned, or has other parameters. Without a plan there is nothing to compare with.
     ///
     /// # Errors
     /// See above.

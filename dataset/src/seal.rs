@@ -66,7 +66,7 @@ pub fn sealed_files(manifest: &str, seal: &Seal) -> std::result::Result<Vec<Seal
     files_in(manifest)
 }
 
-/// The files that a manifest lists. Each has one line, and each view one video; nothing else lies among the videos.
+/// The files that a manifest lists. Each has one line, and each view one video; the folder of the videos contains nothing else.
 fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, String> {
     let file = |line: &str| match line.split_once("  ") {
         // It becomes a path under the folder, and may come from anyone.
@@ -117,7 +117,7 @@ pub(crate) fn view_of(name: &str) -> Option<&str> {
     (is_video && file_name::check(view).is_ok()).then_some(view)
 }
 
-/// Whether a name within the folder has the form of a file that a scenario has.
+/// Whether a name within the folder has the form of a scenario's file.
 pub fn is_scenario_file(name: &str) -> bool {
     ScenarioFolder::FILES.contains(&name) || view_of(name).is_some()
 }

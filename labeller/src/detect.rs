@@ -81,7 +81,7 @@ pub struct DetectOutcome {
 struct Model {
     file_name: String,
     blake3: String,
-    /// Hash of the profile that lies beside it, if one does.
+    /// Hash of the profile next to it, if there is one.
     profile_blake3: Option<String>,
 }
 

@@ -103,7 +103,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
         bar.set_done(done as u64);
         let is_planned = match folder.seal() {
             Ok(Some(seal)) => planned.check(&id, &seal.config_hash),
-            // What is wrong with it, sending it says.
+            // The upload reports what is wrong with it.
             _ => Ok(()),
         };
         if let Err(error) = is_planned {

@@ -209,7 +209,7 @@ impl CorpusStore {
             return Ok(None);
         };
         let object = got.meta.clone();
-        // What those who read it from a folder would refuse is not brought there.
+        // Objects that readers of a folder would reject are not downloaded.
         let most_bytes = match name.rsplit('/').next() {
             Some(MANIFEST) => FileKind::MANIFEST.most_bytes(),
             _ => MOST_BYTES,
@@ -270,7 +270,7 @@ impl CorpusStore {
         }
     }
 
-    /// Deletes an object, if it is there.
+    /// Deletes an object, if it exists.
     pub(crate) async fn delete(&self, name: &str) -> Result<()> {
         match self.store.delete(&self.own_key(name)?).await {
             Ok(()) | Err(object_store::Error::NotFound { .. }) => Ok(()),
@@ -400,7 +400,7 @@ impl CorpusStore {
         attributes
     }
 
-    /// The key of an object that is read, written or deleted. In a folder a link may lead out of the store.
+    /// The key of an object to read, write or delete. In a folder a link may lead out of the store.
     pub(crate) fn own_key(&self, name: &str) -> Result<ObjectPath> {
         if let Some(folder) = &self.folder
             && let Err(error) = own_path(folder, name)

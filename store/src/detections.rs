@@ -51,7 +51,7 @@ fn files_of(model: &str) -> [String; 2] {
 }
 
 impl CorpusStore {
-    /// Whether the store has all detections that lie in the folder of a scenario, byte for byte.
+    /// Whether the store has all detections of a scenario's folder, byte for byte.
     pub async fn has_detections_of(&self, folder: &ScenarioFolder) -> Result<bool> {
         let models = models_of(folder)?;
         if models.is_empty() {
@@ -208,13 +208,13 @@ impl CorpusStore {
     }
 }
 
-/// How a model's detections in the folder stand to those of the store.
+/// How a model's detections in the folder relate to those of the store.
 enum Standing {
     /// They are the same.
     Same,
     /// There are none, or the same, but damaged.
     Missing { mends: bool },
-    /// There are others, and this is what to do.
+    /// There are others, with advice.
     Others(&'static str),
 }
 

@@ -158,8 +158,8 @@ impl CorpusStore {
     }
 }
 
-/// Clears from a folder that will be a scenario what an earlier attempt, of whatever verb, left there and these files are not; refuses what
-/// nobody of ours put there, for it would become a part of the scenario.
+/// Clears leftovers of an earlier attempt, of whatever verb, from a folder that will become a scenario, except these files; rejects
+/// foreign files, which would become part of the scenario.
 fn clear_others(partial: &Path, files: &[SealedFile]) -> Result<()> {
     let listed = |folder: &Path| {
         let entries = match fs::read_dir(folder) {
@@ -196,7 +196,7 @@ fn clear_others(partial: &Path, files: &[SealedFile]) -> Result<()> {
             to_look_at.extend(listed(&path)?);
             continue;
         }
-        // As a change that was killed left it.
+        // As left by a killed change.
         let whole_name = name.strip_suffix(".new").unwrap_or(&name);
         let is_ours = seal::is_scenario_file(whole_name) || [MANIFEST, DONE].contains(&whole_name);
         if is_folder || !is_ours {

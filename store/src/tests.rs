@@ -434,14 +434,14 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
     let (_theirs, theirs) = empty();
     store.fetch_scenario(ID, &theirs, &()).await.unwrap();
     let there = theirs.scenario(ID);
-    // Somebody is detecting there, and is done when the fetch is already waiting.
+    // Another process detects there, and finishes while the fetch is waiting.
     let claim = there.claim().unwrap();
     let source = there.open().unwrap();
     let fetching = tokio::spawn({
         let (store, there) = (store.clone(), there.clone());
         async move { store.fetch_detections(&there, &()).await }
     });
-    // A store in memory answers at once, so all that is left to wait for is the claim.
+    // A store in memory answers at once, so the claim is the only thing to wait for.
     for _ in 0..100 {
         tokio::task::yield_now().await;
     }
@@ -519,7 +519,7 @@ async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_no
     let store = CorpusStore::in_memory();
     let (_ours, ours) = corpus_with_record();
     push(&store, &ours).await.unwrap();
-    // As somebody copies it in the store.
+    // A copy within the store.
     for (name, object) in [
         ("frames.parquet", "frames.parquet"),
         ("views/left.mp4", "views/left.mp4"),
@@ -555,7 +555,7 @@ async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario()
     let (_theirs, theirs) = empty();
     let partial = theirs.partial_scenario(ID).root().to_owned();
     fs::create_dir_all(partial.join("views")).unwrap();
-    // What our own verbs leave is cleared.
+    // Leftovers of our own verbs are cleared.
     for name in [
         "views/left.mov",
         "boxes_truth.parquet",

@@ -57,7 +57,7 @@ pub enum Pushed {
     Other,
     /// The same, because that content is newer than ours.
     Newer,
-    /// The same, since that content has labels and ours has none, however new it is: copying a folder makes it new.
+    /// The same, because that content has labels and ours has none, however new it is: copying a folder makes it new.
     Labelled,
 }
 
@@ -171,7 +171,7 @@ impl CorpusStore {
         })
     }
 
-    /// Whether a scenario of the store is labelled; `false` if its manifest does not say.
+    /// Whether a scenario of the store is labelled; `false` if its manifest does not tell.
     async fn is_labelled(&self, id: &str, seal: &Seal) -> Result<bool> {
         let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
         let manifest = manifest.and_then(|manifest| String::from_utf8(manifest).ok());
@@ -180,7 +180,7 @@ impl CorpusStore {
         Ok(files.any(|file| file.name == ScenarioFolder::TRUTH_BOXES))
     }
 
-    /// Deletes the files that an earlier state of the scenario had and this one has not.
+    /// Deletes files of an earlier state of the scenario that the new one lacks.
     async fn delete_unnamed(
         &self,
         id: &str,

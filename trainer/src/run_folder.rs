@@ -241,12 +241,12 @@ impl Networks {
     }
 }
 
-/// No training comes near such a number of a network.
+/// No training produces such a number in a network.
 const MOST_WEIGHT: f32 = 1e6;
-/// ... or of a formula: pixels times metres of an airliner's span, or metres to the target.
+/// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
 const MOST_OF_A_FORMULA: f64 = 1e12;
 
-/// Refuses numbers that make every answer meaningless: no numbers, infinite ones, and those that no training leaves.
+/// Rejects numbers that make every answer meaningless: NaN, infinities, and those that no training produces.
 fn check_numbers(
     sealed: &SealedRun,
     normalisation: &Normalisation,
@@ -278,7 +278,7 @@ fn check_numbers(
             let [of_width, of_height] = offset.part_of_size;
             [right, down, of_width, of_height]
         }));
-    // Not a number is not below.
+    // NaN is not below.
     if let Some(number) = formulas.find(|number| !(number.abs() <= MOST_OF_A_FORMULA)) {
         return Err(sealed.fault(
             RunFolder::BASELINES,
@@ -296,7 +296,7 @@ fn check_numbers(
     }
 }
 
-/// A weight that none can be, if there is one.
+/// An impossible weight, if there is one.
 struct WorstWeight(Option<f32>);
 
 impl ModuleVisitor for WorstWeight {

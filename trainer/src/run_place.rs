@@ -9,9 +9,10 @@
 //! ```
 //!
 //! A run is built in `new/`, which records from the start which run it replaces (`replaces.json`), and sealed like a scenario
-//! (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves to `old/`, `new/` to `RUN`, and `old/` is deleted. The next
-//! holder of the claim completes a committed change and drops an uncommitted one. Only the run that was there when the new one was begun is
-//! ever replaced, and only files of a run are ever deleted. An evaluation, too, builds a complete run: the training's files, and its own.
+//! (`MANIFEST.b3`, then `DONE.json`). The seal commits the change: `RUN` moves to `old/`, `new/` to `RUN`, and `old/` is deleted.
+//! The next holder of the claim completes a committed change and drops an uncommitted one. Only the run that existed when the new
+//! one was started is ever replaced, and only files of a run are ever deleted. An evaluation, too, builds a complete run: the
+//! training's files, and its own.
 
 use std::fs;
 use std::io::ErrorKind;
@@ -182,7 +183,7 @@ impl RunPlace {
         let replaces = new.join(RunFolder::REPLACES);
         let expected = match read_json::<Replaces>(&replaces, "note of what a run replaces") {
             Ok(Replaces { run }) => run,
-            // Of an earlier version, or nobody's.
+            // Of an earlier version, or foreign.
             Err(error) if error.is_not_found() => None,
             Err(error) => return Err(error.into()),
         };
@@ -225,14 +226,14 @@ impl Drop for RunPlace {
     }
 }
 
-/// What a new run says of the place that it is made for (`replaces.json`).
+/// The new run's record of its destination (`replaces.json`).
 #[derive(Serialize, Deserialize)]
 struct Replaces {
-    /// Which run was there; `null` if none was.
+    /// The run that existed; `null` if there was none.
     run: Option<String>,
 }
 
-/// What tells a run from all others: the hash of its manifest, or of its `run.json` if it has no seal. `None` if no run is there.
+/// The identity of a run: the hash of its manifest, or of its `run.json` if it has no seal. `None` if there is no run.
 fn identity(run: &Path) -> Result<Option<String>> {
     match seal::read_seal(run) {
         Ok(Some(seal)) => return Ok(Some(seal.manifest_blake3)),

@@ -80,13 +80,13 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Seals a run again, after somebody edited it.
+/// Seals an edited run again.
 fn seal_again(run: &Path) {
     let seal = seal::read_seal(run).unwrap().unwrap();
     seal::seal_folder(run, &seal.config_hash).unwrap();
 }
 
-/// Makes a run one that was made while `replaced` was in its place.
+/// Turns a run into one that was made to replace `replaced`.
 fn made_to_replace(run: &Path, replaced: &Path) {
     let hash = seal::read_seal(replaced).unwrap().unwrap().manifest_blake3;
     fs::write(
@@ -172,11 +172,11 @@ fn what_somebody_put_beside_a_run_is_neither_removed_nor_taken_for_a_run() {
             assert!(message.contains("holds photo.jpg"), "{message}");
         }
         fs::remove_file(beside.join(folder).join("photo.jpg")).unwrap();
-        // A seal alone is no run.
+        // A seal alone is not a run.
         workshop.evaluate("run").unwrap();
         assert!(!beside.exists());
     }
-    // A whole run that was not made to replace this one.
+    // A complete run that was not made to replace this one.
     copy(other.root(), &beside.join("new"));
     for message in [
         workshop.refusal("run"),

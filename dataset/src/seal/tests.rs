@@ -353,7 +353,7 @@ fn files_of_a_terabyte_are_named_and_not_read() {
     }
 }
 
-/// What is said of a manifest with these files, sealed by somebody.
+/// The error for a sealed manifest with these files.
 fn said_of(names: &[&str]) -> String {
     let hash = blake3::hash(b"").to_string();
     let manifest: String = names

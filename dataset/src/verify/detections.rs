@@ -15,7 +15,7 @@ use crate::open_scenario::fault_of;
 use crate::pixel_box::{Detection, read_detections_with_faults};
 use crate::scenario::ScenarioRecord;
 
-/// What a record says besides where its table comes from. Other makers than ours may say less.
+/// The rest of a record, besides the origin of its table. Other programs may write less.
 #[derive(Default, Deserialize)]
 #[serde(default)]
 struct Counts {
@@ -100,7 +100,7 @@ fn check_counts(
         ("most_windows", limits::WINDOWS),
     ] {
         let value = counts.settings.get(name);
-        // What is no number is in no range.
+        // NaN is never in range.
         let number = value.map(|value| value.as_f64().unwrap_or(f64::NAN));
         if let Some(Err(fault)) = number.map(|number| limits.check(number)) {
             faults.file(file, format!("settings.{name} {fault}"));

@@ -575,7 +575,7 @@ fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
     );
 }
 
-/// What is found after detections were made, with this record.
+/// The findings after detections were made, with this record.
 fn with_detections(record: serde_json::Value) -> String {
     let example = Example::new();
     let folder = example.scenario();

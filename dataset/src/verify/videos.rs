@@ -25,7 +25,7 @@ pub(super) fn check(
             .views
             .iter()
             .map(|view| {
-                // What was sealed, where that can be read; a stray of another ending is named as such.
+                // What was sealed, if that can be read; a stray file with another extension is reported as such.
                 let sealed = sealed.as_ref().and_then(|sealed| sealed.video_of(view));
                 let path =
                     sealed.map_or_else(|| folder.video_path(view), |name| folder.root().join(name));

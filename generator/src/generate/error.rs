@@ -44,7 +44,7 @@ pub enum GenerateError {
         /// What is wrong with it.
         message: String,
     },
-    /// The folder for staging is not one.
+    /// The staging path cannot be used as a stage.
     #[error("{}: {message}, or name another folder with --staging", folder.display())]
     NotAStage {
         /// The folder.

@@ -147,8 +147,8 @@ impl Remote {
         }
     }
 
-    /// Takes a scenario that the store has from the stage, without ever leaving half of one under its name. Detections that are nowhere
-    /// else keep it there.
+    /// Removes a scenario that the store has from the stage, without ever leaving half of one under its name. It stays if its
+    /// detections exist nowhere else.
     async fn unstage(&self, stage: &Corpus, id: &str) {
         let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
         match self.store.has_detections_of(&whole).await {

@@ -1,5 +1,5 @@
-//! The mark of a stage: which corpus in an object store its scenarios go to. A folder without it may be the only place where its scenarios
-//! lie, and nothing is ever taken from that.
+//! The mark of a stage: the corpus in an object store that its scenarios go to. A folder without it may hold the only copy of its
+//! scenarios, and nothing is ever removed from it.
 
 use std::fs;
 use std::path::Path;
@@ -15,11 +15,11 @@ const MARK: &str = "stage.json";
 
 #[derive(Serialize, Deserialize)]
 struct Mark {
-    /// URL of the corpus that the scenarios are sent to.
+    /// URL of the corpus that the scenarios are uploaded to.
     corpus: String,
 }
 
-/// Refuses a folder that is the stage of another corpus, or holds scenarios and is no stage. Nothing is written.
+/// Rejects a folder that is the stage of another corpus, or contains scenarios and is not a stage. Nothing is written.
 pub(super) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
     let refused = |message: String| {
         Err(GenerateError::NotAStage {
@@ -49,7 +49,7 @@ pub(super) fn check(root: &Path, url: &str) -> Result<(), GenerateError> {
     }
 }
 
-/// Marks a folder that was checked.
+/// Marks a checked folder.
 pub(super) fn mark(stage: &Corpus, url: &str) -> Result<(), GenerateError> {
     let path = own_path(stage.root(), MARK)?;
     if !path.exists() {

@@ -20,7 +20,7 @@ pub struct DetectionRecord {
     /// What they were made from, and the hash of their table.
     #[serde(flatten)]
     pub provenance: Provenance,
-    /// BLAKE3 hash of the profile beside the model, which says how it is fed and read; missing where none lay there.
+    /// BLAKE3 hash of the profile next to the model, which defines its input and output; missing if there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub profile_blake3: Option<String>,
     /// Output layout and window size.

@@ -1,5 +1,5 @@
-//! A model and the profile beside it, read once: what is hashed for the record is what every session is made from, whatever happens to the
-//! files meanwhile.
+//! A model and its profile, read once: every session is made from the bytes that were hashed for the record, even if the files
+//! change in the meantime.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// The content of a model's files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ModelFile {
-    /// Where it was read from.
+    /// Its path.
     pub path: PathBuf,
     /// The ONNX file.
     pub onnx: Vec<u8>,
@@ -39,7 +39,7 @@ impl ModelFile {
         })
     }
 
-    /// Where the profile of a model lies.
+    /// Path of a model's profile.
     pub(super) fn profile_path(model: &Path) -> PathBuf {
         let mut beside = model.as_os_str().to_owned();
         beside.push(".json");

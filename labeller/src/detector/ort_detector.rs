@@ -16,8 +16,8 @@ use super::window::{Picture, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, Result};
 
-/// Where weights are looked for that are not in the model's own file. Nowhere: the hash of the model would say nothing of them, and a model
-/// from others would read files of its choice.
+/// Where to look for weights outside the model's own file. Nowhere: the hash of the model would not cover them, and an untrusted
+/// model could read files of its choice.
 const EXTERNAL_WEIGHTS: &str = "session.model_external_initializers_file_folder_path";
 const NOWHERE: &str = "/dev/null";
 

@@ -22,12 +22,12 @@ use crate::error::{Error, Result};
 /// Whole frames kept of every video as background. Clouds and ground do not move within a scenario; lights and rain do.
 const BACKGROUNDS_PER_VIDEO: usize = 3;
 
-/// Frames that a decoder and its scaler hold at a time.
+/// Frames held at a time by a decoder and its scaler.
 const DECODED_FRAMES: u64 = 12;
 
-/// Memory that the steps of a training take besides the pictures: batches have the same size whatever the corpus. Measured: 190 MiB.
+/// Memory for the steps of a training, besides the pictures: batches have the same size whatever the corpus. Measured: 190 MiB.
 const TRAINING_BYTES: u64 = 208 << 20;
-/// Memory that judging a frame takes per pixel, besides the frame. Measured: 95 bytes.
+/// Memory per pixel for evaluating a frame, besides the frame. Measured: 95 bytes.
 const JUDGING_BYTES_PER_PIXEL: u64 = 104;
 
 /// One video of a corpus.
@@ -84,7 +84,7 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
 /// All training samples of the videos.
 ///
 /// # Errors
-/// A video or table cannot be read, or there is less memory than the pictures take.
+/// A video or table cannot be read, or the pictures need more memory than available.
 pub fn read_samples(videos: &[Video]) -> Result<Samples> {
     let mut needed_bytes = decoding_bytes(videos)?.max(TRAINING_BYTES);
     for video in videos {
@@ -153,7 +153,7 @@ fn largest_frame_bytes(videos: &[Video]) -> Result<u64> {
     Ok(largest)
 }
 
-/// What decoding takes, on all threads at once.
+/// Memory for decoding, on all threads together.
 fn decoding_bytes(videos: &[Video]) -> Result<u64> {
     let decoders = rayon::current_num_threads().min(videos.len()) as u64;
     Ok(largest_frame_bytes(videos)? * DECODED_FRAMES * decoders)
@@ -201,7 +201,7 @@ impl Video {
         Ok(self.scenario.record()?.ticks as usize)
     }
 
-    /// What one of its frames takes, bytes.
+    /// Memory of one of its frames, bytes.
     fn frame_bytes(&self) -> Result<u64> {
         let cameras = self.scenario.calibration()?.cameras;
         let camera = cameras.get(&self.view).ok_or_else(|| Error::Corpus {

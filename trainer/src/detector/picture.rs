@@ -60,7 +60,7 @@ pub fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
     may_be_visible(truth) && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
 }
 
-/// Whether enough of the aircraft is in the picture; how much of it the air leaves only the pixels tell.
+/// Whether enough of the aircraft is in the picture; only the pixels show how much of it the air leaves.
 pub(super) fn may_be_visible(truth: &TruthBox) -> bool {
     truth.visible_fraction >= LEAST_VISIBLE_FRACTION
 }
