@@ -190,7 +190,7 @@ fn folder() -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(|path| match Place::of(&path) {
         Ok(Place::Folder(path)) => Ok(path),
         Ok(Place::Store(url)) => Err(format!(
-            "expected a folder: bring the corpus here first, with `dtd fetch {url} --out FOLDER`, and send it back with `dtd push FOLDER {url}`"
+            "expected a folder: download the corpus first, with `dtd fetch {url} --out FOLDER`, and upload it with `dtd push FOLDER {url}`"
         )),
         Err(error) => Err(error.to_string()),
     })

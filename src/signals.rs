@@ -60,7 +60,7 @@ pub(crate) fn watch() -> io::Result<()> {
 fn react() {
     match switch().take() {
         Some(cancel) => {
-            eprintln!("stopping in good order; a second signal ends at once");
+            eprintln!("stopping cleanly; a second signal ends at once");
             cancel.cancel();
         }
         None => {

@@ -267,7 +267,7 @@ fn a_store_that_goes_away_leaves_what_is_made_on_the_stage_and_the_next_run_send
     assert_eq!(output.status.code(), Some(1), "{message}");
     for words in [
         "does not answer",
-        "is waited for",
+        "retrying",
         stage.path().to_str().unwrap(),
         "run the same command again",
     ] {

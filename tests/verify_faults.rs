@@ -299,7 +299,7 @@ fn the_command_lists_faults_as_text_and_as_json_and_fails() {
     let output = dtd(&["verify", text(copy.corpus.root()), "--quick"]);
     let said = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(1), "{said}");
-    assert!(said.contains("calibration.json is not what was sealed"));
+    assert!(said.contains("calibration.json does not match its seal"));
     assert!(said.contains("1 planned scenario is missing"), "{said}");
 
     let arguments = ["verify", text(copy.corpus.root()), "--complete", "--json"];
@@ -351,7 +351,7 @@ fn a_flipped_byte_is_found_in_every_file() {
     ] {
         let copy = Copy::new();
         flip_a_byte(&copy.path(file));
-        let words = format!("{file} is not what was sealed");
+        let words = format!("{file} does not match its seal");
         assert_found(&copy.findings(), "MANIFEST.b3", None, None, &words);
     }
 }
@@ -441,7 +441,7 @@ fn swapped_views_are_found_though_all_hashes_are_right() {
     fs::rename(&right, &left).unwrap();
     fs::rename(&aside, &right).unwrap();
     let found = copy.findings();
-    let words = "views/left.mp4 is not what was sealed";
+    let words = "views/left.mp4 does not match its seal";
     assert_found(&found, "MANIFEST.b3", None, None, words);
     copy.seal();
     let found = copy.findings();
@@ -614,7 +614,7 @@ fn a_truncated_video_is_found() {
 fn a_changed_scenario_record_is_found_by_its_hash_and_by_the_plan() {
     let copy = Copy::new();
     copy.change_record(|record| record.conditions.weather.wind_speed_mps = 7.0);
-    let words = "scenario.json is not what was sealed";
+    let words = "scenario.json does not match its seal";
     assert_found(&copy.findings(), "MANIFEST.b3", None, None, words);
     copy.seal();
     let words = "conditions was planned as";

@@ -263,7 +263,7 @@ fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<St
         let name = &file.name;
         if let Ok(Some((bytes, sealed_bytes))) = sealed.other_size(name) {
             return Some(format!(
-                "{name} is not what was sealed: it has {bytes} bytes, expected {sealed_bytes}"
+                "{name} does not match its seal: it has {bytes} bytes, expected {sealed_bytes}"
             ));
         }
         let found = if is_hashed(name) {
@@ -275,7 +275,7 @@ fn faults_of_listed(sealed: &Sealed, is_hashed: impl Fn(&str) -> bool) -> Vec<St
             Ok(Found::Whole(_)) => None,
             Ok(Found::Missing) => Some(format!("{name} is missing")),
             Ok(Found::Other) => Some(format!(
-                "{name} is not what was sealed: its hash differs from {MANIFEST}"
+                "{name} does not match its seal: its hash differs from {MANIFEST}"
             )),
             Err(error) => Some(error.to_string()),
         }

@@ -145,7 +145,7 @@ impl Sealed {
                 return Err(changing(&self.folder));
             }
             Found::Missing => "is missing, though it was sealed".to_owned(),
-            Found::Other => format!("is not what was sealed: its hash differs from {MANIFEST}"),
+            Found::Other => format!("does not match its seal: its hash differs from {MANIFEST}"),
         };
         let path = self.folder.join(name);
         Err(Error::corpus(

@@ -154,7 +154,7 @@ fn ffmpeg_path(path: &Path) -> Result<String> {
         None => Err(fault(
             path,
             "open it",
-            "its path is not UTF-8, and FFmpeg takes no other; rename what is not",
+            "its path is not UTF-8, which FFmpeg requires; rename it",
         )),
     }
 }

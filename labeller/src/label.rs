@@ -387,7 +387,7 @@ mod tests {
         let outcome = label_corpus(&corpus, &|_| {}).unwrap();
         let reason = &outcome.failed[0].reason;
         assert!(
-            reason.contains("frames.parquet: is not what was sealed"),
+            reason.contains("frames.parquet: does not match its seal"),
             "{reason}"
         );
         assert_eq!(files(folder.root()), before);

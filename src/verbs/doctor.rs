@@ -40,7 +40,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
     };
     if patient.measuring != Measuring::Never && !args.json {
         eprintln!(
-            "doctor: what reports disagree on is measured once per installation, which takes up to eight minutes where clouds are slow \
+            "doctor: measuring once per installation what reports disagree on takes up to eight minutes if clouds are slow \
              (--no-measure leaves it out)"
         );
     }

@@ -186,7 +186,7 @@ fn wanted(
 async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<String>, Failure> {
     let damaged = |name: &str, reason: String| {
         Failure::Failed(anyhow::anyhow!(
-            "{}/{name}: {reason}. Nothing was fetched; `dtd push` from a whole copy of the corpus replaces it",
+            "{}/{name}: {reason}. Nothing was fetched; `dtd push` from an intact copy of the corpus replaces it",
             store.name()
         ))
     };

@@ -50,7 +50,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
         print_json(&generated)?;
     } else {
         println!(
-            "{} made, {} whole already, {} failed{}: {}",
+            "{} made, {} complete already, {} failed{}: {}",
             count(generated.committed.len(), "scenario"),
             generated.skipped.len(),
             generated.failed.len(),
@@ -245,7 +245,7 @@ impl ShowEvents {
                 self.bar.set_total(ticks);
                 if skipped > 0 {
                     self.bar.say(&format!(
-                        "{} whole already, {to_make} to make",
+                        "{} complete already, {to_make} to make",
                         count(skipped, "scenario")
                     ));
                 }
@@ -292,14 +292,14 @@ impl ShowEvents {
                 count(scenarios, "scenario")
             )),
             Event::Uploaded { id, seconds } => {
-                self.bar.say(&format!("{id}: sent in {seconds:.0} s"));
+                self.bar.say(&format!("{id}: uploaded in {seconds:.0} s"));
             }
             Event::UploadBehind { id } => self.bar.say(&format!(
-                "{id} waits to be sent: recording is faster than the way to the store"
+                "{id} waits for its upload: recording is faster than uploading"
             )),
-            Event::StoreAway { id, reason } => self.bar.say(&format!(
-                "{id} cannot be sent now; the store is waited for: {reason}"
-            )),
+            Event::StoreAway { id, reason } => self
+                .bar
+                .say(&format!("{id} cannot be uploaded now, retrying: {reason}")),
             Event::MadeElsewhere { id, ticks } => {
                 self.bar.say(&format!("{id}: made by another process"));
                 self.ended(id, u64::from(ticks));
@@ -318,13 +318,13 @@ impl ShowEvents {
                 self.bar.say(&format!("simulator {simulator} {known}"));
             }
             Event::SimulatorLost { simulator, reason } => self.bar.say(&format!(
-                "simulator {simulator} does not answer and is waited for: {reason}"
+                "simulator {simulator} does not answer, waiting for it: {reason}"
             )),
             Event::SimulatorBack { simulator } => {
                 self.bar.say(&format!("simulator {simulator} is back"));
             }
             Event::SimulatorGone { simulator } => {
-                self.bar.say(&format!("simulator {simulator} is given up"));
+                self.bar.say(&format!("giving up simulator {simulator}"));
             }
         }
     }

@@ -33,6 +33,6 @@ pub(super) struct OnBar<'a>(pub(super) &'a Bar);
 
 impl Watch for OnBar<'_> {
     fn waiting(&self, reason: &StoreError) {
-        self.0.say(&format!("the store is waited for: {reason}"));
+        self.0.say(&format!("retrying the store: {reason}"));
     }
 }

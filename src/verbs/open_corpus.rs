@@ -16,7 +16,7 @@ pub(crate) fn open_filled_corpus(root: &Path) -> Result<Corpus, Failure> {
     let corpus = open_corpus(root)?;
     if corpus.scenarios().map_err(Failure::of_corpus)?.is_empty() {
         return Err(Failure::bad_input_message(format!(
-            "{} holds no whole scenario yet; make some with `dtd generate SWEEP.toml --out {0}`",
+            "{} contains no complete scenario yet; record some with `dtd generate SWEEP.toml --out {0}`",
             root.display()
         )));
     }

@@ -121,7 +121,7 @@ fn warn_of_silence(summary: &TapeSummary, address: SocketAddr) {
         );
     } else if summary.from_simulator == 0 {
         eprintln!(
-            "warning: nothing came back from {address}: the tape has clients' questions only, and can answer none"
+            "warning: nothing came back from {address}: the tape has only clients' requests, and no answers"
         );
     }
 }

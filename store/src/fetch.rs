@@ -151,7 +151,7 @@ impl CorpusStore {
         if hasher.finalize().to_string() != blake3 {
             return Err(StoreError::Damaged {
                 place: format!("{}/{name}", self.name()),
-                message: format!("is not what was sealed: its hash differs. {MEND}"),
+                message: format!("does not match its seal: its hash differs. {MEND}"),
             });
         }
         Ok(file.commit()?)

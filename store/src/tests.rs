@@ -254,7 +254,7 @@ async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
 #[tokio::test]
 async fn what_is_damaged_in_the_store_is_named_and_never_becomes_a_scenario() {
     for (damage, words) in [
-        (Some("tafel"), "is not what was sealed"),
+        (Some("tafel"), "does not match its seal"),
         (None, "is missing"),
     ] {
         let store = CorpusStore::in_memory();

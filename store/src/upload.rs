@@ -95,7 +95,7 @@ impl CorpusStore {
                     rounds_left -= 1;
                 }
                 Err(StoreError::Local(error)) if error.is_not_found() || error.is_bad_content() => {
-                    return Err(damaged(format!("is not what was sealed: {error}")));
+                    return Err(damaged(format!("does not match its seal: {error}")));
                 }
                 pushed => return pushed,
             }
@@ -241,7 +241,7 @@ impl CorpusStore {
             Some(()) => Ok(true),
             None => Err(StoreError::Damaged {
                 place: path.display().to_string(),
-                message: format!("is not what was sealed: its hash differs from {MANIFEST}"),
+                message: format!("does not match its seal: its hash differs from {MANIFEST}"),
             }),
         }
     }

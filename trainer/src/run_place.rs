@@ -69,7 +69,7 @@ impl RunPlace {
             return Err(Error::Run {
                 path: run.clone(),
                 message: format!(
-                    "lies in {}, where a corpus keeps what is its own; name a folder outside",
+                    "lies in {}, which is reserved for files of the corpus; name a folder outside",
                     own.display()
                 ),
             });

@@ -418,7 +418,7 @@ fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> 
         .map(|(common, _)| common)
         .ok_or_else(|| Error::Corpus {
             path: corpus.root().to_owned(),
-            message: "has no whole scenario; make some with `dtd generate`".into(),
+            message: "has no complete scenario; record some with `dtd generate`".into(),
         })
 }
 

@@ -142,7 +142,7 @@ fn a_run_is_not_made_where_a_corpus_keeps_what_is_its_own() {
     ] {
         let message = workshop.refusal(name);
         assert!(
-            message.contains("where a corpus keeps what is its own"),
+            message.contains("which is reserved for files of the corpus"),
             "{message}"
         );
     }

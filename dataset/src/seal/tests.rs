@@ -132,7 +132,7 @@ fn a_changed_a_missing_and_a_foreign_file_are_each_named() {
     fs::write(example.path("extra.txt"), "").unwrap();
     let found = example.faults().join("\n");
     for name in [
-        "views/left.mp4 is not what was sealed",
+        "views/left.mp4 does not match its seal",
         "frames.parquet is missing",
         "extra.txt is not listed",
     ] {
@@ -149,7 +149,7 @@ fn the_quick_look_sees_tables_and_lost_or_cut_videos_but_not_what_is_in_a_video(
     let quick = || faults_besides_videos(&example.folder).unwrap();
     assert_eq!(quick(), Vec::<String>::new());
     fs::write(&video, "vid").unwrap();
-    let cut = "views/left.mp4 is not what was sealed: it has 3 bytes, expected 5";
+    let cut = "views/left.mp4 does not match its seal: it has 3 bytes, expected 5";
     assert_eq!(quick(), [cut]);
     fs::remove_file(video).unwrap();
     fs::write(example.path("frames.parquet"), "vandal").unwrap();
@@ -184,7 +184,7 @@ fn replacing_one_file_does_not_bless_damage_to_another() {
     example.replace(&["frames.parquet"], "new");
     let found = example.faults().join("\n");
     assert!(
-        found.contains("views/left.mp4 is not what was sealed"),
+        found.contains("views/left.mp4 does not match its seal"),
         "{found}"
     );
 }

@@ -203,7 +203,11 @@ fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut F
             // Committed by another run since the scenarios were listed.
             || matches!(seal::read_seal(&path), Ok(Some(_)));
         if !known && !name.ends_with(PARTIAL_SUFFIX) {
-            faults.of(&name, seal::DONE, "is missing: the scenario is not whole");
+            faults.of(
+                &name,
+                seal::DONE,
+                "is missing: the scenario is not complete",
+            );
         }
     }
 }

@@ -373,7 +373,7 @@ fn a_flipped_byte_is_found_by_its_hash() {
     fs::write(&path, bytes).unwrap();
     assert_found(
         &example.findings(),
-        "calibration.json is not what was sealed",
+        "calibration.json does not match its seal",
     );
 }
 
@@ -675,7 +675,7 @@ fn a_folder_whose_name_is_no_text_is_found() {
 fn a_folder_without_a_seal_is_found() {
     let example = Example::new();
     fs::remove_file(example.path("DONE.json")).unwrap();
-    assert_found(&example.findings(), "is not whole");
+    assert_found(&example.findings(), "is not complete");
 }
 
 #[test]

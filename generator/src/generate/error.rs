@@ -185,7 +185,7 @@ pub enum ScenarioError {
         message: String,
     },
     /// A picture does not show what was requested.
-    #[error("tick {tick}, view {view}: the simulator did not draw what was asked for: {what}")]
+    #[error("tick {tick}, view {view}: the simulator did not draw what was requested: {what}")]
     NotInStep {
         /// Tick that was due.
         tick: u32,

@@ -98,7 +98,7 @@ mod tests {
         assert!(finished("config"));
         assert!(!finished("other"), "it was made from other parameters");
         fs::write(&video, "vide").unwrap();
-        assert!(!finished("config"), "a file is not what was sealed");
+        assert!(!finished("config"), "a file does not match its seal");
 
         let place = Workplace::clear(&corpus, "0001", &claim).unwrap();
         assert!(!video.exists());

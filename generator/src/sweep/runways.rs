@@ -133,7 +133,7 @@ pub(super) fn runway(
         .map_err(|missing| Fault {
             key: format!("airport.{icao}.runway.{name}"),
             message: format!(
-                "{missing} is missing: the program does not know this runway, so the sweep has to define it whole"
+                "{missing} is missing: the program does not know this runway, so the sweep must define it completely"
             ),
         })
 }

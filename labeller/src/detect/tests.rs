@@ -346,7 +346,7 @@ fn a_video_that_is_not_what_was_sealed_is_not_searched() {
     assert_eq!(outcome.detected, ["0002-b"]);
     let reason = &outcome.failed[0].reason;
     assert!(
-        reason.contains("right.mp4: is not what was sealed"),
+        reason.contains("right.mp4: does not match its seal"),
         "{reason}"
     );
 }

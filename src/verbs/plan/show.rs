@@ -130,7 +130,7 @@ impl Report<'_> {
         println!();
         println!("against   {}", compared.corpus.root().display());
         for (standing, note) in [
-            (Standing::Whole, "whole already"),
+            (Standing::Whole, "complete already"),
             (Standing::ToMake, "planned there, not yet made"),
             (Standing::New, "new"),
             (Standing::Changed, "changed"),
@@ -161,7 +161,7 @@ impl Report<'_> {
         }
         if !(changed.is_empty() && removed.is_empty()) {
             println!(
-                "A corpus only grows: `dtd generate` refuses this sweep there. Use another folder for it, or give what is new a name of its own."
+                "A corpus only grows: `dtd generate` rejects this sweep for it. Use another folder, or give new values new names."
             );
         }
     }

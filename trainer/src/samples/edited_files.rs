@@ -38,7 +38,7 @@ fn halved_distances_are_refused() {
         frames.write(&folder.frames_path()).unwrap();
     });
     assert!(
-        message.contains("0000/frames.parquet: is not what was sealed"),
+        message.contains("0000/frames.parquet: does not match its seal"),
         "{message}"
     );
 }
@@ -89,7 +89,7 @@ fn the_table_of_another_scenario_is_refused() {
         fs::copy(other.frames_path(), folder.frames_path()).unwrap();
     });
     assert!(
-        message.contains("0000/frames.parquet: is not what was sealed"),
+        message.contains("0000/frames.parquet: does not match its seal"),
         "{message}"
     );
 }
@@ -102,7 +102,7 @@ fn an_edited_calibration_is_refused() {
         fs::write(path, text.replacen("1920", "1921", 1)).unwrap();
     });
     assert!(
-        message.contains("calibration.json: is not what was sealed"),
+        message.contains("calibration.json: does not match its seal"),
         "{message}"
     );
 }
