@@ -141,7 +141,7 @@ const CASES: &[Case] = &[
     ("times = [\"06:00\"]\n", "times = [\"07:00\"]\n", "\"07:00\"", "there is no time 07:00 in the sweep; there are 06:00", CommandOnly),
     ("times = [\"06:00\"]\nweathers = [\"foggy\"]\n", "", "exclude]]", "every combination", Schema),
     ("times = [\"20:00\"]\nweathers = [\"foggy\"]", "times = [\"12:00\"]", "[[include]]", "includes nothing", CommandOnly),
-    ("repeats = [1]", "repeats = [0]", "0]\n\n[[recorded", "0 is no repeat", Schema),
+    ("repeats = [1]", "repeats = [0]", "0]\n\n[[recorded", "0 is not a repeat", Schema),
     // Picture and video.
     ("width_px = 96", "width_px = 97", "97", "even number", Schema),
     ("width_px = 96", "width_px = 0", "0\nheight", "from 64 to 8192", Schema),

@@ -379,7 +379,8 @@ async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_t
 
 #[tokio::test(flavor = "multi_thread")]
 async fn screenshots_of_another_view_than_the_cameras_are_refused() {
-    let mut simulator = taking_screenshots("cockpit_view,screenshot_without_camera").await;
+    let mut simulator =
+        taking_screenshots("cockpit_view,stale_frames,screenshot_without_camera").await;
     simulator.set_conditions(&noon()).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let capture = CaptureRequest {

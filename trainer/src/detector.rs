@@ -10,10 +10,11 @@
 use std::path::{Path, PathBuf};
 
 use dataset::claim::{Claim, Claimed};
-use dataset::corpus::Corpus;
+use dataset::corpus::{Corpus, own_folder_around};
 use dataset::json_file::{read_json, write_atomically, write_json};
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 pub mod checkpoint;
 pub mod convolution;
@@ -142,8 +143,15 @@ fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
     if out.is_dir() || out.file_name().is_none() {
         return Err(refused("is a folder; expected the name of a file".into()));
     }
+    if let Some(own) = own_folder_around(out) {
+        return Err(refused(format!(
+            "lies in {}, which a corpus reserves for its own files; name a file outside",
+            own.display()
+        )));
+    }
     let report = beside(out, "json");
-    if report.exists() && read_json::<DetectorReport>(&report, "report of a detector").is_err() {
+    let is_report = |found: Value| found.get("model_blake3").is_some_and(Value::is_string);
+    if report.exists() && !read_json(&report, "report of a detector").is_ok_and(is_report) {
         return Err(refused(format!(
             "would have its report in {}, where something else lies; move that away, or give another --out",
             report.display()

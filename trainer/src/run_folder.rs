@@ -279,7 +279,8 @@ fn check_numbers(
             [right, down, of_width, of_height]
         }));
     // NaN is not below.
-    if let Some(number) = formulas.find(|number| !(number.abs() <= MOST_OF_A_FORMULA)) {
+    if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
+    {
         return Err(sealed.fault(
             RunFolder::BASELINES,
             format!("has the number {number:e}, expected one up to {MOST_OF_A_FORMULA:e} in size; train again"),
@@ -304,7 +305,7 @@ impl ModuleVisitor for WorstWeight {
         let data = param.val().into_data();
         let bad = data
             .iter::<f32>()
-            .find(|weight| !(weight.abs() <= MOST_WEIGHT));
+            .find(|weight| !(0.0..=MOST_WEIGHT).contains(&weight.abs()));
         self.0 = self.0.or(bad);
     }
 }

@@ -261,7 +261,7 @@ mod tests {
         );
         let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/../demo.toml");
         let none = format!("tape:{sweep}").parse::<SimulatorTarget>();
-        assert!(none.unwrap_err().contains("no tape"));
+        assert!(none.unwrap_err().contains("not a tape"));
     }
 
     #[test]

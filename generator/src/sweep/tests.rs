@@ -338,7 +338,7 @@ fn more_faults_of_whole_tables_are_reported() {
             "\n[[include]]\ntimes = [\"20:00\"]\nweathers = [\"hail\"]\n",
             "weather \"hail\" is not defined",
         ),
-        ("\n[[include]]\nrepeats = [0]\n", "0 is no repeat"),
+        ("\n[[include]]\nrepeats = [0]\n", "0 is not a repeat"),
         (
             "\n[weather.\"a b\"]\nvisibility_m = 9000\n",
             "letters, digits, - and _ only",

@@ -84,9 +84,11 @@ class Frames(unittest.TestCase):
 
     def test_without_the_quirk_nobody_loses_it(self):
         xp = self.fake()
-        xp.commandOnce("sim/operation/screenshot")
-        xp.controlCamera(xp.ControlCameraForever, lambda *_: 0)
-        self.frame()
+        with tempfile.TemporaryDirectory() as folder:
+            self.world.path = folder
+            xp.commandOnce("sim/operation/screenshot")
+            xp.controlCamera(xp.ControlCameraForever, lambda *_: 0)
+            self.frame()
         self.assertNotEqual(xp.isCameraBeingControlled(), 0)
 
     def test_a_flight_that_is_started_after_the_flight_model_crashes(self):

@@ -96,7 +96,7 @@ mod tests {
             assert_eq!(PixelChoice::Auto.among(&offered).unwrap(), expected);
         }
         let message = PixelChoice::Auto.among(&[]).unwrap_err().to_string();
-        assert!(message.contains("not a source of pixels"), "{message}");
+        assert!(message.contains("no source of pixels"), "{message}");
     }
 
     #[test]

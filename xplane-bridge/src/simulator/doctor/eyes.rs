@@ -23,6 +23,11 @@ const ANY_DAY: u32 = 172;
 /// When a static scene is checked again.
 const LATER: [Duration; 2] = [Duration::from_millis(350), Duration::from_millis(650)];
 
+/// When the sun is highest, seconds since midnight UTC.
+pub(super) fn noon_zulu_s(longitude_deg: f64) -> f64 {
+    (12.0 - longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0
+}
+
 /// Content of a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Shot {
@@ -94,10 +99,9 @@ impl<'a> Eyes<'a> {
         settle_frames: u32,
         is_paused: bool,
     ) -> Result<(), BridgeError> {
-        let hours = (12.0 - self.place.longitude_deg / 15.0).rem_euclid(24.0);
         let noon = Clock {
             day_of_year: ANY_DAY,
-            zulu_time_s: hours * 3_600.0,
+            zulu_time_s: noon_zulu_s(self.place.longitude_deg),
         };
         let running_at = (!is_paused).then_some(noon);
         let runway = lockstep::runway(&self.place);

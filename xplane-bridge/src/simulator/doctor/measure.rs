@@ -5,7 +5,7 @@ use dataset::conditions::Clock;
 use dataset::pose::Pose;
 use serde_json::json;
 
-use super::eyes::Eyes;
+use super::eyes::{Eyes, noon_zulu_s};
 use super::pictures::PictureFindings;
 use super::sky::SkyFindings;
 use super::talk::PlaceOnGround;
@@ -50,7 +50,7 @@ pub(super) async fn measure(
         return note(Check::failed(NAME, error.to_string(), hint));
     }
     // A clock that follows the computer's continues in a pause, and the sun with it.
-    let system_time = simulator.take_clock().await;
+    let clock = simulator.take_clock(place.longitude_deg).await;
     let mut eyes = Eyes::at(simulator, place);
     let pictures = PictureFindings::measure(&mut eyes).await;
     pictures.checks().into_iter().for_each(&mut *note);
@@ -64,11 +64,12 @@ pub(super) async fn measure(
     }
     let sky = SkyFindings::measure(&mut eyes).await;
     sky.checks().into_iter().for_each(&mut *note);
-    if let Ok(before) = &system_time {
-        let given_back = simulator.write_until_read_back(before).await;
-        if let Err(error) = given_back {
-            tracing::warn!(%error, "the clock was not given back");
-        }
+    let given_back = match clock {
+        Ok(before) => simulator.give_clock_back(&before).await,
+        Err(error) => Err(error),
+    };
+    if let Err(error) = given_back {
+        tracing::warn!(%error, "the clock was not given back");
     }
     let profile = profile(simulator, pictures, sky, grabbing);
     note(keep(simulator, profile).await);
@@ -93,9 +94,9 @@ impl Simulator {
         };
         tracing::info!("no profile of this simulator: its pictures are checked first");
         // At night nothing is visible.
-        let noon_s = (12.0 - aircraft.longitude_deg / 15.0).rem_euclid(24.0) * 3_600.0;
         self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
-        self.write_surely(ZULU_TIME_S, noon_s as f32).await?;
+        self.write_surely(ZULU_TIME_S, noon_zulu_s(aircraft.longitude_deg) as f32)
+            .await?;
         let mut eyes = Eyes::at(self, place);
         let pictures = PictureFindings::measure(&mut eyes).await;
         self.let_go().await?;
@@ -172,13 +173,26 @@ impl Simulator {
         }
     }
 
-    /// Detaches the clock from the computer's; returns what to write to restore it.
-    async fn take_clock(&mut self) -> Result<Vec<DatarefWrite>, BridgeError> {
-        let ours = DatarefWrite::new(USE_SYSTEM_TIME, 0.0);
-        let found = self.read(std::slice::from_ref(&ours)).await?;
-        self.write_until_read_back(&[ours]).await?;
-        let before = found[0].map(|value| DatarefWrite::new(USE_SYSTEM_TIME, value.into()));
-        Ok(before.into_iter().collect())
+    /// Stops the clock from following the computer's, and sets it to noon: by night nothing shows. Returns what gives it back.
+    async fn take_clock(&mut self, longitude_deg: f64) -> Result<Vec<DatarefWrite>, BridgeError> {
+        let names = [ZULU_TIME_S, USE_SYSTEM_TIME].map(|name| DatarefWrite::new(name, 0.0));
+        let found = self.read(&names).await?;
+        self.write_until_read_back(&names[1..]).await?;
+        self.write_surely(ZULU_TIME_S, noon_zulu_s(longitude_deg) as f32)
+            .await?;
+        let before = names.into_iter().zip(found);
+        Ok(before
+            .filter_map(|(name, found)| Some(DatarefWrite::new(name.name, found?.into())))
+            .collect())
+    }
+
+    /// The time of day, and whether the clock follows the computer's.
+    async fn give_clock_back(&mut self, before: &[DatarefWrite]) -> Result<(), BridgeError> {
+        for write in before {
+            // The time runs on: it does not read back.
+            self.write_surely(&write.name, write.value).await?;
+        }
+        Ok(())
     }
 
     /// The clock that must run while pictures are taken here, if one must.

@@ -273,9 +273,9 @@ async fn clouds(
         eyes.simulator
             .command_once(COMMAND_REGENERATE_WEATHER)
             .await?;
-        // Clouds that are written soon after it show because of it.
-        eyes.simulator.let_time_pass(AFTER_REGENERATION_S).await?;
     }
+    // Clouds that are written soon after a regeneration show because of it, be it ours or that of a doctor just before us.
+    eyes.simulator.let_time_pass(AFTER_REGENERATION_S).await?;
     let cover = eyes.simulator.value(&format!("{CLOUD_COVER}[0]")).await?;
     let writes = layers(cover < 0.5, eyes.simulator.generation)?;
     let before = match &blind {
