@@ -453,7 +453,15 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
         tile: 0,
     };
     let hash = format!("abc{}", "0".repeat(61));
-    detections::replace(&claim, &source, &hash, "abc", &[mine.clone()], |made| made).unwrap();
+    detections::replace(
+        &claim,
+        &source,
+        &hash,
+        "abc",
+        std::slice::from_ref(&mine),
+        |made| made,
+    )
+    .unwrap();
     drop(claim);
     let fetched = fetching.await.unwrap().unwrap();
     assert_eq!(fetched.left.len(), 1, "{fetched:?}");
