@@ -365,22 +365,28 @@ async fn screenshots_are_the_pictures_of_the_built_in_link_although_each_takes_t
     let mut built_in = connected(Generation::XPlane12, LinkServer::BuiltIn).await;
     let wanted = pictures(&mut built_in).await;
     let mut simulator = taking_screenshots("camera_taken,stale_frames").await;
-    let found = pictures(&mut simulator).await;
-    for (tick, (found, wanted)) in found.iter().zip(&wanted).enumerate() {
-        assert_eq!(
-            aircraft_mismatch(&found.pose, &capture(tick as u32).pose),
-            None
-        );
+    assert_like(&pictures(&mut simulator).await, &wanted);
+    simulator.release().await.unwrap();
+    // Where the frame that is kept is some frames late, it still shows what the camera saw before it was taken away.
+    let late = "cockpit_view,stale_frames,screenshot_without_camera";
+    let mut simulator = taking_screenshots(late).await;
+    assert_like(&pictures(&mut simulator).await, &wanted);
+    simulator.release().await.unwrap();
+}
+
+/// The pictures of all ticks are those wanted, but for a few pixels of an edge.
+fn assert_like(found: &[CapturedFrame], wanted: &[CapturedFrame]) {
+    for (tick, (found, wanted)) in found.iter().zip(wanted).enumerate() {
+        let asked = capture(tick as u32);
+        assert_eq!(aircraft_mismatch(&found.pose, &asked.pose), None);
         let (mean, largest) = difference(&found.rgb, &wanted.rgb);
         assert!(mean < 0.1, "tick {tick}: {mean} {largest}");
     }
-    simulator.release().await.unwrap();
 }
 
 #[tokio::test(flavor = "multi_thread")]
 async fn screenshots_of_another_view_than_the_cameras_are_refused() {
-    let mut simulator =
-        taking_screenshots("cockpit_view,stale_frames,screenshot_without_camera").await;
+    let mut simulator = taking_screenshots("cockpit_view,screenshot_without_camera").await;
     simulator.set_conditions(&noon()).await.unwrap();
     simulator.freeze(&runway()).await.unwrap();
     let capture = CaptureRequest {

@@ -303,7 +303,7 @@ impl PluginScene {
             painter: Painter {
                 scale: world.aircraft_scale(),
                 others: world.others_fly(),
-                panel: world.shows_panel(),
+                panel: shot.panel,
                 pop_up: windows && world.shows_pop_up(),
                 gain: match self.quirks.has(Quirk::SlowExposure) {
                     true => self.exposure.gain(),
@@ -329,6 +329,7 @@ impl PluginScene {
             },
             pose: self.aircraft(),
             controls: self.controls(),
+            panel: world.shows_panel(),
         }
     }
 

@@ -21,6 +21,8 @@ pub(super) struct Shot {
     pub(super) camera: CameraPose,
     pub(super) pose: Pose,
     pub(super) controls: Controls,
+    /// Whether a cockpit's panel is in front.
+    pub(super) panel: bool,
 }
 
 /// The shots of the last frames.
@@ -227,6 +229,7 @@ mod tests {
             },
             pose: on_final(distance_nm),
             controls: Controls::default(),
+            panel: false,
         }
     }
 
