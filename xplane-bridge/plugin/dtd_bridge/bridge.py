@@ -93,6 +93,7 @@ class Bridge:
             self._send(answer)
             self._take_events()
             self._begin_next()
+        self._stage.keep_view()
 
     def _send(self, answer: Answer) -> None:
         if self._client is None:

@@ -163,6 +163,11 @@ class Stage:
         self._tick = tick
         self.error = None
 
+    def keep_view(self) -> None:
+        """Between two requests: a client may still be grabbing the last one's frame off the screen."""
+        if self._frozen and self._tick is not None and not self.is_shown():
+            self.keep_camera()
+
     def keep_camera(self) -> None:
         """Takes the camera unless we have it; from an external view only, which is asked for first."""
         if not self._is_external():

@@ -384,6 +384,15 @@ class Capturing(WithBridge):
         self.assertGreater(answer["sim_frame"], thefts[-1])
         self.near(answer["camera"], capture(3)["camera"])
 
+    def test_a_camera_that_is_lost_while_the_screen_is_grabbed_is_taken_back_without_a_request(self):
+        client = self.frozen()
+        client.ask(capture(deliver="drawn"))
+        self.xp.steal_camera()
+        self.assertEqual(self.xp.isCameraBeingControlled(), 0)
+        for _ in range(3):
+            self.xp.frame()
+        self.assertNotEqual(self.xp.isCameraBeingControlled(), 0)
+
     def test_a_camera_that_is_stolen_every_frame_ends_with_a_reason(self):
         client = self.frozen()
         self.world.disturb = lambda world: self.xp.steal_camera()
