@@ -644,8 +644,16 @@ class Flying(WithBridge):
 
     def test_a_pause_leaves_no_rows_and_no_gap(self):
         client = self.begin()
-        self.world.disturb = lambda w: w.set("sim/time/paused", 0, float(150 <= w.cycle < 190))
+        followed = []
+
+        def pause_once_it_follows(world):
+            if world.status("approach"):
+                followed.append(world.cycle)
+            world.set("sim/time/paused", 0, float(30 <= len(followed) < 70))
+
+        self.world.disturb = pause_once_it_follows
         rows = self.flown(client)
+        self.assertGreater(len(followed), 70)
         self.assertEqual({b[0] - a[0] for a, b in zip(rows, rows[1:])}, {0.25})
 
     def test_a_flight_that_is_begun_anew_by_somebody_else_is_a_reason(self):
