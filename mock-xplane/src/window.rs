@@ -27,7 +27,7 @@ use xplane_bridge::pixels::RgbPicture;
 const TITLE: &str = "X-Plane stand-in (dtd mock-xplane)";
 /// How long a window manager may take to map the window.
 const MAP_TIMEOUT: Duration = Duration::from_secs(5);
-/// The pixel format that we send: 32 bits each, of which the lower 24 are red, green, blue.
+/// The depth of the pixels we send: 32 bits each, with red, green and blue in the lower 24.
 const DEPTH: u8 = 24;
 const BYTES_PER_PIXEL: usize = 4;
 

@@ -18,8 +18,14 @@ use crate::shipped::Shipped;
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
     let began = Instant::now();
     let corpus = open_filled_corpus(&args.corpus)?;
-    let shipped = Shipped::unpack()?;
-    let model = args.model.clone().unwrap_or_else(|| shipped.detector());
+    let shipped;
+    let model = match &args.model {
+        Some(model) => model.clone(),
+        None => {
+            shipped = Shipped::unpack()?;
+            shipped.detector()
+        }
+    };
     let outcome = detect(
         &corpus,
         &model,

@@ -67,7 +67,7 @@ async fn converse(
     Ok(asked)
 }
 
-/// Grabs a part so many times.
+/// Grabs a part several times.
 async fn grab(
     link: SocketAddr,
     part: Option<Rectangle>,

@@ -58,6 +58,9 @@ def take(
             return _read_back(stage, pixels)
         return _screenshot(stage, screenshots, settle_frames, deadline)
 
+    def is_restless() -> bool:
+        return pixels.restless or stage.time_runs
+
     tick = tick_of(request)
     shown_at, tried = stage.frames, 0
     first: Frame | None = None
@@ -70,12 +73,11 @@ def take(
         else:
             picture = yield from _new_picture(tick, shown_at, stage, pixels, xp, look)
         if picture is not None and request.deliver == "screenshot" and not screenshots.proven:
-            is_restless = pixels.restless or stage.time_runs
-            yield from _look_away(tick, picture, stage, settle_frames, deadline, is_restless, look)
+            yield from _look_away(tick, picture, stage, settle_frames, deadline, is_restless(), look)
             screenshots.proven = True
             first = picture
             continue
-        if first is not None and picture is not None and picture != first and not (pixels.restless or stage.time_runs):
+        if first is not None and picture is not None and picture != first and not is_restless():
             # Back at the tick it must be the same again.
             screenshots.proven = False
             raise Refusal(NOT_OURS)

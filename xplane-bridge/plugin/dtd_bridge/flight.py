@@ -187,7 +187,7 @@ class _Clock:
 
     @property
     def elapsed_s(self) -> float:
-        """Simulated time since this was created, as of the last update."""
+        """Simulated time from creation to the last update."""
         return self._now_s - self._first_s
 
     def has_advanced(self) -> bool:

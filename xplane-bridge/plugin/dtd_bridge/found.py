@@ -2,7 +2,7 @@
 
 Saved when a client greets, before it changes anything over any channel. Restored in two steps. View, pause and overrides return
 when the client releases or leaves, also when it was killed: its connection ends with it. The weather's and the clock's own modes
-return when no client has come back for a while: a run of `dtd` connects anew for every scenario, and after real weather
+return when no client has come back for a while: a run of `dtd` opens a new connection for every scenario, and after real weather
 temperatures drift for minutes.
 """
 
