@@ -1,8 +1,14 @@
 //! Our plugin's own Python, hosted by the stand-in, draws what the built-in link draws, however the simulator around it misbehaves.
 
+#[cfg(target_os = "linux")]
+#[path = "xvfb/mod.rs"]
+mod xvfb;
+
 use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 use std::sync::Arc;
+#[cfg(target_os = "linux")]
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
 use dataset::camera::CameraPose;
@@ -14,13 +20,19 @@ use dataset::imaging::{Degradation, Imaging, Sensor};
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
+#[cfg(target_os = "linux")]
+use mock_xplane::window::X11Window;
 use tokio::sync::oneshot;
 use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::PixelKind;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
+#[cfg(target_os = "linux")]
+use xplane_bridge::pixels::{Grab, PixelError, Rectangle, RgbPicture};
 use xplane_bridge::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
+#[cfg(target_os = "linux")]
+use xvfb::Xvfb;
 
 const SIZE_PX: (u32, u32) = (160, 120);
 /// Python starts within a fraction of a second on an idle machine.
@@ -418,6 +430,121 @@ async fn taking_screenshots(quirks: &str) -> Simulator {
         .await
         .unwrap();
     simulator
+}
+
+#[cfg(target_os = "linux")]
+#[tokio::test(flavor = "multi_thread")]
+async fn a_frame_that_somebody_replaces_while_it_is_grabbed_is_grabbed_again() {
+    let xvfb = Xvfb::start(&format!("{}x{}x24", SIZE_PX.0, SIZE_PX.1));
+    let window = X11Window::open(Some(xvfb.display()), SIZE_PX).unwrap();
+    let address = serving_with(ServerOptions {
+        generation: Generation::XPlane12,
+        link: LinkServer::Plugin(plugin()),
+        quirks: "cockpit_view".parse().unwrap(),
+        stage: Some(Arc::new(window)),
+        ..ServerOptions::default()
+    })
+    .await;
+    let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
+    let disturbances = Arc::new(Disturbances {
+        simulator: address,
+        pending: AtomicU32::new(0),
+    });
+    let screen: Arc<dyn Screen> = Arc::new(DisturbedScreen {
+        screen: FfmpegScreen::of_display(xvfb.display()),
+        disturbances: disturbances.clone(),
+    });
+    let choice = PixelChoice::Only(PixelKind::Screen);
+    simulator
+        .use_pixels(choice, SIZE_PX, &screen)
+        .await
+        .unwrap();
+    let wanted = pictures(&mut simulator).await;
+    let deliver = simulator.deliver();
+    for (tick, wanted) in wanted.iter().enumerate() {
+        let capture = CaptureRequest {
+            deliver,
+            ..capture(tick as u32)
+        };
+        disturbances.pending.store(1 + tick as u32, Relaxed);
+        simulator.send_capture(&capture).await.unwrap();
+        let found = simulator.receive_frame().await.unwrap();
+        assert_eq!(disturbances.pending.load(Relaxed), 0);
+        assert!(found.rgb == wanted.rgb, "tick {tick}");
+    }
+    // Whoever does it all the time gets no picture, and a reason.
+    disturbances.pending.store(u32::MAX, Relaxed);
+    let capture = CaptureRequest {
+        deliver,
+        ..capture(0)
+    };
+    simulator.send_capture(&capture).await.unwrap();
+    let error = simulator.receive_frame().await.unwrap_err().to_string();
+    assert!(error.contains("each of the 5 times"), "{error}");
+}
+
+/// Grabs in which somebody looks into the cockpit.
+#[cfg(target_os = "linux")]
+struct Disturbances {
+    simulator: SocketAddr,
+    pending: AtomicU32,
+}
+
+#[cfg(target_os = "linux")]
+struct DisturbedScreen {
+    screen: FfmpegScreen,
+    disturbances: Arc<Disturbances>,
+}
+
+#[cfg(target_os = "linux")]
+impl std::fmt::Debug for DisturbedScreen {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "{:?}, disturbed", self.screen)
+    }
+}
+
+#[cfg(target_os = "linux")]
+impl Screen for DisturbedScreen {
+    fn name(&self) -> String {
+        self.screen.name()
+    }
+
+    fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError> {
+        Ok(Box::new(DisturbedGrab {
+            grab: self.screen.open(part)?,
+            disturbances: self.disturbances.clone(),
+        }))
+    }
+}
+
+#[cfg(target_os = "linux")]
+struct DisturbedGrab {
+    grab: Box<dyn Grab>,
+    disturbances: Arc<Disturbances>,
+}
+
+#[cfg(target_os = "linux")]
+impl Grab for DisturbedGrab {
+    fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError> {
+        self.grab.grab(picture)?;
+        let pending = self.disturbances.pending.load(Relaxed);
+        if pending == 0 {
+            return Ok(());
+        }
+        self.disturbances.pending.store(pending - 1, Relaxed);
+        // The plugin takes the view back within some frames: this is repeated until a grab sees another one.
+        let keyboard = std::net::UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+        let right = picture.rgb.clone();
+        for _ in 0..1_000 {
+            let key = b"CMND\0sim/view/3d_cockpit_cmnd_look";
+            keyboard.send_to(key, self.disturbances.simulator).unwrap();
+            self.grab.grab(picture)?;
+            if picture.rgb != right {
+                return Ok(());
+            }
+        }
+        panic!("the cockpit is never seen");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]

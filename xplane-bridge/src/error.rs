@@ -99,6 +99,15 @@ pub enum BridgeError {
         /// The current value, if it answers.
         found: Option<f32>,
     },
+    /// The frame on the screen never stayed until it was grabbed.
+    #[error(
+        "another view appeared in X-Plane each of the {grabs} times that a frame was grabbed off its window. Leave its keys and mouse alone, \
+         switch off other plugins that move the camera, and run the same command again"
+    )]
+    ViewTaken {
+        /// How often it was grabbed.
+        grabs: u32,
+    },
     /// Simulated time does not move.
     #[error(
         "no flight is on at {address}: simulated time did not move for {waited:?}, twice, and toggling the main menu did not help. Is Flight \

@@ -56,6 +56,8 @@ const FRAME_TIMEOUT: Duration = Duration::from_secs(60);
 const SWITCH_TIMEOUT: Duration = Duration::from_secs(30);
 /// How long X-Plane's weather takes to show, if the plugin does not report it, seconds.
 const WEATHER_SETTLE_S: f32 = 15.0;
+/// Attempts at grabbing a frame off the screen, which somebody may replace meanwhile.
+const MOST_GRABS: u32 = 5;
 /// Time reserved for opening the capture link once the simulator has answered.
 const LINK_SHARE: f64 = 0.2;
 
@@ -440,12 +442,47 @@ impl Simulator {
     ///
     /// # Errors
     /// Nothing is outstanding, nothing comes for a minute, the simulator rejects it, its conditions have changed, or the answer
-    /// does not belong to that capture. The caller checks whether the drawn pose is the requested one.
+    /// does not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
+    /// [`BridgeError::ViewTaken`], if the frame is never left alone while it is grabbed.
     pub async fn receive_frame(&mut self) -> Result<CapturedFrame, BridgeError> {
         let (request, lent) = self
             .outstanding
             .pop_front()
             .ok_or(BridgeError::NothingOutstanding)?;
+        let is_grabbed = request.deliver == Deliver::Drawn && request.deliver == self.deliver();
+        let mut frame = self.receive_answer(&request, lent).await?;
+        let mut grabs = 1;
+        while is_grabbed && !self.is_still_shown().await? {
+            if grabs == MOST_GRABS {
+                return Err(BridgeError::ViewTaken { grabs });
+            }
+            grabs += 1;
+            self.recycle(frame.rgb);
+            let again = Request::Capture(request);
+            self.link.send("a capture", &again, SWITCH_TIMEOUT).await?;
+            frame = self.receive_answer(&request, None).await?;
+        }
+        Ok(frame)
+    }
+
+    /// Whether the frame that was just grabbed has been on the screen since the simulator reported it.
+    async fn is_still_shown(&mut self) -> Result<bool, BridgeError> {
+        let doing = "asking for the grabbed frame";
+        match self
+            .link
+            .ask(doing, &Request::StillShown, SWITCH_TIMEOUT)
+            .await?
+        {
+            Answer::Shown { still } => Ok(still),
+            other => Err(wrong("shown", &other)),
+        }
+    }
+
+    async fn receive_answer(
+        &mut self,
+        request: &CaptureRequest,
+        lent: Option<SharedPicture>,
+    ) -> Result<CapturedFrame, BridgeError> {
         let answer = self.link.receive("a frame", FRAME_TIMEOUT).await?;
         let Answer::Frame(header) = answer else {
             return Err(wrong("frame", &answer));

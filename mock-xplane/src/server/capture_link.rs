@@ -326,6 +326,8 @@ impl Studio {
                 *self.lock_profile() = Some(profile);
                 ready(Answer::ProfileKept)
             }
+            // Nobody takes its camera, and it draws at a request only.
+            Request::StillShown => ready(Answer::Shown { still: true }),
             Request::WatchCallbacks { .. } => {
                 refusal("the stand-in draws without a plugin: nobody is called back".into())
             }

@@ -184,6 +184,8 @@ class Bridge:
             return self._check_pattern(header)
         if message == "keep_profile":
             return self._keep_profile(header)
+        if message == "still_shown":
+            return _at_once({"message": "shown", "still": self._stage.still_shown})
         if message == "watch_callbacks":
             return self._watch_callbacks(header)
         raise Refusal(f"the plugin knows no message {message!r}")

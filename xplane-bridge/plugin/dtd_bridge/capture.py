@@ -95,6 +95,7 @@ def take(
         )
         if same or tried == TRIES:
             _check_shape(request, vfov_deg, tick.vfov_deg)
+            stage.mark_as_shown()
             return _answer(request, stage.frames, pose, camera, hfov_deg, picture)
 
 

@@ -64,6 +64,8 @@ class Stage:
         self._frozen = False
         # Where the aircraft was when it was frozen.
         self._before: Pose | None = None
+        # Whether every frame since the tick was reported as drawn has shown it.
+        self._still_shown = False
         self.error: str | None = None
 
     @property
@@ -105,6 +107,7 @@ class Stage:
     def release(self) -> None:
         """Releases control. What was changed is restored by the module that saved it."""
         self._tick = self._running_at = self._asked_for_view_at = None
+        self._still_shown = False
         if self._holds_camera:
             self._holds_camera = False
             self._xp.dontControlCamera()
@@ -141,6 +144,8 @@ class Stage:
         self._hold()
         if self._tick is not None:
             self.write_pose(self._tick.pose)
+        if not self.is_shown() or not self.is_still() or self.scenery_is_loading():
+            self._still_shown = False
         if self._running_at is not None:
             self._datarefs.set(names.USE_SYSTEM_TIME, 0)
             self._datarefs.set(names.DATE_DAYS, self._running_at.day_of_year - 1)
@@ -161,7 +166,17 @@ class Stage:
     def show(self, tick: Tick) -> None:
         """From the next frame on, until told otherwise."""
         self._tick = tick
+        self._still_shown = False
         self.error = None
+
+    def mark_as_shown(self) -> None:
+        """The tick is on the screen, where a client may grab it until the next request."""
+        self._still_shown = True
+
+    @property
+    def still_shown(self) -> bool:
+        """Whether the view was ours in every frame since then. Whoever takes it loses nothing but a repeated picture."""
+        return self._still_shown
 
     def keep_view(self) -> None:
         """Between two requests: a client may still be grabbing the last one's frame off the screen."""

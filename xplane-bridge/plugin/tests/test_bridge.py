@@ -318,6 +318,28 @@ class Capturing(WithBridge):
         self.assertEqual(self.world.commands.count("sim/view/free_camera"), 2)
         self.assertEqual(self.world.get("sim/graphics/view/view_is_external"), 1)
 
+    def test_a_frame_that_somebody_replaces_while_it_is_grabbed_is_reported(self):
+        def takes_the_camera():
+            self.xp.steal_camera()
+
+        def looks_into_the_cockpit():
+            self.world.command("sim/view/3d_cockpit")
+
+        def pauses_no_more():
+            self.world.set("sim/time/paused", 0, 0)
+
+        for takes_it_away in (takes_the_camera, looks_into_the_cockpit, pauses_no_more):
+            with self.subTest(takes_it_away=takes_it_away):
+                self.setUp()
+                client = self.frozen()
+                self.assertFalse(client.ask({"message": "still_shown"})[0]["still"])
+                client.ask(capture(0, deliver="drawn"))
+                self.assertEqual(client.ask({"message": "still_shown"})[0], {"message": "shown", "still": True})
+                takes_it_away()
+                # The camera is taken back meanwhile, which makes no earlier frame a right one.
+                for _ in range(3):
+                    self.assertEqual(client.ask({"message": "still_shown"})[0]["still"], False)
+
     def test_a_cockpit_that_does_not_go_away_ends_with_a_reason(self):
         self.patch(capturing, TIME_LIMIT_S=0.2)
         self.world.known_commands -= {"sim/view/free_camera"}

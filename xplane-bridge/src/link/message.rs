@@ -74,6 +74,9 @@ pub enum Request {
         /// A [`crate::profile::Profile`], of whichever version.
         profile: Value,
     },
+    /// Report whether the frame of the last [`Request::Capture`] has been on the screen ever since its answer. Whoever takes the camera
+    /// from the plugin may do so while a client grabs the frame.
+    StillShown,
     /// Report the order of the plugin's callbacks. For plugins only, after a capture.
     WatchCallbacks {
         /// Frames to watch, at most 600.
@@ -145,6 +148,11 @@ pub enum Answer {
     Commanded,
     /// To [`Request::KeepProfile`].
     ProfileKept,
+    /// To [`Request::StillShown`].
+    Shown {
+        /// Whether every frame since then has shown the same.
+        still: bool,
+    },
     /// To [`Request::WatchCallbacks`].
     Callbacks(CallbackOrders),
     /// To [`Request::Release`].
@@ -183,6 +191,7 @@ impl Answer {
             Self::CheckPatternShown { .. } => "check_pattern_shown",
             Self::Commanded => "commanded",
             Self::ProfileKept => "profile_kept",
+            Self::Shown { .. } => "shown",
             Self::Callbacks(_) => "callbacks",
             Self::Released => "released",
             Self::Flown { .. } => "flown",
