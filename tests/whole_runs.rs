@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use dataset::seal;
 use tempfile::tempdir;
-use trainer::synthetic::SyntheticCorpus;
+use testkit::synthetic::SyntheticCorpus;
 
 const KILLS: u32 = 24;
 const SETTINGS: &str = "

@@ -3,10 +3,9 @@
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Weather};
-use dataset::geodesy::Geodetic;
 use dataset::pose::{Controls, Pose};
-use dataset::runway::Runway;
 use mock_xplane::render::Scene;
+use testkit::changi_02l;
 
 pub(crate) const WIDTH_PX: u32 = 1920;
 pub(crate) const HEIGHT_PX: u32 = 1280;
@@ -22,23 +21,6 @@ const LANDING: Controls = Controls {
 pub(crate) struct Scenery {
     scene: Scene,
     camera: Camera,
-}
-
-fn runway() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: None,
-        course_magnetic_deg: None,
-    }
 }
 
 pub(crate) fn clear() -> Weather {
@@ -68,7 +50,7 @@ pub(crate) fn cloudy() -> Weather {
 impl Scenery {
     /// `local_h`: hours of the day at the airport, 8 hours ahead of UTC.
     pub(crate) fn new(weather: &Weather, local_h: f64) -> Self {
-        let runway = runway();
+        let runway = changi_02l();
         let at = runway.point_on_approach(-1_500.0, -300.0);
         let pose = Pose {
             latitude_deg: at.latitude_deg,
@@ -95,7 +77,7 @@ impl Scenery {
 
     /// Where the aircraft is in picture `number`: on the glide path.
     fn pose(number: u32) -> Pose {
-        let runway = runway();
+        let runway = changi_02l();
         let to_go_m = DTD_M - f64::from(number) * SPEED_MPS / PICTURES_PER_S;
         let at = runway.point_on_approach(to_go_m, 0.0);
         Pose {

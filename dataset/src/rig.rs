@@ -220,23 +220,7 @@ fn clockwise_deg(inward_deg: f64, right_m: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::camera::Camera as Pinhole;
-
-    fn runway() -> Runway {
-        Runway {
-            airport: "WSSS".into(),
-            name: "02L".into(),
-            threshold: Geodetic {
-                latitude_deg: 1.348_971_96,
-                longitude_deg: 103.977_501_24,
-                altitude_msl_m: 6.71,
-            },
-            course_true_deg: 23.02,
-            glide_path_deg: 3.0,
-            touchdown_past_threshold_m: 340.1,
-            ils_frequency_mhz: None,
-            course_magnetic_deg: None,
-        }
-    }
+    use crate::runway::tests::changi_02l;
 
     fn mast(id: &str, right_m: f64) -> Mast {
         Mast {
@@ -254,7 +238,7 @@ mod tests {
 
     #[test]
     fn a_camera_that_is_aimed_at_the_glide_path_has_that_point_in_the_middle_of_its_picture() {
-        let runway = runway();
+        let runway = changi_02l();
         for dtd_nm in [0.5, 3.0, 9.0] {
             let aim = Some(Aim::GlidePath { dtd_nm });
             let placed = place_in(&mast("left", -300.0), &runway, aim, &Jitter::default());
@@ -288,7 +272,7 @@ mod tests {
 
     #[test]
     fn jitter_moves_and_turns_a_camera_by_what_was_drawn_and_none_changes_nothing() {
-        let runway = runway();
+        let runway = changi_02l();
         let camera = mast("left", -300.0);
         let rig = place(&camera, &runway);
         assert_eq!(place_in(&camera, &runway, None, &Jitter::default()), rig);
@@ -319,7 +303,7 @@ mod tests {
 
     #[test]
     fn a_mast_that_jitter_takes_over_the_axis_keeps_looking_where_it_did() {
-        let runway = runway();
+        let runway = changi_02l();
         let camera = mast("near", 1.0);
         let jitter = Jitter {
             right_m: -3.0,
@@ -334,7 +318,7 @@ mod tests {
 
     #[test]
     fn both_cameras_see_the_glide_path_from_ten_miles_to_a_tenth_and_mirror_each_other() {
-        let runway = runway();
+        let runway = changi_02l();
         let [left, right] = [("left", -300.0), ("right", 300.0)]
             .map(|(id, side)| Pinhole::from_pose(&place(&mast(id, side), &runway), 1920, 1280));
         for dtd_nm in [10.0, 7.6, 5.0, 2.0, 0.5, 0.1] {
@@ -361,7 +345,7 @@ mod tests {
 
     #[test]
     fn a_camera_placed_from_the_threshold_stays_when_the_target_moves() {
-        let near = runway();
+        let near = changi_02l();
         let far = Runway {
             touchdown_past_threshold_m: 617.7,
             ..near.clone()

@@ -107,24 +107,12 @@ impl RunwayCoordinates {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn changi_02l() -> Runway {
-        Runway {
-            airport: "WSSS".into(),
-            name: "02L".into(),
-            threshold: Geodetic {
-                latitude_deg: 1.348_971_96,
-                longitude_deg: 103.977_501_24,
-                altitude_msl_m: 6.71,
-            },
-            course_true_deg: 23.02,
-            glide_path_deg: 3.0,
-            touchdown_past_threshold_m: 340.1,
-            ils_frequency_mhz: Some(110.9),
-            course_magnetic_deg: None,
-        }
+    /// The runway of all tests. `testkit` reads the same file: its types are those of another `dataset` than the one tested here.
+    pub(crate) fn changi_02l() -> Runway {
+        serde_json::from_str(include_str!("../../testkit/src/changi_02l.json")).unwrap()
     }
 
     #[test]

@@ -239,9 +239,9 @@ mod tests {
     use std::path::Path;
 
     use dataset::seal::seal_folder;
+    use testkit::short_corpus;
 
     use super::*;
-    use crate::fixture;
 
     fn files(folder: &Path) -> Vec<(String, Vec<u8>)> {
         let mut files: Vec<_> = fs::read_dir(folder)
@@ -262,7 +262,7 @@ mod tests {
     #[test]
     fn labelling_writes_both_tables_and_keeps_the_seal_valid() {
         let temporary = tempfile::tempdir().unwrap();
-        let corpus = fixture::corpus(temporary.path(), &["0001-a", "0002-b"]);
+        let corpus = short_corpus::write(temporary.path(), &["0001-a", "0002-b"]);
         let outcome = label_corpus(&corpus, &|_| {}).unwrap();
         assert_eq!(outcome.labelled, ["0001-a", "0002-b"]);
         assert_eq!(outcome.failed, []);
@@ -270,7 +270,7 @@ mod tests {
         let scenario = folder.open().unwrap();
         let frames = scenario.frames().unwrap();
         let first = frames.rows[0].labels.unwrap();
-        assert!((first.dtd_m - fixture::START_M).abs() < 1e-6);
+        assert!((first.dtd_m - short_corpus::START_M).abs() < 1e-6);
         assert_eq!(scenario.truth_boxes().unwrap().len(), 2 * frames.rows.len());
         assert_eq!(
             dataset::seal::faults(folder.root()).unwrap(),
@@ -281,7 +281,7 @@ mod tests {
     #[test]
     fn labelling_again_changes_no_byte() {
         let temporary = tempfile::tempdir().unwrap();
-        let corpus = fixture::corpus(temporary.path(), &["0001-a"]);
+        let corpus = short_corpus::write(temporary.path(), &["0001-a"]);
         label_corpus(&corpus, &|_| {}).unwrap();
         let folder = corpus.scenario("0001-a");
         let before = files(folder.root());
@@ -296,7 +296,7 @@ mod tests {
     #[test]
     fn a_wrong_label_is_made_right() {
         let temporary = tempfile::tempdir().unwrap();
-        let corpus = fixture::corpus(temporary.path(), &["0001-a"]);
+        let corpus = short_corpus::write(temporary.path(), &["0001-a"]);
         label_corpus(&corpus, &|_| {}).unwrap();
         let folder = corpus.scenario("0001-a");
         let right = files(folder.root());
@@ -316,7 +316,7 @@ mod tests {
     #[test]
     fn a_scenario_that_cannot_be_labelled_is_named_and_does_not_stop_the_others() {
         let temporary = tempfile::tempdir().unwrap();
-        let corpus = fixture::corpus(temporary.path(), &["0001-a", "0002-b"]);
+        let corpus = short_corpus::write(temporary.path(), &["0001-a", "0002-b"]);
         let folder = corpus.scenario("0001-a");
         let mut record = folder.open().unwrap().record().unwrap();
         record.views.push("tower".into());
@@ -338,7 +338,7 @@ mod tests {
     fn labelling_beside_readers_and_another_labeller_breaks_no_seal() {
         let temporary = tempfile::tempdir().unwrap();
         let ids = ["0001-a", "0002-b", "0003-c"];
-        let corpus = fixture::corpus(temporary.path(), &ids);
+        let corpus = short_corpus::write(temporary.path(), &ids);
         let unlabelled = corpus.scenario(ids[0]).open().unwrap().frames().unwrap();
         for _ in 0..10 {
             for id in ids {
@@ -378,7 +378,7 @@ mod tests {
     #[test]
     fn a_table_that_is_not_what_was_sealed_is_not_labelled() {
         let temporary = tempfile::tempdir().unwrap();
-        let corpus = fixture::corpus(temporary.path(), &["0001-a"]);
+        let corpus = short_corpus::write(temporary.path(), &["0001-a"]);
         let folder = corpus.scenario("0001-a");
         let mut frames = folder.open().unwrap().frames().unwrap();
         frames.rows[0].pose.altitude_msl_m += 1.0;

@@ -6,11 +6,11 @@
 
 #![forbid(unsafe_code)]
 
+#[cfg(test)]
+mod blob_finder;
 pub mod detect;
 pub mod detector;
 pub mod error;
-#[cfg(test)]
-mod fixture;
 pub mod label;
 pub mod outcome;
 mod silhouette;

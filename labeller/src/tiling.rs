@@ -182,7 +182,7 @@ fn to_frame(found: ScoredBox, window: Window) -> PixelBox {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::fixture::{BlobFinder, paint_blob};
+    use crate::blob_finder::{BlobFinder, paint_blob};
 
     const WIDTH: u32 = 1920;
     const HEIGHT: u32 = 1280;

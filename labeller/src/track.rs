@@ -46,15 +46,17 @@ fn passing_time_s(ticks: &[Frame], coordinates: &[RunwayCoordinates]) -> Option<
 
 #[cfg(test)]
 mod tests {
+    use testkit::approach::on_glide_path;
+    use testkit::{changi_02l, short_corpus};
+
     use super::*;
-    use crate::fixture;
 
     fn flight(along_track_m: &[f64]) -> Vec<FrameLabels> {
-        let runway = fixture::runway();
+        let runway = changi_02l();
         let ticks: Vec<_> = along_track_m
             .iter()
             .enumerate()
-            .map(|(k, along)| fixture::frame(k as u32, fixture::on_glide_path(*along, 0.0)))
+            .map(|(k, along)| short_corpus::frame(k as u32, on_glide_path(*along, 0.0)))
             .collect();
         labels_of(&ticks, runway.touchdown_target(), runway.course_true_deg)
     }

@@ -8,11 +8,11 @@ use std::time::Instant;
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
-use dataset::geodesy::Geodetic;
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{BuiltIn, Engine, Picture, ServerOptions, serve_with};
+use testkit::changi_02l;
 use tokio::sync::oneshot;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
@@ -68,21 +68,7 @@ async fn frames_per_second(engine: Arc<dyn Engine>) -> Result<f64, Box<dyn Error
         let _ = tell.send(addresses);
     }));
     let mut simulator = Simulator::connect(told.await?.udp, CONNECT_TIMEOUT).await?;
-    let threshold = Geodetic {
-        latitude_deg: 1.348_971_96,
-        longitude_deg: 103.977_501_24,
-        altitude_msl_m: 6.71,
-    };
-    let runway = Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold,
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
-    };
+    let runway = changi_02l();
     simulator.freeze(&runway).await?;
     // The first frames prepare the scene and the memory.
     let mut begin = Instant::now();

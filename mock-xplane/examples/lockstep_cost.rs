@@ -13,11 +13,11 @@ use std::time::{Duration, Instant};
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::geodesy::Geodetic;
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Engine, Picture, ServerOptions, serve_with};
+use testkit::changi_02l;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, ConnectOptions, Deliver, Simulator};
 
@@ -109,7 +109,7 @@ async fn drive(address: SocketAddr, no_shared_memory: bool) -> Result<Cost, Box<
     };
     let mut simulator = Simulator::connect_with(address, CONNECT_TIMEOUT, options).await?;
     simulator.set_conditions(&conditions()).await?;
-    simulator.freeze(&runway()).await?;
+    simulator.freeze(&changi_02l()).await?;
     // The first tick prepares memory and scene.
     tick(&mut simulator, 0).await?;
     let (begin, begin_s) = (Instant::now(), thread_time_s()?);
@@ -191,22 +191,5 @@ fn conditions() -> Conditions {
             wind_from_true_deg: 60.0,
             turbulence_ratio: 0.0,
         },
-    }
-}
-
-fn runway() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
     }
 }

@@ -5,11 +5,11 @@ use std::time::Duration;
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
-use dataset::geodesy::Geodetic;
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Faults, Picture, ServerOptions, serve_with};
+use testkit::changi_02l;
 use tokio::net::UdpSocket;
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -75,23 +75,6 @@ async fn start(faults: &str) -> Running {
     Running {
         addresses: told.await.unwrap(),
         server,
-    }
-}
-
-fn runway() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: None,
-        course_magnetic_deg: None,
     }
 }
 
@@ -169,7 +152,7 @@ async fn a_restart_closes_the_link_forgets_everything_and_comes_back_on_the_same
     let mut simulator = Simulator::connect(running.addresses.udp, CONNECT_TIMEOUT)
         .await
         .unwrap();
-    simulator.freeze(&runway()).await.unwrap();
+    simulator.freeze(&changi_02l()).await.unwrap();
     for tick in 0..2 {
         simulator.send_capture(&capture(tick)).await.unwrap();
         let frame = simulator.receive_frame().await.unwrap();
@@ -185,7 +168,7 @@ async fn a_restart_closes_the_link_forgets_everything_and_comes_back_on_the_same
         .await
         .unwrap();
     assert_eq!(read(&udp, VISIBILITY).await, Some(first_value));
-    simulator.freeze(&runway()).await.unwrap();
+    simulator.freeze(&changi_02l()).await.unwrap();
     for tick in 0..4 {
         simulator.send_capture(&capture(tick)).await.unwrap();
         let frame = simulator.receive_frame().await.unwrap();
@@ -201,7 +184,7 @@ async fn a_frozen_simulator_keeps_its_connections_and_answers_later() {
         .await
         .unwrap();
     write(&udp, VISIBILITY, 3.0).await;
-    simulator.freeze(&runway()).await.unwrap();
+    simulator.freeze(&changi_02l()).await.unwrap();
     simulator.send_capture(&capture(0)).await.unwrap();
     let silence = timeout(Duration::from_millis(100), simulator.receive_frame()).await;
     assert!(silence.is_err(), "an answer from a frozen simulator");

@@ -11,9 +11,9 @@ use dataset::distortion::Distortion;
 use dataset::geodesy::Geodetic;
 use dataset::imaging::Imaging;
 use dataset::pose::{Controls, Pose};
-use dataset::runway::Runway;
 use mock_xplane::render::Scene;
 use serde_json::{Value, json};
+use testkit::changi_02l;
 
 const WIDTH_PX: u32 = 320;
 const HEIGHT_PX: u32 = 192;
@@ -45,10 +45,6 @@ const LANDING: Controls = Controls {
     flap_ratio: 0.75,
     gear_ratio: 1.0,
 };
-
-fn changi_02l() -> Runway {
-    generator::airports::bundled("WSSS", "02L").unwrap()
-}
 
 /// The pose on the glide path, and the left mast's camera, turned until it looks there.
 fn placed(distance_m: f64) -> (Pose, CameraPose) {

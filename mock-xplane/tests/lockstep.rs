@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
-use dataset::geodesy::Geodetic;
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve, serve_with};
 use mock_xplane::window::{Stage, WindowError};
+use testkit::changi_02l;
 use tokio::net::{TcpStream, UdpSocket};
 use tokio::sync::oneshot;
 use tokio::task::JoinHandle;
@@ -126,18 +126,8 @@ async fn connected(running: &Running) -> Simulator {
 
 fn runway() -> Runway {
     Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
         course_magnetic_deg: Some(22.7),
+        ..changi_02l()
     }
 }
 

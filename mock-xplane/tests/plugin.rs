@@ -15,13 +15,13 @@ use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::distortion::Distortion;
 use dataset::echo::{aircraft_mismatch, camera_mismatch};
-use dataset::geodesy::Geodetic;
 use dataset::imaging::{Degradation, Imaging, Sensor};
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
 #[cfg(target_os = "linux")]
 use mock_xplane::window::X11Window;
+use testkit::changi_02l;
 use tokio::sync::oneshot;
 use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
@@ -135,18 +135,8 @@ async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
 
 fn runway() -> Runway {
     Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
         course_magnetic_deg: Some(23.0),
+        ..changi_02l()
     }
 }
 

@@ -9,6 +9,7 @@ use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
+use testkit::changi_02l;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
 use xplane_bridge::datarefs::Generation;
@@ -267,14 +268,8 @@ fn pose(latitude_deg: f64, heading_true_deg: f64) -> Pose {
 
 fn runway() -> Runway {
     Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
         threshold: pose(1.35, 0.0).position(),
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
+        ..changi_02l()
     }
 }
 

@@ -9,6 +9,7 @@ use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, ServerOptions, serve, serve_tape};
+use testkit::changi_02l;
 use tokio::net::UdpSocket;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
@@ -47,14 +48,8 @@ async fn played(tape: &Path) -> Addresses {
 
 fn runway() -> Runway {
     Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
         threshold: pose(1.35).position(),
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
+        ..changi_02l()
     }
 }
 

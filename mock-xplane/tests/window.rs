@@ -7,12 +7,12 @@ use std::sync::{Arc, Mutex};
 
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, Weather};
-use dataset::geodesy::Geodetic;
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
 use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve_with};
 use mock_xplane::window::{Stage, WindowError, X11Window};
+use testkit::changi_02l;
 use tokio::sync::oneshot;
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::SimulatorWindow;
@@ -154,23 +154,6 @@ fn screen_of(display: &str) -> Arc<dyn Screen> {
     Arc::new(FfmpegScreen::of_display(display))
 }
 
-fn runway() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 300.0,
-        ils_frequency_mhz: None,
-        course_magnetic_deg: None,
-    }
-}
-
 fn capture(tick: u32, deliver: Deliver) -> CaptureRequest {
     let pose = Pose {
         latitude_deg: 1.3,
@@ -206,7 +189,7 @@ async fn captures_of_the_screen_go_through_the_whole_link_and_are_proven_before_
     let kind = simulator.use_pixels(choice, SIZE, &screen).await.unwrap();
     assert_eq!(kind, PixelKind::Screen);
     assert_eq!(simulator.most_outstanding(), 1);
-    simulator.freeze(&runway()).await.unwrap();
+    simulator.freeze(&changi_02l()).await.unwrap();
     for tick in 1..20 {
         let asked = capture(tick, simulator.deliver());
         simulator.send_capture(&asked).await.unwrap();

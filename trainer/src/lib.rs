@@ -36,7 +36,6 @@ mod run_place;
 pub mod samples;
 pub mod schedule;
 mod sealed_run;
-pub mod synthetic;
 pub mod training;
 pub mod trajectory_mixing;
 pub mod triangulation;

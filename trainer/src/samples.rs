@@ -433,7 +433,7 @@ mod tests {
     use dataset::seal::seal_folder;
 
     use super::*;
-    use crate::synthetic::{MODEL_HASH, SyntheticCorpus};
+    use testkit::synthetic::{MODEL_HASH, SyntheticCorpus};
 
     const ALL: DistanceRange = DistanceRange {
         min_nm: 0.0,

@@ -174,9 +174,9 @@ fn moved_box(seen: &PixelBox, camera: &Camera, from: Geodetic, to: Geodetic) -> 
 mod tests {
     use super::*;
     use crate::samples::{DistanceRange, Samples};
-    use crate::synthetic::SyntheticCorpus;
     use dataset::splits::Side;
     use rand::SeedableRng;
+    use testkit::synthetic::SyntheticCorpus;
 
     #[test]
     fn a_mixed_sample_of_perfect_boxes_has_perfect_boxes_at_its_new_place() {
@@ -216,7 +216,7 @@ mod tests {
             let cameras = &samples.scenarios[sample.scenario].cameras;
             for (seen, camera) in sample.boxes.iter().zip(cameras) {
                 let Some(seen) = seen else { continue };
-                let expected = crate::synthetic::perfect_box(camera, sample.position.to_ecef());
+                let expected = testkit::synthetic::perfect_box(camera, sample.position.to_ecef());
                 // These synthetic boxes are centred on the projected position, except for a part of their height.
                 assert!(
                     (seen.cx_px - expected.cx_px).abs() < 1e-6,

@@ -151,10 +151,10 @@ pub fn predict(
 mod tests {
     use super::*;
     use crate::samples::{DistanceRange, Samples};
-    use crate::synthetic::SyntheticCorpus;
     use dataset::distortion::Distortion;
     use dataset::imaging::Imaging;
     use dataset::splits::Side;
+    use testkit::synthetic::SyntheticCorpus;
 
     #[test]
     fn noise_free_boxes_give_the_exact_distance_of_held_out_trajectories() {

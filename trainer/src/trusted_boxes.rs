@@ -46,7 +46,7 @@ pub(crate) fn centre_and_size(seen: &PixelBox) -> (DVec2, DVec2) {
 mod tests {
     use super::*;
     use crate::samples::{DistanceRange, Samples};
-    use crate::synthetic::SyntheticCorpus;
+    use testkit::synthetic::SyntheticCorpus;
 
     fn tiny() -> Samples {
         let folder = tempfile::tempdir().unwrap();

@@ -79,8 +79,8 @@ mod tests {
     use super::*;
     use crate::normalisation::Normalisation;
     use crate::samples::{DistanceRange, Samples};
-    use crate::synthetic::SyntheticCorpus;
     use rand::SeedableRng;
+    use testkit::synthetic::SyntheticCorpus;
 
     #[test]
     fn each_of_two_views_is_alone_in_a_third_of_the_batches() {

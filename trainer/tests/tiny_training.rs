@@ -10,10 +10,10 @@ use dataset::detections::replace;
 use dataset::json_file::read_json;
 use dataset::pixel_box::PixelBox;
 use dataset::splits::{Side, Splits};
+use testkit::synthetic::{MODEL_HASH, SyntheticCorpus};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
 };
-use trainer::synthetic::{MODEL_HASH, SyntheticCorpus};
 use trainer::{EvaluationConfig, Metrics, RunFolder, Silent, TrainConfig, evaluate, train};
 
 /// The paper's networks, but narrow.

@@ -8,7 +8,7 @@ use std::thread;
 use dataset::corpus::Corpus;
 use dataset::seal;
 use tempfile::{TempDir, tempdir};
-use trainer::synthetic::SyntheticCorpus;
+use testkit::synthetic::SyntheticCorpus;
 use trainer::{Error, EvaluationConfig, Progress, RunFolder, Silent, TrainConfig, evaluate, train};
 
 /// The method with almost no training: a second.

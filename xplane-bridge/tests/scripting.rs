@@ -8,6 +8,7 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geodesy::Geodetic;
 use dataset::runway::Runway;
 use fake_simulator::Fake;
+use testkit::changi_02l;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::datarefs;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
@@ -53,18 +54,8 @@ fn conditions() -> Conditions {
 
 fn runway() -> Runway {
     Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
         course_magnetic_deg: Some(22.7),
+        ..changi_02l()
     }
 }
 

@@ -6,12 +6,12 @@ use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
 use crate::frame_rate::FrameRate;
 use crate::frames::{Frame, FrameLabels, Frames, ViewStamp};
-use crate::geodesy::Geodetic;
 use crate::json_file::write_json;
 use crate::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
 use crate::pose::{Controls, Pose};
 use crate::rig::Mast;
-use crate::runway::{Runway, RunwayCoordinates};
+use crate::runway::RunwayCoordinates;
+use crate::runway::tests::changi_02l as runway;
 use crate::scenario::{Flight, PINHOLE_SCHEMA_VERSION, Versions};
 use crate::splits::{Assignment, Side, Splits};
 use crate::video::{VideoSettings, VideoWriter};
@@ -24,23 +24,6 @@ const RATE: FrameRate = FrameRate {
 };
 const SPEED_MPS: f64 = 70.0;
 const VIEWS: [&str; 2] = ["left", "right"];
-
-fn runway() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: None,
-        course_magnetic_deg: None,
-    }
-}
 
 fn camera(view: usize) -> CameraPose {
     let at = runway().point_on_approach(-1_500.0, if view == 0 { -300.0 } else { 300.0 });

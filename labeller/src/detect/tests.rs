@@ -4,9 +4,10 @@ use std::sync::Mutex;
 use dataset::json_file::read_json;
 use dataset::pixel_box::{Detection, PixelBox, write_detections};
 use dataset::seal::seal_folder;
+use testkit::short_corpus;
 
 use super::*;
-use crate::fixture::{self, BlobFinder, paint_blob};
+use crate::blob_finder::{BlobFinder, paint_blob};
 use crate::label::label_corpus;
 
 const WIDTH: u32 = 1280;
@@ -31,7 +32,7 @@ fn corpus(root: &Path, ids: &[&str]) -> Corpus {
         rgb.fill(20);
         paint_blob(rgb, WIDTH, &blob(view, tick));
     };
-    fixture::corpus_with_videos(root, ids, WIDTH, HEIGHT, Some(&paint))
+    short_corpus::write_with_videos(root, ids, WIDTH, HEIGHT, Some(&paint))
 }
 
 fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {

@@ -1,9 +1,9 @@
 use airframe::{Configuration, Material, Triangle, boeing_737_800};
 use dataset::camera::CameraPose;
 use dataset::geodesy::Geodetic;
+use testkit::{approach, rig};
 
 use super::*;
-use crate::fixture;
 
 const GROUND_MSL_M: f64 = 6.71;
 
@@ -155,8 +155,8 @@ fn the_truth_box_is_the_box_of_a_silhouette_cast_ray_by_ray() {
     });
     const RAYS_PER_PIXEL: i32 = 12;
     for (view, along_track_m) in [("left", 16_000.0), ("right", 12_000.0)] {
-        let camera = Camera::from_pose(&fixture::placed(view), 1920, 1280);
-        let mut pose = fixture::on_glide_path(along_track_m, 12.0);
+        let camera = Camera::from_pose(&rig::placed(view), 1920, 1280);
+        let mut pose = approach::on_glide_path(along_track_m, 12.0);
         pose.roll_deg = 4.0;
         let seen = project(&mesh, &pose, &camera, GROUND_MSL_M).unwrap();
         let [left, top, right, bottom] = seen.pixel_box.edges();
@@ -219,8 +219,8 @@ fn the_default_rig_sees_the_aircraft_as_large_as_the_geometry_says() {
         gear_ratio: 1.0,
     });
     for (range_nm, width_px) in [(5.0, 41.0), (10.0, 21.0)] {
-        let pose = fixture::on_glide_path(range_nm * 1_852.0 - 1_500.0, 0.0);
-        let camera = Camera::from_pose(&fixture::placed("left"), 1920, 1280);
+        let pose = approach::on_glide_path(range_nm * 1_852.0 - 1_500.0, 0.0);
+        let camera = Camera::from_pose(&rig::placed("left"), 1920, 1280);
         let seen = project(&mesh, &pose, &camera, GROUND_MSL_M).unwrap();
         assert!((seen.pixel_box.width_px - width_px).abs() < 1.5, "{seen:?}");
         assert!(seen.visible_fraction == 1.0, "{seen:?}");

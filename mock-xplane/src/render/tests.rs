@@ -4,6 +4,7 @@ use dataset::camera::CameraPose;
 use dataset::conditions::{CloudKind, CloudLayer};
 use dataset::distortion::Distortion;
 use dataset::imaging::{Degradation, Imaging, Seeing, Sensor};
+pub(crate) use testkit::changi_02l;
 
 use super::*;
 
@@ -11,23 +12,6 @@ use super::*;
 const FOCAL_PX: f64 = 10_972.8;
 const SINGAPORE_S: f64 = 8.0 * 3600.0;
 pub(crate) const NM_M: f64 = 1_852.0;
-
-pub(crate) fn changi_02l() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: None,
-        course_magnetic_deg: None,
-    }
-}
 
 pub(crate) fn clear() -> Weather {
     Weather {

@@ -1,4 +1,5 @@
 use dataset::geodesy::LatLon;
+use testkit::changi_02l;
 use xplane_bridge::packet::PlaceAtStart;
 
 use super::airport::ON_THRESHOLD;
@@ -10,14 +11,8 @@ fn world() -> World {
 
 fn runway() -> Runway {
     Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
         threshold: ON_THRESHOLD.position(),
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
+        ..changi_02l()
     }
 }
 

@@ -2,8 +2,7 @@
 //!
 //! For tests, and for working on the trainer before there are recordings
 //! (`cargo run --release -p trainer --example synthetic_corpus -- FOLDER`). The aircraft is a box of a B737-800's span and height
-//! around its centre of gravity, on approach to Changi 02L, seen by the rig `wide-baseline`. None of this is used in a real
-//! training.
+//! around its centre of gravity, on approach to Changi 02L, seen by the rig `wide-baseline`.
 
 use std::collections::BTreeMap;
 use std::f64::consts::{PI, TAU};
@@ -11,19 +10,18 @@ use std::fs;
 use std::path::Path;
 
 use dataset::calibration::Calibration;
-use dataset::camera::{Camera, CameraPose};
-use dataset::conditions::{Clock, Conditions, Weather};
+use dataset::camera::Camera;
+use dataset::conditions::{Clock, Conditions};
 use dataset::corpus::Corpus;
 use dataset::detections;
 use dataset::error::{Error, Result};
 use dataset::frame_rate::FrameRate;
-use dataset::frames::{Frame, FrameLabels, Frames, ViewStamp};
-use dataset::geodesy::Geodetic;
+use dataset::frames::{Frame, FrameLabels, Frames};
 use dataset::imaging::Imaging;
 use dataset::pixel_box::{Detection, PixelBox};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::{Runway, RunwayCoordinates};
-use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
+use dataset::scenario::{ScenarioRecord, Versions};
 use dataset::seal::seal_folder;
 use dataset::splits::{Assignment, Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -31,7 +29,9 @@ use glam::DVec3;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
-use crate::trusted_boxes::is_whole;
+use crate::changi_02l;
+use crate::rig::wide_baseline;
+use crate::scenario::{calm, frame, record, stamp};
 
 /// Name under which the detections are stored.
 pub const MODEL_HASH: &str = "53796e7468657469630000000000000000000000000000000000000000000000";
@@ -139,7 +139,7 @@ impl SyntheticCorpus {
         calibration.write(&folder.calibration_path())?;
         let frames = self.fly(&runway, &calibration, &mut random);
         frames.write(&folder.frames_path())?;
-        self.record(number, id, trajectory, &runway, &frames)
+        self.record(number, id, trajectory, &frames)
             .write(&folder.record_path())?;
         seal_folder(folder.root(), "synthetic")?;
         let detections = self.detect(&frames, &calibration, &mut random);
@@ -200,27 +200,19 @@ impl SyntheticCorpus {
                 roll_deg: 0.0,
             };
             let found = RunwayCoordinates::of(position, target, runway.course_true_deg);
+            let bare = frame(tick, self.frame_rate, pose);
+            let stamps = calibration
+                .cameras
+                .values()
+                .map(|entry| stamp(u64::from(tick), &bare, self.frame_rate, entry.placed));
             Frame {
-                tick,
-                time_ns: time.0,
-                pose,
+                views: stamps.collect(),
                 velocity_ned_mps: [0.0, 0.0, 0.0],
                 true_airspeed_mps: SPEED_MPS,
                 controls: Controls {
                     flap_ratio: 1.0,
                     gear_ratio: 1.0,
                 },
-                on_ground: false,
-                views: calibration
-                    .cameras
-                    .values()
-                    .map(|entry| ViewStamp {
-                        sim_frame: u64::from(tick),
-                        pts: self.frame_rate.pts_of_tick(tick),
-                        echoed_pose: pose,
-                        echoed_camera: entry.placed,
-                    })
-                    .collect(),
                 labels: Some(FrameLabels {
                     dtd_m: found.dtd_m,
                     along_track_m: found.along_track_m,
@@ -228,6 +220,7 @@ impl SyntheticCorpus {
                     height_over_target_m: found.height_over_target_m,
                     time_to_touchdown_s: (along_m > 0.0).then_some(along_m / SPEED_MPS),
                 }),
+                ..bare
             }
         };
         Frames {
@@ -267,30 +260,16 @@ impl SyntheticCorpus {
         found
     }
 
-    fn record(
-        &self,
-        number: usize,
-        id: &str,
-        trajectory: &str,
-        runway: &Runway,
-        frames: &Frames,
-    ) -> ScenarioRecord {
+    fn record(&self, number: usize, id: &str, trajectory: &str, frames: &Frames) -> ScenarioRecord {
         let weathers = ["clear", "cloudy", "foggy", "stormy"];
         let times = ["06:00", "08:00", "12:00", "17:00", "18:00"];
+        let plain = record(id, self.frame_rate, frames.rows.len() as u32);
         ScenarioRecord {
-            schema_version: PINHOLE_SCHEMA_VERSION,
-            id: id.into(),
             trajectory: trajectory.into(),
             seed: self.seed,
             plan_hash: "synthetic".into(),
             config_hash: "synthetic".into(),
             aircraft: "B738".into(),
-            frame_rate: self.frame_rate,
-            ticks: frames.rows.len() as u32,
-            runway: runway.clone(),
-            touchdown: runway.touchdown_target(),
-            flight_touchdown: None,
-            geoid: None,
             conditions: Conditions {
                 time_of_day: times[number % times.len()].into(),
                 clock: Clock {
@@ -298,24 +277,15 @@ impl SyntheticCorpus {
                     zulu_time_s: 0.0,
                 },
                 weather_name: weathers[number % weathers.len()].into(),
-                weather: Weather {
-                    visibility_m: 20_000.0,
-                    clouds: Vec::new(),
-                    rain_ratio: 0.0,
-                    wind_speed_mps: 0.0,
-                    wind_from_true_deg: 0.0,
-                    turbulence_ratio: 0.0,
-                },
+                weather: calm(20_000.0),
             },
-            flight: Flight::Live,
-            rig: "wide-baseline".into(),
-            views: frames.views.clone(),
             versions: Versions {
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 simulator: "geometry".into(),
                 capture_link: 0,
                 pixels: None,
             },
+            ..plain
         }
     }
 }
@@ -335,74 +305,25 @@ pub fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
     }
 }
 
+/// Whether a box is completely in the picture, and far enough from its edge for a detector that places an edge within 2 pixels.
+fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
+    let [left, top, right, bottom] = seen.edges();
+    // Pixel (0, 0) covers -0.5 to 0.5.
+    left > 1.5
+        && top > 1.5
+        && right < f64::from(camera.width_px) - 2.5
+        && bottom < f64::from(camera.height_px) - 2.5
+}
+
 /// A draw from the normal distribution (Box and Muller).
 fn normal(random: &mut ChaCha12Rng) -> f64 {
     let radius = (-2.0 * (1.0 - random.random::<f64>()).ln()).sqrt();
     radius * (TAU * random.random::<f64>()).cos()
 }
 
-/// Changi 02L, as in the reference sweep.
-fn changi_02l() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
-    }
-}
-
-/// Two cameras 1500 m past the touchdown target, 300 m to either side, turned 5.3 degrees inwards.
-fn wide_baseline(runway: &Runway) -> [(&'static str, CameraPose); 2] {
-    let placed = |sideways_m: f64, turned_deg: f64| {
-        let at = runway.point_on_approach(-1_500.0, sideways_m);
-        CameraPose {
-            pose: Pose {
-                latitude_deg: at.latitude_deg,
-                longitude_deg: at.longitude_deg,
-                altitude_msl_m: runway.threshold.altitude_msl_m + 10.0,
-                heading_true_deg: (runway.course_true_deg + 180.0 + turned_deg).rem_euclid(360.0),
-                pitch_deg: 1.6,
-                roll_deg: 0.0,
-            },
-            hfov_deg: 10.0,
-        }
-    };
-    // Looking back down the approach, the axis is to the left camera's left.
-    [
-        ("left", placed(-300.0, -5.3)),
-        ("right", placed(300.0, 5.3)),
-    ]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn both_cameras_see_the_aircraft_from_ten_miles_to_the_runway() {
-        let runway = changi_02l();
-        for (view, placed) in wide_baseline(&runway) {
-            let camera = Camera::from_pose(&placed, 1920, 1280);
-            for along_m in [18_520.0, 9_000.0, 2_000.0, 200.0] {
-                let at = runway
-                    .point_on_approach(along_m, 0.0)
-                    .at_altitude_m(6.7 + along_m * 0.0524);
-                let pixel = camera.project(at.to_ecef()).unwrap();
-                assert!(
-                    (0.0..1920.0).contains(&pixel.x) && (0.0..1280.0).contains(&pixel.y),
-                    "{view} {along_m} {pixel}"
-                );
-            }
-        }
-    }
 
     #[test]
     fn the_same_seed_makes_the_same_corpus() {

@@ -1,0 +1,83 @@
+//! A detector for the tests of this crate: it finds bright blobs.
+
+use dataset::pixel_box::PixelBox;
+
+use crate::detector::{Detector, Picture, ScoredBox, Window};
+
+/// Finds the box around all bright pixels of each connected run of columns in a window.
+#[derive(Default)]
+pub(crate) struct BlobFinder {
+    /// Number of windows that it received.
+    pub(crate) windows_seen: usize,
+}
+
+const BRIGHT: u8 = 128;
+const BLOB_WINDOW_PX: u32 = 640;
+
+/// Paints a box of whole pixels white.
+pub(crate) fn paint_blob(rgb: &mut [u8], width_px: u32, blob: &PixelBox) {
+    let [left, top, right, bottom] = blob.edges().map(|edge| (edge + 0.5) as usize);
+    for row in top..bottom {
+        let line = row * width_px as usize;
+        rgb[(line + left) * 3..(line + right) * 3].fill(255);
+    }
+}
+
+impl Detector for BlobFinder {
+    fn window_px(&self) -> u32 {
+        BLOB_WINDOW_PX
+    }
+
+    fn detect(
+        &mut self,
+        picture: &Picture<'_>,
+        windows: &[Window],
+        _score_floor: f64,
+    ) -> crate::Result<Vec<Vec<ScoredBox>>> {
+        self.windows_seen += windows.len();
+        Ok(windows
+            .iter()
+            .map(|window| blobs_in(picture, *window))
+            .collect())
+    }
+
+    fn description(&self) -> String {
+        "finder of bright blobs".into()
+    }
+}
+
+fn blobs_in(picture: &Picture<'_>, window: Window) -> Vec<ScoredBox> {
+    let end = |start: u32, length: u32| (start + BLOB_WINDOW_PX).min(length);
+    let rows = window.top_px..end(window.top_px, picture.height_px);
+    let green =
+        |column: u32, row: u32| picture.rgb[((row * picture.width_px + column) * 3 + 1) as usize];
+    // Bright rows of each column, then neighbouring bright columns as one blob.
+    let mut blobs: Vec<[u32; 4]> = Vec::new();
+    for column in window.left_px..end(window.left_px, picture.width_px) {
+        let bright = || rows.clone().filter(|row| green(column, *row) >= BRIGHT);
+        let (Some(top), Some(bottom)) = (bright().next(), bright().next_back()) else {
+            continue;
+        };
+        match blobs.last_mut() {
+            Some(blob) if blob[2] + 1 == column => {
+                *blob = [blob[0], blob[1].min(top), column, blob[3].max(bottom)];
+            }
+            _ => blobs.push([column, top, column, bottom]),
+        }
+    }
+    let in_window = |blob: [u32; 4]| {
+        let [left, top, right, bottom] = blob.map(f64::from);
+        let (x, y) = (f64::from(window.left_px), f64::from(window.top_px));
+        let pixel_box = PixelBox::from_edges(
+            left - x - 0.5,
+            top - y - 0.5,
+            right - x + 0.5,
+            bottom - y + 0.5,
+        );
+        ScoredBox {
+            pixel_box,
+            score: 1.0,
+        }
+    };
+    blobs.into_iter().map(in_window).collect()
+}

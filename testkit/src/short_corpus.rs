@@ -1,0 +1,93 @@
+//! Corpora of three ticks a scenario: down the glide path of Changi 02L in front of the cameras of the default rig, without labels.
+
+use std::fs;
+use std::path::Path;
+
+use dataset::calibration::Calibration;
+use dataset::corpus::Corpus;
+use dataset::frame_rate::FrameRate;
+use dataset::frames::{Frame, Frames};
+use dataset::pose::Pose;
+use dataset::seal::{commit_folder, seal_folder};
+use dataset::video::{VideoSettings, VideoWriter};
+
+use crate::approach::on_glide_path;
+use crate::changi_02l;
+use crate::rig::{VIEWS, placed, wide_baseline};
+use crate::scenario::{self, record, stamp};
+
+/// Remaining distance at tick 0, metres.
+pub const START_M: f64 = 9_260.0;
+/// Displacement between two ticks, metres.
+const STEP_M: f64 = 70.0;
+const TICKS: u32 = 3;
+const RATE: FrameRate = FrameRate {
+    numerator: 1,
+    denominator: 1,
+};
+
+/// Draws the picture of a view at a tick.
+pub type Painter<'a> = &'a dyn Fn(&str, u32, &mut [u8]);
+
+/// A corpus of committed scenarios without videos, for pictures of 1920 x 1280.
+pub fn write(root: &Path, ids: &[&str]) -> Corpus {
+    write_with_videos(root, ids, 1920, 1280, None)
+}
+
+/// A corpus of committed scenarios with pictures of the given size.
+pub fn write_with_videos(
+    root: &Path,
+    ids: &[&str],
+    width_px: u32,
+    height_px: u32,
+    paint: Option<Painter<'_>>,
+) -> Corpus {
+    let corpus = Corpus::create(root).unwrap();
+    for id in ids {
+        let folder = corpus.partial_scenario(id);
+        fs::create_dir_all(folder.root().join("views")).unwrap();
+        record(id, RATE, TICKS)
+            .write(&folder.record_path())
+            .unwrap();
+        Calibration::from_poses(wide_baseline(&changi_02l()), width_px, height_px)
+            .write(&folder.calibration_path())
+            .unwrap();
+        frames().write(&folder.frames_path()).unwrap();
+        for view in VIEWS {
+            let Some(paint) = paint else { continue };
+            let path = folder.video_path(view);
+            let mut writer =
+                VideoWriter::create(&path, &VideoSettings::default(), width_px, height_px, RATE)
+                    .unwrap();
+            let mut rgb = vec![0; (width_px * height_px * 3) as usize];
+            for tick in 0..TICKS {
+                paint(view, tick, &mut rgb);
+                writer.write(&rgb).unwrap();
+            }
+            writer.finish().unwrap();
+        }
+        seal_folder(folder.root(), "config").unwrap();
+        commit_folder(folder.root(), corpus.scenario(id).root()).unwrap();
+    }
+    corpus
+}
+
+/// A tick, one a second, without views.
+pub fn frame(tick: u32, pose: Pose) -> Frame {
+    scenario::frame(tick, RATE, pose)
+}
+
+fn frames() -> Frames {
+    let row = |tick: u32| {
+        let bare = frame(tick, on_glide_path(START_M - STEP_M * f64::from(tick), 0.0));
+        let views = VIEWS.map(|view| stamp(u64::from(tick) + 100, &bare, RATE, placed(view)));
+        Frame {
+            views: views.to_vec(),
+            ..bare
+        }
+    };
+    Frames {
+        views: VIEWS.map(str::to_owned).to_vec(),
+        rows: (0..TICKS).map(row).collect(),
+    }
+}
