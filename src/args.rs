@@ -4,8 +4,9 @@ use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
 use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand};
+use clap_complete::Shell;
 use dataset::memory::Bytes;
 use generator::generate::Simulators;
 use generator::shard::Shard;
@@ -16,6 +17,8 @@ use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
 use xplane_bridge::tape::FramesKept;
+
+use crate::help;
 
 /// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to touchdown
 /// (DTD), and trains and evaluates estimators of that distance.
@@ -31,11 +34,15 @@ use xplane_bridge::tape::FramesKept;
                   Results go to stdout, progress and logs to stderr."
 )]
 pub(crate) struct Args {
-    /// More output: -v for events, -vv for every detail. RUST_LOG overrides it.
-    #[arg(short, long, global = true, action = ArgAction::Count)]
+    /// More output: -v for events, -vv for every detail
+    ///
+    /// RUST_LOG overrides it.
+    #[arg(short, long, global = true, action = ArgAction::Count, display_order = 900)]
     pub(crate) verbose: u8,
-    /// Reject work that needs more memory than this (512M, 4G) [default: what the machine, its container and `ulimit -v` leave].
-    #[arg(long, global = true, value_name = "SIZE")]
+    /// Reject work that needs more memory than this, e.g. 512M or 4G
+    ///
+    /// The default is what the machine, its container and `ulimit -v` leave.
+    #[arg(long, global = true, value_name = "SIZE", display_order = 901)]
     pub(crate) max_memory: Option<Bytes>,
     #[command(subcommand)]
     pub(crate) verb: Verb,
@@ -43,40 +50,71 @@ pub(crate) struct Args {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Verb {
-    /// Show which scenarios a sweep expands to, what they cost, and which are new; records nothing
+    /// Show a sweep's scenarios, their cost and what is new; records nothing
+    #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
     /// Print the JSON Schema of sweep files, for editors and checkers
     Schema,
-    /// Write the sweeps that ship, to copy and change: demo.toml, scenarios.toml, detector.toml, with what they name
+    /// Write the sweeps that ship, to copy and change
+    ///
+    /// demo.toml, scenarios.toml and detector.toml, with the flights and the detector that they name.
+    #[command(after_help = help::EXAMPLES)]
     Examples(ExamplesArgs),
-    /// Record the scenarios of a sweep: videos, 4D trajectory, calibration
+    /// Record a sweep's scenarios: videos, 4D trajectory, calibration; resumes
+    #[command(after_help = help::GENERATE)]
     Generate(GenerateArgs),
-    /// Download a corpus, or some of its scenarios, from an object store into a folder; resumes
+    /// Download a corpus, or some scenarios, from an object store; resumes
+    #[command(after_help = help::FETCH)]
     Fetch(FetchArgs),
-    /// Upload a corpus, with labels and detections, from a folder to an object store; resumes
+    /// Upload a corpus, with labels and detections, to an object store; resumes
+    #[command(after_help = help::PUSH)]
     Push(PushArgs),
-    /// Compute distance-to-touchdown labels and true boxes
+    /// Compute distance-to-touchdown labels and true boxes; resumes
+    #[command(after_help = help::LABEL)]
     Label(LabelArgs),
-    /// Find the aircraft in the decoded videos with a detector
+    /// Find the aircraft in the decoded videos with a detector; resumes
+    #[command(after_help = help::DETECT)]
     Detect(DetectArgs),
     /// Train the distance estimators of a corpus, split by trajectory
+    #[command(after_help = help::TRAIN)]
     Train(TrainArgs),
-    /// Evaluate a trained run on the held-out trajectories and write metrics.json and report.html
+    /// Evaluate a run on the held-out trajectories: metrics.json, report.html
+    #[command(after_help = help::EVALUATE)]
     Evaluate(EvaluateArgs),
     /// Check that a corpus is complete and synchronised, and name every fault
+    #[command(after_help = help::VERIFY)]
     Verify(VerifyArgs),
-    /// Train the single-class aircraft detector on a labelled corpus
+    /// Train the aircraft detector on a labelled corpus; resumes
+    #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),
     /// Install the plugin that serves poses and pictures into X-Plane
+    #[command(after_help = help::INSTALL_PLUGIN)]
     InstallPlugin(InstallPluginArgs),
-    /// Run the stand-in X-Plane: UDP protocol, capture link, flight and renderer
+    /// Run the stand-in X-Plane: UDP, Web API, capture link, flight, renderer
+    #[command(after_help = help::MOCK_XPLANE)]
     MockXplane(MockXplaneArgs),
-    /// Examine the connection to X-Plane point by point and say how to fix it
+    /// Examine the connection to X-Plane point by point, and say how to fix it
+    #[command(after_help = help::DOCTOR)]
     Doctor(DoctorArgs),
-    /// Record a session with X-Plane on a tape (MCAP): a proxy for UDP and the capture link
+    /// Record a session with X-Plane on a tape (MCAP), as a proxy
+    #[command(after_help = help::RECORD)]
     Record(RecordArgs),
     /// Run the whole pipeline at small scale, from sweep to report
+    #[command(after_help = help::DEMO)]
     Demo(DemoArgs),
+    /// Print a script that completes arguments in a shell
+    #[command(after_help = help::COMPLETIONS)]
+    Completions {
+        /// Which shell.
+        shell: Shell,
+    },
+    /// Write the manual pages, one per verb
+    #[command(after_help = help::MAN)]
+    Man {
+        /// Folder to write them to, created if missing
+        #[arg(value_parser = output())]
+        folder: PathBuf,
+    },
 }
 
 #[derive(Debug, ClapArgs)]
@@ -84,11 +122,14 @@ pub(crate) struct PlanArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
-    /// Compare with this corpus: which scenarios are complete, new, changed, removed. Default: ./corpus if it was made from a sweep
-    /// of this name
+    /// Compare with this corpus: which scenarios are complete, new, changed, removed
+    ///
+    /// The default is ./corpus if it was made from a sweep of this name.
     #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) against: Option<PathBuf>,
-    /// Pictures per second that your simulator delivers, all views together; for the estimate of recording time
+    /// Pictures per second that your simulator delivers, all views together
+    ///
+    /// For the estimate of the recording time.
     #[arg(long, value_name = "N", value_parser = positive)]
     pub(crate) pictures_per_second: Option<f64>,
     /// One row per scenario, however many there are
@@ -111,39 +152,49 @@ pub(crate) struct GenerateArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
-    /// Folder of the corpus, created if missing. Or a URL: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX,
-    /// file:///FOLDER, with credentials from the environment (docs/corpus.md). Finished scenarios are skipped
+    /// Folder of the corpus, created if missing, or its URL; finished scenarios are skipped
+    ///
+    /// A URL is s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX or file:///FOLDER, with credentials from the environment
+    /// (docs/corpus.md).
     #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(out_place))]
     pub(crate) out: Place,
-    /// For a URL: folder where scenarios are recorded before they are uploaded; runs on one machine may share it. Default: one per
-    /// URL in the user's cache folder
+    /// For a URL: folder where scenarios are recorded before they are uploaded
+    ///
+    /// Runs on one machine may share it. The default is one per URL in the user's cache folder.
     #[arg(long, value_name = "DIR", value_parser = output())]
     pub(crate) staging: Option<PathBuf>,
     /// For a URL: keep scenarios in the staging folder after the upload
     #[arg(long)]
     pub(crate) keep_staged: bool,
-    /// The simulator: `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of
-    /// a live X-Plane (docs/simulator.md), HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network,
-    /// tape:FILE a session recorded with `dtd record`. Several, separated by commas, share the work
+    /// The simulator, or several that share the work, separated by commas
+    ///
+    /// `mock` starts the stand-in on this machine, `mock:N` several of them, `mock:awkward` one with all awkward habits of a live X-Plane
+    /// (docs/simulator.md). HOST:PORT is X-Plane's UDP address, `auto` the X-Plane that announces itself on the network, tape:FILE a
+    /// session recorded with `dtd record`.
     #[arg(
         long,
         value_name = "mock[:N|:awkward]|auto|HOST:PORT|tape:FILE,..",
         default_value = "mock"
     )]
     pub(crate) sim: Simulators,
-    /// Where the pictures come from: `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's
-    /// window, `screenshot` has X-Plane write files (slow: a picture takes seconds); `auto` uses the simulator's first offer
-    #[arg(long, value_name = "auto|link|gl|screen|screenshot", default_value_t = PixelChoice::Auto)]
+    /// Where the pictures come from
+    ///
+    /// `link` sends them (the stand-in), `gl` reads X-Plane 11's frame back, `screen` grabs the simulator's window, `screenshot` has
+    /// X-Plane write files (slow: a picture takes seconds); `auto` uses the simulator's first offer.
+    #[arg(long, value_name = "SOURCE", default_value_t = PixelChoice::Auto, value_parser = one_of::<PixelChoice>(&["auto", "link", "gl", "screen", "screenshot"]))]
     pub(crate) pixels: PixelChoice,
     /// Record only these scenarios (identifiers as `dtd plan` prints them), separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
-    /// Record only shard I, from 0, of N; shards may write into one corpus at the same time. Default: from Slurm's job array
-    /// (SLURM_ARRAY_TASK_ID) or a Kubernetes Indexed Job (JOB_COMPLETION_INDEX and DTD_SHARDS), else everything
+    /// Record only shard I, from 0, of N; shards may write into one corpus at the same time
+    ///
+    /// Each gets its share of every weather. The default is that of Slurm's job array (SLURM_ARRAY_TASK_ID) or of a Kubernetes Indexed
+    /// Job (JOB_COMPLETION_INDEX and DTD_SHARDS), else everything.
     #[arg(long, value_name = "I/N")]
     pub(crate) shard: Option<Shard>,
-    /// How long to wait for a simulator that stopped answering before continuing without it, and for an object store before giving
-    /// up
+    /// How long to wait for a simulator or an object store that stopped answering
+    ///
+    /// Recording then continues without that simulator; without the store it ends.
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
     pub(crate) patience: u64,
     /// Print the result as JSON
@@ -153,7 +204,7 @@ pub(crate) struct GenerateArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct FetchArgs {
-    /// The corpus: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER
+    /// The corpus: s3://BUCKET/PREFIX, gs://.., az://CONTAINER/PREFIX or file:///FOLDER
     pub(crate) url: StoreUrl,
     /// Folder of the corpus, created if missing. Existing scenarios are left alone
     #[arg(long, value_name = "FOLDER", value_parser = output())]
@@ -174,8 +225,9 @@ pub(crate) struct PushArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// Destination: s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER. Older scenarios with other
-    /// content are replaced
+    /// Destination: s3://BUCKET/PREFIX, gs://.., az://CONTAINER/PREFIX or file:///FOLDER
+    ///
+    /// Older scenarios with other content are replaced.
     pub(crate) url: StoreUrl,
     /// How long to wait for a store that does not answer
     #[arg(long, value_name = "SECONDS", default_value_t = 300)]
@@ -236,8 +288,9 @@ pub(crate) struct DetectArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// The detector, an ONNX file with a YOLO-like output
-    /// [default: the one that ships, for pictures of the stand-in]
+    /// The detector, an ONNX file with a YOLO-like output [default: the one that ships]
+    ///
+    /// The one that ships is for pictures of the stand-in.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
@@ -252,8 +305,9 @@ pub(crate) struct DetectArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct OnnxRuntimeArg {
-    /// ONNX Runtime's library, an absolute path [default: ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the
-    /// program's folder]
+    /// ONNX Runtime's library, an absolute path
+    ///
+    /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
 }
@@ -266,13 +320,17 @@ pub(crate) struct TrainArgs {
     /// Folder for weights, settings and logs
     #[arg(long, value_name = "RUN", value_parser = output())]
     pub(crate) out: PathBuf,
-    /// Narrower layers and fewer steps, as in the demo: about a minute for a small corpus
+    /// Narrower layers and fewer steps, as in the demo
+    ///
+    /// Takes about a minute for a small corpus.
     #[arg(long, conflicts_with = "config")]
     pub(crate) quick: bool,
-    /// TOML file with settings that differ from the defaults; the resulting settings are saved in RUN/config.json
+    /// TOML file with settings that differ from the defaults (docs/training.md)
+    ///
+    /// All resulting settings are saved in RUN/config.json.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Which detections to train on if the corpus has those of several models: the model's hash
+    /// Model whose detections to train on, by its hash, if the corpus has several
     #[arg(long, value_name = "HASH")]
     pub(crate) detections: Option<String>,
     /// Seed of weights and batches
@@ -304,7 +362,9 @@ pub(crate) struct VerifyArgs {
     /// Do not decode the videos: check hashes, tables and plan only
     #[arg(long)]
     pub(crate) quick: bool,
-    /// Count missing planned scenarios as faults. By default they are only reported, since the corpus may be unfinished
+    /// Count missing planned scenarios as faults
+    ///
+    /// By default they are only reported, since the corpus may be unfinished.
     #[arg(long)]
     pub(crate) complete: bool,
     /// Print the findings as JSON
@@ -343,13 +403,17 @@ pub(crate) struct MockXplaneArgs {
     /// Address to listen on
     #[arg(long, default_value = "127.0.0.1")]
     pub(crate) bind: IpAddr,
-    /// UDP port; 0 takes any free one. The addresses are printed as one JSON line when it is ready
+    /// UDP port; 0 takes any free one
+    ///
+    /// The addresses are printed as one JSON line when it is ready.
     #[arg(long, default_value_t = 49000)]
     pub(crate) port: u16,
     /// Which X-Plane to imitate: versions, dataref names and weather handling differ
-    #[arg(long, value_name = "11|12", default_value = "12", value_parser = generation)]
+    #[arg(long, value_name = "VERSION", default_value = "12", value_parser = generation())]
     pub(crate) xplane: Generation,
-    /// TCP port of X-Plane 12's Web API, on this computer only; 0 takes any free one [default: 8086, or any if --port is 0]
+    /// TCP port of X-Plane 12's Web API; 0 takes any free one [default: 8086, or any if --port is 0]
+    ///
+    /// It listens on this computer only.
     #[arg(long)]
     pub(crate) web_port: Option<u16>,
     /// Start in the main menu: the Web API has no datarefs until a flight is loaded
@@ -373,8 +437,9 @@ pub(crate) struct MockXplaneArgs {
     /// Replay a session recorded with `dtd record`. Everything but address and beacon is then as recorded
     #[arg(long, value_name = "FILE.mcap", conflicts_with_all = ["xplane", "incoming_off", "data_to", "faults", "quirks", "clock_rate"])]
     pub(crate) tape: Option<PathBuf>,
-    /// Faults, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3. WHEN of freeze=WHEN[:FOR_S] and
-    /// restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N
+    /// Faults, e.g. loss=0.1,dup=0.05,reorder=0.05,seed=7,freeze=10:2,restart=captures:20:3
+    ///
+    /// WHEN of freeze=WHEN[:FOR_S] and restart=WHEN[:DOWN_S] is seconds, frames:N or captures:N.
     #[arg(
         long,
         value_name = "FAULTS",
@@ -382,9 +447,10 @@ pub(crate) struct MockXplaneArgs {
         hide_default_value = true
     )]
     pub(crate) faults: Faults,
-    /// Awkward habits of a live X-Plane to imitate: all of this X-Plane version, none, quick (those that do not slow clients down),
-    /// or names from docs/simulator.md separated by commas; a - before a name excludes it, e.g. all,-late_clouds. With all of them
-    /// a first scenario takes minutes
+    /// Awkward habits of a live X-Plane to imitate
+    ///
+    /// All of this X-Plane version, none, quick (those that do not slow clients down), or names from docs/simulator.md separated by
+    /// commas; a - before a name excludes it, e.g. all,-late_clouds. With all of them a first scenario takes minutes.
     #[arg(
         long,
         value_name = "all|none|quick|NAME,..",
@@ -392,10 +458,12 @@ pub(crate) struct MockXplaneArgs {
         allow_hyphen_values = true
     )]
     pub(crate) quirks: Quirks,
-    /// Run the simulator's clock this many times faster than real time, so that X-Plane's minutes take seconds
+    /// Run the simulator's clock this many times faster than real time
     #[arg(long, value_name = "N", default_value = "1", value_parser = clock_rate)]
     pub(crate) clock_rate: f64,
-    /// Show what is drawn in a window on the X11 display that DISPLAY names, so that `dtd generate --pixels screen` can grab it
+    /// Show what is drawn in a window on the X11 display that DISPLAY names
+    ///
+    /// So that `dtd generate --pixels screen` can grab it.
     #[arg(
         long,
         value_name = "WIDTHxHEIGHT",
@@ -403,8 +471,10 @@ pub(crate) struct MockXplaneArgs {
         default_missing_value = "1920x1280"
     )]
     pub(crate) window: Option<WindowSize>,
-    /// Serve the capture link with the plugin in this folder (xplane-bridge/plugin), run by Python against a fake of XPPython3.
-    /// Pictures come from --xplane 11, which can read them back, or off the screen with --window, whose size the plugin then sees
+    /// Serve the capture link with the plugin in this folder, xplane-bridge/plugin
+    ///
+    /// Python runs it against a fake of XPPython3. Pictures come from --xplane 11, which can read them back, or off the screen with
+    /// --window, whose size the plugin then sees.
     #[arg(long, value_name = "DIR")]
     pub(crate) plugin: Option<PathBuf>,
     /// Imitate an X-Plane without our plugin: no capture link, so nothing can be recorded
@@ -419,20 +489,22 @@ pub(crate) struct MockXplaneArgs {
     /// Move the origin of local coordinates every this many frames, as loading scenery does
     #[arg(long, value_name = "FRAMES", requires = "plugin")]
     pub(crate) move_origin_every: Option<u32>,
-    /// Stop when standard input ends, so that the stand-in ends with its parent process, even if that is killed
+    /// Stop when standard input ends, so that it ends with its parent process, even if that is killed
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,
 }
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct DoctorArgs {
-    /// X-Plane's UDP address; by default, or with `auto`, the address in its beacon, else 127.0.0.1:49000
+    /// X-Plane's UDP address [default: the address in its beacon, else 127.0.0.1:49000]
     #[arg(long, value_name = "auto|HOST:PORT")]
     pub(crate) sim: Option<String>,
-    /// Address of X-Plane 12's Web API; by default DTD_WEB_API, else port 8086 if X-Plane runs on this computer
+    /// Address of X-Plane 12's Web API
+    ///
+    /// The default is DTD_WEB_API, else port 8086 if X-Plane runs on this computer.
     #[arg(long, value_name = "HOST:PORT|off")]
     pub(crate) web_api: Option<WebApiPlace>,
-    /// The sweep to record: checks that the window is as large as its pictures. Default: demo.toml if it exists
+    /// The sweep to record: the window must be as large as its pictures [default: demo.toml if it exists]
     #[arg(long, value_name = "SWEEP.toml")]
     pub(crate) sweep: Option<PathBuf>,
     /// Measure what reports disagree on, even if this installation has a profile
@@ -448,8 +520,9 @@ pub(crate) struct DoctorArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct RecordArgs {
-    /// X-Plane's UDP address, `auto` for the X-Plane that announces itself on the network, or the stand-in (`mock:awkward`: with the
-    /// awkward habits of a live X-Plane), which runs as long as the recorder
+    /// X-Plane's UDP address, `auto` for the X-Plane that announces itself, or the stand-in
+    ///
+    /// The stand-in (`mock:awkward` has the awkward habits of a live X-Plane) runs as long as the recorder.
     #[arg(long, value_name = "auto|mock|mock:awkward|HOST:PORT")]
     pub(crate) sim: String,
     /// The tape to write. An existing file is never overwritten
@@ -458,13 +531,15 @@ pub(crate) struct RecordArgs {
     /// Address to listen on
     #[arg(long, default_value = "127.0.0.1")]
     pub(crate) bind: IpAddr,
-    /// UDP port for the clients; 0 takes any free one. The addresses are printed as one JSON line when it is ready
+    /// UDP port for the clients; 0 takes any free one
+    ///
+    /// The addresses are printed as one JSON line when it is ready.
     #[arg(long, default_value_t = 49100)]
     pub(crate) port: u16,
     /// How to store the pictures: inline (lossless), reference (their BLAKE3 hashes) or none
-    #[arg(long, value_name = "inline|reference|none", default_value_t = FramesKept::Inline)]
+    #[arg(long, value_name = "HOW", default_value_t = FramesKept::Inline, value_parser = one_of::<FramesKept>(&["inline", "reference", "none"]))]
     pub(crate) frames: FramesKept,
-    /// Stop when standard input ends; otherwise Ctrl-C or SIGTERM ends the recording
+    /// Stop when standard input ends, besides Ctrl-C and SIGTERM
     #[arg(long)]
     pub(crate) until_stdin_ends: bool,
 }
@@ -489,17 +564,26 @@ pub(crate) struct DemoArgs {
     /// Folder for the corpus and the run
     #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = output())]
     pub(crate) out: PathBuf,
-    /// Remove what an earlier demo made in this folder and start over. A folder with anything else in it is rejected
+    /// Remove what an earlier demo made in this folder and start over
+    ///
+    /// A folder with anything else in it is rejected.
     #[arg(long)]
     pub(crate) fresh: bool,
 }
 
-fn generation(text: &str) -> Result<Generation, String> {
-    match text {
-        "11" => Ok(Generation::XPlane11),
-        "12" => Ok(Generation::XPlane12),
-        _ => Err("expected 11 or 12".into()),
-    }
+/// One of some words, which help and completions list.
+fn one_of<T>(words: &'static [&'static str]) -> impl TypedValueParser<Value = T>
+where
+    T: FromStr<Err = String> + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(words).try_map(|word| word.parse())
+}
+
+fn generation() -> impl TypedValueParser<Value = Generation> {
+    PossibleValuesParser::new(["11", "12"]).map(|word| match word.as_str() {
+        "11" => Generation::XPlane11,
+        _ => Generation::XPlane12,
+    })
 }
 
 fn clock_rate(text: &str) -> Result<f64, String> {

@@ -4,6 +4,7 @@
 mod print;
 mod args;
 mod failure;
+mod help;
 mod logging;
 mod progress;
 mod shipped;
@@ -13,11 +14,9 @@ mod verbs;
 
 use std::process::ExitCode;
 
-use clap::Parser;
-
 fn main() -> ExitCode {
     telemetry::switch_off();
-    let args = args::Args::parse();
+    let args = help::parse();
     logging::start(args.verbose);
     if let Some(limit) = args.max_memory {
         dataset::memory::set_limit(limit);

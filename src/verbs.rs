@@ -2,6 +2,7 @@
 
 mod address;
 mod async_runtime;
+mod completions;
 mod corpus_files;
 mod demo;
 mod detect;
@@ -12,6 +13,7 @@ mod fetch;
 mod generate;
 mod install_plugin;
 mod label;
+mod man;
 mod mock_xplane;
 mod object_store;
 mod open_corpus;
@@ -53,5 +55,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Doctor(args) => doctor::run(&args),
         Verb::Record(args) => record::run(&args),
         Verb::Demo(args) => demo::run(&args),
+        Verb::Completions { shell } => completions::run(shell),
+        Verb::Man { folder } => man::run(&folder),
     }
 }

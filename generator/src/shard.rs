@@ -1,7 +1,8 @@
 //! One run's part of a plan.
 //!
-//! Scenario number k of a plan, counted from 0, belongs to shard k modulo N. Shards may write into one corpus at the same time. The
-//! shard is given by `--shard 2/8`, or read from the environment of Slurm's job arrays and Kubernetes' Indexed Jobs.
+//! Scenarios are dealt out like cards, sorted by weather, time of day and length, so that every shard gets its share of each: their cost
+//! depends on all three. Shards may write into one corpus at the same time. The shard is given by `--shard 2/8`, or read from the
+//! environment of Slurm's job arrays and Kubernetes' Indexed Jobs.
 
 use std::fmt;
 use std::str::FromStr;
@@ -76,12 +77,17 @@ impl Shard {
         self.count == 1
     }
 
-    /// The scenarios of a plan that belong to it.
+    /// The scenarios of a plan that belong to it, in the plan's order.
     pub fn part_of(self, scenarios: &[PlannedScenario]) -> impl Iterator<Item = &PlannedScenario> {
-        scenarios
-            .iter()
-            .skip(self.index as usize)
-            .step_by(self.count as usize)
+        let mut dealt: Vec<usize> = (0..scenarios.len()).collect();
+        dealt.sort_by_key(|&index| {
+            let scenario = &scenarios[index];
+            (&scenario.weather, &scenario.time_of_day, scenario.ticks)
+        });
+        let mine = dealt.into_iter().skip(self.index as usize);
+        let mut mine: Vec<usize> = mine.step_by(self.count as usize).collect();
+        mine.sort_unstable();
+        mine.into_iter().map(|index| &scenarios[index])
     }
 }
 
@@ -107,7 +113,11 @@ impl FromStr for Shard {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::plan::expand;
+    use crate::sweep::Sweep;
 
     fn environment(variables: &[(&str, &str)]) -> Result<Option<(Shard, &'static str)>, String> {
         Shard::from_environment(|name| {
@@ -126,6 +136,39 @@ mod tests {
         for wrong in ["8/8", "0/0", "1", "a/b", "-1/2"] {
             let message = wrong.parse::<Shard>().unwrap_err();
             assert!(message.contains("I from 0 to N-1"), "{wrong}: {message}");
+        }
+    }
+
+    #[test]
+    fn every_shard_gets_its_share_of_each_weather_and_of_the_ticks() {
+        let sweep = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios.toml");
+        let scenarios = expand(&Sweep::read(&sweep).unwrap()).scenarios;
+        for count in [2, 3, 4, 7] {
+            let shards: Vec<Vec<&PlannedScenario>> = (0..count)
+                .map(|index| Shard::new(index, count).unwrap().part_of(&scenarios))
+                .map(Iterator::collect)
+                .collect();
+            let mut ids: Vec<&str> = shards.iter().flatten().map(|s| s.id.as_str()).collect();
+            ids.sort_unstable();
+            let mut all: Vec<&str> = scenarios.iter().map(|s| s.id.as_str()).collect();
+            all.sort_unstable();
+            assert_eq!(ids, all);
+            for weather in ["clear", "cloudy", "stormy", "foggy"] {
+                let each = shards
+                    .iter()
+                    .map(|shard| shard.iter().filter(|s| s.weather == weather).count());
+                let (fewest, most) = (each.clone().min().unwrap(), each.max().unwrap());
+                assert!(
+                    most - fewest <= 1,
+                    "{count} shards, {weather}: {fewest} to {most}"
+                );
+            }
+            let ticks =
+                |shard: &Vec<&PlannedScenario>| shard.iter().map(|s| u64::from(s.ticks)).sum();
+            let each: Vec<u64> = shards.iter().map(ticks).collect();
+            let longest_scenario = scenarios.iter().map(|s| u64::from(s.ticks)).max().unwrap();
+            let spread = each.iter().max().unwrap() - each.iter().min().unwrap();
+            assert!(spread <= 2 * longest_scenario, "{count} shards: {each:?}");
         }
     }
 

@@ -1,0 +1,188 @@
+//! What `--help` says beyond the arguments: verbs in groups, and examples.
+
+use std::fmt::Write;
+
+use clap::{Command, CommandFactory, FromArgMatches};
+
+/// Verbs by what a user is about to do, in the order in which they are used.
+const GROUPS: &[(&str, &[&str])] = &[
+    ("Start here", &["demo", "examples"]),
+    (
+        "Corpora",
+        &[
+            "plan", "generate", "label", "detect", "verify", "push", "fetch", "schema",
+        ],
+    ),
+    ("Estimators", &["train", "evaluate", "train-detector"]),
+    (
+        "Simulators",
+        &["doctor", "install-plugin", "record", "mock-xplane"],
+    ),
+    ("The program itself", &["completions", "man", "help"]),
+];
+
+/// `{{` and `}}` would be read as tags of the template: descriptions have no braces.
+const BEFORE_GROUPS: &str = "{about-with-newline}\n{usage-heading} {usage}\n";
+const AFTER_GROUPS: &str = "\n{options}{after-help}";
+
+pub(crate) const PLAN: &str = "\
+Examples:
+  dtd plan scenarios.toml                     what it would make, how long that takes, how large it is
+  dtd plan scenarios.toml --against corpus    what is missing there, and what has changed";
+
+pub(crate) const GENERATE: &str = "\
+Examples:
+  dtd generate demo.toml --out corpus                        with the stand-in, on this machine
+  dtd generate scenarios.toml --out corpus --sim mock:2      with two of them
+  dtd generate demo.toml --out corpus --sim 127.0.0.1:49000  with X-Plane (first: dtd doctor)
+  dtd generate scenarios.toml --out s3://bucket/corpus --shard 0/4
+
+Environment:
+  DTD_LINK_TOKEN        the secret of a capture link on another computer
+  DTD_WEB_API           address of X-Plane 12's Web API, or off
+  DTD_SHARED_MEMORY     off: pictures go through the socket
+  SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX with DTD_SHARDS: the default of --shard
+  Credentials of object stores: docs/corpus.md";
+
+pub(crate) const LABEL: &str = "\
+Example:
+  dtd label corpus";
+
+pub(crate) const DETECT: &str = "\
+Examples:
+  dtd detect corpus
+  dtd detect corpus --model detector.onnx
+
+Environment:
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
+
+pub(crate) const TRAIN: &str = "\
+Examples:
+  dtd train corpus --out run --quick
+  dtd train corpus --out run --config TRAIN.toml --seed 1";
+
+pub(crate) const EVALUATE: &str = "\
+Example:
+  dtd evaluate run --corpus corpus            writes run/metrics.json and run/report.html";
+
+pub(crate) const VERIFY: &str = "\
+Examples:
+  dtd verify corpus
+  dtd verify corpus --quick                   hashes, tables and plan, without decoding the videos";
+
+pub(crate) const TRAIN_DETECTOR: &str = "\
+Example:
+  dtd train-detector corpus --out detector.onnx --minutes 60";
+
+pub(crate) const PUSH: &str = "\
+Example:
+  dtd push corpus s3://bucket/corpus";
+
+pub(crate) const FETCH: &str = "\
+Example:
+  dtd fetch s3://bucket/corpus --out corpus --only 1200-clear-r1";
+
+pub(crate) const DOCTOR: &str = "\
+Examples:
+  dtd doctor                                  X-Plane on this computer
+  dtd doctor --sim 192.168.1.20:49000 --sweep scenarios.toml
+
+Environment:
+  DTD_LINK_TOKEN        the secret of a capture link on another computer";
+
+pub(crate) const INSTALL_PLUGIN: &str = "\
+Example:
+  dtd install-plugin \"$HOME/X-Plane 12\"";
+
+pub(crate) const RECORD: &str = "\
+Examples:
+  dtd record --sim 127.0.0.1:49000 --out session.mcap    then, beside it: dtd doctor --sim 127.0.0.1:49100
+  dtd generate demo.toml --out corpus --sim tape:session.mcap";
+
+pub(crate) const MOCK_XPLANE: &str = "\
+Examples:
+  dtd mock-xplane                             an X-Plane 12 with every awkward habit, port 49000
+  dtd mock-xplane --quirks none               a well-behaved one";
+
+pub(crate) const DEMO: &str = "\
+Examples:
+  dtd demo                                    results in target/demo
+  dtd demo --out /tmp/demo --fresh";
+
+pub(crate) const EXAMPLES: &str = "\
+Example:
+  dtd examples sweeps && dtd plan sweeps/scenarios.toml";
+
+pub(crate) const COMPLETIONS: &str = "\
+Examples:
+  source <(dtd completions bash)
+  dtd completions zsh > \"${fpath[1]}/_dtd\"
+  dtd completions fish > ~/.config/fish/completions/dtd.fish";
+
+pub(crate) const MAN: &str = "\
+Example:
+  dtd man ~/.local/share/man/man1 && man dtd-generate";
+
+/// The command with its verbs in groups.
+pub(crate) fn command() -> Command {
+    let command = crate::args::Args::command();
+    let template = format!("{BEFORE_GROUPS}{}{AFTER_GROUPS}", groups(&command));
+    command.help_template(template)
+}
+
+/// Parses the arguments of this process; ends it with a message if they are wrong.
+pub(crate) fn parse() -> crate::args::Args {
+    let matches = command().get_matches();
+    crate::args::Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+}
+
+fn groups(command: &Command) -> String {
+    let about = |verb: &str| match command.find_subcommand(verb) {
+        Some(found) => found.get_about().map(ToString::to_string),
+        None => Some("Show this text, or the help of a verb".to_owned()),
+    };
+    let widest = GROUPS.iter().flat_map(|(_, verbs)| verbs.iter());
+    let width = widest.map(|verb| verb.len()).max().unwrap_or(0);
+    let mut text = String::new();
+    for (title, verbs) in GROUPS {
+        let _ = writeln!(text, "\n{title}:");
+        for verb in *verbs {
+            let _ = writeln!(
+                text,
+                "  {verb:<width$}  {}",
+                about(verb).unwrap_or_default()
+            );
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_verb_is_in_one_group_described_in_a_line_and_has_an_example() {
+        let command = command();
+        command.clone().debug_assert();
+        let mut grouped: Vec<&str> = GROUPS
+            .iter()
+            .flat_map(|(_, verbs)| *verbs)
+            .copied()
+            .collect();
+        grouped.sort_unstable();
+        let mut verbs: Vec<&str> = command.get_subcommands().map(Command::get_name).collect();
+        verbs.push("help");
+        verbs.sort_unstable();
+        assert_eq!(grouped, verbs);
+        for verb in command.get_subcommands() {
+            let about = verb.get_about().unwrap().to_string();
+            assert!(about.len() <= 80 && !about.contains(['{', '}']), "{about}");
+            let name = verb.get_name();
+            if name != "schema" {
+                let after = verb.get_after_help().unwrap_or_else(|| panic!("{name}"));
+                assert!(after.to_string().contains(&format!("dtd {name}")), "{name}");
+            }
+        }
+    }
+}
