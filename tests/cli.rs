@@ -148,6 +148,11 @@ fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_wr
             .and_then(|(_, rest)| rest.split(':').next())
             .and_then(|line| line.parse::<usize>().ok());
         assert!(place.is_some(), "{to}: no line in {message}");
+        let line = format!("{} | ", place.unwrap_or_default());
+        assert!(
+            message.contains(&line) && message.contains(" ^"),
+            "{to}: the line is not shown in {message}"
+        );
         for word in words {
             assert!(message.contains(word), "{to}: no {word:?} in {message}");
         }

@@ -303,6 +303,33 @@ fn names_and_rates_that_nothing_can_have_are_refused_by_plan_with_their_line() {
 }
 
 #[test]
+fn a_mistake_in_training_settings_is_shown_in_its_line() {
+    let tiny = Tiny::made().copy();
+    for (settings, words) in [
+        (
+            "seed = 1\n[estimator]\nlstm = [0, 8]\n",
+            [
+                "odd.toml:3:8: configuration: estimator.lstm is 0, expected a whole number from 1 to 16384",
+                "3 | lstm = [0, 8]\n  |        ^^^^^^",
+            ],
+        ),
+        (
+            "seed = 1\n[estimator]\ndropout = 0.5\n",
+            [
+                "odd.toml:3:1: unknown field `dropout`",
+                "3 | dropout = 0.5\n  | ^^^^^^^",
+            ],
+        ),
+        ("seed = \n", ["odd.toml:1:", "1 | seed ="]),
+    ] {
+        fs::write(tiny.path("odd.toml"), settings).unwrap();
+        let train = ["train", "corpus", "--out", "new", "--config", "odd.toml"];
+        assert_says(&tiny, &train, 2, &words);
+        assert!(!tiny.path("new").exists());
+    }
+}
+
+#[test]
 fn a_path_that_is_no_text_has_one_message_for_all_verbs() {
     let tiny = Tiny::made().copy();
     let name = OsString::from_vec(b"corp\xffs".to_vec());

@@ -39,6 +39,7 @@ pub mod scenario;
 pub mod seal;
 pub mod sealed;
 pub mod splits;
+pub mod toml_file;
 pub mod units;
 pub mod verify;
 pub mod video;

@@ -1,6 +1,6 @@
 //! A sweep: the TOML file that describes which scenarios a corpus contains.
 //!
-//! Input: the file. Output: a [`Sweep`] whose every value has been checked, or one message with file, line and column.
+//! Input: the file. Output: a [`Sweep`] whose every value has been checked, or one message with file, line, column and the line itself.
 //! [`crate::plan`] expands it.
 
 mod aim;
@@ -13,7 +13,6 @@ mod grid;
 mod imaging;
 mod jitter;
 mod limits;
-mod locate;
 mod picture;
 mod profiles;
 mod recorded;
@@ -30,6 +29,7 @@ use std::path::{Path, PathBuf};
 
 use dataset::outside_file::{self, FileKind};
 use dataset::runway::Runway;
+use dataset::toml_file::{TomlError, TomlFile};
 use dataset::video::VideoSettings;
 use xplane_bridge::fly::ApproachProfile;
 
@@ -98,20 +98,17 @@ pub struct Sweep {
 impl Sweep {
     /// Reads and checks a sweep. Paths in it are relative to its own folder.
     pub fn read(path: &Path) -> Result<Self, SweepError> {
-        let text = outside_file::read_text(path, FileKind::SWEEP)
-            .map_err(|error| SweepError::unreadable(path, &error))?;
+        let text =
+            outside_file::read_text(path, FileKind::SWEEP).map_err(SweepError::Unreadable)?;
         let folder = path.parent().map(PathBuf::from).unwrap_or_default();
-        Self::parse(path, &folder, text)
+        Ok(Self::parse(path, &folder, text)?)
     }
 
     /// Checks the text of a sweep; `path` is its name in messages, paths in it are relative to `folder`.
-    pub fn parse(path: &Path, folder: &Path, text: String) -> Result<Self, SweepError> {
-        let document: document::Document = toml::from_str(&text)
-            .map_err(|error| SweepError::at(path, &text, error.span(), error.message().trim()))?;
-        check::check(document, folder, &text).map_err(|fault| {
-            let span = locate::span_of(&text, &fault.key);
-            SweepError::at(path, &text, span, &fault.message)
-        })
+    pub fn parse(path: &Path, folder: &Path, text: String) -> Result<Self, TomlError> {
+        let file = TomlFile::new(path, &text);
+        check::check(file.parse()?, folder, &text)
+            .map_err(|fault| file.rejected(&fault.key, &fault.message))
     }
 
     /// Number of scenarios that the sweep expands to.

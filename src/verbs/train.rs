@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
+use dataset::toml_file::TomlFile;
 use serde::Serialize;
 use trainer::{Progress, TrainConfig, TrainOutcome};
 
@@ -97,13 +98,7 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
     let mut config = match &args.config {
         None if args.quick => TrainConfig::demo(),
         None => TrainConfig::default(),
-        Some(path) => {
-            let text =
-                outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
-            toml::from_str(&text).map_err(|error| {
-                Failure::bad_input_message(format!("{}: {error}", path.display()))
-            })?
-        }
+        Some(path) => settings_in(path)?,
     };
     if let Some(seed) = args.seed {
         config.seed = seed;
@@ -112,4 +107,19 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
         config.model_hash.clone_from(&args.detections);
     }
     Ok(config)
+}
+
+/// The settings in a file. One that is out of range is shown in its line.
+fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
+    let text = outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
+    let file = TomlFile::new(path, &text);
+    let config: TrainConfig = file.parse().map_err(Failure::bad_input)?;
+    match config.check() {
+        Ok(()) => Ok(config),
+        Err(error @ trainer::Error::Setting { setting, .. }) => {
+            let shown = file.rejected(setting, &error.to_string());
+            Err(Failure::bad_input(shown))
+        }
+        Err(error) => Err(failure_of(error)),
+    }
 }

@@ -8,7 +8,7 @@ use dataset::file_name;
 /// An invalid value.
 #[derive(Debug)]
 pub(super) struct Fault {
-    /// Dotted key of the value, for [`super::locate`].
+    /// Dotted key of the value, for [`dataset::toml_file::TomlFile::rejected`].
     pub(super) key: String,
     /// What was found and what was expected.
     pub(super) message: String,
