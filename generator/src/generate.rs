@@ -10,9 +10,7 @@
 //!                                                      remote: one scenario to the object store  <-
 //! ```
 
-mod all;
 mod attempt;
-mod cancel;
 mod encoders;
 mod error;
 mod event;
@@ -40,9 +38,9 @@ use std::sync::Arc;
 use dataset::claim::Claim;
 use dataset::corpus::Corpus;
 use dataset::memory;
+use futures_util::future::join_all;
 use xplane_bridge::pixels::{PixelChoice, Screen};
 
-pub use cancel::Cancel;
 pub use error::{GenerateError, ScenarioError};
 pub use event::{Event, OnEvent};
 pub use outcome::{FailedScenario, Outcome, Stopped};
@@ -50,10 +48,13 @@ pub use patience::Patience;
 pub use remote::Remote;
 pub use session::SimulatorTarget;
 pub use simulators::Simulators;
+/// A switch that can be set once, from any thread, e.g. by Ctrl-C.
+pub use tokio_util::sync::CancellationToken as Cancel;
 
 use crate::plan::{Common, Plan, PlannedScenario, expand, room_bytes};
 use crate::shard::Shard;
 use crate::sweep::{Picture, Sweep};
+use attempt::unless_cancelled;
 use event::Reporter;
 use pictures::Pictures;
 use record::Work;
@@ -256,10 +257,10 @@ async fn open_sessions(
         .enumerate()
         .map(|(number, target)| async move {
             let mut session = Session::new(target, number, &options.stand_in_program, pictures);
-            let trouble = cancel.or(session.open()).await.err();
+            let trouble = unless_cancelled(cancel, session.open()).await.err();
             (session, trouble)
         });
-    let mut sessions = all::all(opening).await;
+    let mut sessions = join_all(opening).await;
     if cancel.is_cancelled() {
         return Err(GenerateError::Cancelled);
     }

@@ -60,7 +60,7 @@ pub(crate) fn run(args: &MockXplaneArgs) -> Outcome {
                 error @ MockError::NoToken { .. } => Failure::bad_input(error),
                 error => error.into(),
             })?,
-            () = stop.turned() => {}
+            () = stop.cancelled() => {}
             () = stdin_ended(), if args.until_stdin_ends => {}
         }
         Ok(Ending::Done)

@@ -47,7 +47,7 @@ pub(crate) fn run(args: &RecordArgs) -> Outcome {
     let recorded = runtime.block_on(async {
         let stop = async {
             tokio::select! {
-                () = cancel.turned() => {}
+                () = cancel.cancelled() => {}
                 () = stdin_ended(), if args.until_stdin_ends => {}
             }
         };

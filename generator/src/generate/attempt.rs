@@ -5,7 +5,7 @@ use std::time::Duration;
 use tokio::time::timeout;
 use xplane_bridge::BridgeError;
 
-use super::cancel::Cancel;
+use super::Cancel;
 use super::error::ScenarioError;
 use super::event::Reporter;
 
@@ -32,6 +32,25 @@ impl Attempt<'_, '_> {
                 }),
             }
         };
-        self.cancel.or(limited).await
+        self.unless_cancelled(limited).await
+    }
+
+    /// Waits for `work`, but no longer than until the run is cancelled.
+    pub(super) async fn unless_cancelled<T, E: Into<ScenarioError>>(
+        &self,
+        work: impl Future<Output = Result<T, E>>,
+    ) -> Result<T, ScenarioError> {
+        unless_cancelled(self.cancel, work).await
+    }
+}
+
+/// The same for work that belongs to no attempt.
+pub(super) async fn unless_cancelled<T, E: Into<ScenarioError>>(
+    cancel: &Cancel,
+    work: impl Future<Output = Result<T, E>>,
+) -> Result<T, ScenarioError> {
+    match cancel.run_until_cancelled(work).await {
+        Some(done) => done.map_err(Into::into),
+        None => Err(ScenarioError::Cancelled),
     }
 }

@@ -73,7 +73,9 @@ pub(super) async fn capture(
             });
         }
         last_sim_frame = Some(seen.sim_frame);
-        attempt.cancel.or(encoders.write(view, frame.rgb)).await?;
+        attempt
+            .unless_cancelled(encoders.write(view, frame.rgb))
+            .await?;
         while let Some(memory) = encoders.take_written() {
             simulator.recycle(memory);
         }
@@ -89,7 +91,7 @@ pub(super) async fn capture(
         }
     }
     // The screen's registration before the first picture must still hold after the last.
-    attempt.cancel.or(simulator.confirm_pixels()).await?;
+    attempt.unless_cancelled(simulator.confirm_pixels()).await?;
     Ok(drawn)
 }
 

@@ -106,15 +106,14 @@ async fn record_into(
 ) -> Result<(u32, Simulator), ScenarioError> {
     let (common, parameters) = (&work.plan.common, &scenario.parameters);
     let picture = common.picture;
-    let cancel = attempt.cancel;
-    let mut simulator = cancel.or(session.connect()).await?;
+    let mut simulator = attempt.unless_cancelled(session.connect()).await?;
     simulator.set_aircraft(&common.aircraft);
     let (start, live) = start(work, scenario);
-    cancel
-        .or(simulator.prepare(&parameters.conditions, &start, live))
+    attempt
+        .unless_cancelled(simulator.prepare(&parameters.conditions, &start, live))
         .await?;
-    cancel
-        .or(simulator.set_conditions(&parameters.conditions))
+    attempt
+        .unless_cancelled(simulator.set_conditions(&parameters.conditions))
         .await?;
     let views = rig::views(common, parameters);
     let imaging: Vec<Imaging> = views.iter().map(|view| view.imaging).collect();
@@ -131,7 +130,9 @@ async fn record_into(
     });
 
     if let Some(first) = states.first() {
-        cancel.or(simulator.look_at_pictures(&first.pose)).await?;
+        attempt
+            .unless_cancelled(simulator.look_at_pictures(&first.pose))
+            .await?;
     }
     if let Some(known) = session.news_of(&simulator) {
         attempt.reporter.tell(Event::Profile {
@@ -139,8 +140,8 @@ async fn record_into(
             known: &known,
         });
     }
-    cancel
-        .or(simulator.freeze_imaging(&common.runway, &imaging))
+    attempt
+        .unless_cancelled(simulator.freeze_imaging(&common.runway, &imaging))
         .await?;
     let ids = views.iter().map(|view| view.id.as_str());
     let mut encoders = Encoders::start(folder, ids, picture, &common.video);
@@ -159,7 +160,9 @@ async fn record_into(
     };
     let pts = encoders.finish().await?;
     // Nothing is sealed that a simulator with other settings may have drawn.
-    cancel.or(simulator.confirm_conditions()).await?;
+    attempt
+        .unless_cancelled(simulator.confirm_conditions())
+        .await?;
 
     frames(&views, &states, &drawn, &pts, picture).write(&folder.frames_path())?;
     let calibration = calibration(&views, picture);
@@ -234,8 +237,7 @@ async fn trajectory(
         }
         (Flight::Live, Some(live)) => {
             let states = attempt
-                .cancel
-                .or(simulator.fly(&fly_request(&work.plan.common, scenario, live)))
+                .unless_cancelled(simulator.fly(&fly_request(&work.plan.common, scenario, live)))
                 .await?;
             Trajectory::new(states)
                 .map(Arc::new)

@@ -258,7 +258,7 @@ impl<'a> Run<'a> {
         self.reporter.tell(Event::UploadBehind { id: &scenario.id });
         let sent = tokio::select! {
             biased;
-            () = self.halt.turned() => false,
+            () = self.halt.cancelled() => false,
             sent = uploads.send(job) => sent.is_ok(),
         };
         if !sent {
@@ -331,7 +331,7 @@ impl<'a> Run<'a> {
                 .await
         });
         let no_longer = async {
-            self.halt.turned().await;
+            self.halt.cancelled().await;
             sleep(LEAVE_TAKING).await;
         };
         let pushed = tokio::select! {

@@ -11,13 +11,11 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use dataset::claim::Claim;
+use futures_util::future::join_all;
 use indicatif::DecimalBytes;
 use tokio::sync::mpsc;
 
-use super::GenerateOptions;
-use super::all::all;
-use super::attempt::Attempt;
-use super::cancel::Cancel;
+use super::attempt::{Attempt, unless_cancelled};
 use super::error::{Blame, GenerateError, ScenarioError};
 use super::event::{Event, Reporter};
 use super::outcome::{FailedScenario, Outcome, Stopped};
@@ -28,6 +26,7 @@ use super::remote::{Job, Remote, WAITING};
 use super::session::Session;
 use super::set_aside::SetAside;
 use super::space;
+use super::{Cancel, GenerateOptions};
 use crate::plan::{PlannedScenario, room_bytes};
 
 /// A simulator that fails this often in a row, whatever the scenario, is considered gone.
@@ -103,14 +102,14 @@ impl<'a> Run<'a> {
             .into_iter()
             .map(|(session, trouble)| self.worker(session, trouble));
         let until_cancelled = async {
-            cancel.turned().await;
+            cancel.cancelled().await;
             self.stop(Stopped::Interrupted);
             std::future::pending::<()>().await;
         };
         let (handed_over, uploads) = mpsc::channel(WAITING);
         *lock(&self.uploads) = Some(handed_over);
         let make = async {
-            tokio::join!(all(workers), self.hand_over_staged(staged));
+            tokio::join!(join_all(workers), self.hand_over_staged(staged));
             lock(&self.uploads).take();
         };
         tokio::select! {
@@ -393,7 +392,7 @@ impl<'a> Run<'a> {
         limit: Duration,
     ) -> Result<bool, ScenarioError> {
         let back = async { Ok::<_, ScenarioError>(session.come_back(limit).await) };
-        self.halt.or(back).await
+        unless_cancelled(&self.halt, back).await
     }
 
     /// Giving up the last simulator ends the run: the workers have left, and scenarios remain.
@@ -426,7 +425,7 @@ impl<'a> Run<'a> {
 
     async fn pause(&self, pause: Duration) {
         tokio::select! {
-            () = self.halt.turned() => {}
+            () = self.halt.cancelled() => {}
             () = tokio::time::sleep(pause) => {}
         }
     }
