@@ -12,7 +12,7 @@ use std::time::Duration;
 use mock_xplane::server::Addresses;
 use tokio::sync::Mutex;
 use tokio::time::{Instant, timeout_at};
-use xpudpc::{Beacon, PlacementConfig, Pose, Response, SituationOp, StartType, XPlaneClient};
+use xpudpc::{Beacon, PlacementConfig, Pose, Response, StartType, XPlaneClient};
 
 /// Clients listen to the beacon's port in mutually exclusive ways.
 static BEACON_PORT: Mutex<()> = Mutex::const_new(());
@@ -249,21 +249,9 @@ async fn xpudpc_subscribes_reads_writes_commands_and_moves_the_aircraft() {
     client.move_aircraft(0, pose(1.26)).await.unwrap();
     latitude(&client, 1.26).await;
     client
-        .situation(SituationOp::SaveSituation, "here.sit")
-        .await
-        .unwrap();
-    client.drive_visuals(0, pose(1.27)).await.unwrap();
-    latitude(&client, 1.27).await;
-    client
-        .situation(SituationOp::LoadSituation, "here.sit")
-        .await
-        .unwrap();
-    latitude(&client, 1.26).await;
-    client
         .load_aircraft(0, "Aircraft/other.acf", 0)
         .await
         .unwrap();
-    client.alert("a", "b", "c", "d").await.unwrap();
 
     // A new flight flies, and its rates are not zero.
     let start = PlacementConfig {

@@ -13,26 +13,6 @@ pub const MPS_PER_KNOT: f64 = METERS_PER_NAUTICAL_MILE / 3600.0;
 /// Nanoseconds in one second.
 pub const NANOS_PER_SECOND: i64 = 1_000_000_000;
 
-/// A length in metres.
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
-pub struct Meters(pub f64);
-
-/// A length in international nautical miles (1852 m).
-#[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
-pub struct NauticalMiles(pub f64);
-
-impl From<NauticalMiles> for Meters {
-    fn from(length: NauticalMiles) -> Self {
-        Self(length.0 * METERS_PER_NAUTICAL_MILE)
-    }
-}
-
-impl From<Meters> for NauticalMiles {
-    fn from(length: Meters) -> Self {
-        Self(length.0 / METERS_PER_NAUTICAL_MILE)
-    }
-}
-
 /// An angle in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]
 pub struct Degrees(pub f64);
@@ -69,12 +49,6 @@ impl SimTime {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn ten_nautical_miles_are_18520_metres() {
-        assert_eq!(Meters::from(NauticalMiles(10.0)), Meters(18_520.0));
-        assert_eq!(NauticalMiles::from(Meters(18_520.0)), NauticalMiles(10.0));
-    }
 
     #[test]
     fn angles_wrap_to_their_half_open_range() {

@@ -119,18 +119,6 @@ to_simulator(
     struct.pack("<5si150s2xi", b"ACFN", 0, ACF, 1),
     {"load_aircraft": {"plane": 0, "path": ACF.decode(), "livery": 1}},
 )
-SIT = b"Output/situations/final.sit"
-for number, action in enumerate(["save", "load"]):
-    to_simulator(
-        f"simo_{action}", f"{action} a situation",
-        struct.pack("<5si150s2x", b"SIMO", number, SIT),
-        {"situation": {"action": action, "path": SIT.decode()}},
-    )
-to_simulator(
-    "alrt", "two lines of a message, two empty ones",
-    struct.pack("<5s240s240s240s240s", b"ALRT", b"Recording.", b"Please do not touch.", b"", b""),
-    {"alert": {"lines": ["Recording.", "Please do not touch.", "", ""]}},
-)
 ROWS = [(20, [1.25, 103.5, 762.0, 755.25, 0.0, 2500.0, 1.0, 103.0]), (17, [5.25, -0.5, 23.0] + [-999.0] * 5)]
 DATA = b"".join(struct.pack("<i8f", index, *values) for index, values in ROWS)
 DATA_MEANING = {"data": {"rows": [{"index": index, "values": values} for index, values in ROWS]}}

@@ -6,7 +6,6 @@
 //! commands come padded or unterminated, beacons vary in length.
 
 mod aircraft_file;
-mod alert;
 mod beacon;
 mod body;
 mod command;
@@ -14,20 +13,17 @@ mod data;
 mod dataref;
 mod place;
 mod position;
-mod situation;
 mod subscription;
 
 use serde::{Deserialize, Serialize};
 
 pub use aircraft_file::LoadAircraft;
-pub use alert::Alert;
 pub use beacon::{BEACON_GROUP, BEACON_PORT, Beacon};
 pub use command::Command;
 pub use data::{DataRow, DataRows, LEAVE_ALONE, MAX_DATA_ROWS};
 pub use dataref::WriteDataref;
 pub use place::{PlaceAircraft, PlaceAtStart};
 pub use position::{Position, SubscribePosition};
-pub use situation::{Situation, SituationAction};
 pub use subscription::{
     DatarefValue, DatarefValues, DatarefValuesView, MAX_VALUES_PER_REPLY, SubscribeDataref,
 };
@@ -93,10 +89,6 @@ pub enum ToSimulator {
     PlaceAtStart(PlaceAtStart),
     /// `ACFN`: load another aircraft.
     LoadAircraft(LoadAircraft),
-    /// `SIMO`: save or load a situation.
-    Situation(Situation),
-    /// `ALRT`: show a message.
-    Alert(Alert),
     /// `DATA`: set values of the data output.
     Data(DataRows),
 }
@@ -126,8 +118,6 @@ impl ToSimulator {
             b"VEHX" | b"VEHS" => PlaceAircraft::decode(datagram).map(Self::PlaceAircraft),
             b"PREL" => PlaceAtStart::decode(datagram).map(Self::PlaceAtStart),
             b"ACFN" => LoadAircraft::decode(datagram).map(Self::LoadAircraft),
-            b"SIMO" => Situation::decode(datagram).map(Self::Situation),
-            b"ALRT" => Alert::decode(datagram).map(Self::Alert),
             b"DATA" => DataRows::decode(datagram).map(Self::Data),
             tag => Err(unknown(tag, "to the simulator")),
         }
@@ -143,8 +133,6 @@ impl ToSimulator {
             Self::PlaceAircraft(packet) => Ok(packet.encode()),
             Self::PlaceAtStart(packet) => packet.encode(),
             Self::LoadAircraft(packet) => packet.encode(),
-            Self::Situation(packet) => packet.encode(),
-            Self::Alert(packet) => packet.encode(),
             Self::Data(packet) => packet.encode_to_simulator(),
         }
     }
@@ -205,7 +193,6 @@ mod tests {
                 path: "sim/operation/regen_weather".into(),
             }),
             ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 30 }),
-            ToSimulator::Alert(Alert::default()),
         ];
         for packet in packets {
             let mut bytes = packet.encode().unwrap();
@@ -219,8 +206,7 @@ mod tests {
     #[test]
     fn a_bare_tag_is_refused_unless_its_body_may_be_empty() {
         for tag in [
-            b"RREF", b"DREF", b"CMND", b"RPOS", b"VEHX", b"VEHS", b"PREL", b"ACFN", b"SIMO",
-            b"ALRT",
+            b"RREF", b"DREF", b"CMND", b"RPOS", b"VEHX", b"VEHS", b"PREL", b"ACFN",
         ] {
             assert!(ToSimulator::decode(tag).is_err(), "{}", tag.escape_ascii());
         }

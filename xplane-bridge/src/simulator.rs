@@ -255,12 +255,6 @@ impl Simulator {
         &self.description
     }
 
-    /// Sets how many frames X-Plane draws with a new pose and camera before the one that counts, from the next freeze on. More, if
-    /// its profile says so.
-    pub fn set_settle_frames(&mut self, frames: u32) {
-        self.settle_frames = frames;
-    }
-
     /// Sets the aircraft, by its name in sweeps. One that comes with X-Plane is loaded when a flight begins; any other must be
     /// loaded by the user.
     pub fn set_aircraft(&mut self, name: &str) {

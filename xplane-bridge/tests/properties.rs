@@ -2,9 +2,9 @@
 
 use proptest::prelude::*;
 use xplane_bridge::packet::{
-    Alert, Beacon, Command, DataRow, DataRows, DatarefValue, DatarefValues, DatarefValuesView,
-    FromSimulator, LoadAircraft, PacketError, PlaceAircraft, PlaceAtStart, Position, Situation,
-    SituationAction, SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
+    Beacon, Command, DataRow, DataRows, DatarefValue, DatarefValues, DatarefValuesView,
+    FromSimulator, LoadAircraft, PacketError, PlaceAircraft, PlaceAtStart, Position,
+    SubscribeDataref, SubscribePosition, ToSimulator, WriteDataref,
 };
 
 /// A text that fits a field: no NUL, no closing space, at most `most` bytes.
@@ -95,16 +95,6 @@ fn to_simulator() -> impl Strategy<Value = ToSimulator> {
                 livery,
             })
         }),
-        (any::<bool>(), text(149)).prop_map(|(save, path)| {
-            let action = if save {
-                SituationAction::Save
-            } else {
-                SituationAction::Load
-            };
-            ToSimulator::Situation(Situation { action, path })
-        }),
-        [text(239), text(239), text(239), text(239)]
-            .prop_map(|lines| ToSimulator::Alert(Alert { lines })),
         data_rows().prop_map(ToSimulator::Data),
     ]
 }
@@ -130,9 +120,8 @@ fn datagram() -> impl Strategy<Value = Vec<u8>> {
         .prop_map(|(tag, body)| [tag, body].concat())
 }
 
-const TAGS: [&[u8; 4]; 12] = [
-    b"RREF", b"DREF", b"CMND", b"RPOS", b"VEHX", b"VEHS", b"PREL", b"ACFN", b"SIMO", b"ALRT",
-    b"DATA", b"BECN",
+const TAGS: [&[u8; 4]; 10] = [
+    b"RREF", b"DREF", b"CMND", b"RPOS", b"VEHX", b"VEHS", b"PREL", b"ACFN", b"DATA", b"BECN",
 ];
 
 proptest! {

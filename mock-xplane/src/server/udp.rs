@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use tokio::net::UdpSocket;
 use tokio::time::{MissedTickBehavior, interval};
-use xplane_bridge::packet::{DataRows, FromSimulator, SituationAction, ToSimulator};
+use xplane_bridge::packet::{DataRows, FromSimulator, ToSimulator};
 
 use super::faults::disorder::{Disorder, Way};
 use super::faults::outages::Outages;
@@ -137,20 +137,6 @@ impl Server {
             }
             ToSimulator::LoadAircraft(load) if load.plane == 0 => {
                 self.world.lock().load_aircraft(&load.path);
-            }
-            ToSimulator::Situation(situation) => {
-                let mut world = self.world.lock();
-                match situation.action {
-                    SituationAction::Save => world.save_situation(&situation.path),
-                    SituationAction::Load => {
-                        if !world.load_situation(&situation.path) {
-                            tracing::warn!(%from, path = situation.path, "no such situation");
-                        }
-                    }
-                }
-            }
-            ToSimulator::Alert(alert) => {
-                tracing::info!(%from, lines = ?alert.lines, "a client shows a message");
             }
             ToSimulator::Data(data) => {
                 for row in &data.rows {

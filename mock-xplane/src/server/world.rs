@@ -15,8 +15,6 @@ mod scenery;
 mod sky;
 mod view;
 
-use std::collections::HashMap;
-
 use dataset::conditions::{Clock, Weather};
 use dataset::geodesy::LatLon;
 use dataset::imaging::Imaging;
@@ -50,8 +48,6 @@ pub(super) struct World {
     drawn_frames: u64,
     /// Code of the check pattern while it is shown.
     check_pattern: Option<u32>,
-    /// What clients saved, by path.
-    situations: HashMap<String, State>,
     /// Otherwise the main menu is open.
     flight_loaded: bool,
     quirks: Quirks,
@@ -63,7 +59,7 @@ pub(super) struct World {
     others_fly: bool,
 }
 
-/// Content of a situation file.
+/// What a flight consists of.
 #[derive(Debug, Clone)]
 struct State {
     datarefs: Datarefs,
@@ -106,7 +102,6 @@ impl World {
             imaging: vec![],
             drawn_frames: 0,
             check_pattern: None,
-            situations: HashMap::new(),
             flight_loaded,
             quirks,
             hosted: false,
@@ -371,24 +366,6 @@ impl World {
         aircraft.start(pose, 0.0);
         aircraft.publish(datarefs);
         self.placements += 1;
-    }
-
-    /// `SIMO`: saves everything under a name.
-    pub(super) fn save_situation(&mut self, path: &str) {
-        self.situations.insert(path.into(), self.state.clone());
-    }
-
-    /// `SIMO`: restores everything; returns whether there is such a situation.
-    pub(super) fn load_situation(&mut self, path: &str) -> bool {
-        let Some(state) = self.situations.get(path) else {
-            return false;
-        };
-        let running_s = self.state.datarefs.get(RUNNING_TIME_S);
-        self.state = state.clone();
-        self.state.datarefs.set(RUNNING_TIME_S, running_s);
-        self.flight_loaded = true;
-        self.placements += 1;
-        true
     }
 
     /// What `RPOS` says.
