@@ -2,28 +2,21 @@
 //! Recorded flights must give the pictures of a well-behaved simulator; live ones must be valid.
 #![cfg(target_os = "linux")]
 
-#[path = "awkward/pictures.rs"]
-mod pictures;
-#[path = "awkward/simulator.rs"]
-#[allow(dead_code, reason = "each test file uses a part of it")]
-mod simulator;
-#[path = "../mock-xplane/tests/xvfb/mod.rs"]
-mod xvfb;
-
 use std::env;
-use std::path::Path;
 use std::sync::{LazyLock, Mutex};
 use std::thread;
 
 use dataset::corpus::Corpus;
 use dataset::verify::verify;
 use mock_xplane::quirks::{FACTS, Facts, OPEN, Quirks};
+use testkit::command::{Dtd, said};
+use testkit::pictures::{ALIKE, farthest, pictures};
+use testkit_simulator::{PATIENCE, SWEEP, SimulatorProcess, plugin};
 use tokio::time::timeout;
 use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::subscription::Subscription;
 
-use pictures::{ALIKE, farthest, pictures};
-use simulator::{PATIENCE, PLUGIN, SWEEP, Simulator, plugin_with, said};
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// The scenarios of the sweep: one flown live, and two that fly a recording.
 const LIVE: &str = "1200-clear-r1";
@@ -38,7 +31,7 @@ const COMBINATIONS: usize = 6;
 /// Pictures of storm and haze from well-behaved simulators, of X-Plane 11 and 12.
 static WANTED: LazyLock<[[Vec<Vec<u8>>; 2]; 2]> = LazyLock::new(|| {
     ["11", "12"].map(|xplane| {
-        let simulator = Simulator::start(xplane, Some("none"), Path::new(PLUGIN));
+        let simulator = SimulatorProcess::start(DTD, xplane, Some("none"), &plugin::folder());
         let corpus = made(&simulator, &format!("{STORM},{HAZE}")).unwrap();
         [STORM, HAZE].map(|id| pictures(&corpus, id))
     })
@@ -49,7 +42,7 @@ fn wanted(xplane: &str, id: &str) -> &'static [Vec<u8>] {
 }
 
 /// Records scenarios, or returns why not.
-fn made(simulator: &Simulator, only: &str) -> Result<std::path::PathBuf, String> {
+fn made(simulator: &SimulatorProcess, only: &str) -> Result<std::path::PathBuf, String> {
     let corpus = simulator.folder().join("corpus");
     let output = simulator.generate(only, &corpus);
     match output.status.success() {
@@ -60,7 +53,7 @@ fn made(simulator: &Simulator, only: &str) -> Result<std::path::PathBuf, String>
 
 /// What is wrong with the scenarios of a simulator with some habits, if anything.
 fn wrong_with(xplane: &str, quirks: Option<&str>, only: &str) -> Option<String> {
-    let simulator = Simulator::start(xplane, quirks, Path::new(PLUGIN));
+    let simulator = SimulatorProcess::start(DTD, xplane, quirks, &plugin::folder());
     let corpus = match made(&simulator, only) {
         Ok(corpus) => corpus,
         Err(said) => return Some(format!("{said}\nthe simulator: {}", simulator.log())),
@@ -178,7 +171,7 @@ fn drawn(seed: usize) -> Quirks {
 fn a_start_whose_connection_the_web_api_drops_is_found_by_where_the_aircraft_is_and_asked_for_once()
 {
     let habits = "dropped_start,restarting_start,far_away,slow_scenery";
-    let simulator = Simulator::start("12", Some(habits), Path::new(PLUGIN));
+    let simulator = SimulatorProcess::start(DTD, "12", Some(habits), &plugin::folder());
     let output = simulator.generate(LIVE, &simulator.folder().join("corpus"));
     let said = said(&output);
     assert!(output.status.success(), "{said}");
@@ -192,7 +185,7 @@ fn a_storm_leaves_no_cloud_in_the_haze_after_it() {
     let storm_from_haze = farthest(wanted("12", STORM), wanted("12", HAZE));
     assert!(storm_from_haze > 4.0, "{storm_from_haze}");
     let habits = "late_clouds,regeneration_restores_preset,paused_weather,cloud_base_off";
-    let simulator = Simulator::start("12", Some(habits), Path::new(PLUGIN));
+    let simulator = SimulatorProcess::start(DTD, "12", Some(habits), &plugin::folder());
     for id in [STORM, HAZE] {
         let corpus = made(&simulator, id).unwrap();
         let apart = farthest(&pictures(&corpus, id), wanted("12", id));
@@ -220,7 +213,7 @@ async fn until_read(watch: &mut Subscription, wanted: &[Option<f32>]) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one_goes_on() {
-    let simulator = Simulator::start("12", None, Path::new(PLUGIN));
+    let simulator = SimulatorProcess::start(DTD, "12", None, &plugin::folder());
     let names = [
         datarefs::OVERRIDE_FLIGHT_MODEL,
         datarefs::PAUSED,
@@ -262,8 +255,8 @@ async fn x_plane_is_as_it_was_found_after_a_dtd_that_was_killed_and_the_next_one
 /// How far the haze's pictures are from the expected ones if the plugin lacks its remedy for a habit.
 fn without_remedy(quirk: &str, change: (&str, &str, &str)) -> f64 {
     let folder = tempfile::tempdir().unwrap();
-    let plugin = plugin_with(folder.path(), &[change]);
-    let simulator = Simulator::start("12", Some(quirk), &plugin);
+    let plugin = plugin::with(folder.path(), &[change]);
+    let simulator = SimulatorProcess::start(DTD, "12", Some(quirk), &plugin);
     let corpus = made(&simulator, HAZE).unwrap();
     farthest(&pictures(&corpus, HAZE), wanted("12", HAZE))
 }

@@ -4,26 +4,17 @@
 //! its screen, as with `grab = on`.
 #![cfg(target_os = "linux")]
 
-#[path = "awkward/pictures.rs"]
-#[allow(dead_code, reason = "each test file uses a part of it")]
-mod pictures;
-#[path = "awkward/simulator.rs"]
-#[allow(dead_code, reason = "each test file uses a part of it")]
-mod simulator;
-#[path = "../mock-xplane/tests/xvfb/mod.rs"]
-mod xvfb;
-
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::Output;
 
 use mock_xplane::window::X11Window;
-use pictures::pictures;
-use serde_json::Value;
-use simulator::{PLUGIN, SWEEP, Simulator, plugin_with, said};
+use testkit::command::{Dtd, Server, said};
+use testkit::pictures::pictures;
+use testkit_simulator::{SWEEP, SimulatorProcess, plugin};
 use xplane_bridge::tape::TapeReader;
 use xplane_bridge::{LINK_TOKEN_VARIABLE, WEB_API_VARIABLE};
 
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 const TOKEN: &str = "open sesame";
 /// A recorded flight without a cloud.
 const HAZE: &str = "1200-hazy-r1";
@@ -36,18 +27,18 @@ const ELSEWHERE: (&str, &str, &str) = (
 const GRAB_ON: (&str, &str, &str) = ("settings.py", "grab: bool = False", "grab: bool = True");
 
 /// An X-Plane 12 with the changed plugin.
-fn simulator(folder: &Path, changes: &[(&str, &str, &str)]) -> Simulator {
-    let plugin = plugin_with(folder, changes);
-    Simulator::start_with_token("12", Some("none"), &plugin, TOKEN)
+fn simulator(folder: &Path, changes: &[(&str, &str, &str)]) -> SimulatorProcess {
+    let plugin = plugin::with(folder, changes);
+    SimulatorProcess::start_with_token(DTD, "12", Some("none"), &plugin, TOKEN)
 }
 
 /// A verb of `dtd` on the other computer, which has no display.
-fn from_elsewhere(simulator: &Simulator, arguments: &[&str]) -> Output {
+fn from_elsewhere(simulator: &SimulatorProcess, arguments: &[&str]) -> Output {
     let mut command = simulator.dtd(arguments);
     command.env("DISPLAY", "").output().unwrap()
 }
 
-fn generate(simulator: &Simulator, corpus: &Path) -> Output {
+fn generate(simulator: &SimulatorProcess, corpus: &Path) -> Output {
     let corpus = corpus.to_str().unwrap();
     let arguments = [
         "-v", "generate", SWEEP, "--pixels", "screen", "--only", HAZE, "--out", corpus,
@@ -57,7 +48,7 @@ fn generate(simulator: &Simulator, corpus: &Path) -> Output {
 
 #[test]
 fn pictures_that_the_plugin_grabs_are_those_that_are_grabbed_beside_it_to_the_last_bit() {
-    let here = Simulator::start("12", Some("none"), Path::new(PLUGIN));
+    let here = SimulatorProcess::start(DTD, "12", Some("none"), &plugin::folder());
     let beside = here.folder().join("corpus");
     let output = here.generate(HAZE, &beside);
     assert!(output.status.success(), "{}", said(&output));
@@ -109,21 +100,14 @@ fn pictures_of_the_screen_pass_a_recorder_and_do_not_reach_the_tape() {
     let folder = tempfile::tempdir().unwrap();
     let there = simulator(folder.path(), &[ELSEWHERE, GRAB_ON]);
     let tape = folder.path().join("session.mcap");
-    let mut recorder = there
-        .dtd(&["record", "--port", "0", "--until-stdin-ends"])
-        .arg("--out")
-        .arg(&tape)
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut line = String::new();
-    let stdout = recorder.stdout.take().unwrap();
-    BufReader::new(stdout).read_line(&mut line).unwrap();
-    let ready: Value = serde_json::from_str(&line).unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(["doctor", "--no-measure", "--sim"])
-        .arg(ready["udp"].as_str().unwrap())
+    let recorder = Server::start(
+        there
+            .dtd(&["record", "--port", "0", "--until-stdin-ends"])
+            .arg("--out")
+            .arg(&tape),
+    );
+    let output = DTD
+        .command(&["doctor", "--no-measure", "--sim", recorder.udp()])
         .env("DISPLAY", "")
         .env(LINK_TOKEN_VARIABLE, TOKEN)
         .env(WEB_API_VARIABLE, "off")
@@ -134,8 +118,7 @@ fn pictures_of_the_screen_pass_a_recorder_and_do_not_reach_the_tape() {
         text.contains("grabbed by its plugin, by its check"),
         "{text}"
     );
-    drop(recorder.stdin.take());
-    assert!(recorder.wait().unwrap().success());
+    recorder.end();
 
     let mut tape = TapeReader::open(&tape).unwrap();
     let mut messages = Vec::new();

@@ -8,8 +8,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use generator::generate::{Cancel, Event, Outcome, SimulatorTarget, generate};
-use generator::sweep::Sweep;
-use mock_xplane::server::{Faults, ServerOptions, serve};
+use mock_xplane::server::{Faults, ServerOptions};
+use testkit_simulator::{Running, quiet};
 
 /// One scenario that flies live from 2 NM under clouds, two small views.
 const SWEEP: &str = r#"
@@ -55,20 +55,13 @@ clouds = [{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 1
 
 /// Records the sweep's scenario with a stand-in that has these faults; returns what happened and how often it was started.
 async fn made(corpus: &Path, faults: &str) -> (Outcome, usize) {
-    let (tell, told) = tokio::sync::oneshot::channel();
-    let options = ServerOptions {
-        port: 0,
-        beacon: false,
+    let faulty = ServerOptions {
         faults: faults.parse::<Faults>().unwrap(),
-        ..ServerOptions::default()
+        ..quiet()
     };
-    let server = tokio::spawn(async move {
-        let ready = |addresses: mock_xplane::server::Addresses| tell.send(addresses.udp).unwrap();
-        serve(options, ready).await.unwrap();
-    });
-    let options = small_corpus::options(SimulatorTarget::Address(told.await.unwrap()), &[]);
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
-    let sweep = Sweep::parse(Path::new("faults.toml"), &data, SWEEP.to_owned()).unwrap();
+    let running = Running::start(faulty).await;
+    let options = small_corpus::options(SimulatorTarget::Address(running.addresses.udp), &[]);
+    let sweep = small_corpus::sweep_of(SWEEP);
     let begun = Arc::new(AtomicUsize::new(0));
     let count = begun.clone();
     let mut on_event = move |event: Event<'_>| {
@@ -79,7 +72,6 @@ async fn made(corpus: &Path, faults: &str) -> (Outcome, usize) {
     let outcome = generate(&sweep, corpus, &options, &Cancel::new(), &mut on_event)
         .await
         .unwrap();
-    server.abort();
     (outcome, begun.load(Ordering::Relaxed))
 }
 

@@ -1,6 +1,5 @@
 //! Scenarios recorded through the plugin's own Python: a recorded flight gives the same as the built-in link, live ones are valid.
 
-use std::net::Ipv4Addr;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,7 +12,9 @@ use dataset::video::VideoReader;
 use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
 use generator::shard::Shard;
 use generator::sweep::Sweep;
-use mock_xplane::server::{Addresses, LinkServer, PluginOptions, ServerOptions, serve};
+use mock_xplane::server::{LinkServer, ServerOptions};
+use testkit::repository;
+use testkit_simulator::{plugin, quiet, serving};
 use xplane_bridge::Simulator;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
@@ -103,29 +104,13 @@ wind_from_true_deg = 60
 /// Maximum mean difference between pictures of the same pose, of 255.
 const MEAN_LEVELS_APART: f64 = 0.25;
 
-fn plugin(window_px: (u32, u32)) -> LinkServer {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
-    LinkServer::Plugin(PluginOptions {
-        window_px,
-        ..PluginOptions::new(folder)
-    })
-}
-
 async fn stand_in(link: LinkServer) -> SimulatorTarget {
-    let (tell, told) = tokio::sync::oneshot::channel();
     let options = ServerOptions {
-        bind: Ipv4Addr::LOCALHOST.into(),
-        port: 0,
-        beacon: false,
         generation: Generation::XPlane11,
         link,
-        ..ServerOptions::default()
+        ..quiet()
     };
-    tokio::spawn(async move {
-        let ready = |addresses: Addresses| tell.send(addresses.udp).unwrap();
-        serve(options, ready).await.unwrap();
-    });
-    let address = told.await.unwrap();
+    let address = serving(options).await;
     // Python takes a while to start on a busy machine.
     let waiting = Simulator::connect(address, Duration::from_secs(60)).await;
     waiting.unwrap().release().await.unwrap();
@@ -140,7 +125,7 @@ async fn record(
     scenarios: usize,
     profiles: usize,
 ) -> Corpus {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
+    let data = repository().join("tests/data");
     let sweep = Sweep::parse(Path::new("test.toml"), &data, sweep.to_owned()).unwrap();
     let options = GenerateOptions {
         simulators: target.into(),
@@ -175,7 +160,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let built_in = stand_in(LinkServer::BuiltIn).await;
     let built_in = record(folders[0].path(), built_in, SWEEP, 1, 0).await;
-    let plugged = stand_in(plugin((96, 64))).await;
+    let plugged = stand_in(plugin::link((96, 64))).await;
     let plugged = record(folders[1].path(), plugged, SWEEP, 1, 1).await;
 
     let report = verify(&plugged);
@@ -225,7 +210,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
 #[tokio::test(flavor = "multi_thread")]
 async fn live_flights_through_the_plugin_make_a_sound_corpus() {
     let folder = tempfile::tempdir().unwrap();
-    let target = stand_in(plugin((64, 64))).await;
+    let target = stand_in(plugin::link((64, 64))).await;
     let corpus = record(folder.path(), target, LIVE_SWEEP, 2, 1).await;
     let report = verify(&corpus);
     assert!(report.is_sound(), "{:#?}", report.findings);

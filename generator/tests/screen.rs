@@ -2,8 +2,6 @@
 #![cfg(target_os = "linux")]
 
 mod small_corpus;
-#[path = "../../mock-xplane/tests/xvfb/mod.rs"]
-mod xvfb;
 
 use std::fs;
 use std::path::Path;
@@ -12,12 +10,12 @@ use std::sync::Arc;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::video::VideoReader;
 use generator::generate::{Cancel, GenerateOptions, SimulatorTarget, generate};
-use mock_xplane::server::{Addresses, ServerOptions, serve};
+use mock_xplane::server::ServerOptions;
 use mock_xplane::window::{Stage, X11Window};
 use serde_json::Value;
 use small_corpus::{IDS, SWEEP, options, sweep_of};
+use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelKind};
-use xvfb::Xvfb;
 
 /// The scenario that flies a recording; its pictures differ in every pixel of the aircraft from tick to tick.
 const ID: &str = IDS[1];
@@ -26,17 +24,10 @@ const ID: &str = IDS[1];
 async fn stand_in(display: &str, window_px: Option<(u32, u32)>) -> SimulatorTarget {
     let stage = window_px.map(|size| X11Window::open(Some(display), size).unwrap());
     let options = ServerOptions {
-        port: 0,
-        beacon: false,
         stage: stage.map(|window| Arc::new(window) as Arc<dyn Stage>),
-        ..ServerOptions::default()
+        ..quiet()
     };
-    let (tell, told) = tokio::sync::oneshot::channel();
-    tokio::spawn(async move {
-        let ready = |addresses: Addresses| tell.send(addresses.udp).unwrap();
-        serve(options, ready).await.unwrap();
-    });
-    SimulatorTarget::Address(told.await.unwrap())
+    SimulatorTarget::Address(serving(options).await)
 }
 
 fn grabbing(target: SimulatorTarget, display: &str, kind: PixelKind) -> GenerateOptions {

@@ -3,14 +3,13 @@
 //! `cargo run --release -p mock-xplane --example compare_flights -- docs/images` writes flights.svg (height, cross-track, airspeed and
 //! sink rate over the distance to touchdown) and flight-spectra.svg (airspeed and sink rate on the final approach by frequency).
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use dataset::pose::FlightState;
-use mock_xplane::flight::yardstick::{
-    RecordedFlight, above_path_m, recorded_flights, relative, spectrum,
-};
 use plotters::coord::Shift;
 use plotters::prelude::*;
+use testkit::approach::{above_path_m, relative};
+use testkit_simulator::recorded_flights::{RecordedFlight, recorded_flights, spectrum};
 
 const SEEDS: u64 = 8;
 /// Length of the final approach that is averaged into one point, metres.
@@ -57,8 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             .ok_or("usage: compare_flights FOLDER")?,
     );
     std::fs::create_dir_all(&folder)?;
-    let recordings = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/flights");
-    let flights: Vec<Compared> = recorded_flights(&recordings)?
+    let flights: Vec<Compared> = recorded_flights()
         .into_iter()
         .map(|flight| Compared {
             twins: (0..SEEDS).map(|seed| flight.twin(seed)).collect(),

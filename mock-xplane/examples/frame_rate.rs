@@ -6,44 +6,19 @@ use std::error::Error;
 use std::sync::Arc;
 use std::time::Instant;
 
-use dataset::camera::{Camera, CameraPose};
-use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
+use dataset::camera::CameraPose;
+use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{BuiltIn, Engine, Picture, ServerOptions, serve_with};
+use mock_xplane::server::{BuiltIn, Engine, serve_with};
 use testkit::changi_02l;
+use testkit_simulator::{Blank, quiet};
 use tokio::sync::oneshot;
-use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
 
 /// Frames per measurement.
 const FRAMES: u32 = 200;
 /// Captures in flight.
 const AHEAD: u32 = 4;
-
-struct Blank;
-
-impl Engine for Blank {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
-        Err("a blank simulator does not fly".into())
-    }
-
-    fn picture(
-        &self,
-        _: &Camera,
-        _: &Runway,
-        _: &Weather,
-        _: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
-        Box::new(Blank)
-    }
-}
-
-impl Picture for Blank {
-    fn draw(&self, _: &Pose, _: &Controls, _: f64, _: &mut [u8]) {}
-}
 
 #[tokio::main]
 async fn main() -> Result<(), Box<dyn Error>> {
@@ -58,13 +33,8 @@ async fn main() -> Result<(), Box<dyn Error>> {
 }
 
 async fn frames_per_second(engine: Arc<dyn Engine>) -> Result<f64, Box<dyn Error>> {
-    let options = ServerOptions {
-        port: 0,
-        beacon: false,
-        ..ServerOptions::default()
-    };
     let (tell, told) = oneshot::channel();
-    let server = tokio::spawn(serve_with(options, engine, |addresses| {
+    let server = tokio::spawn(serve_with(quiet(), engine, |addresses| {
         let _ = tell.send(addresses);
     }));
     let mut simulator = Simulator::connect(told.await?.udp, CONNECT_TIMEOUT).await?;

@@ -11,42 +11,17 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use dataset::camera::{Camera, CameraPose};
+use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
-use mock_xplane::server::{Engine, Picture, ServerOptions, serve_with};
+use dataset::pose::{Controls, Pose};
+use mock_xplane::server::serve_with;
 use testkit::changi_02l;
-use xplane_bridge::fly::FlyRequest;
+use testkit_simulator::{Blank, quiet};
 use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, ConnectOptions, Deliver, Simulator};
 
 const TICKS: u32 = 300;
 const TICK: Duration = Duration::from_nanos(1_000_000_000 / 30);
 const VIEWS: u32 = 2;
-
-struct Blank;
-
-impl Engine for Blank {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
-        Err("a blank simulator does not fly".into())
-    }
-
-    fn picture(
-        &self,
-        _: &Camera,
-        _: &Runway,
-        _: &Weather,
-        _: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
-        Box::new(Self)
-    }
-}
-
-impl Picture for Blank {
-    fn draw(&self, _: &Pose, _: &Controls, _: f64, _: &mut [u8]) {}
-}
 
 /// What a run cost.
 struct Cost {
@@ -79,12 +54,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 fn cost(no_shared_memory: bool) -> Result<Cost, Box<dyn Error>> {
     let server = tokio::runtime::Runtime::new()?;
     let (tell, told) = std::sync::mpsc::channel();
-    let options = ServerOptions {
-        port: 0,
-        beacon: false,
-        ..ServerOptions::default()
-    };
-    server.spawn(serve_with(options, Arc::new(Blank), move |addresses| {
+    server.spawn(serve_with(quiet(), Arc::new(Blank), move |addresses| {
         let _ = tell.send(addresses.udp);
     }));
     let address = told.recv()?;

@@ -5,7 +5,7 @@
 //! gives the same bytes.
 //!
 //! A point mass with attitude under an ILS autopilot flies through a moving atmosphere; each of these has its own file. The model
-//! is compared with flights of an independent one ([`yardstick`]).
+//! is compared with flights of an independent one (`tests/recorded_flights.rs`).
 
 mod aerodynamics;
 mod air;
@@ -17,10 +17,7 @@ mod random;
 mod technique;
 mod turbulence;
 mod vertical_guidance;
-pub mod yardstick;
 
-#[cfg(test)]
-mod recorded;
 #[cfg(test)]
 mod tests;
 

@@ -3,79 +3,24 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use dataset::camera::{Camera, CameraPose};
-use dataset::conditions::{Clock, Weather};
-use dataset::imaging::Degradation;
-use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::Runway;
-use mock_xplane::server::{Addresses, Engine, Faults, Picture, ServerOptions, serve_with};
+use dataset::camera::CameraPose;
+use dataset::pose::{Controls, Pose};
+use mock_xplane::server::{Faults, ServerOptions};
 use testkit::changi_02l;
+use testkit_simulator::{Blank, Running, quiet};
 use tokio::net::UdpSocket;
-use tokio::sync::oneshot;
-use tokio::task::JoinHandle;
 use tokio::time::timeout;
-use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator, WriteDataref};
 use xplane_bridge::{CONNECT_TIMEOUT, CaptureRequest, Simulator};
 
 const VISIBILITY: &str = "sim/weather/region/visibility_reported_sm";
 
-/// Draws nothing, and cannot fly.
-struct Blank;
-
-impl Engine for Blank {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
-        Err("no flight model".into())
-    }
-
-    fn picture(
-        &self,
-        _: &Camera,
-        _: &Runway,
-        _: &Weather,
-        _: &Clock,
-        _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
-        Box::new(Self)
-    }
-}
-
-impl Picture for Blank {
-    fn draw(&self, _: &Pose, _: &Controls, _: f64, rgb: &mut [u8]) {
-        rgb.fill(0);
-    }
-}
-
-struct Running {
-    addresses: Addresses,
-    server: JoinHandle<()>,
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.server.abort();
-    }
-}
-
 async fn start(faults: &str) -> Running {
-    let (tell, told) = oneshot::channel();
     let options = ServerOptions {
-        port: 0,
-        beacon: false,
         faults: faults.parse::<Faults>().unwrap(),
-        ..ServerOptions::default()
+        ..quiet()
     };
-    let server = tokio::spawn(async move {
-        serve_with(options, Arc::new(Blank), |addresses| {
-            tell.send(addresses).unwrap();
-        })
-        .await
-        .unwrap();
-    });
-    Running {
-        addresses: told.await.unwrap(),
-        server,
-    }
+    Running::start_with(options, Arc::new(Blank)).await
 }
 
 fn capture(tick: u32) -> CaptureRequest {

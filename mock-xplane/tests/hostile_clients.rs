@@ -3,11 +3,10 @@
 use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
-use mock_xplane::server::{Addresses, LinkPatience, MockError, ServerOptions, serve, serve_tape};
+use mock_xplane::server::{LinkPatience, MockError, ServerOptions, serve, serve_tape};
+use testkit_simulator::{Running, quiet};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use tokio::sync::oneshot;
-use tokio::task::JoinHandle;
 use tokio::time::timeout;
 use xplane_bridge::link::{Answer, LinkToken, exchange_greetings, read_header};
 
@@ -17,35 +16,13 @@ const HELLO: &str = r#"{"message":"hello","client":"test"}"#;
 /// More than any of the servers serves at a time.
 const IDLE: usize = 120;
 
-struct Running {
-    addresses: Addresses,
-    server: JoinHandle<()>,
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.server.abort();
-    }
-}
-
 async fn start(patience: LinkPatience, token: Option<LinkToken>) -> Running {
-    let options = ServerOptions {
-        port: 0,
-        beacon: false,
+    Running::start(ServerOptions {
         patience,
         token,
-        ..ServerOptions::default()
-    };
-    let (tell, told) = oneshot::channel();
-    let server = tokio::spawn(async move {
-        serve(options, |addresses| tell.send(addresses).unwrap())
-            .await
-            .unwrap();
-    });
-    Running {
-        addresses: told.await.unwrap(),
-        server,
-    }
+        ..quiet()
+    })
+    .await
 }
 
 /// As usual, but for the time to say hello.

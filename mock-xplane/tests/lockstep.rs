@@ -9,12 +9,12 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve, serve_with};
+use mock_xplane::server::{Engine, Picture, ServerOptions, serve};
 use mock_xplane::window::{Stage, WindowError};
 use testkit::changi_02l;
+use testkit_simulator::{Running, quiet};
 use tokio::net::{TcpStream, UdpSocket};
-use tokio::sync::oneshot;
-use tokio::task::JoinHandle;
+use xplane_bridge::discovery::announced;
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::{
     Answer, LinkError, LinkToken, PictureBytes, PixelKind, Request, SharedPictures,
@@ -81,41 +81,9 @@ impl Picture for Page {
     }
 }
 
-struct Running {
-    addresses: Addresses,
-    server: JoinHandle<()>,
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.server.abort();
-    }
-}
-
-fn options() -> ServerOptions {
-    ServerOptions {
-        bind: Ipv4Addr::LOCALHOST.into(),
-        port: 0,
-        beacon: false,
-        ..ServerOptions::default()
-    }
-}
-
+/// A stand-in with this engine.
 async fn start(engine: Arc<dyn Engine>) -> Running {
-    start_with(options(), engine).await
-}
-
-async fn start_with(options: ServerOptions, engine: Arc<dyn Engine>) -> Running {
-    let (tell, told) = oneshot::channel();
-    let server = tokio::spawn(async move {
-        serve_with(options, engine, |addresses| tell.send(addresses).unwrap())
-            .await
-            .unwrap();
-    });
-    Running {
-        addresses: told.await.unwrap(),
-        server,
-    }
+    Running::start_with(quiet(), engine).await
 }
 
 async fn connected(running: &Running) -> Simulator {
@@ -387,9 +355,9 @@ impl Stage for Wall {
 async fn start_on(wall: Arc<Wall>) -> Running {
     let on_wall = ServerOptions {
         stage: Some(wall),
-        ..options()
+        ..quiet()
     };
-    start_with(on_wall, Arc::new(Scribe::default())).await
+    Running::start_with(on_wall, Arc::new(Scribe::default())).await
 }
 
 #[tokio::test]
@@ -557,9 +525,9 @@ async fn a_frame_that_is_only_drawn_has_no_payload() {
 async fn a_link_with_a_token_admits_who_knows_it_and_refuses_all_others() {
     let guarded = ServerOptions {
         token: LinkToken::new("sesame"),
-        ..options()
+        ..quiet()
     };
-    let running = start_with(guarded, Arc::new(Scribe::default())).await;
+    let running = Running::start_with(guarded, Arc::new(Scribe::default())).await;
     let connect = |token: Option<&str>| {
         let token = token.map(str::to_owned);
         Simulator::connect_with(
@@ -583,7 +551,7 @@ async fn a_link_with_a_token_admits_who_knows_it_and_refuses_all_others() {
 async fn a_stand_in_without_a_token_does_not_listen_to_other_machines() {
     let open = ServerOptions {
         bind: Ipv4Addr::UNSPECIFIED.into(),
-        ..options()
+        ..quiet()
     };
     let error = serve(open, |_| panic!("listens")).await.unwrap_err();
     assert!(error.to_string().contains("DTD_LINK_TOKEN"), "{error}");
@@ -653,12 +621,7 @@ async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
 
 #[tokio::test]
 async fn the_built_in_engine_flies_to_the_runway_and_draws_the_aircraft() {
-    let (tell, told) = oneshot::channel();
-    let server = tokio::spawn(serve(options(), |addresses| tell.send(addresses).unwrap()));
-    let running = Running {
-        addresses: told.await.unwrap(),
-        server: tokio::spawn(async move { server.await.unwrap().unwrap() }),
-    };
+    let running = Running::start(quiet()).await;
     let mut simulator = connected(&running).await;
     let mut calm = conditions();
     calm.weather.clouds.clear();
@@ -720,4 +683,22 @@ async fn the_built_in_engine_flies_to_the_runway_and_draws_the_aircraft() {
     );
     assert_eq!(contrast(0), 0, "the aircraft reaches the corner");
     simulator.release().await.unwrap();
+}
+
+#[tokio::test]
+async fn a_stand_in_on_this_computer_is_found_with_its_port_and_version() {
+    let announcing = ServerOptions {
+        beacon: true,
+        ..quiet()
+    };
+    let running = Running::start(announcing).await;
+    let address = running.addresses.udp;
+    // Another one may run on this computer, so that the wanted one need not be the only one.
+    let found = announced(Duration::from_millis(2_500)).await.unwrap();
+    let this = found
+        .iter()
+        .find(|one| one.address.port() == address.port());
+    let this = this.unwrap_or_else(|| panic!("{address} is not among {found:?}"));
+    assert_eq!(this.address, address);
+    assert_eq!((this.beacon.host, this.beacon.version), (1, 124_009));
 }

@@ -1,11 +1,6 @@
 //! Our plugin's own Python, hosted by the stand-in, draws what the built-in link draws, however the simulator around it misbehaves.
 
-#[cfg(target_os = "linux")]
-#[path = "xvfb/mod.rs"]
-mod xvfb;
-
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
 use std::sync::Arc;
 #[cfg(target_os = "linux")]
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -22,7 +17,9 @@ use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
 #[cfg(target_os = "linux")]
 use mock_xplane::window::X11Window;
 use testkit::changi_02l;
-use tokio::sync::oneshot;
+#[cfg(target_os = "linux")]
+use testkit_simulator::Xvfb;
+use testkit_simulator::{quiet, serving};
 use xplane_bridge::datarefs::{self, Generation};
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 use xplane_bridge::link::PixelKind;
@@ -31,49 +28,23 @@ use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 use xplane_bridge::pixels::{Grab, PixelError, Rectangle, RgbPicture};
 use xplane_bridge::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
-#[cfg(target_os = "linux")]
-use xvfb::Xvfb;
 
 const SIZE_PX: (u32, u32) = (160, 120);
 /// Python starts within a fraction of a second on an idle machine.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(30);
 
 fn plugin() -> PluginOptions {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
-    PluginOptions {
-        window_px: SIZE_PX,
-        ..PluginOptions::new(folder)
-    }
+    testkit_simulator::plugin::options(SIZE_PX)
 }
 
 async fn connected(generation: Generation, link: LinkServer) -> Simulator {
-    let address = serving(generation, link).await;
-    Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap()
-}
-
-async fn serving(generation: Generation, link: LinkServer) -> SocketAddr {
-    serving_with(ServerOptions {
+    let address = serving(ServerOptions {
         generation,
         link,
-        ..ServerOptions::default()
+        ..quiet()
     })
-    .await
-}
-
-async fn serving_with(options: ServerOptions) -> SocketAddr {
-    let options = ServerOptions {
-        bind: Ipv4Addr::LOCALHOST.into(),
-        port: 0,
-        beacon: false,
-        ..options
-    };
-    let (tell, told) = oneshot::channel();
-    tokio::spawn(async move {
-        serve(options, |addresses| tell.send(addresses.udp).unwrap())
-            .await
-            .unwrap();
-    });
-    told.await.unwrap()
+    .await;
+    Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap()
 }
 
 /// Waits until datarefs read so.
@@ -94,7 +65,7 @@ async fn until_read(watch: &mut Subscription, wanted: &[f32]) {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
-    let address = serving_with(ServerOptions {
+    let address = serving(ServerOptions {
         link: LinkServer::Plugin(plugin()),
         quirks: "real_weather_at_start,cockpit_view".parse().unwrap(),
         ..ServerOptions::default()
@@ -405,7 +376,7 @@ async fn screenshots_of_another_view_than_the_cameras_are_refused() {
 
 /// An X-Plane 12 with some habits, whose pictures are its own screenshots.
 async fn taking_screenshots(quirks: &str) -> Simulator {
-    let address = serving_with(ServerOptions {
+    let address = serving(ServerOptions {
         generation: Generation::XPlane12,
         link: LinkServer::Plugin(plugin()),
         quirks: quirks.parse().unwrap(),
@@ -427,7 +398,7 @@ async fn taking_screenshots(quirks: &str) -> Simulator {
 async fn a_frame_that_somebody_replaces_while_it_is_grabbed_is_grabbed_again() {
     let xvfb = Xvfb::start(&format!("{}x{}x24", SIZE_PX.0, SIZE_PX.1));
     let window = X11Window::open(Some(xvfb.display()), SIZE_PX).unwrap();
-    let address = serving_with(ServerOptions {
+    let address = serving(ServerOptions {
         generation: Generation::XPlane12,
         link: LinkServer::Plugin(plugin()),
         quirks: "cockpit_view".parse().unwrap(),

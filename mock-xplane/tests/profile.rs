@@ -1,16 +1,15 @@
 //! What `dtd doctor` measures where reports disagree: for each quirk that may or may not be there, another answer.
 
-use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::net::SocketAddr;
 use std::time::Duration;
 
 use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{LinkServer, PluginOptions, ServerOptions, serve};
+use mock_xplane::server::ServerOptions;
 use testkit::changi_02l;
-use tokio::sync::oneshot;
+use testkit_simulator::{quiet, serving};
 use tokio::time::timeout;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::doctor::{Check, Measuring, Patient, Verdict, examine};
@@ -22,13 +21,10 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 fn options(generation: Generation, quirks: &str) -> ServerOptions {
     ServerOptions {
-        bind: Ipv4Addr::LOCALHOST.into(),
-        port: 0,
-        beacon: false,
         generation,
         quirks: quirks.parse().unwrap(),
         clock_rate: 20.0,
-        ..ServerOptions::default()
+        ..quiet()
     }
 }
 
@@ -39,24 +35,10 @@ fn twelve(quirks: &str) -> ServerOptions {
 
 /// An X-Plane 11 behind its plugin, which reads its frames back.
 fn plugin(quirks: &str) -> ServerOptions {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../xplane-bridge/plugin");
     ServerOptions {
-        link: LinkServer::Plugin(PluginOptions {
-            window_px: (96, 64),
-            ..PluginOptions::new(folder)
-        }),
+        link: testkit_simulator::plugin::link((96, 64)),
         ..options(Generation::XPlane11, quirks)
     }
-}
-
-async fn start(options: ServerOptions) -> SocketAddr {
-    let (tell, told) = oneshot::channel();
-    tokio::spawn(async move {
-        serve(options, |addresses| tell.send(addresses.udp).unwrap())
-            .await
-            .unwrap();
-    });
-    told.await.unwrap()
 }
 
 async fn connected(address: SocketAddr) -> Simulator {
@@ -81,7 +63,7 @@ async fn examined(address: SocketAddr, measuring: Measuring) -> Vec<Check> {
 
 /// What the next client is told of a simulator that was examined.
 async fn measured(options: ServerOptions) -> (Profile, Vec<Check>) {
-    let address = start(options).await;
+    let address = serving(options).await;
     let checks = examined(address, Measuring::Once).await;
     let simulator = connected(address).await;
     let profile = simulator.description().profile.clone();
@@ -206,7 +188,7 @@ fn windy_noon() -> Conditions {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn winds_are_written_in_the_unit_that_was_measured() {
-    let address = start(ServerOptions {
+    let address = serving(ServerOptions {
         clock_rate: 1.0,
         ..twelve("wind_in_knots")
     })
@@ -233,7 +215,7 @@ async fn winds_are_written_in_the_unit_that_was_measured() {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn where_a_pause_keeps_its_picture_pictures_are_taken_while_time_runs() {
-    let address = start(ServerOptions {
+    let address = serving(ServerOptions {
         clock_rate: 1.0,
         ..plugin("pause_keeps_pose")
     })
@@ -293,7 +275,7 @@ fn capture(tick: u32) -> CaptureRequest {
 
 #[tokio::test(flavor = "multi_thread")]
 async fn an_installation_is_measured_once_unless_asked_and_left_as_it_was() {
-    let address = start(twelve("none")).await;
+    let address = serving(twelve("none")).await;
     let names = [
         "sim/weather/region/visibility_reported_sm",
         "sim/weather/region/cloud_coverage_percent[0]",

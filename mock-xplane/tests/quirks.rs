@@ -1,12 +1,13 @@
 //! Awkward habits of a live X-Plane, over the sockets that its clients use.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use mock_xplane::server::{Addresses, ServerOptions, serve};
+use mock_xplane::server::{Addresses, BuiltIn, ServerOptions};
 use serde_json::{Value, json};
+use testkit_simulator::{quiet, serving_with};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::TcpStream;
-use tokio::sync::oneshot;
 use tokio::time::timeout;
 
 const COVER: &str = "sim/weather/region/cloud_coverage_percent";
@@ -17,19 +18,12 @@ const PATIENCE: Duration = Duration::from_secs(60);
 
 async fn start(quirks: &str, clock_rate: f64) -> Addresses {
     let options = ServerOptions {
-        port: 0,
-        beacon: false,
         quirks: quirks.parse().unwrap(),
         clock_rate,
-        ..ServerOptions::default()
+        ..quiet()
     };
-    let (tell, told) = oneshot::channel();
-    tokio::spawn(async move {
-        serve(options, |addresses| tell.send(addresses).unwrap())
-            .await
-            .unwrap();
-    });
-    told.await.unwrap()
+    let (addresses, _) = serving_with(options, Arc::new(BuiltIn)).await;
+    addresses
 }
 
 /// A request on a connection of its own; `None` if it was closed without an answer.

@@ -1,6 +1,6 @@
 //! A session with the stand-in, recorded and served again, as a client sees it.
 
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -8,8 +8,9 @@ use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Addresses, ServerOptions, serve, serve_tape};
+use mock_xplane::server::{Addresses, serve_tape};
 use testkit::changi_02l;
+use testkit_simulator::{quiet, serving};
 use tokio::net::UdpSocket;
 use tokio::sync::oneshot;
 use tokio::time::timeout;
@@ -20,26 +21,11 @@ use xplane_bridge::{BridgeError, CaptureRequest, CapturedFrame, Deliver, Simulat
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
-fn options() -> ServerOptions {
-    ServerOptions {
-        bind: Ipv4Addr::LOCALHOST.into(),
-        port: 0,
-        beacon: false,
-        ..ServerOptions::default()
-    }
-}
-
-async fn stand_in() -> Addresses {
-    let (tell, told) = oneshot::channel();
-    tokio::spawn(async move { serve(options(), |at| tell.send(at).unwrap()).await.unwrap() });
-    told.await.unwrap()
-}
-
 async fn played(tape: &Path) -> Addresses {
     let (tell, told) = oneshot::channel();
     let tape = tape.to_owned();
     tokio::spawn(async move {
-        serve_tape(&tape, &options(), |at| tell.send(at).unwrap())
+        serve_tape(&tape, &quiet(), |at| tell.send(at).unwrap())
             .await
             .unwrap();
     });
@@ -153,11 +139,11 @@ fn conditions() -> Conditions {
 
 /// A tape of the session, and what the client got in it.
 async fn recorded(folder: &Path, frames: FramesKept) -> (PathBuf, (Vec<CapturedFrame>, Vec<u8>)) {
-    let simulator = stand_in().await;
+    let simulator = serving(quiet()).await;
     let tape = folder.join("session.mcap");
     let options = RecordOptions {
         frames,
-        ..RecordOptions::new(simulator.udp, tape.clone())
+        ..RecordOptions::new(simulator, tape.clone())
     };
     let (tell, told) = oneshot::channel();
     let (stop, stopped) = oneshot::channel::<()>();

@@ -4,53 +4,27 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use futures_util::{SinkExt, StreamExt};
-use mock_xplane::server::{Addresses, ServerOptions, serve};
+use mock_xplane::server::ServerOptions;
 use serde_json::{Value, json};
+use testkit_simulator::{Running, quiet};
 use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpStream, UdpSocket};
-use tokio::sync::oneshot;
-use tokio::task::JoinHandle;
 use tokio::time::{sleep, timeout};
 use tokio_tungstenite::tungstenite::Message;
 use tokio_tungstenite::{WebSocketStream, client_async};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::packet::{FromSimulator, SubscribePosition, ToSimulator};
 
-struct Running {
-    addresses: Addresses,
-    server: JoinHandle<()>,
+/// A stand-in and its Web API.
+struct Asked(Running);
+
+async fn start(options: ServerOptions) -> Asked {
+    Asked(Running::start(options).await)
 }
 
-impl Drop for Running {
-    fn drop(&mut self) {
-        self.server.abort();
-    }
-}
-
-async fn start(options: ServerOptions) -> Running {
-    let (tell, told) = oneshot::channel();
-    let server = tokio::spawn(async move {
-        serve(options, |addresses| tell.send(addresses).unwrap())
-            .await
-            .unwrap();
-    });
-    Running {
-        addresses: told.await.unwrap(),
-        server,
-    }
-}
-
-fn options() -> ServerOptions {
-    ServerOptions {
-        port: 0,
-        beacon: false,
-        ..ServerOptions::default()
-    }
-}
-
-impl Running {
+impl Asked {
     fn web(&self) -> SocketAddr {
-        self.addresses.web_api.unwrap()
+        self.0.addresses.web_api.unwrap()
     }
 
     /// One request on a connection of its own: status and body.
@@ -134,7 +108,7 @@ fn flight() -> Value {
 async fn the_list_is_empty_until_a_flight_is_loaded_and_the_flight_has_place_time_and_weather() {
     let running = start(ServerOptions {
         flight_loaded: false,
-        ..options()
+        ..quiet()
     })
     .await;
     let (_, capabilities) = running
@@ -170,7 +144,7 @@ async fn the_list_is_empty_until_a_flight_is_loaded_and_the_flight_has_place_tim
 
     // The same world over UDP: the aircraft is there, and flies once it has stopped standing still.
     let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    udp.connect(running.addresses.udp).await.unwrap();
+    udp.connect(running.0.addresses.udp).await.unwrap();
     let ask = ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 20 });
     udp.send(&ask.encode().unwrap()).await.unwrap();
     let mut buffer = [0; 128];
@@ -195,7 +169,7 @@ async fn the_list_is_empty_until_a_flight_is_loaded_and_the_flight_has_place_tim
 
 #[tokio::test]
 async fn a_flight_that_is_wrong_is_refused_and_a_whole_number_for_a_float_is_silently_ignored() {
-    let running = start(options()).await;
+    let running = start(quiet()).await;
     let latitude = running.value("sim/flightmodel/position/latitude").await;
     let changed = |change: Change| {
         let mut flight = flight();
@@ -262,7 +236,7 @@ async fn a_flight_that_is_wrong_is_refused_and_a_whole_number_for_a_float_is_sil
 
 #[tokio::test]
 async fn datarefs_are_listed_read_and_written_with_and_without_index_and_commands_done() {
-    let running = start(options()).await;
+    let running = start(quiet()).await;
     let latitude = running
         .record("datarefs", "sim/flightmodel/position/latitude")
         .await;
@@ -324,7 +298,7 @@ async fn datarefs_are_listed_read_and_written_with_and_without_index_and_command
 async fn with_incoming_traffic_off_everything_is_refused_and_eleven_has_no_web_api() {
     let deaf = start(ServerOptions {
         incoming: false,
-        ..options()
+        ..quiet()
     })
     .await;
     for path in ["/api/capabilities", "/api/v2/datarefs"] {
@@ -332,7 +306,7 @@ async fn with_incoming_traffic_off_everything_is_refused_and_eleven_has_no_web_a
         assert_eq!(status, 403, "{path}");
     }
     let udp = UdpSocket::bind("127.0.0.1:0").await.unwrap();
-    udp.connect(deaf.addresses.udp).await.unwrap();
+    udp.connect(deaf.0.addresses.udp).await.unwrap();
     let ask = ToSimulator::SubscribePosition(SubscribePosition { frequency_hz: 50 });
     udp.send(&ask.encode().unwrap()).await.unwrap();
     let answer = timeout(Duration::from_millis(300), udp.recv(&mut [0; 128])).await;
@@ -340,17 +314,17 @@ async fn with_incoming_traffic_off_everything_is_refused_and_eleven_has_no_web_a
 
     let eleven = start(ServerOptions {
         generation: Generation::XPlane11,
-        ..options()
+        ..quiet()
     })
     .await;
-    assert_eq!(eleven.addresses.web_api, None);
+    assert_eq!(eleven.0.addresses.web_api, None);
 }
 
 #[tokio::test]
 async fn numbers_of_datarefs_do_not_survive_a_restart_and_neither_do_connections() {
     let running = start(ServerOptions {
         faults: "restart=3:0.3".parse().unwrap(),
-        ..options()
+        ..quiet()
     })
     .await;
     let name = "sim/time/zulu_time_sec";
@@ -380,7 +354,7 @@ async fn numbers_of_datarefs_do_not_survive_a_restart_and_neither_do_connections
     );
 }
 
-async fn connect(running: &Running) -> WebSocketStream<TcpStream> {
+async fn connect(running: &Asked) -> WebSocketStream<TcpStream> {
     let stream = TcpStream::connect(running.web()).await.unwrap();
     let (socket, _) = client_async("ws://localhost/api/v3", stream).await.unwrap();
     socket
@@ -409,7 +383,7 @@ async fn receive(socket: &mut WebSocketStream<TcpStream>, kind: &str) -> Value {
 
 #[tokio::test]
 async fn a_websocket_subscribes_sets_commands_and_hears_what_changes() {
-    let running = start(options()).await;
+    let running = start(quiet()).await;
     let clouds = running
         .id("datarefs", "sim/weather/region/cloud_base_msl_m")
         .await;

@@ -1,8 +1,6 @@
 //! The stand-in's window on a real X server, grabbed through FFmpeg's device as X-Plane's would be.
 #![cfg(target_os = "linux")]
 
-mod xvfb;
-
 use std::sync::{Arc, Mutex};
 
 use dataset::camera::{Camera, CameraPose};
@@ -10,10 +8,10 @@ use dataset::conditions::{Clock, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Addresses, Engine, Picture, ServerOptions, serve_with};
+use mock_xplane::server::{Engine, Picture, ServerOptions};
 use mock_xplane::window::{Stage, WindowError, X11Window};
 use testkit::changi_02l;
-use tokio::sync::oneshot;
+use testkit_simulator::{Xvfb, quiet, serving_with};
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::link::SimulatorWindow;
 use xplane_bridge::pixels::check_pattern::draw;
@@ -22,7 +20,6 @@ use xplane_bridge::pixels::{
     RgbPicture, Screen, ScreenSource,
 };
 use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, CaptureRequest, Deliver, Simulator};
-use xvfb::Xvfb;
 
 const SIZE: (u32, u32) = (160, 96);
 
@@ -133,19 +130,10 @@ impl Stage for Late {
 
 /// The stand-in on a stage, and a client of it.
 async fn connected(stage: Option<Arc<dyn Stage>>) -> Simulator {
-    let (tell, told) = oneshot::channel();
-    let options = ServerOptions {
-        port: 0,
-        beacon: false,
-        stage,
-        ..ServerOptions::default()
-    };
+    let options = ServerOptions { stage, ..quiet() };
     // It ends with the test's runtime.
-    tokio::spawn(async move {
-        let ready = |addresses: Addresses| tell.send(addresses.udp).unwrap();
-        serve_with(options, Arc::new(Counter), ready).await.unwrap();
-    });
-    Simulator::connect(told.await.unwrap(), CONNECT_TIMEOUT)
+    let (addresses, _) = serving_with(options, Arc::new(Counter)).await;
+    Simulator::connect(addresses.udp, CONNECT_TIMEOUT)
         .await
         .unwrap()
 }

@@ -35,3 +35,12 @@ pub fn above_path_m(state: &FlightState) -> f64 {
     let relative = relative(state);
     relative.height_over_target_m - 3_f64.to_radians().tan() * relative.along_track_m
 }
+
+/// Distance of the first wheel contact past the threshold, metres.
+pub fn touchdown_past_threshold_m(states: &[FlightState]) -> f64 {
+    let touchdown = states
+        .iter()
+        .find(|state| state.on_ground)
+        .expect("the flight landed");
+    changi_02l().touchdown_past_threshold_m - relative(touchdown).along_track_m
+}

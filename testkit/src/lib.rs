@@ -1,16 +1,23 @@
-//! Test support that needs no simulator: one runway, one rig, approaches, and small corpora of them.
+//! Test support that needs no simulator: one runway, one rig, approaches, small corpora of them, and the `dtd` command.
 //!
 //! Only a dev-dependency. It knows nothing but `dataset`, so that the unit tests of every other crate can use it; those of `dataset`
-//! itself cannot (they would see a second `dataset`) and share only the file `changi_02l.json`. What runs a stand-in or the command
-//! is in `testkit-simulator`.
+//! itself cannot (they would see a second `dataset`) and share only the file `changi_02l.json`. What runs a stand-in is in
+//! `testkit-simulator`.
 
 #![forbid(unsafe_code)]
 
 pub mod approach;
+pub mod command;
+pub mod files;
+pub mod pictures;
+mod repository;
 pub mod rig;
-pub mod runway;
+mod runway;
 pub mod scenario;
 pub mod short_corpus;
+mod skip;
 pub mod synthetic;
 
+pub use repository::{onnx_runtime, program_of_venv, repository};
 pub use runway::changi_02l;
+pub use skip::skipped;

@@ -7,7 +7,7 @@
 )]
 
 use std::fs;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
@@ -18,7 +18,9 @@ use generator::generate::{
 };
 use generator::shard::Shard;
 use generator::sweep::Sweep;
-use mock_xplane::server::{Addresses, BuiltIn, Engine, ServerOptions, serve_with};
+use mock_xplane::server::{Engine, ServerOptions};
+use testkit::repository;
+use testkit_simulator::{quiet, serving, serving_with};
 use tokio::task::AbortHandle;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
@@ -70,7 +72,7 @@ visibility_m = 9260
 "#;
 
 pub fn sweep_of(text: &str) -> Sweep {
-    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data");
+    let data = repository().join("tests/data");
     Sweep::parse(Path::new("test.toml"), &data, text.to_owned()).unwrap()
 }
 
@@ -95,23 +97,13 @@ pub fn sorted_ids() -> [&'static str; 4] {
 
 /// Starts the stand-in in this process; it ends with the test's runtime.
 pub async fn stand_in() -> SimulatorTarget {
-    SimulatorTarget::Address(stand_in_with(0, Arc::new(BuiltIn)).await.0)
+    SimulatorTarget::Address(serving(quiet()).await)
 }
 
 /// The same on a given port and with a given engine, and with a way to make it disappear.
 pub async fn stand_in_with(port: u16, engine: Arc<dyn Engine>) -> (SocketAddr, AbortHandle) {
-    let (tell, told) = tokio::sync::oneshot::channel();
-    let options = ServerOptions {
-        bind: Ipv4Addr::LOCALHOST.into(),
-        port,
-        beacon: false,
-        ..ServerOptions::default()
-    };
-    let server = tokio::spawn(async move {
-        let ready = |addresses: Addresses| tell.send(addresses.udp).unwrap();
-        serve_with(options, engine, ready).await.unwrap();
-    });
-    (told.await.unwrap(), server.abort_handle())
+    let (addresses, server) = serving_with(ServerOptions { port, ..quiet() }, engine).await;
+    (addresses.udp, server)
 }
 
 /// Short timeouts: what fails here fails at once.

@@ -1,8 +1,9 @@
 //! Observable properties of a flight: capture, path, landing, wind, determinism.
 
+use testkit::approach::{above_path_m, relative, touchdown_past_threshold_m};
+use testkit::changi_02l;
 use xplane_bridge::fly::{ApproachProfile, FlightStart};
 
-use super::yardstick::{above_path_m, changi_02l, relative};
 use super::*;
 
 fn weather(wind_from_true_deg: f64, wind_speed_mps: f64, turbulence_ratio: f64) -> Weather {
@@ -14,15 +15,6 @@ fn weather(wind_from_true_deg: f64, wind_speed_mps: f64, turbulence_ratio: f64) 
         wind_from_true_deg,
         turbulence_ratio,
     }
-}
-
-/// Distance of the first wheel contact past the threshold, metres.
-pub(super) fn touchdown_past_threshold_m(states: &[FlightState]) -> f64 {
-    let touchdown = states
-        .iter()
-        .find(|state| state.on_ground)
-        .expect("the flight landed");
-    340.1 - relative(touchdown).along_track_m
 }
 
 fn request(

@@ -1,19 +1,18 @@
 //! Six flights of an independent flight model, and the tools to compare ours with them.
 //!
-//! Input: the folder `tests/data/flights`. Output: the recorded flights, twins of them (same start, profile and wind, flown by the
-//! built-in model), and both as series over the distance to the touchdown target. The tests next to this file use it, and
-//! `cargo run --release -p mock-xplane --example compare_flights` plots it.
+//! Input: the folder `tests/data/flights`. Output: the recorded flights, and twins of them (same start, profile and wind, flown by
+//! the built-in model). `mock-xplane/tests/recorded_flights.rs` compares them, and
+//! `cargo run --release -p mock-xplane --example compare_flights` plots them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use dataset::conditions::Weather;
-use dataset::geodesy::Geodetic;
 use dataset::pose::{Controls, FlightState, Pose};
-use dataset::runway::{Runway, RunwayCoordinates};
 use dataset::units::MPS_PER_KNOT;
+use mock_xplane::flight::{OUTPUT_RATE_HZ, fly};
+use testkit::scenario::calm;
+use testkit::{changi_02l, repository};
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
-
-use super::{OUTPUT_RATE_HZ, fly};
 
 /// The recorded flights are stored at 5 Hz; their twins are compared at the same rate.
 pub const RATE_HZ: u32 = 5;
@@ -44,47 +43,25 @@ pub struct RecordedFlight {
     pub states: Vec<FlightState>,
 }
 
-/// A recorded flight that cannot be read.
-#[derive(Debug, thiserror::Error)]
-#[error("cannot read the recorded flight {}: {reason}", path.display())]
-pub struct UnreadableFlight {
-    /// Its file.
-    pub path: PathBuf,
-    /// Why not.
-    pub reason: String,
-}
-
 /// Reads all recorded flights.
-///
-/// # Errors
-/// [`UnreadableFlight`] names the first file that is missing or is not a table of fourteen numbers a row.
-pub fn recorded_flights(folder: &Path) -> Result<Vec<RecordedFlight>, UnreadableFlight> {
-    let read_one = |(name, wind_from_true_deg, wind_kt, turbulence_ratio)| {
-        let path = folder.join(format!("{name}.csv"));
-        let states = read(&path).map_err(|reason| UnreadableFlight { path, reason })?;
-        Ok(RecordedFlight {
-            name,
-            wind_from_true_deg,
-            wind_kt,
-            turbulence_ratio,
-            states,
-        })
+pub fn recorded_flights() -> Vec<RecordedFlight> {
+    let folder = repository().join("tests/data/flights");
+    let read_one = |(name, wind_from_true_deg, wind_kt, turbulence_ratio)| RecordedFlight {
+        name,
+        wind_from_true_deg,
+        wind_kt,
+        turbulence_ratio,
+        states: read(&folder.join(format!("{name}.csv"))),
     };
     FLIGHTS.into_iter().map(read_one).collect()
 }
 
-fn read(path: &Path) -> Result<Vec<FlightState>, String> {
-    let mut reader = csv::Reader::from_path(path).map_err(|error| error.to_string())?;
+fn read(path: &Path) -> Vec<FlightState> {
+    let mut reader = csv::Reader::from_path(path).unwrap();
     let row = |record: Result<csv::StringRecord, csv::Error>| {
-        let record = record.map_err(|error| error.to_string())?;
-        let mut fields = [0.0; 14];
-        if record.len() != fields.len() {
-            return Err(format!("a row has {} fields, expected 14", record.len()));
-        }
-        for (field, text) in fields.iter_mut().zip(&record) {
-            *field = text.parse().map_err(|error| format!("{text:?}: {error}"))?;
-        }
-        Ok(state(fields))
+        let record = record.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        let fields: Vec<f64> = record.iter().map(|text| text.parse().unwrap()).collect();
+        state(fields.try_into().expect("14 fields a row"))
     };
     reader.records().map(row).collect()
 }
@@ -149,50 +126,14 @@ impl RecordedFlight {
             already_started: false,
         };
         let weather = Weather {
-            visibility_m: 40_000.0,
-            clouds: vec![],
-            rain_ratio: 0.0,
             wind_speed_mps: self.wind_kt * MPS_PER_KNOT,
             wind_from_true_deg: self.wind_from_true_deg,
             turbulence_ratio: self.turbulence_ratio,
+            ..calm(40_000.0)
         };
         let every = (OUTPUT_RATE_HZ / RATE_HZ) as usize;
         fly(&request, &weather).into_iter().step_by(every).collect()
     }
-}
-
-/// The runway of the recorded flights, as `tests/data/flights/README.md` gives it.
-pub fn changi_02l() -> Runway {
-    Runway {
-        airport: "WSSS".into(),
-        name: "02L".into(),
-        threshold: Geodetic {
-            latitude_deg: 1.348_971_96,
-            longitude_deg: 103.977_501_24,
-            altitude_msl_m: 6.71,
-        },
-        course_true_deg: 23.02,
-        glide_path_deg: 3.0,
-        touchdown_past_threshold_m: 340.1,
-        ils_frequency_mhz: Some(110.9),
-        course_magnetic_deg: None,
-    }
-}
-
-/// Where a state is relative to the touchdown target.
-pub fn relative(state: &FlightState) -> RunwayCoordinates {
-    let runway = changi_02l();
-    RunwayCoordinates::of(
-        state.pose.position(),
-        runway.touchdown_target(),
-        runway.course_true_deg,
-    )
-}
-
-/// Height over the glide path, metres.
-pub fn above_path_m(state: &FlightState) -> f64 {
-    let relative = relative(state);
-    relative.height_over_target_m - 3_f64.to_radians().tan() * relative.along_track_m
 }
 
 /// Amplitude of a series (5 values a second) by frequency: pairs of hertz and root of the power in that bin (Hann window, discrete

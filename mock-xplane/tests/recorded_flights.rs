@@ -1,16 +1,15 @@
-//! Compares the flight model with six flights of an independent one; see [`super::yardstick`].
+//! Compares the flight model with six flights of an independent one; see `testkit_simulator::recorded_flights`.
 //!
 //! A flight in turbulence is one draw of many, so twins are flown with several seeds, and figures are compared by the geometric
 //! mean of their ratios over the five flights in moving air.
 //! `cargo test -p mock-xplane recorded -- --nocapture` prints the figures.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::LazyLock;
 
-use super::tests::touchdown_past_threshold_m;
-use super::yardstick::{RecordedFlight, above_path_m, recorded_flights, relative, spectrum};
-use super::*;
+use dataset::pose::FlightState;
+use testkit::approach::{above_path_m, relative, touchdown_past_threshold_m};
+use testkit_simulator::recorded_flights::{RecordedFlight, recorded_flights, spectrum};
 
 const SEEDS: u64 = 8;
 /// Stabilised final approach: distance to the target, metres.
@@ -23,16 +22,11 @@ struct Recorded {
 }
 
 static RECORDED: LazyLock<Vec<Recorded>> = LazyLock::new(|| {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/flights");
     let with_twins = |flight: RecordedFlight| Recorded {
         twins: (0..SEEDS).map(|seed| flight.twin(seed)).collect(),
         flight,
     };
-    recorded_flights(&folder)
-        .unwrap()
-        .into_iter()
-        .map(with_twins)
-        .collect()
+    recorded_flights().into_iter().map(with_twins).collect()
 });
 
 fn final_approach(states: &[FlightState]) -> Vec<FlightState> {

@@ -4,14 +4,15 @@ use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
 /// A running Xvfb on a display number that nobody else has.
-pub(crate) struct Xvfb {
+#[derive(Debug)]
+pub struct Xvfb {
     server: Child,
     display: String,
 }
 
 impl Xvfb {
     /// Starts one with a screen of this size and form, e.g. `320x240x24`.
-    pub(crate) fn start(screen: &str) -> Self {
+    pub fn start(screen: &str) -> Self {
         let mut server = Command::new("Xvfb")
             // It chooses a free number itself and writes it to standard output once it is ready.
             .args([
@@ -44,7 +45,7 @@ impl Xvfb {
     }
 
     /// Its name, for `DISPLAY`.
-    pub(crate) fn display(&self) -> &str {
+    pub fn display(&self) -> &str {
         &self.display
     }
 }

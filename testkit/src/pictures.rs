@@ -6,10 +6,10 @@ use dataset::corpus::Corpus;
 use dataset::video::VideoReader;
 
 /// Maximum mean difference of a picture of the same pose, of 255: 32-bit numbers shift cameras by millimetres.
-pub(crate) const ALIKE: f64 = 0.25;
+pub const ALIKE: f64 = 0.25;
 
 /// All pictures of both views of a scenario.
-pub(crate) fn pictures(corpus: &Path, id: &str) -> Vec<Vec<u8>> {
+pub fn pictures(corpus: &Path, id: &str) -> Vec<Vec<u8>> {
     let scenario = Corpus::open(corpus).unwrap().scenario(id);
     let mut all = Vec::new();
     for view in ["left", "right"] {
@@ -23,7 +23,7 @@ pub(crate) fn pictures(corpus: &Path, id: &str) -> Vec<Vec<u8>> {
 }
 
 /// The largest mean difference of two pictures of the same tick and view, levels of 255.
-pub(crate) fn farthest(found: &[Vec<u8>], wanted: &[Vec<u8>]) -> f64 {
+pub fn farthest(found: &[Vec<u8>], wanted: &[Vec<u8>]) -> f64 {
     assert_eq!(found.len(), wanted.len(), "numbers of pictures");
     let apart = |(a, b): (&Vec<u8>, &Vec<u8>)| {
         assert_eq!(a.len(), b.len());

@@ -1,0 +1,34 @@
+//! An engine that costs nothing.
+
+use dataset::camera::Camera;
+use dataset::conditions::{Clock, Weather};
+use dataset::imaging::Degradation;
+use dataset::pose::{Controls, FlightState, Pose};
+use dataset::runway::Runway;
+use mock_xplane::server::{Engine, Picture};
+use xplane_bridge::fly::FlyRequest;
+
+/// Draws nothing and cannot fly.
+#[derive(Debug)]
+pub struct Blank;
+
+impl Engine for Blank {
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
+        Err("a blank simulator does not fly".into())
+    }
+
+    fn picture(
+        &self,
+        _: &Camera,
+        _: &Runway,
+        _: &Weather,
+        _: &Clock,
+        _: Option<&Degradation>,
+    ) -> Box<dyn Picture> {
+        Box::new(Self)
+    }
+}
+
+impl Picture for Blank {
+    fn draw(&self, _: &Pose, _: &Controls, _: f64, _: &mut [u8]) {}
+}

@@ -1,0 +1,152 @@
+//! The `dtd` command, run to its end or as a server.
+
+use std::ffi::OsStr;
+use std::io::{BufRead, BufReader};
+use std::net::SocketAddr;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+
+use serde_json::Value;
+
+use crate::repository;
+
+/// The command under test: `Dtd::at(env!("CARGO_BIN_EXE_dtd"))`.
+#[derive(Debug, Clone, Copy)]
+pub struct Dtd(&'static str);
+
+impl Dtd {
+    /// The one that Cargo built for an integration test.
+    pub const fn at(program: &'static str) -> Self {
+        Self(program)
+    }
+
+    /// Where it is.
+    pub const fn program(self) -> &'static str {
+        self.0
+    }
+
+    /// With these arguments, in the repository's root, without the environment of a scheduler that runs these tests.
+    pub fn command(self, arguments: &[impl AsRef<OsStr>]) -> Command {
+        let mut command = Command::new(self.0);
+        command
+            .args(arguments)
+            .current_dir(repository())
+            .env_remove("SLURM_ARRAY_TASK_ID")
+            .env_remove("JOB_COMPLETION_INDEX");
+        command
+    }
+
+    /// Runs it to its end.
+    pub fn run(self, arguments: &[impl AsRef<OsStr>]) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Runs a verb that must succeed and returns what it prints as JSON.
+    pub fn json(self, arguments: &[&str]) -> Value {
+        let output = self.run(arguments);
+        assert!(
+            output.status.success(),
+            "{arguments:?}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        );
+        json(&output)
+    }
+
+    /// Starts a verb that serves, on free ports.
+    pub fn serve(self, arguments: &[impl AsRef<OsStr>]) -> Server {
+        let mut command = self.command(arguments);
+        Server::start(command.args(["--port", "0", "--until-stdin-ends"]))
+    }
+}
+
+/// What a process printed.
+pub fn said(output: &Output) -> String {
+    format!(
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    )
+}
+
+/// What it printed as JSON.
+pub fn json(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(output)))
+}
+
+/// A path as an argument.
+pub fn text(path: &Path) -> &str {
+    path.to_str().unwrap()
+}
+
+/// A process that serves until its standard input ends, and is killed with this value.
+#[derive(Debug)]
+pub struct Server {
+    child: Child,
+    ready: Value,
+}
+
+impl Server {
+    /// Starts it, and waits for the line of JSON that it prints once it listens.
+    pub fn start(command: &mut Command) -> Self {
+        let mut child = command
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        let stdout = child.stdout.take().unwrap();
+        BufReader::new(stdout).read_line(&mut line).unwrap();
+        match serde_json::from_str(&line) {
+            Ok(ready) => Self { child, ready },
+            Err(error) => {
+                let _ = child.kill();
+                panic!("{error} in {line:?} of {command:?}")
+            }
+        }
+    }
+
+    /// What it printed: its addresses by name.
+    pub fn ready(&self) -> &Value {
+        &self.ready
+    }
+
+    /// One of its addresses.
+    pub fn address(&self, name: &str) -> SocketAddr {
+        self.text(name).parse().unwrap()
+    }
+
+    /// Its UDP address, as an argument.
+    pub fn udp(&self) -> &str {
+        self.text("udp")
+    }
+
+    /// Its Web API's address, as an argument; empty of an X-Plane 11.
+    pub fn web_api(&self) -> &str {
+        self.ready["web_api"].as_str().unwrap_or_default()
+    }
+
+    fn text(&self, name: &str) -> &str {
+        let found = self.ready[name].as_str();
+        found.unwrap_or_else(|| panic!("no {name:?} in {}", self.ready))
+    }
+
+    /// Its process, e.g. to send signals or to read what it logs.
+    pub fn process(&mut self) -> &mut Child {
+        &mut self.child
+    }
+
+    /// Ends it in good order.
+    pub fn end(mut self) {
+        let early = self.child.try_wait().unwrap();
+        assert!(early.is_none(), "it ended by itself: {early:?}");
+        drop(self.child.stdin.take());
+        assert!(self.child.wait().unwrap().success());
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,44 @@
+//! The checkout that the tests run in, and what `scripts/setup.sh` installs there.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
+
+/// Its root.
+pub fn repository() -> &'static Path {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    here.parent().expect("this crate lies in the repository")
+}
+
+/// A program of the virtual environment in `.venv`.
+pub fn program_of_venv(name: &str) -> PathBuf {
+    let program = repository().join(".venv/bin").join(name);
+    assert!(
+        program.exists(),
+        "run `bash scripts/setup.sh` first: {} is missing",
+        program.display()
+    );
+    program
+}
+
+/// ONNX Runtime.
+pub fn onnx_runtime() -> &'static Path {
+    static FOUND: LazyLock<PathBuf> = LazyLock::new(|| {
+        let python = repository().join(".venv/lib");
+        let packages = fs::read_dir(&python).unwrap_or_else(|error| {
+            panic!(
+                "run `bash scripts/setup.sh` first: {}: {error}",
+                python.display()
+            )
+        });
+        packages
+            .flatten()
+            .map(|version| version.path().join("site-packages/onnxruntime/capi"))
+            .filter_map(|folder| fs::read_dir(folder).ok())
+            .flat_map(|files| files.flatten())
+            .map(|file| file.path())
+            .find(|path| path.to_string_lossy().contains("/libonnxruntime.so"))
+            .expect("ONNX Runtime in .venv")
+    });
+    &FOUND
+}
