@@ -30,8 +30,6 @@ pub struct Configuration {
 
 /// Wing span over the winglets, metres.
 pub const SPAN_M: f64 = 35.8;
-/// Length from the nose to the tips of the horizontal tail, metres.
-pub const LENGTH_M: f64 = 39.5;
 /// Height of the fin's tip over ground on the ground, metres.
 pub const HEIGHT_M: f64 = 12.5;
 
@@ -62,6 +60,9 @@ fn at(station_m: f64, right_m: f64, down_m: f64) -> glam::DVec3 {
 mod tests {
     use super::*;
     use std::collections::{BTreeMap, BTreeSet};
+
+    /// From the nose to the tips of the horizontal tail, metres.
+    const LENGTH_M: f64 = 39.5;
 
     const LANDING: Configuration = Configuration {
         flap_ratio: 0.75,

@@ -170,7 +170,7 @@ impl CameraEntry {
     }
 
     /// Whether a reader that supports only pinholes and straight light would misread it.
-    pub fn bends_light(&self) -> bool {
+    pub(crate) fn bends_light(&self) -> bool {
         !self.distortion.is_empty() || self.refraction_coefficient != 0.0
     }
 
@@ -244,7 +244,7 @@ impl Calibration {
     }
 
     /// Like [`Self::read`], but collects numbers outside their limits.
-    pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let calibration: Self = read_json(path, "calibration")?;
         let faults = calibration.out_of_limits();
         Ok((calibration, faults))

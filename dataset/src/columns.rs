@@ -75,7 +75,7 @@ impl TableWriter {
     }
 
     /// Adds a column of floats with limits; a table with values outside them is not written.
-    pub fn f64_within(
+    pub(crate) fn f64_within(
         mut self,
         name: &str,
         limits: Limits,
@@ -86,7 +86,7 @@ impl TableWriter {
     }
 
     /// The same for floats that may be missing.
-    pub fn optional_f64_within(
+    pub(crate) fn optional_f64_within(
         mut self,
         name: &str,
         limits: Limits,
@@ -275,7 +275,7 @@ impl Table {
 
     /// The same table, but collecting numbers outside their limits instead of failing: for finding all faults.
     #[must_use]
-    pub fn collecting(self) -> Self {
+    pub(crate) fn collecting(self) -> Self {
         Self {
             collected: Some(Vec::new()),
             ..self
@@ -283,7 +283,7 @@ impl Table {
     }
 
     /// What a [`Table::collecting`] found in the requested columns.
-    pub fn into_collected(self) -> Vec<ColumnOutOfLimits> {
+    pub(crate) fn into_collected(self) -> Vec<ColumnOutOfLimits> {
         self.collected.unwrap_or_default()
     }
 
@@ -350,14 +350,14 @@ impl Table {
     }
 
     /// A column of floats with limits and without gaps.
-    pub fn f64_within(&mut self, column: &str, limits: Limits) -> Result<Vec<f64>> {
+    pub(crate) fn f64_within(&mut self, column: &str, limits: Limits) -> Result<Vec<f64>> {
         let values = self.f64(column)?;
         self.look_at(column, limits, values.iter().copied().map(Some))?;
         Ok(values)
     }
 
     /// A column of floats with limits that may be missing.
-    pub fn optional_f64_within(
+    pub(crate) fn optional_f64_within(
         &mut self,
         column: &str,
         limits: Limits,

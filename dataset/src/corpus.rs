@@ -230,7 +230,7 @@ impl ScenarioFolder {
     }
 
     /// Folder of the detections.
-    pub fn detections_folder(&self) -> PathBuf {
+    pub(crate) fn detections_folder(&self) -> PathBuf {
         self.root.join("detections")
     }
 

@@ -42,7 +42,7 @@ impl Distortion {
     }
 
     /// From OpenCV's order; `None` unless there are five coefficients.
-    pub fn from_coefficients(coefficients: &[f64]) -> Option<Self> {
+    pub(crate) fn from_coefficients(coefficients: &[f64]) -> Option<Self> {
         let &[k1, k2, p1, p2, k3] = coefficients else {
             return None;
         };
@@ -50,7 +50,7 @@ impl Distortion {
     }
 
     /// Where the lens maps the ideal (pinhole) point `ideal`.
-    pub fn distort(&self, ideal: DVec2) -> DVec2 {
+    pub(crate) fn distort(&self, ideal: DVec2) -> DVec2 {
         let Self { k1, k2, p1, p2, k3 } = *self;
         let DVec2 { x, y } = ideal;
         let r2 = ideal.length_squared();

@@ -11,11 +11,11 @@ use crate::camera::CameraPose;
 use crate::pose::Pose;
 
 /// Maximum distance between drawn and requested position, metres.
-pub const POSITION_TOLERANCE_M: f64 = 0.01;
+pub(crate) const POSITION_TOLERANCE_M: f64 = 0.01;
 /// Maximum error of the aircraft's heading, pitch or roll, degrees.
-pub const AIRCRAFT_ANGLE_TOLERANCE_DEG: f64 = 0.001;
+pub(crate) const AIRCRAFT_ANGLE_TOLERANCE_DEG: f64 = 0.001;
 /// Maximum error of the camera's heading, pitch, roll or field of view, degrees.
-pub const CAMERA_ANGLE_TOLERANCE_DEG: f64 = 0.0002;
+pub(crate) const CAMERA_ANGLE_TOLERANCE_DEG: f64 = 0.0002;
 
 /// The first value of an echo that differs from the request.
 #[derive(Debug, Clone, Copy, PartialEq)]

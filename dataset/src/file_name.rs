@@ -3,10 +3,10 @@
 //! Portable POSIX file names, slightly restricted, because a corpus is copied to other systems and into object stores.
 
 /// Longest name. Scenario names contain several of them, and file systems allow 255 bytes.
-pub const MOST_NAME_BYTES: usize = 64;
+pub(crate) const MOST_NAME_BYTES: usize = 64;
 
 /// Longest identifier of a scenario, which contains several names; suffixes such as `.partial` are added to it.
-pub const MOST_ID_BYTES: usize = 200;
+pub(crate) const MOST_ID_BYTES: usize = 200;
 
 /// Names that Windows reserves for devices, whatever their extension.
 const RESERVED: [&str; 4] = ["con", "prn", "aux", "nul"];

@@ -79,7 +79,7 @@ impl FrameRate {
     }
 
     /// Units per second that make every tick's timestamp an integer.
-    pub fn time_scale(self) -> u32 {
+    pub(crate) fn time_scale(self) -> u32 {
         self.numerator
     }
 }

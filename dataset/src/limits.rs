@@ -122,7 +122,7 @@ impl Check {
     }
 
     /// What was found.
-    pub fn into_found(self) -> Vec<FieldOutOfLimits> {
+    pub(crate) fn into_found(self) -> Vec<FieldOutOfLimits> {
         self.found
     }
 
@@ -144,7 +144,7 @@ pub const LONGITUDE_DEG: Limits = Limits::new(-180.0, 180.0, "a longitude in deg
 /// Aircraft and cameras.
 pub const ALTITUDE_MSL_M: Limits = Limits::new(-1_000.0, 20_000.0, "an altitude in metres");
 /// Coordinates in an earth-centred frame.
-pub const ECEF_M: Limits = Limits::new(-7e6, 7e6, "an earth-centred coordinate in metres");
+pub(crate) const ECEF_M: Limits = Limits::new(-7e6, 7e6, "an earth-centred coordinate in metres");
 
 // Runways.
 
@@ -217,21 +217,22 @@ pub const JITTER_DEG: Limits = Limits::new(-10.0, 10.0, "a small angle in degree
 /// Of an optical axis, in a rig.
 pub const MAST_PITCH_DEG: Limits = Limits::new(-89.0, 89.0, "an elevation in degrees");
 /// Of an optical axis, as placed: including jitter.
-pub const CAMERA_PITCH_DEG: Limits = Limits::new(-100.0, 100.0, "a camera's elevation in degrees");
+pub(crate) const CAMERA_PITCH_DEG: Limits =
+    Limits::new(-100.0, 100.0, "a camera's elevation in degrees");
 /// About an optical axis.
-pub const CAMERA_ROLL_DEG: Limits = Limits::new(-180.0, 180.0, "a camera's roll in degrees");
+pub(crate) const CAMERA_ROLL_DEG: Limits = Limits::new(-180.0, 180.0, "a camera's roll in degrees");
 /// Over the whole width of a picture.
 pub const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees");
 /// Width or height of a picture.
 pub const PICTURE_SIDE_PX: Limits = Limits::new(64.0, 8_192.0, "a size of a picture in pixels");
 /// Intrinsics.
-pub const FOCAL_LENGTH_PX: Limits = Limits::new(1.0, 1e8, "a focal length in pixels");
+pub(crate) const FOCAL_LENGTH_PX: Limits = Limits::new(1.0, 1e8, "a focal length in pixels");
 /// Intrinsics.
-pub const PRINCIPAL_POINT_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
+pub(crate) const PRINCIPAL_POINT_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
 /// An element of a rotation matrix.
-pub const ROTATION: Limits = Limits::new(-1.0, 1.0, "an element of a rotation matrix");
+pub(crate) const ROTATION: Limits = Limits::new(-1.0, 1.0, "an element of a rotation matrix");
 /// OpenCV's. [`crate::distortion::Distortion::check`] decides whether they are a valid lens.
-pub const DISTORTION: Limits = Limits::new(-1e6, 1e6, "a distortion coefficient");
+pub(crate) const DISTORTION: Limits = Limits::new(-1e6, 1e6, "a distortion coefficient");
 
 // Image degradation.
 
@@ -282,42 +283,42 @@ pub const ZULU_TIME_S: Limits = Limits::new(0.0, 86_400.0, "a time of day in sec
 /// From 40 NM at the slowest speed, three times over.
 pub const MOST_APPROACH_S: f64 = 4_000.0;
 /// Ticks of one scenario: an approach at 240 a second.
-pub const MOST_TICKS: u32 = 1_000_000;
+pub(crate) const MOST_TICKS: u32 = 1_000_000;
 /// See [`MOST_TICKS`].
 pub const TICKS: Limits = Limits::new(1.0, MOST_TICKS as f64, "a number of ticks");
 /// Views of one scenario.
 pub const MOST_VIEWS: usize = 64;
 /// Pictures of one scenario.
-pub const MOST_PICTURES: u64 = MOST_TICKS as u64 * MOST_VIEWS as u64;
-/// Since tick 0: the longest scenario at the lowest frame rate.
-pub const TIME_NS: Limits = Limits::new(0.0, 6e16, "a time in nanoseconds");
+pub(crate) const MOST_PICTURES: u64 = MOST_TICKS as u64 * MOST_VIEWS as u64;
 /// Pictures per second, and the largest terms of their fraction.
 pub const FRAME_RATE_HZ: Limits = Limits::new(1.0 / 60.0, 240.0, "a frame rate per second");
 /// See [`FRAME_RATE_HZ`].
-pub const MOST_FRAME_RATE_TERM: u32 = 1_000_000;
+pub(crate) const MOST_FRAME_RATE_TERM: u32 = 1_000_000;
 
 // Labels and boxes.
 
 /// Over ground.
 pub const DTD_M: Limits = Limits::new(0.0, 500_000.0, "a distance to touchdown in metres");
 /// Along or across the course.
-pub const TRACK_M: Limits = Limits::new(-500_000.0, 500_000.0, "a distance in metres");
+pub(crate) const TRACK_M: Limits = Limits::new(-500_000.0, 500_000.0, "a distance in metres");
 /// Of the aircraft.
-pub const HEIGHT_OVER_TARGET_M: Limits = Limits::new(-25_000.0, 25_000.0, "a height in metres");
+pub(crate) const HEIGHT_OVER_TARGET_M: Limits =
+    Limits::new(-25_000.0, 25_000.0, "a height in metres");
 /// Negative past the target.
-pub const TIME_TO_TOUCHDOWN_S: Limits = Limits::new(-6e7, 6e7, "a time to touchdown in seconds");
+pub(crate) const TIME_TO_TOUCHDOWN_S: Limits =
+    Limits::new(-6e7, 6e7, "a time to touchdown in seconds");
 /// Middle of a box.
 pub const BOX_PLACE_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
 /// Width or height of a box.
-pub const BOX_SIZE_PX: Limits = Limits::new(0.0, 16_384.0, "a size in pixels");
+pub(crate) const BOX_SIZE_PX: Limits = Limits::new(0.0, 16_384.0, "a size in pixels");
 /// More than one aircraft in a picture means false detections anyway.
-pub const MOST_DETECTIONS_PER_PICTURE: u64 = 1_000;
+pub(crate) const MOST_DETECTIONS_PER_PICTURE: u64 = 1_000;
 /// Of a detector.
 pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");
 /// Standard deviation of the positions and sizes of boxes that a network was trained with.
 pub const FEATURE_SCALE_PX: Limits = Limits::new(1e-9, 16_384.0, "a standard deviation in pixels");
 /// Second passes in one picture.
-pub const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
+pub(crate) const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
 
 #[cfg(test)]
 mod tests {

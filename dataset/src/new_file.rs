@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use crate::error::{Error, Result};
 
 /// Suffix of a file that is still being written.
-pub const TEMPORARY_SUFFIX: &str = ".tmp";
+pub(crate) const TEMPORARY_SUFFIX: &str = ".tmp";
 /// Hexadecimal digits of its name.
 const RANDOM_DIGITS: usize = 16;
 
@@ -71,7 +71,7 @@ impl NewFile {
     ///
     /// # Errors
     /// The destination cannot be written.
-    pub fn commit_unsynced(mut self) -> Result<()> {
+    pub(crate) fn commit_unsynced(mut self) -> Result<()> {
         fs::rename(&self.temporary, &self.path)
             .map_err(Error::io("rename into place", &self.path))?;
         self.committed = true;

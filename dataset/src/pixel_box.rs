@@ -195,12 +195,7 @@ pub fn write_detections(path: &Path, detections: &[Detection]) -> Result<()> {
         .write(path)
 }
 
-/// Reads `detections/<model>.parquet` of a scenario with this many pictures. A number outside its limits is an error.
-pub fn read_detections(path: &Path, pictures: u64) -> Result<Vec<Detection>> {
-    detections_of(&mut Table::read(path, most_detections(pictures))?)
-}
-
-/// The same, but collecting numbers outside their limits.
+/// Reads `detections/<model>.parquet` of a scenario with this many pictures, collecting numbers outside their limits.
 pub(crate) fn read_detections_with_faults(
     path: &Path,
     pictures: u64,
@@ -210,7 +205,8 @@ pub(crate) fn read_detections_with_faults(
     Ok((detections, table.into_collected()))
 }
 
-/// Reads the content of `detections/<model>.parquet` as [`read_detections`] does; messages name it as `path`.
+/// Reads the content of `detections/<model>.parquet` of a scenario with this many pictures; messages name it as `path`. A number
+/// outside its limits is an error.
 pub fn parse_detections(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Detection>> {
     detections_of(&mut Table::parse(content, path, most_detections(pictures))?)
 }
@@ -353,9 +349,10 @@ mod tests {
             score: 0.75,
             tile: 2,
         }];
+        let read = || parse_detections(std::fs::read(&path).unwrap(), &path, 1).unwrap();
         write_detections(&path, &found).unwrap();
-        assert_eq!(read_detections(&path, 1).unwrap(), found);
+        assert_eq!(read(), found);
         write_detections(&path, &[]).unwrap();
-        assert_eq!(read_detections(&path, 1).unwrap(), vec![]);
+        assert_eq!(read(), vec![]);
     }
 }

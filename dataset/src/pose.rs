@@ -33,7 +33,7 @@ impl Pose {
     }
 
     /// Checks for numbers outside the limits of a camera.
-    pub fn check_camera(&self, check: &mut Check) {
+    pub(crate) fn check_camera(&self, check: &mut Check) {
         self.check((limits::CAMERA_PITCH_DEG, limits::CAMERA_ROLL_DEG), check);
     }
 

@@ -14,7 +14,7 @@ use crate::limits::{self, Check, FieldOutOfLimits};
 use crate::runway::Runway;
 
 /// Latest version of the file format. Readers reject a larger one.
-pub const SCHEMA_VERSION: u32 = 2;
+pub(crate) const SCHEMA_VERSION: u32 = 2;
 /// The version of scenarios whose cameras are pinholes with straight light, which version 1 readers support.
 /// [`crate::calibration::Calibration::schema_version`] returns the version of a scenario.
 pub const PINHOLE_SCHEMA_VERSION: u32 = 1;
@@ -116,7 +116,7 @@ impl ScenarioRecord {
 
     /// Reads `scenario.json` and collects numbers outside their limits. An unknown version, an impossible number of ticks, and a
     /// view whose name is not a file name are errors, because then nothing else can be checked.
-    pub fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
+    pub(crate) fn read_with_faults(path: &Path) -> Result<(Self, Vec<FieldOutOfLimits>)> {
         let record: Self = read_json(path, "scenario record")?;
         record.readable(path)
     }

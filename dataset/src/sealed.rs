@@ -106,7 +106,7 @@ impl Sealed {
     }
 
     /// The name of a view's video, if one is sealed.
-    pub fn video_of(&self, view: &str) -> Option<&str> {
+    pub(crate) fn video_of(&self, view: &str) -> Option<&str> {
         let mut names = self.files.iter().map(|file| file.name.as_str());
         names.find(|name| view_of(name) == Some(view))
     }

@@ -11,7 +11,7 @@ pub const METERS_PER_FOOT: f64 = 0.3048;
 /// Metres per second in one knot.
 pub const MPS_PER_KNOT: f64 = METERS_PER_NAUTICAL_MILE / 3600.0;
 /// Nanoseconds in one second.
-pub const NANOS_PER_SECOND: i64 = 1_000_000_000;
+pub(crate) const NANOS_PER_SECOND: i64 = 1_000_000_000;
 
 /// An angle in degrees.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd, Serialize, Deserialize)]

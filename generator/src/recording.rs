@@ -131,7 +131,7 @@ impl Recording {
     }
 
     /// Identifier of the trajectory: the file's name and the start of its hash, because two folders may contain files of one name.
-    pub fn trajectory_id(&self) -> String {
+    pub(crate) fn trajectory_id(&self) -> String {
         let stem = self
             .file
             .rsplit_once('.')
@@ -142,7 +142,7 @@ impl Recording {
 
 /// The files that a glob matches, sorted; it is relative to `folder`. `*` and `?` match within a name, `**` across folders, `[..]`
 /// one of several characters.
-pub fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, String> {
+pub(crate) fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, String> {
     // The folder is not the author's choice: glob characters in it are literal.
     let whole = match folder.to_str() {
         Some("") => pattern.to_owned(),

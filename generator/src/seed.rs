@@ -26,7 +26,7 @@ pub fn of_value(scenario_seed: u64, name: &str) -> ChaCha12Rng {
 }
 
 /// A number that orders things pseudo-randomly, but always in the same way.
-pub fn shuffle_key(master: u64, purpose: &str, item: &str) -> u64 {
+pub(crate) fn shuffle_key(master: u64, purpose: &str, item: &str) -> u64 {
     let mut hasher = blake3::Hasher::new_derive_key("dtd shuffle v1");
     hasher.update(&master.to_le_bytes());
     hasher.update(purpose.as_bytes());

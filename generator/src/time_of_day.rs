@@ -38,7 +38,7 @@ impl TimeOfDay {
     }
 
     /// The time this many minutes after midnight.
-    pub fn from_minutes(minutes: u32) -> Self {
+    pub(crate) fn from_minutes(minutes: u32) -> Self {
         Self {
             hour: minutes / 60 % 24,
             minute: minutes % 60,

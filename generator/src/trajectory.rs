@@ -101,7 +101,7 @@ impl Trajectory {
     }
 
     /// The trajectory relative to the course of a runway.
-    pub fn along_course<'a>(&'a self, runway: &'a Runway) -> AlongCourse<'a> {
+    pub(crate) fn along_course<'a>(&'a self, runway: &'a Runway) -> AlongCourse<'a> {
         let mut seen = AlongCourse {
             trajectory: self,
             runway,

@@ -15,8 +15,6 @@ use std::thread;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use serde::Serialize;
 
-pub use record::DetectionRecord;
-
 use crate::detector::{Detector, ModelFile, OrtDetector, OrtOptions};
 use crate::error::{Error, Result};
 use crate::outcome::{Failure, Progress};

@@ -24,7 +24,7 @@ use crate::track::labels_of;
 use crate::truth_box::project;
 
 /// Class of every true box.
-pub const AIRCRAFT_CLASS: &str = "aircraft";
+pub(crate) const AIRCRAFT_CLASS: &str = "aircraft";
 /// The only aircraft whose shape is known.
 const KNOWN_AIRCRAFT: &str = "B737-800";
 
@@ -71,7 +71,7 @@ pub fn label_corpus(corpus: &Corpus, progress: &(dyn Fn(Progress) + Sync)) -> Re
 }
 
 /// Labels one scenario. Returns whether anything changed.
-pub fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
+pub(crate) fn label_scenario(folder: &ScenarioFolder) -> Result<bool> {
     let mut labels = Labels::of(folder)?;
     if labels.are_there && !is_unsettled(folder.root()) {
         return Ok(false);

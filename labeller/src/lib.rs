@@ -2,22 +2,22 @@
 //!
 //! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected truth
 //! in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`). Labels come from poses and cameras
-//! alone, detections from decoded pixels alone; [`statistics`] compares the two.
+//! alone, detections from decoded pixels alone; `statistics` compares the two.
 
 #![forbid(unsafe_code)]
 
 #[cfg(test)]
 mod blob_finder;
-pub mod detect;
+mod detect;
 pub mod detector;
-pub mod error;
-pub mod label;
-pub mod outcome;
+mod error;
+mod label;
+mod outcome;
 mod silhouette;
-pub mod statistics;
+mod statistics;
 pub mod tiling;
-pub mod track;
-pub mod truth_box;
+mod track;
+mod truth_box;
 
 pub use detect::{DetectOptions, DetectOutcome, detect_corpus};
 pub use error::{Error, Result};

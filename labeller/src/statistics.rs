@@ -4,7 +4,7 @@ use dataset::pixel_box::{Detection, TruthBox};
 use serde::Serialize;
 
 /// A detector is expected to find the aircraft if at least this part of it is in the picture.
-pub const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
+pub(crate) const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
 
 /// Counts over pictures. One picture is one view at one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -116,11 +116,6 @@ impl TruthCounts {
     pub fn mean_center_error_px(&self) -> Option<f64> {
         (self.found > 0).then(|| self.sum_center_error_px / self.found as f64)
     }
-
-    /// Mean of detected minus true centre of found aircraft, right and down, pixels: a bias that no averaging removes.
-    pub fn mean_center_offset_px(&self) -> Option<[f64; 2]> {
-        (self.found > 0).then(|| self.sum_center_offset_px.map(|sum| sum / self.found as f64))
-    }
 }
 
 #[cfg(test)]
@@ -181,7 +176,7 @@ mod tests {
             (truth.expected, truth.found, truth.false_detections),
             (3, 1, 3)
         );
-        assert_eq!(truth.mean_center_offset_px(), Some([3.0, 0.0]));
+        assert_eq!(truth.sum_center_offset_px, [3.0, 0.0]);
         assert_eq!(truth.detection_rate(), Some(1.0 / 3.0));
     }
 

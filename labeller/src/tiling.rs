@@ -114,7 +114,7 @@ impl Sighting {
 }
 
 /// Corners of the tiles of a picture, row by row. Tiles at the right and at the bottom may extend past the picture.
-pub fn tiles_of(width_px: u32, height_px: u32, tile_px: u32) -> Vec<Window> {
+pub(crate) fn tiles_of(width_px: u32, height_px: u32, tile_px: u32) -> Vec<Window> {
     let starts = |length_px: u32| (0..length_px.div_ceil(tile_px)).map(move |k| k * tile_px);
     starts(height_px)
         .flat_map(|top_px| starts(width_px).map(move |left_px| Window { left_px, top_px }))

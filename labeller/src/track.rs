@@ -8,7 +8,11 @@ use dataset::runway::RunwayCoordinates;
 use dataset::units::SimTime;
 
 /// Labels of all ticks, in their order.
-pub fn labels_of(ticks: &[Frame], target: Geodetic, course_true_deg: f64) -> Vec<FrameLabels> {
+pub(crate) fn labels_of(
+    ticks: &[Frame],
+    target: Geodetic,
+    course_true_deg: f64,
+) -> Vec<FrameLabels> {
     let coordinates: Vec<_> = ticks
         .iter()
         .map(|tick| RunwayCoordinates::of(tick.pose.position(), target, course_true_deg))

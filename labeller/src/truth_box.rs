@@ -18,7 +18,7 @@ const SAMPLES: usize = 512;
 
 /// The visible aircraft in a camera's picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Projection {
+pub(crate) struct Projection {
     /// Box of the projected mesh, clipped to the picture.
     pub pixel_box: PixelBox,
     /// Part of the silhouette inside the picture and above the ground, 0 to 1.
@@ -31,7 +31,12 @@ pub struct Projection {
 
 /// Projects the aircraft; `None` if none of it is visible in the picture. The ground is level at `ground_msl_m`: parts of the mesh
 /// below it are hidden, as the camera stands above.
-pub fn project(mesh: &Mesh, pose: &Pose, camera: &Camera, ground_msl_m: f64) -> Option<Projection> {
+pub(crate) fn project(
+    mesh: &Mesh,
+    pose: &Pose,
+    camera: &Camera,
+    ground_msl_m: f64,
+) -> Option<Projection> {
     let body = BodyInCamera::new(mesh, pose, camera, ground_msl_m);
     let outline = body.outline(camera)?;
     let inside = outline.clipped_to(camera.width_px, camera.height_px)?;

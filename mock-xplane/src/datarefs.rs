@@ -11,7 +11,7 @@ use xplane_bridge::datarefs::Generation;
 
 /// Type of a dataref.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub(crate) enum Kind {
     /// 32-bit integer: fractions are truncated.
     Int,
     /// 32-bit float.
@@ -24,7 +24,7 @@ pub enum Kind {
 
 /// Name, type and first value of a dataref.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Dataref {
+pub(crate) struct Dataref {
     /// Path without index.
     pub name: &'static str,
     /// Type of its values.
@@ -39,7 +39,7 @@ pub struct Dataref {
 
 /// Why a write has no effect.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum Ignored {
+pub(crate) enum Ignored {
     /// No such dataref.
     #[error("unknown dataref")]
     Unknown,
@@ -59,13 +59,13 @@ pub enum Ignored {
 
 /// All datarefs with their values.
 #[derive(Debug, Clone)]
-pub struct Datarefs {
+pub(crate) struct Datarefs {
     cells: BTreeMap<&'static str, (Dataref, Vec<f64>)>,
 }
 
 impl Datarefs {
     /// The datarefs of a simulator of this generation, with their initial values.
-    pub fn new(generation: Generation) -> Self {
+    pub(crate) fn new(generation: Generation) -> Self {
         let cells = known::datarefs(generation).map(|dataref| {
             let values = vec![dataref.initial; dataref.length.unwrap_or(1)];
             (dataref.name, (*dataref, values))
@@ -76,43 +76,35 @@ impl Datarefs {
     }
 
     /// All of them, by name, with the values of their elements.
-    pub fn iter(&self) -> impl Iterator<Item = (&Dataref, &[f64])> {
+    pub(crate) fn iter(&self) -> impl Iterator<Item = (&Dataref, &[f64])> {
         self.cells
             .values()
             .map(|(dataref, values)| (dataref, values.as_slice()))
     }
 
     /// One of them, by its name without index.
-    pub fn find(&self, name: &str) -> Option<(&Dataref, &[f64])> {
+    pub(crate) fn find(&self, name: &str) -> Option<(&Dataref, &[f64])> {
         let (dataref, values) = self.cells.get(name)?;
         Some((dataref, values))
     }
 
     /// The value as carried by RREF. An unknown path, and an array without index, read as 0, as in X-Plane 12.
-    pub fn read(&self, path: &str) -> f32 {
+    pub(crate) fn read(&self, path: &str) -> f32 {
         self.locate(path)
             .map_or(0.0, |(name, at)| self.cells[name].1[at] as f32)
     }
 
     /// The value with full precision; 0 for an unknown path.
-    pub fn get(&self, path: &str) -> f64 {
+    pub(crate) fn get(&self, path: &str) -> f64 {
         self.locate(path)
             .map_or(0.0, |(name, at)| self.cells[name].1[at])
-    }
-
-    /// A client's write.
-    ///
-    /// # Errors
-    /// The write has no effect, with the reason.
-    pub fn write(&mut self, path: &str, value: f32) -> Result<(), Ignored> {
-        self.write_exact(path, f64::from(value))
     }
 
     /// A client's write with full precision.
     ///
     /// # Errors
     /// The write has no effect, with the reason.
-    pub fn write_exact(&mut self, path: &str, value: f64) -> Result<(), Ignored> {
+    pub(crate) fn write_exact(&mut self, path: &str, value: f64) -> Result<(), Ignored> {
         let (name, at) = self.locate(path)?;
         match self.cells.get_mut(name) {
             Some((dataref, values)) if dataref.writable => {
@@ -129,7 +121,7 @@ impl Datarefs {
     }
 
     /// The simulator's own write, also to read-only datarefs. An unknown path is a bug in this crate and is logged.
-    pub fn set(&mut self, path: &str, value: f64) {
+    pub(crate) fn set(&mut self, path: &str, value: f64) {
         match self
             .locate(path)
             .map(|(name, at)| (self.cells.get_mut(name), at))
@@ -143,7 +135,7 @@ impl Datarefs {
     }
 
     /// The simulator's own write of a text.
-    pub fn set_text(&mut self, name: &str, text: &str) {
+    pub(crate) fn set_text(&mut self, name: &str, text: &str) {
         let Some((_, values)) = self.cells.get_mut(name) else {
             tracing::error!(name, "the stand-in publishes a text that it does not have");
             return;
@@ -157,7 +149,7 @@ impl Datarefs {
     }
 
     /// Restores the values that a dataref had elsewhere.
-    pub fn restore(&mut self, name: &str, from: &[f64]) {
+    pub(crate) fn restore(&mut self, name: &str, from: &[f64]) {
         if let Some((_, values)) = self.cells.get_mut(name) {
             values.copy_from_slice(from);
         }
@@ -204,17 +196,20 @@ mod tests {
     #[test]
     fn elements_of_an_array_are_written_and_read_one_by_one() {
         let mut datarefs = Datarefs::new(Generation::XPlane12);
-        assert_eq!(datarefs.write(&format!("{CLOUDS}[1]"), 1_500.0), Ok(()));
+        assert_eq!(
+            datarefs.write_exact(&format!("{CLOUDS}[1]"), 1_500.0),
+            Ok(())
+        );
         assert_eq!(datarefs.read(&format!("{CLOUDS}[1]")), 1_500.0);
         assert_eq!(datarefs.read(&format!("{CLOUDS}[2]")), 0.0);
-        assert_eq!(datarefs.write(CLOUDS, 7.0), Err(Ignored::NeedsIndex));
+        assert_eq!(datarefs.write_exact(CLOUDS, 7.0), Err(Ignored::NeedsIndex));
         assert_eq!(datarefs.read(CLOUDS), 0.0);
         assert_eq!(
-            datarefs.write(&format!("{CLOUDS}[3]"), 7.0),
+            datarefs.write_exact(&format!("{CLOUDS}[3]"), 7.0),
             Err(Ignored::BadIndex)
         );
         assert_eq!(
-            datarefs.write(&format!("{CLOUDS}[x]"), 7.0),
+            datarefs.write_exact(&format!("{CLOUDS}[x]"), 7.0),
             Err(Ignored::BadIndex)
         );
     }
@@ -222,10 +217,10 @@ mod tests {
     #[test]
     fn a_single_value_also_goes_by_element_zero() {
         let mut datarefs = Datarefs::new(Generation::XPlane12);
-        assert_eq!(datarefs.write(&format!("{ZULU}[0]"), 60.5), Ok(()));
+        assert_eq!(datarefs.write_exact(&format!("{ZULU}[0]"), 60.5), Ok(()));
         assert_eq!(datarefs.read(ZULU), 60.5);
         assert_eq!(
-            datarefs.write(&format!("{ZULU}[1]"), 60.5),
+            datarefs.write_exact(&format!("{ZULU}[1]"), 60.5),
             Err(Ignored::BadIndex)
         );
     }
@@ -234,11 +229,11 @@ mod tests {
     fn what_belongs_to_the_simulator_is_not_written_by_clients() {
         let mut datarefs = Datarefs::new(Generation::XPlane12);
         datarefs.set(LATITUDE, 1.348_971_96);
-        assert_eq!(datarefs.write(LATITUDE, 50.0), Err(Ignored::ReadOnly));
+        assert_eq!(datarefs.write_exact(LATITUDE, 50.0), Err(Ignored::ReadOnly));
         assert_eq!(datarefs.get(LATITUDE), 1.348_971_96);
         assert_eq!(datarefs.read(LATITUDE), 1.348_971_96_f64 as f32);
         assert_eq!(
-            datarefs.write("sim/no/such/thing", 1.0),
+            datarefs.write_exact("sim/no/such/thing", 1.0),
             Err(Ignored::Unknown)
         );
         assert_eq!(datarefs.read("sim/no/such/thing"), 0.0);
@@ -247,9 +242,14 @@ mod tests {
     #[test]
     fn integers_lose_their_fraction_and_nothing_takes_nan() {
         let mut datarefs = Datarefs::new(Generation::XPlane12);
-        datarefs.write("sim/time/local_date_days", 79.9).unwrap();
+        datarefs
+            .write_exact("sim/time/local_date_days", 79.9)
+            .unwrap();
         assert_eq!(datarefs.read("sim/time/local_date_days"), 79.0);
-        assert_eq!(datarefs.write(ZULU, f32::NAN), Err(Ignored::NotFinite));
+        assert_eq!(
+            datarefs.write_exact(ZULU, f64::NAN),
+            Err(Ignored::NotFinite)
+        );
         assert_eq!(datarefs.write_exact(ZULU, 1e40), Err(Ignored::NotFinite));
     }
 
@@ -276,7 +276,7 @@ mod tests {
             let mut datarefs = Datarefs::new(generation);
             for write in xplane_bridge::datarefs::condition_writes(&conditions, generation).unwrap()
             {
-                let taken = datarefs.write(&write.name, write.value);
+                let taken = datarefs.write_exact(&write.name, f64::from(write.value));
                 assert_eq!(taken, Ok(()), "{}", write.name);
                 let back = datarefs.read(&write.name);
                 assert!(write.is_met_by(back), "{} is {back}", write.name);

@@ -36,9 +36,9 @@ use technique::Technique;
 use vertical_guidance::Situation;
 
 /// Rate of the states of a flight, hertz.
-pub const OUTPUT_RATE_HZ: u32 = 30;
+pub(crate) const OUTPUT_RATE_HZ: u32 = 30;
 /// A flight ends this long after the wheels first touch, seconds.
-pub const ROLL_OUT_S: f64 = 6.0;
+pub(crate) const ROLL_OUT_S: f64 = 6.0;
 
 /// Integration steps per state, and per update of the autopilot.
 const STEPS_PER_STATE: u64 = 4;

@@ -20,7 +20,7 @@ mod kept;
 mod lamps;
 mod light;
 mod noise;
-pub mod overlay;
+pub(crate) mod overlay;
 mod rain;
 mod raster;
 mod seeing;

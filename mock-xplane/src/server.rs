@@ -45,9 +45,9 @@ pub use tape::serve_tape;
 use faults::outages::Outages;
 
 /// X-Plane's UDP port.
-pub const DEFAULT_PORT: u16 = 49_000;
+pub(crate) const DEFAULT_PORT: u16 = 49_000;
 /// The port of X-Plane 12's Web API.
-pub const DEFAULT_WEB_PORT: u16 = 8086;
+pub(crate) const DEFAULT_WEB_PORT: u16 = 8086;
 /// The capture link listens this much above the UDP port.
 const CAPTURE_PORT_OFFSET: u16 = 10;
 

@@ -29,5 +29,5 @@ pub use detections::{LeftDetections, MovedDetections};
 pub use error::{Result, StoreError};
 pub use fetch::Fetched;
 pub use patience::{Patience, Watch};
-pub use place::{Place, SCHEMES, StoreUrl};
+pub use place::{Place, StoreUrl};
 pub use upload::{OnOther, Pushed};

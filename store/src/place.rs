@@ -9,7 +9,7 @@ use url::Url;
 use crate::error::{Result, StoreError};
 
 /// The supported URLs, for messages.
-pub const SCHEMES: &str =
+pub(crate) const SCHEMES: &str =
     "s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER";
 
 /// Location of a corpus.

@@ -15,7 +15,7 @@ use testkit::{changi_02l, repository};
 use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
 
 /// The recorded flights are stored at 5 Hz; their twins are compared at the same rate.
-pub const RATE_HZ: u32 = 5;
+pub(crate) const RATE_HZ: u32 = 5;
 
 /// Name, wind (from degrees true, knots) and turbulence. The recorded turbulence is described only in words: the ratio here was
 /// fitted once to the airspeed's fluctuation; everything else (path, attitude, spectra) must then follow.

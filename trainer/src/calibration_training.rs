@@ -65,7 +65,7 @@ impl CalibrationNetwork {
 
 /// The networks of stage one.
 #[derive(Module, Debug)]
-pub struct CalibrationNetworks {
+pub(crate) struct CalibrationNetworks {
     /// One network per view, box features to feature vector.
     views: Vec<CalibrationNetwork>,
     /// The shared auxiliary head, feature vector to distance.
@@ -74,7 +74,7 @@ pub struct CalibrationNetworks {
 
 impl CalibrationNetworks {
     /// Untrained networks.
-    pub fn new(
+    pub(crate) fn new(
         views: usize,
         config: &CalibrationConfig,
         random: &mut ChaCha12Rng,
@@ -93,19 +93,19 @@ impl CalibrationNetworks {
     }
 
     /// Feature vectors of one view's boxes, `[batch, 4]` to `[batch, features]`.
-    pub fn features(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
+    pub(crate) fn features(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
         self.views[view].forward(boxes)
     }
 
     /// The distance predicted from one view alone, in the coordinate of the loss, `[batch, 1]`.
-    pub fn predict(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
+    pub(crate) fn predict(&self, view: usize, boxes: Tensor<2>) -> Tensor<2> {
         self.head.forward(self.features(view, boxes))
     }
 }
 
 /// One entry of the convergence log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct CalibrationLogEntry {
+pub(crate) struct CalibrationLogEntry {
     /// Steps done.
     pub step: usize,
     /// Error of each view's own prediction on the validation side, percent; `null` for a view without samples there.
@@ -115,7 +115,7 @@ pub struct CalibrationLogEntry {
 }
 
 /// Trains the networks.
-pub fn train_calibration(
+pub(crate) fn train_calibration(
     training: &Encoded,
     validation: &Encoded,
     config: &CalibrationConfig,

@@ -11,10 +11,10 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
 /// Slope of LeakyReLU below zero, as in PyTorch.
-pub const LEAKY_SLOPE: f64 = 0.01;
+pub(crate) const LEAKY_SLOPE: f64 = 0.01;
 
 /// A linear layer with weights and biases uniform within `+-gain / sqrt(inputs)` (PyTorch's choice is a gain of 1).
-pub fn linear(
+pub(crate) fn linear(
     inputs: usize,
     outputs: usize,
     gain: f64,
@@ -37,13 +37,13 @@ pub fn linear(
 
 /// Linear layers with LeakyReLU between them and none after the last.
 #[derive(Module, Debug)]
-pub struct Dense {
+pub(crate) struct Dense {
     layers: Vec<Linear>,
 }
 
 impl Dense {
     /// A stack with these widths, the input's first; at least two.
-    pub fn new(widths: &[usize], random: &mut ChaCha12Rng, device: &Device) -> Self {
+    pub(crate) fn new(widths: &[usize], random: &mut ChaCha12Rng, device: &Device) -> Self {
         Self {
             layers: widths
                 .windows(2)
@@ -53,13 +53,13 @@ impl Dense {
     }
 
     /// `[batch, first width]` to `[batch, last width]`.
-    pub fn forward(&self, input: Tensor<2>) -> Tensor<2> {
+    pub(crate) fn forward(&self, input: Tensor<2>) -> Tensor<2> {
         let hidden = self.hidden(input);
         self.last().forward(hidden)
     }
 
     /// Input of the last layer, `[batch, last width but one]`.
-    pub fn hidden(&self, input: Tensor<2>) -> Tensor<2> {
+    pub(crate) fn hidden(&self, input: Tensor<2>) -> Tensor<2> {
         let before_last = &self.layers[..self.layers.len() - 1];
         before_last.iter().fold(input, |value, layer| {
             leaky_relu(layer.forward(value), LEAKY_SLOPE)
@@ -67,13 +67,13 @@ impl Dense {
     }
 
     /// The same stack with another last layer.
-    pub fn with_last(mut self, layer: Linear) -> Self {
+    pub(crate) fn with_last(mut self, layer: Linear) -> Self {
         *self.layers.last_mut().expect("a stack has a layer") = layer;
         self
     }
 
     /// Number of inputs of the last layer.
-    pub fn last_inputs(&self) -> usize {
+    pub(crate) fn last_inputs(&self) -> usize {
         self.last().weight.val().dims()[0]
     }
 
@@ -83,7 +83,7 @@ impl Dense {
 }
 
 /// Widths of a stack: input, hidden layers, output.
-pub fn widths(input: usize, hidden: &[usize], output: usize) -> Vec<usize> {
+pub(crate) fn widths(input: usize, hidden: &[usize], output: usize) -> Vec<usize> {
     std::iter::once(input)
         .chain(hidden.iter().copied())
         .chain([output])

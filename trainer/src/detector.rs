@@ -18,7 +18,7 @@ use serde_json::Value;
 
 pub mod checkpoint;
 pub mod convolution;
-pub mod corpus_samples;
+pub(crate) mod corpus_samples;
 pub mod crop;
 pub mod evaluation;
 pub mod export;

@@ -9,7 +9,7 @@ use crate::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
 use crate::samples::Sample;
 
 /// Normalised features and true distances of many samples.
-pub struct Encoded {
+pub(crate) struct Encoded {
     views: usize,
     /// Sample-major, view-minor; zeros where a view saw nothing.
     features: Vec<[f32; BOX_FEATURES]>,
@@ -19,7 +19,7 @@ pub struct Encoded {
 
 impl Encoded {
     /// Encodes samples in their order.
-    pub fn new<'a>(
+    pub(crate) fn new<'a>(
         samples: impl IntoIterator<Item = &'a Sample>,
         normalisation: &Normalisation,
     ) -> Self {
@@ -45,46 +45,41 @@ impl Encoded {
     }
 
     /// Number of samples.
-    pub fn len(&self) -> usize {
+    pub(crate) fn len(&self) -> usize {
         self.distances.len()
     }
 
-    /// Whether there are no samples.
-    pub fn is_empty(&self) -> bool {
-        self.distances.is_empty()
-    }
-
     /// Number of views.
-    pub fn views(&self) -> usize {
+    pub(crate) fn views(&self) -> usize {
         self.views
     }
 
     /// Whether a view saw the aircraft.
-    pub fn seen(&self, sample: usize, view: usize) -> bool {
+    pub(crate) fn seen(&self, sample: usize, view: usize) -> bool {
         self.seen[sample * self.views + view]
     }
 
     /// Number of views that saw the aircraft.
-    pub fn detections(&self, sample: usize) -> usize {
+    pub(crate) fn detections(&self, sample: usize) -> usize {
         (0..self.views)
             .filter(|&view| self.seen(sample, view))
             .count()
     }
 
     /// Distance to touchdown in units of 10 NM.
-    pub fn distance(&self, sample: usize) -> f32 {
+    pub(crate) fn distance(&self, sample: usize) -> f32 {
         self.distances[sample]
     }
 
     /// The samples that a view saw.
-    pub fn seen_by(&self, view: usize) -> Vec<usize> {
+    pub(crate) fn seen_by(&self, view: usize) -> Vec<usize> {
         (0..self.len())
             .filter(|&sample| self.seen(sample, view))
             .collect()
     }
 
     /// Features of one view, `[batch, 4]`.
-    pub fn inputs(&self, batch: &[usize], view: usize, device: &Device) -> Tensor<2> {
+    pub(crate) fn inputs(&self, batch: &[usize], view: usize, device: &Device) -> Tensor<2> {
         let rows: Vec<f32> = batch
             .iter()
             .flat_map(|&sample| self.features[sample * self.views + view])
@@ -93,7 +88,7 @@ impl Encoded {
     }
 
     /// 1 where the view saw the aircraft and 0 elsewhere.
-    pub fn mask(&self, batch: &[usize], view: usize) -> Vec<f32> {
+    pub(crate) fn mask(&self, batch: &[usize], view: usize) -> Vec<f32> {
         batch
             .iter()
             .map(|&sample| f32::from(u8::from(self.seen(sample, view))))
@@ -101,7 +96,7 @@ impl Encoded {
     }
 
     /// What a network should predict under `loss`, `[batch, 1]`.
-    pub fn target_column(&self, batch: &[usize], loss: Loss, device: &Device) -> Tensor<2> {
+    pub(crate) fn target_column(&self, batch: &[usize], loss: Loss, device: &Device) -> Tensor<2> {
         column(
             batch
                 .iter()
@@ -113,13 +108,13 @@ impl Encoded {
 }
 
 /// Numbers as a tensor `[count, 1]`.
-pub fn column(values: Vec<f32>, device: &Device) -> Tensor<2> {
+pub(crate) fn column(values: Vec<f32>, device: &Device) -> Tensor<2> {
     let count = values.len();
     Tensor::from_data(TensorData::new(values, [count, 1]), device)
 }
 
 /// The numbers of a tensor `[count, 1]`.
-pub fn numbers(column: Tensor<2>) -> Vec<f32> {
+pub(crate) fn numbers(column: Tensor<2>) -> Vec<f32> {
     column
         .into_data()
         .try_into_vec()
@@ -127,14 +122,14 @@ pub fn numbers(column: Tensor<2>) -> Vec<f32> {
 }
 
 /// A batch drawn with replacement from `from`, which must not be empty.
-pub fn draw(from: &[usize], size: usize, random: &mut ChaCha12Rng) -> Vec<usize> {
+pub(crate) fn draw(from: &[usize], size: usize, random: &mut ChaCha12Rng) -> Vec<usize> {
     (0..size)
         .map(|_| from[random.random_range(0..from.len())])
         .collect()
 }
 
 /// Mean absolute percentage error of pairs of prediction and truth; `None` if there are none.
-pub fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
+pub(crate) fn mape_pct(pairs: impl Iterator<Item = (f32, f32)>) -> Option<f64> {
     let errors: Vec<f64> = pairs
         .map(|(predicted, truth)| f64::from((predicted - truth).abs() / truth))
         .collect();

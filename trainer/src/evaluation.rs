@@ -24,7 +24,7 @@ use crate::sealed_run::SealedRun;
 use crate::{paper_lstm, pinhole, report, triangulation};
 
 /// Names of the estimators, in the order of tables.
-pub const ESTIMATORS: [&str; 5] = [
+pub(crate) const ESTIMATORS: [&str; 5] = [
     "paper_lstm",
     "triangulation",
     "mono_network_box",
@@ -91,7 +91,7 @@ impl EvaluationConfig {
 
 /// Predictions of one estimator, in the order of the evaluated samples.
 #[derive(Debug, Clone)]
-pub struct EstimatorPredictions {
+pub(crate) struct EstimatorPredictions {
     /// Name of the estimator.
     pub name: &'static str,
     /// Distances to touchdown, metres.
@@ -305,7 +305,7 @@ fn predict_all(
 }
 
 /// The predictions of one estimator with what is needed to group them.
-pub fn outcomes<'a>(
+pub(crate) fn outcomes<'a>(
     samples: &'a Samples,
     test: &[&Sample],
     predictions: &EstimatorPredictions,

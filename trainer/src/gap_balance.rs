@@ -8,7 +8,7 @@ const WINDOW: usize = 3;
 
 /// The state.
 #[derive(Debug, Clone)]
-pub struct GapBalance {
+pub(crate) struct GapBalance {
     min_steps: usize,
     plateau_threshold: f64,
     gap_threshold: f64,
@@ -19,7 +19,12 @@ pub struct GapBalance {
 
 impl GapBalance {
     /// All views optimised; thresholds in the unit of the errors.
-    pub fn new(views: usize, min_steps: usize, plateau_threshold: f64, gap_threshold: f64) -> Self {
+    pub(crate) fn new(
+        views: usize,
+        min_steps: usize,
+        plateau_threshold: f64,
+        gap_threshold: f64,
+    ) -> Self {
         Self {
             min_steps,
             plateau_threshold,
@@ -31,18 +36,18 @@ impl GapBalance {
     }
 
     /// Which views are optimised.
-    pub fn optimised(&self) -> &[bool] {
+    pub(crate) fn optimised(&self) -> &[bool] {
         &self.optimised
     }
 
     /// Whether all views are optimised, and with them the shared head.
-    pub fn all_optimised(&self) -> bool {
+    pub(crate) fn all_optimised(&self) -> bool {
         self.optimised.iter().all(|&optimised| optimised)
     }
 
     /// Records the errors after `steps` more steps, one per view; `None` for a view that cannot be measured, which then never
     /// counts as lagging.
-    pub fn observe(&mut self, steps: usize, errors: &[Option<f64>]) {
+    pub(crate) fn observe(&mut self, steps: usize, errors: &[Option<f64>]) {
         self.steps_since_change += steps;
         self.log.push(errors.to_vec());
         if self.steps_since_change <= self.min_steps || !self.on_plateau() {

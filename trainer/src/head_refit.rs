@@ -13,7 +13,7 @@ use burn::tensor::{Device, TensorData};
 const RIDGE: f64 = 1e-9;
 
 /// Accumulates the normal equations of `target = weights . hidden + bias`.
-pub struct HeadRefit {
+pub(crate) struct HeadRefit {
     /// Hidden values and the constant 1 of the bias.
     width: usize,
     /// Row-major, symmetric; the upper triangle is stored.
@@ -23,7 +23,7 @@ pub struct HeadRefit {
 
 impl HeadRefit {
     /// For a layer with this many inputs.
-    pub fn new(inputs: usize) -> Self {
+    pub(crate) fn new(inputs: usize) -> Self {
         let width = inputs + 1;
         Self {
             width,
@@ -33,7 +33,7 @@ impl HeadRefit {
     }
 
     /// Adds samples: `hidden` is row-major with as many values a row as the layer has inputs.
-    pub fn add(&mut self, hidden: &[f32], targets: &[f32], weights: &[f32]) {
+    pub(crate) fn add(&mut self, hidden: &[f32], targets: &[f32], weights: &[f32]) {
         let inputs = self.width - 1;
         let mut row = vec![1.0; self.width];
         for ((values, &target), &weight) in hidden.chunks_exact(inputs).zip(targets).zip(weights) {
@@ -52,7 +52,7 @@ impl HeadRefit {
     }
 
     /// The layer that solves them; `None` if there is no solution (no samples, or values that are not finite).
-    pub fn solve(mut self, device: &Device) -> Option<Linear> {
+    pub(crate) fn solve(mut self, device: &Device) -> Option<Linear> {
         let width = self.width;
         let mean_square =
             (0..width).map(|i| self.normal[i * width + i]).sum::<f64>() / width as f64;

@@ -1,6 +1,6 @@
 //! Estimates the distance to touchdown from boxes in synchronised pictures, and evaluates the estimates.
 //!
-//! Input: a corpus with labels and detections. Output: a run folder ([`run_folder`]) with networks, formulas, figures and a report.
+//! Input: a corpus with labels and detections. Output: a run folder ([`RunFolder`]) with networks, formulas, figures and a report.
 //!
 //! ```text
 //! samples -> normalisation -> (trajectory_mixing) -> calibration_training -> paper_lstm --+
@@ -13,34 +13,34 @@
 
 #![forbid(unsafe_code)]
 
-pub mod calibration_training;
+mod calibration_training;
 pub mod config;
-pub mod dense;
+mod dense;
 pub mod detector;
-pub mod encoded;
-pub mod error;
-pub mod evaluation;
-pub mod gap_balance;
-pub mod head_refit;
-pub mod lstm;
+mod encoded;
+mod error;
+mod evaluation;
+mod gap_balance;
+mod head_refit;
+mod lstm;
 mod memory;
-pub mod metrics;
-pub mod mono_network;
-pub mod normalisation;
-pub mod paper_lstm;
-pub mod pinhole;
-pub mod progress;
-pub mod report;
-pub mod run_folder;
+mod metrics;
+mod mono_network;
+mod normalisation;
+mod paper_lstm;
+mod pinhole;
+mod progress;
+mod report;
+mod run_folder;
 mod run_place;
-pub mod samples;
-pub mod schedule;
+mod samples;
+mod schedule;
 mod sealed_run;
-pub mod training;
-pub mod trajectory_mixing;
-pub mod triangulation;
-pub mod trusted_boxes;
-pub mod view_dropout;
+mod training;
+mod trajectory_mixing;
+mod triangulation;
+mod trusted_boxes;
+mod view_dropout;
 
 pub use config::TrainConfig;
 pub use error::{Error, Result};

@@ -102,7 +102,7 @@ fn tanh(x: Tensor<2>) -> Tensor<2> {
 
 /// The features of one view for a batch.
 #[derive(Clone)]
-pub struct ViewFeatures {
+pub(crate) struct ViewFeatures {
     /// `[batch, features]`.
     pub features: Tensor<2>,
     /// 1 where the view saw the aircraft and 0 elsewhere, `[batch, 1]`; `None` if it did in the whole batch.
@@ -111,13 +111,18 @@ pub struct ViewFeatures {
 
 /// Stacked LSTM layers.
 #[derive(Module, Debug)]
-pub struct StackedLstm {
+pub(crate) struct StackedLstm {
     layers: Vec<Layer>,
 }
 
 impl StackedLstm {
     /// Layers of these widths over `inputs` features.
-    pub fn new(inputs: usize, widths: &[usize], random: &mut ChaCha12Rng, device: &Device) -> Self {
+    pub(crate) fn new(
+        inputs: usize,
+        widths: &[usize],
+        random: &mut ChaCha12Rng,
+        device: &Device,
+    ) -> Self {
         let from = std::iter::once(inputs).chain(widths.iter().copied());
         Self {
             layers: from
@@ -129,7 +134,7 @@ impl StackedLstm {
 
     /// Output of the last layer after the last view, `[batch, width]`. A view that saw nothing is skipped, so a sequence is as
     /// long as its number of detections. At least one view must be given.
-    pub fn forward(&self, views: &[ViewFeatures]) -> Tensor<2> {
+    pub(crate) fn forward(&self, views: &[ViewFeatures]) -> Tensor<2> {
         let mut states: Vec<Option<State>> = vec![None; self.layers.len()];
         let mut output = None;
         for view in views {

@@ -113,7 +113,7 @@ pub struct Outcome<'a> {
 
 impl Outcome<'_> {
     /// Signed percentage error: positive if the prediction is too far. None where it is not finite.
-    pub fn signed_error_pct(&self) -> Option<f64> {
+    pub(crate) fn signed_error_pct(&self) -> Option<f64> {
         let error_pct = (self.predicted_m? - self.dtd_m) / self.dtd_m * 100.0;
         Some(error_pct).filter(|error| error.is_finite())
     }
@@ -200,7 +200,7 @@ impl EstimatorMetrics {
 const MOST_BINS: f64 = 200.0;
 
 /// Outcomes by bins `[from, to)` of distance in nautical miles, from the bin of the nearest to that of the farthest.
-pub fn distance_bins<'a>(
+pub(crate) fn distance_bins<'a>(
     outcomes: &'a [Outcome<'a>],
     bin_nm: f64,
 ) -> Vec<([f64; 2], Vec<&'a Outcome<'a>>)> {

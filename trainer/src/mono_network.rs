@@ -16,7 +16,7 @@ use crate::schedule::{adam, learning_rate};
 
 /// Which of a box's features the network sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum MonoInputs {
+pub(crate) enum MonoInputs {
     /// Width and height: `mono_network`.
     Size,
     /// Centre and size: `mono_network_box`.
@@ -39,13 +39,13 @@ impl MonoInputs {
 
 /// One network per view.
 #[derive(Module, Debug)]
-pub struct MonoNetworks {
+pub(crate) struct MonoNetworks {
     views: Vec<Dense>,
 }
 
 impl MonoNetworks {
     /// Untrained networks.
-    pub fn new(
+    pub(crate) fn new(
         views: usize,
         inputs: MonoInputs,
         config: &MonoConfig,
@@ -61,7 +61,7 @@ impl MonoNetworks {
     }
 
     /// Trains the network of each view on what that view saw.
-    pub fn train(
+    pub(crate) fn train(
         inputs: MonoInputs,
         training: &Encoded,
         config: &MonoConfig,
@@ -108,7 +108,7 @@ impl MonoNetworks {
     }
 
     /// Mean over the views that saw each sample, units of 10 NM. Networks and device must be without autodiff.
-    pub fn predict(
+    pub(crate) fn predict(
         &self,
         inputs: MonoInputs,
         samples: &Encoded,

@@ -13,13 +13,13 @@ use serde::{Deserialize, Serialize};
 use crate::samples::Sample;
 
 /// The networks' unit of distance, metres.
-pub const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
+pub(crate) const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
 /// Number of features of a box: centre x, centre y, width, height.
-pub const BOX_FEATURES: usize = 4;
+pub(crate) const BOX_FEATURES: usize = 4;
 
 /// Offset and scale of each camera's features.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Normalisation {
+pub(crate) struct Normalisation {
     /// Identifiers of the views.
     pub views: Vec<String>,
     /// Per view, of centre x, centre y, width, height; pixels.
@@ -39,7 +39,7 @@ const OTHER_SIZE: f64 = 2.0;
 
 impl Normalisation {
     /// Fits offsets and scales. A view that never saw anything keeps offset 0 and scale 1.
-    pub fn fit(views: &[String], training: &[&Sample]) -> Self {
+    pub(crate) fn fit(views: &[String], training: &[&Sample]) -> Self {
         let statistics = |view: usize| {
             let rows: Vec<_> = training
                 .iter()
@@ -83,7 +83,7 @@ impl Normalisation {
 
     /// The sample without the boxes that are unlike any of the training side: in size, and also in position unless the cameras
     /// differ from those of the training side (`other_cameras`).
-    pub fn usual(&self, sample: &Sample, other_cameras: bool) -> Sample {
+    pub(crate) fn usual(&self, sample: &Sample, other_cameras: bool) -> Sample {
         let believed = |view: usize, seen: &PixelBox| match &self.range_px {
             None => true,
             Some(ranges) => ranges[view].is_some_and(|range| is_usual(&range, seen, other_cameras)),
@@ -100,7 +100,7 @@ impl Normalisation {
     }
 
     /// The features of a box in one view.
-    pub fn features(&self, view: usize, pixel_box: &PixelBox) -> [f32; BOX_FEATURES] {
+    pub(crate) fn features(&self, view: usize, pixel_box: &PixelBox) -> [f32; BOX_FEATURES] {
         let raw = features_px(pixel_box);
         std::array::from_fn(|i| {
             ((raw[i] - self.offset_px[view][i]) / self.scale_px[view][i]) as f32

@@ -22,14 +22,14 @@ use crate::view_dropout::{BatchKind, ViewDropout, ViewSelection};
 
 /// The estimator behind the calibration networks.
 #[derive(Module, Debug)]
-pub struct PaperLstm {
+pub(crate) struct PaperLstm {
     lstm: StackedLstm,
     head: Dense,
 }
 
 impl PaperLstm {
     /// An untrained estimator over feature vectors of length `features`.
-    pub fn new(
+    pub(crate) fn new(
         features: usize,
         config: &EstimatorConfig,
         random: &mut ChaCha12Rng,
@@ -43,14 +43,14 @@ impl PaperLstm {
     }
 
     /// Distances in the coordinate of the loss, `[batch, 1]`.
-    pub fn forward(&self, views: &[ViewFeatures]) -> Tensor<2> {
+    pub(crate) fn forward(&self, views: &[ViewFeatures]) -> Tensor<2> {
         self.head.forward(self.lstm.forward(views))
     }
 }
 
 /// One entry of the convergence log.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct EstimatorLogEntry {
+pub(crate) struct EstimatorLogEntry {
     /// Steps done.
     pub step: usize,
     /// Error over all validation samples, percent.
@@ -58,7 +58,7 @@ pub struct EstimatorLogEntry {
 }
 
 /// The training samples of the estimator.
-pub struct TrainingSets<'a> {
+pub(crate) struct TrainingSets<'a> {
     /// For batches of one view.
     pub alone: &'a Encoded,
     /// For batches of all views.
@@ -70,7 +70,7 @@ pub struct TrainingSets<'a> {
     clippy::too_many_arguments,
     reason = "two data sides, two settings, and what every training needs"
 )]
-pub fn train_estimator(
+pub(crate) fn train_estimator(
     calibration: &CalibrationNetworks,
     training: &TrainingSets,
     validation: &Encoded,
@@ -172,7 +172,7 @@ fn kind_weight(selection: ViewSelection, config: &EstimatorConfig) -> f32 {
 const CHUNK: usize = 2_048;
 
 /// Predictions for all samples, units of 10 NM. Networks and device must be without autodiff.
-pub fn predict(
+pub(crate) fn predict(
     calibration: &CalibrationNetworks,
     estimator: &PaperLstm,
     samples: &Encoded,

@@ -18,7 +18,7 @@ const FARTHEST_SETBACK_M: f64 = 20_000.0;
 
 /// The fitted formula of one view: `dtd = focal_times_span / width - setback`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Pinhole {
+pub(crate) struct Pinhole {
     /// k S, pixel metres.
     pub focal_times_span_px_m: f64,
     /// Distance of the camera behind the touchdown target, metres.
@@ -27,7 +27,7 @@ pub struct Pinhole {
 
 impl Pinhole {
     /// Fits one view; `None` if it did not see the aircraft at two distances or more.
-    pub fn fit(view: usize, training: &[&Sample]) -> Option<Self> {
+    pub(crate) fn fit(view: usize, training: &[&Sample]) -> Option<Self> {
         let seen: Vec<Seen> = training
             .iter()
             .filter_map(|sample| {
@@ -56,7 +56,7 @@ impl Pinhole {
     }
 
     /// Distance to touchdown from a box's width, metres.
-    pub fn dtd_m(&self, width_px: f64) -> f64 {
+    pub(crate) fn dtd_m(&self, width_px: f64) -> f64 {
         self.focal_times_span_px_m / width_px - self.setback_m
     }
 }
@@ -109,7 +109,7 @@ fn lowest(from: f64, to: f64, function: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// Mean over the views that saw the sample and were fitted, metres.
-pub fn predict(pinholes: &[Option<Pinhole>], sample: &Sample) -> Option<f64> {
+pub(crate) fn predict(pinholes: &[Option<Pinhole>], sample: &Sample) -> Option<f64> {
     let distances: Vec<f64> = pinholes
         .iter()
         .zip(&sample.boxes)

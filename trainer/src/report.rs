@@ -74,7 +74,7 @@ struct ScenarioRow<'a> {
 }
 
 /// Writes the report of an evaluation.
-pub fn write(
+pub(crate) fn write(
     run: &RunFolder,
     trained: &TrainedRun,
     samples: &Samples,

@@ -105,12 +105,12 @@ impl RunFolder {
     }
 
     /// Path of `config.json`.
-    pub fn config_path(&self) -> PathBuf {
+    pub(crate) fn config_path(&self) -> PathBuf {
         self.root.join(Self::CONFIG)
     }
 
     /// Path of `run.json`.
-    pub fn summary_path(&self) -> PathBuf {
+    pub(crate) fn summary_path(&self) -> PathBuf {
         self.root.join(Self::SUMMARY)
     }
 
@@ -130,12 +130,12 @@ impl RunFolder {
     }
 
     /// Path of `convergence.json`.
-    pub fn convergence_path(&self) -> PathBuf {
+    pub(crate) fn convergence_path(&self) -> PathBuf {
         self.root.join(Self::CONVERGENCE)
     }
 
     /// Path of `evaluation.json`.
-    pub fn evaluation_path(&self) -> PathBuf {
+    pub(crate) fn evaluation_path(&self) -> PathBuf {
         self.root.join(Self::EVALUATION)
     }
 
@@ -189,7 +189,7 @@ pub struct RunSummary {
 
 /// Both convergence logs (`convergence.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Convergence {
+pub(crate) struct Convergence {
     /// Identifiers of the views.
     pub views: Vec<String>,
     /// Stage one.
@@ -200,7 +200,7 @@ pub struct Convergence {
 
 /// The fitted formulas (`baselines.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Baselines {
+pub(crate) struct Baselines {
     /// Identifiers of the views.
     pub views: Vec<String>,
     /// `mono_pinhole`, per view; `null` for a view with too few boxes.
@@ -211,7 +211,7 @@ pub struct Baselines {
 
 /// All networks of a run.
 #[derive(Module, Debug)]
-pub struct Networks {
+pub(crate) struct Networks {
     /// Stage one.
     pub calibration: CalibrationNetworks,
     /// Stage two.
@@ -312,7 +312,7 @@ impl ModuleVisitor for WorstWeight {
 
 /// A trained run in memory. Its networks are on a device without autodiff.
 #[derive(Debug, Clone)]
-pub struct TrainedRun {
+pub(crate) struct TrainedRun {
     /// Settings.
     pub config: TrainConfig,
     /// Its inputs.
@@ -358,11 +358,6 @@ impl TrainedRun {
             .metadata("producer", "dtd");
         self.networks.save_into(&mut store).map_err(fault)?;
         store.get_bytes().map_err(fault)
-    }
-
-    /// Reads a run whose files match their seal.
-    pub fn load(folder: &RunFolder) -> Result<Self> {
-        Self::of(&SealedRun::read(folder)?)
     }
 
     /// The run in these files.

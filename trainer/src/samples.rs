@@ -23,13 +23,13 @@ use crate::error::{Error, Result};
 use crate::trusted_boxes::{holds_aircraft, is_whole};
 
 /// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
-pub const FARTHEST_NM: f64 = 10_800.0;
+pub(crate) const FARTHEST_NM: f64 = 10_800.0;
 
 const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
 
 /// Which ticks become samples, by distance to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct DistanceRange {
+pub(crate) struct DistanceRange {
     /// Smallest distance, nautical miles.
     pub min_nm: f64,
     /// Largest distance, nautical miles.
@@ -45,7 +45,7 @@ impl DistanceRange {
 
 /// One tick seen by at least one view.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sample {
+pub(crate) struct Sample {
     /// Index into [`Samples::scenarios`].
     pub scenario: usize,
     /// Tick within the scenario.
@@ -66,14 +66,14 @@ pub struct Sample {
 
 impl Sample {
     /// Number of views that saw the aircraft.
-    pub fn detections(&self) -> usize {
+    pub(crate) fn detections(&self) -> usize {
         self.boxes.iter().flatten().count()
     }
 }
 
 /// What is known about a scenario besides its samples.
 #[derive(Debug, Clone)]
-pub struct ScenarioSummary {
+pub(crate) struct ScenarioSummary {
     /// Identifier.
     pub id: String,
     /// Trajectory that it flies.
@@ -98,7 +98,7 @@ pub struct ScenarioSummary {
 
 /// All samples of a corpus.
 #[derive(Debug, Clone)]
-pub struct Samples {
+pub(crate) struct Samples {
     /// Identifiers of the views, sorted.
     pub views: Vec<String>,
     /// The calibration of each view in the first scenario.
@@ -119,7 +119,11 @@ pub struct Samples {
 
 impl Samples {
     /// Reads the samples of a corpus.
-    pub fn read(corpus: &Corpus, model_hash: Option<&str>, range: DistanceRange) -> Result<Self> {
+    pub(crate) fn read(
+        corpus: &Corpus,
+        model_hash: Option<&str>,
+        range: DistanceRange,
+    ) -> Result<Self> {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
@@ -247,7 +251,7 @@ impl Samples {
     }
 
     /// The samples of one side of the split.
-    pub fn of_side(&self, side: Side) -> Vec<&Sample> {
+    pub(crate) fn of_side(&self, side: Side) -> Vec<&Sample> {
         self.samples
             .iter()
             .filter(|sample| self.scenarios[sample.scenario].side == side)
@@ -256,7 +260,7 @@ impl Samples {
 
     /// The samples of one side with only those boxes that contain the aircraft. This uses the truth, so it is for training;
     /// evaluation uses the boxes as they are.
-    pub fn with_true_boxes(&self, side: Side) -> Vec<Sample> {
+    pub(crate) fn with_true_boxes(&self, side: Side) -> Vec<Sample> {
         self.of_side(side)
             .into_iter()
             .filter_map(|sample| {
@@ -276,7 +280,7 @@ impl Samples {
     }
 
     /// The trajectories of one side of the split.
-    pub fn trajectories(&self, side: Side) -> BTreeSet<String> {
+    pub(crate) fn trajectories(&self, side: Side) -> BTreeSet<String> {
         self.scenarios
             .iter()
             .filter(|s| s.side == side)

@@ -10,7 +10,7 @@ const WARM_UP: f64 = 0.02;
 const FINAL: f64 = 1e-3;
 
 /// Learning rate of a step: a linear rise, then half a cosine.
-pub fn learning_rate(settings: &Optimisation, step: usize) -> f64 {
+pub(crate) fn learning_rate(settings: &Optimisation, step: usize) -> f64 {
     let part = (step as f64 + 0.5) / settings.steps as f64;
     let factor = if part < WARM_UP {
         part / WARM_UP
@@ -22,7 +22,7 @@ pub fn learning_rate(settings: &Optimisation, step: usize) -> f64 {
 }
 
 /// Adam with PyTorch's epsilon (burn's default of 1e-5 is as large as gradients get here towards the end).
-pub fn adam() -> ModuleOptimizer {
+pub(crate) fn adam() -> ModuleOptimizer {
     AdamConfig::new().with_epsilon(1e-8).init()
 }
 

@@ -52,7 +52,7 @@ impl Track {
 
 /// How far mixed samples may deviate from the flown paths.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Corridor {
+pub(crate) struct Corridor {
     /// Beyond the two trajectories that are mixed, in parts of their separation.
     pub extrapolation: f64,
     /// Sideways and vertically, metres, whatever their separation. Flights that an autopilot holds on the axis are separated by
@@ -70,7 +70,7 @@ impl Corridor {
 }
 
 /// Makes `count` mixed samples. Fewer if the trajectories hardly overlap.
-pub fn mix(
+pub(crate) fn mix(
     training: &[&Sample],
     scenarios: &[ScenarioSummary],
     corridor: Corridor,

@@ -21,7 +21,7 @@ const MEET_WITHIN_M: f64 = 40.0;
 
 /// Position of the centre of gravity in a view's box.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct CentreOffset {
+pub(crate) struct CentreOffset {
     /// Right and down, pixels.
     pub constant_px: [f64; 2],
     /// Right as a part of the width, down as a part of the height.
@@ -31,7 +31,7 @@ pub struct CentreOffset {
 impl CentreOffset {
     /// Fits the offset of one view to samples whose boxes contain the aircraft. Each sample is weighted by the inverse square of
     /// its box's size, because a detector's errors grow with it. With too few samples the centre stays where it is.
-    pub fn fit(view: usize, scenarios: &[ScenarioSummary], training: &[&Sample]) -> Self {
+    pub(crate) fn fit(view: usize, scenarios: &[ScenarioSummary], training: &[&Sample]) -> Self {
         let mut fitted = Self::default();
         for axis in 0..2 {
             let rows: Vec<[f64; 2]> = training
@@ -73,7 +73,7 @@ fn weighted_line(rows: &[[f64; 2]]) -> Option<(f64, f64)> {
 
 /// The point with the smallest sum of squared distances to rays `(origin, unit direction)`, weighted by the inverse square of the
 /// distance along them, which makes it the smallest sum of squared angles. `None` for fewer than two rays or parallel ones.
-pub fn nearest_point(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
+pub(crate) fn nearest_point(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
     let &[(reference, _), _, ..] = rays else {
         return None;
     };
@@ -111,7 +111,7 @@ pub fn nearest_point(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
 }
 
 /// Distance to touchdown of a sample, metres; `None` if fewer than two views saw it, or if they did not see the same object.
-pub fn predict(
+pub(crate) fn predict(
     offsets: &[CentreOffset],
     cameras: &[Camera],
     sample: &Sample,

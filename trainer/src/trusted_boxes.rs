@@ -17,7 +17,7 @@ use glam::DVec2;
 const EDGE_PX: f64 = 2.0;
 
 /// Whether a box is completely in the picture.
-pub fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
+pub(crate) fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
     let [left, top, right, bottom] = seen.edges();
     // Pixel (0, 0) covers -0.5 to 0.5.
     left > EDGE_PX - 0.5
@@ -27,7 +27,7 @@ pub fn is_whole(seen: &PixelBox, camera: &Camera) -> bool {
 }
 
 /// Whether a box is that of the aircraft at `position`: its centre is within its own size of where the aircraft appears.
-pub fn holds_aircraft(seen: &PixelBox, camera: &Camera, position: Geodetic) -> bool {
+pub(crate) fn holds_aircraft(seen: &PixelBox, camera: &Camera, position: Geodetic) -> bool {
     let (centre, size) = centre_and_size(seen);
     camera
         .project(position.to_ecef())

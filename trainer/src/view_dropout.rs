@@ -9,7 +9,7 @@ use crate::encoded::Encoded;
 
 /// Views of one mini-batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ViewSelection {
+pub(crate) enum ViewSelection {
     /// Only this view.
     Only(usize),
     /// All views that saw the aircraft.
@@ -17,7 +17,7 @@ pub enum ViewSelection {
 }
 
 /// One kind of mini-batch.
-pub struct BatchKind<'a> {
+pub(crate) struct BatchKind<'a> {
     /// The views that it uses.
     pub selection: ViewSelection,
     /// Source of its samples.
@@ -27,14 +27,14 @@ pub struct BatchKind<'a> {
 }
 
 /// The kinds of mini-batches.
-pub struct ViewDropout<'a> {
+pub(crate) struct ViewDropout<'a> {
     kinds: Vec<BatchKind<'a>>,
 }
 
 impl<'a> ViewDropout<'a> {
     /// Single views draw from the samples of `alone` that they saw, all views together from the samples of `together` that two or
     /// more saw. Kinds without samples are left out.
-    pub fn new(alone: &'a Encoded, together: &'a Encoded) -> Self {
+    pub(crate) fn new(alone: &'a Encoded, together: &'a Encoded) -> Self {
         let one = |view| BatchKind {
             selection: ViewSelection::Only(view),
             samples: alone,
@@ -57,19 +57,19 @@ impl<'a> ViewDropout<'a> {
     }
 
     /// All kinds.
-    pub fn kinds(&self) -> &[BatchKind<'a>] {
+    pub(crate) fn kinds(&self) -> &[BatchKind<'a>] {
         &self.kinds
     }
 
     /// The kind that uses all views, if any sample was seen by two or more.
-    pub fn together(&self) -> Option<&BatchKind<'a>> {
+    pub(crate) fn together(&self) -> Option<&BatchKind<'a>> {
         self.kinds
             .iter()
             .find(|kind| kind.selection == ViewSelection::All)
     }
 
     /// Draws the kind of the next batch. There must be samples.
-    pub fn draw(&self, random: &mut ChaCha12Rng) -> &BatchKind<'a> {
+    pub(crate) fn draw(&self, random: &mut ChaCha12Rng) -> &BatchKind<'a> {
         &self.kinds[random.random_range(0..self.kinds.len())]
     }
 }

@@ -14,7 +14,8 @@ use crate::error::BridgeError;
 
 pub use tolerance::Tolerance;
 pub use version::{Generation, Version};
-pub use weather::{weather_effects, weather_from_datarefs, weather_writes};
+pub use weather::weather_from_datarefs;
+pub(crate) use weather::{weather_effects, weather_writes};
 
 /// Metres in one statute mile (exact by definition). X-Plane 12 measures visibility in them.
 pub const METERS_PER_STATUTE_MILE: f64 = 1_609.344;
@@ -154,9 +155,10 @@ pub const NAV1_FREQUENCY: &str = "sim/cockpit/radios/nav1_freq_hz";
 /// Course set on the first navigation receiver, degrees **magnetic**.
 pub const NAV1_COURSE_MAGNETIC: &str = "sim/cockpit/radios/nav1_obs_degm";
 /// Source of the autopilot: 0 is the first navigation receiver.
-pub const HSI_SOURCE: &str = "sim/cockpit2/radios/actuators/HSI_source_select_pilot";
+pub(crate) const HSI_SOURCE: &str = "sim/cockpit2/radios/actuators/HSI_source_select_pilot";
 /// 1 gives the autopilot power.
-pub const AUTOPILOT_ELECTRIC_MASTER: &str = "sim/cockpit2/autopilot/autopilot_electric_master";
+pub(crate) const AUTOPILOT_ELECTRIC_MASTER: &str =
+    "sim/cockpit2/autopilot/autopilot_electric_master";
 /// 0 off, 1 flight director, 2 autopilot flies.
 pub const AUTOPILOT_MODE: &str = "sim/cockpit/autopilot/autopilot_mode";
 
@@ -228,7 +230,7 @@ impl AutopilotSwitch {
 
 /// What engages an approach on the autopilot, in order: the button for localizer and glide slope, then the button of whichever of
 /// the two does not show.
-pub const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
+pub(crate) const APPROACH_SWITCHES: [AutopilotSwitch; 5] = [
     AutopilotSwitch {
         command: COMMAND_SERVOS_ON,
         on_while: &[&[(AUTOPILOT_MODE, 2.0)]],
@@ -308,7 +310,7 @@ impl DatarefWrite {
     }
 
     /// Whether it is to be read back.
-    pub fn is_read_back(&self) -> bool {
+    pub(crate) fn is_read_back(&self) -> bool {
         self.tolerance != Tolerance::Unread
     }
 
@@ -337,7 +339,7 @@ pub fn condition_writes(
 }
 
 /// The clock while it runs.
-pub fn running_clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
+pub(crate) fn running_clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     let mut writes = clock_writes(clock);
     for write in &mut writes {
         if write.name == ZULU_TIME_S {
@@ -348,7 +350,7 @@ pub fn running_clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
 }
 
 /// The clock, for an exact time once it stands still. The order matters: following the system time must be off first.
-pub fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
+pub(crate) fn clock_writes(clock: &Clock) -> Vec<DatarefWrite> {
     vec![
         DatarefWrite::new(USE_SYSTEM_TIME, 0.0),
         DatarefWrite::new(DATE_DAYS, f64::from(clock.day_of_year) - 1.0),
@@ -407,7 +409,7 @@ pub fn clock_from_datarefs(read: impl Fn(&str) -> f32) -> Clock {
 ///
 /// The course knob is magnetic. For a runway without a magnetic course the knob is left alone: on a localizer frequency it only
 /// turns a needle's card, and a true course there would be wrong.
-pub fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
+pub(crate) fn approach_writes(runway: &Runway) -> Vec<DatarefWrite> {
     let frequency = runway
         .ils_frequency_mhz
         .map(|mhz| DatarefWrite::new(NAV1_FREQUENCY, nav_frequency_10khz(mhz)));
@@ -433,7 +435,7 @@ pub struct AircraftFile {
 }
 
 /// The file of an aircraft by its name in sweeps; `None` for an unknown one, which the user must load.
-pub fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile> {
+pub(crate) fn aircraft_file(name: &str, generation: Generation) -> Option<AircraftFile> {
     let path = match (name, generation) {
         ("B737-800", Generation::XPlane11) => "Aircraft/Laminar Research/Boeing B737-800/b738.acf",
         ("B737-800", Generation::XPlane12) => "Aircraft/Laminar Research/Boeing 737-800/b738.acf",

@@ -16,7 +16,7 @@ mod token;
 mod wire;
 
 pub(crate) use capture::rgb_bytes;
-pub use capture::{CaptureRequest, CapturedFrame, Deliver, FrameHeader, MAX_PICTURE_SIDE_PX};
+pub use capture::{CaptureRequest, CapturedFrame, Deliver, FrameHeader};
 pub use description::{PictureSize, PixelKind, SimulatorWindow};
 pub use flight::{FLIGHT_COLUMNS, decode_flight, encode_flight};
 pub use message::{Answer, Request};
@@ -32,4 +32,4 @@ pub use wire::{
 
 /// Maximum outstanding captures of a client. Their requests (some 700 bytes each) then always fit the socket's buffers, so that
 /// sending never waits for an answer that is itself waiting to be received.
-pub const MAX_OUTSTANDING_CAPTURES: usize = 64;
+pub(crate) const MAX_OUTSTANDING_CAPTURES: usize = 64;

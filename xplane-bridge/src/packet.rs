@@ -20,7 +20,7 @@ use serde::{Deserialize, Serialize};
 pub use aircraft_file::LoadAircraft;
 pub use beacon::{BEACON_GROUP, BEACON_PORT, Beacon};
 pub use command::Command;
-pub use data::{DataRow, DataRows, LEAVE_ALONE, MAX_DATA_ROWS};
+pub use data::{DataRow, DataRows, LEAVE_ALONE};
 pub use dataref::WriteDataref;
 pub use place::{PlaceAircraft, PlaceAtStart};
 pub use position::{Position, SubscribePosition};

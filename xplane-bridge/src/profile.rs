@@ -16,7 +16,7 @@ use crate::datarefs::{DatarefWrite, WIND_SPEED};
 use crate::link::{PictureSize, PixelKind};
 
 /// Version of the record. Records of another version are measured again.
-pub const PROFILE_FORMAT: u32 = 1;
+pub(crate) const PROFILE_FORMAT: u32 = 1;
 
 /// A measurement.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -38,9 +38,7 @@ use crate::link::{
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
-pub use connect_options::{
-    ConnectOptions, LINK_TOKEN_VARIABLE, SHARED_MEMORY_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
-};
+pub use connect_options::{ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace};
 use link_client::LinkClient;
 use pictures::DrawnOn;
 use sharing::Sharing;
@@ -63,7 +61,7 @@ const LINK_SHARE: f64 = 0.2;
 
 /// Default number of frames that X-Plane draws with a new pose and camera before the one that counts: what is written in one frame
 /// is drawn in the next, and shadows and effects follow one later.
-pub const SETTLE_FRAMES: u32 = 3;
+const SETTLE_FRAMES: u32 = 3;
 /// The same where pictures come off the screen. A picture that the plugin reads back is proven by its content; here frames are only
 /// counted, and clients of a live X-Plane were seen to wait for up to four.
 const SETTLE_FRAMES_ON_SCREEN: u32 = 5;

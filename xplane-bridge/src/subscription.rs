@@ -84,7 +84,7 @@ impl Subscription {
     }
 
     /// Whether values changed since the last call. Cheap.
-    pub fn has_changed(&mut self) -> bool {
+    pub(crate) fn has_changed(&mut self) -> bool {
         let changed = self.readings.has_changed().unwrap_or(false);
         if changed {
             self.readings.mark_unchanged();

@@ -16,7 +16,7 @@ mod recorder;
 mod writer;
 
 pub use error::TapeError;
-pub use format::{Channel, Direction, FramesKept, METADATA_NAME, PROFILE, TapeInfo};
+pub use format::{Channel, Direction, FramesKept, PROFILE, TapeInfo};
 pub use link_message::{LinkMessage, MAGIC, ReferencedMessage};
 pub use reader::{Entry, Place, TapeReader};
 pub use recorder::{RecordOptions, RecorderAddresses, record};

@@ -14,10 +14,11 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-pub use flight::{AirStart, flight_body};
+pub use flight::AirStart;
+pub(crate) use flight::flight_body;
 
 /// X-Plane's default port, unless started with another `--web_server_port`.
-pub const DEFAULT_ADDRESS: SocketAddr =
+pub(crate) const DEFAULT_ADDRESS: SocketAddr =
     SocketAddr::new(std::net::IpAddr::V4(Ipv4Addr::LOCALHOST), 8086);
 /// Timeout of an answer.
 const ANSWER_TIMEOUT: Duration = Duration::from_secs(5);

@@ -68,7 +68,7 @@ impl VideoCodec {
     }
 
     /// The available presets.
-    pub fn presets(self) -> &'static [&'static str] {
+    pub(crate) fn presets(self) -> &'static [&'static str] {
         match self {
             Self::H264 | Self::H264Lossless | Self::H265 => &X26X_PRESETS,
             Self::Av1 => &AOM_PRESETS,
@@ -77,7 +77,7 @@ impl VideoCodec {
     }
 
     /// The default preset.
-    pub fn default_preset(self) -> &'static str {
+    pub(crate) fn default_preset(self) -> &'static str {
         match self {
             Self::H264 | Self::H265 => "superfast",
             Self::H264Lossless => "ultrafast",
@@ -88,7 +88,7 @@ impl VideoCodec {
 
     /// The default constant rate factor: for H.264 one that was measured to preserve a 10 NM aircraft, for H.265 and AV1, which
     /// never preserve it as well, one that keeps most of its contrast.
-    pub fn default_crf(self) -> u32 {
+    pub(crate) fn default_crf(self) -> u32 {
         match self {
             Self::H264 => 12,
             Self::H265 => 4,
@@ -98,7 +98,7 @@ impl VideoCodec {
     }
 
     /// The largest constant rate factor that the encoder accepts.
-    pub fn largest_crf(self) -> u32 {
+    pub(crate) fn largest_crf(self) -> u32 {
         match self {
             Self::Av1 => 63,
             _ => 51,

@@ -28,7 +28,7 @@ pub struct VideoReader {
     rgb: frame::Video,
     time_base: (u32, u32),
     /// From the file's header; 0 if it has none.
-    frames_announced: u64,
+    pub(super) frames_announced: u64,
     frames_read: u64,
     all_sent: bool,
 }
@@ -110,13 +110,8 @@ impl VideoReader {
     }
 
     /// Unit of the timestamps as a fraction of a second: numerator, denominator.
-    pub fn time_base(&self) -> (u32, u32) {
+    pub(crate) fn time_base(&self) -> (u32, u32) {
         self.time_base
-    }
-
-    /// Number of pictures that the file's header declares, if it does.
-    pub fn frames_announced(&self) -> Option<u64> {
-        (self.frames_announced > 0).then_some(self.frames_announced)
     }
 
     /// Decodes the next picture into `rgb` (rows of RGB from top to bottom without gaps) and returns its timestamp, or `None` after

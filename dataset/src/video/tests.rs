@@ -90,7 +90,7 @@ fn every_timestamp_and_the_number_of_pictures_are_exact_at_any_rate() {
             let written = record(&path, &VideoSettings::default(), rate, ticks);
             let mut reader = VideoReader::open(&path).unwrap();
             assert_eq!(reader.time_base(), (1, numerator), "time base at {rate}");
-            assert_eq!(reader.frames_announced(), Some(u64::from(ticks)));
+            assert_eq!(reader.frames_announced, u64::from(ticks));
             let mut rgb = Vec::new();
             let mut read = Vec::new();
             while let Some(pts) = reader.next_frame(&mut rgb).unwrap() {
@@ -265,8 +265,8 @@ fn every_codec_keeps_timestamps_and_the_number_of_pictures_exactly() {
             let mut reader = VideoReader::open(&path).unwrap();
             assert_eq!(reader.time_base(), (1, numerator), "{codec:?} at {rate}");
             assert_eq!(
-                reader.frames_announced(),
-                Some(u64::from(ticks)),
+                reader.frames_announced,
+                u64::from(ticks),
                 "{codec:?} at {rate}"
             );
             let mut read = Vec::new();
@@ -372,7 +372,7 @@ fn an_unfinished_video_holds_its_pictures_but_announces_none() {
         }
         drop(writer);
         let mut reader = VideoReader::open(&path).unwrap();
-        assert_eq!(reader.frames_announced(), None);
+        assert_eq!(reader.frames_announced, 0);
         let mut rgb = Vec::new();
         for tick in 0..9 {
             let pts = reader.next_frame(&mut rgb).unwrap();

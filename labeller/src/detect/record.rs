@@ -14,7 +14,7 @@ use crate::tiling::TilingSettings;
 
 /// Where the detections of one model in one scenario come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct DetectionRecord {
+pub(super) struct DetectionRecord {
     /// File name of the model.
     pub model: String,
     /// What they were made from, and the hash of their table.
@@ -39,7 +39,7 @@ pub struct DetectionRecord {
 
 impl DetectionRecord {
     /// Path of the record of a model.
-    pub fn path(folder: &ScenarioFolder, model_hash: &str) -> PathBuf {
+    pub(super) fn path(folder: &ScenarioFolder, model_hash: &str) -> PathBuf {
         detections::record_path(folder, model_hash)
     }
 

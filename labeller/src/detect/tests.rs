@@ -6,6 +6,7 @@ use dataset::pixel_box::{Detection, PixelBox, write_detections};
 use dataset::seal::seal_folder;
 use testkit::short_corpus;
 
+use super::record::DetectionRecord;
 use super::*;
 use crate::blob_finder::{BlobFinder, paint_blob};
 use crate::label::label_corpus;

@@ -73,7 +73,7 @@ impl Layout {
     }
 
     /// The pixel origin that models of this layout use.
-    pub fn usual_origin(self) -> BoxOrigin {
+    pub(crate) fn usual_origin(self) -> BoxOrigin {
         match self {
             Self::Rows => BoxOrigin::PixelCenter,
             _ => BoxOrigin::PixelCorner,

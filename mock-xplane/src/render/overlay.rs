@@ -3,7 +3,7 @@
 
 /// A picture to draw on.
 #[derive(Debug)]
-pub struct Canvas<'a> {
+pub(crate) struct Canvas<'a> {
     /// Rows from the top, red, green, blue.
     pub rgb: &'a mut [u8],
     /// Pixels across.
@@ -26,7 +26,7 @@ const TEXT: [u8; 3] = [60, 62, 66];
 
 impl Canvas<'_> {
     /// The pilot's panel over the lower half, with instruments, and the frame of the windows.
-    pub fn draw_panel(&mut self) {
+    pub(crate) fn draw_panel(&mut self) {
         self.fill([0.0, 0.52, 1.0, 1.0], PANEL);
         self.fill([0.0, 0.0, 0.06, 1.0], FRAME);
         self.fill([0.94, 0.0, 1.0, 1.0], FRAME);
@@ -45,7 +45,7 @@ impl Canvas<'_> {
     }
 
     /// A window with a title and lines of text over the middle.
-    pub fn draw_pop_up(&mut self) {
+    pub(crate) fn draw_pop_up(&mut self) {
         self.fill([0.30, 0.22, 0.70, 0.70], WINDOW);
         self.fill([0.30, 0.22, 0.70, 0.28], TITLE);
         for line in 0..6 {
@@ -62,7 +62,7 @@ impl Canvas<'_> {
     }
 
     /// Fills a rectangle: left, top, right, bottom in pixels.
-    pub fn fill_px(&mut self, area: Area, colour: [u8; 3]) {
+    pub(crate) fn fill_px(&mut self, area: Area, colour: [u8; 3]) {
         let [left, top, right, bottom] = area.map(|edge| edge.round().max(0.0) as usize);
         let (from, to) = (left, right.min(self.width_px));
         for row in top..bottom.min(self.height_px) {

@@ -30,19 +30,19 @@ impl FeatureMap {
     }
 
     /// Rectifies.
-    pub fn relu(&self) -> Self {
+    pub(crate) fn relu(&self) -> Self {
         self.with_rows(activation::relu(self.rows.clone()))
     }
 
     /// Divides every cell by the mean of its channels (all of them >= 0) plus `floor`. The following layers then see the shape of a
     /// target and not its contrast, which varies by a factor of fifty in fog.
-    pub fn divide_by_mean(&self, floor: f32) -> Self {
+    pub(crate) fn divide_by_mean(&self, floor: f32) -> Self {
         let mean = self.rows.clone().mean_dim(1).add_scalar(floor);
         self.with_rows(self.rows.clone() / mean)
     }
 
     /// Upsamples by repeating cells, then adds a map of that size.
-    pub fn upsample_onto(&self, finer: &Self, tables: &mut GatherTables) -> Self {
+    pub(crate) fn upsample_onto(&self, finer: &Self, tables: &mut GatherTables) -> Self {
         let table = tables.upsample(self);
         finer.with_rows(self.rows.clone().select(0, table) + finer.rows.clone())
     }

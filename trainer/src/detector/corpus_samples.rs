@@ -32,7 +32,7 @@ const JUDGING_BYTES_PER_PIXEL: u64 = 104;
 
 /// One video of a corpus.
 #[derive(Debug, Clone)]
-pub struct Video {
+pub(crate) struct Video {
     scenario: Arc<OpenScenario>,
     view: String,
     /// Name of the weather.
@@ -49,7 +49,7 @@ pub struct JudgedFrame {
 }
 
 /// The videos of the given sides of a corpus's split.
-pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
+pub(crate) fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
     let splits = corpus.splits()?;
     let planned = PlannedScenarios::read(corpus)?;
     let mut videos = Vec::new();
@@ -85,7 +85,7 @@ pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
 ///
 /// # Errors
 /// A video or table cannot be read, or the pictures need more memory than available.
-pub fn read_samples(videos: &[Video]) -> Result<Samples> {
+pub(crate) fn read_samples(videos: &[Video]) -> Result<Samples> {
     let mut needed_bytes = decoding_bytes(videos)?.max(TRAINING_BYTES);
     for video in videos {
         let backgrounds = BACKGROUNDS_PER_VIDEO.min(video.frames()?) as u64;
@@ -167,7 +167,7 @@ fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
 ///
 /// # Errors
 /// Those of [`read_samples`].
-pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
+pub(crate) fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
     let per_video = count.div_ceil(videos.len().max(1)).max(1);
     let judging = largest_frame_bytes(videos)? / 3 * JUDGING_BYTES_PER_PIXEL;
     let mut needed_bytes = decoding_bytes(videos)?.max(judging);

@@ -72,7 +72,7 @@ impl Placement {
     }
 
     /// A box of the picture in the crop.
-    pub fn box_in_crop(&self, pixel_box: &PixelBox, side_px: usize) -> PixelBox {
+    pub(crate) fn box_in_crop(&self, pixel_box: &PixelBox, side_px: usize) -> PixelBox {
         let right = (pixel_box.cx_px - self.left_px) / self.scale;
         PixelBox {
             cx_px: if self.mirrored {
@@ -116,7 +116,7 @@ impl Placement {
 }
 
 /// A random crop and its aircraft.
-pub fn random_crop(
+pub(crate) fn random_crop(
     picture: &Picture,
     placement: &Placement,
     side_px: usize,

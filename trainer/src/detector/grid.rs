@@ -7,25 +7,25 @@
 use dataset::pixel_box::PixelBox;
 
 /// Side of a cell, pixels.
-pub const STRIDE_PX: usize = 8;
+pub(crate) const STRIDE_PX: usize = 8;
 /// Numbers of a cell: objectness logit, offset right, offset down (in cells), logarithm of width and of height (to the anchor).
 pub const CELL_VALUES: usize = 5;
 /// Reference size of the logarithms of width and height, pixels: a B737 at 5 NM through a lens of 10 degrees.
-pub const ANCHOR_PX: [f64; 2] = [41.0, 14.0];
+pub(crate) const ANCHOR_PX: [f64; 2] = [41.0, 14.0];
 /// Half the side of the neighbourhood whose boxes are averaged, and in which a peak is the largest, cells.
-pub const NEIGHBOURHOOD: usize = 1;
+pub(crate) const NEIGHBOURHOOD: usize = 1;
 /// Logarithms of size are clamped to this, so that an untrained network or a foreign picture cannot cause an overflow.
-pub const LARGEST_LOG_SIZE: f64 = 4.0;
+pub(crate) const LARGEST_LOG_SIZE: f64 = 4.0;
 /// Logits are clamped to this, so that no score is exactly 0: averaging boxes divides by scores.
-pub const LARGEST_LOGIT: f64 = 16.0;
+pub(crate) const LARGEST_LOGIT: f64 = 16.0;
 
 /// Centre of a cell along one axis, pixels.
-pub fn cell_center_px(cell: usize) -> f64 {
+pub(crate) fn cell_center_px(cell: usize) -> f64 {
     (cell * STRIDE_PX) as f64 + (STRIDE_PX as f64 - 1.0) / 2.0
 }
 
 /// The cell that holds a pixel coordinate; may lie outside the picture.
-pub fn cell_of_px(pixel: f64) -> i64 {
+pub(crate) fn cell_of_px(pixel: f64) -> i64 {
     ((pixel + 0.5) / STRIDE_PX as f64).floor() as i64
 }
 

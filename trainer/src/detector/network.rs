@@ -15,12 +15,10 @@ use super::convolution::{Convolution, FeatureMap, GatherTables, normal_weights};
 use super::grid::{CELL_VALUES, STRIDE_PX};
 use super::patches::{PATCH_SIDE_PX, PATCH_VALUES, PatchBatch};
 
-/// Sides of pictures must be multiples of this (the coarsest stride).
-pub const SIDE_MULTIPLE_PX: usize = 32;
 /// Floor of the divisive normalisation, in units of [`INPUT_GAIN`] times the picture's range: near the noise of a decoded video.
-pub const NORMALISATION_FLOOR: f32 = 0.05;
+pub(crate) const NORMALISATION_FLOOR: f32 = 0.05;
 /// Factor on pixel values ahead of the first layer: contrasts of interest are hundredths of the range.
-pub const INPUT_GAIN: f32 = 8.0;
+pub(crate) const INPUT_GAIN: f32 = 8.0;
 
 /// Channels of the stages at strides 4, 8, 16 and 32.
 pub const CHANNELS: [usize; 4] = [32, 32, 48, 64];
@@ -95,7 +93,7 @@ impl Network {
 
     /// The first layer's weights as they act on pixel values 0 to 1: each colour's mean is taken out, so that a constant colour
     /// gives nothing, and the gain is multiplied in.
-    pub fn stem_weight(&self) -> Tensor<2> {
+    pub(crate) fn stem_weight(&self) -> Tensor<2> {
         let [values, channels] = self.stem.val().dims();
         let weight = self.stem.val().reshape([values / 3, 3, channels]);
         let mean = weight.clone().mean_dim(0);

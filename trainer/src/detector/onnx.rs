@@ -5,9 +5,9 @@
 use prost::{Message, Oneof};
 
 /// Element type `FLOAT`.
-pub const FLOAT: i32 = 1;
+pub(crate) const FLOAT: i32 = 1;
 /// Element type `INT64`.
-pub const INT64: i32 = 7;
+pub(crate) const INT64: i32 = 7;
 
 /// A model.
 #[derive(Clone, PartialEq, Message)]
@@ -136,7 +136,7 @@ impl AttributeProto {
     }
 
     /// Numbers.
-    pub fn ints(name: &str, values: &[i64]) -> Self {
+    pub(crate) fn ints(name: &str, values: &[i64]) -> Self {
         Self {
             name: name.into(),
             ints: values.to_vec(),

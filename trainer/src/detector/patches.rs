@@ -3,9 +3,9 @@
 //! Input: interleaved RGB, row-major, values 0 to 1. Output: one row per 4x4 patch, ordered by pixel row, pixel column, colour.
 
 /// Side of a patch, pixels: the stride of the first layer.
-pub const PATCH_SIDE_PX: usize = 4;
+pub(crate) const PATCH_SIDE_PX: usize = 4;
 /// Numbers in a patch.
-pub const PATCH_VALUES: usize = PATCH_SIDE_PX * PATCH_SIDE_PX * 3;
+pub(crate) const PATCH_VALUES: usize = PATCH_SIDE_PX * PATCH_SIDE_PX * 3;
 
 /// A batch of pictures of one size, as patches.
 #[derive(Debug, Clone)]

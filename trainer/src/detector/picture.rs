@@ -56,7 +56,7 @@ impl Picture {
 
 /// Whether the aircraft of a true box is visible in a frame. The transmission of the air does not decide: landing lights are
 /// visible through fog that hides the aircraft itself.
-pub fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
+pub(crate) fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
     may_be_visible(truth) && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
 }
 

@@ -26,7 +26,7 @@ pub struct CropSize {
 }
 
 /// The sizes of crops. Batches hold about the same number of pixels.
-pub const CROP_SIZES: [CropSize; 3] = [
+pub(crate) const CROP_SIZES: [CropSize; 3] = [
     CropSize {
         side_px: 128,
         widest_px: 56.0,
@@ -62,7 +62,7 @@ const HARD_PLACES: usize = 4_000;
 const HARD_SHIFT_PX: f64 = 24.0;
 
 /// The size that suits an aircraft of this width: an index into [`CROP_SIZES`].
-pub fn size_for_width(width_px: f64) -> usize {
+pub(crate) fn size_for_width(width_px: f64) -> usize {
     CROP_SIZES
         .iter()
         .position(|size| width_px <= size.widest_px)
@@ -98,12 +98,12 @@ pub struct Batch {
 
 impl Samples {
     /// Number of pieces with an aircraft.
-    pub fn aircraft_count(&self) -> usize {
+    pub(crate) fn aircraft_count(&self) -> usize {
         self.aircraft.iter().map(Vec::len).sum()
     }
 
     /// A random size that has something to draw, an index into [`CROP_SIZES`].
-    pub fn random_size(&self, rng: &mut impl Rng) -> usize {
+    pub(crate) fn random_size(&self, rng: &mut impl Rng) -> usize {
         let mut point = rng.random::<f64>() * CROP_SIZES.iter().map(|size| size.share).sum::<f64>();
         let drawn = CROP_SIZES.iter().position(|size| {
             point -= size.share;
@@ -206,7 +206,7 @@ pub struct HardPlaces {
 
 impl HardPlaces {
     /// Remembers a place; forgets a random one if there are too many.
-    pub fn remember(&mut self, place: HardPlace, rng: &mut impl Rng) {
+    pub(crate) fn remember(&mut self, place: HardPlace, rng: &mut impl Rng) {
         if self.places.len() < HARD_PLACES {
             self.places.push(place);
         } else {

@@ -12,7 +12,7 @@ use super::*;
 ///
 /// # Errors
 /// [`BridgeError::BadConditions`] for more layers than X-Plane has.
-pub fn weather_writes(
+pub(crate) fn weather_writes(
     weather: &Weather,
     generation: Generation,
 ) -> Result<Vec<DatarefWrite>, BridgeError> {
@@ -169,7 +169,7 @@ fn standard_temperature_c(altitude_msl_m: f64) -> f64 {
 }
 
 /// What X-Plane 12 shows of written weather, with tolerances: never exactly equal, since it is the air around the aircraft.
-pub fn weather_effects(writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
+pub(crate) fn weather_effects(writes: &[DatarefWrite]) -> Vec<DatarefWrite> {
     /// Gusts and the boundary layer.
     const WIND_RATIO: f64 = 0.25;
     const LEAST_WIND_MPS: f64 = 2.5;

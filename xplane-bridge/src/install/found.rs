@@ -14,7 +14,7 @@ pub struct Version(Vec<u32>);
 
 impl Version {
     /// The version at the start of a text, e.g. `12.4.0` of `12.4.0-r2-9b69b91a`.
-    pub fn at_start_of(text: &str) -> Option<Self> {
+    pub(crate) fn at_start_of(text: &str) -> Option<Self> {
         let end = text
             .find(|c: char| !c.is_ascii_digit() && c != '.')
             .unwrap_or(text.len());

@@ -10,7 +10,7 @@ use super::PictureBytes;
 use super::wire::MAX_PAYLOAD_BYTES;
 
 /// Maximum side of a picture, pixels. Limits what a request can make the other side allocate.
-pub const MAX_PICTURE_SIDE_PX: u32 = 8_192;
+pub(crate) const MAX_PICTURE_SIDE_PX: u32 = 8_192;
 
 /// How a drawn frame gets to the client.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]

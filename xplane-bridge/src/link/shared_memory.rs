@@ -136,12 +136,12 @@ impl SharedPictures {
     }
 
     /// Size of the largest picture that it can hold, bytes.
-    pub fn largest_picture_bytes(&self) -> usize {
+    pub(crate) fn largest_picture_bytes(&self) -> usize {
         self.memory.slot_bytes
     }
 
     /// A free slot for a picture of this size, the most recently used one; `None` if all are in use.
-    pub fn lend(&self, picture_bytes: usize) -> Option<SharedPicture> {
+    pub(crate) fn lend(&self, picture_bytes: usize) -> Option<SharedPicture> {
         let slot = lock(&self.free).pop()?;
         Some(SharedPicture {
             slot: Some(slot),

@@ -11,7 +11,7 @@ use super::body::{Fields, HEADER_BYTES, start};
 /// A value that the simulator leaves as it is.
 pub const LEAVE_ALONE: f32 = -999.0;
 /// Rows that fit a datagram, whose length has 16 bits.
-pub const MAX_DATA_ROWS: usize = 1_819;
+pub(crate) const MAX_DATA_ROWS: usize = 1_819;
 
 const TAG: &str = "DATA";
 const VALUES: usize = 8;

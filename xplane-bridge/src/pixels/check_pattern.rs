@@ -9,7 +9,7 @@
 use super::picture::{Rectangle, RgbPicture};
 
 /// Smallest window that can show the pattern, pixels.
-pub const SMALLEST_PX: (u32, u32) = (64, 48);
+pub(crate) const SMALLEST_PX: (u32, u32) = (64, 48);
 
 const COLUMNS: u32 = 8;
 const ROWS: u32 = 6;

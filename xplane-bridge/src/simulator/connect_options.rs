@@ -14,7 +14,7 @@ pub const LINK_TOKEN_VARIABLE: &str = "DTD_LINK_TOKEN";
 /// Environment variable with the address of X-Plane 12's Web API (HOST:PORT), or `off` to disable it.
 pub const WEB_API_VARIABLE: &str = "DTD_WEB_API";
 /// Environment variable that, when it is `off`, sends every picture over the capture link.
-pub const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
+pub(crate) const SHARED_MEMORY_VARIABLE: &str = "DTD_SHARED_MEMORY";
 
 /// Connection options besides the address.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

@@ -10,7 +10,7 @@ impl Simulator {
     ///
     /// # Errors
     /// The plugin cannot store it.
-    pub async fn keep_profile(&mut self, profile: Profile) -> Result<(), BridgeError> {
+    pub(crate) async fn keep_profile(&mut self, profile: Profile) -> Result<(), BridgeError> {
         let kept = serde_json::to_value(&profile).map_err(|error| BridgeError::Refused {
             doing: "keeping the profile",
             text: error.to_string(),
@@ -40,7 +40,10 @@ impl Simulator {
     ///
     /// # Errors
     /// There are no callbacks: a simulator that serves its link without a plugin.
-    pub async fn watch_callbacks(&mut self, frames: u32) -> Result<CallbackOrders, BridgeError> {
+    pub(crate) async fn watch_callbacks(
+        &mut self,
+        frames: u32,
+    ) -> Result<CallbackOrders, BridgeError> {
         let request = Request::WatchCallbacks { frames };
         match self
             .link

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 /// Profile in the header of the MCAP file.
 pub const PROFILE: &str = "dtd-tape";
 /// Name of the metadata record.
-pub const METADATA_NAME: &str = "dtd-tape";
+pub(crate) const METADATA_NAME: &str = "dtd-tape";
 /// Key in the metadata of a link's channel: the version of its two sides.
 pub(super) const LINK_VERSION_KEY: &str = "link_version";
 /// Version of this format. A change that an older reader would misread raises it.
@@ -134,7 +134,7 @@ impl Channel {
     }
 
     /// The channel of a topic; `None` for one that is not ours.
-    pub fn of_topic(topic: &str) -> Option<Self> {
+    pub(crate) fn of_topic(topic: &str) -> Option<Self> {
         let mut words = topic.strip_prefix('/')?.split('/');
         let (kind, number) = (words.next()?, words.next()?.parse().ok()?);
         let direction = match words.next()? {

@@ -86,7 +86,7 @@ impl TapeWriter {
     ///
     /// # Errors
     /// There are 65,534 already, or the file cannot be written.
-    pub fn add_channel(
+    pub(crate) fn add_channel(
         &mut self,
         channel: Channel,
         about: &BTreeMap<String, String>,
@@ -128,7 +128,7 @@ impl TapeWriter {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn flush_if_due(&mut self) -> Result<(), TapeError> {
+    pub(crate) fn flush_if_due(&mut self) -> Result<(), TapeError> {
         if self.flushed.elapsed() >= FLUSH_AFTER {
             let flushed = self.writer.flush();
             flushed.map_err(failed_to(&self.path, "flush it"))?;

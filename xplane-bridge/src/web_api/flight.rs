@@ -27,7 +27,7 @@ pub struct AirStart {
 ///
 /// # Errors
 /// [`BridgeError::BadConditions`] for more cloud layers than X-Plane has, or a NaN.
-pub fn flight_body(
+pub(crate) fn flight_body(
     aircraft_path: &str,
     AirStart { start, pitch_deg }: &AirStart,
     conditions: &Conditions,
