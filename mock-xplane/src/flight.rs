@@ -36,7 +36,7 @@ use technique::Technique;
 use vertical_guidance::Situation;
 
 /// Rate of the states of a flight, hertz.
-pub(crate) const OUTPUT_RATE_HZ: u32 = 30;
+pub const OUTPUT_RATE_HZ: u32 = 30;
 /// A flight ends this long after the wheels first touch, seconds.
 pub(crate) const ROLL_OUT_S: f64 = 6.0;
 
