@@ -41,8 +41,14 @@ pub struct ScenarioFolder {
 }
 
 impl Corpus {
+    /// The expanded plan.
+    pub const PLAN: &str = "plan.json";
+    /// The split by trajectory.
+    pub const SPLITS: &str = "splits.json";
+    /// The sweep as its author wrote it.
+    pub const SWEEP: &str = "corpus.toml";
     /// The files that belong to the whole corpus, in the order in which they are written.
-    pub const FILES: [&str; 3] = ["plan.json", "splits.json", "corpus.toml"];
+    pub const FILES: [&str; 3] = [Self::PLAN, Self::SPLITS, Self::SWEEP];
 
     /// Opens an existing corpus.
     pub fn open(root: &Path) -> Result<Self> {
@@ -74,19 +80,19 @@ impl Corpus {
         &self.root
     }
 
-    /// The sweep as its author wrote it.
+    /// Path of [`Self::SWEEP`].
     pub fn sweep_path(&self) -> PathBuf {
-        self.root.join("corpus.toml")
+        self.root.join(Self::SWEEP)
     }
 
-    /// The expanded plan.
+    /// Path of [`Self::PLAN`].
     pub fn plan_path(&self) -> PathBuf {
-        self.root.join("plan.json")
+        self.root.join(Self::PLAN)
     }
 
-    /// The split by trajectory.
+    /// Path of [`Self::SPLITS`].
     pub fn splits_path(&self) -> PathBuf {
-        self.root.join("splits.json")
+        self.root.join(Self::SPLITS)
     }
 
     /// The claim to hold while changing files of the whole corpus. Waits for another writer.
@@ -102,7 +108,7 @@ impl Corpus {
     /// # Errors
     /// It does not exist, leaks, or is a symbolic link.
     pub fn splits(&self) -> Result<Splits> {
-        Splits::read(&own_path(&self.root, "splits.json")?)
+        Splits::read(&own_path(&self.root, Self::SPLITS)?)
     }
 
     /// The folder of a committed scenario.

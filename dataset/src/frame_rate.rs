@@ -1,5 +1,7 @@
 //! A frame rate as an exact fraction, and the time of a tick.
 
+pub mod text;
+
 use std::fmt;
 
 use serde::{Deserialize, Serialize};

@@ -5,6 +5,7 @@
 //! tables (`scenario.json`, `calibration.json`, `frames.parquet`, ...), the videos, and the protocol that commits a scenario folder
 //! atomically even if the process is killed. `docs/dataset.md` describes every file and column.
 
+pub mod approach_profile;
 pub mod calibration;
 pub mod camera;
 pub mod claim;
@@ -30,10 +31,9 @@ mod others_decoder;
 pub mod outside_file;
 pub mod own_path;
 pub mod pixel_box;
-pub mod planned;
+pub mod plan;
 pub mod pose;
 pub mod refraction;
-pub mod rig;
 pub mod runway;
 pub mod scenario;
 pub mod seal;

@@ -13,6 +13,7 @@ mod detections;
 mod frames;
 mod labels;
 pub mod pixels;
+mod plan_as_written;
 mod planned_cameras;
 mod record;
 mod videos;

@@ -8,10 +8,11 @@ use std::path::Path;
 use dataset::calibration::Calibration;
 use dataset::detections::Provenance;
 use dataset::json_file::parse_json;
+use dataset::plan::Plan;
 use dataset::scenario::ScenarioRecord;
 use dataset::seal::{Seal, is_within, sealed_files};
 use dataset::splits::Splits;
-use dtd_fuzz::plan::Plan;
+use dtd_fuzz::plan::{Difference, is_seeded_by};
 use libfuzzer_sys::fuzz_target;
 use serde::Serialize;
 
@@ -21,8 +22,8 @@ fuzz_target!(|bytes: &[u8]| {
     match kind % 7 {
         0 => {
             if let Some(plan) = survives(bytes, |bytes| Plan::parse(bytes, path)) {
-                assert_eq!(plan.conflict_with(&plan), None);
-                let _ = (plan.check_hashes(), plan.is_seeded_by(3));
+                assert_eq!(Difference::between(&plan, &plan).conflict(), None);
+                let _ = (plan.check_hashes(), is_seeded_by(&plan, 3));
             }
         }
         1 => {

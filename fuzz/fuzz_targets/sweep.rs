@@ -4,7 +4,8 @@
 
 use std::path::Path;
 
-use dtd_fuzz::plan::{Plan, expand};
+use dataset::plan::Plan;
+use dtd_fuzz::plan::expand;
 use dtd_fuzz::sweep::Sweep;
 use libfuzzer_sys::fuzz_target;
 

@@ -10,7 +10,6 @@ mod generator {
     pub mod airports;
     pub mod plan;
     pub mod recording;
-    pub mod rig;
     pub mod seed;
     pub mod spread;
     pub mod sweep;

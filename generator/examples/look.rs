@@ -9,12 +9,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use dataset::camera::Camera;
+use dataset::plan::{Common, Parameters};
 use dataset::pose::{Controls, Pose};
 use dataset::runway::Runway;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
-use generator::plan::{Common, Parameters, expand};
-use generator::rig;
+use generator::plan::expand;
 use generator::sweep::Sweep;
 use image::imageops::{self, FilterType};
 use image::{Rgb, RgbImage};
@@ -67,9 +66,9 @@ fn look(
     distance_nm: f64,
 ) -> (RgbImage, RgbImage) {
     let (width, height) = (common.picture.width_px, common.picture.height_px);
-    let (conditions, views) = (&parameters.conditions, rig::views(common, parameters));
-    let (placed, imaging) = (&views[0].camera, &views[0].imaging);
-    let camera = Camera::from_pose(placed, width, height).seen_through(imaging);
+    let conditions = &parameters.conditions;
+    let (_, calibrated) = &parameters.cameras(common)[0];
+    let camera = calibrated.camera();
     let started = Instant::now();
     let scene = Scene::new(
         &camera,
@@ -77,7 +76,7 @@ fn look(
         &conditions.weather,
         &conditions.clock,
     );
-    let scene = match &imaging.degradation {
+    let scene = match &calibrated.degradation {
         None => scene,
         Some(degradation) => scene.degraded(degradation),
     };

@@ -38,6 +38,7 @@ use std::sync::Arc;
 use dataset::claim::Claim;
 use dataset::corpus::Corpus;
 use dataset::memory;
+use dataset::plan::{Common, Picture, Plan, PlannedScenario};
 use futures_util::future::join_all;
 use xplane_bridge::pixels::{PixelChoice, Screen};
 
@@ -51,9 +52,9 @@ pub use simulators::Simulators;
 /// A switch that can be set once, from any thread, e.g. by Ctrl-C.
 pub use tokio_util::sync::CancellationToken as Cancel;
 
-use crate::plan::{Common, Plan, PlannedScenario, expand, room_bytes};
+use crate::plan::{expand, room_bytes};
 use crate::shard::Shard;
-use crate::sweep::{Picture, Sweep};
+use crate::sweep::Sweep;
 use attempt::unless_cancelled;
 use event::Reporter;
 use pictures::Pictures;

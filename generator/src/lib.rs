@@ -13,7 +13,6 @@ pub mod airports;
 pub mod generate;
 pub mod plan;
 pub mod recording;
-pub mod rig;
 pub mod seed;
 pub mod shard;
 pub mod spread;

@@ -8,7 +8,6 @@ mod check;
 mod document;
 mod error;
 mod fault;
-mod frame_rate_text;
 mod grid;
 mod imaging;
 mod jitter;
@@ -27,11 +26,12 @@ mod weather;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::outside_file::{self, FileKind};
+use dataset::plan::{Picture, PlannedCamera};
 use dataset::runway::Runway;
 use dataset::toml_file::{TomlError, TomlFile};
 use dataset::video::VideoSettings;
-use xplane_bridge::fly::ApproachProfile;
 
 pub use aim::AimTable;
 pub use document::Corpus;
@@ -39,9 +39,7 @@ pub use error::SweepError;
 pub use grid::Combination;
 pub use imaging::{ImagingTable, SeeingTable, SensorTable};
 pub use jitter::JitterTable;
-pub use picture::Picture;
 pub use recorded::{RecordedFlights, RecordedRule};
-pub use rigs::Camera;
 pub(crate) use runways::AirportTable;
 pub use schema::schema;
 pub use split::SplitFractions;
@@ -60,7 +58,7 @@ pub struct Sweep {
     /// Name of the camera rig.
     pub rig_name: String,
     /// Its cameras.
-    pub cameras: Vec<Camera>,
+    pub cameras: Vec<PlannedCamera>,
     /// Where each scenario aims its cameras, if not as in the rig.
     pub aim: Option<AimTable>,
     /// Placement errors of each scenario's cameras.

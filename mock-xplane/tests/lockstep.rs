@@ -4,6 +4,7 @@ use std::net::Ipv4Addr;
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::camera::{Camera, CameraPose};
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::imaging::Degradation;
@@ -15,7 +16,7 @@ use testkit::changi_02l;
 use testkit_simulator::{Running, quiet};
 use tokio::net::{TcpStream, UdpSocket};
 use xplane_bridge::discovery::announced;
-use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::{
     Answer, LinkError, LinkToken, PictureBytes, PixelKind, Request, SharedPictures,
     SimulatorWindow, exchange_greetings, read_header, write_message,

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use std::time::Duration;
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::distortion::Distortion;
@@ -21,7 +22,7 @@ use testkit::changi_02l;
 use testkit_simulator::Xvfb;
 use testkit_simulator::{quiet, serving};
 use xplane_bridge::datarefs::{self, Generation};
-use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::PixelKind;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, Screen};
 #[cfg(target_os = "linux")]

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
+use dataset::plan::Plan;
 use dataset::splits::Splits;
-use generator::plan::{Plan, assign_sides};
+use generator::plan::{Difference, assign_sides, is_seeded_by};
 use generator::sweep::SplitFractions;
 use serde::Deserialize;
 
@@ -46,13 +47,13 @@ impl CorpusFile {
             return Err("it is empty".into());
         }
         match name {
-            "plan.json" => {
+            Corpus::PLAN => {
                 let plan =
                     Plan::parse(bytes, Path::new(name)).map_err(|error| error.to_string())?;
-                plan.check_hashes()?;
+                plan.check_hashes().map_err(|error| error.to_string())?;
                 Ok(Self::Plan(Box::new(plan)))
             }
-            "splits.json" => {
+            Corpus::SPLITS => {
                 let splits = Splits::parse(bytes, Path::new(name));
                 splits.map(Self::Splits).map_err(|error| error.to_string())
             }
@@ -69,7 +70,8 @@ impl CorpusFile {
     pub(super) fn standing(&self, theirs: &Self) -> Standing {
         match (self, theirs) {
             (Self::Plan(ours), Self::Plan(theirs)) => {
-                match (ours.conflict_with(theirs), theirs.conflict_with(ours)) {
+                let conflict = |plan, with| Difference::between(with, plan).conflict();
+                match (conflict(ours, theirs), conflict(theirs, ours)) {
                     (None, None) => Standing::Same,
                     (None, Some(_)) => Standing::OursHasMore,
                     (Some(_), None) => Standing::TheirsHasMore,
@@ -124,14 +126,14 @@ impl CorpusFiles {
     }
 
     fn plan(&self) -> Option<&Plan> {
-        match self.get("plan.json") {
+        match self.get(Corpus::PLAN) {
             Some((_, CorpusFile::Plan(plan))) => Some(plan),
             _ => None,
         }
     }
 
     fn sweep(&self) -> Option<&SweepHead> {
-        match self.get("corpus.toml") {
+        match self.get(Corpus::SWEEP) {
             Some((_, CorpusFile::Sweep(sweep))) => Some(sweep),
             _ => None,
         }
@@ -142,13 +144,13 @@ impl CorpusFiles {
         let Some(plan) = self.plan() else {
             return Ok(());
         };
-        if let Some((_, CorpusFile::Splits(splits))) = self.get("splits.json") {
+        if let Some((_, CorpusFile::Splits(splits))) = self.get(Corpus::SPLITS) {
             for scenario in &plan.scenarios {
                 let found = splits.scenarios.get(&scenario.id);
                 let found = found.map(|assignment| assignment.trajectory.as_str());
                 if found != Some(&scenario.trajectory) {
                     return Err((
-                        "splits.json",
+                        Corpus::SPLITS,
                         format!(
                             "it has {} for scenario {}, which flies trajectory {} by plan.json",
                             found.map_or("nothing".into(), |found| format!("trajectory {found}")),
@@ -162,9 +164,9 @@ impl CorpusFiles {
         let Some(sweep) = self.sweep() else {
             return Ok(());
         };
-        if sweep.corpus.name != plan.corpus || !plan.is_seeded_by(sweep.corpus.seed) {
+        if sweep.corpus.name != plan.corpus || !is_seeded_by(plan, sweep.corpus.seed) {
             return Err((
-                "corpus.toml",
+                Corpus::SWEEP,
                 format!(
                     "its corpus {:?} with seed {} is not the one that plan.json was made from, {:?}",
                     sweep.corpus.name, sweep.corpus.seed, plan.corpus

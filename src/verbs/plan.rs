@@ -5,9 +5,9 @@ mod show;
 use std::path::{Path, PathBuf};
 
 use dataset::corpus::Corpus;
-use generator::plan::{
-    Against, Estimate, PicturesPerSecond, Plan, PlannedScenario, ScenarioSummary, Standing, expand,
-};
+use dataset::plan::{Plan, PlannedScenario};
+use dataset::units::METERS_PER_NAUTICAL_MILE;
+use generator::plan::{Against, Change, Estimate, PicturesPerSecond, Standing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;
 
@@ -97,17 +97,13 @@ impl<'a> Report<'a> {
     }
 
     fn document(&self) -> Document<'_> {
-        let summary = self.plan.summary();
         let standing = |index: usize| Some(self.compared?.against.standings[index]);
-        let rows = summary.scenarios.into_iter().enumerate();
+        let scenarios = self.plan.scenarios.iter().enumerate();
         Document {
-            plan_hash: summary.plan_hash,
-            corpus: summary.corpus,
-            scenarios: rows
-                .map(|(index, scenario)| Row {
-                    standing: standing(index),
-                    scenario,
-                })
+            plan_hash: &self.plan.plan_hash,
+            corpus: &self.plan.corpus,
+            scenarios: scenarios
+                .map(|(index, scenario)| Row::new(scenario, standing(index)))
                 .collect(),
             estimate: &self.estimate,
             against: self.compared.map(|compared| AgainstDocument {
@@ -141,11 +137,41 @@ struct Document<'a> {
 
 #[derive(Serialize)]
 struct Row<'a> {
-    #[serde(flatten)]
-    scenario: ScenarioSummary<'a>,
+    id: &'a str,
+    time_of_day: &'a str,
+    weather: &'a str,
+    seed: u64,
+    /// `live` or a file name.
+    flight: &'a str,
+    /// Name of the flight profile; absent for recordings.
+    profile: Option<&'a str>,
+    start_dtd_nm: f64,
+    visibility_m: f64,
+    ticks: u32,
+    config_hash: &'a str,
     /// Only if there is a corpus to compare with.
     #[serde(skip_serializing_if = "Option::is_none")]
     standing: Option<Standing>,
+}
+
+impl<'a> Row<'a> {
+    fn new(scenario: &'a PlannedScenario, standing: Option<Standing>) -> Self {
+        let parameters = &scenario.parameters;
+        let live = parameters.live.as_ref();
+        Self {
+            id: &scenario.id,
+            time_of_day: &scenario.time_of_day,
+            weather: &scenario.weather,
+            seed: scenario.seed,
+            flight: &scenario.flight,
+            profile: live.map(|live| live.profile_name.as_str()),
+            start_dtd_nm: parameters.start_dtd_m / METERS_PER_NAUTICAL_MILE,
+            visibility_m: parameters.conditions.weather.visibility_m,
+            ticks: scenario.ticks,
+            config_hash: &scenario.config_hash,
+            standing,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -154,7 +180,7 @@ struct AgainstDocument<'a> {
     whole: Vec<&'a str>,
     to_make: Vec<&'a str>,
     new: Vec<&'a str>,
-    changed: &'a [generator::plan::Change],
+    changed: &'a [Change],
     removed: &'a [String],
     left: Option<&'a Estimate>,
 }

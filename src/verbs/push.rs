@@ -6,7 +6,7 @@ use std::time::Duration;
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
-use dataset::planned::PlannedScenarios;
+use dataset::plan::PlannedScenarios;
 use serde::Serialize;
 use store::{CorpusStore, Keep, OnOther, Patience, Pushed, Settled, StoreError};
 

@@ -6,13 +6,14 @@
 
 use std::path::Path;
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::conditions::Weather;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::units::MPS_PER_KNOT;
 use mock_xplane::flight::{OUTPUT_RATE_HZ, fly};
 use testkit::scenario::calm;
 use testkit::{changi_02l, repository};
-use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::fly::{FlightStart, FlyRequest};
 
 /// The recorded flights are stored at 5 Hz; their twins are compared at the same rate.
 pub(crate) const RATE_HZ: u32 = 5;

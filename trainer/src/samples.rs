@@ -14,7 +14,7 @@ use dataset::detections::models_of;
 use dataset::geodesy::Geodetic;
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::{Detection, PixelBox};
-use dataset::planned::PlannedScenarios;
+use dataset::plan::PlannedScenarios;
 use dataset::runway::Runway;
 use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;

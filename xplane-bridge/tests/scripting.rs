@@ -4,6 +4,7 @@ mod fake_simulator;
 
 use std::time::Duration;
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::geodesy::Geodetic;
 use dataset::runway::Runway;
@@ -11,7 +12,7 @@ use fake_simulator::Fake;
 use testkit::changi_02l;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::datarefs;
-use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::Request;
 use xplane_bridge::packet::PlaceAtStart;
 use xplane_bridge::{BridgeError, Simulator};

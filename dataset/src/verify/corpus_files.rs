@@ -3,9 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
-use serde_json::Value;
+use serde::Serialize;
 
-use super::planned_cameras::{PlannedCameras, unreadable};
+use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written, in_json};
+use super::planned_cameras::PlannedCameras;
 use super::{Faults, VerifyOptions};
 use crate::calibration::Calibration;
 use crate::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
@@ -14,8 +15,8 @@ use crate::scenario::ScenarioRecord;
 use crate::seal;
 use crate::splits::Splits;
 
-const PLAN: &str = "plan.json";
-const SPLITS: &str = "splits.json";
+const PLAN: &str = Corpus::PLAN;
+const SPLITS: &str = Corpus::SPLITS;
 const RECORD: &str = "scenario.json";
 
 /// What was read of the scenarios.
@@ -32,12 +33,8 @@ pub(super) fn check(
     options: VerifyOptions,
     faults: &mut Faults,
 ) -> Vec<String> {
-    let plan = faults.keep(PLAN, read_json::<Value>(&corpus.plan_path(), "plan"));
-    let missing = plan.map_or_else(Vec::new, |plan| {
-        let planned = Planned::of(&plan, faults);
-        planned.check(found, faults);
-        planned.missing(found.scenarios)
-    });
+    let plan = faults.keep(PLAN, read_json(&corpus.plan_path(), "plan"));
+    let missing = plan.map_or_else(Vec::new, |plan| check_plan(&plan, found, faults));
     if options.complete {
         for id in &missing {
             faults.of(id, PLAN, "is planned, but not in the corpus");
@@ -48,102 +45,92 @@ pub(super) fn check(
     missing
 }
 
-/// The plan: what every scenario should be.
-struct Planned<'a> {
-    /// What all scenarios have in common; null in plans of version 1, where every scenario has it in its own parameters.
-    common: &'a Value,
-    scenarios: BTreeMap<&'a str, &'a Value>,
+/// Checks the plan, and that every scenario matches it; returns the planned scenarios that are missing.
+fn check_plan(plan: &PlanAsWritten, found: &Found<'_>, faults: &mut Faults) -> Vec<String> {
+    let again = plan.hash_again();
+    if plan.plan_hash.value() != Some(&again) {
+        let message = format!(
+            "plan_hash is {}, its scenarios give {again}",
+            plan.plan_hash
+        );
+        faults.file(PLAN, message);
+    }
+    let planned = plan.scenarios();
+    for (id, record) in found.records {
+        match planned.get(id.as_str()) {
+            Some(scenario) => check_scenario(id, record, (plan, scenario), found, faults),
+            None => faults.of(id, PLAN, "is in the corpus, but not in the plan"),
+        }
+    }
+    let there: BTreeSet<String> = found.scenarios.iter().map(ScenarioFolder::id).collect();
+    let missing = planned.keys().filter(|id| !there.contains(**id));
+    missing.map(|id| (*id).to_owned()).collect()
 }
 
-impl<'a> Planned<'a> {
-    fn of(plan: &'a Value, faults: &mut Faults) -> Self {
-        let scenarios = || plan["scenarios"].as_array().into_iter().flatten();
-        let text = |scenario: &'a Value, key: &str| scenario[key].as_str();
-        let mut hasher = blake3::Hasher::new();
-        for scenario in scenarios() {
-            let id = text(scenario, "id").unwrap_or_default();
-            let config_hash = text(scenario, "config_hash").unwrap_or_default();
-            hasher.update(format!("{id} {config_hash}\n").as_bytes());
-        }
-        let again = hasher.finalize().to_string();
-        if plan["plan_hash"] != again.as_str() {
-            faults.file(
+/// A scenario is what was planned.
+fn check_scenario(
+    id: &str,
+    record: &ScenarioRecord,
+    (plan, scenario): (&PlanAsWritten, &ScenarioAsWritten),
+    found: &Found<'_>,
+    faults: &mut Faults,
+) {
+    let parameters = &scenario.parameters;
+    let common = plan.common(scenario);
+    let mut compare = Comparison { id, faults };
+    compare.value("config_hash", &scenario.config_hash, &record.config_hash);
+    compare.value("seed", &scenario.seed, &record.seed);
+    compare.value("trajectory", &scenario.trajectory, &record.trajectory);
+    compare.value("conditions", &parameters.conditions, &record.conditions);
+    compare.value("aircraft", &common.aircraft, &record.aircraft);
+    compare.value("runway", &common.runway, &record.runway);
+    compare.value("flight", &parameters.flight, &record.flight);
+    compare.value("rig", &common.rig, &record.rig);
+    // Pictures and cameras that cannot be read are reported with the calibration.
+    if let Some(picture) = common.picture.value() {
+        let rates = [picture.frame_rate, record.frame_rate].map(|rate| rate.to_string());
+        compare.values("frame_rate", &rates[0], &rates[1]);
+    }
+    if let Some(cameras) = common.cameras.value() {
+        let ids: Vec<&String> = cameras.iter().map(|camera| &camera.id).collect();
+        compare.values("views", &ids, &record.views.iter().collect());
+    }
+    if let Some(calibration) = found.calibrations.get(id) {
+        match PlannedCameras::read(common, parameters) {
+            Ok(cameras) => cameras.check(id, calibration, faults),
+            Err(error) => faults.of(
+                id,
                 PLAN,
-                format!(
-                    "plan_hash is {}, its scenarios give {again}",
-                    plan["plan_hash"]
-                ),
-            );
+                format!("its cameras cannot be compared with calibration.json: {error}"),
+            ),
         }
-        Self {
-            common: &plan["common"],
-            scenarios: scenarios()
-                .filter_map(|scenario| Some((text(scenario, "id")?, scenario)))
-                .collect(),
+    }
+}
+
+/// Compares the record of a scenario with its plan.
+struct Comparison<'a> {
+    id: &'a str,
+    faults: &'a mut Faults,
+}
+
+impl Comparison<'_> {
+    fn value<T: Serialize + PartialEq>(&mut self, what: &str, planned: &Written<T>, recorded: &T) {
+        if planned.value() != Some(recorded) {
+            self.differs(what, &planned.to_string(), recorded);
         }
     }
 
-    fn missing(&self, scenarios: &[ScenarioFolder]) -> Vec<String> {
-        let there: BTreeSet<String> = scenarios.iter().map(ScenarioFolder::id).collect();
-        self.scenarios
-            .keys()
-            .filter(|id| !there.contains(**id))
-            .map(|id| (*id).to_owned())
-            .collect()
+    fn values<T: Serialize + PartialEq>(&mut self, what: &str, planned: &T, recorded: &T) {
+        if planned != recorded {
+            self.differs(what, &in_json(planned), recorded);
+        }
     }
 
-    /// Every scenario matches its plan.
-    fn check(&self, found: &Found<'_>, faults: &mut Faults) {
-        for (id, record) in found.records {
-            let Some(scenario) = self.scenarios.get(id.as_str()) else {
-                faults.of(id, PLAN, "is in the corpus, but not in the plan");
-                continue;
-            };
-            let Ok(mut recorded) = serde_json::to_value(record) else {
-                continue;
-            };
-            // The plan has it in readable form.
-            recorded["frame_rate"] = record.frame_rate.to_string().into();
-            let parameters = &scenario["parameters"];
-            let shared = |key: &str| self.common.get(key).unwrap_or(&parameters[key]);
-            let views: Vec<&Value> = shared("cameras")
-                .as_array()
-                .into_iter()
-                .flatten()
-                .map(|camera| &camera["id"])
-                .collect();
-            let views = serde_json::json!(views);
-            let decided = [
-                ("config_hash", &scenario["config_hash"]),
-                ("seed", &scenario["seed"]),
-                ("trajectory", &scenario["trajectory"]),
-                ("conditions", &parameters["conditions"]),
-                ("aircraft", shared("aircraft")),
-                ("runway", shared("runway")),
-                ("flight", &parameters["flight"]),
-                ("rig", shared("rig")),
-                ("frame_rate", &shared("picture")["frame_rate"]),
-                ("views", &views),
-            ];
-            for (what, planned) in decided {
-                let found = &recorded[what];
-                if planned != found {
-                    faults.of(
-                        id,
-                        RECORD,
-                        format!(
-                            "{what} was planned as {planned} (plan.json), but recorded as {found}"
-                        ),
-                    );
-                }
-            }
-            if let Some(calibration) = found.calibrations.get(id) {
-                match PlannedCameras::read(shared, parameters) {
-                    Ok(cameras) => cameras.check(id, calibration, faults),
-                    Err(message) => unreadable(id, &message, faults),
-                }
-            }
-        }
+    fn differs(&mut self, what: &str, planned: &str, recorded: &impl Serialize) {
+        let found = in_json(recorded);
+        let message =
+            format!("{what} was planned as {planned} (plan.json), but recorded as {found}");
+        self.faults.of(self.id, RECORD, message);
     }
 }
 

@@ -6,18 +6,14 @@
 
 use std::collections::BTreeMap;
 
-use serde::Deserialize;
-use serde::de::DeserializeOwned;
-use serde_json::Value;
-
+use super::plan_as_written::{CommonAsWritten, ParametersAsWritten, Unreadable};
 use super::{Faults, close};
 use crate::calibration::{Calibration, CameraEntry};
 use crate::imaging::Imaging;
-use crate::rig::{Aim, Jitter, Mast, place_in};
+use crate::plan::{Aim, Jitter, Picture, PlannedCamera};
 use crate::runway::Runway;
 use crate::units::Degrees;
 
-const PLAN: &str = "plan.json";
 const CALIBRATION: &str = "calibration.json";
 /// Trigonometry differs in its last digits between machines: nanometres on the earth's surface ...
 const LENGTH_TOLERANCE_M: f64 = 1e-5;
@@ -25,47 +21,41 @@ const LENGTH_TOLERANCE_M: f64 = 1e-5;
 const ANGLE_TOLERANCE_DEG: f64 = 1e-9;
 
 /// What a plan states about the cameras of one scenario.
-pub(super) struct PlannedCameras {
-    runway: Runway,
-    masts: Vec<Mast>,
+pub(super) struct PlannedCameras<'a> {
+    runway: &'a Runway,
+    cameras: &'a [PlannedCamera],
     picture: Picture,
     aim: Option<Aim>,
-    jitter: BTreeMap<String, Jitter>,
-    imaging: BTreeMap<String, Imaging>,
+    jitter: &'a Option<BTreeMap<String, Jitter>>,
+    imaging: &'a Option<BTreeMap<String, Imaging>>,
 }
 
-#[derive(Deserialize)]
-struct Picture {
-    width_px: u32,
-    height_px: u32,
-}
-
-impl PlannedCameras {
-    /// Reads it. `shared`: what all scenarios have in common.
+impl<'a> PlannedCameras<'a> {
+    /// Reads it.
     ///
     /// # Errors
-    /// What cannot be read, as text.
-    pub(super) fn read<'a>(
-        shared: impl Fn(&str) -> &'a Value,
-        parameters: &Value,
-    ) -> Result<Self, String> {
+    /// A part cannot be read.
+    pub(super) fn read(
+        common: &'a CommonAsWritten,
+        parameters: &'a ParametersAsWritten,
+    ) -> Result<Self, Unreadable<'a>> {
         Ok(Self {
-            runway: part(shared("runway"), "runway")?,
-            masts: part(shared("cameras"), "cameras")?,
-            picture: part(shared("picture"), "picture")?,
-            aim: part(&parameters["aim"], "aim")?,
-            jitter: or_none(&parameters["jitter"], "jitter")?,
-            imaging: or_none(&parameters["imaging"], "imaging")?,
+            runway: common.runway.read("runway")?,
+            cameras: common.cameras.read("cameras")?,
+            picture: *common.picture.read("picture")?,
+            aim: *parameters.aim.read("aim")?,
+            jitter: parameters.jitter.read("jitter")?,
+            imaging: parameters.imaging.read("imaging")?,
         })
     }
 
     /// Compares the cameras of a scenario with it. Which cameras must exist is checked with `scenario.json`.
     pub(super) fn check(&self, id: &str, calibration: &Calibration, faults: &mut Faults) {
-        for mast in &self.masts {
-            let Some(found) = calibration.cameras.get(&mast.id) else {
+        for camera in self.cameras {
+            let Some(found) = calibration.cameras.get(&camera.id) else {
                 continue;
             };
-            for difference in self.differences(mast, found) {
+            for difference in self.differences(camera, found) {
                 let Difference {
                     what,
                     planned,
@@ -74,16 +64,16 @@ impl PlannedCameras {
                 faults.of_view(
                     id,
                     CALIBRATION,
-                    &mast.id,
+                    &camera.id,
                     format!("{what} was planned as {planned} (plan.json), but recorded as {found}"),
                 );
             }
         }
     }
 
-    fn differences(&self, mast: &Mast, found: &CameraEntry) -> Vec<Difference> {
-        let jitter = self.jitter.get(&mast.id).copied().unwrap_or_default();
-        let planned = place_in(mast, &self.runway, self.aim, &jitter);
+    fn differences(&self, camera: &PlannedCamera, found: &CameraEntry) -> Vec<Difference> {
+        let (jitter, imaging) = (drawn(self.jitter, camera), drawn(self.imaging, camera));
+        let planned = camera.calibrated(self.runway, self.picture, self.aim, &jitter, &imaging);
         let mut differences = Vec::new();
         let mut differs = |what, planned: String, found: String| {
             differences.push(Difference {
@@ -93,18 +83,14 @@ impl PlannedCameras {
             });
         };
 
-        let Picture {
-            width_px,
-            height_px,
-        } = self.picture;
-        if (found.width_px, found.height_px) != (width_px, height_px) {
+        if (found.width_px, found.height_px) != (planned.width_px, planned.height_px) {
             differs(
                 "size in pixels",
-                format!("{width_px}x{height_px}"),
+                format!("{}x{}", planned.width_px, planned.height_px),
                 format!("{}x{}", found.width_px, found.height_px),
             );
         }
-        let [here, there] = [&planned.pose, &found.placed.pose].map(|pose| pose.position());
+        let [here, there] = [&planned, found].map(|camera| camera.placed.pose.position());
         if !close(
             here.to_ecef().distance(there.to_ecef()),
             0.0,
@@ -122,12 +108,16 @@ impl PlannedCameras {
                 ),
             );
         }
-        let [a, b] = [&planned.pose, &found.placed.pose];
+        let [a, b] = [&planned.placed, &found.placed];
         for (what, planned, found) in [
-            ("heading_true_deg", a.heading_true_deg, b.heading_true_deg),
-            ("pitch_deg", a.pitch_deg, b.pitch_deg),
-            ("roll_deg", a.roll_deg, b.roll_deg),
-            ("hfov_deg", planned.hfov_deg, found.placed.hfov_deg),
+            (
+                "heading_true_deg",
+                a.pose.heading_true_deg,
+                b.pose.heading_true_deg,
+            ),
+            ("pitch_deg", a.pose.pitch_deg, b.pose.pitch_deg),
+            ("roll_deg", a.pose.roll_deg, b.pose.roll_deg),
+            ("hfov_deg", a.hfov_deg, b.hfov_deg),
         ] {
             let off_deg = Degrees(found - planned).wrapped_180().0;
             if !close(off_deg, 0.0, ANGLE_TOLERANCE_DEG) {
@@ -135,8 +125,7 @@ impl PlannedCameras {
             }
         }
         // Drawn numbers are copied, not computed.
-        let planned = self.imaging.get(&mast.id).copied().unwrap_or_default();
-        let recorded = found.imaging();
+        let [planned, recorded] = [imaging, found.imaging()];
         if planned.distortion != recorded.distortion {
             let [a, b] = [planned.distortion, recorded.distortion].map(|lens| json(&lens));
             differs("distortion", a, b);
@@ -159,25 +148,10 @@ struct Difference {
     found: String,
 }
 
-/// The plan itself cannot be used for the comparison.
-pub(super) fn unreadable(id: &str, message: &str, faults: &mut Faults) {
-    faults.of(
-        id,
-        PLAN,
-        format!("its cameras cannot be compared with calibration.json: {message}"),
-    );
-}
-
-fn part<T: DeserializeOwned>(value: &Value, what: &str) -> Result<T, String> {
-    T::deserialize(value).map_err(|error| format!("{what} cannot be read: {error}"))
-}
-
-/// A map that is omitted if empty.
-fn or_none<T: DeserializeOwned + Default>(value: &Value, what: &str) -> Result<T, String> {
-    match value {
-        Value::Null => Ok(T::default()),
-        there => part(there, what),
-    }
+/// What was drawn for a camera, if anything was.
+fn drawn<T: Copy + Default>(of_each: &Option<BTreeMap<String, T>>, camera: &PlannedCamera) -> T {
+    let drawn = of_each.as_ref().and_then(|of_each| of_each.get(&camera.id));
+    drawn.copied().unwrap_or_default()
 }
 
 fn json(value: &impl serde::Serialize) -> String {

@@ -8,8 +8,8 @@ use crate::frame_rate::FrameRate;
 use crate::frames::{Frame, FrameLabels, Frames, ViewStamp};
 use crate::json_file::write_json;
 use crate::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
+use crate::plan::PlannedCamera;
 use crate::pose::{Controls, Pose};
-use crate::rig::Mast;
 use crate::runway::RunwayCoordinates;
 use crate::runway::tests::changi_02l as runway;
 use crate::scenario::{Flight, PINHOLE_SCHEMA_VERSION, Versions};
@@ -41,9 +41,9 @@ fn camera(view: usize) -> CameraPose {
     }
 }
 
-/// The mast of that camera, as in a plan.
-fn mast(view: usize) -> Mast {
-    Mast {
+/// That camera as planned.
+fn planned_camera(view: usize) -> PlannedCamera {
+    PlannedCamera {
         id: VIEWS[view].into(),
         beyond_touchdown_m: Some(1_500.0),
         beyond_threshold_m: None,
@@ -53,6 +53,7 @@ fn mast(view: usize) -> Mast {
         heading_true_deg: None,
         pitch_deg: 1.6,
         hfov_deg: 10.0,
+        distortion: None,
     }
 }
 
@@ -196,11 +197,11 @@ impl Example {
         }
         let planned = IDS.map(|id| {
             let record = record(id);
-            let masts = [0, 1].map(mast);
+            let cameras = [0, 1].map(planned_camera);
             serde_json::json!({ "id": id, "seed": 1, "config_hash": "config", "trajectory": record.trajectory,
                 "parameters": { "conditions": record.conditions, "aircraft": record.aircraft, "runway": record.runway,
                     "flight": record.flight, "rig": record.rig, "picture": { "frame_rate": record.frame_rate.to_string(), "width_px": SIZE_PX, "height_px": SIZE_PX },
-                    "cameras": masts } })
+                    "cameras": cameras } })
         });
         write_plan(&corpus, &planned);
         splits([Side::Train, Side::Test])

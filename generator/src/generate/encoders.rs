@@ -4,13 +4,13 @@
 //! written pictures are reused.
 
 use dataset::corpus::ScenarioFolder;
+use dataset::plan::Picture;
 use dataset::video::{VideoSettings, VideoWriter};
 use tokio::sync::mpsc;
 use tokio::task::{JoinHandle, spawn_blocking};
 use xplane_bridge::link::PictureBytes;
 
 use super::error::ScenarioError;
-use crate::sweep::Picture;
 
 /// Pictures that may wait for an encoder.
 const WAITING_PICTURES: usize = 2;

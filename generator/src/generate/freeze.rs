@@ -7,11 +7,12 @@ use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
 use dataset::corpus::{Corpus, check_path};
 use dataset::json_file::write_atomically;
 use dataset::new_file::clear_leftovers;
+use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal;
 use tokio::time::sleep;
 
 use super::error::GenerateError;
-use crate::plan::{Plan, PlannedScenario, assign_sides};
+use crate::plan::{Difference, assign_sides};
 use crate::sweep::Sweep;
 
 /// Another process needs a moment to write the plan.
@@ -30,7 +31,7 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
         Ok(corpus) if corpus.plan_path().exists() => Plan::read(&corpus.plan_path())?,
         _ => return Ok(None),
     };
-    match plan.conflict_with(&frozen) {
+    match Difference::between(&frozen, plan).conflict() {
         Some(difference) => Err(GenerateError::OtherPlan {
             corpus: corpus_root.to_owned(),
             difference,

@@ -5,10 +5,12 @@
 
 use std::fmt::Debug;
 
+use dataset::calibration::CameraEntry;
 use dataset::camera::CameraPose;
 use dataset::conditions::Weather;
 use dataset::echo::{aircraft_mismatch, camera_mismatch};
 use dataset::frame_rate::FrameRate;
+use dataset::plan::Picture;
 use dataset::pose::{FlightState, Pose};
 use xplane_bridge::{CaptureRequest, CapturedFrame, Deliver, Simulator};
 
@@ -16,8 +18,6 @@ use super::attempt::Attempt;
 use super::encoders::Encoders;
 use super::error::ScenarioError;
 use super::event::Event;
-use crate::rig::View;
-use crate::sweep::Picture;
 
 /// Requests in flight: enough to keep the simulator drawing, few enough to keep memory small (7 MB a picture).
 const UNDER_WAY: usize = 4;
@@ -33,7 +33,7 @@ pub(super) struct Drawn {
 /// Captures all pictures into `encoders`; returns what was drawn for each tick and view.
 pub(super) async fn capture(
     simulator: &mut Simulator,
-    (states, views, picture): (&[FlightState], &[View], Picture),
+    (states, views, picture): (&[FlightState], &[(String, CameraEntry)], Picture),
     weather: &Weather,
     encoders: &mut Encoders,
     attempt: &Attempt<'_, '_>,
@@ -47,7 +47,7 @@ pub(super) async fn capture(
             tick as u32,
             &states[tick],
             view as u32,
-            &views[view],
+            &views[view].1,
         )
     };
     let mut drawn: Vec<Vec<Drawn>> = Vec::with_capacity(states.len());
@@ -62,7 +62,7 @@ pub(super) async fn capture(
         }
         let frame = attempt.answered(simulator.receive_frame()).await?;
         let view = due % views.len();
-        let id = &views[view].id;
+        let id = &views[view].0;
         let seen = check(&request(due), &frame, id, last_sim_frame)?;
         if let Some(color) = blank(&frame.rgb, weather) {
             return Err(ScenarioError::Blank {
@@ -100,7 +100,7 @@ fn request(
     tick: u32,
     state: &FlightState,
     index: u32,
-    view: &View,
+    camera: &CameraEntry,
 ) -> CaptureRequest {
     let rate: FrameRate = picture.frame_rate;
     CaptureRequest {
@@ -109,7 +109,7 @@ fn request(
         view: index,
         pose: state.pose,
         controls: state.controls,
-        camera: view.camera,
+        camera: camera.placed,
         width_px: picture.width_px,
         height_px: picture.height_px,
         deliver,

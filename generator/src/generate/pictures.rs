@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
+use dataset::plan::Picture;
 use xplane_bridge::pixels::{PixelChoice, PixelKind, Screen};
 use xplane_bridge::{BridgeError, Simulator};
-
-use crate::sweep::Picture;
 
 /// The choice of a run.
 #[derive(Debug, Clone)]

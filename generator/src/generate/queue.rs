@@ -4,9 +4,9 @@ use std::time::{Duration, Instant};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
+use dataset::plan::PlannedScenario;
 
 use super::freeze::is_whole;
-use crate::plan::PlannedScenario;
 
 /// Polling interval when other processes hold everything that is left.
 const LOOK_AGAIN: Duration = Duration::from_millis(500);

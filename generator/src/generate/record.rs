@@ -2,11 +2,12 @@
 
 use std::sync::Arc;
 
-use dataset::calibration::{Calibration, CameraEntry, Conventions};
+use dataset::calibration::{Calibration, Conventions};
 use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::frames::{Frame, Frames, ViewStamp};
 use dataset::imaging::Imaging;
+use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
 use dataset::pose::FlightState;
 use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 use dataset::seal::{commit_folder, seal_folder};
@@ -22,9 +23,7 @@ use super::event::Event;
 use super::lockstep::{Drawn, capture};
 use super::session::Session;
 use super::workplace::Workplace;
-use crate::plan::{Common, LiveStart, Plan, PlannedScenario};
-use crate::rig::{self, View};
-use crate::sweep::{Picture, Sweep};
+use crate::sweep::Sweep;
 use crate::trajectory::Trajectory;
 
 /// A live flight may take this many times as long as expected, plus this many seconds, before the simulator gives up.
@@ -115,8 +114,8 @@ async fn record_into(
     attempt
         .unless_cancelled(simulator.set_conditions(&parameters.conditions))
         .await?;
-    let views = rig::views(common, parameters);
-    let imaging: Vec<Imaging> = views.iter().map(|view| view.imaging).collect();
+    let views = parameters.cameras(common);
+    let imaging: Vec<Imaging> = views.iter().map(|(_, camera)| camera.imaging()).collect();
     // Before minutes are spent on a flight that cannot be drawn.
     simulator.check_imaging(&imaging)?;
     let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
@@ -143,8 +142,13 @@ async fn record_into(
     attempt
         .unless_cancelled(simulator.freeze_imaging(&common.runway, &imaging))
         .await?;
-    let ids = views.iter().map(|view| view.id.as_str());
-    let mut encoders = Encoders::start(folder, ids, picture, &common.video);
+    let ids: Vec<String> = views.iter().map(|(id, _)| id.clone()).collect();
+    let mut encoders = Encoders::start(
+        folder,
+        ids.iter().map(String::as_str),
+        picture,
+        &common.video,
+    );
     let drawn = match capture(
         &mut simulator,
         (&states, &views, picture),
@@ -164,14 +168,17 @@ async fn record_into(
         .unless_cancelled(simulator.confirm_conditions())
         .await?;
 
-    frames(&views, &states, &drawn, &pts, picture).write(&folder.frames_path())?;
-    let calibration = calibration(&views, picture);
+    frames(ids.clone(), &states, &drawn, &pts, picture).write(&folder.frames_path())?;
+    let calibration = Calibration {
+        conventions: Conventions::default(),
+        cameras: views.into_iter().collect(),
+    };
     calibration.write(&folder.calibration_path())?;
     let record = scenario_record(
         work.plan,
         scenario,
         &trajectory,
-        &views,
+        ids,
         states.len(),
         &simulator,
     );
@@ -181,17 +188,6 @@ async fn record_into(
     };
     record.write(&folder.record_path())?;
     Ok((states.len() as u32, simulator))
-}
-
-fn calibration(views: &[View], picture: Picture) -> Calibration {
-    let entry = |view: &View| {
-        let entry = CameraEntry::from_pose(view.camera, picture.width_px, picture.height_px);
-        (view.id.clone(), entry.with_imaging(&view.imaging))
-    };
-    Calibration {
-        conventions: Conventions::default(),
-        cameras: views.iter().map(entry).collect(),
-    }
 }
 
 /// Where the aircraft must be before the weather is set, and whether it continues from there.
@@ -276,7 +272,7 @@ fn fly_request(common: &Common, scenario: &PlannedScenario, live: &LiveStart) ->
 }
 
 fn frames(
-    views: &[View],
+    views: Vec<String>,
     states: &[FlightState],
     drawn: &[Vec<Drawn>],
     pts: &[Vec<i64>],
@@ -313,7 +309,7 @@ fn frames(
         labels: None,
     };
     Frames {
-        views: views.iter().map(|view| view.id.clone()).collect(),
+        views,
         rows: states.iter().zip(drawn).enumerate().map(row).collect(),
     }
 }
@@ -322,7 +318,7 @@ fn scenario_record(
     plan: &Plan,
     scenario: &PlannedScenario,
     trajectory: &Trajectory,
-    views: &[View],
+    views: Vec<String>,
     ticks: usize,
     simulator: &Simulator,
 ) -> ScenarioRecord {
@@ -344,7 +340,7 @@ fn scenario_record(
         conditions: parameters.conditions.clone(),
         flight: parameters.flight.clone(),
         rig: common.rig.clone(),
-        views: views.iter().map(|view| view.id.clone()).collect(),
+        views,
         versions: Versions {
             dtd: env!("CARGO_PKG_VERSION").into(),
             simulator: format!(

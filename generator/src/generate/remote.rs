@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
+use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal::Seal;
 use store::{CorpusStore, Keep, OnOther, Pushed, Settled, StoreError, Watch};
 use tokio::sync::mpsc;
@@ -20,7 +21,7 @@ use super::freeze::is_whole;
 use super::outcome::{FailedScenario, Stopped};
 use super::run::{Run, lock};
 use super::set_aside::{FOLDER as FAILED, SetAside};
-use crate::plan::{Plan, PlannedScenario};
+use crate::plan::Difference;
 
 /// Scenarios that may wait for the current upload. Together with that one, this many folders are on the stage besides those being
 /// recorded.
@@ -59,7 +60,7 @@ impl Remote {
     /// The plan of the store, if ours may replace it.
     fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Plan, GenerateError> {
         let theirs = Plan::parse(theirs, &self.path_of("plan.json"))?;
-        match plan.conflict_with(&theirs) {
+        match Difference::between(&theirs, plan).conflict() {
             Some(difference) => Err(GenerateError::OtherPlan {
                 corpus: self.store.name().into(),
                 difference,

@@ -11,6 +11,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use dataset::claim::Claim;
+use dataset::plan::PlannedScenario;
 use futures_util::future::join_all;
 use indicatif::DecimalBytes;
 use tokio::sync::mpsc;
@@ -27,7 +28,7 @@ use super::session::Session;
 use super::set_aside::SetAside;
 use super::space;
 use super::{Cancel, GenerateOptions};
-use crate::plan::{PlannedScenario, room_bytes};
+use crate::plan::room_bytes;
 
 /// A simulator that fails this often in a row, whatever the scenario, is considered gone.
 const FAILURES_IN_A_ROW: u32 = 9;

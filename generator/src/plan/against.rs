@@ -5,9 +5,10 @@ use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
+use dataset::plan::{Plan, PlannedScenario};
 use serde::Serialize;
 
-use super::{Difference, MeasuredSize, Plan, PlannedScenario};
+use super::{Difference, MeasuredSize};
 
 /// State of a scenario of a plan in a corpus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -42,11 +43,14 @@ impl Against {
             false => None,
         };
         let difference = match &frozen {
-            Some(frozen) => plan.difference_from(frozen),
-            None => plan.difference_from(&Plan {
-                scenarios: Vec::new(),
-                ..plan.clone()
-            }),
+            Some(frozen) => Difference::between(frozen, plan),
+            None => {
+                let nothing = Plan {
+                    scenarios: Vec::new(),
+                    ..plan.clone()
+                };
+                Difference::between(&nothing, plan)
+            }
         };
         let added: BTreeSet<&str> = difference.added.iter().map(String::as_str).collect();
         let changed: BTreeSet<&str> = difference.changed.iter().map(|c| c.id.as_str()).collect();

@@ -2,10 +2,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use dataset::plan::{Plan, PlannedScenario};
 use serde::Serialize;
 use serde_json::Value;
-
-use super::{Plan, PlannedScenario};
 
 /// Maximum number of differences to report.
 const MOST_SHOWN: usize = 3;
@@ -31,7 +30,8 @@ pub struct Change {
 }
 
 impl Difference {
-    pub(super) fn between(old: &Plan, new: &Plan) -> Self {
+    /// What differs between an earlier plan and a new one.
+    pub fn between(old: &Plan, new: &Plan) -> Self {
         let before: BTreeMap<&str, &PlannedScenario> =
             old.scenarios.iter().map(|s| (s.id.as_str(), s)).collect();
         let after: BTreeSet<&str> = new.scenarios.iter().map(|s| s.id.as_str()).collect();

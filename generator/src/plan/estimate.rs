@@ -3,10 +3,9 @@
 //! There are two figures for bytes: the expected size ([`Estimate::bytes`]), and the free space to have before a run, which allows
 //! for more detailed scenery than any that was measured ([`room_bytes`]).
 
+use dataset::plan::{Common, PlannedScenario};
 use dataset::video::VideoSettings;
 use serde::Serialize;
-
-use super::{Common, PlannedScenario};
 
 /// Pictures that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
 /// 1280, the default `[video]`. How it was measured: `docs/sweeps.md`.

@@ -4,11 +4,10 @@ use std::collections::BTreeMap;
 
 use dataset::conditions::Conditions;
 use dataset::imaging::Imaging;
-use dataset::rig::Jitter;
+use dataset::plan::{Common, ConfigHasher, Jitter, LiveStart, Parameters, Plan, PlannedScenario};
 use dataset::scenario::Flight;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
-use super::{Common, LiveStart, PLAN_VERSION, Parameters, Plan, PlannedScenario};
 use crate::recording::Recording;
 use crate::seed;
 use crate::spread::Spread;
@@ -28,7 +27,7 @@ pub fn expand(sweep: &Sweep) -> Plan {
         picture: sweep.picture,
         video: sweep.video.clone(),
     };
-    let hashed_common = json(&common);
+    let hasher = ConfigHasher::new(&common);
     let flown: Vec<Vec<Flown<'_>>> = sweep
         .recorded
         .iter()
@@ -48,16 +47,16 @@ pub fn expand(sweep: &Sweep) -> Plan {
         .zip(sweep.recording_of_each())
         .map(|(combination, place)| {
             let flown = place.map(|(rule, index)| &flown[rule][index]);
-            decide(sweep, combination, flown, &hashed_common)
+            decide(sweep, combination, flown, &hasher)
         })
         .collect();
-    Plan {
-        plan_version: PLAN_VERSION,
-        plan_hash: plan_hash(&scenarios),
-        corpus: sweep.corpus.name.clone(),
-        common,
-        scenarios,
-    }
+    Plan::new(sweep.corpus.name.clone(), common, scenarios)
+}
+
+/// Whether the seeds of all scenarios follow from this master seed.
+pub fn is_seeded_by(plan: &Plan, master: u64) -> bool {
+    let mut scenarios = plan.scenarios.iter();
+    scenarios.all(|scenario| scenario.seed == seed::of_scenario(master, &scenario.id))
 }
 
 /// A recording, relative to the runway of the sweep.
@@ -70,7 +69,7 @@ fn decide(
     sweep: &Sweep,
     combination: &Combination,
     flown: Option<&Flown<'_>>,
-    hashed_common: &[u8],
+    hasher: &ConfigHasher,
 ) -> PlannedScenario {
     let id = combination.id();
     let seed = seed::of_scenario(sweep.corpus.seed, &id);
@@ -129,7 +128,7 @@ fn decide(
         flight: recording.map_or("live".into(), |recording| recording.file.clone()),
         trajectory: recording.map_or_else(|| format!("live-{id}"), Recording::trajectory_id),
         ticks,
-        config_hash: config_hash(&id, seed, hashed_common, &parameters),
+        config_hash: hasher.config_hash(&id, seed, &parameters),
         parameters,
         id,
     }
@@ -171,49 +170,4 @@ fn live_start(sweep: &Sweep, combination: &Combination, seed: u64) -> LiveStart 
         profile: sweep.profiles[profile_name],
         profile_name: profile_name.to_owned(),
     }
-}
-
-/// Only values that were read or drawn are hashed, nothing derived by trigonometry: its last digits differ between machines.
-/// Numbers are written with the fewest digits that read back as the same number, members in the order of the structs.
-fn config_hash(id: &str, seed: u64, hashed_common: &[u8], parameters: &Parameters) -> String {
-    let mut hasher = blake3::Hasher::new();
-    hasher.update(format!("{id}\n{seed}\n").as_bytes());
-    hasher.update(hashed_common);
-    hasher.update(b"\n");
-    hasher.update(&json(parameters));
-    hasher.finalize().to_string()
-}
-
-fn json(value: &impl serde::Serialize) -> Vec<u8> {
-    serde_json::to_vec(value).expect("plain structs without maps of odd keys are always JSON")
-}
-
-/// Checks the hashes of a plan that was read; the error says what differs.
-pub(super) fn check_hashes(plan: &Plan) -> Result<(), String> {
-    let hashed_common = json(&plan.common);
-    for scenario in &plan.scenarios {
-        let PlannedScenario {
-            id,
-            seed,
-            parameters,
-            ..
-        } = scenario;
-        if config_hash(id, *seed, &hashed_common, parameters) != scenario.config_hash {
-            return Err(format!(
-                "the parameters of scenario {id} are not those that its config_hash is of"
-            ));
-        }
-    }
-    match plan_hash(&plan.scenarios) == plan.plan_hash {
-        true => Ok(()),
-        false => Err("its scenarios are not those that its plan_hash is of".into()),
-    }
-}
-
-fn plan_hash(scenarios: &[PlannedScenario]) -> String {
-    let mut hasher = blake3::Hasher::new();
-    for scenario in scenarios {
-        hasher.update(format!("{} {}\n", scenario.id, scenario.config_hash).as_bytes());
-    }
-    hasher.finalize().to_string()
 }

@@ -3,9 +3,9 @@
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
+use dataset::plan::{Plan, PlannedScenario};
 use dataset::splits::{Assignment, Side, Splits};
 
-use super::{Plan, PlannedScenario};
 use crate::seed;
 use crate::sweep::SplitFractions;
 

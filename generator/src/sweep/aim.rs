@@ -1,7 +1,7 @@
 //! `[aim]`: turns all cameras of a scenario, overriding the rig.
 
 use dataset::limits;
-use dataset::rig::Aim;
+use dataset::plan::Aim;
 use schemars::JsonSchema;
 use serde::Deserialize;
 

@@ -54,7 +54,7 @@ pub(super) fn check(document: Document, folder: &Path, text: &str) -> Checked<Sw
         profiles: &profile,
     };
     let combinations = combinations(&grid, &exclude, &include, &names)?;
-    picture.check()?;
+    let picture = picture.checked()?;
     if let Some(aim) = &aim {
         aim.check()?;
     }

@@ -2,17 +2,17 @@
 
 use std::collections::BTreeMap;
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::video::VideoSettings;
 use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
-use xplane_bridge::fly::ApproachProfile;
 
 use super::aim::AimTable;
 use super::fault::NAME_PATTERN;
 use super::grid::{Exclude, Grid, Include};
 use super::imaging::ImagingTable;
 use super::jitter::JitterTable;
-use super::picture::Picture;
+use super::picture::PictureTable;
 use super::recorded::RecordedRule;
 use super::rigs::Rig;
 use super::runways::AirportTable;
@@ -34,7 +34,7 @@ pub(super) struct Document {
     pub(super) exclude: Vec<Exclude>,
     #[serde(default)]
     pub(super) include: Vec<Include>,
-    pub(super) picture: Picture,
+    pub(super) picture: PictureTable,
     #[serde(default)]
     pub(super) video: VideoSettings,
     #[serde(default)]

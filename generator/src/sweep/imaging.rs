@@ -2,13 +2,13 @@
 
 use dataset::imaging::{Degradation, Imaging, Seeing, Sensor};
 use dataset::limits;
+use dataset::plan::PlannedCamera;
 use rand::Rng;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::Checked;
 use super::limits::Enforce;
-use super::rigs::Camera;
 use crate::seed;
 use crate::spread::Spread;
 
@@ -68,7 +68,7 @@ impl Default for SeeingTable {
 
 impl ImagingTable {
     /// The picture properties of a camera in the scenario with this seed, its lens included.
-    pub(crate) fn draw(&self, scenario_seed: u64, camera: &Camera) -> Imaging {
+    pub(crate) fn draw(&self, scenario_seed: u64, camera: &PlannedCamera) -> Imaging {
         let draw = |name: &str, spread: &Spread| {
             spread.draw(&mut seed::of_value(
                 scenario_seed,

@@ -1,13 +1,12 @@
 //! `[jitter]`: placement errors of the cameras of each scenario relative to the rig. Each camera of each scenario draws its own.
 
 use dataset::limits;
-use dataset::rig::Jitter;
+use dataset::plan::{Jitter, PlannedCamera};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::fault::{Checked, fault};
 use super::limits::Enforce;
-use super::rigs::Camera;
 use crate::seed;
 use crate::spread::Spread;
 
@@ -58,7 +57,7 @@ impl JitterTable {
         }
     }
 
-    pub(super) fn check(&self, cameras: &[Camera]) -> Checked<()> {
+    pub(super) fn check(&self, cameras: &[PlannedCamera]) -> Checked<()> {
         for (field, limits, spread) in [
             ("along_m", limits::JITTER_M, &self.along_m),
             ("right_m", limits::JITTER_M, &self.right_m),

@@ -5,14 +5,13 @@ use std::sync::LazyLock;
 
 use dataset::distortion::Distortion;
 use dataset::limits;
-use dataset::rig::Mast;
+use dataset::plan::{Picture, PlannedCamera};
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
 use super::fault::{Checked, Fault, NAME_PATTERN, fault, legal_name, list};
 use super::jitter::JitterTable;
 use super::limits::Enforce;
-use super::picture::Picture;
 
 /// `[rig.NAME]`
 #[derive(Debug, Clone, Deserialize, JsonSchema)]
@@ -20,68 +19,47 @@ use super::picture::Picture;
 pub(super) struct Rig {
     /// Any number of cameras, at least one.
     #[schemars(length(min = 1))]
-    pub(super) cameras: Vec<Camera>,
+    pub(super) cameras: Vec<CameraTable>,
 }
 
 /// `[[rig.NAME.cameras]]`: a camera on a mast beside the runway.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-#[schemars(extend("allOf" = [
+#[schemars(rename = "Camera", extend("allOf" = [
     { "oneOf": [{ "required": ["beyond_touchdown_m"] }, { "required": ["beyond_threshold_m"] }] },
     { "oneOf": [{ "required": ["inward_deg"] }, { "required": ["heading_true_deg"] }] },
 ]))]
-pub struct Camera {
+pub(super) struct CameraTable {
     /// Identifier of the view: names its video and its columns.
     #[schemars(regex(pattern = NAME_PATTERN))]
-    pub id: String,
+    id: String,
     /// Distance past the touchdown target along the landing course, metres. Either this or `beyond_threshold_m`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
-    pub beyond_touchdown_m: Option<f64>,
+    beyond_touchdown_m: Option<f64>,
     /// Distance past the threshold along the landing course, metres: unaffected if the touchdown target is moved.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
-    pub beyond_threshold_m: Option<f64>,
+    beyond_threshold_m: Option<f64>,
     /// Offset right of the landing course, metres; negative is left.
     #[schemars(transform = limits::MAST_DISTANCE_M.in_schema())]
-    pub right_m: f64,
+    right_m: f64,
     /// Height above the touchdown target, metres.
     #[schemars(transform = limits::MAST_HEIGHT_M.in_schema())]
-    pub height_m: f64,
+    height_m: f64,
     /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees. Either this or `heading_true_deg`.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = limits::MAST_TURN_DEG.in_schema())]
-    pub inward_deg: Option<f64>,
+    inward_deg: Option<f64>,
     /// Direction of the optical axis, degrees true.
-    #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(transform = limits::MAST_TURN_DEG.in_schema())]
-    pub heading_true_deg: Option<f64>,
+    heading_true_deg: Option<f64>,
     /// Elevation of the optical axis, degrees, up positive.
     #[schemars(transform = limits::MAST_PITCH_DEG.in_schema())]
-    pub pitch_deg: f64,
+    pitch_deg: f64,
     /// Horizontal field of view, degrees.
     #[schemars(transform = limits::HFOV_DEG.in_schema())]
-    pub hfov_deg: f64,
+    hfov_deg: f64,
     /// Distortion of its lens, with OpenCV's coefficients; default: a pinhole. Only the stand-in can draw it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub distortion: Option<Distortion>,
-}
-
-impl Camera {
-    /// Its mast: everything but the lens.
-    pub fn mast(&self) -> Mast {
-        Mast {
-            id: self.id.clone(),
-            beyond_touchdown_m: self.beyond_touchdown_m,
-            beyond_threshold_m: self.beyond_threshold_m,
-            right_m: self.right_m,
-            height_m: self.height_m,
-            inward_deg: self.inward_deg,
-            heading_true_deg: self.heading_true_deg,
-            pitch_deg: self.pitch_deg,
-            hfov_deg: self.hfov_deg,
-        }
-    }
+    #[serde(default)]
+    distortion: Option<Distortion>,
 }
 
 #[derive(Deserialize)]
@@ -96,12 +74,12 @@ static BUILT_IN: LazyLock<BTreeMap<String, Rig>> = LazyLock::new(|| {
 });
 
 /// The cameras of the rig that a sweep uses; `defined` are the rigs of its file, all of which must be valid.
-pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Vec<Camera>> {
+pub(super) fn cameras(used: &str, defined: &BTreeMap<String, Rig>) -> Checked<Vec<PlannedCamera>> {
     for (name, rig) in defined {
         rig.check(name)?;
     }
     match defined.get(used).or_else(|| BUILT_IN.get(used)) {
-        Some(rig) => Ok(rig.cameras.clone()),
+        Some(rig) => Ok(rig.cameras.iter().map(CameraTable::planned).collect()),
         None => {
             let names: BTreeSet<&String> = defined.keys().chain(BUILT_IN.keys()).collect();
             fault(
@@ -165,7 +143,22 @@ impl Rig {
     }
 }
 
-impl Camera {
+impl CameraTable {
+    fn planned(&self) -> PlannedCamera {
+        PlannedCamera {
+            id: self.id.clone(),
+            beyond_touchdown_m: self.beyond_touchdown_m,
+            beyond_threshold_m: self.beyond_threshold_m,
+            right_m: self.right_m,
+            height_m: self.height_m,
+            inward_deg: self.inward_deg,
+            heading_true_deg: self.heading_true_deg,
+            pitch_deg: self.pitch_deg,
+            hfov_deg: self.hfov_deg,
+            distortion: self.distortion,
+        }
+    }
+
     fn check(&self, key: impl Fn(&str) -> String) -> Checked<()> {
         legal_name(key("id"), &self.id)?;
         let place = self.exactly_one(
@@ -221,15 +214,6 @@ mod tests {
         );
         for (name, rig) in BUILT_IN.iter() {
             rig.check(name).unwrap();
-        }
-    }
-
-    #[test]
-    fn a_camera_in_a_plan_is_read_back_as_the_mast_on_which_it_stands() {
-        for camera in BUILT_IN.values().flat_map(|rig| &rig.cameras) {
-            let written = serde_json::to_string(camera).unwrap();
-            let read: Mast = serde_json::from_str(&written).unwrap();
-            assert_eq!(read, camera.mast());
         }
     }
 }

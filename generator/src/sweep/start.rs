@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::limits;
 use schemars::JsonSchema;
 use serde::Deserialize;
-use xplane_bridge::fly::ApproachProfile;
 
 use super::fault::{Checked, NAME_PATTERN, defined, fault};
 use super::limits::Enforce;

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
 use dataset::json_file::{read_json, write_json};
+use dataset::plan::PlannedScenarios;
 use dataset::seal::{DONE, MANIFEST};
 use serde::{Deserialize, Serialize};
 use trainer::RunFolder;
@@ -18,7 +19,6 @@ use crate::failure::Failure;
 const MARKER: &str = "DEMO.json";
 const CORPUS: &str = "corpus";
 const RUN: &str = "run";
-const PLAN: &str = "plan.json";
 /// Number of foreign files named in an error.
 const MOST_NAMED: usize = 20;
 
@@ -173,22 +173,16 @@ impl OwnFolder {
 
     /// Identifiers of the scenarios that the demo made or was about to make.
     fn planned(&self) -> BTreeSet<String> {
-        #[derive(Deserialize)]
-        struct Plan {
-            scenarios: Vec<Scenario>,
+        let corpus = Corpus::open(&self.corpus());
+        match corpus.and_then(|corpus| PlannedScenarios::read(&corpus)) {
+            Ok(planned) => planned.ids().map(str::to_owned).collect(),
+            Err(_) => BTreeSet::new(),
         }
-        #[derive(Deserialize)]
-        struct Scenario {
-            id: String,
-        }
-        let plan = read_json::<Plan>(&self.corpus().join(PLAN), "plan");
-        let scenarios = plan.map_or_else(|_| Vec::new(), |plan| plan.scenarios);
-        scenarios.into_iter().map(|scenario| scenario.id).collect()
     }
 
     /// Removes what was recognised as a demo's, and nothing newer. The plan, which the recognition needs, goes last.
     fn remove(&self, found: &Found) -> Result<(), Failure> {
-        let plan = Path::new(CORPUS).join(PLAN);
+        let plan = Path::new(CORPUS).join(Corpus::PLAN);
         let is_late = |name: &Path| name == plan || name == Path::new(CORPUS);
         for late in [false, true] {
             let now = |name: &&PathBuf| is_late(name) == late;
@@ -305,7 +299,11 @@ mod tests {
         for name in made {
             let path = place.join(name);
             fs::create_dir_all(path.parent().unwrap()).unwrap();
-            fs::write(path, r#"{"scenarios": [{"id": "1200-clear-r1"}]}"#).unwrap();
+            fs::write(
+                path,
+                r#"{"scenarios": [{"id": "1200-clear-r1", "config_hash": "0"}]}"#,
+            )
+            .unwrap();
         }
         let second = OwnFolder::open(place, true);
         assert!(matches!(second, Err(Failure::TryAgain(_))), "one at a time");

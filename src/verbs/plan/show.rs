@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use generator::plan::{Estimate, PlannedScenario, Standing};
+use dataset::plan::PlannedScenario;
+use generator::plan::{Estimate, Standing};
 use indicatif::{DecimalBytes, HumanDuration};
 
 use super::{Compared, Report};

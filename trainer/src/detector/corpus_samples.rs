@@ -10,7 +10,7 @@ use dataset::corpus::Corpus;
 use dataset::memory;
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::TruthBox;
-use dataset::planned::PlannedScenarios;
+use dataset::plan::PlannedScenarios;
 use dataset::splits::Side;
 use rayon::prelude::*;
 

@@ -1,10 +1,11 @@
 //! Range checks of requests: a server runs them before it flies or draws anything.
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::geodesy::Geodetic;
 use dataset::runway::Runway;
 
 use super::Request;
-use crate::fly::{ApproachProfile, FlyRequest};
+use crate::fly::FlyRequest;
 
 /// Altitudes of aircraft and ground, metres.
 const ALTITUDES_M: [f64; 2] = [-500.0, 30_000.0];

@@ -1,10 +1,11 @@
 //! A live flight for the plugin: flown completely by the engine when the approach is engaged, then shown frame by frame.
 
+use dataset::approach_profile::ApproachProfile;
 use dataset::flight::state_at;
 use dataset::pose::FlightState;
 use dataset::runway::Runway;
 use dataset::units::METERS_PER_FOOT;
-use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+use xplane_bridge::fly::{FlightStart, FlyRequest};
 
 /// Longest flight, seconds. The plugin has its own limit.
 const LIMIT_S: f64 = 1_800.0;

@@ -79,7 +79,8 @@ fn written_attitude_turns_the_aircraft() {
 
 #[test]
 fn without_autopilot_or_tuned_receiver_nothing_flies() {
-    use xplane_bridge::fly::{ApproachProfile, FlightStart, FlyRequest};
+    use dataset::approach_profile::ApproachProfile;
+    use xplane_bridge::fly::{FlightStart, FlyRequest};
     let request = FlyRequest {
         start: FlightStart {
             position: ON_THRESHOLD.position(),

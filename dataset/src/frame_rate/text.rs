@@ -2,18 +2,20 @@
 
 use std::fmt;
 
-use dataset::frame_rate::FrameRate;
-use dataset::limits::FRAME_RATE_HZ;
 use schemars::{Schema, SchemaGenerator, json_schema};
 use serde::de::{Error, Unexpected, Visitor};
 use serde::{Deserializer, Serialize, Serializer};
+
+use super::FrameRate;
+use crate::limits::FRAME_RATE_HZ;
 
 const EXPECTED: &str = "frames per second above zero, as a whole number (30) or a fraction in quotes (\"30000/1001\", \"1/2\")";
 
 /// No simulator draws faster.
 const HIGHEST_HZ: u32 = FRAME_RATE_HZ.most as u32;
 
-pub(super) fn schema(_: &mut SchemaGenerator) -> Schema {
+/// The JSON Schema of the notation.
+pub fn schema(_: &mut SchemaGenerator) -> Schema {
     json_schema!({
         "description": EXPECTED,
         "anyOf": [
@@ -23,7 +25,11 @@ pub(super) fn schema(_: &mut SchemaGenerator) -> Schema {
     })
 }
 
-pub(super) fn deserialize<'de, D: Deserializer<'de>>(input: D) -> Result<FrameRate, D::Error> {
+/// Reads a rate in this notation.
+///
+/// # Errors
+/// It is none that cameras and videos support.
+pub fn deserialize<'de, D: Deserializer<'de>>(input: D) -> Result<FrameRate, D::Error> {
     struct Rate;
     impl Visitor<'_> for Rate {
         type Value = FrameRate;
@@ -56,6 +62,10 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(input: D) -> Result<FrameRa
     input.deserialize_any(Rate)
 }
 
-pub(super) fn serialize<S: Serializer>(rate: &FrameRate, output: S) -> Result<S::Ok, S::Error> {
+/// Writes a rate in this notation.
+///
+/// # Errors
+/// Those of the output.
+pub fn serialize<S: Serializer>(rate: &FrameRate, output: S) -> Result<S::Ok, S::Error> {
     rate.to_string().serialize(output)
 }

@@ -1,4 +1,4 @@
-//! The planned scenarios and their parameters, for readers of one scenario.
+//! Which scenarios are planned, for readers that need nothing else of a plan: plans of any version have that.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -36,19 +36,25 @@ impl PlannedScenarios {
     /// # Errors
     /// It cannot be read, or is not a plan.
     pub fn read(corpus: &Corpus) -> Result<Self> {
-        let plan = own_path(corpus.root(), "plan.json")?;
+        let plan = own_path(corpus.root(), Corpus::PLAN)?;
         let content = match outside_file::read(&plan, FileKind::PLAN.unlinked()) {
             Ok(content) => Some(content),
             Err(error) if error.is_not_found() => None,
             Err(error) => return Err(error),
         };
-        let parsed = content.map(|content| parse_json::<Plan>(&content, &plan, "plan"));
+        let parsed = content.map(|content| parse_json::<Plan>(&content, &plan, super::WHAT));
         let scenarios = parsed.transpose()?.map(|plan| plan.scenarios);
         let by_id = |planned: Planned| (planned.id, planned.config_hash);
         Ok(Self {
             plan,
             config_hashes: scenarios.map(|all| all.into_iter().map(by_id).collect()),
         })
+    }
+
+    /// Identifiers of the planned scenarios, sorted; none without a plan.
+    pub fn ids(&self) -> impl Iterator<Item = &str> {
+        let planned = self.config_hashes.iter().flat_map(BTreeMap::keys);
+        planned.map(String::as_str)
     }
 
     /// Rejects a scenario that is not planned, or has other parameters. Without a plan there is nothing to compare with.

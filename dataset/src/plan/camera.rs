@@ -1,38 +1,49 @@
-//! From a rig as surveyed on an airfield to cameras on the earth.
+//! From a camera as planned on an airfield to a calibrated one on the earth.
 //!
-//! Input: masts beside a runway, where a scenario aims them, and each mast's placement error. Output: position and direction of
-//! each camera. It is in this crate rather than with the planner so that `dtd verify` can compare a calibration with the plan.
+//! Input: a mast beside a runway with its lens, where a scenario aims it, and its placement error. Output: position, direction,
+//! lens, air and sensor, as in `calibration.json`.
 
 use serde::{Deserialize, Serialize};
 
+use super::Picture;
+use crate::calibration::CameraEntry;
 use crate::camera::CameraPose;
+use crate::distortion::Distortion;
 use crate::geodesy::Geodetic;
+use crate::imaging::Imaging;
 use crate::limits::{self, Check};
 use crate::pose::Pose;
 use crate::runway::Runway;
 use crate::units::{Degrees, METERS_PER_NAUTICAL_MILE};
 
-/// A camera on a mast, as in `plan.json` (without the fields that are not needed to place it).
+/// A camera on a mast beside the runway, as in the rig of a plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Mast {
-    /// Identifier of the view.
+pub struct PlannedCamera {
+    /// Identifier of the view: names its video and its columns.
     pub id: String,
     /// Distance past the touchdown target along the landing course, metres. Either this or `beyond_threshold_m`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub beyond_touchdown_m: Option<f64>,
     /// Distance past the threshold along the landing course, metres.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub beyond_threshold_m: Option<f64>,
     /// Offset right of the landing course, metres; negative is left.
     pub right_m: f64,
     /// Height above the touchdown target, metres.
     pub height_m: f64,
     /// Turn of the optical axis from the reciprocal of the course towards the runway's axis, degrees. Either this or `heading_true_deg`.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub inward_deg: Option<f64>,
     /// Direction of the optical axis, degrees true.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub heading_true_deg: Option<f64>,
     /// Elevation of the optical axis, degrees, up positive.
     pub pitch_deg: f64,
     /// Horizontal field of view, degrees.
     pub hfov_deg: f64,
+    /// Distortion of its lens; `None` is a pinhole. What applies to a scenario is in its [`Imaging`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distortion: Option<Distortion>,
 }
 
 /// Where the cameras of one scenario are aimed, as drawn.
@@ -73,7 +84,20 @@ pub struct Jitter {
     pub hfov_deg: f64,
 }
 
-impl Mast {
+impl PlannedCamera {
+    /// The camera as a scenario has it: placed, aimed, and with the lens, air and sensor of its pictures.
+    pub fn calibrated(
+        &self,
+        runway: &Runway,
+        picture: Picture,
+        aim: Option<Aim>,
+        jitter: &Jitter,
+        imaging: &Imaging,
+    ) -> CameraEntry {
+        let placed = place_in(self, runway, aim, jitter);
+        CameraEntry::from_pose(placed, picture.width_px, picture.height_px).with_imaging(imaging)
+    }
+
     /// Checks for numbers outside their limits.
     pub fn check(&self, check: &mut Check) {
         for (name, value, limits) in [
@@ -123,8 +147,13 @@ impl Jitter {
 }
 
 /// Position and direction of a camera of a scenario: as in its rig or aimed elsewhere, plus its placement error.
-pub fn place_in(camera: &Mast, runway: &Runway, aim: Option<Aim>, jitter: &Jitter) -> CameraPose {
-    let moved = Mast {
+fn place_in(
+    camera: &PlannedCamera,
+    runway: &Runway,
+    aim: Option<Aim>,
+    jitter: &Jitter,
+) -> CameraPose {
+    let moved = PlannedCamera {
         beyond_touchdown_m: camera.beyond_touchdown_m.map(|m| m + jitter.along_m),
         beyond_threshold_m: camera.beyond_threshold_m.map(|m| m + jitter.along_m),
         right_m: camera.right_m + jitter.right_m,
@@ -178,7 +207,7 @@ fn direction(aim: Aim, from: Geodetic, runway: &Runway) -> (f64, f64) {
 }
 
 /// Position and direction of a camera of a rig.
-pub fn place(camera: &Mast, runway: &Runway) -> CameraPose {
+fn place(camera: &PlannedCamera, runway: &Runway) -> CameraPose {
     let target = runway.touchdown_target();
     let beyond_target_m = match (camera.beyond_touchdown_m, camera.beyond_threshold_m) {
         (Some(beyond_touchdown_m), _) => beyond_touchdown_m,
@@ -222,8 +251,8 @@ mod tests {
     use crate::camera::Camera as Pinhole;
     use crate::runway::tests::changi_02l;
 
-    fn mast(id: &str, right_m: f64) -> Mast {
-        Mast {
+    fn mast(id: &str, right_m: f64) -> PlannedCamera {
+        PlannedCamera {
             id: id.into(),
             beyond_touchdown_m: Some(1_500.0),
             beyond_threshold_m: None,
@@ -233,6 +262,7 @@ mod tests {
             heading_true_deg: None,
             pitch_deg: 1.6,
             hfov_deg: 10.0,
+            distortion: None,
         }
     }
 
@@ -350,7 +380,7 @@ mod tests {
             touchdown_past_threshold_m: 617.7,
             ..near.clone()
         };
-        let camera = Mast {
+        let camera = PlannedCamera {
             beyond_touchdown_m: None,
             beyond_threshold_m: Some(896.7),
             ..mast("east", 411.0)

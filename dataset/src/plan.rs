@@ -1,0 +1,164 @@
+//! `plan.json`: the scenarios of a corpus, fully specified.
+//!
+//! The generator makes a plan from a sweep. It is written into the corpus and frozen there: a corpus can only be finished with the
+//! same plan, or with one that only adds scenarios.
+
+mod camera;
+mod check;
+mod hashes;
+mod picture;
+mod planned_scenarios;
+mod scenario;
+
+use std::io::Write;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::json_file::{parse_json, write_atomically};
+use crate::outside_file::{self, FileKind};
+use crate::runway::Runway;
+use crate::video::VideoSettings;
+
+pub use camera::{Aim, Jitter, PlannedCamera};
+pub(crate) use hashes::plan_hash;
+pub use hashes::{ConfigHasher, HashMismatch};
+pub use picture::Picture;
+pub use planned_scenarios::PlannedScenarios;
+pub use scenario::{LiveStart, Parameters, PlannedScenario};
+
+/// Version of the file format of `plan.json`. Version 1 numbered its scenarios.
+pub const PLAN_VERSION: u32 = 2;
+
+/// Its name in messages.
+const WHAT: &str = "plan";
+
+/// All scenarios of a corpus, fully specified.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Plan {
+    /// [`PLAN_VERSION`] when this was written.
+    pub plan_version: u32,
+    /// BLAKE3 over the identifiers and hashes of all scenarios.
+    pub plan_hash: String,
+    /// Name of the corpus.
+    pub corpus: String,
+    /// What all scenarios have in common.
+    pub common: Common,
+    /// The scenarios, in recording order.
+    pub scenarios: Vec<PlannedScenario>,
+}
+
+/// What all scenarios of a plan have in common.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Common {
+    /// Aircraft type.
+    pub aircraft: String,
+    /// Where it lands.
+    pub runway: Runway,
+    /// Name of the camera rig.
+    pub rig: String,
+    /// Its cameras.
+    pub cameras: Vec<PlannedCamera>,
+    /// Size and rate of the pictures.
+    pub picture: Picture,
+    /// Video settings.
+    pub video: VideoSettings,
+}
+
+impl Plan {
+    /// The plan of these scenarios.
+    pub fn new(corpus: String, common: Common, scenarios: Vec<PlannedScenario>) -> Self {
+        Self {
+            plan_version: PLAN_VERSION,
+            plan_hash: plan_hash(scenarios.iter().map(PlannedScenario::id_and_hash)),
+            corpus,
+            common,
+            scenarios,
+        }
+    }
+
+    /// Reads a `plan.json`.
+    pub fn read(path: &Path) -> Result<Self> {
+        let text = outside_file::read(path, FileKind::PLAN.unlinked())?;
+        Self::parse(&text, path)
+    }
+
+    /// Reads the text of a `plan.json`; messages name it as `path`.
+    pub fn parse(text: &[u8], path: &Path) -> Result<Self> {
+        #[derive(Deserialize)]
+        struct Form {
+            #[serde(default = "first_version")]
+            plan_version: u32,
+        }
+        fn first_version() -> u32 {
+            1
+        }
+        let found = parse_json::<Form>(text, path, WHAT)?.plan_version;
+        if found != PLAN_VERSION {
+            return Err(Error::corpus(
+                path,
+                format!(
+                    "has plan version {found}, expected {PLAN_VERSION}: this corpus was made by another version of dtd, which alone can add to it; make a new corpus, or use that version"
+                ),
+            ));
+        }
+        let plan: Self = parse_json(text, path, WHAT)?;
+        match check::fault(&plan) {
+            None => Ok(plan),
+            Some(fault) => Err(Error::corpus(path, fault)),
+        }
+    }
+
+    /// Writes a `plan.json`, one line per scenario.
+    pub fn write(&self, path: &Path) -> Result<()> {
+        let text = self.to_json().map_err(|source| Error::Json {
+            what: WHAT,
+            path: path.to_owned(),
+            source,
+        })?;
+        write_atomically(path, &text)
+    }
+
+    fn to_json(&self) -> serde_json::Result<Vec<u8>> {
+        let Self {
+            plan_version,
+            plan_hash,
+            corpus,
+            common,
+            scenarios,
+        } = self;
+        let head = serde_json::json!({
+            "plan_version": plan_version,
+            "plan_hash": plan_hash,
+            "corpus": corpus,
+            "common": common,
+        });
+        let mut text = serde_json::to_vec_pretty(&head)?;
+        text.truncate(text.len() - "\n}".len());
+        text.extend_from_slice(b",\n  \"scenarios\": [");
+        for (index, scenario) in scenarios.iter().enumerate() {
+            text.extend_from_slice(if index == 0 { b"\n    " } else { b",\n    " });
+            serde_json::to_writer(&mut text, scenario)?;
+        }
+        writeln!(text, "\n  ]\n}}").map_err(serde_json::Error::io)?;
+        Ok(text)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_plan_of_the_numbered_kind_is_refused_with_what_to_do() {
+        let text = br#"{"plan_hash":"0","corpus":"old","scenarios":[]}"#;
+        let message = Plan::parse(text, Path::new("plan.json"))
+            .unwrap_err()
+            .to_string();
+        assert!(
+            message.contains("has plan version 1, expected 2"),
+            "{message}"
+        );
+    }
+}

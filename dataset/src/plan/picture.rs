@@ -1,0 +1,27 @@
+//! Size and rate of the pictures of a corpus.
+
+use serde::{Deserialize, Serialize};
+
+use crate::frame_rate::{self, FrameRate};
+use crate::limits::{self, Check};
+
+/// Size and rate of the pictures, the same for all scenarios and views.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Picture {
+    /// Width, pixels; even.
+    pub width_px: u32,
+    /// Height, pixels; even.
+    pub height_px: u32,
+    /// Pictures per second of flight.
+    #[serde(with = "frame_rate::text")]
+    pub frame_rate: FrameRate,
+}
+
+impl Picture {
+    /// Checks for numbers outside their limits.
+    pub fn check(&self, check: &mut Check) {
+        for (name, side_px) in [("width_px", self.width_px), ("height_px", self.height_px)] {
+            check.number(name, side_px, limits::PICTURE_SIDE_PX);
+        }
+    }
+}

@@ -1,0 +1,157 @@
+//! One planned scenario, fully specified.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use super::{Aim, Common, Jitter, PlannedCamera};
+use crate::approach_profile::ApproachProfile;
+use crate::calibration::CameraEntry;
+use crate::conditions::Conditions;
+use crate::imaging::Imaging;
+use crate::limits::{self, Check};
+use crate::scenario::Flight;
+
+/// One scenario, fully specified.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PlannedScenario {
+    /// Identifier and folder name: local time, weather, profile if the grid lists profiles, repeat; e.g. `1700-foggy-r3`.
+    pub id: String,
+    /// Local time, `HH:MM`.
+    pub time_of_day: String,
+    /// Name of the weather.
+    pub weather: String,
+    /// Seed of everything random in the scenario, below 2^53.
+    pub seed: u64,
+    /// `live`, or the file name of the recording that is flown.
+    pub flight: String,
+    /// Identifier of the trajectory; scenarios that fly the same recording share it.
+    pub trajectory: String,
+    /// Expected number of ticks. Exact for recordings; a live flight determines the actual one.
+    pub ticks: u32,
+    /// BLAKE3 over identifier, seed, parameters and common values: a recorded scenario with another hash must be recorded again.
+    pub config_hash: String,
+    /// All other parameters.
+    pub parameters: Parameters,
+}
+
+/// The parameters of a scenario, besides the common values.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Parameters {
+    /// Weather and time.
+    pub conditions: Conditions,
+    /// Remaining distance along the course at tick 0, metres.
+    pub start_dtd_m: f64,
+    /// Source of the flight.
+    pub flight: Flight,
+    /// Start of a live flight; absent for recordings.
+    pub live: Option<LiveStart>,
+    /// Where the cameras are aimed; absent if as in the rig.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub aim: Option<Aim>,
+    /// Placement error of each camera, by its identifier; absent if there is none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub jitter: BTreeMap<String, Jitter>,
+    /// Lens, air and sensor of the cameras, by their identifiers; cameras without an entry are ideal.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub imaging: BTreeMap<String, Imaging>,
+}
+
+/// Start of a live flight, as drawn from the sweep's spreads.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct LiveStart {
+    /// Offset right of the extended centreline, metres.
+    pub cross_track_m: f64,
+    /// Height above the altitude at which the profile begins, metres.
+    pub above_profile_m: f64,
+    /// Heading right of the course, degrees.
+    pub heading_offset_deg: f64,
+    /// True airspeed, metres per second.
+    pub speed_mps: f64,
+    /// Name of the profile.
+    pub profile_name: String,
+    /// The profile.
+    pub profile: ApproachProfile,
+}
+
+impl PlannedScenario {
+    /// Whether the name starts with the time and the weather, as all names of scenarios do.
+    pub(super) fn is_named_after_its_conditions(&self) -> bool {
+        let digits = self.time_of_day.replace(':', "");
+        let rest = self.id.strip_prefix(&digits);
+        let rest = rest.and_then(|rest| rest.strip_prefix('-'));
+        let rest = rest.and_then(|rest| rest.strip_prefix(&self.weather));
+        rest.is_some_and(|rest| rest.starts_with('-'))
+    }
+
+    /// Checks for numbers outside their limits.
+    pub(super) fn check(&self, check: &mut Check) {
+        check.number("ticks", self.ticks, limits::TICKS);
+        self.parameters.check(check);
+    }
+}
+
+impl Parameters {
+    /// The calibrated cameras of the scenario with their identifiers, in the order of the rig.
+    pub fn cameras(&self, common: &Common) -> Vec<(String, CameraEntry)> {
+        let Common {
+            runway,
+            cameras,
+            picture,
+            ..
+        } = common;
+        let camera = |camera: &PlannedCamera| {
+            let jitter = self.jitter.get(&camera.id).copied().unwrap_or_default();
+            let imaging = self.imaging.get(&camera.id).copied().unwrap_or_default();
+            let calibrated = camera.calibrated(runway, *picture, self.aim, &jitter, &imaging);
+            (camera.id.clone(), calibrated)
+        };
+        cameras.iter().map(camera).collect()
+    }
+
+    fn check(&self, check: &mut Check) {
+        check.part("conditions", |check| self.conditions.check(check));
+        check.number("start_dtd_m", self.start_dtd_m, limits::START_DTD_M);
+        if let Some(live) = &self.live {
+            check.part("live", |check| live.check(check));
+        }
+        for (camera, imaging) in &self.imaging {
+            check.part(format_args!("imaging.{camera}"), |check| {
+                imaging.check(check);
+            });
+        }
+        for (camera, jitter) in &self.jitter {
+            check.part(format_args!("jitter.{camera}"), |check| jitter.check(check));
+        }
+    }
+}
+
+impl LiveStart {
+    fn check(&self, check: &mut Check) {
+        for (name, value, limits) in [
+            (
+                "cross_track_m",
+                self.cross_track_m,
+                limits::START_CROSS_TRACK_M,
+            ),
+            (
+                "above_profile_m",
+                self.above_profile_m,
+                limits::START_ABOVE_PROFILE_M,
+            ),
+            (
+                "heading_offset_deg",
+                self.heading_offset_deg,
+                limits::START_HEADING_OFFSET_DEG,
+            ),
+            ("speed_mps", self.speed_mps, limits::START_SPEED_MPS),
+            (
+                "profile.start_altitude_msl_m",
+                self.profile.start_altitude_msl_m(),
+                limits::ALTITUDE_MSL_M,
+            ),
+        ] {
+            check.number(name, value, limits);
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! `plan.json` as it is written, by this version of dtd or another, whole or damaged: each value is read for itself, so that one
+//! that cannot be read hides no other.
+
+use std::collections::BTreeMap;
+use std::fmt;
+
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Deserializer, Serialize};
+use serde_json::Value;
+
+use crate::conditions::Conditions;
+use crate::imaging::Imaging;
+use crate::plan::{Aim, Jitter, Picture, PlannedCamera, plan_hash};
+use crate::runway::Runway;
+use crate::scenario::Flight;
+
+/// What every scenario should be.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct PlanAsWritten {
+    pub(super) plan_hash: Written<String>,
+    /// Missing in plans of version 1, where every scenario has it among its own parameters.
+    common: Option<CommonAsWritten>,
+    scenarios: Vec<ScenarioAsWritten>,
+}
+
+/// What all scenarios have in common.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct CommonAsWritten {
+    pub(super) aircraft: Written<String>,
+    pub(super) runway: Written<Runway>,
+    pub(super) rig: Written<String>,
+    pub(super) cameras: Written<Vec<PlannedCamera>>,
+    pub(super) picture: Written<Picture>,
+}
+
+/// One scenario.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ScenarioAsWritten {
+    id: Written<String>,
+    pub(super) config_hash: Written<String>,
+    pub(super) seed: Written<u64>,
+    pub(super) trajectory: Written<String>,
+    pub(super) parameters: ParametersAsWritten,
+}
+
+/// Its own parameters.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+pub(super) struct ParametersAsWritten {
+    pub(super) conditions: Written<Conditions>,
+    pub(super) flight: Written<Flight>,
+    pub(super) aim: Written<Option<Aim>>,
+    pub(super) jitter: Written<Option<BTreeMap<String, Jitter>>>,
+    pub(super) imaging: Written<Option<BTreeMap<String, Imaging>>>,
+    #[serde(flatten)]
+    common: CommonAsWritten,
+}
+
+impl PlanAsWritten {
+    /// The hash of the scenarios as they are listed.
+    pub(super) fn hash_again(&self) -> String {
+        fn text(written: &Written<String>) -> &str {
+            written.value().map_or("", |text| text)
+        }
+        let scenarios = self.scenarios.iter();
+        plan_hash(scenarios.map(|scenario| (text(&scenario.id), text(&scenario.config_hash))))
+    }
+
+    /// The scenarios by their identifiers.
+    pub(super) fn scenarios(&self) -> BTreeMap<&str, &ScenarioAsWritten> {
+        let scenarios = self.scenarios.iter();
+        scenarios
+            .filter_map(|scenario| Some((scenario.id.value()?.as_str(), scenario)))
+            .collect()
+    }
+
+    /// What a scenario shares with all others.
+    pub(super) fn common<'a>(&'a self, scenario: &'a ScenarioAsWritten) -> &'a CommonAsWritten {
+        self.common.as_ref().unwrap_or(&scenario.parameters.common)
+    }
+}
+
+/// A value of a plan, or what is there instead; null if nothing is.
+pub(super) enum Written<T> {
+    Value(T),
+    Odd { found: Value, fault: String },
+}
+
+impl<T> Written<T> {
+    /// The value, if it can be read.
+    pub(super) fn value(&self) -> Option<&T> {
+        self.read("").ok()
+    }
+
+    /// The value; the error says that `what` cannot be read, and why.
+    pub(super) fn read(&self, what: &'static str) -> Result<&T, Unreadable<'_>> {
+        match self {
+            Self::Value(value) => Ok(value),
+            Self::Odd { fault, .. } => Err(Unreadable { what, fault }),
+        }
+    }
+}
+
+/// A value that cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[error("{what} cannot be read: {fault}")]
+pub(super) struct Unreadable<'a> {
+    what: &'static str,
+    fault: &'a str,
+}
+
+impl<T: DeserializeOwned> From<Value> for Written<T> {
+    fn from(found: Value) -> Self {
+        match T::deserialize(&found) {
+            Ok(value) => Self::Value(value),
+            Err(error) => Self::Odd {
+                found,
+                fault: error.to_string(),
+            },
+        }
+    }
+}
+
+impl<T: DeserializeOwned> Default for Written<T> {
+    fn default() -> Self {
+        Value::Null.into()
+    }
+}
+
+impl<'de, T: DeserializeOwned> Deserialize<'de> for Written<T> {
+    fn deserialize<D: Deserializer<'de>>(input: D) -> Result<Self, D::Error> {
+        Value::deserialize(input).map(Self::from)
+    }
+}
+
+impl<T: Serialize> fmt::Display for Written<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Value(value) => f.write_str(&in_json(value)),
+            Self::Odd { found, .. } => write!(f, "{found}"),
+        }
+    }
+}
+
+/// A value as JSON, with sorted keys.
+pub(super) fn in_json(value: &impl Serialize) -> String {
+    serde_json::to_value(value).map_or_else(|error| error.to_string(), |value| value.to_string())
+}
