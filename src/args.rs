@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand};
+use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataset::memory::Bytes;
 use generator::generate::Simulators;
@@ -53,8 +53,13 @@ pub(crate) enum Verb {
     /// Show a sweep's scenarios, their cost and what is new; records nothing
     #[command(after_help = help::PLAN)]
     Plan(PlanArgs),
-    /// Print the JSON Schema of sweep files, for editors and checkers
-    Schema,
+    /// Print the JSON Schema of sweep or training files, for editors and checkers
+    #[command(after_help = help::SCHEMA)]
+    Schema {
+        /// Which files
+        #[arg(default_value = "sweep")]
+        of: SchemaOf,
+    },
     /// Write the sweeps that ship, to copy and change
     ///
     /// demo.toml, scenarios.toml and detector.toml, with the flights and the detector that they name.
@@ -115,6 +120,15 @@ pub(crate) enum Verb {
         #[arg(value_parser = output())]
         folder: PathBuf,
     },
+}
+
+/// Files with a JSON Schema.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum SchemaOf {
+    /// Sweeps: SWEEP.toml of plan and generate
+    Sweep,
+    /// Settings of a training: TRAIN.toml of train
+    Train,
 }
 
 #[derive(Debug, ClapArgs)]

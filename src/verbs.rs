@@ -39,7 +39,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
     signals::watch()?;
     match verb {
         Verb::Plan(args) => plan::run(&args),
-        Verb::Schema => schema::run(),
+        Verb::Schema { of } => schema::run(of),
         Verb::Examples(args) => examples::run(&args),
         Verb::Generate(args) => generate::run(&args),
         Verb::Fetch(args) => fetch::run(&args),

@@ -2,9 +2,11 @@
 
 mod show;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use dataset::corpus::Corpus;
+use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 use generator::plan::{Against, Change, Estimate, PicturesPerSecond, Standing, expand};
@@ -21,9 +23,11 @@ const USUAL_CORPUS: &str = "corpus";
 
 /// Runs the verb.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
-    let (_, plan) = read_plan(&args.sweep)?;
+    let (sweep, plan) = read_plan(&args.sweep)?;
+    warn_of_unused_weathers(&sweep, &plan);
     let compared = match corpus_to_compare(args, &plan)? {
         Some(corpus) => {
+            warn_of_another_split(&sweep, &corpus);
             let against = Against::compare(&plan, &corpus).map_err(Failure::bad_input)?;
             Some(Compared { corpus, against })
         }
@@ -43,6 +47,29 @@ pub(crate) fn read_plan(path: &Path) -> Result<(Sweep, Plan), Failure> {
     let sweep = Sweep::read(path).map_err(Failure::bad_input)?;
     let plan = expand(&sweep);
     Ok((sweep, plan))
+}
+
+fn warn_of_unused_weathers(sweep: &Sweep, plan: &Plan) {
+    let used: BTreeSet<&str> = plan.scenarios.iter().map(|s| s.weather.as_str()).collect();
+    for weather in sweep.weathers.keys() {
+        if !used.contains(weather.as_str()) {
+            eprintln!(
+                "warning: no scenario has the weather {weather:?}: name it in `weathers` of [grid]"
+            );
+        }
+    }
+}
+
+/// What was held out stays held out: a new [split] does not move scenarios of an existing corpus.
+fn warn_of_another_split(sweep: &Sweep, corpus: &Corpus) {
+    let split = |text: &str| toml::from_str::<toml::Table>(text).ok()?.remove("split");
+    let there = outside_file::read_text(&corpus.sweep_path(), FileKind::SWEEP);
+    if there.is_ok_and(|there| split(&there) != split(&sweep.text)) {
+        eprintln!(
+            "warning: [split] is not the one that {} was begun with: its scenarios keep their sides, only new ones follow the new [split]",
+            corpus.root().display()
+        );
+    }
 }
 
 /// The corpus that the arguments name, or the default one if it was made from a sweep of this name.

@@ -2,10 +2,12 @@
 
 mod check;
 
+use schemars::JsonSchema;
+use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
 
 /// Settings of [`crate::train`]. Unknown keys are rejected.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
     /// Seed of all random choices: initial weights, batches, augmentation. 0 is an ordinary seed.
@@ -44,9 +46,18 @@ impl Default for TrainConfig {
     }
 }
 
+/// The JSON Schema of a file with these settings, with a final newline. Draft 7: the newest that editors and `taplo` read.
+pub fn schema() -> String {
+    let mut schema = SchemaSettings::draft07()
+        .into_generator()
+        .into_root_schema_for::<TrainConfig>();
+    schema.insert("title".into(), "Settings of a training of dtd".into());
+    format!("{:#}\n", schema.to_value())
+}
+
 /// What a regression predicts and minimises. The figure of merit is a percentage, while the paper's squared error is satisfied with
 /// 18 m everywhere, which is 0.1 % at 10 NM but 1 % at 1 NM.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Loss {
     /// Networks predict distances in units of 10 NM; mean squared error, as in equation (1) of the paper.
@@ -90,7 +101,7 @@ impl Loss {
 }
 
 /// Settings of trajectory mixing (see [`crate::trajectory_mixing`]).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AugmentationConfig {
     /// Mixed samples are added up to this number of training samples; 0 turns mixing off. A corpus with more samples, such as the
@@ -121,7 +132,7 @@ impl Default for AugmentationConfig {
 
 /// Mini-batches and learning rate of one training. The rate rises linearly over the first 2 % of the steps and then falls along
 /// half a cosine to a thousandth (Adam, otherwise with its usual constants).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Optimisation {
     /// Number of mini-batches.
@@ -133,7 +144,7 @@ pub struct Optimisation {
 }
 
 /// Settings of stage one. The paper trains full batches for at most 225 000 epochs; here a step is a mini-batch.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationConfig {
     /// Hidden layers of a camera's calibration network.
@@ -174,7 +185,7 @@ impl Default for CalibrationConfig {
 }
 
 /// Settings of stage two.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct EstimatorConfig {
     /// Width of each LSTM layer; two layers in the paper.
@@ -215,7 +226,7 @@ impl Default for EstimatorConfig {
 }
 
 /// Settings of the monoscopic baseline networks.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct MonoConfig {
     /// Hidden layers.

@@ -42,7 +42,7 @@ mod triangulation;
 mod trusted_boxes;
 mod view_dropout;
 
-pub use config::TrainConfig;
+pub use config::{TrainConfig, schema};
 pub use error::{Error, Result};
 pub use evaluation::{EvaluationConfig, evaluate};
 pub use metrics::Metrics;

@@ -10,8 +10,15 @@ use serde::Serialize;
 /// Pictures that the stand-in draws and this program encodes in a second, all views together, on two otherwise idle cores: 1920 x
 /// 1280, the default `[video]`. How it was measured: `docs/sweeps.md`.
 const STAND_IN_PICTURES_PER_S: f64 = 45.0;
-/// Bytes of such a picture on disk at 30 a second, mean over the four weathers of `scenarios.toml`.
-const BYTES_PER_PICTURE: f64 = 9_200.0;
+/// Seconds between two pictures, and bytes of one on disk, mean over the four weathers of `scenarios.toml`: the further apart pictures are,
+/// the less a video gains from the one before. How it was measured: `docs/sweeps.md`.
+const BYTES_PER_PICTURE: [(f64, f64); 5] = [
+    (1.0 / 30.0, 9_200.0),
+    (0.2, 20_000.0),
+    (0.5, 23_700.0),
+    (1.0, 29_100.0),
+    (2.0, 33_400.0),
+];
 /// The same for scenery far more detailed than the stand-in's, whose worst weather takes 0.07 bits a pixel (docs/corpus.md).
 const AMPLE_BITS_PER_PIXEL: f64 = 0.1;
 /// Bits per pixel of such scenery in a lossless video.
@@ -141,6 +148,23 @@ fn making(common: &Common, rate: Option<PicturesPerSecond>) -> (f64, String) {
     }
 }
 
+/// Bytes of a picture this long after the one before: between the measured ones, linear in the logarithm of the time.
+fn bytes_of_picture_after(apart_s: f64) -> f64 {
+    let next = BYTES_PER_PICTURE.partition_point(|(measured_s, _)| *measured_s < apart_s);
+    let [before, after] = [
+        next.saturating_sub(1),
+        next.min(BYTES_PER_PICTURE.len() - 1),
+    ]
+    .map(|index| BYTES_PER_PICTURE[index]);
+    match (after.0 / before.0).ln() {
+        0.0 => after.1,
+        all => {
+            let share = (apart_s / before.0).ln() / all;
+            before.1 + share * (after.1 - before.1)
+        }
+    }
+}
+
 fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
     if let Some(per_picture) = measured_bytes_per_picture(size) {
         let scenarios = size.map_or(0, |size| size.scenarios);
@@ -149,12 +173,31 @@ fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
         return (Some(per_picture), basis);
     }
     if common.video == VideoSettings::default() {
-        let per_picture = BYTES_PER_PICTURE * relative_size(common);
+        let apart_s = common.picture.frame_rate.period_s();
+        let per_picture = bytes_of_picture_after(apart_s) * relative_size(common);
         let basis = format!(
-            "{per_picture:.0} a picture, measured with the stand-in at 1920x1280, 30 pictures a second and the default [video]; pictures further apart need more"
+            "{per_picture:.0} a picture, measured with the stand-in at 1920x1280, five rates and the default [video]; --against CORPUS measures yours"
         );
         return (Some(per_picture), basis);
     }
     let basis = "nothing was measured with this [video]; make a scenario and ask again with --against CORPUS";
     (None, basis.into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_takes_what_was_measured_at_its_rate_and_more_the_further_apart_pictures_are() {
+        for (apart_s, bytes) in BYTES_PER_PICTURE {
+            assert!((bytes_of_picture_after(apart_s) - bytes).abs() < 1.0);
+        }
+        let [often, between, rarely] = [0.001, 0.1, 100.0].map(bytes_of_picture_after);
+        assert!(often == 9_200.0 && rarely == 33_400.0);
+        assert!(
+            9_200.0 < between && between < BYTES_PER_PICTURE[1].1,
+            "{between}"
+        );
+    }
 }
