@@ -78,36 +78,20 @@ pub(crate) fn exit_code(result: Result<Ending, Failure>) -> ExitCode {
         Err(Failure::TryAgain(error)) => (TRY_AGAIN, Some(error)),
     };
     if let Some(error) = error {
-        eprintln!("error: {}", in_words(&error));
+        eprintln!("error: {error:#}");
     }
     ExitCode::from(code)
 }
 
-/// An error and its causes. Most of our messages contain their cause's text already, which is not repeated.
-fn in_words(error: &anyhow::Error) -> String {
-    let mut said = error.to_string();
-    for cause in error.chain().skip(1).map(ToString::to_string) {
-        if !said.contains(&cause) {
-            said += ": ";
-            said += &cause;
-        }
-    }
-    said
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
-
     #[test]
     fn a_cause_is_said_once() {
         let cause = std::io::Error::other("the disk is on fire");
         let error = dataset::Error::io("read", std::path::Path::new("plan.json"))(cause);
         assert_eq!(
-            in_words(&error.into()),
+            format!("{:#}", anyhow::Error::from(error)),
             "cannot read plan.json: the disk is on fire"
         );
-        let error = anyhow::anyhow!("the disk is on fire").context("no plan");
-        assert_eq!(in_words(&error), "no plan: the disk is on fire");
     }
 }

@@ -17,7 +17,7 @@ pub enum Error {
         /// The file or folder.
         path: PathBuf,
         /// The operating system's error.
-        source: std::io::Error,
+        r#source: std::io::Error,
     },
     /// Something other than a regular file is in its place.
     #[error("{} is {found}; expected a regular file with a {what}", path.display())]
@@ -49,7 +49,7 @@ pub enum Error {
         /// The file.
         path: PathBuf,
         /// Line, column and reason.
-        source: serde_json::Error,
+        r#source: serde_json::Error,
     },
     /// A table lacks a column, has another type, or is damaged.
     #[error("table {}: {message}", path.display())]

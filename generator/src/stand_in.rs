@@ -32,7 +32,7 @@ pub enum StandInError {
         /// The program.
         program: PathBuf,
         /// Why not.
-        source: std::io::Error,
+        r#source: std::io::Error,
     },
     /// It did not report that it is ready.
     #[error("the stand-in simulator, {} mock-xplane, did not print its addresses: {found}", program.display())]

@@ -163,7 +163,7 @@ pub enum MockError {
         /// For what.
         what: &'static str,
         /// Why not.
-        source: io::Error,
+        r#source: io::Error,
     },
     /// Open to other machines without a secret.
     #[error(
@@ -188,7 +188,7 @@ pub enum MockError {
         /// Which.
         what: &'static str,
         /// How.
-        source: io::Error,
+        r#source: io::Error,
     },
     /// The tape cannot be read.
     #[error(transparent)]

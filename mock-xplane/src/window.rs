@@ -57,7 +57,7 @@ pub enum WindowError {
         /// Which.
         display: String,
         /// Why not.
-        source: ConnectError,
+        r#source: ConnectError,
     },
     /// The display has another pixel format.
     #[error(

@@ -58,7 +58,7 @@ pub enum BridgeError {
     )]
     NoMulticast {
         /// Why not.
-        source: std::io::Error,
+        r#source: std::io::Error,
     },
     /// The simulator draws ideal pictures only.
     #[error(
@@ -189,7 +189,7 @@ pub enum BridgeError {
         /// Its expected address.
         address: SocketAddr,
         /// Why not.
-        source: std::io::Error,
+        r#source: std::io::Error,
     },
     /// A socket of our own failed.
     #[error("cannot use UDP towards {address}: {source}")]
@@ -197,7 +197,7 @@ pub enum BridgeError {
         /// The simulator's address.
         address: SocketAddr,
         /// Why not.
-        source: std::io::Error,
+        r#source: std::io::Error,
     },
     /// A packet could not be made.
     #[error(transparent)]
@@ -208,7 +208,7 @@ pub enum BridgeError {
         /// What was expected.
         doing: &'static str,
         /// What came instead.
-        source: LinkError,
+        r#source: LinkError,
     },
     /// No answer over the capture link.
     #[error(
@@ -294,6 +294,14 @@ pub enum BridgeError {
         /// The source of the weather, according to X-Plane.
         made_by: Option<WeatherSource>,
     },
+}
+
+/// An error of another library with its causes, which its own text leaves out.
+pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
+    std::iter::successors(Some(error), |error| error.source())
+        .map(ToString::to_string)
+        .collect::<Vec<_>>()
+        .join(": ")
 }
 
 /// What keeps the weather from changing.

@@ -118,7 +118,7 @@ pub enum InstallError {
         /// The file.
         path: PathBuf,
         /// Why not.
-        source: io::Error,
+        r#source: io::Error,
     },
 }
 

@@ -14,6 +14,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
+use crate::error::with_causes;
+
 pub use flight::AirStart;
 pub(crate) use flight::flight_body;
 
@@ -29,14 +31,14 @@ const FLIGHT_TIMEOUT: Duration = Duration::from_secs(180);
 #[derive(Debug, thiserror::Error)]
 pub enum WebApiError {
     /// Nothing serves HTTP there, or not in time.
-    #[error("no Web API at {address}, while {doing}: {source}")]
+    #[error("no Web API at {address}, while {doing}: {}", with_causes(source))]
     NotReached {
         /// Where we asked.
         address: SocketAddr,
         /// What for.
         doing: String,
         /// Why not.
-        source: reqwest::Error,
+        r#source: reqwest::Error,
     },
     /// X-Plane rejects all requests.
     #[error(

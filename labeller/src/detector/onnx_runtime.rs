@@ -42,7 +42,7 @@ pub enum LibraryError {
         /// The expected path.
         path: PathBuf,
         /// Why it cannot be read.
-        source: io::Error,
+        r#source: io::Error,
     },
     /// It is a folder, a device or a pipe.
     #[error("{} ({place}) is not a regular file", path.display())]

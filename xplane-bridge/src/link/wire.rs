@@ -22,7 +22,7 @@ pub const MAX_PAYLOAD_BYTES: usize = 192 << 20;
 #[derive(Debug, thiserror::Error)]
 pub enum LinkError {
     /// The socket failed.
-    #[error("{0}")]
+    #[error(transparent)]
     Io(#[from] std::io::Error),
     /// The other side closed.
     #[error("the other side closed the connection inside {inside}")]

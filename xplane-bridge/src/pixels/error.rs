@@ -39,7 +39,7 @@ pub enum PixelError {
         /// Which screen.
         input: String,
         /// What FFmpeg said.
-        source: ffmpeg_next::Error,
+        r#source: ffmpeg_next::Error,
         /// What to look at.
         advice: &'static str,
     },
@@ -60,7 +60,7 @@ pub enum PixelError {
         /// The plugin's capture link.
         link: SocketAddr,
         /// What happened.
-        source: LinkError,
+        r#source: LinkError,
     },
     /// The plugin does not provide a picture.
     #[error("the plugin at {link} gives no picture of its screen: {text}")]

@@ -4,6 +4,8 @@ use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
+use crate::error::with_causes;
+
 /// Why a tape cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum TapeError {
@@ -15,7 +17,7 @@ pub enum TapeError {
         /// The operation.
         doing: &'static str,
         /// Why not.
-        source: io::Error,
+        r#source: io::Error,
     },
     /// The file cannot be read as a tape.
     #[error(transparent)]
@@ -27,14 +29,14 @@ pub enum TapeError {
         path: PathBuf,
     },
     /// MCAP refused.
-    #[error("tape {}: cannot {doing}: {source}", path.display())]
+    #[error("tape {}: cannot {doing}: {}", path.display(), with_causes(source))]
     Mcap {
         /// The tape.
         path: PathBuf,
         /// The operation.
         doing: &'static str,
         /// Why not.
-        source: Box<mcap::McapError>,
+        r#source: Box<mcap::McapError>,
     },
     /// The file is not a tape, or has another version.
     #[error("{} is not a tape that this version reads: {found}; expected an MCAP file of `dtd record`", path.display())]
@@ -66,7 +68,7 @@ pub enum TapeError {
         /// For what.
         what: &'static str,
         /// Why not.
-        source: io::Error,
+        r#source: io::Error,
     },
     /// Open to other machines without a secret.
     #[error(
@@ -83,7 +85,7 @@ pub enum TapeError {
         /// Which.
         what: &'static str,
         /// How.
-        source: io::Error,
+        r#source: io::Error,
     },
     /// The thread that writes the tape ended by itself, which is a bug.
     #[error("the tape's writer stopped")]
