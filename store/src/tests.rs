@@ -71,6 +71,28 @@ async fn push(store: &CorpusStore, corpus: &Corpus) -> Result<Pushed> {
         .await
 }
 
+/// A store in memory, and the corpus whose scenario it has.
+async fn pushed() -> (CorpusStore, TempDir, Corpus) {
+    let store = CorpusStore::in_memory();
+    let (folder, ours) = corpus_with("table");
+    push(&store, &ours).await.unwrap();
+    (store, folder, ours)
+}
+
+/// Puts an object into a store.
+async fn put(store: &CorpusStore, name: &str, bytes: impl Into<object_store::PutPayload>) {
+    let key = store.key(name);
+    store.store.put(&key, bytes.into()).await.unwrap();
+}
+
+/// Why a scenario cannot be fetched; nothing of it may be there afterwards.
+async fn refusal(store: &CorpusStore, id: &str) -> String {
+    let (_theirs, theirs) = empty();
+    let error = store.fetch_scenario(id, &theirs, &()).await.unwrap_err();
+    assert!(theirs.scenarios().unwrap().is_empty());
+    error.to_string()
+}
+
 /// Stops a transfer after this many bytes.
 struct StopAfter {
     limit: u64,
@@ -226,9 +248,7 @@ async fn other_content_is_kept_or_replaced_and_other_parameters_are_refused() {
 
 #[tokio::test]
 async fn a_mirror_goes_on_where_it_stopped_and_leaves_other_content_alone() {
-    let store = CorpusStore::in_memory();
-    let (_ours, ours) = corpus_with("table");
-    push(&store, &ours).await.unwrap();
+    let (store, _ours, ours) = pushed().await;
     let (_theirs, theirs) = empty();
     let partial = theirs.partial_scenario(ID).root().to_owned();
     fs::create_dir_all(partial.join("views")).unwrap();
@@ -257,24 +277,17 @@ async fn what_is_damaged_in_the_store_is_named_and_never_becomes_a_scenario() {
         (Some("tafel"), "does not match its seal"),
         (None, "is missing"),
     ] {
-        let store = CorpusStore::in_memory();
-        let (_ours, ours) = corpus_with("table");
-        push(&store, &ours).await.unwrap();
-        let key = store.key(&format!("scenarios/{ID}/frames.parquet"));
+        let (store, ..) = pushed().await;
+        let name = format!("scenarios/{ID}/frames.parquet");
         match damage {
-            Some(text) => {
-                store.store.put(&key, text.into()).await.unwrap();
-            }
-            None => store.store.delete(&key).await.unwrap(),
+            Some(text) => put(&store, &name, text).await,
+            None => store.store.delete(&store.key(&name)).await.unwrap(),
         }
-        let (_theirs, theirs) = empty();
-        let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
-        let message = error.to_string();
+        let message = refusal(&store, ID).await;
         assert!(
             message.contains(words) && message.contains("frames.parquet"),
             "{message}"
         );
-        assert!(theirs.scenarios().unwrap().is_empty());
     }
 }
 
@@ -287,35 +300,37 @@ async fn a_manifest_that_names_a_file_outside_is_refused() {
         blake3::hash(manifest.as_bytes())
     );
     for (name, text) in [(MANIFEST, manifest), (DONE, seal)] {
-        let key = store.key(&format!("scenarios/{ID}/{name}"));
-        store.store.put(&key, text.into()).await.unwrap();
+        put(&store, &format!("scenarios/{ID}/{name}"), text).await;
     }
-    let (_theirs, theirs) = empty();
-    let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
-    assert!(error.to_string().contains("outside"), "{error}");
+    let message = refusal(&store, ID).await;
+    assert!(message.contains("outside"), "{message}");
 }
 
-/// Gives the scenario detections of the model `abc`, all with this score.
+/// A detection of the model `abc`.
+fn detection(score: f64) -> Detection {
+    Detection {
+        tick: 0,
+        view: "left".into(),
+        pixel_box: PixelBox::from_edges(28.0, 29.0, 32.0, 31.0),
+        score,
+        tile: 0,
+    }
+}
+
+/// Gives a claimed scenario this detection as its only one.
+fn write_detection(claim: &Claim, folder: &ScenarioFolder, detection: Detection) {
+    let source = folder.open().unwrap();
+    let hash = format!("abc{}", "0".repeat(61));
+    let record = |provenance| provenance;
+    detections::replace(claim, &source, &hash, "abc", &[detection], record).unwrap();
+}
+
+/// Gives the scenario a detection with this score.
 fn detect(corpus: &Corpus, score: f64) {
     let Claimed::Mine(claim) = Claim::take(corpus, ID).unwrap() else {
         panic!("nobody else is there");
     };
-    let source = corpus.scenario(ID).open().unwrap();
-    let detection = Detection {
-        tick: 0,
-        view: "left".into(),
-        pixel_box: PixelBox {
-            cx_px: 30.0,
-            cy_px: 30.0,
-            width_px: 4.0,
-            height_px: 2.0,
-        },
-        score,
-        tile: 0,
-    };
-    let record = |provenance| provenance;
-    let hash = format!("abc{}", "0".repeat(61));
-    detections::replace(&claim, &source, &hash, "abc", &[detection], record).unwrap();
+    write_detection(&claim, &corpus.scenario(ID), detection(score));
 }
 
 #[tokio::test]
@@ -400,7 +415,6 @@ async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
     let (_here, corpus) = corpus_with("table");
     let (folder, [_, store]) = stores();
     push(&store, &corpus).await.unwrap();
-    let (_there, other) = empty();
     let object = folder
         .path()
         .join(format!("a bucket/scenarios/{ID}/frames.parquet"));
@@ -413,8 +427,7 @@ async fn a_fifo_in_a_folder_is_no_object_and_is_not_waited_for() {
         0,
     )
     .unwrap();
-    let error = store.fetch_scenario(ID, &other, &()).await.unwrap_err();
-    let message = error.to_string();
+    let message = refusal(&store, ID).await;
     assert!(
         message.contains("frames.parquet") && message.contains("FIFO"),
         "{message}"
@@ -436,7 +449,6 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
     let there = theirs.scenario(ID);
     // Another process detects there, and finishes while the fetch is waiting.
     let claim = there.claim().unwrap();
-    let source = there.open().unwrap();
     let fetching = tokio::spawn({
         let (store, there) = (store.clone(), there.clone());
         async move { store.fetch_detections(&there, &()).await }
@@ -445,27 +457,12 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
     for _ in 0..100 {
         tokio::task::yield_now().await;
     }
-    let mine = Detection {
-        tick: 0,
-        view: "left".into(),
-        pixel_box: PixelBox::from_edges(1.0, 1.0, 9.0, 9.0),
-        score: 0.9,
-        tile: 0,
-    };
-    let hash = format!("abc{}", "0".repeat(61));
-    detections::replace(
-        &claim,
-        &source,
-        &hash,
-        "abc",
-        std::slice::from_ref(&mine),
-        |made| made,
-    )
-    .unwrap();
+    write_detection(&claim, &there, detection(0.9));
     drop(claim);
     let fetched = fetching.await.unwrap().unwrap();
     assert_eq!(fetched.left.len(), 1, "{fetched:?}");
-    assert_eq!(there.open().unwrap().detections("abc").unwrap(), [mine]);
+    let kept = there.open().unwrap().detections("abc").unwrap();
+    assert_eq!(kept, [detection(0.9)]);
 }
 
 #[tokio::test]
@@ -493,8 +490,7 @@ async fn files_that_a_scenario_has_no_more_go_and_those_of_others_stay() {
         fs::write(root.join("views/right.mov"), "video").unwrap();
         seal_folder(&root, "config").unwrap();
         push(&store, &first).await.unwrap();
-        let mine = store.key(&format!("scenarios/{ID}/notes.txt"));
-        store.store.put(&mine, "mine".into()).await.unwrap();
+        put(&store, &format!("scenarios/{ID}/notes.txt"), "mine").await;
         let (_second, second) = corpus_with("another table");
         push(&store, &second).await.unwrap();
         let there = store.objects(ID).await.unwrap();
@@ -528,25 +524,18 @@ async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_no
     let (_ours, ours) = corpus_with_record();
     push(&store, &ours).await.unwrap();
     // A copy within the store.
-    for (name, object) in [
-        ("frames.parquet", "frames.parquet"),
-        ("views/left.mp4", "views/left.mp4"),
-        ("scenario.json", "scenario.json"),
-        (MANIFEST, MANIFEST),
-        (DONE, DONE),
+    for name in [
+        "frames.parquet",
+        "views/left.mp4",
+        "scenario.json",
+        MANIFEST,
+        DONE,
     ] {
         let bytes = fs::read(ours.scenario(ID).root().join(name)).unwrap();
-        let key = store.key(&format!("scenarios/copy/{object}"));
-        store.store.put(&key, bytes.into()).await.unwrap();
+        put(&store, &format!("scenarios/copy/{name}"), bytes).await;
     }
-    let (_theirs, theirs) = empty();
-    let error = store
-        .fetch_scenario("copy", &theirs, &())
-        .await
-        .unwrap_err();
-    let message = error.to_string();
+    let message = refusal(&store, "copy").await;
     assert!(message.contains("expected \"copy\""), "{message}");
-    assert!(theirs.scenarios().unwrap().is_empty());
     let copy = ours.scenario("copy");
     fs::rename(ours.scenario(ID).root(), copy.root()).unwrap();
     let pushed = store.push_scenario(&copy, OnOther::ReplaceOlder, &()).await;
@@ -557,9 +546,7 @@ async fn a_scenario_under_another_name_or_of_other_parameters_is_neither_sent_no
 
 #[tokio::test]
 async fn strangers_in_an_unfinished_folder_never_become_a_part_of_the_scenario() {
-    let store = CorpusStore::in_memory();
-    let (_ours, ours) = corpus_with("table");
-    push(&store, &ours).await.unwrap();
+    let (store, _ours, ours) = pushed().await;
     let (_theirs, theirs) = empty();
     let partial = theirs.partial_scenario(ID).root().to_owned();
     fs::create_dir_all(partial.join("views")).unwrap();
@@ -612,23 +599,15 @@ async fn a_linked_folder_in_a_store_is_neither_written_through_nor_read() {
         )
         .unwrap();
     }
-    let (_there, other) = empty();
-    let error = store.fetch_scenario(ID, &other, &()).await.unwrap_err();
-    assert!(error.to_string().contains("is a symbolic link"), "{error}");
+    let message = refusal(&store, ID).await;
+    assert!(message.contains("is a symbolic link"), "{message}");
 }
 
 #[tokio::test]
 async fn a_manifest_larger_than_readers_take_is_not_brought() {
-    let store = CorpusStore::in_memory();
-    let (_ours, ours) = corpus_with("table");
-    push(&store, &ours).await.unwrap();
-    let key = store.key(&format!("scenarios/{ID}/{MANIFEST}"));
-    store
-        .store
-        .put(&key, vec![b'\n'; (16 << 20) + 1].into())
-        .await
-        .unwrap();
-    let (_theirs, theirs) = empty();
-    let error = store.fetch_scenario(ID, &theirs, &()).await.unwrap_err();
-    assert!(error.to_string().contains("at most 16777216"), "{error}");
+    let (store, ..) = pushed().await;
+    let name = format!("scenarios/{ID}/{MANIFEST}");
+    put(&store, &name, vec![b'\n'; (16 << 20) + 1]).await;
+    let message = refusal(&store, ID).await;
+    assert!(message.contains("at most 16777216"), "{message}");
 }

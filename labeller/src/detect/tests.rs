@@ -11,13 +11,15 @@ use super::*;
 use crate::blob_finder::{BlobFinder, paint_blob};
 use crate::label::label_corpus;
 
+/// The model's hash, as far as it is in names.
+const MODEL: &str = "0123456789abcdef";
 const WIDTH: u32 = 1280;
 const HEIGHT: u32 = 768;
 
 fn model() -> Model {
     Model {
         file_name: "blobs.onnx".into(),
-        blake3: "0123456789abcdef".repeat(4),
+        blake3: MODEL.repeat(4),
         profile_blake3: None,
     }
 }
@@ -41,6 +43,14 @@ fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {
     detect_with(corpus, &model(), &make, options, &|_| {}).unwrap()
 }
 
+/// The detections of a scenario, or why they are refused.
+fn stored(folder: &ScenarioFolder) -> std::result::Result<Vec<Detection>, String> {
+    let scenario = folder.open().unwrap();
+    scenario
+        .detections(MODEL)
+        .map_err(|error| error.to_string())
+}
+
 fn two_workers() -> DetectOptions {
     DetectOptions {
         workers: 2,
@@ -57,14 +67,13 @@ fn decoded_videos_give_detections_at_their_ticks_and_views() {
     let watch = |progress: Progress| steps.lock().unwrap().push((progress.done, progress.total));
     let outcome = detect_with(&corpus, &model(), &make, &two_workers(), &watch).unwrap();
     assert_eq!(outcome.detected, ["0001-a", "0002-b"]);
-    assert_eq!(outcome.model_hash, "0123456789abcdef");
+    assert_eq!(outcome.model_hash, MODEL);
     assert_eq!(
         *steps.lock().unwrap(),
         (1..=12).map(|done| (done, 12)).collect::<Vec<_>>()
     );
     for id in ["0001-a", "0002-b"] {
-        let scenario = corpus.scenario(id).open().unwrap();
-        let found = scenario.detections("0123456789abcdef").unwrap();
+        let found = stored(&corpus.scenario(id)).unwrap();
         let keys: Vec<_> = found
             .iter()
             .map(|detection| (detection.tick, detection.view.as_str()))
@@ -118,7 +127,7 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
         1
     );
     let record: DetectionRecord = read_json(
-        &DetectionRecord::path(&corpus.scenario("0001-a"), "0123456789abcdef"),
+        &DetectionRecord::path(&corpus.scenario("0001-a"), MODEL),
         "record",
     )
     .unwrap();
@@ -182,22 +191,22 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
     for (spoil, words) in cases {
         detect(&corpus, &two_workers());
         let scenario = folder.open().unwrap();
-        let mut found = scenario.detections("0123456789abcdef").unwrap();
+        let mut found = scenario.detections(MODEL).unwrap();
         spoil(&mut found[0]);
-        let path = DetectionRecord::path(&folder, "0123456789abcdef");
+        let path = DetectionRecord::path(&folder, MODEL);
         let record: DetectionRecord = read_json(&path, "record").unwrap();
         let made = |provenance| DetectionRecord {
             provenance,
             ..record
         };
         let claim = folder.claim().unwrap();
-        let (hash, name) = (&model().blake3, "0123456789abcdef");
-        dataset::detections::replace(&claim, &scenario, hash, name, &found, made).unwrap();
+        let hash = &model().blake3;
+        dataset::detections::replace(&claim, &scenario, hash, MODEL, &found, made).unwrap();
         drop(claim);
-        let message = scenario.detections(name).unwrap_err().to_string();
+        let message = stored(&folder).unwrap_err();
         assert!(message.contains(words), "{message}");
         assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
-        assert_eq!(scenario.detections(name).unwrap().len(), 6);
+        assert_eq!(stored(&folder).unwrap().len(), 6);
     }
 }
 
@@ -213,16 +222,11 @@ fn a_record_whose_model_is_not_the_one_of_its_name_is_refused() {
         &"0123456789ABCDEF".repeat(4),
     ] {
         detect(&corpus, &two_workers());
-        let path = DetectionRecord::path(&folder, "0123456789abcdef");
+        let path = DetectionRecord::path(&folder, MODEL);
         let mut record: DetectionRecord = read_json(&path, "record").unwrap();
         record.provenance.model_blake3 = hash.into();
         dataset::json_file::write_json(&path, &record).unwrap();
-        let message = folder
-            .open()
-            .unwrap()
-            .detections("0123456789abcdef")
-            .unwrap_err()
-            .to_string();
+        let message = stored(&folder).unwrap_err();
         assert!(message.contains("begin with 0123456789abcdef"), "{message}");
         assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
     }
@@ -280,7 +284,7 @@ fn a_video_whose_timestamps_are_not_those_of_the_table_is_refused_with_the_tick(
         reason.contains("view right: at tick 2 expected a picture with timestamp 3, found"),
         "{reason}"
     );
-    assert!(!folder.detections_path("0123456789abcdef").exists());
+    assert!(!folder.detections_path(MODEL).exists());
 }
 
 #[test]
@@ -302,19 +306,13 @@ fn detections_of_videos_that_were_replaced_are_refused_until_they_are_made_again
     fs::rename(&right, &left).unwrap();
     fs::copy(&left, &right).unwrap();
     seal_folder(folder.root(), "config").unwrap();
-    let message = folder
-        .open()
-        .unwrap()
-        .detections("0123456789abcdef")
-        .unwrap_err()
-        .to_string();
+    let message = stored(&folder).unwrap_err();
     assert!(
         message.contains("made from other videos") && message.contains("run `dtd detect`"),
         "{message}"
     );
     assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
-    let scenario = folder.open().unwrap();
-    assert_eq!(scenario.detections("0123456789abcdef").unwrap().len(), 6);
+    assert_eq!(stored(&folder).unwrap().len(), 6);
 }
 
 #[test]
@@ -323,19 +321,14 @@ fn a_table_that_is_not_the_one_of_its_record_is_refused_and_made_again() {
     let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
     detect(&corpus, &two_workers());
     let [one, other] = ["0001-a", "0002-b"].map(|id| corpus.scenario(id));
-    let path = one.detections_path("0123456789abcdef");
-    let mut found = other
-        .open()
-        .unwrap()
-        .detections("0123456789abcdef")
-        .unwrap();
+    let path = one.detections_path(MODEL);
+    let mut found = stored(&other).unwrap();
     found.pop();
     write_detections(&path, &found).unwrap();
-    let read = || one.open().unwrap().detections("0123456789abcdef");
-    let message = read().unwrap_err().to_string();
+    let message = stored(&one).unwrap_err();
     assert!(message.contains("its hash differs"), "{message}");
     assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
-    assert_eq!(read().unwrap().len(), 6);
+    assert_eq!(stored(&one).unwrap().len(), 6);
 }
 
 #[test]
@@ -359,16 +352,15 @@ fn detections_that_a_killed_process_decided_but_did_not_rename_are_read_and_sett
     let corpus = corpus(temporary.path(), &["0001-a"]);
     detect(&corpus, &two_workers());
     let folder = corpus.scenario("0001-a");
-    let table = folder.detections_path("0123456789abcdef");
+    let table = folder.detections_path(MODEL);
     let new = table.with_extension("parquet.new");
     fs::rename(&table, &new).unwrap();
-    let read = || folder.open().unwrap().detections("0123456789abcdef");
-    assert_eq!(read().unwrap().len(), 6);
+    assert_eq!(stored(&folder).unwrap().len(), 6);
     let again = DetectOptions {
         again: true,
         ..two_workers()
     };
     assert_eq!(detect(&corpus, &again).detected, ["0001-a"]);
     assert!(table.exists() && !new.exists());
-    assert_eq!(read().unwrap().len(), 6);
+    assert_eq!(stored(&folder).unwrap().len(), 6);
 }
