@@ -2,24 +2,16 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use serde_json::Value;
+use testkit::command::Dtd;
+use testkit::repository;
 
-fn repository() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn dtd(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(arguments)
-        .current_dir(repository())
-        .output()
-        .unwrap()
-}
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 fn plan_json(sweep: &str) -> Value {
-    let output = dtd(&["plan", sweep, "--json"]);
+    let output = DTD.run(&["plan", sweep, "--json"]);
     assert!(
         output.status.success(),
         "{}",
@@ -135,7 +127,7 @@ fn bad_sweeps_are_refused_with_the_place_and_what_was_expected_and_nothing_is_wr
         let folder = tempfile::tempdir().unwrap();
         let sweep = broken_demo(folder.path(), from, to);
         let corpus = folder.path().join("corpus");
-        let output = dtd(&[
+        let output = DTD.run(&[
             "generate",
             sweep.to_str().unwrap(),
             "--out",
@@ -191,7 +183,7 @@ fn what_is_not_there_is_bad_input_with_its_name() {
         ),
     ];
     for (arguments, word) in cases {
-        let output = dtd(arguments);
+        let output = DTD.run(arguments);
         let message = String::from_utf8_lossy(&output.stderr).into_owned();
         assert_eq!(output.status.code(), Some(2), "{arguments:?}: {message}");
         assert!(message.contains(word), "{arguments:?}: {message}");
@@ -209,7 +201,7 @@ fn a_simulator_that_is_not_there_is_a_failure_that_says_what_to_do() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = folder.path().join("corpus");
     let address = format!("127.0.0.1:{port}");
-    let output = dtd(&[
+    let output = DTD.run(&[
         "generate",
         "demo.toml",
         "--out",
@@ -246,7 +238,7 @@ fn x_plane_folder() -> tempfile::TempDir {
 fn the_plugin_goes_into_an_x_plane_folder_and_other_folders_are_bad_input() {
     let folder = x_plane_folder();
     let path = folder.path().to_str().unwrap();
-    let output = dtd(&["install-plugin", path]);
+    let output = DTD.run(&["install-plugin", path]);
     let said = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(0), "{said}");
     assert!(said.starts_with("X-Plane 12.4.0"), "{said}");
@@ -257,7 +249,7 @@ fn the_plugin_goes_into_an_x_plane_folder_and_other_folders_are_bad_input() {
     let source = repository().join("xplane-bridge/plugin/PI_dtd_bridge.py");
     assert_eq!(fs::read(installed).unwrap(), fs::read(source).unwrap());
 
-    let output = dtd(&["install-plugin", path, "--json"]);
+    let output = DTD.run(&["install-plugin", path, "--json"]);
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let files = report["files"].as_array().unwrap();
     assert!(
@@ -266,7 +258,7 @@ fn the_plugin_goes_into_an_x_plane_folder_and_other_folders_are_bad_input() {
     );
 
     let elsewhere = tempfile::tempdir().unwrap();
-    let output = dtd(&["install-plugin", elsewhere.path().to_str().unwrap()]);
+    let output = DTD.run(&["install-plugin", elsewhere.path().to_str().unwrap()]);
     let said = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(2), "{said}");
     assert!(said.contains("is not X-Plane's folder"), "{said}");
@@ -296,7 +288,7 @@ fn an_output_that_is_a_device_a_fifo_or_a_link_to_one_is_refused_before_anything
             &["record", "--sim", "127.0.0.1:49000"],
             &["demo"],
         ] {
-            let output = dtd(&[verb, &["--out", out]].concat());
+            let output = DTD.run(&[verb, &["--out", out]].concat());
             let said = String::from_utf8_lossy(&output.stderr);
             assert_eq!(output.status.code(), Some(2), "{verb:?} {out}: {said}");
             assert!(said.contains("is a device, FIFO or socket"), "{said}");

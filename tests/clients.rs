@@ -3,13 +3,14 @@
 //! They were written against X-Plane itself: where the stand-in differs, they fail. The Python ones are in `tests/clients/` and run
 //! in the environment that `scripts/setup.sh` creates for them.
 
-use std::io::{BufRead, BufReader};
 use std::net::{Ipv4Addr, UdpSocket};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::Duration;
 
 use mock_xplane::server::Addresses;
+use testkit::command::{Dtd, Server};
+use testkit::skipped;
 use tokio::sync::Mutex;
 use tokio::time::{Instant, timeout_at};
 use xpudpc::{Beacon, PlacementConfig, Pose, Response, StartType, XPlaneClient};
@@ -24,54 +25,57 @@ const EVERYWHERE: [&str; 2] = ["--bind", "0.0.0.0"];
 /// Timeout of everything on a busy computer.
 const PATIENCE: Duration = Duration::from_secs(20);
 
+/// Runs while the server lives.
 struct StandIn {
-    process: Child,
+    _server: Server,
     addresses: Addresses,
 }
 
-impl Drop for StandIn {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
+fn stand_in(options: &[&str]) -> StandIn {
+    let mut command = Dtd::at(env!("CARGO_BIN_EXE_dtd")).command(&["mock-xplane", "--port", "0"]);
+    command
+        .args(["--until-stdin-ends", "--quirks=none"])
+        .args(options)
+        // Without one the capture link is not opened to everybody.
+        .env("DTD_LINK_TOKEN", "clients");
+    let server = Server::start(&mut command);
+    let mut addresses: Addresses = serde_json::from_value(server.ready().clone()).unwrap();
+    addresses.udp.set_ip(Ipv4Addr::LOCALHOST.into());
+    StandIn {
+        _server: server,
+        addresses,
     }
 }
 
-fn stand_in(options: &[&str]) -> StandIn {
-    let mut process = Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
-        .arg("--quirks=none")
-        .args(options)
-        // Without one the capture link is not opened to everybody.
-        .env("DTD_LINK_TOKEN", "clients")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut line = String::new();
-    let stdout = process.stdout.take().unwrap();
-    BufReader::new(stdout).read_line(&mut line).unwrap();
-    let mut addresses: Addresses = serde_json::from_str(&line).unwrap();
-    addresses.udp.set_ip(Ipv4Addr::LOCALHOST.into());
-    StandIn { process, addresses }
-}
+/// Python with the clients.
+const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/.venv-clients/bin/python");
 
-/// Python with the clients, and whether it is new enough (3.12) for those that need it.
-fn python() -> (&'static str, bool) {
-    const PYTHON: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/.venv-clients/bin/python");
+fn assert_installed() {
     assert!(
         Path::new(PYTHON).exists(),
         "{PYTHON} is missing: run scripts/setup.sh"
     );
+}
+
+/// Whether Python is new enough for the clients that need 3.12; skips the test otherwise.
+fn is_new_enough(client: &str) -> bool {
+    assert_installed();
     let new_enough = Command::new(PYTHON)
         .args(["-c", "import sys; sys.exit(sys.version_info < (3, 12))"])
         .status()
-        .unwrap();
-    (PYTHON, new_enough.success())
+        .unwrap()
+        .success();
+    if !new_enough {
+        skipped(&format!(
+            "{client} needs Python 3.12 or newer: install one and run scripts/setup.sh again"
+        ));
+    }
+    new_enough
 }
 
-fn run(python: &str, script: &str, arguments: &[String]) {
+fn run(script: &str, arguments: &[String]) {
     let script = format!("{}/tests/clients/{script}", env!("CARGO_MANIFEST_DIR"));
-    let output = Command::new(python)
+    let output = Command::new(PYTHON)
         .arg(script)
         .args(arguments)
         .output()
@@ -87,7 +91,7 @@ fn run(python: &str, script: &str, arguments: &[String]) {
 #[test]
 fn pyxpudpserver_discovers_subscribes_reads_writes_commands_and_takes_the_data_output() {
     let _alone = BEACON_PORT.blocking_lock();
-    let (python, _) = python();
+    assert_installed();
     // A free port. The client needs an explicit one.
     let data_to = UdpSocket::bind("127.0.0.1:0")
         .unwrap()
@@ -98,7 +102,6 @@ fn pyxpudpserver_discovers_subscribes_reads_writes_commands_and_takes_the_data_o
     let options = ["--beacon-name", &name, "--data-to", &data_to_option];
     let stand_in = stand_in(&[&EVERYWHERE[..], &options].concat());
     run(
-        python,
         "pyxpudpserver_client.py",
         &[
             stand_in.addresses.udp.port().to_string(),
@@ -110,28 +113,24 @@ fn pyxpudpserver_discovers_subscribes_reads_writes_commands_and_takes_the_data_o
 
 #[test]
 fn pyxpudp_subscribes_reads_writes_and_commands() {
-    let (python, new_enough) = python();
-    if !new_enough {
-        eprintln!("skipped: pyXPUDP wants Python 3.12, and scripts/setup.sh found none");
+    if !is_new_enough("pyXPUDP") {
         return;
     }
     let stand_in = stand_in(&["--no-beacon"]);
     let port = stand_in.addresses.udp.port().to_string();
-    run(python, "pyxpudp_client.py", &[port]);
+    run("pyxpudp_client.py", &[port]);
 }
 
 #[test]
 fn xpwebapi_discovers_and_speaks_udp_rest_and_websocket() {
-    let (python, new_enough) = python();
-    if !new_enough {
-        eprintln!("skipped: xpwebapi wants Python 3.12, and scripts/setup.sh found none");
+    if !is_new_enough("xpwebapi") {
         return;
     }
     let _alone = BEACON_PORT.blocking_lock();
     let stand_in = stand_in(&EVERYWHERE);
     let web_api = stand_in.addresses.web_api.unwrap();
     let ports = [stand_in.addresses.udp.port(), web_api.port()].map(|port| port.to_string());
-    run(python, "xpwebapi_client.py", &ports);
+    run("xpwebapi_client.py", &ports);
 }
 
 /// Receives until `wanted` finds what it looks for.
@@ -276,8 +275,13 @@ async fn xpudpc_subscribes_reads_writes_commands_and_moves_the_aircraft() {
     // The stream of positions may be stopped from another socket.
     let other = XPlaneClient::connect(stand_in.addresses.udp).await.unwrap();
     other.stop_position().await.unwrap();
-    tokio::time::sleep(Duration::from_millis(200)).await;
-    while client.recv_timeout(Duration::from_millis(20)).await.is_ok() {}
-    let silence = client.recv_timeout(Duration::from_millis(300)).await;
-    assert!(silence.is_err(), "positions after their end");
+    let end = Instant::now() + PATIENCE;
+    // Ten times as long as between two of them.
+    while client
+        .recv_timeout(Duration::from_millis(300))
+        .await
+        .is_ok()
+    {
+        assert!(Instant::now() < end, "positions after their end");
+    }
 }

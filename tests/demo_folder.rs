@@ -2,16 +2,16 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use tempfile::tempdir;
+use testkit::command::Dtd;
 
 fn demo(folder: &Path, more: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(["demo", "--fresh", "--out"])
+    Dtd::at(env!("CARGO_BIN_EXE_dtd"))
+        .command(&["demo", "--fresh", "--out"])
         .arg(folder)
         .args(more)
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap()
 }

@@ -7,6 +7,8 @@ use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use prost::Message;
+use testkit::command::{Dtd, said, text};
+use testkit::{repository, skipped};
 use trainer::detector::onnx::{
     AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
     StringStringEntryProto, TensorProto, ValueInfoProto,
@@ -49,22 +51,12 @@ wind_speed_mps = 2
 wind_from_true_deg = 20
 "#;
 
-fn repository() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 fn dtd() -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
+    let mut command = DTD.command(&[""; 0]);
     command.env_remove("ORT_DYLIB_PATH");
     command
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// A recorded corpus, made once per run of the tests.
@@ -358,7 +350,7 @@ fn planted(folder: &Path, trace: &Path) -> Option<PathBuf> {
         .args(["-shared", "-fPIC", "-o", text(&library), text(&source)])
         .status();
     if !compiled.is_ok_and(|status| status.success()) {
-        eprintln!("skipped: there is no C compiler to make a library with");
+        skipped("there is no C compiler to make a library with");
         return None;
     }
     Some(library)

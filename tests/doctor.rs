@@ -1,50 +1,23 @@
 //! `dtd doctor` against the stand-in, correct and with faults.
 
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::{Command, Stdio};
 
 use serde_json::Value;
+use testkit::command::{Dtd, Server};
 
-struct StandIn {
-    child: Child,
-    udp: String,
-    /// Empty of an X-Plane 11.
-    web_api: String,
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
+
+fn stand_in(arguments: &[&str]) -> Server {
+    announced(&[arguments, &["--no-beacon"]].concat())
 }
 
-impl StandIn {
-    fn start(arguments: &[&str]) -> Self {
-        Self::announced(&[arguments, &["--no-beacon"]].concat())
-    }
-
-    /// With its beacon.
-    fn announced(arguments: &[&str]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_dtd"))
-            .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
-            .args((!arguments.contains(&"--quirks")).then_some("--quirks=none"))
-            .args(arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let ready: Value = serde_json::from_str(&line).unwrap();
-        let address = |key: &str| ready[key].as_str().unwrap_or_default().to_owned();
-        Self {
-            child,
-            udp: address("udp"),
-            web_api: address("web_api"),
-        }
-    }
-}
-
-impl Drop for StandIn {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-    }
+/// With its beacon.
+fn announced(arguments: &[&str]) -> Server {
+    let well_behaved = (!arguments.contains(&"--quirks")).then_some("--quirks=none");
+    let mut all = vec!["mock-xplane"];
+    all.extend(well_behaved);
+    all.extend(arguments);
+    DTD.serve(&all)
 }
 
 /// `dtd doctor` with these arguments, on a machine without Web API variables and screen, in a folder without a sweep. Measurements
@@ -56,9 +29,8 @@ fn doctor(arguments: &[&str]) -> Command {
 }
 
 fn measuring_doctor(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
+    let mut command = DTD.command(&["doctor", "--json"]);
     command
-        .args(["doctor", "--json"])
         .args(arguments)
         .current_dir(std::env::temp_dir())
         .env_remove("DTD_WEB_API")
@@ -109,8 +81,8 @@ const POINTS: [&str; 9] = [
 #[test]
 fn a_sound_simulator_of_either_generation_is_found_well() {
     for generation in ["11", "12"] {
-        let simulator = StandIn::start(&["--xplane", generation]);
-        let (code, checks) = examined(&simulator.udp);
+        let simulator = stand_in(&["--xplane", generation]);
+        let (code, checks) = examined(simulator.udp());
         for name in POINTS {
             assert_eq!(
                 verdict(&checks, name),
@@ -135,8 +107,8 @@ fn a_sound_simulator_of_either_generation_is_found_well() {
 
 #[test]
 fn a_simulator_that_takes_nothing_fails_with_what_to_switch_on_and_skips_the_rest() {
-    let simulator = StandIn::start(&["--incoming-off"]);
-    let (code, checks) = examined(&simulator.udp);
+    let simulator = stand_in(&["--incoming-off"]);
+    let (code, checks) = examined(simulator.udp());
     assert_eq!(code, Some(1));
     assert_eq!(verdict(&checks, "udp"), "failed");
     let udp = checks.iter().find(|check| check["name"] == "udp").unwrap();
@@ -154,8 +126,8 @@ fn a_simulator_that_takes_nothing_fails_with_what_to_switch_on_and_skips_the_res
 
 #[test]
 fn a_simulator_without_our_plugin_is_told_how_to_get_it_and_the_rest_of_udp_is_examined() {
-    let simulator = StandIn::start(&["--no-plugin"]);
-    let (code, checks) = examined(&simulator.udp);
+    let simulator = stand_in(&["--no-plugin"]);
+    let (code, checks) = examined(simulator.udp());
     assert_eq!(code, Some(1));
     let plugin = checks.iter().find(|check| check["name"] == "plugin");
     let plugin = plugin.unwrap();
@@ -174,8 +146,8 @@ fn a_simulator_without_our_plugin_is_told_how_to_get_it_and_the_rest_of_udp_is_e
 
 #[test]
 fn every_point_that_is_not_well_comes_with_a_hint() {
-    let simulator = StandIn::start(&["--faults", "loss=0.2,seed=3"]);
-    let (_, checks) = examined(&simulator.udp);
+    let simulator = stand_in(&["--faults", "loss=0.2,seed=3"]);
+    let (_, checks) = examined(simulator.udp());
     assert_eq!(
         verdict(&checks, "datarefs writable"),
         "ok",
@@ -191,7 +163,7 @@ fn every_point_that_is_not_well_comes_with_a_hint() {
 fn our_own_plugin_is_found_well_although_nobody_knows_where_its_window_lies() {
     // X-Plane 12 has its pictures only on the screen, and there is none here.
     for (generation, window) in [("11", "ok"), ("12", "warning")] {
-        let simulator = StandIn::start(&[
+        let simulator = stand_in(&[
             "--xplane",
             generation,
             "--plugin",
@@ -199,7 +171,7 @@ fn our_own_plugin_is_found_well_although_nobody_knows_where_its_window_lies() {
             "--plugin-window",
             "480x300",
         ]);
-        let (code, checks) = examined(&simulator.udp);
+        let (code, checks) = examined(simulator.udp());
         for check in &checks {
             assert_ne!(
                 check["verdict"], "failed",
@@ -226,7 +198,7 @@ fn a_window_of_another_size_than_the_sweeps_pictures_is_named_with_both_ways_out
  {
     let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/tape/session.toml");
     for (window, verdict_of_window) in [("480x300", "warning"), ("96x64", "ok")] {
-        let simulator = StandIn::start(&[
+        let simulator = stand_in(&[
             "--xplane",
             "11",
             "--plugin",
@@ -234,12 +206,15 @@ fn a_window_of_another_size_than_the_sweeps_pictures_is_named_with_both_ways_out
             "--plugin-window",
             window,
         ]);
-        let (code, checks) = outcome(doctor(&["--sim", &simulator.udp, "--sweep", sweep]));
+        let (code, checks) = outcome(doctor(&["--sim", simulator.udp(), "--sweep", sweep]));
         assert_eq!(code, Some(0), "{checks:#?}");
         assert_eq!(verdict(&checks, "window"), verdict_of_window, "{checks:#?}");
         let next = found(&checks, "next");
         if verdict_of_window == "ok" {
-            let command = format!("dtd generate {sweep} --out corpus --sim {}", simulator.udp);
+            let command = format!(
+                "dtd generate {sweep} --out corpus --sim {}",
+                simulator.udp()
+            );
             assert_eq!(next, command);
         } else {
             let hint = check(&checks, "window")["hint"].as_str().unwrap();
@@ -253,10 +228,10 @@ fn a_window_of_another_size_than_the_sweeps_pictures_is_named_with_both_ways_out
 
 #[test]
 fn an_installation_is_measured_once_by_the_command_too() {
-    let simulator = StandIn::start(&["--xplane", "11"]);
+    let simulator = stand_in(&["--xplane", "11"]);
     let measure = |arguments: &[&str]| {
         outcome(measuring_doctor(
-            &[&["--sim", &simulator.udp], arguments].concat(),
+            &[&["--sim", simulator.udp()], arguments].concat(),
         ))
         .1
     };
@@ -267,15 +242,15 @@ fn an_installation_is_measured_once_by_the_command_too() {
 
 #[test]
 fn what_the_user_has_before_the_eyes_is_looked_at() {
-    let simulator = StandIn::start(&["--quirks", "pop_ups,cockpit_view,loaded_c172"]);
-    let (_, checks) = examined(&simulator.udp);
+    let simulator = stand_in(&["--quirks", "pop_ups,cockpit_view,loaded_c172"]);
+    let (_, checks) = examined(simulator.udp());
     assert_eq!(verdict(&checks, "pop-ups"), "warning", "{checks:#?}");
     assert!(found(&checks, "pop-ups").starts_with("open: 1"));
     assert!(found(&checks, "view").starts_with("from inside"));
     assert!(found(&checks, "aircraft").contains("C172"), "{checks:#?}");
     assert_eq!(verdict(&checks, "menus"), "ok");
-    let menu = StandIn::start(&["--main-menu"]);
-    let (code, checks) = examined(&menu.udp);
+    let menu = stand_in(&["--main-menu"]);
+    let (code, checks) = examined(menu.udp());
     assert_eq!(
         (code, verdict(&checks, "menus")),
         (Some(1), "failed"),
@@ -286,15 +261,15 @@ fn what_the_user_has_before_the_eyes_is_looked_at() {
 
 #[test]
 fn a_web_api_is_well_only_if_it_is_that_of_this_simulator_with_a_flight_loaded() {
-    let one = StandIn::start(&[]);
-    let other = StandIn::start(&[]);
-    let menu = StandIn::start(&["--main-menu"]);
+    let one = stand_in(&[]);
+    let other = stand_in(&[]);
+    let menu = stand_in(&["--main-menu"]);
     for (sim, web_api, expected, words) in [
-        (&one, &one.web_api, "ok", "the same simulator"),
-        (&one, &other.web_api, "warning", "of another simulator"),
-        (&menu, &menu.web_api, "warning", "no flight is loaded"),
+        (&one, one.web_api(), "ok", "the same simulator"),
+        (&one, other.web_api(), "warning", "of another simulator"),
+        (&menu, menu.web_api(), "warning", "no flight is loaded"),
     ] {
-        let (_, checks) = outcome(doctor(&["--sim", &sim.udp, "--web-api", web_api]));
+        let (_, checks) = outcome(doctor(&["--sim", sim.udp(), "--web-api", web_api]));
         assert_eq!(verdict(&checks, "web api"), expected, "{checks:#?}");
         assert!(found(&checks, "web api").contains(words), "{checks:#?}");
     }
@@ -302,8 +277,8 @@ fn a_web_api_is_well_only_if_it_is_that_of_this_simulator_with_a_flight_loaded()
 
 #[test]
 fn what_reads_zero_is_listed_unless_the_web_api_knows_the_name() {
-    let simulator = StandIn::start(&[]);
-    let (_, checks) = examined(&simulator.udp);
+    let simulator = stand_in(&[]);
+    let (_, checks) = examined(simulator.udp());
     let without = found(&checks, "datarefs readable");
     assert!(
         without.contains("cannot be told") && without.contains("sim/time/paused"),
@@ -311,9 +286,9 @@ fn what_reads_zero_is_listed_unless_the_web_api_knows_the_name() {
     );
     let (_, checks) = outcome(doctor(&[
         "--sim",
-        &simulator.udp,
+        simulator.udp(),
         "--web-api",
-        &simulator.web_api,
+        simulator.web_api(),
     ]));
     let with = found(&checks, "datarefs readable");
     assert!(
@@ -325,24 +300,21 @@ fn what_reads_zero_is_listed_unless_the_web_api_knows_the_name() {
 
 #[test]
 fn the_environment_says_where_the_web_api_is_by_name_too_and_what_it_cannot_say_is_refused() {
-    let simulator = StandIn::start(&[]);
+    let simulator = stand_in(&[]);
     let with = |place: &str| {
-        let mut command = doctor(&["--sim", &simulator.udp]);
+        let mut command = doctor(&["--sim", simulator.udp()]);
         command.env("DTD_WEB_API", place);
         command
     };
-    let (_, port) = simulator.web_api.rsplit_once(':').unwrap();
+    let (_, port) = simulator.web_api().rsplit_once(':').unwrap();
     let (_, checks) = outcome(with(&format!("localhost:{port}")));
     assert_eq!(verdict(&checks, "web api"), "ok", "{checks:#?}");
     let (_, checks) = outcome(with("off"));
     assert_eq!(verdict(&checks, "web api"), "skipped", "{checks:#?}");
 
     let folder = tempfile::tempdir().unwrap();
-    let mut generate = Command::new(env!("CARGO_BIN_EXE_dtd"));
-    generate
-        .args(["generate", "demo.toml", "--sim", &simulator.udp, "--out"])
-        .arg(folder.path())
-        .env("DTD_WEB_API", "localhost");
+    let mut generate = DTD.command(&["generate", "demo.toml", "--sim", simulator.udp(), "--out"]);
+    generate.arg(folder.path()).env("DTD_WEB_API", "localhost");
     for mut command in [with("localhost"), generate] {
         let output = command.output().unwrap();
         let said = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -355,12 +327,12 @@ fn the_environment_says_where_the_web_api_is_by_name_too_and_what_it_cannot_say_
 
 #[test]
 fn a_web_api_that_refuses_tells_that_incoming_connections_are_off_without_a_beacon() {
-    let simulator = StandIn::start(&["--incoming-off"]);
+    let simulator = stand_in(&["--incoming-off"]);
     let (code, checks) = outcome(doctor(&[
         "--sim",
-        &simulator.udp,
+        simulator.udp(),
         "--web-api",
-        &simulator.web_api,
+        simulator.web_api(),
     ]));
     assert_eq!(code, Some(1));
     assert_ne!(verdict(&checks, "beacon"), "ok");
@@ -378,15 +350,15 @@ fn a_web_api_that_refuses_tells_that_incoming_connections_are_off_without_a_beac
 #[test]
 fn auto_is_the_simulator_that_announces_itself_for_the_doctor_and_the_recorder_too() {
     // Other tests' stand-ins may announce themselves as well: then both say so.
-    let simulator = StandIn::announced(&["--beacon-name", "auto-test"]);
+    let simulator = announced(&["--beacon-name", "auto-test"]);
     let (_, checks) = outcome(doctor(&["--sim", "auto", "--web-api", "off"]));
     let beacon = found(&checks, "beacon");
-    let (_, port) = simulator.udp.rsplit_once(':').unwrap();
+    let (_, port) = simulator.udp().rsplit_once(':').unwrap();
     assert!(beacon.contains(port), "{beacon}");
 
     let folder = tempfile::tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(["record", "--sim", "auto", "--port", "0"])
+    let output = DTD
+        .command(&["record", "--sim", "auto", "--port", "0"])
         .arg("--until-stdin-ends")
         .arg("--out")
         .arg(folder.path().join("tape.mcap"))
@@ -406,8 +378,8 @@ fn auto_is_the_simulator_that_announces_itself_for_the_doctor_and_the_recorder_t
 #[test]
 fn what_is_no_simulator_is_refused_with_what_would_do() {
     for verb in [&["doctor"][..], &["record", "--out", "never.mcap"]] {
-        let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
-            .args(verb)
+        let output = DTD
+            .command(verb)
             .args(["--sim", "nowhere"])
             .output()
             .unwrap();

@@ -4,34 +4,31 @@ use std::fs;
 use std::io::Read;
 use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::LazyLock;
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
 use tempfile::tempdir;
+use testkit::command::{Dtd, json, said, text};
+use testkit::files::assert_same_contents;
+use testkit::{program_of_venv, repository};
 
-fn repository() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
+/// What `kill` sends.
+const SIGKILL: i32 = 9;
+/// Far longer than anything here takes.
+const TOO_LONG: Duration = Duration::from_secs(180);
+const POLL: Duration = Duration::from_millis(2);
+
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 fn small_sweep() -> PathBuf {
     repository().join("tests/data/small.toml")
 }
 
 fn generate(corpus: &Path) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
-    command
-        .arg("generate")
-        .arg(small_sweep())
-        .arg("--out")
-        .arg(corpus)
-        .arg("--json")
-        .current_dir(repository())
-        // The environment of a scheduler that runs these tests is ignored.
-        .env_remove("SLURM_ARRAY_TASK_ID")
-        .env_remove("JOB_COMPLETION_INDEX");
+    let mut command = DTD.command(&["generate", "--json"]);
+    command.arg(small_sweep()).arg("--out").arg(corpus);
     command
 }
 
@@ -43,70 +40,69 @@ fn start(corpus: &Path) -> Child {
         .unwrap()
 }
 
-fn said(output: &Output) -> String {
-    format!(
-        "{}{}",
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr)
-    )
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(output)))
-}
-
-/// Every file of a corpus by name, with its bytes.
-fn contents(corpus: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut found = Vec::new();
-    let mut folders = vec![corpus.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = fs::read(&path).unwrap();
-                found.push((path.strip_prefix(corpus).unwrap().to_owned(), bytes));
-            }
-        }
-    }
-    found.sort();
-    found
-}
-
 fn assert_same(corpus: &Path) {
-    let [found, expected] = [corpus, &UNDISTURBED.0].map(contents);
-    let names = |all: &[(PathBuf, Vec<u8>)]| -> Vec<PathBuf> {
-        all.iter().map(|(name, _)| name.clone()).collect()
-    };
-    assert_eq!(names(&found), names(&expected));
-    for ((name, found), (_, expected)) in found.iter().zip(&expected) {
-        assert!(found == expected, "{} differs", name.display());
-    }
+    assert_same_contents(corpus, &UNDISTURBED);
 }
 
-/// A corpus without disturbances, made once, and its duration.
-static UNDISTURBED: LazyLock<(PathBuf, Duration)> = LazyLock::new(|| {
+/// A corpus without disturbances, made once.
+static UNDISTURBED: LazyLock<PathBuf> = LazyLock::new(|| {
     let corpus = Path::new(env!("CARGO_TARGET_TMPDIR")).join("undisturbed");
     let _ = fs::remove_dir_all(&corpus);
-    let began = Instant::now();
     let output = generate(&corpus).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
     assert_eq!(json(&output)["committed"].as_array().unwrap().len(), 6);
-    (corpus, began.elapsed())
+    corpus
 });
+
+/// Committed scenarios of a corpus, and those in work in which something exists.
+fn made_and_begun(corpus: &Path, what: &str) -> (usize, usize) {
+    let folders = fs::read_dir(corpus.join("scenarios")).into_iter().flatten();
+    let (mut made, mut begun) = (0, 0);
+    for folder in folders.map(|entry| entry.unwrap().path()) {
+        if !folder.to_string_lossy().ends_with(".partial") {
+            made += 1;
+        } else if folder.join(what).exists() {
+            begun += 1;
+        }
+    }
+    (made, begun)
+}
+
+/// Waits until a run has made this many scenarios and works on another one, in which something exists.
+fn until_at_work(run: &mut Child, corpus: &Path, wanted: usize, what: &str) {
+    let began = Instant::now();
+    loop {
+        let (made, begun) = made_and_begun(corpus, what);
+        if made >= wanted && begun > 0 {
+            return;
+        }
+        let ended = run.try_wait().unwrap();
+        assert!(ended.is_none(), "it ended by itself: {ended:?}");
+        assert!(began.elapsed() < TOO_LONG, "{made} made, {begun} begun");
+        sleep(POLL);
+    }
+}
 
 #[test]
 fn a_run_that_is_killed_again_and_again_ends_with_the_bytes_of_an_undisturbed_one() {
-    let took = UNDISTURBED.1;
     let folder = tempdir().unwrap();
     let corpus = folder.path().join("corpus");
-    // Spread over the duration of a run; the last ones come late, when most of it is finished.
-    for part in [0.15, 0.5, 0.35, 0.7, 0.25] {
+    // Each run makes one more, so that what the last one left is gone; some are killed as soon as they have a folder, some while
+    // they record.
+    for (made, what) in [
+        (0, ""),
+        (1, "views/left.mp4"),
+        (2, "views/right.mp4"),
+        (3, ""),
+        (4, "views/left.mp4"),
+    ] {
         let mut run = start(&corpus);
-        sleep(took.mul_f64(part));
+        until_at_work(&mut run, &corpus, made, what);
         run.kill().unwrap();
-        run.wait().unwrap();
+        let status = run.wait().unwrap();
+        assert_eq!(status.signal(), Some(SIGKILL), "{status}: not killed");
+        let (whole, _) = made_and_begun(&corpus, "");
+        assert!(whole < 6, "killed after its work");
     }
     let output = generate(&corpus).output().unwrap();
     assert!(output.status.success(), "{}", said(&output));
@@ -117,16 +113,8 @@ fn a_run_that_is_killed_again_and_again_ends_with_the_bytes_of_an_undisturbed_on
 fn sigterm_ends_a_run_in_good_order_and_the_same_command_goes_on() {
     let folder = tempdir().unwrap();
     let corpus = folder.path().join("corpus");
-    let run = start(&corpus);
-    // In the middle of the first scenario.
-    let scenarios = corpus.join("scenarios");
-    let began = Instant::now();
-    while fs::read_dir(&scenarios).is_ok_and(|mut entries| entries.next().is_none())
-        || !scenarios.exists()
-    {
-        assert!(began.elapsed() < Duration::from_secs(60), "nothing began");
-        sleep(Duration::from_millis(5));
-    }
+    let mut run = start(&corpus);
+    until_at_work(&mut run, &corpus, 0, "");
     let pid = run.id().to_string();
     assert!(
         Command::new("kill")
@@ -142,8 +130,9 @@ fn sigterm_ends_a_run_in_good_order_and_the_same_command_goes_on() {
     assert_eq!(outcome["stopped"]["cause"], "interrupted");
     assert_eq!(outcome["failed"], serde_json::json!([]));
     let whole = outcome["committed"].as_array().unwrap().len();
+    assert!(whole < 6, "it was done before the signal came: {outcome}");
     assert_eq!(
-        fs::read_dir(&scenarios).unwrap().count(),
+        fs::read_dir(corpus.join("scenarios")).unwrap().count(),
         whole,
         "something is left"
     );
@@ -236,11 +225,7 @@ fn a_disk_that_takes_no_more_ends_the_run_and_nothing_half_written_counts() {
     ] {
         assert!(message.contains(words), "no {words:?} in {message}");
     }
-    let verified = Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .arg("verify")
-        .arg(&corpus)
-        .output()
-        .unwrap();
+    let verified = DTD.run(&["verify", text(&corpus)]);
     assert!(verified.status.success(), "{}", said(&verified));
     let whole = ["committed", "skipped"].map(|list| outcome[list].as_array().unwrap().len());
     let left = fs::read_dir(corpus.join("scenarios")).unwrap().count();
@@ -289,27 +274,20 @@ fn a_corpus_without_scenarios_and_a_model_that_is_none_are_bad_input() {
     fs::create_dir_all(empty.join("scenarios")).unwrap();
     let no_model = folder.path().join("model.onnx");
     fs::write(&no_model, "not an ONNX file").unwrap();
-    let dtd = |arguments: &[&Path]| {
-        Command::new(env!("CARGO_BIN_EXE_dtd"))
-            .args(arguments)
-            .current_dir(repository())
-            .output()
-            .unwrap()
-    };
     for (arguments, words) in [
         (vec![Path::new("label"), &empty], "dtd generate"),
         (vec![Path::new("detect"), &empty], "dtd generate"),
         (
             vec![
                 Path::new("detect"),
-                &UNDISTURBED.0,
+                &UNDISTURBED,
                 Path::new("--model"),
                 &no_model,
             ],
             "model.onnx",
         ),
     ] {
-        let output = dtd(&arguments);
+        let output = DTD.run(&arguments);
         assert_eq!(
             output.status.code(),
             Some(2),
@@ -322,9 +300,8 @@ fn a_corpus_without_scenarios_and_a_model_that_is_none_are_bad_input() {
 
 #[test]
 fn a_reader_that_goes_away_ends_nothing_in_a_panic() {
-    let mut plan = Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(["plan", "scenarios.toml"])
-        .current_dir(repository())
+    let mut plan = DTD
+        .command(&["plan", "scenarios.toml"])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -344,12 +321,11 @@ fn a_reader_that_goes_away_ends_nothing_in_a_panic() {
 #[test]
 fn only_takes_names_and_leaves_the_sweep_alone() {
     let folder = tempdir().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(["generate", "--only", "1200-clear-r1,0099"])
+    let output = DTD
+        .command(&["generate", "--only", "1200-clear-r1,0099"])
         .arg(small_sweep())
         .arg("--out")
         .arg(folder.path().join("corpus"))
-        .current_dir(repository())
         .output()
         .unwrap();
     let message = said(&output);
@@ -360,13 +336,7 @@ fn only_takes_names_and_leaves_the_sweep_alone() {
 #[test]
 fn the_kubernetes_job_is_one_that_kubernetes_takes_and_counts_its_shards_right() {
     let file = repository().join("deploy/k8s/generate-job.yaml");
-    let judge = repository().join(".venv/bin/kubernetes-validate");
-    assert!(
-        judge.exists(),
-        "run `bash scripts/setup.sh` first: {} is missing",
-        judge.display()
-    );
-    let output = Command::new(judge)
+    let output = Command::new(program_of_venv("kubernetes-validate"))
         .args(["--strict", "--kubernetes-version", "1.33"])
         .arg(&file)
         .output()

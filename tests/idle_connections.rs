@@ -1,54 +1,27 @@
 //! Servers with few descriptors and many silent clients: they survive, and serve active clients.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{Read, Write};
 use std::net::{SocketAddr, TcpStream, UdpSocket};
-use std::process::{Child, Command, Stdio};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use testkit::command::Server;
 
 const IDLE: usize = 120;
 /// Fewer descriptors than idle clients.
 const DESCRIPTORS: u32 = 64;
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// A `dtd` that serves until its standard input ends.
-struct Server {
-    child: Child,
-    ready: Value,
-}
-
-impl Server {
-    fn start(arguments: &[&str]) -> Self {
-        let mut child = Command::new("bash")
+/// A `dtd` that serves with few descriptors.
+fn serving(arguments: &[&str]) -> Server {
+    Server::start(
+        Command::new("bash")
             .arg("-c")
             .arg(format!("ulimit -n {DESCRIPTORS} && exec \"$0\" \"$@\""))
             .arg(env!("CARGO_BIN_EXE_dtd"))
             .args(arguments)
-            .args(["--port", "0", "--until-stdin-ends"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let ready =
-            serde_json::from_str(&line).unwrap_or_else(|_| panic!("{arguments:?}: {line:?}"));
-        Self { child, ready }
-    }
-
-    fn address(&self, key: &str) -> SocketAddr {
-        self.ready[key].as_str().unwrap().parse().unwrap()
-    }
-
-    fn end(mut self) {
-        let early = self.child.try_wait().unwrap();
-        assert!(early.is_none(), "it ended by itself: {early:?}");
-        drop(self.child.stdin.take());
-        assert!(self.child.wait().unwrap().success());
-    }
+            .args(["--port", "0", "--until-stdin-ends"]),
+    )
 }
 
 fn idle(address: SocketAddr) -> Vec<TcpStream> {
@@ -68,7 +41,7 @@ fn is_greeted(link: SocketAddr) {
 
 #[test]
 fn a_hundred_and_twenty_idle_connections_end_no_stand_in() {
-    let server = Server::start(&["mock-xplane", "--no-beacon", "--quirks=none"]);
+    let server = serving(&["mock-xplane", "--no-beacon", "--quirks=none"]);
     let (link, web) = (server.address("capture_link"), server.address("web_api"));
     let _idle = [idle(link), idle(web)];
     is_greeted(link);
@@ -87,10 +60,10 @@ fn a_hundred_and_twenty_idle_connections_end_no_stand_in() {
 
 #[test]
 fn a_hundred_and_twenty_idle_connections_and_clients_end_no_recorder() {
-    let stand_in = Server::start(&["mock-xplane", "--no-beacon", "--quirks=none"]);
+    let stand_in = serving(&["mock-xplane", "--no-beacon", "--quirks=none"]);
     let folder = tempfile::tempdir().unwrap();
     let tape = folder.path().join("session.mcap");
-    let recorder = Server::start(&[
+    let recorder = serving(&[
         "record",
         "--sim",
         &stand_in.address("udp").to_string(),

@@ -4,11 +4,11 @@
 mod tiny;
 
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 
-use serde_json::Value;
+use testkit::command::Server;
+use testkit::skipped;
 use tiny::{Tiny, said};
 
 /// Brings up the loopback device of a new network namespace, without needing an installed tool, and becomes the command.
@@ -52,13 +52,9 @@ impl Cell {
         if tried.as_ref().is_ok_and(|output| output.status.success()) {
             return Some(cell);
         }
-        assert!(
-            std::env::var_os("CI").is_none(),
-            "needs unshare (root, or user namespaces), python3 and strace: {tried:?}"
-        );
-        eprintln!(
-            "skipped: needs unshare (root, or user namespaces), python3 and strace: {tried:?}"
-        );
+        skipped(&format!(
+            "it needs unshare (root, or user namespaces), python3 and strace: {tried:?}"
+        ));
         None
     }
 
@@ -121,33 +117,6 @@ fn addresses_of_others_are_seen_in_a_trace() {
     assert!(foreign(&six.replace("2620:1ec::42", "::1")).is_none());
 }
 
-/// A verb that serves until its standard input ends.
-struct Server {
-    child: Child,
-    ready: Value,
-}
-
-impl Server {
-    fn start(mut command: Command) -> Self {
-        let mut child = command
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let ready = serde_json::from_str(&line).unwrap();
-        Self { child, ready }
-    }
-
-    fn end(mut self) {
-        drop(self.child.stdin.take());
-        assert!(self.child.wait().unwrap().success(), "{}", self.ready);
-    }
-}
-
 #[test]
 fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
     let tiny = Tiny::made().copy();
@@ -186,7 +155,7 @@ fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
     let record = ["record", "--sim", "127.0.0.1:9", "--out", "session.mcap"];
     for serving in [&["mock-xplane"][..], &record] {
         let serving = [serving, &["--port", "0", "--until-stdin-ends"]].concat();
-        Server::start(cell.command(env!("CARGO_BIN_EXE_dtd"), &serving)).end();
+        Server::start(&mut cell.command(env!("CARGO_BIN_EXE_dtd"), &serving)).end();
     }
     let trace = fs::read_to_string(&cell.trace).unwrap();
     assert!(trace.contains("127.0.0.1"), "nothing was traced");

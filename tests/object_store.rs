@@ -6,6 +6,7 @@ mod s3_server;
 
 use std::fs;
 use std::net::SocketAddr;
+use std::os::unix::process::ExitStatusExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::sync::LazyLock;
@@ -19,18 +20,22 @@ use dataset::pixel_box::{Detection, PixelBox};
 use s3_server::{S3Server, Way};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
+use testkit::command::{Dtd, json, said};
+use testkit::files::{assert_same_contents, contents};
+use testkit::{program_of_venv, repository};
 
 const SCENARIOS: usize = 6;
+/// What `kill` sends.
+const SIGKILL: i32 = 9;
 /// Far longer than anything here takes.
 const TOO_LONG: Duration = Duration::from_secs(180);
 
 static SERVER: LazyLock<S3Server> = LazyLock::new(|| S3Server::start(&[]));
 
-/// The corpus as a folder, made by one run, and its duration.
-static IN_A_FOLDER: LazyLock<(PathBuf, Duration)> = LazyLock::new(|| {
+/// The corpus as a folder, made by one run.
+static IN_A_FOLDER: LazyLock<PathBuf> = LazyLock::new(|| {
     let corpus = Path::new(env!("CARGO_TARGET_TMPDIR")).join("object-store-undisturbed");
     let _ = fs::remove_dir_all(&corpus);
-    let began = Instant::now();
     let output = dtd(SERVER.address)
         .arg("generate")
         .arg("tests/data/small.toml")
@@ -39,26 +44,21 @@ static IN_A_FOLDER: LazyLock<(PathBuf, Duration)> = LazyLock::new(|| {
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", said(&output));
-    (corpus, began.elapsed())
+    corpus
 });
 
-fn repository() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// The command, with the environment for the server.
 fn dtd(server: SocketAddr) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dtd"));
+    let mut command = DTD.command(&[""; 0]);
     command
-        .current_dir(repository())
         .env("AWS_ENDPOINT_URL", format!("http://{server}"))
         .env("AWS_REGION", "us-east-1")
         .env("AWS_ACCESS_KEY_ID", "key")
         .env("AWS_SECRET_ACCESS_KEY", "secret")
         .env_remove("AWS_SESSION_TOKEN")
-        .env_remove("AWS_ALLOW_HTTP")
-        .env_remove("SLURM_ARRAY_TASK_ID")
-        .env_remove("JOB_COMPLETION_INDEX");
+        .env_remove("AWS_ALLOW_HTTP");
     command
 }
 
@@ -77,18 +77,6 @@ fn start(mut command: Command) -> Child {
         .stderr(Stdio::piped())
         .spawn()
         .unwrap()
-}
-
-fn said(output: &Output) -> String {
-    format!(
-        "{}{}",
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr)
-    )
-}
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", said(output)))
 }
 
 fn number(outcome: &Value, list: &str) -> usize {
@@ -128,37 +116,11 @@ fn fetch(url: &str) -> (TempDir, PathBuf, Output) {
     (folder, corpus, output)
 }
 
-/// Every file of a corpus by name, with its bytes.
-fn contents(corpus: &Path) -> Vec<(PathBuf, Vec<u8>)> {
-    let mut found = Vec::new();
-    let mut folders = vec![corpus.to_owned()];
-    while let Some(folder) = folders.pop() {
-        for entry in fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let bytes = fs::read(&path).unwrap();
-                found.push((path.strip_prefix(corpus).unwrap().to_owned(), bytes));
-            }
-        }
-    }
-    found.sort();
-    found
-}
-
 /// The corpus at the URL, downloaded, equals that of one run in a folder, and is valid.
 fn assert_same(url: &str) {
     let (_folder, corpus, output) = fetch(url);
     assert!(output.status.success(), "{}", said(&output));
-    let [found, expected] = [corpus.as_path(), &IN_A_FOLDER.0].map(contents);
-    let names = |all: &[(PathBuf, Vec<u8>)]| -> Vec<PathBuf> {
-        all.iter().map(|(name, _)| name.clone()).collect()
-    };
-    assert_eq!(names(&found), names(&expected));
-    for ((name, found), (_, expected)) in found.iter().zip(&expected) {
-        assert!(found == expected, "{} differs", name.display());
-    }
+    assert_same_contents(&corpus, &IN_A_FOLDER);
     let verified = dtd(SERVER.address)
         .args(["verify", "--complete"])
         .arg(&corpus)
@@ -209,12 +171,15 @@ fn two_shards_of_which_one_is_killed_make_the_corpus_of_one_run() {
 fn a_run_that_is_killed_again_and_again_goes_on_from_its_stage() {
     let url = bucket("killed");
     let stage = tempdir().unwrap();
-    let took = IN_A_FOLDER.1;
-    for part in [0.3, 0.6, 0.45, 0.9] {
+    // Each run commits one more scenario; the first is killed at its first recording.
+    for sent in 0..4 {
         let mut run = start(generate(SERVER.address, &url, stage.path()));
-        sleep(took.mul_f64(part));
+        until("a scenario is recorded", || scenarios_on(stage.path()) > 0);
+        until("scenarios are committed", || committed("killed") >= sent);
         run.kill().unwrap();
-        run.wait().unwrap();
+        let status = run.wait().unwrap();
+        assert_eq!(status.signal(), Some(SIGKILL), "{status}: not killed");
+        assert!(committed("killed") < SCENARIOS, "killed after its work");
     }
     let output = generate(SERVER.address, &url, stage.path())
         .output()
@@ -308,7 +273,7 @@ fn what_cannot_work_is_said_at_once_and_nothing_is_recorded() {
     let nobody = SocketAddr::from(([127, 0, 0, 1], 1));
     let other_plan = {
         SERVER.make_bucket("other-plan");
-        let plan = fs::read_to_string(IN_A_FOLDER.0.join("plan.json")).unwrap();
+        let plan = fs::read_to_string(IN_A_FOLDER.join("plan.json")).unwrap();
         let key = "\"config_hash\":\"";
         let other = plan.replacen(key, &format!("{key}0ther"), 1);
         assert_ne!(plan, other);
@@ -387,7 +352,7 @@ fn labels_go_back_to_the_bucket_and_another_mirror_gets_them() {
         assert!(output.status.success(), "{arguments:?}: {}", said(&output));
         output
     };
-    let local = IN_A_FOLDER.0.to_str().unwrap();
+    let local = IN_A_FOLDER.to_str().unwrap();
     let pushed = json(&run(&["push", local, &url, "--json"]));
     assert_eq!(number(&pushed, "pushed"), SCENARIOS, "{pushed}");
     let (_one, one, output) = fetch(&url);
@@ -405,7 +370,7 @@ fn labels_go_back_to_the_bucket_and_another_mirror_gets_them() {
     assert_eq!(number(&again, "unchanged"), SCENARIOS, "{again}");
     let output = dtd(SERVER.address)
         .args(["fetch", &url, "--json", "--out"])
-        .arg(&IN_A_FOLDER.0)
+        .arg(&*IN_A_FOLDER)
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(3), "{}", said(&output));
@@ -466,7 +431,7 @@ fn flip(path: &Path) {
 #[test]
 fn damaged_files_of_the_whole_corpus_go_neither_way() {
     let url = bucket("damaged-files");
-    let (_folder, local) = copy_of(&IN_A_FOLDER.0);
+    let (_folder, local) = copy_of(&IN_A_FOLDER);
     assert!(push(&local, &url).status.success());
     let whole = mirror(&url);
     for name in ["plan.json", "splits.json", "corpus.toml"] {
@@ -525,7 +490,7 @@ fn damaged_files_of_the_whole_corpus_go_neither_way() {
 #[test]
 fn a_lost_split_is_made_again_as_it_was_and_a_person_hears_of_it() {
     let url = bucket("lost-split");
-    let (_folder, local) = copy_of(&IN_A_FOLDER.0);
+    let (_folder, local) = copy_of(&IN_A_FOLDER);
     let split = local.join("splits.json");
     let good = fs::read(&split).unwrap();
     fs::remove_file(&split).unwrap();
@@ -549,7 +514,7 @@ fn a_lost_split_is_made_again_as_it_was_and_a_person_hears_of_it() {
 #[test]
 fn an_older_mirror_does_not_undo_labels_and_a_damaged_one_replaces_nothing() {
     let url = bucket("older");
-    let (_older, older) = copy_of(&IN_A_FOLDER.0);
+    let (_older, older) = copy_of(&IN_A_FOLDER);
     for seal in seals_of(&older) {
         date(&seal, -1);
     }
@@ -622,8 +587,8 @@ fn detect(corpus: &Path, score: f64) -> PathBuf {
 #[test]
 fn detections_are_never_overwritten_here_and_replaced_there_only_by_newer_ones() {
     let url = bucket("detections");
-    let (_one, one) = copy_of(&IN_A_FOLDER.0);
-    let (_two, two) = copy_of(&IN_A_FOLDER.0);
+    let (_one, one) = copy_of(&IN_A_FOLDER);
+    let (_two, two) = copy_of(&IN_A_FOLDER);
     let table = detect(&one, 0.25);
     date(&table.with_extension("json"), -1);
     let pushed = json(&push(&one, &url));
@@ -689,7 +654,7 @@ fn what_a_killed_push_left_in_the_store_is_cleared_by_the_next_one() {
         assert_eq!(status, 200, "{answer}");
     }
     assert_eq!(unfinished().len(), 2);
-    let pushed = json(&push(&IN_A_FOLDER.0, &url));
+    let pushed = json(&push(&IN_A_FOLDER, &url));
     assert_eq!(pushed["cleared"], 1, "{pushed}");
     assert_eq!(unfinished(), [elsewhere]);
     assert_same(&url);
@@ -716,7 +681,7 @@ for line in sys.argv[1].splitlines():
     assert got['Body'].read() == open(sys.argv[2] + '/' + name, 'rb').read(), name
     print(name)
 ";
-    let mut judge = Command::new(repository().join(".venv/bin/python"));
+    let mut judge = Command::new(program_of_venv("python"));
     for (name, value) in dtd(SERVER.address).get_envs() {
         if let Some(value) = value {
             judge.env(name, value);
@@ -734,7 +699,7 @@ for line in sys.argv[1].splitlines():
 #[test]
 fn a_corpus_that_is_no_stage_is_left_alone_and_detections_keep_a_scenario_on_its_stage() {
     let url = bucket("no-stage");
-    let (_copy, corpus) = copy_of(&IN_A_FOLDER.0);
+    let (_copy, corpus) = copy_of(&IN_A_FOLDER);
     assert!(push(&corpus, &url).status.success());
     let table = detect(&corpus, 0.5);
     let before = contents(&corpus);
@@ -760,7 +725,7 @@ fn a_corpus_that_is_no_stage_is_left_alone_and_detections_keep_a_scenario_on_its
 #[test]
 fn a_scenario_that_lost_a_file_or_is_not_the_planned_one_is_refused_and_the_others_are_sent() {
     let url = bucket("lost-a-file");
-    let (_copy, corpus) = copy_of(&IN_A_FOLDER.0);
+    let (_copy, corpus) = copy_of(&IN_A_FOLDER);
     let ids: Vec<String> = Corpus::open(&corpus)
         .unwrap()
         .scenarios()

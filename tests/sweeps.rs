@@ -7,6 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
+use testkit::command::{Dtd, said};
+use testkit::{program_of_venv, repository};
 
 /// A valid sweep; the cases change one line of it.
 const SOUND: &str = r#"#:schema ./sweep.schema.json
@@ -195,31 +197,15 @@ const CASES: &[Case] = &[
     ("times = [\"12:00\"]\n\n[weather", "times = [\"12:00\"]\nweathers = [\"hail\"]\n\n[weather", "\"hail\"", "there is no weather hail", CommandOnly),
 ];
 
-fn repository() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn dtd(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(arguments)
-        .current_dir(repository())
-        .output()
-        .unwrap()
-}
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// Runs a program of the virtual environment that `scripts/setup.sh` creates.
 fn judge(program: &str, folder: &Path, arguments: &[&str]) -> Output {
-    let path = repository().join(".venv/bin").join(program);
-    Command::new(&path)
+    Command::new(program_of_venv(program))
         .args(arguments)
         .current_dir(folder)
         .output()
-        .unwrap_or_else(|e| panic!("{}: {e}; run scripts/setup.sh", path.display()))
-}
-
-fn said(output: &Output) -> String {
-    let [out, err] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
-    format!("{out}{err}")
+        .unwrap()
 }
 
 /// A folder with the schema, the recorded flights, `sound.toml` and a file per case.
@@ -257,11 +243,11 @@ fn line_and_column(text: &str, words: &str) -> (usize, usize) {
 fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
     let (folder, files) = sweeps();
     let sound = folder.path().join("sound.toml");
-    let output = dtd(&["plan", sound.to_str().unwrap()]);
+    let output = DTD.run(&["plan", sound.to_str().unwrap()]);
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
     let mut wrong = String::new();
     for ((path, text), (_, to, place, words, _)) in files.iter().zip(CASES) {
-        let output = dtd(&["plan", path.to_str().unwrap()]);
+        let output = DTD.run(&["plan", path.to_str().unwrap()]);
         let message = said(&output);
         let (line, column) = line_and_column(text, place);
         let start = format!("error: {}:{line}:{column}: ", path.display());
@@ -280,7 +266,7 @@ fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
 
 #[test]
 fn the_committed_schema_is_what_the_command_prints() {
-    let output = dtd(&["schema"]);
+    let output = DTD.run(&["schema"]);
     assert!(output.status.success());
     let committed = fs::read(repository().join("schema/sweep.schema.json")).unwrap();
     assert!(

@@ -4,11 +4,13 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+use testkit::command::{Dtd, Server, text};
+use testkit::{program_of_venv, repository};
 use xplane_bridge::packet::{ToSimulator, WriteDataref};
 use xplane_bridge::tape::TapeReader;
 
@@ -18,78 +20,26 @@ const TAPE: &str = "tests/data/tape/session.mcap";
 const EXPECTED: &str = "tests/data/tape/expected.b3";
 const IDS: [&str; 2] = ["1200-clear-r1", "1200-foggy-r1"];
 
-fn repository() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
-
-fn dtd(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(arguments)
-        .current_dir(repository())
-        .output()
-        .unwrap()
-}
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 fn must(arguments: &[&str]) {
-    let output = dtd(arguments);
+    let output = DTD.run(arguments);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{arguments:?}: {said}");
-}
-
-/// A `dtd` that serves until its standard input ends.
-struct Server {
-    child: Child,
-    udp: String,
-}
-
-impl Server {
-    fn start(arguments: &[&str]) -> Self {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_dtd"))
-            .args(arguments)
-            .args(["--port", "0", "--until-stdin-ends"])
-            .current_dir(repository())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap())
-            .read_line(&mut line)
-            .unwrap();
-        let ready: Value =
-            serde_json::from_str(&line).unwrap_or_else(|_| panic!("{arguments:?}: {line:?}"));
-        let udp = ready["udp"].as_str().unwrap().to_owned();
-        Self { child, udp }
-    }
-
-    fn end(mut self) {
-        drop(self.child.stdin.take());
-        assert!(self.child.wait().unwrap().success());
-    }
-}
-
-impl Drop for Server {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-    }
 }
 
 /// Records a run of some scenarios; the tape is next to the corpus.
 fn recorded(folder: &Path, more: &[&str], only: &[&str]) -> (PathBuf, PathBuf) {
     let (corpus, tape) = (folder.join("corpus"), folder.join("session.mcap"));
     let arguments = [&["record", "--sim", "mock", "--out", text(&tape)], more].concat();
-    let recorder = Server::start(&arguments);
+    let recorder = DTD.serve(&arguments);
     let generate = [
         "generate",
         SWEEP,
         "--out",
         text(&corpus),
         "--sim",
-        &recorder.udp,
+        recorder.udp(),
     ];
     must(&[&generate[..], only].concat());
     recorder.end();
@@ -141,7 +91,7 @@ fn a_session_that_was_not_recorded_is_said_once_with_the_first_difference() {
         .replace("../flights", text(&flights));
     fs::write(&other, sweep).unwrap();
     let corpus = folder.path().join("corpus");
-    let output = dtd(&[
+    let output = DTD.run(&[
         "generate",
         text(&other),
         "--out",
@@ -173,7 +123,7 @@ fn a_recorded_session_gives_the_same_corpus_again_and_mcaps_own_reader_reads_it(
         same_scenario(id, &corpus, &again);
     }
 
-    let output = Command::new(repository().join(".venv/bin/python"))
+    let output = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges/tape.py"))
         .arg(&tape)
         .output()
@@ -257,7 +207,7 @@ fn what_the_tape_does_not_have_fails_and_says_so() {
         "--only",
         IDS[1],
     ];
-    let output = dtd(&generate);
+    let output = DTD.run(&generate);
     let said = String::from_utf8_lossy(&output.stdout).into_owned()
         + &String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(3), "{said}");
@@ -277,7 +227,7 @@ fn a_killed_recorder_leaves_a_tape_that_reads() {
         .set_read_timeout(Some(Duration::from_secs(20)))
         .unwrap();
     let address = simulator.local_addr().unwrap().to_string();
-    let mut recorder = Server::start(&["record", "--sim", &address, "--out", text(&tape)]);
+    let mut recorder = DTD.serve(&["record", "--sim", &address, "--out", text(&tape)]);
     let client = UdpSocket::bind("127.0.0.1:0").unwrap();
     for value in 0..WRITES {
         let write = WriteDataref {
@@ -285,7 +235,7 @@ fn a_killed_recorder_leaves_a_tape_that_reads() {
             value: value as f32,
         };
         let datagram = ToSimulator::WriteDataref(write).encode().unwrap();
-        client.send_to(&datagram, &recorder.udp).unwrap();
+        client.send_to(&datagram, recorder.udp()).unwrap();
         let mut buffer = [0; 1_024];
         let mut length = simulator.recv(&mut buffer).unwrap();
         // The recorder's own probe, which is on no tape.
@@ -307,8 +257,8 @@ fn a_killed_recorder_leaves_a_tape_that_reads() {
     while read().0 < WRITES && begin.elapsed() < Duration::from_secs(30) {
         sleep(Duration::from_millis(50));
     }
-    recorder.child.kill().unwrap();
-    recorder.child.wait().unwrap();
+    recorder.process().kill().unwrap();
+    recorder.process().wait().unwrap();
     assert_eq!(read(), (WRITES, false));
 }
 
@@ -327,30 +277,25 @@ fn line_with(lines: &mut impl BufRead, words: &str) -> String {
 #[test]
 fn a_recorder_in_front_of_nobody_says_so_at_the_start_and_at_the_end() {
     let folder = tempfile::tempdir().unwrap();
-    // A port that was free a moment ago.
-    let free = UdpSocket::bind("127.0.0.1:0").unwrap().local_addr();
-    let free = free.unwrap().to_string();
+    // A simulator that is there and never answers.
+    let mute = UdpSocket::bind("127.0.0.1:0").unwrap();
+    mute.set_read_timeout(Some(Duration::from_secs(20)))
+        .unwrap();
+    let address = mute.local_addr().unwrap().to_string();
     for (client_speaks, at_the_end) in [
         (false, "the tape is empty: no client spoke to the recorder"),
         (true, "nothing came back from"),
     ] {
         let tape = folder.path().join(format!("{client_speaks}.mcap"));
-        let mut recorder = Command::new(env!("CARGO_BIN_EXE_dtd"))
-            .args(["record", "--sim", &free, "--out", text(&tape)])
-            .args(["--port", "0", "--until-stdin-ends"])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut said = BufReader::new(recorder.stdout.take().unwrap());
-        let mut warnings = BufReader::new(recorder.stderr.take().unwrap());
-        let mut line = String::new();
-        said.read_line(&mut line).unwrap();
-        let ready: Value = serde_json::from_str(&line).unwrap();
+        let mut recorder = Server::start(
+            DTD.command(&["record", "--sim", &address, "--out", text(&tape)])
+                .args(["--port", "0", "--until-stdin-ends"])
+                .stderr(Stdio::piped()),
+        );
+        let mut warnings = BufReader::new(recorder.process().stderr.take().unwrap());
         // Still recording: it is ready, and the warning comes later.
         let early = line_with(&mut warnings, "nobody answers at");
-        assert!(early.contains(&free), "{early}");
+        assert!(early.contains(&address), "{early}");
         if client_speaks {
             let client = UdpSocket::bind("127.0.0.1:0").unwrap();
             let write = WriteDataref {
@@ -358,14 +303,16 @@ fn a_recorder_in_front_of_nobody_says_so_at_the_start_and_at_the_end() {
                 value: 1.0,
             };
             let datagram = ToSimulator::WriteDataref(write).encode().unwrap();
-            client
-                .send_to(&datagram, ready["udp"].as_str().unwrap())
-                .unwrap();
-            sleep(Duration::from_millis(500));
+            client.send_to(&datagram, recorder.udp()).unwrap();
+            // It has passed the recorder once it is here, behind the recorder's own questions.
+            let mut buffer = [0; 1_024];
+            while !buffer.starts_with(b"DREF") {
+                let _ = mute.recv(&mut buffer).unwrap();
+            }
         }
-        drop(recorder.stdin.take());
+        drop(recorder.process().stdin.take());
         line_with(&mut warnings, at_the_end);
-        assert!(recorder.wait().unwrap().success());
+        assert!(recorder.process().wait().unwrap().success());
         assert!(tape.is_file());
     }
 }

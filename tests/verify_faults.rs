@@ -3,7 +3,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 use std::sync::OnceLock;
 
 use dataset::calibration::{Calibration, CameraEntry};
@@ -16,6 +16,8 @@ use dataset::seal::seal_folder;
 use dataset::verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with};
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use serde_json::Value;
+use testkit::command::{Dtd, text};
+use testkit::repository;
 
 /// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog, with slightly misplaced and degraded cameras.
 const SWEEP: &str = r#"
@@ -70,16 +72,7 @@ const FOGGY: &str = "1200-foggy-r1";
 /// A tick in which the aircraft is near enough for visible motion, counted from the end of the recording.
 const FROM_THE_END: usize = 30;
 
-fn dtd(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_dtd"))
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// The valid corpus, made once per run of the tests.
 fn sound() -> &'static Path {
@@ -90,7 +83,7 @@ fn sound() -> &'static Path {
         fs::write(&sweep, SWEEP).unwrap();
         fs::create_dir(folder.path().join("flights")).unwrap();
         let flight = "01_calm_ils.csv";
-        let flights = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flights");
+        let flights = repository().join("tests/data/flights");
         fs::copy(
             flights.join(flight),
             folder.path().join("flights").join(flight),
@@ -101,7 +94,7 @@ fn sound() -> &'static Path {
             &["generate", text(&sweep), "--out", text(&corpus)][..],
             &["label", text(&corpus)][..],
         ] {
-            let output = dtd(arguments);
+            let output = DTD.run(arguments);
             let said = String::from_utf8_lossy(&output.stderr);
             assert!(output.status.success(), "{arguments:?}: {said}");
         }
@@ -288,7 +281,7 @@ fn a_sound_corpus_has_no_findings_and_its_pictures_prove_that_views_and_tables_a
 
 #[test]
 fn the_command_lists_faults_as_text_and_as_json_and_fails() {
-    let sound_one = dtd(&["verify", text(sound()), "--complete"]);
+    let sound_one = DTD.run(&["verify", text(sound()), "--complete"]);
     let said = String::from_utf8_lossy(&sound_one.stdout);
     assert_eq!(sound_one.status.code(), Some(0), "{said}");
     assert!(said.contains(": no faults"), "{said}");
@@ -296,14 +289,14 @@ fn the_command_lists_faults_as_text_and_as_json_and_fails() {
     let copy = Copy::new();
     flip_a_byte(&copy.path("calibration.json"));
     fs::remove_dir_all(copy.corpus.scenario(FOGGY).root()).unwrap();
-    let output = dtd(&["verify", text(copy.corpus.root()), "--quick"]);
+    let output = DTD.run(&["verify", text(copy.corpus.root()), "--quick"]);
     let said = String::from_utf8_lossy(&output.stdout);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(said.contains("calibration.json does not match its seal"));
     assert!(said.contains("1 planned scenario is missing"), "{said}");
 
     let arguments = ["verify", text(copy.corpus.root()), "--complete", "--json"];
-    let output = dtd(&arguments);
+    let output = DTD.run(&arguments);
     assert_eq!(output.status.code(), Some(1));
     let report: Value = serde_json::from_slice(&output.stdout).unwrap();
     let of = |id: &str| {

@@ -2,7 +2,6 @@
 //! once, and copies of it for tests that race, damage or starve the command.
 #![allow(dead_code, reason = "each test file uses a part of it")]
 
-use std::env;
 use std::ffi::OsStr;
 use std::fs;
 use std::io::Read;
@@ -11,6 +10,13 @@ use std::process::{Command, Output, Stdio};
 use std::sync::LazyLock;
 use std::thread;
 use std::time::{Duration, Instant};
+
+use testkit::command::Dtd;
+pub(crate) use testkit::command::said;
+use testkit::files::copy_folder;
+use testkit::onnx_runtime;
+
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// Five live approaches from 2 NM, six pictures a view.
 const SWEEP: &str = r#"
@@ -166,16 +172,12 @@ impl Tiny {
         found
     }
 
-    /// The command, run within the folder without a scheduler's environment. `DTD` names another build of it.
+    /// The command, run within the folder without a scheduler's environment.
     pub(crate) fn dtd(&self, arguments: &[impl AsRef<OsStr>]) -> Command {
-        let build = env::var_os("DTD").unwrap_or_else(|| env!("CARGO_BIN_EXE_dtd").into());
-        let mut command = Command::new(build);
+        let mut command = DTD.command(arguments);
         command
-            .args(arguments)
             .current_dir(self.root())
-            .env("ORT_DYLIB_PATH", onnx_runtime())
-            .env_remove("SLURM_ARRAY_TASK_ID")
-            .env_remove("JOB_COMPLETION_INDEX");
+            .env("ORT_DYLIB_PATH", onnx_runtime());
         command
     }
 
@@ -222,28 +224,6 @@ impl Tiny {
     }
 }
 
-/// ONNX Runtime as `scripts/setup.sh` installs it.
-fn onnx_runtime() -> &'static Path {
-    static FOUND: LazyLock<PathBuf> = LazyLock::new(|| {
-        let python = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/lib");
-        let packages = fs::read_dir(&python).unwrap_or_else(|error| {
-            panic!(
-                "run `bash scripts/setup.sh` first: {}: {error}",
-                python.display()
-            )
-        });
-        packages
-            .flatten()
-            .map(|version| version.path().join("site-packages/onnxruntime/capi"))
-            .filter_map(|folder| fs::read_dir(folder).ok())
-            .flat_map(|files| files.flatten())
-            .map(|file| file.path())
-            .find(|path| path.to_string_lossy().contains("/libonnxruntime.so"))
-            .expect("ONNX Runtime in .venv")
-    });
-    &FOUND
-}
-
 /// Runs a command to its end; `None` if it times out and is killed.
 pub(crate) fn run(command: &mut Command, patience: Duration) -> Option<Output> {
     let mut process = command
@@ -281,26 +261,4 @@ pub(crate) fn run(command: &mut Command, patience: Duration) -> Option<Output> {
         stdout: stdout.join().unwrap(),
         stderr: stderr.join().unwrap(),
     })
-}
-
-/// What a process printed.
-pub(crate) fn said(output: &Output) -> String {
-    format!(
-        "{}{}",
-        String::from_utf8_lossy(&output.stdout),
-        String::from_utf8_lossy(&output.stderr)
-    )
-}
-
-fn copy_folder(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        if entry.path().is_dir() {
-            copy_folder(&entry.path(), &target);
-        } else {
-            fs::copy(entry.path(), target).unwrap();
-        }
-    }
 }

@@ -21,6 +21,9 @@ fn the_plugins_python_tests_pass() {
         .find_map(|line| line.strip_prefix("Ran ")?.split(' ').next())
         .and_then(|count| count.parse::<u32>().ok());
     assert!(ran.is_some_and(|count| count >= 30), "{said}");
+    if said.contains("skipped=") {
+        testkit::skipped(&format!("some of the plugin's tests: {said}"));
+    }
 }
 
 /// Finds and runs the tests of a folder.

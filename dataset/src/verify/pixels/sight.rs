@@ -279,11 +279,19 @@ mod tests {
     }
 
     #[test]
-    fn a_box_at_the_edge_of_the_picture_is_looked_at_without_leaving_it() {
-        let rgb = picture(None);
-        let picture = Picture::new(&rgb, SIZE, SIZE);
+    fn a_bar_that_the_edge_of_the_picture_cuts_off_is_found_by_what_is_left_of_it() {
+        let without = picture(None);
         for (x, y) in [(-4.0, -1.0), (99.0, 95.0), (0.0, 95.0)] {
-            look(&picture, &around(x, y));
+            let with = picture(Some((x, y)));
+            let [nothing, bar] = [&without, &with].map(|rgb| {
+                let picture = Picture::new(rgb, SIZE, SIZE);
+                look(&picture, &around(x, y)).unwrap()
+            });
+            assert!(nothing.is_empty(), "({x}, {y}): {nothing:?}");
+            assert!(bar.is_filled(), "({x}, {y}): {bar:?}");
+            // What is seen of it lies inwards of its centre.
+            let inwards = DVec2::splat(47.5) - DVec2::new(x, y);
+            assert!(bar.offset_px.dot(inwards) > 0.0, "({x}, {y}): {bar:?}");
         }
     }
 }
