@@ -125,6 +125,19 @@ impl CorpusFiles {
         self.files.get(name)
     }
 
+    /// Names and bytes, in the order of [`Corpus::FILES`].
+    pub(super) fn contents(&self) -> impl Iterator<Item = (&'static str, &[u8])> {
+        let names = Corpus::FILES.into_iter();
+        names.filter_map(|name| Some((name, self.files.get(name)?.0.as_slice())))
+    }
+
+    /// How the file of this name relates to a remote one; the error says what is wrong with the remote one.
+    pub(super) fn standing(&self, name: &str, theirs: &[u8]) -> Result<Standing, String> {
+        let theirs = CorpusFile::parse(name, theirs)?;
+        let ours = self.get(name);
+        Ok(ours.map_or(Standing::TheirsHasMore, |(_, ours)| ours.standing(&theirs)))
+    }
+
     fn plan(&self) -> Option<&Plan> {
         match self.get(Corpus::PLAN) {
             Some((_, CorpusFile::Plan(plan))) => Some(plan),

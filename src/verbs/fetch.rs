@@ -221,7 +221,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
             }
         };
         if ours == *bytes {
-            plan_is_theirs &= name != "plan.json";
+            plan_is_theirs &= name != Corpus::PLAN;
             continue;
         }
         let shown = path.display().to_string();
@@ -249,7 +249,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
                 )));
             }
         };
-        if name == "plan.json" {
+        if name == Corpus::PLAN {
             plan_is_theirs = is_theirs;
         }
         if is_theirs {
@@ -264,7 +264,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
         match theirs.split_again() {
             Some(split) => {
                 split
-                    .map_err(|reason| damaged("plan.json", reason))?
+                    .map_err(|reason| damaged(Corpus::PLAN, reason))?
                     .write(&splits)?;
                 said.push(SPLIT_AGAIN.into());
             }

@@ -8,11 +8,11 @@ use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use dataset::plan::PlannedScenarios;
 use serde::Serialize;
-use store::{CorpusStore, Keep, OnOther, Patience, Pushed, Settled, StoreError};
+use store::{CorpusStore, Keep, OnOther, Patience, Pushed, StoreError};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::corpus_files::{CorpusFile, CorpusFiles, SPLIT_AGAIN, Standing};
+use super::corpus_files::{CorpusFiles, SPLIT_AGAIN, Standing};
 use super::object_store::{OnBar, failure_of};
 use super::open_corpus::open_filled_corpus;
 use super::output::{count, print_json};
@@ -198,7 +198,7 @@ async fn files_to_send(
                 "{} is missing; the store keeps its own, and `dtd fetch` brings it",
                 corpus.root().join(name).display()
             ));
-        } else if name == "splits.json"
+        } else if name == Corpus::SPLITS
             && let Some(split) = files.split_again()
         {
             let split = split.map_err(|reason| refuse(name, reason))?;
@@ -228,53 +228,39 @@ async fn send_corpus_files(
     store: &CorpusStore,
     sent: &mut Sent,
 ) -> Result<(), Failure> {
-    let mut with_plan = Keep::Ours;
-    for name in Corpus::FILES {
-        let Some((bytes, ours)) = files.get(name) else {
-            continue;
+    let mut said: Vec<(&str, String)> = Vec::new();
+    let judge = |name, theirs: &[u8], plan| {
+        let (keep, words) = match files.standing(name, theirs) {
+            Err(damage) => (
+                Keep::Ours,
+                format!("replaced the store's {name}, which was damaged: {damage}"),
+            ),
+            Ok(Standing::OursHasMore) => (
+                Keep::Ours,
+                format!("replaced the store's {name}, which had less than ours"),
+            ),
+            Ok(Standing::TheirsHasMore) => (
+                Keep::Theirs,
+                format!("the store's {name} has more than ours and stays"),
+            ),
+            Ok(Standing::AsThePlan) if plan == Keep::Ours => (
+                Keep::Ours,
+                format!("replaced the store's {name} along with the plan"),
+            ),
+            Ok(Standing::Same | Standing::AsThePlan) => return Ok(Keep::Theirs),
+            Ok(Standing::Conflict(difference)) => {
+                return Err(NotSent::Conflict { name, difference });
+            }
         };
-        let mut said = None;
-        let settled = store
-            .settle(name, bytes, |theirs| {
-                let keep = match CorpusFile::parse(name, theirs)
-                    .map(|theirs| ours.standing(&theirs))
-                {
-                    Err(damage) => {
-                        said = Some(format!(
-                            "replaced the store's {name}, which was damaged: {damage}"
-                        ));
-                        Keep::Ours
-                    }
-                    Ok(Standing::OursHasMore) => {
-                        said = Some(format!(
-                            "replaced the store's {name}, which had less than ours"
-                        ));
-                        Keep::Ours
-                    }
-                    Ok(Standing::TheirsHasMore) => {
-                        said = Some(format!("the store's {name} has more than ours and stays"));
-                        Keep::Theirs
-                    }
-                    Ok(Standing::Same) => Keep::Theirs,
-                    Ok(Standing::AsThePlan) => {
-                        if with_plan == Keep::Ours {
-                            said = Some(format!("replaced the store's {name} along with the plan"));
-                        }
-                        with_plan
-                    }
-                    Ok(Standing::Conflict(difference)) => {
-                        return Err(NotSent::Conflict { name, difference });
-                    }
-                };
-                Ok(keep)
-            })
-            .await
-            .map_err(|error| error.into_failure(store))?;
-        if name == "plan.json" && settled != Settled::Sent {
-            with_plan = Keep::Theirs;
-        }
-        sent.corpus_files.extend(said);
-    }
+        // Judged again if another process wrote it in the meantime.
+        said.retain(|(of, _)| *of != name);
+        said.push((name, words));
+        Ok(keep)
+    };
+    let settled = store.settle_files(files.contents(), judge).await;
+    settled.map_err(|error| error.into_failure(store))?;
+    sent.corpus_files
+        .extend(said.into_iter().map(|(_, words)| words));
     Ok(())
 }
 

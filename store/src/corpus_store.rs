@@ -12,7 +12,7 @@ use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as ObjectPath;
 use object_store::{
     Attribute, Attributes, GetOptions, GetResult, ObjectMeta, ObjectStore, ObjectStoreExt, PutMode,
-    PutOptions, UpdateVersion,
+    PutOptions,
 };
 use tokio::time::timeout;
 
@@ -33,9 +33,6 @@ const QUESTIONS_AT_ONCE: usize = 16;
 const MOST_BYTES: u64 = 256 << 20;
 /// A file of a store that is a folder. Its maximum size depends on its kind.
 const OBJECT: FileKind = FileKind::new("object", u64::MAX);
-/// Retries against others who write the same file at the same time.
-const ROUNDS: u32 = 8;
-
 /// A corpus in an object store.
 #[derive(Debug, Clone)]
 pub struct CorpusStore {
@@ -55,26 +52,6 @@ pub(crate) struct ObjectInfo {
     pub(crate) bytes: u64,
     /// When it was written, by the store's clock.
     pub(crate) modified: SystemTime,
-}
-
-/// Which version of a file to keep.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Keep {
-    /// The caller's.
-    Ours,
-    /// The existing one.
-    Theirs,
-}
-
-/// The result for a file of the whole corpus.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Settled {
-    /// It was sent.
-    Sent,
-    /// The same content existed.
-    Same,
-    /// Other content existed and stays.
-    Theirs,
 }
 
 impl CorpusStore {
@@ -204,7 +181,7 @@ impl CorpusStore {
         Ok(self.read_object(name).await?.map(|(bytes, _)| bytes))
     }
 
-    async fn read_object(&self, name: &str) -> Result<Option<(Vec<u8>, ObjectMeta)>> {
+    pub(crate) async fn read_object(&self, name: &str) -> Result<Option<(Vec<u8>, ObjectMeta)>> {
         let Some(got) = self.get(name, GetOptions::default()).await? else {
             return Ok(None);
         };
@@ -230,7 +207,7 @@ impl CorpusStore {
         Ok(Some((bytes.to_vec(), object)))
     }
 
-    fn keeps_metadata(&self) -> bool {
+    pub(crate) fn keeps_metadata(&self) -> bool {
         self.folder.is_none()
     }
 
@@ -289,51 +266,12 @@ impl CorpusStore {
             .collect())
     }
 
-    /// Writes a file of the whole corpus unless it exists. If another one exists, `judge` sees it and decides. Of several
-    /// concurrent writers one is first, and the others judge its file: the store compares, if it can (If-None-Match, If-Match).
-    pub async fn settle<E: From<StoreError>>(
+    pub(crate) async fn put(
         &self,
         name: &str,
-        ours: &[u8],
-        mut judge: impl FnMut(&[u8]) -> std::result::Result<Keep, E>,
-    ) -> std::result::Result<Settled, E> {
-        self.own_key(name)?;
-        // Tried first even if the file probably exists: so missing write permission shows now, not after the first scenario.
-        let mut mode = PutMode::Create;
-        for _ in 0..ROUNDS {
-            match self.put(name, ours, mode).await {
-                Ok(()) => return Ok(Settled::Sent),
-                Err(
-                    object_store::Error::AlreadyExists { .. }
-                    | object_store::Error::Precondition { .. }
-                    | object_store::Error::NotImplemented { .. },
-                ) => {}
-                Err(error) => return Err(self.error(&format!("write {name}"), &error).into()),
-            }
-            mode = match self.read_object(name).await? {
-                // Stores without conditional writes.
-                None => PutMode::Overwrite,
-                Some((theirs, _)) if theirs == ours => return Ok(Settled::Same),
-                Some((theirs, object)) => match judge(&theirs)? {
-                    Keep::Theirs => return Ok(Settled::Theirs),
-                    Keep::Ours if self.keeps_metadata() => PutMode::Update(UpdateVersion {
-                        e_tag: object.e_tag,
-                        version: object.version,
-                    }),
-                    // Folders have no versions.
-                    Keep::Ours => PutMode::Overwrite,
-                },
-            };
-        }
-        Err(StoreError::Away {
-            url: self.name.clone(),
-            doing: format!("write {name}"),
-            message: "others write it all the time".into(),
-        }
-        .into())
-    }
-
-    async fn put(&self, name: &str, bytes: &[u8], mode: PutMode) -> object_store::Result<()> {
+        bytes: &[u8],
+        mode: PutMode,
+    ) -> object_store::Result<()> {
         let options = PutOptions {
             mode,
             ..PutOptions::default()

@@ -19,15 +19,17 @@ mod leftovers;
 mod open;
 mod patience;
 mod place;
+mod settle;
 mod upload;
 
 #[cfg(test)]
 mod tests;
 
-pub use corpus_store::{CorpusStore, Keep, Settled};
+pub use corpus_store::CorpusStore;
 pub use detections::{LeftDetections, MovedDetections};
 pub use error::{Result, StoreError};
 pub use fetch::Fetched;
 pub use patience::{Patience, Watch};
 pub use place::{Place, StoreUrl};
+pub use settle::Keep;
 pub use upload::{OnOther, Pushed};

@@ -378,27 +378,31 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
 }
 
 #[tokio::test]
-async fn the_first_plan_stays_unless_the_one_who_comes_later_may_replace_it() {
+async fn the_first_plan_stays_unless_the_one_who_comes_later_may_replace_it_and_the_sweep_goes_with_it()
+ {
     let (_folder, stores) = stores();
     for store in stores {
-        let settle = async |ours: &str, keep: Keep| {
-            let mut seen = None;
-            let settled = store
-                .settle("plan.json", ours.as_bytes(), |theirs| {
-                    seen = Some(String::from_utf8(theirs.to_vec()).unwrap());
-                    Ok::<_, StoreError>(keep)
-                })
-                .await
-                .unwrap();
-            (settled, seen)
+        let settle = async |ours: &'static str, keep: Keep| {
+            let mut seen = Vec::new();
+            let files = [(Corpus::PLAN, ours), (Corpus::SWEEP, ours)];
+            let judge = |name, theirs: &[u8], plan| {
+                seen.push((name, String::from_utf8(theirs.to_vec()).unwrap()));
+                Ok::<_, StoreError>(if name == Corpus::PLAN { keep } else { plan })
+            };
+            let files = files.map(|(name, text)| (name, text.as_bytes()));
+            store.settle_files(files, judge).await.unwrap();
+            for name in [Corpus::PLAN, Corpus::SWEEP] {
+                let there = store.read(name).await.unwrap().unwrap();
+                let stays = if keep == Keep::Ours { ours } else { "one" };
+                assert_eq!(String::from_utf8(there).unwrap(), stays);
+            }
+            seen
         };
-        assert_eq!(settle("one", Keep::Ours).await, (Settled::Sent, None));
-        assert_eq!(settle("one", Keep::Theirs).await, (Settled::Same, None));
-        let seen = Some("one".to_owned());
-        let settled = settle("two", Keep::Theirs).await;
-        assert_eq!(settled, (Settled::Theirs, seen.clone()));
-        assert_eq!(settle("two", Keep::Ours).await, (Settled::Sent, seen));
-        assert_eq!(store.read("plan.json").await.unwrap().unwrap(), b"two");
+        assert_eq!(settle("one", Keep::Ours).await, []);
+        assert_eq!(settle("one", Keep::Theirs).await, []);
+        let seen = [Corpus::PLAN, Corpus::SWEEP].map(|name| (name, "one".to_owned()));
+        assert_eq!(settle("two", Keep::Theirs).await, seen);
+        assert_eq!(settle("two", Keep::Ours).await, seen);
     }
 }
 

@@ -11,7 +11,7 @@ use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal::Seal;
-use store::{CorpusStore, Keep, OnOther, Pushed, Settled, StoreError, Watch};
+use store::{CorpusStore, Keep, OnOther, Pushed, StoreError, Watch};
 use tokio::sync::mpsc;
 use tokio::time::sleep;
 
@@ -51,15 +51,15 @@ impl Remote {
     /// corpus, if it has one.
     pub(super) async fn look(&self, plan: &Plan) -> Result<Option<Vec<u8>>, GenerateError> {
         self.store.check().await?;
-        if let Some(theirs) = self.store.read("plan.json").await? {
+        if let Some(theirs) = self.store.read(Corpus::PLAN).await? {
             self.agrees(plan, &theirs)?;
         }
-        Ok(self.store.read("splits.json").await?)
+        Ok(self.store.read(Corpus::SPLITS).await?)
     }
 
     /// The plan of the store, if ours may replace it.
     fn agrees(&self, plan: &Plan, theirs: &[u8]) -> Result<Plan, GenerateError> {
-        let theirs = Plan::parse(theirs, &self.path_of("plan.json"))?;
+        let theirs = Plan::parse(theirs, &self.path_of(Corpus::PLAN))?;
         match Difference::between(&theirs, plan).conflict() {
             Some(difference) => Err(GenerateError::OtherPlan {
                 corpus: self.store.name().into(),
@@ -93,32 +93,25 @@ impl Remote {
         Ok(seals)
     }
 
-    /// Uploads the files of the whole corpus. The plan goes first: a process that loses a race notices there.
+    /// Uploads the files of the whole corpus.
     pub(super) async fn publish(&self, stage: &Corpus, plan: &Plan) -> Result<(), GenerateError> {
-        let ours = outside_file::read(&stage.plan_path(), FileKind::PLAN)?;
-        let settled = self
-            .store
-            .settle("plan.json", &ours, |theirs| {
-                Ok::<_, GenerateError>(match self.agrees(plan, theirs)? == *plan {
-                    true => Keep::Theirs,
-                    false => Keep::Ours,
+        let files = [
+            outside_file::read(&stage.plan_path(), FileKind::PLAN)?,
+            outside_file::read(&stage.splits_path(), FileKind::json("split"))?,
+            outside_file::read(&stage.sweep_path(), FileKind::SWEEP)?,
+        ];
+        let named = Corpus::FILES
+            .into_iter()
+            .zip(files.iter().map(Vec::as_slice));
+        self.store
+            .settle_files(named, |name, theirs, settled_plan| {
+                Ok(match name {
+                    Corpus::PLAN if self.agrees(plan, theirs)? == *plan => Keep::Theirs,
+                    Corpus::SWEEP => settled_plan,
+                    _ => Keep::Ours,
                 })
             })
-            .await?;
-        let splits = outside_file::read(&stage.splits_path(), FileKind::json("split"))?;
-        self.store
-            .settle("splits.json", &splits, |_| Ok::<_, StoreError>(Keep::Ours))
-            .await?;
-        let sweep = outside_file::read(&stage.sweep_path(), FileKind::SWEEP)?;
-        self.store
-            .settle("corpus.toml", &sweep, |_| {
-                Ok::<_, StoreError>(match settled {
-                    Settled::Sent => Keep::Ours,
-                    _ => Keep::Theirs,
-                })
-            })
-            .await?;
-        Ok(())
+            .await
     }
 
     /// Removes from the stage what an earlier run uploaded and did not clear before it was killed.
