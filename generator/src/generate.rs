@@ -47,7 +47,7 @@ pub use event::{Event, OnEvent};
 pub use outcome::{FailedScenario, Outcome, Stopped};
 pub use patience::Patience;
 pub use remote::Remote;
-pub use session::SimulatorTarget;
+pub use session::{BadSimulator, SimulatorTarget};
 pub use simulators::Simulators;
 /// A switch that can be set once, from any thread, e.g. by Ctrl-C.
 pub use tokio_util::sync::CancellationToken as Cancel;
@@ -269,7 +269,7 @@ async fn open_sessions(
         return Err(match sessions.swap_remove(0).1 {
             Some(ScenarioError::Bridge(error)) => error.into(),
             Some(ScenarioError::StandIn(error)) => error.into(),
-            Some(ScenarioError::Tape { tape, message }) => GenerateError::Tape { tape, message },
+            Some(ScenarioError::Tape { tape, cause }) => GenerateError::Tape { tape, cause },
             _ => GenerateError::Cancelled,
         });
     }

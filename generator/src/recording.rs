@@ -3,6 +3,7 @@
 //! Columns (by name, in any order): `t_s, latitude_deg, longitude_deg, altitude_msl_m, pitch_deg, roll_deg, heading_true_deg,
 //! tas_mps, v_north_mps, v_east_mps, v_down_mps, flap_norm, gear_norm, on_ground`.
 
+use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -12,7 +13,69 @@ use dataset::pose::{Controls, FlightState, Pose};
 use glob::Pattern;
 use serde::Deserialize;
 
-use crate::trajectory::Trajectory;
+use crate::trajectory::{BadFlight, Trajectory};
+
+/// Why there are no recordings, or why one cannot be flown. Every message names the file or the pattern.
+#[derive(Debug, thiserror::Error)]
+pub enum RecordingError {
+    /// The folder of the sweep has a name that a pattern cannot contain.
+    #[error("the folder {} is not UTF-8", folder.display())]
+    FolderNotText {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// The pattern has no meaning.
+    #[error("{pattern:?} is not a valid glob: {cause}")]
+    BadPattern {
+        /// The pattern.
+        pattern: String,
+        /// Why not.
+        cause: glob::PatternError,
+    },
+    /// A folder cannot be searched.
+    #[error("cannot list {}: {cause}", folder.display())]
+    Unlistable {
+        /// The folder.
+        folder: PathBuf,
+        /// Why not.
+        cause: io::Error,
+    },
+    /// The pattern matches nothing.
+    #[error("no file matches {}; expected one recording at least", pattern.display())]
+    NoMatch {
+        /// The pattern in its folder.
+        pattern: PathBuf,
+    },
+    /// The file cannot be read.
+    #[error(transparent)]
+    Unreadable(#[from] dataset::Error),
+    /// The file is not a table of flight states.
+    #[error("{}: {cause}", path.display())]
+    NotATable {
+        /// The file.
+        path: PathBuf,
+        /// Line and reason.
+        cause: csv::Error,
+    },
+    /// A number that no airliner has.
+    #[error("{}:{line}: {fault}", path.display())]
+    OutOfLimits {
+        /// The file.
+        path: PathBuf,
+        /// Its line, from 1.
+        line: u64,
+        /// Column, value and range.
+        fault: FieldOutOfLimits,
+    },
+    /// The states are not a flight, or not an approach to the sweep's runway.
+    #[error("{} {fault}", path.display())]
+    Flight {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with the flight.
+        fault: BadFlight,
+    },
+}
 
 /// A recorded flight, read and checked.
 #[derive(Debug, Clone)]
@@ -103,9 +166,12 @@ impl From<Row> for FlightState {
 
 impl Recording {
     /// Reads a recording; errors name the file and its line.
-    pub fn read(path: &Path) -> Result<Self, String> {
-        let bytes = outside_file::read(path, FileKind::RECORDING).map_err(|e| e.to_string())?;
-        let unreadable = |e: csv::Error| format!("{}: {e}", path.display());
+    pub fn read(path: &Path) -> Result<Self, RecordingError> {
+        let bytes = outside_file::read(path, FileKind::RECORDING)?;
+        let unreadable = |cause| RecordingError::NotATable {
+            path: path.to_owned(),
+            cause,
+        };
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
         let columns = reader.headers().cloned().map_err(unreadable)?;
         let mut states = Vec::new();
@@ -114,11 +180,18 @@ impl Recording {
             let row: Row = record.deserialize(Some(&columns)).map_err(unreadable)?;
             if let Some(fault) = row.out_of_limits() {
                 let line = record.position().map_or(0, csv::Position::line);
-                return Err(format!("{}:{line}: {fault}", path.display()));
+                return Err(RecordingError::OutOfLimits {
+                    path: path.to_owned(),
+                    line,
+                    fault,
+                });
             }
             states.push(FlightState::from(row));
         }
-        let trajectory = Trajectory::new(states).map_err(|e| format!("{} {e}", path.display()))?;
+        let trajectory = Trajectory::new(states).map_err(|fault| RecordingError::Flight {
+            path: path.to_owned(),
+            fault,
+        })?;
         Ok(Self {
             file: path
                 .file_name()
@@ -142,30 +215,37 @@ impl Recording {
 
 /// The files that a glob matches, sorted; it is relative to `folder`. `*` and `?` match within a name, `**` across folders, `[..]`
 /// one of several characters.
-pub(crate) fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, String> {
+pub(crate) fn matching_files(folder: &Path, pattern: &str) -> Result<Vec<PathBuf>, RecordingError> {
     // The folder is not the author's choice: glob characters in it are literal.
     let whole = match folder.to_str() {
         Some("") => pattern.to_owned(),
         _ if Path::new(pattern).is_absolute() => pattern.to_owned(),
         Some(folder) => format!("{}/{pattern}", Pattern::escape(folder)),
-        None => return Err(format!("the folder {} is not UTF-8", folder.display())),
+        None => {
+            return Err(RecordingError::FolderNotText {
+                folder: folder.to_owned(),
+            });
+        }
     };
-    let paths = glob::glob(&whole).map_err(|e| format!("{pattern:?} is not a valid glob: {e}"))?;
+    let paths = glob::glob(&whole).map_err(|cause| RecordingError::BadPattern {
+        pattern: pattern.to_owned(),
+        cause,
+    })?;
     let mut found = Vec::new();
     for path in paths {
-        let path =
-            path.map_err(|e| format!("cannot list {}: {}", e.path().display(), e.error()))?;
+        let path = path.map_err(|error| RecordingError::Unlistable {
+            folder: error.path().to_owned(),
+            cause: error.into(),
+        })?;
         if path.is_file() {
             found.push(path);
         }
     }
     found.sort();
     if found.is_empty() {
-        let place = folder.join(pattern);
-        Err(format!(
-            "no file matches {}; expected one recording at least",
-            place.display()
-        ))
+        Err(RecordingError::NoMatch {
+            pattern: folder.join(pattern),
+        })
     } else {
         Ok(found)
     }
@@ -228,7 +308,7 @@ pub(crate) mod tests {
             format!("{HEADER}\n0,1,104,high,0,0,0,0,0,0,0,0,0,0\n"),
         )
         .unwrap();
-        let message = Recording::read(&path).unwrap_err();
+        let message = Recording::read(&path).unwrap_err().to_string();
         assert!(
             message.contains("bad.csv") && message.contains("line: 2"),
             "{message}"
@@ -237,6 +317,7 @@ pub(crate) mod tests {
         assert!(
             Recording::read(&path)
                 .unwrap_err()
+                .to_string()
                 .contains("missing field")
         );
     }
@@ -266,7 +347,7 @@ pub(crate) mod tests {
             fields[at] = value;
             let odd = fields.join(",");
             fs::write(&path, format!("{HEADER}\n{sound}\n{odd}\n")).unwrap();
-            let message = Recording::read(&path).unwrap_err();
+            let message = Recording::read(&path).unwrap_err().to_string();
             let expected = format!("odd.csv:3: {words}");
             assert!(message.contains(&expected), "{message}");
         }
@@ -282,7 +363,8 @@ pub(crate) mod tests {
             fs::write(folder.join(name), "").unwrap();
         }
         let names = |pattern: &str| {
-            matching_files(&folder, pattern).map(|files| {
+            let found = matching_files(&folder, pattern).map_err(|error| error.to_string());
+            found.map(|files| {
                 let names = files.iter().map(|file| file.strip_prefix(&folder).unwrap());
                 names.map(|n| n.display().to_string()).collect::<Vec<_>>()
             })

@@ -16,18 +16,63 @@ pub struct Shard {
     count: u32,
 }
 
+/// Why there is no shard.
+#[derive(Debug, PartialEq, Eq, thiserror::Error)]
+pub enum BadShard {
+    /// An index that the count does not have.
+    #[error("there is no shard {index}/{count}: expected I/N with I from 0 to N-1")]
+    NoSuch {
+        /// The index.
+        index: u32,
+        /// The count.
+        count: u32,
+    },
+    /// Not the form of a shard.
+    #[error("no shard: {text:?}: expected I/N with I from 0 to N-1, e.g. 2/8")]
+    Unreadable {
+        /// The text.
+        text: String,
+    },
+    /// A scheduler's variable has no number.
+    #[error("{name} is {text:?}, expected a number")]
+    NotANumber {
+        /// The variable.
+        name: &'static str,
+        /// Its value.
+        text: String,
+    },
+    /// A scheduler's variables are incomplete.
+    #[error("{index} is set, but {name} is not; say --shard I/N")]
+    Unset {
+        /// The variable that is there.
+        index: &'static str,
+        /// The missing one.
+        name: &'static str,
+    },
+    /// An array whose tasks are not consecutive.
+    #[error(
+        "the Slurm array has {count} tasks from {min} to {max}, so its tasks cannot be counted: use an array without gaps, or say --shard I/N"
+    )]
+    Gaps {
+        /// Number of tasks.
+        count: u32,
+        /// The first.
+        min: u32,
+        /// The last.
+        max: u32,
+    },
+}
+
 impl Shard {
     /// All of it.
     pub const WHOLE: Self = Self { index: 0, count: 1 };
 
     /// Part `index`, from 0, of `count`.
-    pub fn new(index: u32, count: u32) -> Result<Self, String> {
+    pub fn new(index: u32, count: u32) -> Result<Self, BadShard> {
         if index < count {
             Ok(Self { index, count })
         } else {
-            Err(format!(
-                "there is no shard {index}/{count}: expected I/N with I from 0 to N-1"
-            ))
+            Err(BadShard::NoSuch { index, count })
         }
     }
 
@@ -37,19 +82,18 @@ impl Shard {
     /// The environment names an index without a count, an array with gaps, or an index and count that do not match.
     pub fn from_environment(
         variable: impl Fn(&str) -> Option<String>,
-    ) -> Result<Option<(Self, &'static str)>, String> {
-        let number = |name: &str| -> Result<Option<u32>, String> {
+    ) -> Result<Option<(Self, &'static str)>, BadShard> {
+        let number = |name: &'static str| -> Result<Option<u32>, BadShard> {
             variable(name)
                 .map(|text| {
                     text.trim()
                         .parse()
-                        .map_err(|_| format!("{name} is {text:?}, expected a number"))
+                        .map_err(|_| BadShard::NotANumber { name, text })
                 })
                 .transpose()
         };
-        let needed = |index: &str, name: &str| {
-            number(name)?
-                .ok_or_else(|| format!("{index} is set, but {name} is not; say --shard I/N"))
+        let needed = |index: &'static str, name: &'static str| {
+            number(name)?.ok_or(BadShard::Unset { index, name })
         };
         const SLURM: &str = "SLURM_ARRAY_TASK_ID";
         const INDEXED_JOB: &str = "JOB_COMPLETION_INDEX";
@@ -58,10 +102,7 @@ impl Shard {
             let max = needed(SLURM, "SLURM_ARRAY_TASK_MAX")?;
             let count = needed(SLURM, "SLURM_ARRAY_TASK_COUNT")?;
             if !(min..=max).contains(&id) || max - min + 1 != count {
-                return Err(format!(
-                    "the Slurm array has {count} tasks from {min} to {max}, so its tasks cannot be counted: use an array without \
-                     gaps, or say --shard I/N"
-                ));
+                return Err(BadShard::Gaps { count, min, max });
             }
             return Self::new(id - min, count).map(|shard| Some((shard, SLURM)));
         }
@@ -98,15 +139,13 @@ impl fmt::Display for Shard {
 }
 
 impl FromStr for Shard {
-    type Err = String;
+    type Err = BadShard;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, BadShard> {
         let parts = text
             .split_once('/')
             .and_then(|(index, count)| Some((index.parse().ok()?, count.parse().ok()?)));
-        let (index, count) = parts.ok_or_else(|| {
-            format!("no shard: {text:?}: expected I/N with I from 0 to N-1, e.g. 2/8")
-        })?;
+        let (index, count) = parts.ok_or_else(|| BadShard::Unreadable { text: text.into() })?;
         Self::new(index, count)
     }
 }
@@ -119,7 +158,7 @@ mod tests {
     use crate::plan::expand;
     use crate::sweep::Sweep;
 
-    fn environment(variables: &[(&str, &str)]) -> Result<Option<(Shard, &'static str)>, String> {
+    fn environment(variables: &[(&str, &str)]) -> Result<Option<(Shard, &'static str)>, BadShard> {
         Shard::from_environment(|name| {
             variables
                 .iter()
@@ -134,7 +173,7 @@ mod tests {
             assert_eq!(text.parse::<Shard>().unwrap().to_string(), text);
         }
         for wrong in ["8/8", "0/0", "1", "a/b", "-1/2"] {
-            let message = wrong.parse::<Shard>().unwrap_err();
+            let message = wrong.parse::<Shard>().unwrap_err().to_string();
             assert!(message.contains("I from 0 to N-1"), "{wrong}: {message}");
         }
     }
@@ -185,10 +224,16 @@ mod tests {
         };
         let shard = slurm("3", "1", "4", "4").unwrap().unwrap().0;
         assert_eq!(shard.to_string(), "2/4");
-        assert!(slurm("7", "3", "7", "2").unwrap_err().contains("gaps"));
+        assert!(
+            slurm("7", "3", "7", "2")
+                .unwrap_err()
+                .to_string()
+                .contains("gaps")
+        );
         let job = environment(&[("JOB_COMPLETION_INDEX", "1"), ("DTD_SHARDS", "3")]);
         assert_eq!(job.unwrap().unwrap().0.to_string(), "1/3");
-        let lost = environment(&[("JOB_COMPLETION_INDEX", "1")]).unwrap_err();
+        let lost = environment(&[("JOB_COMPLETION_INDEX", "1")]);
+        let lost = lost.unwrap_err().to_string();
         assert!(lost.contains("DTD_SHARDS"), "{lost}");
     }
 }

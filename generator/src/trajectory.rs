@@ -5,7 +5,7 @@
 use dataset::flight::state_at;
 use dataset::frame_rate::FrameRate;
 use dataset::geodesy::Geodetic;
-use dataset::limits::{Check, MOST_APPROACH_S};
+use dataset::limits::{Check, FieldOutOfLimits, MOST_APPROACH_S};
 use dataset::pose::FlightState;
 use dataset::runway::{Runway, RunwayCoordinates};
 
@@ -18,6 +18,82 @@ const VELOCITY_TOLERANCE_M: f64 = 1.0;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Trajectory {
     states: Vec<FlightState>,
+}
+
+/// Why states are no trajectory, or why a trajectory is no approach. Its text continues "the flight" or the name of a file.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BadFlight {
+    /// Not enough to interpolate.
+    #[error("has {states} states, expected at least 2")]
+    TooFewStates {
+        /// Their number.
+        states: usize,
+    },
+    /// A number that no airliner has.
+    #[error("has state {row} with {fault}")]
+    OutOfLimits {
+        /// Which state, from 0.
+        row: usize,
+        /// Field, value and range.
+        fault: FieldOutOfLimits,
+    },
+    /// Time stands still, runs backwards or jumps.
+    #[error(
+        "has state {row} {step_s} s after the one before it, expected more than 0 and at most {LARGEST_GAP_S}"
+    )]
+    Gap {
+        /// Which state, from 0.
+        row: usize,
+        /// Time since the one before.
+        step_s: f64,
+    },
+    /// A position that the velocities do not lead to.
+    #[error(
+        "has state {row} (at {time_s:.3} s) {off_m:.2} m from where the velocities put it, expected at most {allowed_m:.2} m: \
+         {way_m:.2} m from the state {step_s:.3} s before it, where the velocities of both make {expected_m:.2} m. Are velocities in m/s \
+         over ground, and is each time that of its position?"
+    )]
+    Jump {
+        /// Which state, from 0.
+        row: usize,
+        /// Its time.
+        time_s: f64,
+        /// How far off it is.
+        off_m: f64,
+        /// How far off it may be.
+        allowed_m: f64,
+        /// Time since the state before.
+        step_s: f64,
+        /// Distance from the state before.
+        way_m: f64,
+        /// The same by the velocities.
+        expected_m: f64,
+    },
+    /// It leads elsewhere.
+    #[error(
+        "is never between {start_dtd_m:.0} m and 0 m before the touchdown target of {runway}: its first state is {first_m:.0} m before it, \
+         its last {last_m:.0} m"
+    )]
+    Elsewhere {
+        /// Where the approach should begin.
+        start_dtd_m: f64,
+        /// Airport and runway.
+        runway: String,
+        /// Remaining distance of the first state.
+        first_m: f64,
+        /// Remaining distance of the last state.
+        last_m: f64,
+    },
+    /// An approach of hours.
+    #[error(
+        "takes {takes_s:.0} s from {start_dtd_m:.0} m to the touchdown target; expected at most {MOST_APPROACH_S} s"
+    )]
+    TooLong {
+        /// How long it takes.
+        takes_s: f64,
+        /// Where it begins.
+        start_dtd_m: f64,
+    },
 }
 
 /// The part of a trajectory that a scenario shows.
@@ -48,41 +124,43 @@ impl Window {
 }
 
 impl Trajectory {
-    /// A trajectory from states in order of time; the error says why they are invalid.
-    pub fn new(states: Vec<FlightState>) -> Result<Self, String> {
+    /// A trajectory from states in order of time.
+    pub fn new(states: Vec<FlightState>) -> Result<Self, BadFlight> {
         if states.len() < 2 {
-            return Err(format!("has {} states, expected at least 2", states.len()));
+            return Err(BadFlight::TooFewStates {
+                states: states.len(),
+            });
         }
         for (row, state) in states.iter().enumerate() {
             let mut check = Check::default();
             state.check(&mut check);
             if let Some(fault) = check.first() {
-                return Err(format!("has state {row} with {fault}"));
+                return Err(BadFlight::OutOfLimits { row, fault });
             }
         }
         for (row, pair) in states.windows(2).enumerate() {
             let [before, after] = pair else { continue };
             let step_s = after.time_s - before.time_s;
             if !(step_s > 0.0 && step_s <= LARGEST_GAP_S) {
-                return Err(format!(
-                    "state {} is {step_s} s after the one before it, expected more than 0 and at most {LARGEST_GAP_S}",
-                    row + 1
-                ));
+                return Err(BadFlight::Gap {
+                    row: row + 1,
+                    step_s,
+                });
             }
             let way = after.position_ecef() - before.position_ecef();
             let expected = (before.velocity_ecef() + after.velocity_ecef()) * (step_s / 2.0);
             let off_m = way.distance(expected);
             let allowed_m = VELOCITY_TOLERANCE_M + 0.1 * expected.length();
             if off_m > allowed_m {
-                return Err(format!(
-                    "has state {} (at {:.3} s) {off_m:.2} m from where the velocities put it, expected at most {allowed_m:.2} m: \
-                     {:.2} m from the state {step_s:.3} s before it, where the velocities of both make {:.2} m. Are velocities in m/s \
-                     over ground, and is each time that of its position?",
-                    row + 1,
-                    after.time_s,
-                    way.length(),
-                    expected.length(),
-                ));
+                return Err(BadFlight::Jump {
+                    row: row + 1,
+                    time_s: after.time_s,
+                    off_m,
+                    allowed_m,
+                    step_s,
+                    way_m: way.length(),
+                    expected_m: expected.length(),
+                });
             }
         }
         Ok(Self { states })
@@ -96,7 +174,7 @@ impl Trajectory {
 
     /// From the moment at which `start_dtd_m` metres remain along the course (or the first state, if that is later) until the
     /// touchdown target is passed (or the last state, if that is earlier).
-    pub fn approach(&self, runway: &Runway, start_dtd_m: f64) -> Result<Window, String> {
+    pub fn approach(&self, runway: &Runway, start_dtd_m: f64) -> Result<Window, BadFlight> {
         self.along_course(runway).approach(start_dtd_m)
     }
 
@@ -149,7 +227,7 @@ pub struct AlongCourse<'a> {
 
 impl AlongCourse<'_> {
     /// See [`Trajectory::approach`].
-    pub fn approach(&self, start_dtd_m: f64) -> Result<Window, String> {
+    pub fn approach(&self, start_dtd_m: f64) -> Result<Window, BadFlight> {
         let last_index = self.to_go_m.len() - 1;
         let (first, last) = (self.time_of(0), self.time_of(last_index));
         let start_s = if self.to_go_m[0] <= start_dtd_m {
@@ -160,16 +238,19 @@ impl AlongCourse<'_> {
         let passing_s = self.crossing(start_s, 0.0);
         if self.to_go_m_at(start_s) <= 0.0 || start_s >= last {
             let runway = self.runway;
-            return Err(format!(
-                "is never between {start_dtd_m:.0} m and 0 m before the touchdown target of {} {}: its first state is {:.0} m before it, its last {:.0} m",
-                runway.airport, runway.name, self.to_go_m[0], self.to_go_m[last_index]
-            ));
+            return Err(BadFlight::Elsewhere {
+                start_dtd_m,
+                runway: format!("{} {}", runway.airport, runway.name),
+                first_m: self.to_go_m[0],
+                last_m: self.to_go_m[last_index],
+            });
         }
         let takes_s = passing_s.unwrap_or(last) - start_s;
         if takes_s > MOST_APPROACH_S {
-            return Err(format!(
-                "takes {takes_s:.0} s from {start_dtd_m:.0} m to the touchdown target; expected at most {MOST_APPROACH_S} s"
-            ));
+            return Err(BadFlight::TooLong {
+                takes_s,
+                start_dtd_m,
+            });
         }
         Ok(Window {
             start_s,
@@ -347,7 +428,8 @@ pub(crate) mod tests {
         let message = Trajectory::new(gone)
             .unwrap()
             .approach(&runway(), 18_520.0)
-            .unwrap_err();
+            .unwrap_err()
+            .to_string();
         assert!(message.contains("WSSS 02L"), "{message}");
     }
 
@@ -357,7 +439,7 @@ pub(crate) mod tests {
         let broken = |change: &dyn Fn(&mut Vec<FlightState>)| {
             let mut states = good.clone();
             change(&mut states);
-            Trajectory::new(states).unwrap_err()
+            Trajectory::new(states).unwrap_err().to_string()
         };
         assert!(broken(&|s| s[5].pose.pitch_deg = f64::NAN).contains("state 5"));
         assert!(broken(&|s| s.swap(3, 4)).contains("state 4"));

@@ -110,7 +110,7 @@ fn shard(args: &GenerateArgs) -> Result<Shard, Failure> {
         return Ok(shard);
     }
     let found = Shard::from_environment(|name| env::var(name).ok());
-    Ok(match found.map_err(Failure::bad_input_message)? {
+    Ok(match found.map_err(Failure::bad_input)? {
         Some((shard, variable)) => {
             eprintln!("generate: shard {shard}, from {variable}");
             shard

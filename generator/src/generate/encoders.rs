@@ -78,9 +78,8 @@ impl Encoders {
     ) -> Result<(), ScenarioError> {
         let encoder = &self.views[view];
         let sent = encoder.pictures.send(Message::Picture(rgb)).await;
-        sent.map_err(|_| ScenarioError::Encoder {
+        sent.map_err(|_| ScenarioError::EncoderEnded {
             view: encoder.view.clone(),
-            message: "it ended before the last picture".into(),
         })
     }
 
@@ -126,9 +125,9 @@ fn joined(
 ) -> Result<Vec<i64>, ScenarioError> {
     match result {
         Ok(written) => Ok(written?),
-        Err(panic) => Err(ScenarioError::Encoder {
+        Err(cause) => Err(ScenarioError::Encoder {
             view: view.to_owned(),
-            message: panic.to_string(),
+            cause,
         }),
     }
 }
@@ -200,7 +199,7 @@ mod tests {
         let mut encoders = start(folder.path(), "not-views");
         let refused = write(&mut encoders, 1_000).await.unwrap_err();
         assert!(
-            matches!(&refused, ScenarioError::Encoder { message, .. } if message.contains("ended before")),
+            matches!(&refused, ScenarioError::EncoderEnded { .. }),
             "{refused}"
         );
         let reason = encoders.abandon().await.unwrap().to_string();

@@ -5,10 +5,16 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use store::StoreError;
+use tokio::task::JoinError;
 use xplane_bridge::BridgeError;
 
 use super::space;
 use crate::stand_in::StandInError;
+use crate::trajectory::BadFlight;
+
+/// The simulator must keep a frame's pose and its time together; this is the user's remedy when it does not.
+const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulator hitched (scenery that loads, another program), let it \
+     settle, lower its graphics until `dtd doctor` finds 20 frames a second or more, and run the same command again";
 
 /// Why a run could not start or continue.
 #[derive(Debug, thiserror::Error)]
@@ -81,12 +87,12 @@ pub enum GenerateError {
     #[error(transparent)]
     StandIn(#[from] StandInError),
     /// The tape contains no session to record from.
-    #[error("{}", no_session(tape, message))]
+    #[error("{}", no_session(tape, cause))]
     Tape {
         /// The tape.
         tape: PathBuf,
         /// How that shows.
-        message: String,
+        cause: Box<ScenarioError>,
     },
     /// The object store of the corpus cannot be used.
     #[error(transparent)]
@@ -96,12 +102,23 @@ pub enum GenerateError {
     Corpus(#[from] dataset::Error),
 }
 
-fn no_session(tape: &Path, message: &str) -> String {
+fn no_session(tape: &Path, cause: &ScenarioError) -> String {
     format!(
-        "tape {}: it gives no session to make scenarios from ({message}); a tape is as long as its recorder ran: record the session \
+        "tape {}: it gives no session to make scenarios from ({}); a tape is as long as its recorder ran: record the session \
          again with `dtd record`, to its end",
-        tape.display()
+        tape.display(),
+        why_no_session(cause)
     )
+}
+
+/// What a tape lacks, where the advice for a simulator would be to switch something on.
+fn why_no_session(error: &ScenarioError) -> String {
+    match error {
+        ScenarioError::Bridge(BridgeError::NobodyAnswers { .. } | BridgeError::NoPlugin { .. }) => {
+            "no client was answered and greeted on it".into()
+        }
+        other => other.to_string(),
+    }
 }
 
 impl GenerateError {
@@ -160,12 +177,12 @@ pub enum ScenarioError {
     #[error(transparent)]
     StandIn(#[from] StandInError),
     /// The tape that acts as the simulator does not even send a greeting.
-    #[error("{}", no_session(tape, message))]
+    #[error("{}", no_session(tape, cause))]
     Tape {
         /// The tape.
         tape: PathBuf,
         /// How that shows.
-        message: String,
+        cause: Box<ScenarioError>,
     },
     /// The tape that acts as the simulator has a different session. A retry cannot help.
     #[error(
@@ -178,12 +195,23 @@ pub enum ScenarioError {
         /// The first difference.
         what: String,
     },
-    /// The simulator flew something that is not an approach.
-    #[error("the flight {message}")]
-    Flight {
-        /// What is wrong with it.
-        message: String,
+    /// What was flown is not an approach.
+    #[error("the flight {0}")]
+    Flight(BadFlight),
+    /// The simulator flew something that is not a flight.
+    #[error("the flight {0} {WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT}")]
+    LiveFlight(BadFlight),
+    /// The plan names a recording that the sweep does not.
+    #[error("the flight {file} with hash {blake3} is not among the recordings of the sweep")]
+    NoRecording {
+        /// Its file name.
+        file: String,
+        /// Its hash.
+        blake3: String,
     },
+    /// The plan has a live flight without its profile.
+    #[error("the flight is live, but the plan does not say how")]
+    NoLiveStart,
     /// A picture does not show what was requested.
     #[error("tick {tick}, view {view}: the simulator did not draw what was requested: {what}")]
     NotInStep {
@@ -209,20 +237,23 @@ pub enum ScenarioError {
         /// The visibility, metres.
         visibility_m: f64,
     },
-    /// A thread that wrote a video failed.
-    #[error("the encoder of view {view} stopped: {message}")]
+    /// A thread that wrote a video left early.
+    #[error("the encoder of view {view} stopped: it ended before the last picture")]
+    EncoderEnded {
+        /// The view.
+        view: String,
+    },
+    /// A thread that wrote a video panicked.
+    #[error("the encoder of view {view} stopped: {cause}")]
     Encoder {
         /// The view.
         view: String,
         /// What it said.
-        message: String,
+        cause: JoinError,
     },
-    /// The thread that hashes and renames failed.
-    #[error("sealing the scenario failed: {message}")]
-    Sealing {
-        /// What it said.
-        message: String,
-    },
+    /// The thread that hashes and renames panicked.
+    #[error("sealing the scenario failed: {0}")]
+    Sealing(JoinError),
     /// Files cannot be written.
     #[error(transparent)]
     Corpus(#[from] dataset::Error),

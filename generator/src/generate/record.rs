@@ -31,10 +31,6 @@ const FLIGHT_TIME_MARGIN: (f64, f64) = (2.0, 120.0);
 /// Where, and how fast, to put an aircraft that only has to be near: in the air, clear of buildings and other aircraft.
 const WAITING_ABOVE_RUNWAY_M: f64 = 600.0;
 const WAITING_SPEED_MPS: f64 = 80.0;
-/// The simulator must keep a frame's pose and its time together; this is the user's remedy when it does not.
-const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulator hitched (scenery that loads, another program), let it \
-     settle, lower its graphics until `dtd doctor` finds 20 frames a second or more, and run the same command again";
-
 /// The inputs of a scenario and its destination.
 pub(super) struct Work<'a> {
     pub(super) sweep: &'a Sweep,
@@ -89,9 +85,7 @@ async fn on_a_thread(
 ) -> Result<(), ScenarioError> {
     match spawn_blocking(work).await {
         Ok(done) => Ok(done?),
-        Err(panic) => Err(ScenarioError::Sealing {
-            message: panic.to_string(),
-        }),
+        Err(panic) => Err(ScenarioError::Sealing(panic)),
     }
 }
 
@@ -121,7 +115,7 @@ async fn record_into(
     let trajectory = trajectory(work, scenario, &mut simulator, attempt).await?;
     let window = trajectory
         .approach(&common.runway, parameters.start_dtd_m)
-        .map_err(|message| ScenarioError::Flight { message })?;
+        .map_err(ScenarioError::Flight)?;
     let states = trajectory.resample(window, picture.frame_rate);
     attempt.reporter.tell(Event::Flown {
         id: attempt.id,
@@ -225,10 +219,9 @@ async fn trajectory(
                 .find(|recording| recording.blake3 == *blake3);
             found
                 .map(|recording| recording.trajectory.clone())
-                .ok_or_else(|| ScenarioError::Flight {
-                    message: format!(
-                        "{file} with hash {blake3} is not among the recordings of the sweep"
-                    ),
+                .ok_or_else(|| ScenarioError::NoRecording {
+                    file: file.clone(),
+                    blake3: blake3.clone(),
                 })
         }
         (Flight::Live, Some(live)) => {
@@ -237,13 +230,9 @@ async fn trajectory(
                 .await?;
             Trajectory::new(states)
                 .map(Arc::new)
-                .map_err(|fault| ScenarioError::Flight {
-                    message: format!("{fault} {WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT}"),
-                })
+                .map_err(ScenarioError::LiveFlight)
         }
-        (Flight::Live, None) => Err(ScenarioError::Flight {
-            message: "is live, but the plan does not say how".into(),
-        }),
+        (Flight::Live, None) => Err(ScenarioError::NoLiveStart),
     }
 }
 

@@ -1,6 +1,7 @@
 //! One simulator of a run: found or started, reconnected for every scenario, waited for when it is gone.
 
 use std::fmt;
+use std::io;
 use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -9,11 +10,12 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::KnownProfile;
-use xplane_bridge::tape::TapeReader;
-use xplane_bridge::{BridgeError, CONNECT_TIMEOUT, Simulator};
+use xplane_bridge::tape::{TapeError, TapeReader};
+use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
 
 use super::error::ScenarioError;
 use super::pictures::Pictures;
+use super::simulators::MOST_STAND_INS;
 use crate::stand_in::{StandIn, StandInError, StandInTask};
 
 /// Which simulator to use.
@@ -31,10 +33,47 @@ pub enum SimulatorTarget {
     Tape(PathBuf),
 }
 
-impl FromStr for SimulatorTarget {
-    type Err = String;
+/// Why a text names no simulator.
+#[derive(Debug, thiserror::Error)]
+pub enum BadSimulator {
+    /// A number of stand-ins that is none, or too large.
+    #[error("{text:?}: expected mock:awkward, or mock:N with N from 1 to {MOST_STAND_INS}")]
+    StandIns {
+        /// The text.
+        text: String,
+    },
+    /// One simulator for two workers.
+    #[error("{text} is named twice; a simulator makes one scenario at a time")]
+    Twice {
+        /// The text.
+        text: String,
+    },
+    /// The tape cannot be read.
+    #[error(transparent)]
+    Tape(#[from] TapeError),
+    /// Not a target, and no host of this name is known.
+    #[error("no simulator address: {text:?}: {cause}; {EXPECTED}")]
+    Unresolved {
+        /// The text.
+        text: String,
+        /// Why not.
+        cause: io::Error,
+    },
+    /// A host without addresses.
+    #[error("no simulator address: {text:?} has no address; {EXPECTED}")]
+    NoAddress {
+        /// The text.
+        text: String,
+    },
+}
 
-    fn from_str(text: &str) -> Result<Self, String> {
+const EXPECTED: &str =
+    "expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
+
+impl FromStr for SimulatorTarget {
+    type Err = BadSimulator;
+
+    fn from_str(text: &str) -> Result<Self, BadSimulator> {
         if text == "mock" {
             return Ok(Self::StandIn);
         }
@@ -45,15 +84,15 @@ impl FromStr for SimulatorTarget {
             return Ok(Self::Announced);
         }
         if let Some(tape) = text.strip_prefix("tape:") {
-            return match TapeReader::open(Path::new(tape)) {
-                Ok(_) => Ok(Self::Tape(tape.into())),
-                Err(error) => Err(error.to_string()),
-            };
+            TapeReader::open(Path::new(tape))?;
+            return Ok(Self::Tape(tape.into()));
         }
-        let expected = "expected `mock`, `mock:awkward`, `auto`, HOST:PORT, e.g. 127.0.0.1:49000, or tape:FILE";
         let mut found = text
             .to_socket_addrs()
-            .map_err(|e| format!("no simulator address: {text:?}: {e}; {expected}"))?;
+            .map_err(|cause| BadSimulator::Unresolved {
+                text: text.to_owned(),
+                cause,
+            })?;
         // X-Plane listens on IPv4.
         let first = found.next();
         found
@@ -61,7 +100,9 @@ impl FromStr for SimulatorTarget {
             .filter(|_| first.is_none_or(|a| a.is_ipv6()))
             .or(first)
             .map(Self::Address)
-            .ok_or_else(|| format!("no simulator address: {text:?} has no address; {expected}"))
+            .ok_or_else(|| BadSimulator::NoAddress {
+                text: text.to_owned(),
+            })
     }
 }
 
@@ -159,7 +200,7 @@ impl Session {
             (Err(error), SimulatorTarget::Tape(tape)) => {
                 return Err(ScenarioError::Tape {
                     tape: tape.clone(),
-                    message: why_no_session(&error),
+                    cause: Box::new(error),
                 });
             }
             (connected, _) => connected?,
@@ -233,51 +274,47 @@ impl Session {
     }
 }
 
-/// What a tape lacks, where the advice for a simulator would be to switch something on.
-fn why_no_session(error: &ScenarioError) -> String {
-    match error {
-        ScenarioError::Bridge(BridgeError::NobodyAnswers { .. } | BridgeError::NoPlugin { .. }) => {
-            "no client was answered and greeted on it".into()
-        }
-        other => other.to_string(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn target(text: &str) -> SimulatorTarget {
+        text.parse().unwrap()
+    }
+
     #[test]
     fn a_tape_is_a_target_if_there_is_one() {
-        let lost = "tape:no/such.mcap".parse::<SimulatorTarget>().unwrap_err();
+        let lost = "tape:no/such.mcap".parse::<SimulatorTarget>();
+        let lost = lost.unwrap_err().to_string();
         assert!(lost.contains("no/such.mcap"), "{lost}");
         let stored = concat!(
             env!("CARGO_MANIFEST_DIR"),
             "/../tests/data/tape/session.mcap"
         );
         assert_eq!(
-            format!("tape:{stored}").parse(),
-            Ok(SimulatorTarget::Tape(stored.into()))
+            target(&format!("tape:{stored}")),
+            SimulatorTarget::Tape(stored.into())
         );
         let sweep = concat!(env!("CARGO_MANIFEST_DIR"), "/../demo.toml");
         let none = format!("tape:{sweep}").parse::<SimulatorTarget>();
-        assert!(none.unwrap_err().contains("not a tape"));
+        assert!(none.unwrap_err().to_string().contains("not a tape"));
     }
 
     #[test]
     fn targets_are_read_and_wrong_ones_explained() {
-        assert_eq!("mock".parse(), Ok(SimulatorTarget::StandIn));
-        assert_eq!(AWKWARD.parse(), Ok(SimulatorTarget::AwkwardStandIn));
-        assert_eq!("auto".parse(), Ok(SimulatorTarget::Announced));
+        assert_eq!(target("mock"), SimulatorTarget::StandIn);
+        assert_eq!(target(AWKWARD), SimulatorTarget::AwkwardStandIn);
+        assert_eq!(target("auto"), SimulatorTarget::Announced);
         assert_eq!(
-            "127.0.0.1:49000".parse(),
-            Ok(SimulatorTarget::Address(([127, 0, 0, 1], 49_000).into()))
+            target("127.0.0.1:49000"),
+            SimulatorTarget::Address(([127, 0, 0, 1], 49_000).into())
         );
         for wrong in ["", "mok", "127.0.0.1", "127.0.0.1:99999"] {
             assert!(
                 wrong
                     .parse::<SimulatorTarget>()
                     .unwrap_err()
+                    .to_string()
                     .contains("HOST:PORT"),
                 "{wrong}"
             );

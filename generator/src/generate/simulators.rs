@@ -2,10 +2,10 @@
 
 use std::str::FromStr;
 
-use super::session::{AWKWARD, SimulatorTarget};
+use super::session::{AWKWARD, BadSimulator, SimulatorTarget};
 
 /// More stand-ins than this on one machine are a typo.
-const MOST_STAND_INS: usize = 64;
+pub(super) const MOST_STAND_INS: usize = 64;
 
 /// At least one simulator; each records its own scenarios.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -31,9 +31,9 @@ impl From<Vec<SimulatorTarget>> for Simulators {
 }
 
 impl FromStr for Simulators {
-    type Err = String;
+    type Err = BadSimulator;
 
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, BadSimulator> {
         let mut targets = Vec::new();
         for part in text.split(',').map(str::trim) {
             if let Some(number) = part.strip_prefix("mock:").filter(|_| part != AWKWARD) {
@@ -41,9 +41,7 @@ impl FromStr for Simulators {
                     .parse()
                     .ok()
                     .filter(|number| (1..=MOST_STAND_INS).contains(number))
-                    .ok_or_else(|| {
-                        format!("{part:?}: expected mock:awkward, or mock:N with N from 1 to {MOST_STAND_INS}")
-                    })?;
+                    .ok_or_else(|| BadSimulator::StandIns { text: part.into() })?;
                 targets.extend(std::iter::repeat_n(SimulatorTarget::StandIn, number));
                 continue;
             }
@@ -53,9 +51,7 @@ impl FromStr for Simulators {
                 SimulatorTarget::Address(_) | SimulatorTarget::Announced
             );
             if runs_already && targets.contains(&target) {
-                return Err(format!(
-                    "{part} is named twice; a simulator makes one scenario at a time"
-                ));
+                return Err(BadSimulator::Twice { text: part.into() });
             }
             targets.push(target);
         }
@@ -89,7 +85,7 @@ mod tests {
             ("127.0.0.1:49000,", "HOST:PORT"),
             ("mok", "HOST:PORT"),
         ] {
-            let message = wrong.parse::<Simulators>().unwrap_err();
+            let message = wrong.parse::<Simulators>().unwrap_err().to_string();
             assert!(message.contains(words), "{wrong}: {message}");
         }
     }

@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::fault::{Checked, fault};
 use super::grid::{Combination, Selection};
-use crate::recording::{Recording, matching_files};
+use crate::recording::{Recording, RecordingError, matching_files};
 use crate::seed;
 
 /// `[[recorded]]`: the first rule that matches a scenario applies; a rule without `times`, `weathers`, `profiles` and `repeats`
@@ -90,7 +90,7 @@ pub(super) fn read(
             );
         }
         let recordings = recordings(&rule, folder, runway, longest_nm)
-            .or_else(|message| fault(key("files"), message))?;
+            .or_else(|error| fault(key("files"), error.to_string()))?;
         all.push(RecordedFlights { rule, recordings });
     }
     Ok((all, rule_of))
@@ -101,7 +101,7 @@ fn recordings(
     folder: &Path,
     runway: &Runway,
     longest_nm: f64,
-) -> Result<Vec<Recording>, String> {
+) -> Result<Vec<Recording>, RecordingError> {
     let longest_m = longest_nm * METERS_PER_NAUTICAL_MILE;
     let files = matching_files(folder, &rule.files)?;
     files
@@ -111,7 +111,10 @@ fn recordings(
             recording
                 .trajectory
                 .approach(runway, longest_m)
-                .map_err(|e| format!("{} {e}", file.display()))?;
+                .map_err(|fault| RecordingError::Flight {
+                    path: file.clone(),
+                    fault,
+                })?;
             Ok(recording)
         })
         .collect()
