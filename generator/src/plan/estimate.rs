@@ -14,7 +14,7 @@ const STAND_IN_PICTURES_PER_S: f64 = 45.0;
 /// the less a video gains from the one before. How it was measured: `docs/sweeps.md`.
 const BYTES_PER_PICTURE: [(f64, f64); 5] = [
     (1.0 / 30.0, 9_200.0),
-    (0.2, 20_000.0),
+    (0.2, 17_900.0),
     (0.5, 23_700.0),
     (1.0, 29_100.0),
     (2.0, 33_400.0),
