@@ -136,11 +136,11 @@ pub(crate) struct PlanArgs {
     /// The sweep, e.g. scenarios.toml
     #[arg(value_name = "SWEEP.toml")]
     pub(crate) sweep: PathBuf,
-    /// Compare with this corpus: which scenarios are complete, new, changed, removed
+    /// Compare with this corpus, or its URL: which scenarios are complete, new, changed, removed
     ///
     /// The default is ./corpus if it was made from a sweep of this name.
-    #[arg(long, value_name = "CORPUS", value_parser = folder())]
-    pub(crate) against: Option<PathBuf>,
+    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| Place::of(&path)))]
+    pub(crate) against: Option<Place>,
     /// Pictures per second that your simulator delivers, all views together
     ///
     /// For the estimate of the recording time.

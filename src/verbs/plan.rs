@@ -3,7 +3,7 @@
 mod show;
 
 use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
@@ -12,8 +12,11 @@ use dataset::units::METERS_PER_NAUTICAL_MILE;
 use generator::plan::{Against, Change, Estimate, PicturesPerSecond, Standing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;
+use store::{CorpusStore, Place, StoreUrl};
 
 use super::Outcome;
+use super::async_runtime::async_runtime;
+use super::object_store::failure_of;
 use super::output::print_json;
 use crate::args::PlanArgs;
 use crate::failure::{Ending, Failure};
@@ -25,13 +28,16 @@ const USUAL_CORPUS: &str = "corpus";
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let (sweep, plan) = read_plan(&args.sweep)?;
     warn_of_unused_weathers(&sweep, &plan);
-    let compared = match corpus_to_compare(args, &plan)? {
-        Some(corpus) => {
-            warn_of_another_split(&sweep, &corpus);
-            let against = Against::compare(&plan, &corpus).map_err(Failure::bad_input)?;
-            Some(Compared { corpus, against })
+    let compared = match &args.against {
+        Some(Place::Store(url)) => Some(compare_with_store(&plan, url)?),
+        Some(Place::Folder(root)) => {
+            let corpus = Corpus::open(root).map_err(Failure::bad_input)?;
+            Some(compare(&sweep, &plan, &corpus)?)
         }
-        None => None,
+        None => match usual_corpus(&plan) {
+            Some(corpus) => Some(compare(&sweep, &plan, &corpus)?),
+            None => None,
+        },
     };
     let report = Report::new(args, &plan, compared.as_ref());
     if args.json {
@@ -72,21 +78,37 @@ fn warn_of_another_split(sweep: &Sweep, corpus: &Corpus) {
     }
 }
 
-/// The corpus that the arguments name, or the default one if it was made from a sweep of this name.
-fn corpus_to_compare(args: &PlanArgs, plan: &Plan) -> Result<Option<Corpus>, Failure> {
-    if let Some(root) = &args.against {
-        return Corpus::open(root).map(Some).map_err(Failure::bad_input);
-    }
-    let Ok(corpus) = Corpus::open(Path::new(USUAL_CORPUS)) else {
-        return Ok(None);
-    };
+/// The corpus of the default name, if it was made from a sweep of this name.
+fn usual_corpus(plan: &Plan) -> Option<Corpus> {
+    let corpus = Corpus::open(Path::new(USUAL_CORPUS)).ok()?;
     let its_plan = Plan::read(&corpus.plan_path());
     let same_name = its_plan.is_ok_and(|its| its.corpus == plan.corpus);
-    Ok(same_name.then_some(corpus))
+    same_name.then_some(corpus)
+}
+
+fn compare(sweep: &Sweep, plan: &Plan, corpus: &Corpus) -> Result<Compared, Failure> {
+    warn_of_another_split(sweep, corpus);
+    Ok(Compared {
+        corpus: corpus.root().display().to_string(),
+        against: Against::compare(plan, corpus).map_err(Failure::bad_input)?,
+    })
+}
+
+fn compare_with_store(plan: &Plan, url: &StoreUrl) -> Result<Compared, Failure> {
+    let store = CorpusStore::open(url, false).map_err(failure_of)?;
+    let against = async_runtime()?.block_on(async {
+        store.check().await?;
+        Against::compare_with_store(plan, &store).await
+    });
+    Ok(Compared {
+        corpus: store.name().to_owned(),
+        against: against.map_err(failure_of)?,
+    })
 }
 
 struct Compared {
-    corpus: Corpus,
+    /// Its folder or URL.
+    corpus: String,
     against: Against,
 }
 
@@ -134,7 +156,7 @@ impl<'a> Report<'a> {
                 .collect(),
             estimate: &self.estimate,
             against: self.compared.map(|compared| AgainstDocument {
-                corpus: compared.corpus.root().to_owned(),
+                corpus: &compared.corpus,
                 whole: self.ids(compared, Standing::Whole),
                 to_make: self.ids(compared, Standing::ToMake),
                 new: self.ids(compared, Standing::New),
@@ -203,7 +225,7 @@ impl<'a> Row<'a> {
 
 #[derive(Serialize)]
 struct AgainstDocument<'a> {
-    corpus: PathBuf,
+    corpus: &'a str,
     whole: Vec<&'a str>,
     to_make: Vec<&'a str>,
     new: Vec<&'a str>,

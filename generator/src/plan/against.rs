@@ -1,12 +1,14 @@
 //! Compares a plan with an existing corpus: what is complete, what is missing, what does not match.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::plan::{Plan, PlannedScenario};
+use dataset::seal::Seal;
 use serde::Serialize;
+use store::{CorpusStore, StoreError};
 
 use super::{Difference, MeasuredSize};
 
@@ -42,7 +44,37 @@ impl Against {
             true => Some(Plan::read(&corpus.plan_path())?),
             false => None,
         };
-        let difference = match &frozen {
+        let mut seals = BTreeMap::new();
+        for scenario in &plan.scenarios {
+            if let Some(seal) = corpus.scenario(&scenario.id).seal()? {
+                seals.insert(scenario.id.clone(), seal);
+            }
+        }
+        let mut against = Self::of(plan, frozen.as_ref(), &seals);
+        let alike = |frozen: &Plan| {
+            frozen.common.picture == plan.common.picture && frozen.common.video == plan.common.video
+        };
+        if frozen.as_ref().is_some_and(alike) {
+            against.size = against.measure(plan, corpus)?;
+        }
+        Ok(against)
+    }
+
+    /// Compares a plan with a corpus in an object store, of which it reads the plan and the seals.
+    pub async fn compare_with_store(plan: &Plan, store: &CorpusStore) -> Result<Self, StoreError> {
+        let path = Path::new(store.name()).join("plan.json");
+        let frozen = match store.read("plan.json").await? {
+            Some(bytes) => Some(Plan::parse(&bytes, &path)?),
+            None => None,
+        };
+        let committed = store.committed().await?;
+        let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
+        let seals = store.seals(ids.filter(|id| committed.contains(id))).await?;
+        Ok(Self::of(plan, frozen.as_ref(), &seals))
+    }
+
+    fn of(plan: &Plan, frozen: Option<&Plan>, seals: &BTreeMap<String, Seal>) -> Self {
+        let difference = match frozen {
             Some(frozen) => Difference::between(frozen, plan),
             None => {
                 let nothing = Plan {
@@ -54,30 +86,19 @@ impl Against {
         };
         let added: BTreeSet<&str> = difference.added.iter().map(String::as_str).collect();
         let changed: BTreeSet<&str> = difference.changed.iter().map(|c| c.id.as_str()).collect();
-        let mut standings = Vec::with_capacity(plan.scenarios.len());
-        for scenario in &plan.scenarios {
-            let id = scenario.id.as_str();
-            let seal = corpus.scenario(id).seal()?;
-            standings.push(match seal {
-                _ if changed.contains(id) => Standing::Changed,
-                Some(seal) if seal.config_hash == scenario.config_hash => Standing::Whole,
-                Some(_) => Standing::Changed,
-                None if added.contains(id) => Standing::New,
-                None => Standing::ToMake,
-            });
-        }
-        let mut against = Self {
+        let standing = |scenario: &PlannedScenario| match seals.get(&scenario.id) {
+            _ if changed.contains(scenario.id.as_str()) => Standing::Changed,
+            Some(seal) if seal.config_hash == scenario.config_hash => Standing::Whole,
+            Some(_) => Standing::Changed,
+            None if added.contains(scenario.id.as_str()) => Standing::New,
+            None => Standing::ToMake,
+        };
+        let standings = plan.scenarios.iter().map(standing).collect();
+        Self {
             difference,
             standings,
             size: None,
-        };
-        let alike = |frozen: &Plan| {
-            frozen.common.picture == plan.common.picture && frozen.common.video == plan.common.video
-        };
-        if frozen.as_ref().is_some_and(alike) {
-            against.size = against.measure(plan, corpus)?;
         }
-        Ok(against)
     }
 
     /// The scenarios of the plan with this state.

@@ -129,7 +129,7 @@ impl Report<'_> {
     fn show_difference(&self, compared: &Compared) {
         let against = &compared.against;
         println!();
-        println!("against   {}", compared.corpus.root().display());
+        println!("against   {}", compared.corpus);
         for (standing, note) in [
             (Standing::Whole, "complete already"),
             (Standing::ToMake, "planned there, not yet made"),
