@@ -161,6 +161,14 @@ fn two_shards_of_which_one_is_killed_make_the_corpus_of_one_run() {
     }
     assert_eq!(committed("two-shards"), SCENARIOS);
     assert_same(&url);
+    let planned = dtd(SERVER.address)
+        .args(["plan", "tests/data/small.toml", "--json", "--against", &url])
+        .current_dir(repository())
+        .output()
+        .unwrap();
+    let against = &json(&planned)["against"];
+    assert_eq!(number(against, "whole"), SCENARIOS, "{against}");
+    assert_eq!(against["corpus"], url.as_str());
     assert_eq!(
         stages.each_ref().map(|stage| scenarios_on(stage.path())),
         [0, 0]
@@ -310,17 +318,12 @@ fn verbs_that_work_on_folders_refuse_a_url_and_say_how_to_get_one() {
         vec!["label", url],
         vec!["verify", url],
         vec!["detect", url],
-        vec!["plan", "tests/data/small.toml", "--against", url],
         vec!["push", url, url],
         vec!["fetch", url, "--out", url],
     ] {
         let output = dtd(SERVER.address)
             .args(&arguments)
-            .current_dir(if arguments[0] == "plan" {
-                repository()
-            } else {
-                folder.path()
-            })
+            .current_dir(folder.path())
             .output()
             .unwrap();
         let message = said(&output);
