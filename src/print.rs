@@ -12,6 +12,7 @@ use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::process;
 
 use crate::failure::FAILED;
+use crate::progress::beside_bars;
 
 macro_rules! println {
     () => { $crate::print::to_stdout(format_args!("")) };
@@ -52,7 +53,8 @@ fn write_to_stdout(line: &str) {
 
 /// Writes a line for a person. If nobody reads it, nothing is lost.
 pub(crate) fn to_stderr(line: Arguments<'_>) {
-    let _ = writeln!(io::stderr().lock(), "{}", plain(&line.to_string()));
+    let line = line.to_string();
+    let _ = beside_bars(|| writeln!(io::stderr().lock(), "{}", plain(&line)));
 }
 
 /// Text that is safe for a terminal: lines and tabs stay; other control characters, and those that change the writing direction,

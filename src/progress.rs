@@ -1,15 +1,29 @@
 //! Progress on stderr: bars on a terminal; otherwise, as in a log file, a line per tenth of the work.
 
 use std::io::IsTerminal;
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Duration;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::print::plain;
 
 /// Number of log lines per step.
 const LOG_LINES: u64 = 10;
+
+/// All bars of the process. Without a terminal they are hidden.
+static BARS: LazyLock<MultiProgress> = LazyLock::new(|| {
+    MultiProgress::with_draw_target(match std::io::stderr().is_terminal() {
+        true => ProgressDrawTarget::stderr(),
+        false => ProgressDrawTarget::hidden(),
+    })
+});
+
+/// Writes to the terminal while no bar is in the way.
+pub(crate) fn beside_bars<T>(write: impl FnOnce() -> T) -> T {
+    BARS.suspend(write)
+}
 
 /// A bar that counts `unit`s of one step of the work.
 pub(crate) struct Bar {
@@ -23,14 +37,9 @@ pub(crate) struct Bar {
 impl Bar {
     /// A bar for `step`, with `total` units if that is known already.
     pub(crate) fn new(step: &'static str, unit: &'static str, total: Option<u64>) -> Self {
-        let bar = match total {
+        let bar = BARS.add(match total {
             Some(total) => ProgressBar::new(total),
             None => ProgressBar::no_length(),
-        };
-        bar.set_draw_target(if std::io::stderr().is_terminal() {
-            ProgressDrawTarget::stderr()
-        } else {
-            ProgressDrawTarget::hidden()
         });
         let template = format!(
             "{{prefix:>9}} {{bar:32}} {{pos}}/{{len}} {unit} {{per_sec}} eta {{eta}} {{msg}}"
@@ -63,14 +72,15 @@ impl Bar {
         let part = (done * LOG_LINES / total).min(LOG_LINES);
         if part > self.logged.fetch_max(part, Ordering::Relaxed) {
             eprintln!(
-                "{}: {done}/{total} {}{}{}",
+                "{}: {done}/{total} {}{}{}; {}",
                 self.step,
                 self.unit,
                 pace(done, total, self.bar.elapsed()),
                 match self.bar.message() {
                     message if message.is_empty() => message,
                     message => format!("; {message}"),
-                }
+                },
+                clock(SystemTime::now())
             );
         }
     }
@@ -93,7 +103,15 @@ impl Bar {
     /// Removes the bar.
     pub(crate) fn finish(&self) {
         self.bar.finish_and_clear();
+        BARS.remove(&self.bar);
     }
+}
+
+/// The time of day, for who reads a log in the morning.
+fn clock(now: SystemTime) -> String {
+    let since = now.duration_since(UNIX_EPOCH).unwrap_or_default();
+    let minutes = since.as_secs() / 60;
+    format!("{:02}:{:02} UTC", minutes / 60 % 24, minutes % 60)
 }
 
 /// Time so far, rate and time left, as far as they say anything.
@@ -124,6 +142,13 @@ impl Drop for Bar {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_log_line_says_when() {
+        let day: u64 = 86_400;
+        let at = |seconds: u64| clock(UNIX_EPOCH + Duration::from_secs(20_000 * day + seconds));
+        assert_eq!([at(0), at(day - 1)], ["00:00 UTC", "23:59 UTC"]);
+    }
 
     #[test]
     fn a_log_line_says_how_fast_and_how_long_still() {
