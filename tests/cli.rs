@@ -1,5 +1,8 @@
 //! The command as seen from a shell: plans, bad input, a missing simulator.
 
+#[path = "cli/demo_folder.rs"]
+mod demo_folder;
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;

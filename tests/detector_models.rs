@@ -8,6 +8,8 @@ use std::sync::OnceLock;
 
 use prost::Message;
 use testkit::command::{Dtd, said, text};
+use testkit::files::copy_folder;
+use testkit::sweep::SmallSweep;
 use testkit::{repository, skipped};
 use trainer::detector::onnx::{
     AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
@@ -15,29 +17,15 @@ use trainer::detector::onnx::{
 };
 
 /// A few pictures of an approach's end.
-const SWEEP: &str = r#"
-[corpus]
-name = "few"
-seed = 0
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["12:00"]
-weathers = ["clear"]
-repeats = 1
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 96
-height_px = 64
-frame_rate = "1/8"
-
+fn sweep_toml() -> String {
+    SmallSweep {
+        name: "few",
+        seed: 0,
+        weathers: &["clear"],
+        repeats: 1,
+        size_px: (96, 64),
+        frame_rate: "1/8",
+        tables: r#"
 [start]
 dtd_nm = 1
 speed_mps = 72
@@ -49,7 +37,10 @@ files = "flights/01_calm_ils.csv"
 visibility_m = 80000
 wind_speed_mps = 2
 wind_from_true_deg = 20
-"#;
+"#,
+    }
+    .toml()
+}
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
@@ -65,7 +56,7 @@ fn sound() -> &'static Path {
     let folder = CORPUS.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         let sweep = folder.path().join("sweep.toml");
-        fs::write(&sweep, SWEEP).unwrap();
+        fs::write(&sweep, sweep_toml()).unwrap();
         fs::create_dir(folder.path().join("flights")).unwrap();
         let flight = "01_calm_ils.csv";
         fs::copy(
@@ -87,21 +78,8 @@ fn sound() -> &'static Path {
 /// A copy of the valid corpus without detections, for one test.
 fn corpus(folder: &Path) -> PathBuf {
     let copy = folder.join("corpus");
-    copy_tree(sound(), &copy);
+    copy_folder(sound(), &copy);
     copy
-}
-
-fn copy_tree(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let entry = entry.unwrap();
-        let target = to.join(entry.file_name());
-        if entry.file_type().unwrap().is_dir() {
-            copy_tree(&entry.path(), &target);
-        } else {
-            fs::copy(entry.path(), &target).unwrap();
-        }
-    }
 }
 
 fn node(op_type: &str, inputs: &[&str], outputs: &[&str]) -> NodeProto {

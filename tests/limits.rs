@@ -1,6 +1,10 @@
 //! Impossible values, sizes and files in every place where untrusted files are read: a fault with its position, in time, and in
 //! little memory; never a panic, a hang or a result.
 
+#[path = "limits/idle_connections.rs"]
+mod idle_connections;
+#[path = "limits/memory.rs"]
+mod memory;
 mod tiny;
 
 use std::ffi::OsString;

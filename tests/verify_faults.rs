@@ -17,32 +17,20 @@ use dataset::verify::{Finding, VerifyOptions, VerifyReport, verify, verify_with}
 use dataset::video::{VideoReader, VideoSettings, VideoWriter};
 use serde_json::Value;
 use testkit::command::{Dtd, text};
+use testkit::files::copy_folder;
 use testkit::repository;
+use testkit::sweep::SmallSweep;
 
 /// Two scenarios that fly the same recording from 2 NM, one in clear air, one in fog, with slightly misplaced and degraded cameras.
-const SWEEP: &str = r#"
-[corpus]
-name = "faults"
-seed = 0
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["12:00"]
-weathers = ["clear", "foggy"]
-repeats = 1
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 384
-height_px = 256
-frame_rate = "2"
-
+fn sweep_toml() -> String {
+    SmallSweep {
+        name: "faults",
+        seed: 0,
+        weathers: &["clear", "foggy"],
+        repeats: 1,
+        size_px: (384, 256),
+        frame_rate: "2",
+        tables: r#"
 [start]
 dtd_nm = 2.4
 cross_track_m = { mean = 0, sd = 20 }
@@ -66,7 +54,10 @@ hfov_deg = { mean = 0, sd = 0.02 }
 [imaging]
 refraction_coefficient = 0.13
 blur_sigma_px = 0.4
-"#;
+"#,
+    }
+    .toml()
+}
 const CLEAR: &str = "1200-clear-r1";
 const FOGGY: &str = "1200-foggy-r1";
 /// A tick in which the aircraft is near enough for visible motion, counted from the end of the recording.
@@ -80,7 +71,7 @@ fn sound() -> &'static Path {
     let folder = CORPUS.get_or_init(|| {
         let folder = tempfile::tempdir().unwrap();
         let sweep = folder.path().join("sweep.toml");
-        fs::write(&sweep, SWEEP).unwrap();
+        fs::write(&sweep, sweep_toml()).unwrap();
         fs::create_dir(folder.path().join("flights")).unwrap();
         let flight = "01_calm_ils.csv";
         let flights = repository().join("tests/data/flights");
@@ -112,7 +103,7 @@ struct Copy {
 impl Copy {
     fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        copy_tree(sound(), folder.path());
+        copy_folder(sound(), folder.path());
         let corpus = Corpus::open(folder.path()).unwrap();
         Self {
             _folder: folder,
@@ -198,19 +189,6 @@ impl Copy {
             writer.write(picture).unwrap();
         }
         writer.finish().unwrap();
-    }
-}
-
-fn copy_tree(from: &Path, to: &Path) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap() {
-        let path = entry.unwrap().path();
-        let target = to.join(path.file_name().unwrap());
-        if path.is_dir() {
-            copy_tree(&path, &target);
-        } else {
-            fs::copy(&path, &target).unwrap();
-        }
     }
 }
 

@@ -9,49 +9,32 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use generator::generate::{Cancel, Event, Outcome, SimulatorTarget, generate};
 use mock_xplane::server::{Faults, ServerOptions};
+use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::{Running, quiet};
 
 /// One scenario that flies live from 2 NM under clouds, two small views.
-const SWEEP: &str = r#"
-[corpus]
-name = "faults"
-seed = 3
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["12:00"]
-weathers = ["cloudy"]
-repeats = 1
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 96
-height_px = 64
-frame_rate = "1/2"
-
-[start]
-dtd_nm = { min = 1.9, max = 2.1 }
-cross_track_m = { mean = 0, sd = 20 }
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 200
-
+fn sweep_toml() -> String {
+    SmallSweep {
+        name: "faults",
+        seed: 3,
+        weathers: &["cloudy"],
+        repeats: 1,
+        size_px: (96, 64),
+        frame_rate: "1/2",
+        tables: &format!(
+            "{FROM_2_NM}{}",
+            r#"
 [weather.cloudy]
 visibility_m = 30000
 wind_speed_mps = 6
 wind_from_true_deg = 60
 turbulence_ratio = 0.3
 clouds = [{ kind = "cumulus", cover_ratio = 0.5, base_msl_m = 900, top_msl_m = 1500 }]
-"#;
+"#
+        ),
+    }
+    .toml()
+}
 
 /// Records the sweep's scenario with a stand-in that has these faults; returns what happened and how often it was started.
 async fn made(corpus: &Path, faults: &str) -> (Outcome, usize) {
@@ -61,7 +44,7 @@ async fn made(corpus: &Path, faults: &str) -> (Outcome, usize) {
     };
     let running = Running::start(faulty).await;
     let options = small_corpus::options(SimulatorTarget::Address(running.addresses.udp), &[]);
-    let sweep = small_corpus::sweep_of(SWEEP);
+    let sweep = small_corpus::sweep_of(&sweep_toml());
     let begun = Arc::new(AtomicUsize::new(0));
     let count = begun.clone();
     let mut on_event = move |event: Event<'_>| {

@@ -25,8 +25,8 @@ use tokio::sync::OnceCell;
 use xplane_bridge::fly::FlyRequest;
 
 use small_corpus::{
-    IDS, SWEEP, folders, options, run, run_until, same_tables, small_sweep, sorted_ids, stand_in,
-    stand_in_with, sweep_of,
+    IDS, folders, options, run, run_until, same_tables, small_sweep, sorted_ids, stand_in,
+    stand_in_with, sweep_of, sweep_toml,
 };
 
 /// A new corpus without faults.
@@ -239,7 +239,7 @@ async fn a_simulator_that_freezes_is_noticed_and_its_scenario_made_again() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_scenario_that_cannot_be_flown_is_set_aside_with_its_reasons_and_tried_by_the_next_run() {
     let corpus = tempdir().unwrap();
-    let sweep = sweep_of(&SWEEP.replace(
+    let sweep = sweep_of(&sweep_toml().replace(
         "weathers = [\"foggy\"]\n\n[weather",
         "repeats = [1]\n\n[weather",
     ));
@@ -275,7 +275,7 @@ async fn a_scenario_that_cannot_be_flown_is_set_aside_with_its_reasons_and_tried
 
 #[tokio::test(flavor = "multi_thread")]
 async fn why_a_scenario_failed_is_in_the_store_until_it_is_made_from_whatever_stage() {
-    let sweep = sweep_of(&SWEEP.replace(
+    let sweep = sweep_of(&sweep_toml().replace(
         "weathers = [\"foggy\"]\n\n[weather",
         "repeats = [1]\n\n[weather",
     ));

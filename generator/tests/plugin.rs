@@ -14,35 +14,22 @@ use generator::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{LinkServer, ServerOptions};
 use testkit::repository;
+use testkit::sweep::SmallSweep;
 use testkit_simulator::{plugin, quiet, serving};
 use xplane_bridge::Simulator;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 /// One recorded flight from 1.5 NM, a picture every four seconds.
-const SWEEP: &str = r#"
-[corpus]
-name = "plugin"
-seed = 0
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["12:00"]
-weathers = ["clear"]
-repeats = 1
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 96
-height_px = 64
-frame_rate = "1/4"
-
+fn sweep_toml() -> String {
+    SmallSweep {
+        name: "plugin",
+        seed: 0,
+        weathers: &["clear"],
+        repeats: 1,
+        size_px: (96, 64),
+        frame_rate: "1/4",
+        tables: r#"
 [start]
 dtd_nm = { min = 1.5, max = 1.5 }
 cross_track_m = { mean = 0, sd = 20 }
@@ -59,32 +46,21 @@ weathers = ["clear"]
 
 [weather.clear]
 visibility_m = 30000
-"#;
+"#,
+    }
+    .toml()
+}
 
 /// Two live flights from 1.5 NM, one after the other in the same simulator: the second finds the autopilot as the first left it.
-const LIVE_SWEEP: &str = r#"
-[corpus]
-name = "plugin-live"
-seed = 3
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["12:00"]
-weathers = ["clear"]
-repeats = 2
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 64
-height_px = 64
-frame_rate = "1/4"
-
+fn live_sweep_toml() -> String {
+    SmallSweep {
+        name: "plugin-live",
+        seed: 3,
+        weathers: &["clear"],
+        repeats: 2,
+        size_px: (64, 64),
+        frame_rate: "1/4",
+        tables: r#"
 [start]
 dtd_nm = { min = 1.5, max = 1.6 }
 cross_track_m = { mean = 0, sd = 20 }
@@ -99,7 +75,10 @@ level_altitude_msl_m = 150
 visibility_m = 30000
 wind_speed_mps = 3
 wind_from_true_deg = 60
-"#;
+"#,
+    }
+    .toml()
+}
 
 /// Maximum mean difference between pictures of the same pose, of 255.
 const MEAN_LEVELS_APART: f64 = 0.25;
@@ -121,12 +100,12 @@ async fn stand_in(link: LinkServer) -> SimulatorTarget {
 async fn record(
     folder: &Path,
     target: SimulatorTarget,
-    sweep: &str,
+    sweep: String,
     scenarios: usize,
     profiles: usize,
 ) -> Corpus {
     let data = repository().join("tests/data");
-    let sweep = Sweep::parse(Path::new("test.toml"), &data, sweep.to_owned()).unwrap();
+    let sweep = Sweep::parse(Path::new("test.toml"), &data, sweep).unwrap();
     let options = GenerateOptions {
         simulators: target.into(),
         stand_in_program: PathBuf::from("unused"),
@@ -159,9 +138,9 @@ async fn record(
 async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link() {
     let folders = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
     let built_in = stand_in(LinkServer::BuiltIn).await;
-    let built_in = record(folders[0].path(), built_in, SWEEP, 1, 0).await;
+    let built_in = record(folders[0].path(), built_in, sweep_toml(), 1, 0).await;
     let plugged = stand_in(plugin::link((96, 64))).await;
-    let plugged = record(folders[1].path(), plugged, SWEEP, 1, 1).await;
+    let plugged = record(folders[1].path(), plugged, sweep_toml(), 1, 1).await;
 
     let report = verify(&plugged);
     assert!(report.is_sound(), "{:#?}", report.findings);
@@ -211,7 +190,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
 async fn live_flights_through_the_plugin_make_a_sound_corpus() {
     let folder = tempfile::tempdir().unwrap();
     let target = stand_in(plugin::link((64, 64))).await;
-    let corpus = record(folder.path(), target, LIVE_SWEEP, 2, 1).await;
+    let corpus = record(folder.path(), target, live_sweep_toml(), 2, 1).await;
     let report = verify(&corpus);
     assert!(report.is_sound(), "{:#?}", report.findings);
     for scenario in corpus.scenarios().unwrap() {

@@ -11,13 +11,13 @@ use generator::generate::{Event, GenerateError, SimulatorTarget, Stopped};
 use generator::plan::{Against, Estimate, Standing, expand};
 
 use small_corpus::{
-    IDS, SWEEP, folders, options, run, run_until, same_tables, sorted_ids, stand_in, sweep_of,
+    IDS, folders, options, run, run_until, same_tables, sorted_ids, stand_in, sweep_of, sweep_toml,
 };
 
 #[tokio::test(flavor = "multi_thread")]
 async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
     let folder = tempfile::tempdir().unwrap();
-    let sweep = sweep_of(SWEEP);
+    let sweep = sweep_of(&sweep_toml());
     let target = stand_in().await;
     let made = run(&sweep, folder.path(), target.clone(), &[])
         .await
@@ -62,7 +62,7 @@ async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_stopped_run_is_resumed_and_ends_with_the_same_tables_as_an_undisturbed_one() {
     let [stopped, whole] = [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()];
-    let sweep = sweep_of(SWEEP);
+    let sweep = sweep_of(&sweep_toml());
     let target = stand_in().await;
     let mut committed = 0;
     let all = options(target.clone(), &[]);
@@ -104,7 +104,7 @@ async fn a_stopped_run_is_resumed_and_ends_with_the_same_tables_as_an_undisturbe
 async fn a_corpus_takes_more_repeats_but_no_other_plan() {
     let folder = tempfile::tempdir().unwrap();
     let target = stand_in().await;
-    let one = SWEEP
+    let one = sweep_toml()
         .replace(
             "weathers = [\"clear\", \"foggy\"]\nrepeats = 2",
             "weathers = [\"clear\"]\nrepeats = 1",
@@ -174,7 +174,7 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
 async fn what_cannot_begin_is_said_at_once_and_leaves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = folder.path().join("corpus");
-    let sweep = sweep_of(SWEEP);
+    let sweep = sweep_of(&sweep_toml());
 
     // A port that was free a moment ago.
     let nobody = std::net::UdpSocket::bind("127.0.0.1:0")

@@ -13,7 +13,7 @@ use generator::generate::{Cancel, GenerateOptions, SimulatorTarget, generate};
 use mock_xplane::server::ServerOptions;
 use mock_xplane::window::{Stage, X11Window};
 use serde_json::Value;
-use small_corpus::{IDS, SWEEP, options, sweep_of};
+use small_corpus::{IDS, options, sweep_of, sweep_toml};
 use testkit_simulator::{Xvfb, quiet, serving};
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice, PixelKind};
 
@@ -56,7 +56,7 @@ fn record(folder: &ScenarioFolder) -> Value {
 #[tokio::test(flavor = "multi_thread")]
 async fn a_scenario_grabbed_from_the_screen_is_the_one_sent_over_the_link_to_the_last_bit() {
     let xvfb = Xvfb::start("160x120x24");
-    let sweep = sweep_of(&format!("{SWEEP}\n[video]\ncodec = \"h264-lossless\"\n"));
+    let sweep = sweep_of(&(sweep_toml() + "\n[video]\ncodec = \"h264-lossless\"\n"));
     let target = stand_in(xvfb.display(), Some((96, 64))).await;
     let corpora = [PixelKind::Link, PixelKind::Screen].map(|kind| (kind, tempfile::tempdir()));
     let mut made = Vec::new();
@@ -96,7 +96,7 @@ async fn a_scenario_grabbed_from_the_screen_is_the_one_sent_over_the_link_to_the
 #[tokio::test(flavor = "multi_thread")]
 async fn a_source_that_the_simulator_cannot_serve_is_refused_before_anything_is_written() {
     let xvfb = Xvfb::start("160x120x24");
-    let sweep = sweep_of(SWEEP);
+    let sweep = sweep_of(&sweep_toml());
     let folder = tempfile::tempdir().unwrap();
     let corpus = folder.path().join("corpus");
     let without = stand_in(xvfb.display(), None).await;

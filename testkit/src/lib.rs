@@ -1,4 +1,5 @@
-//! Test support that needs no simulator: one runway, one rig, approaches, small corpora of them, and the `dtd` command.
+//! Test support that needs no simulator: one runway, one rig, approaches, small sweeps and corpora of them, and the
+//! `dtd` command.
 //!
 //! Only a dev-dependency. It knows nothing but `dataset`, so that the unit tests of every other crate can use it; those of `dataset`
 //! itself cannot (they would see a second `dataset`) and share only the file `changi_02l.json`. What runs a stand-in is in
@@ -16,6 +17,7 @@ mod runway;
 pub mod scenario;
 pub mod short_corpus;
 mod skip;
+pub mod sweep;
 pub mod synthetic;
 
 pub use repository::{onnx_runtime, program_of_venv, repository};

@@ -15,43 +15,22 @@ use testkit::command::Dtd;
 pub(crate) use testkit::command::said;
 use testkit::files::copy_folder;
 use testkit::onnx_runtime;
+use testkit::sweep::{FROM_2_NM, SmallSweep};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 /// Five live approaches from 2 NM, six pictures a view.
-const SWEEP: &str = r#"
-[corpus]
-name = "tiny"
-seed = 5
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["12:00"]
-weathers = ["clear"]
-repeats = 5
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 480
-height_px = 320
-frame_rate = "1/8"
-
-[start]
-dtd_nm = { min = 1.9, max = 2.1 }
-cross_track_m = { mean = 0, sd = 20 }
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 200
-
+fn sweep_toml() -> String {
+    SmallSweep {
+        name: "tiny",
+        seed: 5,
+        weathers: &["clear"],
+        repeats: 5,
+        size_px: (480, 320),
+        frame_rate: "1/8",
+        tables: &format!(
+            "{FROM_2_NM}{}",
+            r#"
 [split]
 train = 0.6
 validation = 0.2
@@ -59,7 +38,11 @@ test = 0.2
 
 [weather.clear]
 visibility_m = 80000
-"#;
+"#
+        ),
+    }
+    .toml()
+}
 
 /// Just enough steps to create every file of a run.
 const TRAINING: &str = r#"
@@ -138,7 +121,7 @@ impl Tiny {
 
     fn empty() -> Self {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("sweep.toml"), SWEEP).unwrap();
+        fs::write(folder.path().join("sweep.toml"), sweep_toml()).unwrap();
         fs::write(folder.path().join("training.toml"), TRAINING).unwrap();
         Self { folder }
     }

@@ -20,44 +20,23 @@ use generator::shard::Shard;
 use generator::sweep::Sweep;
 use mock_xplane::server::{Engine, ServerOptions};
 use testkit::repository;
+use testkit::sweep::{FROM_2_NM, SmallSweep};
 use testkit_simulator::{quiet, serving, serving_with};
 use tokio::task::AbortHandle;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 /// Four small scenarios from 2 NM: two fly live, two fly a recording.
-pub const SWEEP: &str = r#"
-[corpus]
-name = "test"
-seed = 0
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "wide-baseline"
-
-[grid]
-times = ["12:00"]
-weathers = ["clear", "foggy"]
-repeats = 2
-day_of_year = 172
-utc_offset_h = 8
-
-[picture]
-width_px = 96
-height_px = 64
-frame_rate = "1/2"
-
-[start]
-dtd_nm = { min = 1.9, max = 2.1 }
-cross_track_m = { mean = 0, sd = 20 }
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 200
-
+pub fn sweep_toml() -> String {
+    SmallSweep {
+        name: "test",
+        seed: 0,
+        weathers: &["clear", "foggy"],
+        repeats: 2,
+        size_px: (96, 64),
+        frame_rate: "1/2",
+        tables: &format!(
+            "{FROM_2_NM}{}",
+            r#"
 [[recorded]]
 files = "flights/01_calm_ils.csv"
 weathers = ["foggy"]
@@ -69,7 +48,11 @@ wind_from_true_deg = 60
 
 [weather.foggy]
 visibility_m = 9260
-"#;
+"#
+        ),
+    }
+    .toml()
+}
 
 pub fn sweep_of(text: &str) -> Sweep {
     let data = repository().join("tests/data");
@@ -77,7 +60,7 @@ pub fn sweep_of(text: &str) -> Sweep {
 }
 
 pub fn small_sweep() -> &'static Sweep {
-    static READ: LazyLock<Sweep> = LazyLock::new(|| sweep_of(SWEEP));
+    static READ: LazyLock<Sweep> = LazyLock::new(|| sweep_of(&sweep_toml()));
     &READ
 }
 

@@ -5,11 +5,11 @@ use std::path::Path;
 use std::process::Output;
 
 use tempfile::tempdir;
-use testkit::command::Dtd;
+
+use super::DTD;
 
 fn demo(folder: &Path, more: &[&str]) -> Output {
-    Dtd::at(env!("CARGO_BIN_EXE_dtd"))
-        .command(&["demo", "--fresh", "--out"])
+    DTD.command(&["demo", "--fresh", "--out"])
         .arg(folder)
         .args(more)
         .output()

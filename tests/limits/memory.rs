@@ -1,11 +1,9 @@
 //! Every verb in 2 GiB of address space: it works, or it says how much it needs.
 
-mod tiny;
-
 use std::os::unix::process::ExitStatusExt;
 use std::time::Duration;
 
-use tiny::{Tiny, said};
+use crate::tiny::{self, Tiny, said};
 
 const TWO_GIB_KIB: u64 = 2 << 20;
 /// Far longer than any of this takes.
