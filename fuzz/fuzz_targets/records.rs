@@ -2,6 +2,7 @@
 
 #![no_main]
 
+use std::collections::BTreeMap;
 use std::fmt::Debug;
 use std::path::Path;
 
@@ -57,6 +58,7 @@ fuzz_target!(|bytes: &[u8]| {
             let seal = Seal {
                 config_hash: String::new(),
                 manifest_blake3: blake3::hash(manifest.as_bytes()).to_string(),
+                video_bytes: BTreeMap::new(),
             };
             for file in sealed_files(&manifest, &seal).into_iter().flatten() {
                 assert!(is_within(file.name.as_ref()), "{}", file.name);

@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! generate: plan, what is whole, simulators  ->  run: workers  ->  queue: claims  ->  record: one scenario
-//!                                                      remote: one scenario to the object store  <-
+//!                                                      uploads: one scenario to the object store  <-
 //! ```
 
 mod attempt;
@@ -28,6 +28,8 @@ mod set_aside;
 mod simulators;
 mod space;
 mod stage;
+mod tally;
+mod uploads;
 mod workplace;
 
 use std::cmp::Reverse;
@@ -224,7 +226,7 @@ fn at_once_on_disk<'a>(
     {
         largest.sort_by_key(|scenario| Reverse(scenario.ticks));
         // One being uploaded, those that wait, and per simulator one being recorded and one about to wait.
-        largest.truncate(1 + remote::WAITING + 2 * options.simulators.targets().len());
+        largest.truncate(1 + uploads::WAITING + 2 * options.simulators.targets().len());
     }
     largest
 }

@@ -757,3 +757,25 @@ fn a_changed_plan_does_not_have_its_hash_any_more() {
         "{findings}"
     );
 }
+
+#[test]
+fn a_value_of_a_plan_that_cannot_be_read_is_named_and_hides_no_other() {
+    let example = Example::new();
+    let plan = fs::read_to_string(example.corpus.plan_path()).unwrap();
+    let damaged = plan
+        .replace("\"pitch_deg\": 1.6", "\"pitch_deg\": \"up\"")
+        .replace("\"rig\": \"pair\"", "\"rig\": [5]")
+        .replace("\"seed\": 1,", "\"seed\": 2, \"of_a_later_version\": {},");
+    fs::write(example.corpus.plan_path(), damaged).unwrap();
+    let findings = example.findings();
+    for words in [
+        "plan.json: its cameras cannot be compared with calibration.json: cameras cannot be read: invalid type: string \"up\", expected f64",
+        "scenario.json: rig was planned as [5] (plan.json), but recorded as \"pair\"",
+        "scenario.json: seed was planned as 2 (plan.json), but recorded as 1",
+    ] {
+        for id in IDS {
+            assert!(findings.contains(&format!("{id}/{words}")), "{findings}");
+        }
+    }
+    assert_eq!(findings.lines().count(), 6, "{findings}");
+}

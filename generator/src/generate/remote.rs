@@ -1,35 +1,20 @@
 //! A corpus in an object store: the folder is then a stage, where scenarios are recorded and from which finished ones are uploaded
-//! while the next ones are recorded. Scenarios committed in the store count as done; the stage holds the rest.
+//! (`uploads.rs`). Scenarios committed in the store count as done; the stage holds the rest.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal::Seal;
-use store::{CorpusStore, Keep, OnOther, Pushed, StoreError, Watch};
-use tokio::sync::mpsc;
-use tokio::time::sleep;
+use store::{CorpusStore, Keep};
 
 use super::error::GenerateError;
-use super::event::Event;
-use super::freeze::is_whole;
-use super::outcome::{FailedScenario, Stopped};
-use super::run::{Run, lock};
 use super::set_aside::{FOLDER as FAILED, SetAside};
 use crate::plan::Difference;
-
-/// Scenarios that may wait for the current upload. Together with that one, this many folders are on the stage besides those being
-/// recorded.
-pub(super) const WAITING: usize = 1;
-/// How long a cancelled transfer may take to stop.
-const LEAVE_TAKING: Duration = Duration::from_secs(5);
-/// Interval for checking a staged scenario that another process is uploading.
-const LOOK_AGAIN: Duration = Duration::from_millis(500);
 
 /// Destination of finished scenarios.
 #[derive(Debug, Clone)]
@@ -38,12 +23,6 @@ pub struct Remote {
     pub store: CorpusStore,
     /// Keep uploaded scenarios on the stage, too.
     pub keep_staged: bool,
-}
-
-/// A finished scenario to upload. Its claim keeps others off until the store has it.
-pub(super) struct Job<'a> {
-    scenario: &'a PlannedScenario,
-    claim: Claim,
 }
 
 impl Remote {
@@ -143,7 +122,7 @@ impl Remote {
 
     /// Removes a scenario that the store has from the stage, without ever leaving half of one under its name. It stays if its
     /// detections exist nowhere else.
-    async fn unstage(&self, stage: &Corpus, id: &str) {
+    pub(super) async fn unstage(&self, stage: &Corpus, id: &str) {
         let [whole, partial] = [stage.scenario(id), stage.partial_scenario(id)];
         match self.store.has_detections_of(&whole).await {
             Ok(true) => {}
@@ -201,7 +180,7 @@ impl Remote {
         }
     }
 
-    async fn forget_failure(&self, id: &str) {
+    pub(super) async fn forget_failure(&self, id: &str) {
         if let Err(error) = self.store.remove(&SetAside::name(id)).await {
             tracing::warn!(id, %error, "it is committed, but the store still says why it failed before");
         }
@@ -215,167 +194,5 @@ impl Remote {
 fn remove(folder: &Path) {
     if let Err(error) = fs::remove_dir_all(folder) {
         tracing::warn!(%error, folder = %folder.display(), "sent, but still on the stage");
-    }
-}
-
-/// Reports one transfer to the listener of a run.
-struct Watching<'r, 'a> {
-    run: &'r Run<'a>,
-    id: &'r str,
-}
-
-impl Watch for Watching<'_, '_> {
-    fn waiting(&self, reason: &StoreError) {
-        self.run.reporter.tell(Event::StoreAway {
-            id: self.id,
-            reason: &reason.to_string(),
-        });
-    }
-
-    fn stopped(&self) -> bool {
-        self.run.halt.is_cancelled()
-    }
-}
-
-impl<'a> Run<'a> {
-    /// Queues a finished scenario for upload; waits while the queue is full. If the run ends before, it stays on the stage.
-    pub(super) async fn hand_over(&self, scenario: &'a PlannedScenario, claim: Claim) {
-        let Some(uploads) = lock(&self.uploads).clone() else {
-            return;
-        };
-        let job = match uploads.try_send(Job { scenario, claim }) {
-            Ok(()) => return,
-            Err(mpsc::error::TrySendError::Full(job) | mpsc::error::TrySendError::Closed(job)) => {
-                job
-            }
-        };
-        self.reporter.tell(Event::UploadBehind { id: &scenario.id });
-        let sent = tokio::select! {
-            biased;
-            () = self.halt.cancelled() => false,
-            sent = uploads.send(job) => sent.is_ok(),
-        };
-        if !sent {
-            self.stays_staged(scenario);
-        }
-    }
-
-    fn stays_staged(&self, scenario: &PlannedScenario) {
-        let staged = &mut lock(&self.tally).outcome.staged;
-        staged.push(scenario.id.clone());
-    }
-
-    /// Queues what earlier runs left on the stage.
-    pub(super) async fn hand_over_staged(&self, staged: &[&'a PlannedScenario]) {
-        for scenario in staged {
-            match self.claim_staged(scenario).await {
-                Ok(Some(claim)) => self.hand_over(scenario, claim).await,
-                Ok(None) => {}
-                Err(error) => {
-                    lock(&self.tally).fatal.get_or_insert(error);
-                    self.halt.cancel();
-                }
-            }
-        }
-    }
-
-    /// The claim on a staged scenario; `None` if there is nothing left to upload, because another process has done it or the run
-    /// ends.
-    async fn claim_staged(
-        &self,
-        scenario: &'a PlannedScenario,
-    ) -> Result<Option<Claim>, GenerateError> {
-        loop {
-            if self.halt.is_cancelled() {
-                self.stays_staged(scenario);
-                return Ok(None);
-            }
-            match Claim::take(self.work.corpus, &scenario.id)? {
-                Claimed::Mine(claim) if is_whole(self.work.corpus, scenario)? => {
-                    return Ok(Some(claim));
-                }
-                Claimed::Mine(_) => {
-                    lock(&self.tally).outcome.skipped.push(scenario.id.clone());
-                    return Ok(None);
-                }
-                Claimed::Theirs(_) => sleep(LOOK_AGAIN).await,
-            }
-        }
-    }
-
-    /// Uploads what is queued until all senders are gone.
-    pub(super) async fn upload_all(&self, mut jobs: mpsc::Receiver<Job<'a>>) {
-        while let Some(job) = jobs.recv().await {
-            match self.remote {
-                Some(remote) if !self.halt.is_cancelled() => self.upload(remote, job).await,
-                _ => self.stays_staged(job.scenario),
-            }
-        }
-    }
-
-    async fn upload(&self, remote: &Remote, job: Job<'a>) {
-        let id = job.scenario.id.as_str();
-        let began = Instant::now();
-        let folder = self.work.corpus.scenario(id);
-        let watching = Watching { run: self, id };
-        let pushing = store::Patience(self.patience.store).with(&watching, async |watch| {
-            remote
-                .store
-                .push_scenario(&folder, OnOther::Keep, watch)
-                .await
-        });
-        let no_longer = async {
-            self.halt.cancelled().await;
-            sleep(LEAVE_TAKING).await;
-        };
-        let pushed = tokio::select! {
-            pushed = pushing => pushed,
-            () = no_longer => Err(StoreError::Stopped),
-        };
-        match pushed {
-            Ok(pushed) => {
-                remote.forget_failure(id).await;
-                if !remote.keep_staged {
-                    remote.unstage(self.work.corpus, id).await;
-                }
-                let outcome = &mut lock(&self.tally).outcome;
-                match pushed {
-                    Pushed::Committed { .. } => outcome.committed.push(id.to_owned()),
-                    Pushed::Same | Pushed::Other | Pushed::Newer | Pushed::Labelled => {
-                        outcome.skipped.push(id.to_owned());
-                    }
-                }
-                self.reporter.tell(Event::Uploaded {
-                    id,
-                    seconds: began.elapsed().as_secs_f64(),
-                });
-            }
-            Err(StoreError::Stopped) => self.stays_staged(job.scenario),
-            // The others are unaffected.
-            Err(error @ StoreError::Damaged { .. }) => {
-                let reason = format!(
-                    "{error}. Move {} away, then the scenario will be recorded again",
-                    folder.root().display()
-                );
-                self.reporter.tell(Event::Failed {
-                    id,
-                    reason: &reason,
-                });
-                lock(&self.tally).outcome.failed.push(FailedScenario {
-                    id: id.to_owned(),
-                    reason,
-                });
-            }
-            Err(error) => {
-                self.stays_staged(job.scenario);
-                self.stop(Stopped::Store {
-                    reason: format!(
-                        "{error}. Nothing is lost: complete scenarios that are not uploaded yet stay in {}; run the same command again to resume",
-                        self.work.corpus.root().display()
-                    ),
-                });
-            }
-        }
-        drop(job.claim);
     }
 }

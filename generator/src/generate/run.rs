@@ -4,9 +4,8 @@
 //! aside. A simulator that does not answer is waited for; if it does not come back, its worker ends and leaves the rest to the
 //! others. A full disk ends the run, since nothing else could succeed.
 //!
-//! If the corpus is in an object store, finished scenarios go to one more worker, which uploads them (`remote.rs`).
+//! If the corpus is in an object store, finished scenarios go to one more worker, which uploads them (`uploads.rs`).
 
-use std::collections::HashMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -14,19 +13,20 @@ use dataset::claim::Claim;
 use dataset::plan::PlannedScenario;
 use futures_util::future::join_all;
 use indicatif::DecimalBytes;
-use tokio::sync::mpsc;
 
 use super::attempt::{Attempt, unless_cancelled};
 use super::error::{Blame, GenerateError, ScenarioError};
 use super::event::{Event, Reporter};
-use super::outcome::{FailedScenario, Outcome, Stopped};
+use super::outcome::{Outcome, Stopped};
 use super::patience::Patience;
 use super::queue::{Next, Queue, Task};
 use super::record::{Work, record};
-use super::remote::{Job, Remote, WAITING};
+use super::remote::Remote;
 use super::session::Session;
 use super::set_aside::SetAside;
 use super::space;
+use super::tally::Tally;
+use super::uploads::{Uploads, uploads};
 use super::{Cancel, GenerateOptions};
 use crate::plan::room_bytes;
 
@@ -35,26 +35,13 @@ const FAILURES_IN_A_ROW: u32 = 9;
 
 /// Shared by the workers of a run.
 pub(super) struct Run<'a> {
-    pub(super) work: Work<'a>,
-    pub(super) reporter: Reporter<'a>,
-    pub(super) patience: Patience,
+    work: Work<'a>,
+    reporter: Reporter<'a>,
+    patience: Patience,
     /// Destination of finished scenarios, if not a folder.
-    pub(super) remote: Option<&'a Remote>,
-    /// Set when the run must end, for whatever reason.
-    pub(super) halt: Cancel,
-    /// Receives finished scenarios; gone when nobody records any more.
-    pub(super) uploads: Mutex<Option<mpsc::Sender<Job<'a>>>>,
+    remote: Option<&'a Remote>,
     queue: Mutex<Queue<'a>>,
-    pub(super) tally: Mutex<Tally>,
-}
-
-#[derive(Default)]
-pub(super) struct Tally {
-    pub(super) outcome: Outcome,
-    pub(super) fatal: Option<GenerateError>,
-    /// The problem of the simulator that was given up last.
-    last_simulator_failure: Option<String>,
-    told_of_waiting: bool,
+    tally: Tally,
 }
 
 /// Whether a worker continues.
@@ -62,10 +49,6 @@ pub(super) struct Tally {
 enum Then {
     GoOn,
     Leave,
-}
-
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl<'a> Run<'a> {
@@ -81,13 +64,8 @@ impl<'a> Run<'a> {
             reporter,
             patience: options.patience,
             remote: options.remote.as_ref(),
-            uploads: Mutex::new(None),
-            halt: Cancel::new(),
             queue: Mutex::new(Queue::new(to_make)),
-            tally: Mutex::new(Tally {
-                outcome,
-                ..Tally::default()
-            }),
+            tally: Tally::new(outcome),
         }
     }
 
@@ -99,73 +77,47 @@ impl<'a> Run<'a> {
         staged: &[&'a PlannedScenario],
         cancel: &Cancel,
     ) -> Result<Outcome, GenerateError> {
-        let workers = sessions
+        let (corpus, tally) = (self.work.corpus, &self.tally);
+        let (uploads, uploader) = self
+            .remote
+            .map(|remote| uploads(remote, self.patience.store, corpus, &self.reporter, tally))
+            .unzip();
+        let workers: Vec<_> = sessions
             .into_iter()
-            .map(|(session, trouble)| self.worker(session, trouble));
+            .map(|(session, trouble)| self.worker(session, trouble, uploads.clone()))
+            .collect();
+        let send = async {
+            if let (Some(uploads), Some(uploader)) = (uploads, uploader) {
+                tokio::join!(uploads.hand_over_staged(staged), uploader.work());
+            }
+        };
         let until_cancelled = async {
             cancel.cancelled().await;
-            self.stop(Stopped::Interrupted);
+            tally.stop(Stopped::Interrupted);
             std::future::pending::<()>().await;
         };
-        let (handed_over, uploads) = mpsc::channel(WAITING);
-        *lock(&self.uploads) = Some(handed_over);
-        let make = async {
-            tokio::join!(join_all(workers), self.hand_over_staged(staged));
-            lock(&self.uploads).take();
-        };
         tokio::select! {
-            _ = async { tokio::join!(make, self.upload_all(uploads)) } => {}
+            _ = async { tokio::join!(join_all(workers), send) } => {}
             () = until_cancelled => {}
         }
-        Claim::tidy(self.work.corpus);
-        let Tally {
-            mut outcome,
-            fatal,
-            last_simulator_failure,
-            ..
-        } = self
-            .tally
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner);
-        if let Some(error) = fatal {
-            return Err(error);
-        }
+        Claim::tidy(corpus);
         let queue = self
             .queue
             .into_inner()
             .unwrap_or_else(PoisonError::into_inner);
-        outcome.not_made = queue.left().map(|scenario| scenario.id.clone()).collect();
-        // Several workers end in any order; the plan has one.
-        let places: HashMap<&str, usize> = self
-            .work
-            .plan
-            .scenarios
-            .iter()
-            .map(|s| s.id.as_str())
-            .zip(0..)
-            .collect();
-        let place = |id: &str| places.get(id).copied();
-        outcome.committed.sort_by_key(|id| place(id));
-        outcome.skipped.sort_by_key(|id| place(id));
-        outcome.not_made.sort_by_key(|id| place(id));
-        outcome.staged.sort_by_key(|id| place(id));
-        outcome.failed.sort_by_key(|scenario| place(&scenario.id));
-        if outcome.stopped.is_none()
-            && !outcome.not_made.is_empty()
-            && let Some(reason) = last_simulator_failure
-        {
-            outcome.stopped = Some(Stopped::NoSimulator { reason });
-        }
-        Ok(outcome)
+        self.tally.into_outcome(self.work.plan, queue.left())
     }
 
-    /// Ends the run early. The first reason counts.
-    pub(super) fn stop(&self, reason: Stopped) {
-        lock(&self.tally).outcome.stopped.get_or_insert(reason);
-        self.halt.cancel();
+    fn queue(&self) -> MutexGuard<'_, Queue<'a>> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    async fn worker(&self, mut session: Session, trouble: Option<ScenarioError>) {
+    async fn worker(
+        &self,
+        mut session: Session,
+        trouble: Option<ScenarioError>,
+        uploads: Option<Uploads<'_, 'a>>,
+    ) {
         if let Some(trouble) = trouble
             && self.wait_for(&mut session, &trouble).await == Then::Leave
         {
@@ -173,28 +125,21 @@ impl<'a> Run<'a> {
             return;
         }
         let mut failures_in_a_row = 0;
-        while !self.halt.is_cancelled() {
-            let next = lock(&self.queue).next(self.work.corpus);
+        while !self.tally.halt.is_cancelled() {
+            let next = self.queue().next(self.work.corpus);
             match next {
                 Err(GenerateError::Corpus(error)) if self.is_storage_failure(&error) => {
-                    self.stop(self.storage(&error));
+                    self.tally.stop(self.storage(&error));
                 }
-                Err(error) => {
-                    lock(&self.tally).fatal.get_or_insert(error);
-                    self.halt.cancel();
-                }
+                Err(error) => self.tally.fail(error),
                 Ok(Next::Finished) => break,
-                Ok(Next::Whole(task, claim)) => {
-                    if self.remote.is_some() {
-                        self.hand_over(task.scenario, claim).await;
-                        lock(&self.queue).done_with(task);
-                    } else {
-                        self.made_elsewhere(task);
-                    }
-                }
+                Ok(Next::Whole(task, claim)) => match &uploads {
+                    Some(_) => self.made(task, claim, uploads.as_ref()).await,
+                    None => self.made_elsewhere(task),
+                },
                 Ok(Next::Later(pause, elsewhere)) => {
                     if let Some(elsewhere) = elsewhere
-                        && !std::mem::replace(&mut lock(&self.tally).told_of_waiting, true)
+                        && self.tally.is_first_to_wait()
                     {
                         self.reporter.tell(Event::Waiting {
                             scenarios: elsewhere.scenarios,
@@ -207,12 +152,18 @@ impl<'a> Run<'a> {
                     self.made_elsewhere(task);
                 }
                 Ok(Next::Make(task, claim)) => {
-                    let made = self.make(&task, &claim, &mut session).await;
-                    if self
-                        .settle(task, claim, made, &mut session, &mut failures_in_a_row)
-                        .await
-                        == Then::Leave
-                    {
+                    let then = match self.make(&task, &claim, &mut session).await {
+                        Ok(()) => {
+                            failures_in_a_row = 0;
+                            self.made(task, claim, uploads.as_ref()).await;
+                            Then::GoOn
+                        }
+                        Err(error) => {
+                            self.settle(task, claim, error, &mut session, &mut failures_in_a_row)
+                                .await
+                        }
+                    };
+                    if then == Then::Leave {
                         break;
                     }
                 }
@@ -227,8 +178,8 @@ impl<'a> Run<'a> {
             id: &scenario.id,
             ticks: scenario.ticks,
         });
-        lock(&self.tally).outcome.skipped.push(scenario.id.clone());
-        lock(&self.queue).done_with(task);
+        self.tally.skipped(scenario);
+        self.queue().done_with(task);
     }
 
     /// Whether another run has uploaded a scenario to the object store since this one started. An unreachable store is reported at
@@ -257,7 +208,7 @@ impl<'a> Run<'a> {
         });
         let attempt = Attempt {
             id: &scenario.id,
-            cancel: &self.halt,
+            cancel: &self.tally.halt,
             reporter: &self.reporter,
             answer_limit: self.patience.answer,
         };
@@ -275,38 +226,34 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Decides the consequences of an attempt for its scenario, its simulator and the run.
+    /// A scenario is complete in the corpus' folder.
+    async fn made(&self, task: Task<'a>, claim: Claim, uploads: Option<&Uploads<'_, 'a>>) {
+        match uploads {
+            Some(uploads) => uploads.hand_over(task.scenario, claim).await,
+            None => self.tally.committed(task.scenario),
+        }
+        self.queue().done_with(task);
+    }
+
+    /// Decides the consequences of a failed attempt for its scenario, its simulator and the run.
     async fn settle(
         &self,
         mut task: Task<'a>,
         claim: Claim,
-        made: Result<(), ScenarioError>,
+        error: ScenarioError,
         session: &mut Session,
         failures_in_a_row: &mut u32,
     ) -> Then {
         let id = task.scenario.id.as_str();
-        let error = match made {
-            Ok(()) => {
-                *failures_in_a_row = 0;
-                if self.remote.is_some() {
-                    self.hand_over(task.scenario, claim).await;
-                } else {
-                    lock(&self.tally).outcome.committed.push(id.to_owned());
-                }
-                lock(&self.queue).done_with(task);
-                return Then::GoOn;
-            }
-            Err(error) => error,
-        };
         let blame = error.blame(self.work.corpus.root());
         match (blame, &error) {
             (Blame::Nobody, _) => {
-                lock(&self.queue).give_back(task, Duration::ZERO);
+                self.queue().give_back(task, Duration::ZERO);
                 return Then::Leave;
             }
             (Blame::Storage, ScenarioError::Corpus(error)) => {
-                lock(&self.queue).give_back(task, Duration::ZERO);
-                self.stop(self.storage(error));
+                self.queue().give_back(task, Duration::ZERO);
+                self.tally.stop(self.storage(error));
                 return Then::Leave;
             }
             _ => {}
@@ -320,7 +267,8 @@ impl<'a> Run<'a> {
                 id,
                 reason: &reason,
             });
-            lock(&self.queue).give_back(task, self.patience.pause_after(failed));
+            self.queue()
+                .give_back(task, self.patience.pause_after(failed));
         } else {
             self.set_aside(task, reason).await;
         }
@@ -353,11 +301,8 @@ impl<'a> Run<'a> {
         } else if let Some(remote) = self.remote {
             remote.tell_of_failure(self.work.corpus, id).await;
         }
-        lock(&self.tally).outcome.failed.push(FailedScenario {
-            id: id.clone(),
-            reason,
-        });
-        lock(&self.queue).done_with(task);
+        self.tally.failed(task.scenario, reason);
+        self.queue().done_with(task);
     }
 
     /// Waits for a simulator that caused trouble. Reports it only if it does not answer at once.
@@ -393,7 +338,7 @@ impl<'a> Run<'a> {
         limit: Duration,
     ) -> Result<bool, ScenarioError> {
         let back = async { Ok::<_, ScenarioError>(session.come_back(limit).await) };
-        unless_cancelled(&self.halt, back).await
+        unless_cancelled(&self.tally.halt, back).await
     }
 
     /// Giving up the last simulator ends the run: the workers have left, and scenarios remain.
@@ -401,7 +346,8 @@ impl<'a> Run<'a> {
         self.reporter.tell(Event::SimulatorGone {
             simulator: session.name(),
         });
-        lock(&self.tally).last_simulator_failure = Some(format!("{}: {trouble}", session.name()));
+        let reason = format!("{}: {trouble}", session.name());
+        self.tally.gave_up_simulator(reason);
     }
 
     fn is_storage_failure(&self, error: &dataset::Error) -> bool {
@@ -410,7 +356,7 @@ impl<'a> Run<'a> {
 
     fn storage(&self, error: &dataset::Error) -> Stopped {
         let root = self.work.corpus.root();
-        let needed = room_bytes(&self.work.plan.common, lock(&self.queue).left());
+        let needed = room_bytes(&self.work.plan.common, self.queue().left());
         let free = space::free_bytes(root).map_or("an unknown amount".into(), |free| {
             DecimalBytes(free).to_string()
         });
@@ -426,7 +372,7 @@ impl<'a> Run<'a> {
 
     async fn pause(&self, pause: Duration) {
         tokio::select! {
-            () = self.halt.cancelled() => {}
+            () = self.tally.halt.cancelled() => {}
             () = tokio::time::sleep(pause) => {}
         }
     }

@@ -1,0 +1,120 @@
+//! What a run has done so far, and the switch that ends it: shared by all its workers.
+
+use std::collections::HashMap;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use dataset::plan::{Plan, PlannedScenario};
+
+use super::Cancel;
+use super::error::GenerateError;
+use super::outcome::{FailedScenario, Outcome, Stopped};
+
+/// The tally of a run.
+pub(super) struct Tally {
+    /// Set when the run must end, for whatever reason.
+    pub(super) halt: Cancel,
+    counts: Mutex<Counts>,
+}
+
+#[derive(Default)]
+struct Counts {
+    outcome: Outcome,
+    fatal: Option<GenerateError>,
+    /// The problem of the simulator that was given up last.
+    last_simulator_failure: Option<String>,
+    told_of_waiting: bool,
+}
+
+impl Tally {
+    /// Continues from what is known before the run.
+    pub(super) fn new(outcome: Outcome) -> Self {
+        Self {
+            halt: Cancel::new(),
+            counts: Mutex::new(Counts {
+                outcome,
+                ..Counts::default()
+            }),
+        }
+    }
+
+    pub(super) fn committed(&self, scenario: &PlannedScenario) {
+        self.lock().outcome.committed.push(scenario.id.clone());
+    }
+
+    pub(super) fn skipped(&self, scenario: &PlannedScenario) {
+        self.lock().outcome.skipped.push(scenario.id.clone());
+    }
+
+    pub(super) fn stays_staged(&self, scenario: &PlannedScenario) {
+        self.lock().outcome.staged.push(scenario.id.clone());
+    }
+
+    pub(super) fn failed(&self, scenario: &PlannedScenario, reason: String) {
+        let id = scenario.id.clone();
+        self.lock()
+            .outcome
+            .failed
+            .push(FailedScenario { id, reason });
+    }
+
+    pub(super) fn gave_up_simulator(&self, reason: String) {
+        self.lock().last_simulator_failure = Some(reason);
+    }
+
+    /// Whether nobody has reported yet that the run waits for others.
+    pub(super) fn is_first_to_wait(&self) -> bool {
+        !std::mem::replace(&mut self.lock().told_of_waiting, true)
+    }
+
+    /// Ends the run early. The first reason counts.
+    pub(super) fn stop(&self, reason: Stopped) {
+        self.lock().outcome.stopped.get_or_insert(reason);
+        self.halt.cancel();
+    }
+
+    /// Ends the run with an error. The first one counts.
+    pub(super) fn fail(&self, error: GenerateError) {
+        self.lock().fatal.get_or_insert(error);
+        self.halt.cancel();
+    }
+
+    /// The outcome of the run, in the order of the plan.
+    pub(super) fn into_outcome<'a>(
+        self,
+        plan: &Plan,
+        not_made: impl Iterator<Item = &'a PlannedScenario>,
+    ) -> Result<Outcome, GenerateError> {
+        let Counts {
+            mut outcome,
+            fatal,
+            last_simulator_failure,
+            ..
+        } = self
+            .counts
+            .into_inner()
+            .unwrap_or_else(PoisonError::into_inner);
+        if let Some(error) = fatal {
+            return Err(error);
+        }
+        outcome.not_made = not_made.map(|scenario| scenario.id.clone()).collect();
+        let ids = plan.scenarios.iter().map(|s| s.id.as_str());
+        let places: HashMap<&str, usize> = ids.zip(0..).collect();
+        let place = |id: &str| places.get(id).copied();
+        outcome.committed.sort_by_key(|id| place(id));
+        outcome.skipped.sort_by_key(|id| place(id));
+        outcome.not_made.sort_by_key(|id| place(id));
+        outcome.staged.sort_by_key(|id| place(id));
+        outcome.failed.sort_by_key(|scenario| place(&scenario.id));
+        if outcome.stopped.is_none()
+            && !outcome.not_made.is_empty()
+            && let Some(reason) = last_simulator_failure
+        {
+            outcome.stopped = Some(Stopped::NoSimulator { reason });
+        }
+        Ok(outcome)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Counts> {
+        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

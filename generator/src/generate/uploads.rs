@@ -1,0 +1,226 @@
+//! Finished scenarios on their way to the object store: one worker uploads them, one after the other, while others are recorded.
+
+use std::time::{Duration, Instant};
+
+use dataset::claim::{Claim, Claimed};
+use dataset::corpus::Corpus;
+use dataset::plan::PlannedScenario;
+use store::{OnOther, Pushed, StoreError, Watch};
+use tokio::sync::mpsc;
+use tokio::time::sleep;
+
+use super::error::GenerateError;
+use super::event::{Event, Reporter};
+use super::freeze::is_whole;
+use super::outcome::Stopped;
+use super::remote::Remote;
+use super::tally::Tally;
+
+/// Scenarios that may wait for the current upload. Together with that one, this many folders are on the stage besides those being
+/// recorded.
+pub(super) const WAITING: usize = 1;
+/// How long a cancelled transfer may take to stop.
+const LEAVE_TAKING: Duration = Duration::from_secs(5);
+/// Interval for checking a staged scenario that another process is uploading.
+const LOOK_AGAIN: Duration = Duration::from_millis(500);
+
+/// A finished scenario to upload. Its claim keeps others off until the store has it.
+struct Job<'a> {
+    scenario: &'a PlannedScenario,
+    claim: Claim,
+}
+
+/// Where the workers of a run hand over finished scenarios. The uploader ends when all of these are gone.
+#[derive(Clone)]
+pub(super) struct Uploads<'r, 'a> {
+    jobs: mpsc::Sender<Job<'a>>,
+    stage: &'r Corpus,
+    reporter: &'r Reporter<'a>,
+    tally: &'r Tally,
+}
+
+/// The worker at the other end.
+pub(super) struct Uploader<'r, 'a> {
+    jobs: mpsc::Receiver<Job<'a>>,
+    remote: &'r Remote,
+    /// How long to wait for a store that does not answer.
+    patience: Duration,
+    stage: &'r Corpus,
+    reporter: &'r Reporter<'a>,
+    tally: &'r Tally,
+}
+
+/// Both ends.
+pub(super) fn uploads<'r, 'a>(
+    remote: &'r Remote,
+    patience: Duration,
+    stage: &'r Corpus,
+    reporter: &'r Reporter<'a>,
+    tally: &'r Tally,
+) -> (Uploads<'r, 'a>, Uploader<'r, 'a>) {
+    let (sender, receiver) = mpsc::channel(WAITING);
+    let uploads = Uploads {
+        jobs: sender,
+        stage,
+        reporter,
+        tally,
+    };
+    let uploader = Uploader {
+        jobs: receiver,
+        remote,
+        patience,
+        stage,
+        reporter,
+        tally,
+    };
+    (uploads, uploader)
+}
+
+impl<'a> Uploads<'_, 'a> {
+    /// Queues a finished scenario for upload; waits while the queue is full. If the run ends before, it stays on the stage.
+    pub(super) async fn hand_over(&self, scenario: &'a PlannedScenario, claim: Claim) {
+        let job = match self.jobs.try_send(Job { scenario, claim }) {
+            Ok(()) => return,
+            Err(mpsc::error::TrySendError::Full(job) | mpsc::error::TrySendError::Closed(job)) => {
+                job
+            }
+        };
+        self.reporter.tell(Event::UploadBehind { id: &scenario.id });
+        let sent = tokio::select! {
+            biased;
+            () = self.tally.halt.cancelled() => false,
+            sent = self.jobs.send(job) => sent.is_ok(),
+        };
+        if !sent {
+            self.tally.stays_staged(scenario);
+        }
+    }
+
+    /// Queues what earlier runs left on the stage.
+    pub(super) async fn hand_over_staged(self, staged: &[&'a PlannedScenario]) {
+        for scenario in staged {
+            match self.claim_staged(scenario).await {
+                Ok(Some(claim)) => self.hand_over(scenario, claim).await,
+                Ok(None) => {}
+                Err(error) => self.tally.fail(error),
+            }
+        }
+    }
+
+    /// The claim on a staged scenario; `None` if there is nothing left to upload, because another process has done it or the run
+    /// ends.
+    async fn claim_staged(
+        &self,
+        scenario: &PlannedScenario,
+    ) -> Result<Option<Claim>, GenerateError> {
+        loop {
+            if self.tally.halt.is_cancelled() {
+                self.tally.stays_staged(scenario);
+                return Ok(None);
+            }
+            match Claim::take(self.stage, &scenario.id)? {
+                Claimed::Mine(claim) if is_whole(self.stage, scenario)? => return Ok(Some(claim)),
+                Claimed::Mine(_) => {
+                    self.tally.skipped(scenario);
+                    return Ok(None);
+                }
+                Claimed::Theirs(_) => sleep(LOOK_AGAIN).await,
+            }
+        }
+    }
+}
+
+/// Reports one transfer to the listener of a run.
+struct Watching<'r, 'a> {
+    uploader: &'r Uploader<'r, 'a>,
+    id: &'r str,
+}
+
+impl Watch for Watching<'_, '_> {
+    fn waiting(&self, reason: &StoreError) {
+        self.uploader.reporter.tell(Event::StoreAway {
+            id: self.id,
+            reason: &reason.to_string(),
+        });
+    }
+
+    fn stopped(&self) -> bool {
+        self.uploader.tally.halt.is_cancelled()
+    }
+}
+
+impl Uploader<'_, '_> {
+    /// Uploads what is queued until nobody can hand over anything more.
+    pub(super) async fn work(mut self) {
+        while let Some(Job { scenario, claim }) = self.jobs.recv().await {
+            match self.tally.halt.is_cancelled() {
+                true => self.tally.stays_staged(scenario),
+                false => self.upload(scenario).await,
+            }
+            drop(claim);
+        }
+    }
+
+    async fn upload(&self, scenario: &PlannedScenario) {
+        let id = scenario.id.as_str();
+        let began = Instant::now();
+        match self.push(id).await {
+            Ok(pushed) => {
+                self.remote.forget_failure(id).await;
+                if !self.remote.keep_staged {
+                    self.remote.unstage(self.stage, id).await;
+                }
+                match pushed {
+                    Pushed::Committed { .. } => self.tally.committed(scenario),
+                    Pushed::Same | Pushed::Other | Pushed::Newer | Pushed::Labelled => {
+                        self.tally.skipped(scenario);
+                    }
+                }
+                self.reporter.tell(Event::Uploaded {
+                    id,
+                    seconds: began.elapsed().as_secs_f64(),
+                });
+            }
+            Err(StoreError::Stopped) => self.tally.stays_staged(scenario),
+            // The others are unaffected.
+            Err(error @ StoreError::Damaged { .. }) => {
+                let reason = format!(
+                    "{error}. Move {} away, then the scenario will be recorded again",
+                    self.stage.scenario(id).root().display()
+                );
+                self.reporter.tell(Event::Failed {
+                    id,
+                    reason: &reason,
+                });
+                self.tally.failed(scenario, reason);
+            }
+            Err(error) => {
+                self.tally.stays_staged(scenario);
+                self.tally.stop(Stopped::Store {
+                    reason: format!(
+                        "{error}. Nothing is lost: complete scenarios that are not uploaded yet stay in {}; run the same command again to resume",
+                        self.stage.root().display()
+                    ),
+                });
+            }
+        }
+    }
+
+    /// Sends a scenario, as long as the store can be reached and the run does not end.
+    async fn push(&self, id: &str) -> store::Result<Pushed> {
+        let folder = self.stage.scenario(id);
+        let watching = Watching { uploader: self, id };
+        let pushing = store::Patience(self.patience).with(&watching, async |watch| {
+            let store = &self.remote.store;
+            store.push_scenario(&folder, OnOther::Keep, watch).await
+        });
+        let no_longer = async {
+            self.tally.halt.cancelled().await;
+            sleep(LEAVE_TAKING).await;
+        };
+        tokio::select! {
+            pushed = pushing => pushed,
+            () = no_longer => Err(StoreError::Stopped),
+        }
+    }
+}
