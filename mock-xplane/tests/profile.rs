@@ -12,7 +12,7 @@ use testkit::changi_02l;
 use testkit_simulator::{quiet, serving};
 use tokio::time::timeout;
 use xplane_bridge::datarefs::Generation;
-use xplane_bridge::doctor::{Check, Measuring, Patient, Verdict, examine};
+use xplane_bridge::doctor::{Check, DoctorOptions, Measuring, Verdict, examine};
 use xplane_bridge::profile::{Finding, KnownProfile, Profile, WindUnit};
 use xplane_bridge::subscription::Subscription;
 use xplane_bridge::{CaptureRequest, ConnectOptions, Deliver, Simulator, WebApiPlace};
@@ -52,13 +52,13 @@ async fn connected(address: SocketAddr) -> Simulator {
 }
 
 async fn examined(address: SocketAddr, measuring: Measuring) -> Vec<Check> {
-    let patient = Patient {
+    let options = DoctorOptions {
         web_api: WebApiPlace::Off,
         listen: Duration::from_millis(1),
         measuring,
-        ..Patient::at(Some(address))
+        ..DoctorOptions::at(Some(address))
     };
-    examine(&patient, &mut |_| {}).await
+    examine(&options, &mut |_| {}).await
 }
 
 /// What the next client is told of a simulator that was examined.

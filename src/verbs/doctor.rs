@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use generator::sweep::Sweep;
 use xplane_bridge::WebApiPlace;
-use xplane_bridge::doctor::{Check, Intent, Measuring, Patient, Verdict, examine};
+use xplane_bridge::doctor::{Check, DoctorOptions, Intent, Measuring, Verdict, examine};
 use xplane_bridge::link::PictureSize;
 
 use super::Outcome;
@@ -28,7 +28,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
         Some(place) => place,
         None => WebApiPlace::from_environment().map_err(Failure::bad_input)?,
     };
-    let patient = Patient {
+    let options = DoctorOptions {
         web_api,
         measuring: match (args.measure, args.no_measure) {
             (true, _) => Measuring::Again,
@@ -36,9 +36,9 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
             _ => Measuring::Once,
         },
         intent: intent(args.sweep.as_deref())?,
-        ..Patient::at(address)
+        ..DoctorOptions::at(address)
     };
-    if patient.measuring != Measuring::Never && !args.json {
+    if options.measuring != Measuring::Never && !args.json {
         eprintln!(
             "doctor: measuring once per installation what reports disagree on takes up to eight minutes if clouds are slow \
              (--no-measure leaves it out)"
@@ -49,7 +49,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
             print(check);
         }
     };
-    let checks = async_runtime()?.block_on(examine(&patient, &mut show));
+    let checks = async_runtime()?.block_on(examine(&options, &mut show));
     if args.json {
         print_json(&checks)?;
     }

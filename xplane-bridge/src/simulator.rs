@@ -12,10 +12,10 @@ mod flight_start;
 mod link_client;
 mod pictures;
 mod profile;
+mod settings_watch;
 mod setup;
 mod sharing;
 mod udp;
-mod vigil;
 mod weather;
 
 use std::collections::VecDeque;
@@ -41,10 +41,10 @@ use crate::web_api::WebApi;
 pub use connect_options::{ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace};
 use link_client::LinkClient;
 use pictures::DrawnOn;
+use settings_watch::SettingsWatch;
 use sharing::Sharing;
 use udp::UdpClient;
 pub use udp::somebody_answers;
-use vigil::Vigil;
 
 /// A reasonable timeout for [`Simulator::connect`].
 pub const CONNECT_TIMEOUT: Duration = Duration::from_secs(5);
@@ -109,7 +109,7 @@ pub struct Simulator {
     /// The last settings. The clock is set again exactly once it stands still.
     conditions: Option<Conditions>,
     /// Checks that they stay set.
-    vigil: Option<Vigil>,
+    settings_watch: Option<SettingsWatch>,
     /// The aircraft in use, by its name in sweeps.
     aircraft: Option<String>,
     /// The started flight that is still to be flown, and whether it is in the air.
@@ -239,7 +239,7 @@ impl Simulator {
             pixels: Box::new(Payload(PixelKind::Link)),
             drawn_on: DrawnOn::offered(screen, link_address, token),
             conditions: None,
-            vigil: None,
+            settings_watch: None,
             aircraft: None,
             begun: None,
             outstanding: VecDeque::new(),
@@ -307,7 +307,7 @@ impl Simulator {
         self.link
             .take_payload("a flight", &mut payload, FRAME_TIMEOUT)
             .await?;
-        self.check_vigil()?;
+        self.check_settings()?;
         decode_flight(&columns, rows, &payload).map_err(|found| BridgeError::WrongAnswer {
             expected: "a flight".into(),
             found,
@@ -514,7 +514,7 @@ impl Simulator {
                 rgb.into()
             }
         };
-        self.check_vigil()?;
+        self.check_settings()?;
         Ok(CapturedFrame::new(header, rgb))
     }
 
@@ -544,8 +544,8 @@ impl Simulator {
             Err(error) => Err(error),
         };
         self.udp.unsubscribe_all().await;
-        if let Some(vigil) = self.vigil.take() {
-            vigil.end().await;
+        if let Some(settings_watch) = self.settings_watch.take() {
+            settings_watch.end().await;
         }
         match released? {
             Answer::Released => Ok(()),

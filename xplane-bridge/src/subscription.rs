@@ -4,7 +4,7 @@
 //! batches that X-Plane accepts, repeats lost ones, and subscribes again when values stop, since nothing survives a restart of the
 //! simulator. Dropping a subscription ends it there: a leaked one would be sent forever.
 
-mod roll;
+mod requested;
 
 use std::net::SocketAddr;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -18,7 +18,7 @@ use tokio::time::{Instant, sleep, timeout_at};
 use crate::error::BridgeError;
 use crate::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
 use crate::udp_socket::{is_refused, open};
-use roll::Roll;
+use requested::RequestedDatarefs;
 
 /// Requests per batch. X-Plane handles about 140 in one of its frames and loses the others silently.
 pub(crate) const BATCH: usize = 100;
@@ -50,7 +50,7 @@ pub struct Subscription {
 struct Shared {
     socket: UdpSocket,
     address: SocketAddr,
-    roll: Mutex<Roll>,
+    requested: Mutex<RequestedDatarefs>,
 }
 
 impl Subscription {
@@ -63,12 +63,12 @@ impl Subscription {
         names: impl IntoIterator<Item = String>,
         frequency_hz: i32,
     ) -> Result<Self, BridgeError> {
-        let roll = Roll::new(names, frequency_hz);
-        let (sender, readings) = watch::channel(roll.readings().to_vec());
+        let requested = RequestedDatarefs::new(names, frequency_hz);
+        let (sender, readings) = watch::channel(requested.readings().to_vec());
         let shared = Arc::new(Shared {
             socket: open(address).await?,
             address,
-            roll: Mutex::new(roll),
+            requested: Mutex::new(requested),
         });
         let task = tokio::spawn(keep(shared.clone(), sender));
         Ok(Self {
@@ -128,13 +128,15 @@ impl Drop for Subscription {
 }
 
 impl Shared {
-    fn roll(&self) -> MutexGuard<'_, Roll> {
-        self.roll.lock().unwrap_or_else(PoisonError::into_inner)
+    fn requested(&self) -> MutexGuard<'_, RequestedDatarefs> {
+        self.requested
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Ends everything that was ever requested. Once is enough.
     fn say_end(&self) {
-        for index in self.roll().end() {
+        for index in self.requested().end() {
             self.send_now(&end_of(index));
         }
     }
@@ -158,9 +160,9 @@ async fn keep(shared: Arc<Shared>, readings: watch::Sender<Vec<Option<Reading>>>
     let mut buffer = [0; 2048];
     loop {
         let (due, wake_at) = {
-            let mut roll = shared.roll();
+            let mut requested = shared.requested();
             let now = Instant::now();
-            (roll.due(now), roll.wake_at(now))
+            (requested.due(now), requested.wake_at(now))
         };
         for request in due {
             shared.send(request).await;
@@ -180,13 +182,13 @@ async fn keep(shared: Arc<Shared>, readings: watch::Sender<Vec<Option<Reading>>>
         match DatarefValuesView::new(&buffer[..length]) {
             Ok(values) => {
                 let now = Instant::now();
-                let mut roll = shared.roll();
+                let mut requested = shared.requested();
                 for value in values.iter() {
-                    if !roll.take(value, now) {
+                    if !requested.take(value, now) {
                         shared.send_now(&end_of(value.index));
                     }
                 }
-                readings.send_replace(roll.readings().to_vec());
+                readings.send_replace(requested.readings().to_vec());
             }
             Err(error) => tracing::debug!(address = %shared.address, %error, "datagram ignored"),
         }

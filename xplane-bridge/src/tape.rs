@@ -18,6 +18,6 @@ mod writer;
 pub use error::TapeError;
 pub use format::{Channel, Direction, FramesKept, PROFILE, TapeInfo};
 pub use link_message::{LinkMessage, MAGIC, ReferencedMessage};
-pub use reader::{Entry, Place, TapeReader};
+pub use reader::{Entry, MessagePosition, TapeReader};
 pub use recorder::{RecordOptions, RecorderAddresses, record};
 pub use writer::{TapeSummary, TapeWriter};

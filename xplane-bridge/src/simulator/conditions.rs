@@ -6,7 +6,7 @@ use dataset::conditions::Conditions;
 use tokio::time::{Instant, sleep};
 
 use super::Simulator;
-use super::vigil::Vigil;
+use super::settings_watch::SettingsWatch;
 use super::weather;
 use crate::datarefs::{
     DATE_DAYS, DatarefWrite, Generation, OVERRIDE_FLIGHT_MODEL, USE_SYSTEM_TIME, ZULU_TIME_S,
@@ -32,10 +32,12 @@ impl Simulator {
     pub async fn set_conditions(&mut self, conditions: &Conditions) -> Result<(), BridgeError> {
         let writes = self.in_its_units(condition_writes(conditions, self.generation)?);
         let expected = self.expected_of(&writes);
-        match &mut self.vigil {
+        match &mut self.settings_watch {
             // Watched already; any value is allowed until they are set again.
-            Some(vigil) => vigil.expect([]),
-            None => self.vigil = Some(Vigil::begin(self.address, &expected).await?),
+            Some(settings_watch) => settings_watch.expect([]),
+            None => {
+                self.settings_watch = Some(SettingsWatch::begin(self.address, &expected).await?)
+            }
         }
         // Weather changes only while time runs; an aircraft that may be in the air is held meanwhile.
         self.hold_aircraft().await?;
@@ -112,18 +114,18 @@ impl Simulator {
     /// # Errors
     /// [`BridgeError::SettingLost`] or [`BridgeError::Restarted`].
     pub async fn confirm_conditions(&mut self) -> Result<(), BridgeError> {
-        self.check_vigil()?;
-        let Some(vigil) = &self.vigil else {
+        self.check_settings()?;
+        let Some(settings_watch) = &self.settings_watch else {
             return Ok(());
         };
-        let expected = vigil.expected();
+        let expected = settings_watch.expected();
         let found = self.read(&expected).await?;
         let lost = expected
             .into_iter()
             .zip(found)
             .find(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)));
         match lost {
-            None => self.check_vigil(),
+            None => self.check_settings(),
             Some((write, found)) => Err(BridgeError::SettingLost {
                 name: write.name,
                 wanted: write.value,
@@ -143,20 +145,26 @@ impl Simulator {
             Some(clock) => running_clock_writes(&clock),
         };
         self.write_until_read_back(&clock).await?;
-        let weather = self.vigil.as_ref().map(Vigil::expected).unwrap_or_default();
+        let weather = self
+            .settings_watch
+            .as_ref()
+            .map(SettingsWatch::expected)
+            .unwrap_or_default();
         let weather = weather.into_iter().filter(|write| !is_clock(&write.name));
         self.expect(weather.chain(clock).collect::<Vec<_>>());
         Ok(())
     }
 
     /// An error if a watched value differs from its setting.
-    pub(super) fn check_vigil(&mut self) -> Result<(), BridgeError> {
-        self.vigil.as_mut().map_or(Ok(()), Vigil::check)
+    pub(super) fn check_settings(&mut self) -> Result<(), BridgeError> {
+        self.settings_watch
+            .as_mut()
+            .map_or(Ok(()), SettingsWatch::check)
     }
 
     fn expect(&mut self, writes: impl IntoIterator<Item = DatarefWrite>) {
-        if let Some(vigil) = &mut self.vigil {
-            vigil.expect(writes);
+        if let Some(settings_watch) = &mut self.settings_watch {
+            settings_watch.expect(writes);
         }
     }
 

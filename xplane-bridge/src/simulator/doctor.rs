@@ -155,7 +155,7 @@ pub struct Intent {
 
 /// What to examine.
 #[derive(Debug, Clone)]
-pub struct Patient {
+pub struct DoctorOptions {
     /// Its UDP address; by default the one in the beacon, or X-Plane's default.
     pub address: Option<SocketAddr>,
     /// Address of its Web API.
@@ -172,7 +172,7 @@ pub struct Patient {
     pub intent: Option<Intent>,
 }
 
-impl Patient {
+impl DoctorOptions {
     /// The simulator there, or any, with its Web API at the default address.
     pub fn at(address: Option<SocketAddr>) -> Self {
         Self {
@@ -202,13 +202,16 @@ const OVER_LINK: [&str; 6] = [
 ];
 
 /// Examines everything, and calls `on_check` with each point as it is known.
-pub async fn examine(patient: &Patient, on_check: &mut (dyn FnMut(&Check) + Send)) -> Vec<Check> {
+pub async fn examine(
+    options: &DoctorOptions,
+    on_check: &mut (dyn FnMut(&Check) + Send),
+) -> Vec<Check> {
     let mut examination = Examination {
         checks: Vec::new(),
         on_check,
     };
-    let address = examination.run(patient).await;
-    let next = next::check(&examination.checks, address, patient);
+    let address = examination.run(options).await;
+    let next = next::check(&examination.checks, address, options);
     examination.note(next);
     examination.checks
 }
@@ -231,8 +234,8 @@ impl Examination<'_> {
     }
 
     /// Returns the simulator's address, if known.
-    async fn run(&mut self, patient: &Patient) -> Option<SocketAddr> {
-        let (check, announced) = announcement::listen(patient).await;
+    async fn run(&mut self, options: &DoctorOptions) -> Option<SocketAddr> {
+        let (check, announced) = announcement::listen(options).await;
         let heard = check.verdict == Verdict::Ok;
         let undecided = check.verdict == Verdict::Failed;
         self.note(check);
@@ -242,11 +245,11 @@ impl Examination<'_> {
             self.skip_all(reason);
             return None;
         }
-        let usual = patient
+        let usual = options
             .address
             .or(announced)
             .unwrap_or(USUAL_ADDRESS.into());
-        let mut talk = match Talk::begin(usual, patient.wait).await {
+        let mut talk = match Talk::begin(usual, options.wait).await {
             Ok(talk) => talk,
             Err(error) => {
                 let hint = "Is this the simulator's address, and is a network there?";
@@ -255,9 +258,9 @@ impl Examination<'_> {
                 return Some(usual);
             }
         };
-        let web_api = patient.web_api.of(usual);
+        let web_api = options.web_api.of(usual);
         let Some(version) = talk.version().await else {
-            self.note(silent(usual, patient, heard, web_api).await);
+            self.note(silent(usual, options, heard, web_api).await);
             self.skip_all("the simulator does not answer over UDP");
             return Some(usual);
         };
@@ -292,7 +295,7 @@ impl Examination<'_> {
                 self.note(no_link(&error));
                 self.skip(&OVER_LINK, "there is no capture link");
             }
-            Ok(simulator) => self.over_link(simulator, place.zip(clock), patient).await,
+            Ok(simulator) => self.over_link(simulator, place.zip(clock), options).await,
         }
         Some(usual)
     }
@@ -308,13 +311,13 @@ impl Examination<'_> {
         &mut self,
         mut simulator: Simulator,
         here: Option<(talk::PlaceOnGround, Clock)>,
-        patient: &Patient,
+        options: &DoctorOptions,
     ) {
         let description = simulator.description().clone();
         self.note(plugin(&description));
         self.note(pixels(&description));
-        let intent = patient.intent.as_ref();
-        let (check, grabbing) = window::check(&mut simulator, &patient.screen, intent).await;
+        let intent = options.intent.as_ref();
+        let (check, grabbing) = window::check(&mut simulator, &options.screen, intent).await;
         self.note(check);
         let Some((place, clock)) = here else {
             self.skip(
@@ -327,7 +330,7 @@ impl Examination<'_> {
         };
         self.note(lockstep::terrain(&mut simulator, &place).await);
         let note = &mut |check| self.note(check);
-        measure::measure(&mut simulator, place, grabbing, patient.measuring, note).await;
+        measure::measure(&mut simulator, place, grabbing, options.measuring, note).await;
         let running_at = simulator.running_clock(clock);
         self.note(lockstep::lockstep(&mut simulator, &place, running_at).await);
         let released = simulator.release().await;
@@ -339,7 +342,7 @@ impl Examination<'_> {
 /// Web API says so in its answer.
 async fn silent(
     address: SocketAddr,
-    patient: &Patient,
+    options: &DoctorOptions,
     heard: bool,
     web_api: Option<SocketAddr>,
 ) -> Check {
@@ -347,7 +350,7 @@ async fn silent(
         Some(place) if web::refuses(place).await => Some(place),
         _ => None,
     };
-    let mut found = format!("nothing from {address} within {:.1?}", patient.wait);
+    let mut found = format!("nothing from {address} within {:.1?}", options.wait);
     let hint = match (refusing, heard) {
         (Some(place), _) => {
             found += &format!(", and the Web API at {place} refuses (403)");

@@ -177,7 +177,7 @@ impl Simulator {
         let (mut before, mut unchanged) = (Vec::new(), 0);
         loop {
             let found = self.read(&watched).await?;
-            self.check_vigil()?;
+            self.check_settings()?;
             let running_s = found.last().copied().flatten();
             running_from_s = running_from_s.or(running_s);
             let simulated_s = running_s

@@ -21,12 +21,12 @@ pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// Location of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Place {
+pub struct MessagePosition {
     chunk_at: u64,
     sequence: u32,
 }
 
-impl Place {
+impl MessagePosition {
     /// The message's number, counted from 0 over the whole tape.
     pub fn sequence(&self) -> u32 {
         self.sequence
@@ -37,7 +37,7 @@ impl Place {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Entry {
     /// Its location.
-    pub place: Place,
+    pub place: MessagePosition,
     /// Its channel.
     pub channel: Channel,
     /// When it passed the recorder, nanoseconds since 1970 in UTC.
@@ -172,7 +172,7 @@ impl TapeReader {
 
     fn entry(&self, chunk_at: u64, header: &MessageHeader, data: Vec<u8>) -> Option<Entry> {
         Some(Entry {
-            place: Place {
+            place: MessagePosition {
                 chunk_at,
                 sequence: header.sequence,
             },
@@ -186,7 +186,7 @@ impl TapeReader {
     ///
     /// # Errors
     /// If the file cannot be read any more, or was changed.
-    pub fn read_again(&mut self, place: Place) -> Result<Vec<u8>, TapeError> {
+    pub fn read_again(&mut self, place: MessagePosition) -> Result<Vec<u8>, TapeError> {
         let position = |source| TapeError::Io {
             path: self.path.clone(),
             doing: "read a message again",

@@ -10,8 +10,8 @@
 //! the way to clients: the value of the dataref with the port of the capture link, which becomes the recorder's own (the tape has
 //! the simulator's). X-Plane's Web API is not recorded.
 
-mod deck;
 mod link;
+mod tape_thread;
 mod udp;
 
 use std::future::Future;
@@ -30,7 +30,7 @@ use crate::link::LinkToken;
 use super::error::TapeError;
 use super::format::{FramesKept, TapeInfo};
 use super::writer::{TapeSummary, TapeWriter};
-use deck::Deck;
+use tape_thread::TapeThread;
 
 /// The recorder's capture link listens this much above its UDP port, as the stand-in's does.
 const LINK_PORT_OFFSET: u16 = 10;
@@ -97,13 +97,14 @@ pub async fn record(
     let (listener, link_address) = listen_tcp(SocketAddr::new(options.bind, link_port)).await?;
     let began = Utc::now().to_rfc3339_opts(SecondsFormat::Secs, true);
     let info = TapeInfo::new(options.simulator.to_string(), began, options.frames);
-    let (deck, mut writing) = Deck::start(TapeWriter::create(&options.out, &info)?, options.frames);
+    let (tape_thread, mut writing) =
+        TapeThread::start(TapeWriter::create(&options.out, &info)?, options.frames);
     let route = Arc::new(Route {
         simulator: options.simulator,
         our_link_port: link_address.port(),
         simulators_link_port: AtomicU16::new(0),
         token: options.token,
-        deck,
+        tape_thread,
     });
     ready(RecorderAddresses {
         udp: udp_address,
@@ -114,11 +115,11 @@ pub async fn record(
         ended = udp::run(Arc::new(udp), route.clone()) => ended,
         never = link::run(listener, route.clone()) => match never {},
         // Early only if the tape cannot be written.
-        summary = &mut writing => return deck::ended(summary),
+        summary = &mut writing => return tape_thread::ended(summary),
     };
     // Clients' tasks have ended with the futures above; what they queued is still written.
-    route.deck.stop().await;
-    let summary = deck::ended(writing.await)?;
+    route.tape_thread.stop().await;
+    let summary = tape_thread::ended(writing.await)?;
     ended.map(|()| summary)
 }
 
@@ -129,7 +130,7 @@ struct Route {
     /// The simulator's last value; 0 before.
     simulators_link_port: AtomicU16,
     token: Option<LinkToken>,
-    deck: Deck,
+    tape_thread: TapeThread,
 }
 
 impl Route {

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
 
 use serde_json::Value;
-use xplane_bridge::tape::Place;
+use xplane_bridge::tape::MessagePosition;
 
 /// Relative difference between two numbers of a request that the same computation produced on two machines.
 const SAME_NUMBER: f64 = 1e-9;
@@ -46,9 +46,9 @@ impl Context {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum AnswerPlace {
     /// All of it.
-    Whole(Place),
+    Whole(MessagePosition),
     /// Its header, and at most the hash of its picture.
-    Reference(Place),
+    Reference(MessagePosition),
 }
 
 /// The subject of a request, for finding similar ones.
@@ -86,7 +86,7 @@ impl Subject {
 #[derive(Debug)]
 struct Exchange {
     context: usize,
-    request: Place,
+    request: MessagePosition,
     answer: AnswerPlace,
 }
 
@@ -107,7 +107,7 @@ impl Conversation {
         &mut self,
         request: &Value,
         context: &Context,
-        at: Place,
+        at: MessagePosition,
         answer: AnswerPlace,
     ) {
         if self.contexts.last() != Some(context) {
@@ -140,7 +140,7 @@ impl Conversation {
         &mut self,
         request: &Value,
         now: &Context,
-        mut reread: impl FnMut(Place) -> Option<Value>,
+        mut reread: impl FnMut(MessagePosition) -> Option<Value>,
     ) -> Result<AnswerPlace, String> {
         let subject = Subject::of(request);
         let mut equal = self
@@ -289,7 +289,7 @@ mod tests {
     fn recorded(
         folder: &Path,
         requests: &[(Value, f32)],
-    ) -> (Conversation, Vec<Place>, TapeReader) {
+    ) -> (Conversation, Vec<MessagePosition>, TapeReader) {
         let path = folder.join("a.mcap");
         let info = TapeInfo::new("x".into(), "now".into(), FramesKept::None);
         let channel = Channel::Link {

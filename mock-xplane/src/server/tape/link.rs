@@ -11,7 +11,7 @@ use tokio::task::{JoinSet, spawn_blocking};
 use tokio::time::timeout;
 use xplane_bridge::doorway::Doorway;
 use xplane_bridge::link::{Answer, CaptureRequest, LinkError, Request};
-use xplane_bridge::tape::{LinkMessage, MAGIC, Place, ReferencedMessage};
+use xplane_bridge::tape::{LinkMessage, MAGIC, MessagePosition, ReferencedMessage};
 
 use super::conversation::AnswerPlace;
 use super::loading::is_hello;
@@ -128,12 +128,12 @@ impl Player {
         }
     }
 
-    fn request_at(&self, place: Place) -> Option<Value> {
+    fn request_at(&self, place: MessagePosition) -> Option<Value> {
         let bytes = self.reader().read_again(place).ok()?;
         serde_json::from_slice(LinkMessage::parse(bytes).ok()?.header()).ok()
     }
 
-    fn whole(&self, place: Place) -> LinkMessage {
+    fn whole(&self, place: MessagePosition) -> LinkMessage {
         let bytes = self.reader().read_again(place);
         let message = bytes
             .map_err(|failed| failed.to_string())
@@ -144,7 +144,7 @@ impl Player {
     /// A picture that is not on the tape: drawn by the stand-in, and sent if it matches the recorded hash.
     fn drawn_again(
         &self,
-        place: Place,
+        place: MessagePosition,
         scene: Result<(SceneKey, CaptureRequest), String>,
     ) -> LinkMessage {
         let bytes = self

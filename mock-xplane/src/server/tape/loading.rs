@@ -9,7 +9,7 @@ use xplane_bridge::datarefs::VERSION;
 use xplane_bridge::link::LINK_VERSION;
 use xplane_bridge::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
 use xplane_bridge::tape::{
-    Channel, Direction, Entry, LinkMessage, Place, TapeError, TapeInfo, TapeReader,
+    Channel, Direction, Entry, LinkMessage, MessagePosition, TapeError, TapeInfo, TapeReader,
 };
 
 use super::conversation::{AnswerPlace, Context, Conversation};
@@ -81,7 +81,7 @@ struct Loading {
     /// Per client, the dataref of each index.
     subscribed: HashMap<u32, HashMap<i32, String>>,
     /// Per connection, requests without an answer so far.
-    open: HashMap<u32, VecDeque<(Value, Context, Place)>>,
+    open: HashMap<u32, VecDeque<(Value, Context, MessagePosition)>>,
 }
 
 /// Number of a message and what is wrong with it.
@@ -165,7 +165,7 @@ impl Loading {
     }
 
     /// Answers come in the order of the requests.
-    fn answered(&mut self, connection: u32, reference: bool, place: Place) {
+    fn answered(&mut self, connection: u32, reference: bool, place: MessagePosition) {
         let open = self.open.entry(connection).or_default();
         if let Some((request, context, at)) = open.pop_front() {
             let answer = if reference {

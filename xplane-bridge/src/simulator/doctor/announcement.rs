@@ -2,7 +2,7 @@
 
 use std::net::SocketAddr;
 
-use super::{Check, Patient};
+use super::{Check, DoctorOptions};
 use crate::discovery::{Announced, announced, choose};
 use crate::error::BridgeError;
 
@@ -10,25 +10,25 @@ const NAME: &str = "beacon";
 
 /// Listens for the beacon of the examined simulator, or of any if no address is known; returns the announced address. If several
 /// announce themselves and none was specified, the check fails.
-pub(super) async fn listen(patient: &Patient) -> (Check, Option<SocketAddr>) {
-    let heard = match announced(patient.listen).await {
+pub(super) async fn listen(options: &DoctorOptions) -> (Check, Option<SocketAddr>) {
+    let heard = match announced(options.listen).await {
         Ok(heard) => heard,
         Err(error) => return (Check::skipped(NAME, error.to_string()), None),
     };
-    let Some(wanted) = patient.address else {
-        return match choose(heard, patient.listen) {
+    let Some(wanted) = options.address else {
+        return match choose(heard, options.listen) {
             Ok(one) => well(&one),
             Err(error @ BridgeError::SeveralAnnounced { .. }) => {
                 let hint = "Say which one to examine: --sim HOST:PORT";
                 (Check::failed(NAME, error.to_string(), hint), None)
             }
-            Err(_) => (unheard(format!("none within {:.1?}", patient.listen)), None),
+            Err(_) => (unheard(format!("none within {:.1?}", options.listen)), None),
         };
     };
     // The same simulator may be known under another of its addresses.
     match heard.iter().find(|one| one.address.port() == wanted.port()) {
         Some(one) => well(one),
-        None if heard.is_empty() => (unheard(format!("none within {:.1?}", patient.listen)), None),
+        None if heard.is_empty() => (unheard(format!("none within {:.1?}", options.listen)), None),
         None => {
             let others: Vec<String> = heard.iter().map(|one| one.address.to_string()).collect();
             let found = format!("none of this simulator, but of {}", others.join(", "));

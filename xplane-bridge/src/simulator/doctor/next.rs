@@ -2,14 +2,18 @@
 
 use std::net::SocketAddr;
 
-use super::{Check, Patient, Verdict};
+use super::{Check, DoctorOptions, Verdict};
 
 const NAME: &str = "next";
 /// The default sweep.
 const USUAL_SWEEP: &str = "SWEEP.toml";
 
 /// What to do after these checks.
-pub(super) fn check(checks: &[Check], address: Option<SocketAddr>, patient: &Patient) -> Check {
+pub(super) fn check(
+    checks: &[Check],
+    address: Option<SocketAddr>,
+    options: &DoctorOptions,
+) -> Check {
     let sim = address.map_or_else(|| "HOST:PORT".to_owned(), |address| address.to_string());
     let failed: Vec<&str> = checks
         .iter()
@@ -20,7 +24,7 @@ pub(super) fn check(checks: &[Check], address: Option<SocketAddr>, patient: &Pat
         let found = format!("see to {}, then: dtd doctor --sim {sim}", failed.join(", "));
         return Check::skipped(NAME, found);
     }
-    let sweep = patient
+    let sweep = options
         .intent
         .as_ref()
         .map_or(USUAL_SWEEP, |intent| intent.sweep.as_str());

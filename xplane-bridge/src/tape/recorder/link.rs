@@ -101,11 +101,11 @@ impl Connection {
                 ("client", from.to_string()),
                 (LINK_VERSION_KEY, version.to_string()),
             ];
-            self.route.deck.add_channel(channel, &about).await;
+            self.route.tape_thread.add_channel(channel, &about).await;
         }
         tracing::info!(%from, number = self.number, version, "capture link");
         self.route
-            .deck
+            .tape_thread
             .link_message(self.number, Direction::ToSimulator, &hello)
             .await;
         simulator_writes.write_all(hello.bytes()).await?;
@@ -179,7 +179,7 @@ impl Connection {
         to: &mut OwnedWriteHalf,
     ) -> Result<(), LinkError> {
         self.route
-            .deck
+            .tape_thread
             .link_message(self.number, direction, message)
             .await;
         to.write_all(message.bytes()).await?;

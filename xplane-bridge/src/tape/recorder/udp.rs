@@ -104,7 +104,7 @@ impl Client {
                 direction,
             };
             route
-                .deck
+                .tape_thread
                 .add_channel(channel, &[("client", address.to_string())])
                 .await;
         }
@@ -144,7 +144,7 @@ impl Client {
 
     async fn pass_to_simulator(&mut self, datagram: &[u8]) {
         self.route
-            .deck
+            .tape_thread
             .datagram(self.number, Direction::ToSimulator, datagram)
             .await;
         if let Ok(ToSimulator::SubscribeDataref(request)) = ToSimulator::decode(datagram) {
@@ -166,7 +166,7 @@ impl Client {
 
     async fn pass_to_client(&mut self, datagram: &mut [u8]) {
         self.route
-            .deck
+            .tape_thread
             .datagram(self.number, Direction::FromSimulator, datagram)
             .await;
         if datagram.starts_with(b"RREF") && !self.link_port_indices.is_empty() {

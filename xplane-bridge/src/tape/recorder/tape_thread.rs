@@ -27,11 +27,11 @@ enum Job {
 }
 
 /// Receives what is to be written.
-pub(super) struct Deck {
+pub(super) struct TapeThread {
     jobs: mpsc::Sender<Job>,
 }
 
-impl Deck {
+impl TapeThread {
     /// Starts the thread. It ends on an error, or when told to.
     pub(super) fn start(
         tape: TapeWriter,

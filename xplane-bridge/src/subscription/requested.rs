@@ -15,7 +15,7 @@ const FIRST_INDEX: i32 = 1;
 
 /// The datarefs of a subscription.
 #[derive(Debug)]
-pub(super) struct Roll {
+pub(super) struct RequestedDatarefs {
     names: Vec<String>,
     readings: Vec<Option<Reading>>,
     asked_at: Vec<Option<Instant>>,
@@ -24,7 +24,7 @@ pub(super) struct Roll {
     ended: bool,
 }
 
-impl Roll {
+impl RequestedDatarefs {
     pub(super) fn new(names: impl IntoIterator<Item = String>, frequency_hz: i32) -> Self {
         let names: Vec<String> = names.into_iter().collect();
         Self {
@@ -116,83 +116,87 @@ impl Roll {
 mod tests {
     use super::*;
 
-    fn answer(roll: &mut Roll, requests: &[SubscribeDataref], now: Instant) {
+    fn answer(requested: &mut RequestedDatarefs, requests: &[SubscribeDataref], now: Instant) {
         for request in requests {
             let value = DatarefValue {
                 index: request.index,
                 value: 1.0,
             };
-            assert!(roll.take(value, now));
+            assert!(requested.take(value, now));
         }
     }
 
-    fn roll_of(names: usize) -> Roll {
-        Roll::new((0..names).map(|i| format!("dataref/{i}")), 5)
+    fn roll_of(names: usize) -> RequestedDatarefs {
+        RequestedDatarefs::new((0..names).map(|i| format!("dataref/{i}")), 5)
     }
 
     #[test]
     fn a_long_roll_is_asked_in_batches_with_pauses() {
-        let mut roll = roll_of(250);
+        let mut requested = roll_of(250);
         let mut now = Instant::now();
         let mut sizes = Vec::new();
         while sizes.len() < 3 {
-            let due = roll.due(now);
-            assert!(roll.due(now).is_empty(), "a second batch in the same frame");
-            answer(&mut roll, &due, now);
+            let due = requested.due(now);
+            assert!(
+                requested.due(now).is_empty(),
+                "a second batch in the same frame"
+            );
+            answer(&mut requested, &due, now);
             sizes.push(due.len());
-            now = roll.wake_at(now);
+            now = requested.wake_at(now);
         }
         assert_eq!(sizes, [100, 100, 50]);
-        assert!(roll.due(now - Duration::from_millis(1)).is_empty());
+        assert!(requested.due(now - Duration::from_millis(1)).is_empty());
     }
 
     #[test]
     fn what_brought_no_value_is_asked_again_and_nothing_else() {
-        let mut roll = roll_of(3);
+        let mut requested = roll_of(3);
         let begin = Instant::now();
-        let due = roll.due(begin);
-        answer(&mut roll, &due[..2], begin);
-        assert!(roll.due(begin + Duration::from_millis(400)).is_empty());
-        let again = roll.due(begin + REPEAT_AFTER);
+        let due = requested.due(begin);
+        answer(&mut requested, &due[..2], begin);
+        assert!(requested.due(begin + Duration::from_millis(400)).is_empty());
+        let again = requested.due(begin + REPEAT_AFTER);
         assert_eq!(again.len(), 1);
         assert_eq!(again[0], due[2]);
     }
 
     #[test]
     fn a_simulator_that_falls_silent_is_asked_anew_until_it_answers() {
-        let mut roll = roll_of(2);
+        let mut requested = roll_of(2);
         let begin = Instant::now();
-        let due = roll.due(begin);
-        answer(&mut roll, &due, begin);
-        assert_eq!(roll.wake_at(begin), begin + SILENCE);
+        let due = requested.due(begin);
+        answer(&mut requested, &due, begin);
+        assert_eq!(requested.wake_at(begin), begin + SILENCE);
         assert!(
-            roll.due(begin + SILENCE - Duration::from_millis(1))
+            requested
+                .due(begin + SILENCE - Duration::from_millis(1))
                 .is_empty()
         );
         let mut now = begin + SILENCE;
         for _ in 0..5 {
-            assert_eq!(roll.due(now), due);
-            now = roll.wake_at(now);
+            assert_eq!(requested.due(now), due);
+            now = requested.wake_at(now);
         }
-        answer(&mut roll, &due, now);
-        assert!(roll.due(now + REPEAT_AFTER).is_empty());
+        answer(&mut requested, &due, now);
+        assert!(requested.due(now + REPEAT_AFTER).is_empty());
     }
 
     #[test]
     fn values_that_nobody_asked_for_or_no_longer_wants_are_refused() {
-        let mut roll = roll_of(1);
+        let mut requested = roll_of(1);
         let now = Instant::now();
         let value = |index| DatarefValue { index, value: 1.0 };
         assert!(
-            !roll.take(value(0), now)
-                && !roll.take(value(2), now)
-                && !roll.take(value(i32::MIN), now)
+            !requested.take(value(0), now)
+                && !requested.take(value(2), now)
+                && !requested.take(value(i32::MIN), now)
         );
-        roll.due(now);
-        assert!(roll.take(value(1), now));
-        assert_eq!(roll.end(), [1]);
-        assert!(roll.end().is_empty(), "said twice");
-        assert!(!roll.take(value(1), now));
-        assert!(roll.due(now + SILENCE * 2).is_empty());
+        requested.due(now);
+        assert!(requested.take(value(1), now));
+        assert_eq!(requested.end(), [1]);
+        assert!(requested.end().is_empty(), "said twice");
+        assert!(!requested.take(value(1), now));
+        assert!(requested.due(now + SILENCE * 2).is_empty());
     }
 }

@@ -21,7 +21,7 @@ const OVERTAKING: Duration = Duration::from_secs(1);
 
 /// Watches a simulator.
 #[derive(Debug)]
-pub(super) struct Vigil {
+pub(super) struct SettingsWatch {
     subscription: Subscription,
     judge: Judge,
 }
@@ -38,7 +38,7 @@ struct Judge {
     running: Option<Reading>,
 }
 
-impl Vigil {
+impl SettingsWatch {
     /// Starts watching the datarefs of `writes`, without expectations yet.
     pub(super) async fn begin(
         address: SocketAddr,
