@@ -12,7 +12,7 @@ use generator::generate::Simulators;
 use generator::shard::Shard;
 use mock_xplane::quirks::Quirks;
 use mock_xplane::server::Faults;
-use store::{Place, StoreUrl};
+use store::{CorpusLocation, StoreUrl};
 use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
@@ -139,8 +139,8 @@ pub(crate) struct PlanArgs {
     /// Compare with this corpus, or its URL: which scenarios are complete, new, changed, removed
     ///
     /// The default is ./corpus if it was made from a sweep of this name.
-    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| Place::of(&path)))]
-    pub(crate) against: Option<Place>,
+    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| CorpusLocation::of(&path)))]
+    pub(crate) against: Option<CorpusLocation>,
     /// Pictures per second that your simulator delivers, all views together
     ///
     /// For the estimate of the recording time.
@@ -170,8 +170,8 @@ pub(crate) struct GenerateArgs {
     ///
     /// A URL is s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX or file:///FOLDER, with credentials from the environment
     /// (docs/corpus.md).
-    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(out_place))]
-    pub(crate) out: Place,
+    #[arg(long, value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(out_location))]
+    pub(crate) out: CorpusLocation,
     /// For a URL: folder where scenarios are recorded before they are uploaded
     ///
     /// Runs on one machine may share it. The default is one per URL in the user's cache folder.
@@ -253,9 +253,9 @@ pub(crate) struct PushArgs {
 
 /// A folder, for verbs that work on local files: a URL is rejected instead of being taken for a folder name.
 fn folder() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|path| match Place::of(&path) {
-        Ok(Place::Folder(path)) => Ok(path),
-        Ok(Place::Store(url)) => Err(format!(
+    PathBufValueParser::new().try_map(|path| match CorpusLocation::of(&path) {
+        Ok(CorpusLocation::Folder(path)) => Ok(path),
+        Ok(CorpusLocation::Store(url)) => Err(format!(
             "expected a folder: download the corpus first, with `dtd fetch {url} --out FOLDER`, and upload it with `dtd push FOLDER {url}`"
         )),
         Err(error) => Err(error.to_string()),
@@ -263,9 +263,9 @@ fn folder() -> impl TypedValueParser<Value = PathBuf> {
 }
 
 /// A folder to write into, or a URL.
-fn out_place(path: PathBuf) -> Result<Place, String> {
-    match Place::of(&path) {
-        Ok(Place::Folder(path)) => no_special_file(path).map(Place::Folder),
+fn out_location(path: PathBuf) -> Result<CorpusLocation, String> {
+    match CorpusLocation::of(&path) {
+        Ok(CorpusLocation::Folder(path)) => no_special_file(path).map(CorpusLocation::Folder),
         Ok(store) => Ok(store),
         Err(error) => Err(error.to_string()),
     }

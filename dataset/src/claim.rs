@@ -30,7 +30,7 @@ const FOLDER: &str = "claims";
 /// How often a claim may disappear between opening and locking its file.
 const ATTEMPTS: u32 = 100;
 /// Interval for checking a claim that another process holds.
-const LOOK_AGAIN: Duration = Duration::from_millis(20);
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
 /// A claim's file contains a name and a number. Anything larger is not a claim.
 const MOST_BYTES: u64 = 512;
 /// Waiting is worth a message only if it takes longer than a typical change.
@@ -99,7 +99,7 @@ impl Claim {
                 said = true;
                 tracing::warn!("{name}: waiting for {holder}, which is writing it");
             }
-            thread::sleep(LOOK_AGAIN);
+            thread::sleep(POLL_INTERVAL);
         }
     }
 

@@ -24,7 +24,7 @@ use dataset::video::{VideoSettings, VideoWriter};
 use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
 use generator::shard::Shard;
 use generator::sweep::Sweep;
-use mock_xplane::server::{BuiltIn, Engine, Picture, ServerOptions, serve_with};
+use mock_xplane::server::{BuiltIn, Engine, SceneRenderer, ServerOptions, serve_with};
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
@@ -36,7 +36,7 @@ const GOAL: (f64, f64) = (0.7, 45.0);
 /// The stand-in's engine, remembering what it draws.
 #[derive(Default)]
 struct Remembering {
-    scenes: Mutex<Vec<(Camera, Arc<dyn Picture>)>>,
+    scenes: Mutex<Vec<(Camera, Arc<dyn SceneRenderer>)>>,
     drawn: Arc<Mutex<Vec<Drawn>>>,
 }
 
@@ -51,7 +51,7 @@ struct Drawn {
 
 struct RememberedScene {
     number: usize,
-    scene: Arc<dyn Picture>,
+    scene: Arc<dyn SceneRenderer>,
     drawn: Arc<Mutex<Vec<Drawn>>>,
 }
 
@@ -67,9 +67,9 @@ impl Engine for Remembering {
         weather: &Weather,
         clock: &Clock,
         degradation: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    ) -> Box<dyn SceneRenderer> {
         let scene = BuiltIn.picture(camera, runway, weather, clock, degradation);
-        let scene: Arc<dyn Picture> = scene.into();
+        let scene: Arc<dyn SceneRenderer> = scene.into();
         let mut scenes = self.scenes.lock().unwrap_or_else(PoisonError::into_inner);
         scenes.push((*camera, scene.clone()));
         Box::new(RememberedScene {
@@ -80,7 +80,7 @@ impl Engine for Remembering {
     }
 }
 
-impl Picture for RememberedScene {
+impl SceneRenderer for RememberedScene {
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
         let drawn = Drawn {
             scene: self.number,

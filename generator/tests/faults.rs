@@ -18,7 +18,7 @@ use generator::generate::{
     Event, GenerateOptions, Outcome, Patience, Remote, SimulatorTarget, Simulators, Stopped,
 };
 use generator::shard::Shard;
-use mock_xplane::server::{BuiltIn, Engine, Picture};
+use mock_xplane::server::{BuiltIn, Engine, SceneRenderer};
 use store::CorpusStore;
 use tempfile::tempdir;
 use tokio::sync::OnceCell;
@@ -189,7 +189,7 @@ impl Engine for FaultyEngine {
         weather: &Weather,
         clock: &Clock,
         degradation: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    ) -> Box<dyn SceneRenderer> {
         Box::new(FaultyPicture {
             faults: self.0.clone(),
             picture: BuiltIn.picture(camera, runway, weather, clock, degradation),
@@ -199,10 +199,10 @@ impl Engine for FaultyEngine {
 
 struct FaultyPicture {
     faults: Arc<Faulty>,
-    picture: Box<dyn Picture>,
+    picture: Box<dyn SceneRenderer>,
 }
 
-impl Picture for FaultyPicture {
+impl SceneRenderer for FaultyPicture {
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
         let left = &self.faults.freeze_in;
         let down = |left: u32| left.checked_sub(1);

@@ -11,7 +11,7 @@ use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::video::VideoReader;
 use generator::generate::{Cancel, GenerateOptions, SimulatorTarget, generate};
 use mock_xplane::server::ServerOptions;
-use mock_xplane::window::{Stage, X11Window};
+use mock_xplane::window::{DisplayWindow, X11Window};
 use serde_json::Value;
 use small_corpus::{IDS, options, sweep_of, sweep_toml};
 use testkit_simulator::{Xvfb, quiet, serving};
@@ -24,7 +24,7 @@ const ID: &str = IDS[1];
 async fn stand_in(display: &str, window_px: Option<(u32, u32)>) -> SimulatorTarget {
     let stage = window_px.map(|size| X11Window::open(Some(display), size).unwrap());
     let options = ServerOptions {
-        stage: stage.map(|window| Arc::new(window) as Arc<dyn Stage>),
+        stage: stage.map(|window| Arc::new(window) as Arc<dyn DisplayWindow>),
         ..quiet()
     };
     SimulatorTarget::Address(serving(options).await)

@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use labeller::detector::{Detector, OrtDetector, OrtOptions, Picture};
+use labeller::detector::{Detector, OrtDetector, OrtOptions, PictureView};
 use labeller::tiling::{TilingSettings, find_aircraft};
 
 /// Pictures per worker.
@@ -58,7 +58,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 
 fn search(detector: &mut dyn Detector, width_px: u32, height_px: u32) -> labeller::Result<()> {
     let rgb = vec![150; (width_px * height_px * 3) as usize];
-    let picture = Picture {
+    let picture = PictureView {
         rgb: &rgb,
         width_px,
         height_px,

@@ -2,7 +2,7 @@
 
 use dataset::pixel_box::PixelBox;
 
-use crate::detector::{Detector, Picture, ScoredBox, Window};
+use crate::detector::{Detector, PictureView, ScoredBox, Window};
 
 /// Finds the box around all bright pixels of each connected run of columns in a window.
 #[derive(Default)]
@@ -30,7 +30,7 @@ impl Detector for BlobFinder {
 
     fn detect(
         &mut self,
-        picture: &Picture<'_>,
+        picture: &PictureView<'_>,
         windows: &[Window],
         _score_floor: f64,
     ) -> crate::Result<Vec<Vec<ScoredBox>>> {
@@ -46,7 +46,7 @@ impl Detector for BlobFinder {
     }
 }
 
-fn blobs_in(picture: &Picture<'_>, window: Window) -> Vec<ScoredBox> {
+fn blobs_in(picture: &PictureView<'_>, window: Window) -> Vec<ScoredBox> {
     let end = |start: u32, length: u32| (start + BLOB_WINDOW_PX).min(length);
     let rows = window.top_px..end(window.top_px, picture.height_px);
     let green =

@@ -22,7 +22,7 @@ pub use onnx_runtime::{LibraryError, NO_TELEMETRY_VARIABLE};
 pub use ort_detector::{OrtDetector, OrtOptions};
 pub use profile::{BoxOrigin, ChannelOrder, ModelProfile};
 pub use suppression::keep_best;
-pub use window::{Picture, Window};
+pub use window::{PictureView, Window};
 
 use crate::error::Result;
 
@@ -44,7 +44,7 @@ pub trait Detector {
     /// them).
     fn detect(
         &mut self,
-        picture: &Picture<'_>,
+        picture: &PictureView<'_>,
         windows: &[Window],
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>>;

@@ -8,7 +8,7 @@
 use dataset::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
-use crate::detector::{Detector, Picture, ScoredBox, Window, keep_best};
+use crate::detector::{Detector, PictureView, ScoredBox, Window, keep_best};
 use crate::error::{Error, Result};
 
 /// Maximum number of second-pass windows that can be configured.
@@ -81,7 +81,7 @@ pub struct Sighting {
 /// Finds all aircraft in a picture, best first.
 pub fn find_aircraft(
     detector: &mut dyn Detector,
-    picture: &Picture<'_>,
+    picture: &PictureView<'_>,
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
     let hits = first_pass(detector, picture, settings)?;
@@ -124,7 +124,7 @@ pub(crate) fn tiles_of(width_px: u32, height_px: u32, tile_px: u32) -> Vec<Windo
 /// Hits in the tiles, best first, in the coordinates of the frame.
 fn first_pass(
     detector: &mut dyn Detector,
-    picture: &Picture<'_>,
+    picture: &PictureView<'_>,
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
     let tiles = tiles_of(picture.width_px, picture.height_px, detector.window_px());
@@ -147,7 +147,7 @@ fn first_pass(
 }
 
 /// The window centred on the box, moved inside the picture if the picture is large enough.
-fn centred_window(around: &PixelBox, picture: &Picture<'_>, window_px: u32) -> Window {
+fn centred_window(around: &PixelBox, picture: &PictureView<'_>, window_px: u32) -> Window {
     let start = |centre_px: f64, picture_px: u32| {
         let start = (centre_px - f64::from(window_px - 1) / 2.0).round();
         start.clamp(0.0, f64::from(picture_px.saturating_sub(window_px))) as u32
@@ -193,7 +193,7 @@ mod tests {
             paint_blob(&mut rgb, width_px, blob);
         }
         let mut finder = BlobFinder::default();
-        let picture = Picture {
+        let picture = PictureView {
             rgb: &rgb,
             width_px,
             height_px,

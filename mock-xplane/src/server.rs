@@ -33,13 +33,13 @@ use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_bridge::tape::TapeError;
 
-pub use engine::{BuiltIn, Engine, Picture};
+pub use engine::{BuiltIn, Engine, SceneRenderer};
 pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};
 pub use plugin_host::PluginOptions;
 pub use seat::LinkPatience;
 
 use crate::quirks::Quirks;
-use crate::window::Stage;
+use crate::window::DisplayWindow;
 pub use tape::serve_tape;
 
 use faults::outages::Outages;
@@ -86,7 +86,7 @@ pub struct ServerOptions {
     /// How long the capture link waits for clients.
     pub patience: LinkPatience,
     /// The window that shows what is drawn, if there is one.
-    pub stage: Option<Arc<dyn Stage>>,
+    pub stage: Option<Arc<dyn DisplayWindow>>,
     /// Who serves the capture link.
     pub link: LinkServer,
 }

@@ -1,7 +1,7 @@
 //! A window on an X11 display that shows what the stand-in draws, as X-Plane's window does, so that it can be grabbed.
 //!
 //! Pictures go into a pixmap that is the window's background: the X server itself repaints the window when something that covered
-//! it goes away. A picture is visible when [`Stage::show`] returns: the server has confirmed it.
+//! it goes away. A picture is visible when [`DisplayWindow::show`] returns: the server has confirmed it.
 
 use std::fmt;
 use std::sync::{Mutex, PoisonError};
@@ -32,7 +32,7 @@ const DEPTH: u8 = 24;
 const BYTES_PER_PIXEL: usize = 4;
 
 /// Shows pictures: a window, or in tests something with faults.
-pub trait Stage: fmt::Debug + Send + Sync {
+pub trait DisplayWindow: fmt::Debug + Send + Sync {
     /// Where it is.
     ///
     /// # Errors
@@ -255,7 +255,7 @@ impl X11Window {
     }
 }
 
-impl Stage for X11Window {
+impl DisplayWindow for X11Window {
     fn describe(&self) -> Result<SimulatorWindow, WindowError> {
         let corner = self
             .connection

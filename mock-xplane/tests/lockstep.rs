@@ -10,8 +10,8 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Engine, Picture, ServerOptions, serve};
-use mock_xplane::window::{Stage, WindowError};
+use mock_xplane::server::{Engine, SceneRenderer, ServerOptions, serve};
+use mock_xplane::window::{DisplayWindow, WindowError};
 use testkit::changi_02l;
 use testkit_simulator::{Running, quiet};
 use tokio::net::{TcpStream, UdpSocket};
@@ -64,7 +64,7 @@ impl Engine for Scribe {
         weather: &Weather,
         clock: &Clock,
         _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    ) -> Box<dyn SceneRenderer> {
         self.prepared
             .lock()
             .unwrap()
@@ -73,7 +73,7 @@ impl Engine for Scribe {
     }
 }
 
-impl Picture for Page {
+impl SceneRenderer for Page {
     fn draw(&self, _: &Pose, _: &Controls, time_s: f64, rgb: &mut [u8]) {
         if (time_s as u32).is_multiple_of(2) {
             std::thread::sleep(Duration::from_millis(20));
@@ -335,7 +335,7 @@ async fn the_client_is_told_who_serves_the_link_and_how_high_the_ground_is() {
 #[derive(Debug, Default)]
 struct Wall(Mutex<Vec<RgbPicture>>);
 
-impl Stage for Wall {
+impl DisplayWindow for Wall {
     fn describe(&self) -> Result<SimulatorWindow, WindowError> {
         Ok(SimulatorWindow {
             title: "wall".into(),

@@ -229,7 +229,7 @@ async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() 
     simulator.freeze(&runway()).await.unwrap();
     let ideal = picture(&mut simulator).await;
     simulator
-        .freeze_imaging(&runway(), &[imaging()])
+        .freeze_with_imaging(&runway(), &[imaging()])
         .await
         .unwrap();
     let drawn = picture(&mut simulator).await;
@@ -240,7 +240,7 @@ async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() 
     );
     // Another view than the one with the lens is ideal.
     simulator
-        .freeze_imaging(&runway(), &[Imaging::default(), imaging()])
+        .freeze_with_imaging(&runway(), &[Imaging::default(), imaging()])
         .await
         .unwrap();
     assert!(picture(&mut simulator).await == ideal);
@@ -253,7 +253,7 @@ async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() 
         ..Imaging::default()
     };
     simulator
-        .freeze_imaging(&runway(), &[folding])
+        .freeze_with_imaging(&runway(), &[folding])
         .await
         .unwrap();
     simulator.send_capture(&capture(1)).await.unwrap();
@@ -266,7 +266,7 @@ async fn the_stand_in_draws_through_lens_air_and_sensor_until_the_next_freeze() 
         }),
         ..Imaging::default()
     };
-    let error = simulator.freeze_imaging(&runway(), &[endless]).await;
+    let error = simulator.freeze_with_imaging(&runway(), &[endless]).await;
     let error = error.unwrap_err().to_string();
     assert!(
         error.contains("blur_sigma_px 1000000000 is out of range"),
@@ -279,7 +279,7 @@ async fn x_plane_behind_its_plugin_refuses_what_it_cannot_draw() {
     let mut simulator = connected(Generation::XPlane11, LinkServer::Plugin(plugin())).await;
     assert!(!simulator.description().imaging);
     let error = simulator
-        .freeze_imaging(&runway(), &[Imaging::default(), imaging()])
+        .freeze_with_imaging(&runway(), &[Imaging::default(), imaging()])
         .await;
     let error = error.unwrap_err().to_string();
     assert!(
@@ -287,7 +287,7 @@ async fn x_plane_behind_its_plugin_refuses_what_it_cannot_draw() {
         "{error}"
     );
     simulator
-        .freeze_imaging(&runway(), &[Imaging::default()])
+        .freeze_with_imaging(&runway(), &[Imaging::default()])
         .await
         .unwrap();
 }

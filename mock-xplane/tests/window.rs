@@ -8,8 +8,8 @@ use dataset::conditions::{Clock, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Engine, Picture, ServerOptions};
-use mock_xplane::window::{Stage, WindowError, X11Window};
+use mock_xplane::server::{Engine, SceneRenderer, ServerOptions};
+use mock_xplane::window::{DisplayWindow, WindowError, X11Window};
 use testkit::changi_02l;
 use testkit_simulator::{Xvfb, quiet, serving_with};
 use xplane_bridge::fly::FlyRequest;
@@ -36,7 +36,7 @@ fn picture(number: u32) -> RgbPicture {
 }
 
 /// The window, told by nobody but the test.
-struct Told(Arc<dyn Stage>);
+struct Told(Arc<dyn DisplayWindow>);
 
 impl PatternDisplay for Told {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
@@ -53,7 +53,8 @@ impl PatternDisplay for Told {
 #[tokio::test(flavor = "multi_thread")]
 async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_one_before() {
     let xvfb = Xvfb::start("320x240x24");
-    let stage: Arc<dyn Stage> = Arc::new(X11Window::open(Some(xvfb.display()), SIZE).unwrap());
+    let stage: Arc<dyn DisplayWindow> =
+        Arc::new(X11Window::open(Some(xvfb.display()), SIZE).unwrap());
     let screen: Arc<dyn Screen> = Arc::new(FfmpegScreen::of_display(xvfb.display()));
     let display = &mut Told(stage.clone());
     let mut source = ScreenSource::set_up(&screen, SIZE, None, display)
@@ -96,12 +97,12 @@ impl Engine for Counter {
         _: &Weather,
         _: &Clock,
         _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    ) -> Box<dyn SceneRenderer> {
         Box::new(Counter)
     }
 }
 
-impl Picture for Counter {
+impl SceneRenderer for Counter {
     fn draw(&self, _: &Pose, _: &Controls, time_s: f64, rgb: &mut [u8]) {
         rgb.fill(time_s as u8);
     }
@@ -114,7 +115,7 @@ struct Late {
     waiting: Mutex<Option<RgbPicture>>,
 }
 
-impl Stage for Late {
+impl DisplayWindow for Late {
     fn describe(&self) -> Result<SimulatorWindow, WindowError> {
         self.window.describe()
     }
@@ -129,7 +130,7 @@ impl Stage for Late {
 }
 
 /// The stand-in on a stage, and a client of it.
-async fn connected(stage: Option<Arc<dyn Stage>>) -> Simulator {
+async fn connected(stage: Option<Arc<dyn DisplayWindow>>) -> Simulator {
     let options = ServerOptions { stage, ..quiet() };
     // It ends with the test's runtime.
     let (addresses, _) = serving_with(options, Arc::new(Counter)).await;
@@ -190,7 +191,11 @@ async fn captures_of_the_screen_go_through_the_whole_link_and_are_proven_before_
 }
 
 /// Why the screen cannot be used with this window.
-async fn refusal(stage: Option<Arc<dyn Stage>>, display: &str, choice: PixelChoice) -> BridgeError {
+async fn refusal(
+    stage: Option<Arc<dyn DisplayWindow>>,
+    display: &str,
+    choice: PixelChoice,
+) -> BridgeError {
     let mut simulator = connected(stage).await;
     let screen = screen_of(display);
     let used = simulator.use_pixels(choice, SIZE, &screen).await;
@@ -202,7 +207,8 @@ async fn a_window_that_is_too_small_missing_or_elsewhere_is_refused_with_what_to
     let xvfb = Xvfb::start("320x240x24");
     let other = Xvfb::start("320x240x24");
     let screen = PixelChoice::Only(PixelKind::Screen);
-    let small: Arc<dyn Stage> = Arc::new(X11Window::open(Some(xvfb.display()), (120, 80)).unwrap());
+    let small: Arc<dyn DisplayWindow> =
+        Arc::new(X11Window::open(Some(xvfb.display()), (120, 80)).unwrap());
 
     let text = refusal(Some(small.clone()), xvfb.display(), screen)
         .await
@@ -243,7 +249,7 @@ async fn a_window_under_another_one_is_refused() {
 async fn a_simulator_that_draws_late_is_noticed_by_the_code_of_an_earlier_pattern() {
     let xvfb = Xvfb::start("320x240x24");
     let window = X11Window::open(Some(xvfb.display()), SIZE).unwrap();
-    let late: Arc<dyn Stage> = Arc::new(Late {
+    let late: Arc<dyn DisplayWindow> = Arc::new(Late {
         window,
         waiting: Mutex::default(),
     });

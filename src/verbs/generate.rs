@@ -13,13 +13,13 @@ use generator::generate::{
 use generator::shard::Shard;
 use generator::sweep::Sweep;
 use indicatif::DecimalBytes;
-use store::{CorpusStore, Place};
+use store::{CorpusLocation, CorpusStore};
 use xplane_bridge::WebApiPlace;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::object_store::{failure_of, usual_stage};
+use super::object_store::{default_stage, failure_of};
 use super::output::{count, finish, print_json};
 use crate::args::GenerateArgs;
 use crate::failure::{Ending, Failure};
@@ -64,8 +64,8 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
             })
             .concat(),
             match &args.out {
-                Place::Folder(folder) => folder.display().to_string(),
-                Place::Store(url) => url.to_string(),
+                CorpusLocation::Folder(folder) => folder.display().to_string(),
+                CorpusLocation::Store(url) => url.to_string(),
             }
         );
         for failed in &generated.failed {
@@ -73,7 +73,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
         }
     }
     let ending = ending_of(&generated)?;
-    if let (Ending::Done, Place::Folder(folder)) = (&ending, &args.out) {
+    if let (Ending::Done, CorpusLocation::Folder(folder)) = (&ending, &args.out) {
         let next = format!("dtd label {}", folder.display());
         finish("generate", began, &next);
     }
@@ -83,14 +83,14 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
 /// The folder to record into, and where it is uploaded to.
 fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
     match &args.out {
-        Place::Folder(_) if args.staging.is_some() || args.keep_staged => {
+        CorpusLocation::Folder(_) if args.staging.is_some() || args.keep_staged => {
             Err(Failure::bad_input_message(
                 "--staging and --keep-staged are for a corpus at a URL; this one is recorded where it stays",
             ))
         }
-        Place::Folder(folder) => Ok((folder.clone(), None)),
-        Place::Store(url) => {
-            let stage = args.staging.clone().unwrap_or_else(|| usual_stage(url));
+        CorpusLocation::Folder(folder) => Ok((folder.clone(), None)),
+        CorpusLocation::Store(url) => {
+            let stage = args.staging.clone().unwrap_or_else(|| default_stage(url));
             let remote = Remote {
                 store: CorpusStore::open(url, true).map_err(failure_of)?,
                 keep_staged: args.keep_staged,

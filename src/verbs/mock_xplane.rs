@@ -6,7 +6,7 @@ use generator::generate::Cancel;
 use mock_xplane::server::{
     Addresses, LinkPatience, LinkServer, MockError, PluginOptions, ServerOptions, serve, serve_tape,
 };
-use mock_xplane::window::{Stage, X11Window};
+use mock_xplane::window::{DisplayWindow, X11Window};
 use xplane_bridge::link::LinkToken;
 
 use super::Outcome;
@@ -90,7 +90,7 @@ fn link(args: &MockXplaneArgs) -> LinkServer {
     }
 }
 
-fn open_window(size: WindowSize) -> Result<Arc<dyn Stage>, Failure> {
+fn open_window(size: WindowSize) -> Result<Arc<dyn DisplayWindow>, Failure> {
     let window = X11Window::open(None, (size.width_px, size.height_px))?;
     Ok(Arc::new(window))
 }

@@ -18,7 +18,7 @@ pub(super) fn failure_of(error: StoreError) -> Failure {
 }
 
 /// The default stage of a URL: in the user's cache, which survives a reboot, unlike the folder for temporary files.
-pub(super) fn usual_stage(url: &StoreUrl) -> PathBuf {
+pub(super) fn default_stage(url: &StoreUrl) -> PathBuf {
     let set = |name: &str| env::var_os(name).filter(|value| !value.is_empty());
     let cache = set("XDG_CACHE_HOME")
         .map(PathBuf::from)

@@ -12,7 +12,7 @@ use dataset::units::METERS_PER_NAUTICAL_MILE;
 use generator::plan::{Against, Change, Estimate, PicturesPerSecond, Standing, expand};
 use generator::sweep::Sweep;
 use serde::Serialize;
-use store::{CorpusStore, Place, StoreUrl};
+use store::{CorpusLocation, CorpusStore, StoreUrl};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
@@ -22,19 +22,19 @@ use crate::args::PlanArgs;
 use crate::failure::{Ending, Failure};
 
 /// The README's name for a corpus: compared with by default.
-const USUAL_CORPUS: &str = "corpus";
+const DEFAULT_CORPUS: &str = "corpus";
 
 /// Runs the verb.
 pub(crate) fn run(args: &PlanArgs) -> Outcome {
     let (sweep, plan) = read_plan(&args.sweep)?;
     warn_of_unused_weathers(&sweep, &plan);
     let compared = match &args.against {
-        Some(Place::Store(url)) => Some(compare_with_store(&plan, url)?),
-        Some(Place::Folder(root)) => {
+        Some(CorpusLocation::Store(url)) => Some(compare_with_store(&plan, url)?),
+        Some(CorpusLocation::Folder(root)) => {
             let corpus = Corpus::open(root).map_err(Failure::bad_input)?;
             Some(compare(&sweep, &plan, &corpus)?)
         }
-        None => match usual_corpus(&plan) {
+        None => match default_corpus(&plan) {
             Some(corpus) => Some(compare(&sweep, &plan, &corpus)?),
             None => None,
         },
@@ -79,8 +79,8 @@ fn warn_of_another_split(sweep: &Sweep, corpus: &Corpus) {
 }
 
 /// The corpus of the default name, if it was made from a sweep of this name.
-fn usual_corpus(plan: &Plan) -> Option<Corpus> {
-    let corpus = Corpus::open(Path::new(USUAL_CORPUS)).ok()?;
+fn default_corpus(plan: &Plan) -> Option<Corpus> {
+    let corpus = Corpus::open(Path::new(DEFAULT_CORPUS)).ok()?;
     let its_plan = Plan::read(&corpus.plan_path());
     let same_name = its_plan.is_ok_and(|its| its.corpus == plan.corpus);
     same_name.then_some(corpus)

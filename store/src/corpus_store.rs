@@ -18,8 +18,8 @@ use tokio::time::timeout;
 
 use crate::error::{Result, StoreError};
 use crate::leftovers::Unfinished;
+use crate::location::StoreUrl;
 use crate::open::{Opened, open};
-use crate::place::StoreUrl;
 
 /// Folder of the scenarios, as on disk.
 pub(crate) const SCENARIOS: &str = "scenarios";

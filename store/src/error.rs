@@ -11,7 +11,7 @@ pub type Result<T> = std::result::Result<T, StoreError>;
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The text is not the URL of an object store.
-    #[error("{text}: {why}; expected {}, or a path", crate::place::SCHEMES)]
+    #[error("{text}: {why}; expected {}, or a path", crate::location::SCHEMES)]
     BadUrl {
         /// The text.
         text: String,

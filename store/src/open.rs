@@ -15,7 +15,7 @@ use object_store::{BackoffConfig, ClientConfigKey, ObjectStore, RetryConfig};
 
 use crate::error::{Result, StoreError};
 use crate::leftovers::Unfinished;
-use crate::place::{Kind, StoreUrl};
+use crate::location::{Kind, StoreUrl};
 
 /// A request is retried this long without a message; longer waits are reported (`patience`).
 const RETRIES: RetryConfig = RetryConfig {

@@ -5,7 +5,7 @@ use dataset::conditions::{Clock, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Engine, Picture};
+use mock_xplane::server::{Engine, SceneRenderer};
 use xplane_bridge::fly::FlyRequest;
 
 /// Draws nothing and cannot fly.
@@ -24,11 +24,11 @@ impl Engine for Blank {
         _: &Weather,
         _: &Clock,
         _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    ) -> Box<dyn SceneRenderer> {
         Box::new(Self)
     }
 }
 
-impl Picture for Blank {
+impl SceneRenderer for Blank {
     fn draw(&self, _: &Pose, _: &Controls, _: f64, _: &mut [u8]) {}
 }

@@ -136,7 +136,11 @@ pub fn evaluate(
     let other_cameras = samples.cameras_vary && !trained.summary.cameras_vary;
     let test: Vec<Sample> = test
         .into_iter()
-        .map(|sample| trained.normalisation.usual(sample, other_cameras))
+        .map(|sample| {
+            trained
+                .normalisation
+                .without_outliers(sample, other_cameras)
+        })
         .collect();
     let test: Vec<&Sample> = test.iter().collect();
     let predictions = predict_all(&trained, &samples, &test, progress);

@@ -35,7 +35,7 @@ struct Part {
 }
 
 /// A stage of the training: its networks and its batches. Stages follow each other.
-struct Stage {
+struct TrainingStage {
     networks: Part,
     numbers: u64,
     batch: Part,
@@ -58,7 +58,7 @@ fn check_against(
     let stay = stages.iter().fold(data.bytes, |sum, stage| {
         sum.saturating_add(stage.numbers.saturating_mul(NUMBER))
     });
-    let at_work = |stage: &Stage| stage.networks.bytes.saturating_add(stage.batch.bytes);
+    let at_work = |stage: &TrainingStage| stage.networks.bytes.saturating_add(stage.batch.bytes);
     let largest = stages.iter().map(at_work).max().unwrap_or(0);
     let needed_bytes = stay.saturating_add(largest);
     if needed_bytes <= available_bytes {
@@ -88,7 +88,7 @@ fn data(config: &TrainConfig, views: u64, samples: SampleCounts) -> Part {
     }
 }
 
-fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [Stage; 3] {
+fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [TrainingStage; 3] {
     let boxes = BOX_FEATURES as u64;
     let judged = samples.judged as u64;
     let c = &config.calibration;
@@ -157,9 +157,9 @@ fn stage(
     optimisation: &Optimisation,
     kept: u64,
     judging: u64,
-) -> Stage {
+) -> TrainingStage {
     let batch_size = optimisation.batch_size as u64;
-    Stage {
+    TrainingStage {
         networks: Part {
             setting: format!("the widths of {name}, {layers:?},"),
             bytes: numbers.saturating_mul(TRAINED_NUMBER),

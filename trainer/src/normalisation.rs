@@ -83,10 +83,12 @@ impl Normalisation {
 
     /// The sample without the boxes that are unlike any of the training side: in size, and also in position unless the cameras
     /// differ from those of the training side (`other_cameras`).
-    pub(crate) fn usual(&self, sample: &Sample, other_cameras: bool) -> Sample {
+    pub(crate) fn without_outliers(&self, sample: &Sample, other_cameras: bool) -> Sample {
         let believed = |view: usize, seen: &PixelBox| match &self.range_px {
             None => true,
-            Some(ranges) => ranges[view].is_some_and(|range| is_usual(&range, seen, other_cameras)),
+            Some(ranges) => {
+                ranges[view].is_some_and(|range| is_inlier(&range, seen, other_cameras))
+            }
         };
         Sample {
             boxes: sample
@@ -108,7 +110,7 @@ impl Normalisation {
     }
 }
 
-fn is_usual(range: &[[f64; 2]; BOX_FEATURES], seen: &PixelBox, anywhere: bool) -> bool {
+fn is_inlier(range: &[[f64; 2]; BOX_FEATURES], seen: &PixelBox, anywhere: bool) -> bool {
     features_px(seen).iter().zip(range).enumerate().all(
         |(feature, (&value, &[smallest, largest]))| {
             let is_place = feature < 2;
@@ -169,7 +171,7 @@ mod tests {
         let normalisation = fitted(&[sample(100.0, 10.0), sample(300.0, 30.0)]);
         let believed = |cx_px, width_px| {
             normalisation
-                .usual(&sample(cx_px, width_px), false)
+                .without_outliers(&sample(cx_px, width_px), false)
                 .detections()
                 == 1
         };
@@ -182,7 +184,7 @@ mod tests {
         let mut blind = sample(200.0, 20.0);
         blind.boxes.swap(0, 1);
         assert_eq!(
-            normalisation.usual(&blind, false).detections(),
+            normalisation.without_outliers(&blind, false).detections(),
             0,
             "a view that never saw"
         );
@@ -197,7 +199,11 @@ mod tests {
         let mut written = serde_json::to_value(&old).unwrap();
         written.as_object_mut().unwrap().remove("range_px");
         let read: Normalisation = serde_json::from_value(written).unwrap();
-        assert_eq!(read.usual(&sample(900.0, 1.0), false).detections(), 1);
+        assert_eq!(
+            read.without_outliers(&sample(900.0, 1.0), false)
+                .detections(),
+            1
+        );
     }
 
     #[test]

@@ -214,7 +214,7 @@ fn side_with_samples<'a>(
 fn usual_samples(normalisation: &Normalisation, samples: &[&Sample]) -> Vec<Sample> {
     samples
         .iter()
-        .map(|sample| normalisation.usual(sample, false))
+        .map(|sample| normalisation.without_outliers(sample, false))
         .filter(|sample| sample.detections() > 0)
         .collect()
 }

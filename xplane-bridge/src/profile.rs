@@ -218,9 +218,9 @@ impl Profile {
     }
 
     /// Frames that a new pose and camera are drawn before the one that counts, at least `usual`.
-    pub(crate) fn settle_frames(&self, usual: u32) -> u32 {
+    pub(crate) fn settle_frames(&self, default: u32) -> u32 {
         let measured = self.frames_until_settled.found();
-        usual.max(measured.copied().unwrap_or(0))
+        default.max(measured.copied().unwrap_or(0))
     }
 
     /// Whether weather must be regenerated before it shows. True unless it was measured to be unnecessary.
@@ -230,10 +230,10 @@ impl Profile {
     }
 
     /// How long weather may take, at least `usual`: one and a half times as long as clouds took.
-    pub(crate) fn weather_patience(&self, usual: Duration) -> Duration {
+    pub(crate) fn weather_patience(&self, default: Duration) -> Duration {
         let took_s = self.clouds_take_s.found().copied().unwrap_or(0.0);
         let measured = Duration::try_from_secs_f64(1.5 * took_s.min(600.0));
-        usual.max(measured.unwrap_or_default())
+        default.max(measured.unwrap_or_default())
     }
 
     /// Whether time must run while pictures are taken, because a pause shows nothing new.
@@ -334,10 +334,10 @@ mod tests {
         assert!(profile.regenerates(), "not known of the clouds");
         profile.clouds_need_regeneration = Finding::Found(false);
         assert!(!profile.regenerates());
-        let usual = Duration::from_secs(70);
-        assert_eq!(profile.weather_patience(usual), Duration::from_secs(120));
+        let default = Duration::from_secs(70);
+        assert_eq!(profile.weather_patience(default), Duration::from_secs(120));
         profile.clouds_take_s = Finding::Found(5.0);
-        assert_eq!(profile.weather_patience(usual), usual);
+        assert_eq!(profile.weather_patience(default), default);
         assert!(profile.time_has_to_run());
         let writes = || {
             vec![

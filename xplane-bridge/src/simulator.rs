@@ -320,14 +320,14 @@ impl Simulator {
     /// # Errors
     /// The simulator rejects it, or its clock does not accept the time.
     pub async fn freeze(&mut self, runway: &Runway) -> Result<(), BridgeError> {
-        self.freeze_imaging(runway, &[]).await
+        self.freeze_with_imaging(runway, &[]).await
     }
 
     /// [`Simulator::freeze`] with lenses, air and sensors, in the order of the views.
     ///
     /// # Errors
     /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal pictures only.
-    pub async fn freeze_imaging(
+    pub async fn freeze_with_imaging(
         &mut self,
         runway: &Runway,
         views: &[Imaging],

@@ -21,7 +21,7 @@ use super::Faults;
 use crate::frames::Frames;
 use crate::pixel_box::{PixelBox, TruthBox};
 use crate::scenario::ScenarioRecord;
-use sight::{Picture, Sight, change_between, look};
+use sight::{DecodedPicture, Sight, change_between, look};
 
 /// Minimum transmission. With 50 grey levels of scene contrast this leaves 10, twice that of the noisiest background that counts as
 /// smooth.
@@ -153,7 +153,7 @@ impl<'a> Watcher<'a> {
     /// Examines the next picture.
     pub(super) fn see(&mut self, rgb: &[u8], width_px: u32, height_px: u32) {
         let tick = self.seen.len();
-        let picture = Picture::new(rgb, width_px, height_px);
+        let picture = DecodedPicture::new(rgb, width_px, height_px);
         let own = self
             .boxes
             .get(tick)
@@ -178,7 +178,7 @@ impl<'a> Watcher<'a> {
     fn repeats(
         &mut self,
         tick: usize,
-        picture: &Picture,
+        picture: &DecodedPicture,
         own: &PixelBox,
         sight: Option<Sight>,
     ) -> Option<(usize, f64)> {

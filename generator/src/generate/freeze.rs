@@ -17,7 +17,7 @@ use crate::sweep::Sweep;
 
 /// Another process needs a moment to write the plan.
 const HELD_FOR_LONG: Duration = Duration::from_secs(30);
-const LOOK_AGAIN: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// The plan that a corpus was begun with; rejects one that is not part of `plan`.
 pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan>, GenerateError> {
@@ -59,7 +59,7 @@ pub(super) async fn freeze(
                     waited: HELD_FOR_LONG,
                 });
             }
-            Claimed::Theirs(_) => sleep(LOOK_AGAIN).await,
+            Claimed::Theirs(_) => sleep(POLL_INTERVAL).await,
         }
     };
     clear_leftovers(corpus.root());

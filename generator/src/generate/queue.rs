@@ -9,7 +9,7 @@ use dataset::plan::PlannedScenario;
 use super::freeze::is_whole;
 
 /// Polling interval when other processes hold everything that is left.
-const LOOK_AGAIN: Duration = Duration::from_millis(500);
+const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A scenario that is not recorded yet.
 #[derive(Debug)]
@@ -63,7 +63,7 @@ impl<'a> Queue<'a> {
     /// The next scenario that nobody is recording. The caller must return it or mark it as done.
     pub(super) fn next(&mut self, corpus: &Corpus) -> Result<Next<'a>, super::GenerateError> {
         let now = Instant::now();
-        let mut later = LOOK_AGAIN;
+        let mut later = POLL_INTERVAL;
         let mut elsewhere: Option<Elsewhere> = None;
         for at in 0..self.waiting.len() {
             let task = &self.waiting[at];

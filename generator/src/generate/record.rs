@@ -134,7 +134,7 @@ async fn record_into(
         });
     }
     attempt
-        .unless_cancelled(simulator.freeze_imaging(&common.runway, &imaging))
+        .unless_cancelled(simulator.freeze_with_imaging(&common.runway, &imaging))
         .await?;
     let ids: Vec<String> = views.iter().map(|(id, _)| id.clone()).collect();
     let mut encoders = Encoders::start(

@@ -121,7 +121,7 @@ impl fmt::Display for SimulatorTarget {
 /// The stand-in with all awkward habits, as the user names it.
 pub(super) const AWKWARD: &str = "mock:awkward";
 /// Retry interval for a simulator that is gone.
-const LOOK_AGAIN: Duration = Duration::from_secs(1);
+const POLL_INTERVAL: Duration = Duration::from_secs(1);
 
 pub(super) struct Session {
     target: SimulatorTarget,
@@ -257,7 +257,7 @@ impl Session {
             if Instant::now() >= until {
                 return false;
             }
-            sleep(LOOK_AGAIN.min(limit)).await;
+            sleep(POLL_INTERVAL.min(limit)).await;
         }
     }
 

@@ -20,9 +20,9 @@ use super::tally::Tally;
 /// recorded.
 pub(super) const WAITING: usize = 1;
 /// How long a cancelled transfer may take to stop.
-const LEAVE_TAKING: Duration = Duration::from_secs(5);
+const CANCEL_TIMEOUT: Duration = Duration::from_secs(5);
 /// Interval for checking a staged scenario that another process is uploading.
-const LOOK_AGAIN: Duration = Duration::from_millis(500);
+const POLL_INTERVAL: Duration = Duration::from_millis(500);
 
 /// A finished scenario to upload. Its claim keeps others off until the store has it.
 struct Job<'a> {
@@ -124,7 +124,7 @@ impl<'a> Uploads<'_, 'a> {
                     self.tally.skipped(scenario);
                     return Ok(None);
                 }
-                Claimed::Theirs(_) => sleep(LOOK_AGAIN).await,
+                Claimed::Theirs(_) => sleep(POLL_INTERVAL).await,
             }
         }
     }
@@ -216,7 +216,7 @@ impl Uploader<'_, '_> {
         });
         let no_longer = async {
             self.tally.halt.cancelled().await;
-            sleep(LEAVE_TAKING).await;
+            sleep(CANCEL_TIMEOUT).await;
         };
         tokio::select! {
             pushed = pushing => pushed,

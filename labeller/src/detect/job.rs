@@ -10,7 +10,7 @@ use dataset::pixel_box::Detection;
 
 use super::record::DetectionRecord;
 use super::{DetectOptions, Model};
-use crate::detector::{Detector, Picture};
+use crate::detector::{Detector, PictureView};
 use crate::error::{Error, Result};
 use crate::tiling::{TilingSettings, find_aircraft};
 
@@ -205,7 +205,7 @@ impl ViewJob<'_> {
                     "at tick {tick} expected a picture with timestamp {pts}, found {found}"
                 )));
             }
-            let picture = Picture {
+            let picture = PictureView {
                 rgb: &rgb,
                 width_px,
                 height_px,

@@ -12,7 +12,7 @@ use super::layout::{Decoding, Layout};
 use super::model_file::ModelFile;
 use super::onnx_runtime;
 use super::profile::{METADATA_KEY, ModelProfile};
-use super::window::{Picture, Window};
+use super::window::{PictureView, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, Result};
 
@@ -162,7 +162,7 @@ impl Detector for OrtDetector {
 
     fn detect(
         &mut self,
-        picture: &Picture<'_>,
+        picture: &PictureView<'_>,
         windows: &[Window],
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>> {
@@ -238,7 +238,7 @@ mod tests {
             (Layout::Yolox, 416)
         );
         let rgb = vec![120; 900 * 500 * 3];
-        let picture = Picture {
+        let picture = PictureView {
             rgb: &rgb,
             width_px: 900,
             height_px: 500,

@@ -7,7 +7,7 @@ const PADDING: u8 = 114;
 
 /// An 8-bit RGB picture, rows from top to bottom without gaps.
 #[derive(Debug, Clone, Copy)]
-pub struct Picture<'a> {
+pub struct PictureView<'a> {
     /// `width_px * height_px * 3` bytes.
     pub rgb: &'a [u8],
     /// Width, pixels.
@@ -29,7 +29,7 @@ impl Window {
     /// Copies the window into a tensor of three planes (channel, row, column) of `size_px` squared, multiplied by `scale`.
     pub(super) fn write_planes(
         self,
-        picture: &Picture<'_>,
+        picture: &PictureView<'_>,
         size_px: u32,
         order: ChannelOrder,
         scale: f32,
@@ -76,7 +76,7 @@ mod tests {
     fn a_window_becomes_planes_in_the_asked_order_and_is_padded_outside_the_picture() {
         // 3 x 2 pixels; the red of pixel k is k, green 100 + k, blue 200 + k.
         let rgb: Vec<u8> = (0..6).flat_map(|k| [k, 100 + k, 200 + k]).collect();
-        let picture = Picture {
+        let picture = PictureView {
             rgb: &rgb,
             width_px: 3,
             height_px: 2,

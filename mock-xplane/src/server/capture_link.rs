@@ -31,7 +31,7 @@ use super::faults::outages::Outages;
 use super::scenes::{SceneKey, Scenes};
 use super::seat::{Activity, LinkPatience, Seat};
 use super::{MockError, Shared};
-use crate::window::Stage;
+use crate::window::DisplayWindow;
 
 /// Maximum connections, most of which wait to say hello or for the seat.
 const MOST_CONNECTIONS: usize = 32;
@@ -51,10 +51,10 @@ pub(super) async fn run(
     engine: Arc<dyn Engine>,
     outages: Arc<Outages>,
     admission: Admission,
-    stage: Option<Arc<dyn Stage>>,
+    stage: Option<Arc<dyn DisplayWindow>>,
 ) -> Result<(), MockError> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let studio = Arc::new(Studio {
+    let service = Arc::new(CaptureService {
         world,
         engine,
         outages,
@@ -72,10 +72,10 @@ pub(super) async fn run(
     loop {
         tokio::select! {
             (stream, from, room) = doorway.next(&listener) => {
-                let studio = studio.clone();
+                let service = service.clone();
                 clients.spawn(async move {
                     let _room = room;
-                    match studio.serve(stream, from).await {
+                    match service.serve(stream, from).await {
                         Ok(()) => tracing::debug!(%from, "capture link closed"),
                         Err(error) => tracing::warn!(%from, %error, "capture link closed"),
                     }
@@ -96,13 +96,13 @@ pub(super) struct Admission {
 }
 
 /// Shared by all connections.
-struct Studio {
+struct CaptureService {
     world: Shared,
     engine: Arc<dyn Engine>,
     outages: Arc<Outages>,
     admission: Admission,
     /// The window that shows what is drawn, if there is one.
-    stage: Option<Arc<dyn Stage>>,
+    stage: Option<Arc<dyn DisplayWindow>>,
     scenes: Scenes,
     painters: Arc<Semaphore>,
     /// Buffers of sent pictures, for reuse.
@@ -130,7 +130,7 @@ enum Pending {
     Drawing(JoinHandle<Reply>),
 }
 
-impl Studio {
+impl CaptureService {
     async fn serve(
         self: Arc<Self>,
         mut stream: TcpStream,
@@ -351,8 +351,8 @@ impl Studio {
             world.release();
             world.weather()
         };
-        let studio = self.clone();
-        let flown = spawn_blocking(move || studio.engine.fly(&request, &weather)).await;
+        let service = self.clone();
+        let flown = spawn_blocking(move || service.engine.fly(&request, &weather)).await;
         let states = match flown {
             Ok(Ok(states)) => states,
             Ok(Err(text)) => return refusal(text),
@@ -416,11 +416,11 @@ impl Studio {
             (key, world.pose_for_frame(request.pose, request.controls))
         };
         let permit = self.painters.clone().acquire_owned().await;
-        let studio = self.clone();
+        let service = self.clone();
         let work = from.activity.work();
         let drawing = spawn_blocking(move || {
             let _in_work = (permit, work);
-            studio.draw(&request, &key, sim_frame, slot)
+            service.draw(&request, &key, sim_frame, slot)
         });
         match request.deliver {
             Deliver::Picture | Deliver::Slot(_) | Deliver::Screenshot => Pending::Drawing(drawing),

@@ -24,11 +24,11 @@ pub trait Engine: Send + Sync + 'static {
         weather: &Weather,
         clock: &Clock,
         degradation: Option<&Degradation>,
-    ) -> Box<dyn Picture>;
+    ) -> Box<dyn SceneRenderer>;
 }
 
 /// Pictures of one camera in one weather at one time, with the aircraft anywhere.
-pub trait Picture: Send + Sync {
+pub trait SceneRenderer: Send + Sync {
     /// Draws a frame into `rgb`, which has exactly its size and is overwritten completely.
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]);
 }
@@ -56,7 +56,7 @@ impl Engine for BuiltIn {
         weather: &Weather,
         clock: &Clock,
         degradation: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    ) -> Box<dyn SceneRenderer> {
         let scene = Scene::new(camera, runway, weather, clock);
         Box::new(match degradation {
             None => scene,
@@ -65,7 +65,7 @@ impl Engine for BuiltIn {
     }
 }
 
-impl Picture for Scene {
+impl SceneRenderer for Scene {
     fn draw(&self, pose: &Pose, controls: &Controls, time_s: f64, rgb: &mut [u8]) {
         self.render(pose, controls, time_s, rgb);
     }

@@ -26,7 +26,7 @@ use super::engine::Engine;
 use super::faults::outages::Outages;
 use super::{MockError, Shared};
 use crate::quirks::Quirk;
-use crate::window::Stage;
+use crate::window::DisplayWindow;
 
 /// [`Quirk::CameraTaken`] takes the camera repeatedly, at this interval in frames.
 const CAMERA_TAKEN_EVERY: u32 = 401;
@@ -90,7 +90,7 @@ pub(super) async fn run(
     world: Shared,
     engine: Arc<dyn Engine>,
     outages: Arc<Outages>,
-    stage: Option<Arc<dyn Stage>>,
+    stage: Option<Arc<dyn DisplayWindow>>,
 ) -> Result<(), MockError> {
     let failed = |what: String| MockError::Plugin {
         folder: options.folder.clone(),

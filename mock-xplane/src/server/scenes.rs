@@ -8,7 +8,7 @@ use dataset::conditions::{Clock, Weather};
 use dataset::imaging::Imaging;
 use dataset::runway::Runway;
 
-use super::engine::{Engine, Picture};
+use super::engine::{Engine, SceneRenderer};
 
 /// Maximum number of prepared pictures: two rigs of a few cameras.
 const KEPT: usize = 8;
@@ -25,7 +25,7 @@ pub(super) struct SceneKey {
     pub(super) clock: Clock,
 }
 
-type Slot = Arc<OnceLock<Box<dyn Picture>>>;
+type Slot = Arc<OnceLock<Box<dyn SceneRenderer>>>;
 
 /// The prepared pictures, the latest used first.
 #[derive(Default)]
@@ -39,7 +39,7 @@ impl Scenes {
         &self,
         engine: &dyn Engine,
         key: &SceneKey,
-        draw: impl FnOnce(&dyn Picture) -> T,
+        draw: impl FnOnce(&dyn SceneRenderer) -> T,
     ) -> T {
         let slot = self.slot(key);
         let picture = slot.get_or_init(|| {

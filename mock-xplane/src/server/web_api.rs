@@ -49,7 +49,7 @@ const ANSWER_WITHIN: Duration = Duration::from_secs(10);
 const READ_WITHIN: Duration = Duration::from_secs(10);
 
 /// Shared by all requests.
-struct Desk {
+struct WebApiService {
     world: Shared,
     outages: Arc<Outages>,
     incoming_is_on: bool,
@@ -70,7 +70,7 @@ pub(super) async fn run(
 ) -> Result<(), MockError> {
     let (_over, watched) = watch::channel(());
     let ids = Ids::new(session, world.lock().datarefs());
-    let desk = Arc::new(Desk {
+    let service = Arc::new(WebApiService {
         world,
         outages,
         incoming_is_on,
@@ -79,7 +79,7 @@ pub(super) async fn run(
         sockets: Doorway::new("the WebSocket", MOST_SOCKETS),
         session: watched,
     });
-    let service = TowerToHyperService::new(router(desk));
+    let service = TowerToHyperService::new(router(service));
     // Like the server's own tasks, connections end with it.
     let mut clients = JoinSet::new();
     let doorway = Doorway::new("the Web API", MOST_CONNECTIONS);
@@ -116,7 +116,7 @@ fn end_if_unread(stream: &TcpStream) {
     let _ = (stream, READ_WITHIN);
 }
 
-fn router(desk: Arc<Desk>) -> Router {
+fn router(service: Arc<WebApiService>) -> Router {
     let one = Router::new()
         .route("/", get(socket::open))
         .route("/datarefs", get(datarefs::list))
@@ -139,14 +139,18 @@ fn router(desk: Arc<Desk>) -> Router {
         .nest("/api/v2", two)
         .nest("/api/v3", three)
         .fallback(async || Refusal::not_found("unknown_endpoint", "there is no such endpoint"))
-        .layer(middleware::from_fn_with_state(desk.clone(), doorkeeper))
-        .with_state(desk)
+        .layer(middleware::from_fn_with_state(service.clone(), doorkeeper))
+        .with_state(service)
 }
 
 /// No answers during an outage, while incoming traffic is switched off, or to foreign web pages.
-async fn doorkeeper(State(desk): State<Arc<Desk>>, request: Request, next: Next) -> Response {
-    desk.outages.over().await;
-    if !desk.incoming_is_on {
+async fn doorkeeper(
+    State(service): State<Arc<WebApiService>>,
+    request: Request,
+    next: Next,
+) -> Response {
+    service.outages.over().await;
+    if !service.incoming_is_on {
         return Refusal::incoming_traffic_is_off().into_response();
     }
     if let Err(refusal) = callers::check(request.headers()) {
@@ -157,8 +161,8 @@ async fn doorkeeper(State(desk): State<Arc<Desk>>, request: Request, next: Next)
         .unwrap_or_else(|_late| Refusal::too_slow().into_response())
 }
 
-async fn capabilities(State(desk): State<Arc<Desk>>) -> Response {
-    let version = desk.world.lock().version_text();
+async fn capabilities(State(service): State<Arc<WebApiService>>) -> Response {
+    let version = service.world.lock().version_text();
     Json(json!({
         "api": { "versions": ["v1", "v2", "v3"] },
         "x-plane": { "version": version },

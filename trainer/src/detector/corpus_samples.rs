@@ -14,7 +14,7 @@ use dataset::plan::PlannedScenarios;
 use dataset::splits::Side;
 use rayon::prelude::*;
 
-use super::picture::{Picture, is_visible, may_be_visible};
+use super::picture::{TrainingPicture, is_visible, may_be_visible};
 use super::samples::{CROP_SIZES, Samples, size_for_width};
 use super::targets::CropTruth;
 use crate::error::{Error, Result};
@@ -43,7 +43,7 @@ pub(crate) struct Video {
 #[derive(Debug, Clone)]
 pub struct JudgedFrame {
     /// The frame; its aircraft if the true boxes have one.
-    pub picture: Picture,
+    pub picture: TrainingPicture,
     /// Name of the weather.
     pub weather: String,
 }
@@ -224,12 +224,15 @@ impl Video {
     }
 
     /// Decodes the video and passes on every frame with its tick and its aircraft, until the receiver returns `false`.
-    fn for_each_frame(&self, mut receive: impl FnMut(usize, &Picture) -> bool) -> Result<()> {
+    fn for_each_frame(
+        &self,
+        mut receive: impl FnMut(usize, &TrainingPicture) -> bool,
+    ) -> Result<()> {
         let boxes: HashMap<u32, TruthBox> =
             self.boxes()?.map(|truth| (truth.tick, truth)).collect();
         let mut reader = self.scenario.open_video(&self.view)?;
         let (width_px, height_px) = (reader.width() as usize, reader.height() as usize);
-        let mut frame = Picture {
+        let mut frame = TrainingPicture {
             rgb: Vec::new(),
             width_px,
             height_px,

@@ -7,7 +7,7 @@
 use rand::{Rng, RngExt};
 
 use super::convolution::standard_normal;
-use super::picture::Picture;
+use super::picture::TrainingPicture;
 use super::targets::CropTruth;
 use dataset::pixel_box::PixelBox;
 
@@ -38,7 +38,7 @@ impl Placement {
     /// A random position in a picture; if `near` an aircraft, one with the aircraft's centre in the crop (occasionally just
     /// outside).
     pub fn random(
-        picture: &Picture,
+        picture: &TrainingPicture,
         near: Option<&PixelBox>,
         side_px: usize,
         rng: &mut impl Rng,
@@ -87,7 +87,7 @@ impl Placement {
     }
 
     /// The crop's pixels, interpolated bilinearly.
-    pub fn cut(&self, picture: &Picture, side_px: usize) -> Vec<f32> {
+    pub fn cut(&self, picture: &TrainingPicture, side_px: usize) -> Vec<f32> {
         let mut out = Vec::with_capacity(side_px * side_px * 3);
         let sample = |start: f64, index: usize, length: usize| {
             let at = (start + self.scale * index as f64).clamp(0.0, length as f64 - 1.0);
@@ -117,7 +117,7 @@ impl Placement {
 
 /// A random crop and its aircraft.
 pub(crate) fn random_crop(
-    picture: &Picture,
+    picture: &TrainingPicture,
     placement: &Placement,
     side_px: usize,
     rng: &mut impl Rng,

@@ -17,7 +17,7 @@ use super::export::INPUT_SIDE_PX;
 use super::grid::{ScoredBox, peaks};
 use super::network::Network;
 use super::patches::PatchBatch;
-use super::picture::Picture;
+use super::picture::TrainingPicture;
 
 /// Upper ends of the bins of width, pixels; the last bin is open.
 const WIDTH_BINS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, f64::INFINITY];
@@ -217,7 +217,7 @@ impl Spread {
 pub fn detect(
     network: &Network,
     tables: &mut GatherTables,
-    frame: &Picture,
+    frame: &TrainingPicture,
     threshold: f64,
 ) -> Vec<ScoredBox> {
     let mut candidates = Vec::new();
@@ -248,7 +248,7 @@ pub fn detect(
 fn detect_in(
     network: &Network,
     tables: &mut GatherTables,
-    frame: &Picture,
+    frame: &TrainingPicture,
     [left, top]: [usize; 2],
     threshold: f64,
 ) -> Vec<ScoredBox> {
@@ -331,7 +331,7 @@ mod tests {
             pixel_box: scored(50.0, 1.0).pixel_box,
             visible,
         });
-        let picture = Picture {
+        let picture = TrainingPicture {
             rgb: Vec::new(),
             width_px: 0,
             height_px: 0,

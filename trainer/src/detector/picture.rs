@@ -14,7 +14,7 @@ const LEAST_CONTRAST: f64 = 2.0;
 
 /// A piece of a frame.
 #[derive(Debug, Clone)]
-pub struct Picture {
+pub struct TrainingPicture {
     /// Interleaved RGB, row-major.
     pub rgb: Vec<u8>,
     /// Width, pixels.
@@ -25,7 +25,7 @@ pub struct Picture {
     pub aircraft: Option<CropTruth>,
 }
 
-impl Picture {
+impl TrainingPicture {
     /// The piece of a frame that starts at pixel (`left`, `top`).
     pub fn piece(&self, left: usize, top: usize, width_px: usize, height_px: usize) -> Self {
         let mut rgb = Vec::with_capacity(width_px * height_px * 3);
@@ -56,7 +56,7 @@ impl Picture {
 
 /// Whether the aircraft of a true box is visible in a frame. The transmission of the air does not decide: landing lights are
 /// visible through fog that hides the aircraft itself.
-pub(crate) fn is_visible(frame: &Picture, truth: &TruthBox) -> bool {
+pub(crate) fn is_visible(frame: &TrainingPicture, truth: &TruthBox) -> bool {
     may_be_visible(truth) && contrast(frame, &truth.pixel_box) >= LEAST_CONTRAST
 }
 
@@ -67,7 +67,7 @@ pub(super) fn may_be_visible(truth: &TruthBox) -> bool {
 
 /// How far the strongest tenth of a box's pixels is from a plane through its surroundings, grey levels, minus half of the same
 /// figure for the surroundings themselves.
-pub fn contrast(frame: &Picture, pixel_box: &PixelBox) -> f64 {
+pub fn contrast(frame: &TrainingPicture, pixel_box: &PixelBox) -> f64 {
     let margin = 4.0_f64.max(0.25 * pixel_box.width_px);
     let [left, top, right, bottom] = pixel_box.edges();
     let span = |low: f64, high: f64, length: usize| {
@@ -131,7 +131,7 @@ pub(crate) mod tests {
     use super::*;
 
     /// A sky that brightens downwards with a dark bar in it.
-    pub(crate) fn sky_with_bar(darker_by: f64) -> (Picture, TruthBox) {
+    pub(crate) fn sky_with_bar(darker_by: f64) -> (TrainingPicture, TruthBox) {
         let (width_px, height_px) = (96, 64);
         let pixel_box = PixelBox {
             cx_px: 50.0,
@@ -163,7 +163,7 @@ pub(crate) mod tests {
             visible: true,
         });
         (
-            Picture {
+            TrainingPicture {
                 rgb,
                 width_px,
                 height_px,

@@ -7,7 +7,7 @@ use rand::{Rng, RngExt};
 
 use super::crop::{Placement, random_crop};
 use super::patches::PatchBatch;
-use super::picture::Picture;
+use super::picture::TrainingPicture;
 use super::targets::Targets;
 
 /// A size of crop, the aircraft that it suits, and how often it is drawn.
@@ -80,9 +80,9 @@ pub struct HardPlace {
 #[derive(Debug, Default)]
 pub struct Samples {
     /// Pieces around visible aircraft, by the index of their size in [`CROP_SIZES`].
-    pub aircraft: [Vec<Picture>; CROP_SIZES.len()],
+    pub aircraft: [Vec<TrainingPicture>; CROP_SIZES.len()],
     /// Whole frames, mostly empty.
-    pub backgrounds: Vec<Picture>,
+    pub backgrounds: Vec<TrainingPicture>,
 }
 
 /// A batch.
@@ -117,7 +117,7 @@ impl Samples {
     }
 
     /// The pools whose pieces suit a size: its own and, if the pieces are large enough, the next smaller.
-    fn source(&self, size: usize) -> Option<(&[Picture], Option<&[Picture]>)> {
+    fn source(&self, size: usize) -> Option<(&[TrainingPicture], Option<&[TrainingPicture]>)> {
         let own = Some(self.aircraft[size].as_slice()).filter(|pile| !pile.is_empty());
         let smaller = size
             .checked_sub(1)
@@ -182,7 +182,7 @@ impl Samples {
             picture,
             mut placement,
         } = hard.places[rng.random_range(0..hard.places.len())];
-        let Picture {
+        let TrainingPicture {
             width_px,
             height_px,
             ..

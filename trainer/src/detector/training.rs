@@ -278,14 +278,14 @@ impl Shard {
 mod tests {
     use super::*;
     use crate::detector::evaluation::detect;
-    use crate::detector::picture::Picture;
+    use crate::detector::picture::TrainingPicture;
     use crate::detector::targets::CropTruth;
     use crate::progress::Silent;
     use dataset::pixel_box::PixelBox;
     use rand::RngExt;
 
     /// A sky with a soft-edged dark fuselage and wings, and the box around them.
-    fn shape(side: usize, with_aircraft: bool, rng: &mut ChaCha8Rng) -> Picture {
+    fn shape(side: usize, with_aircraft: bool, rng: &mut ChaCha8Rng) -> TrainingPicture {
         let (cx, cy) = (
             rng.random_range(60.0..side as f64 - 60.0),
             rng.random_range(60.0..side as f64 - 60.0),
@@ -320,7 +320,7 @@ mod tests {
             pixel_box,
             visible: true,
         });
-        Picture {
+        TrainingPicture {
             rgb,
             width_px: side,
             height_px: side,

@@ -23,7 +23,7 @@ const LEAST_BACKGROUND: usize = 40;
 const MOST_NOISE: f64 = 5.0;
 
 /// A decoded picture.
-pub(super) struct Picture<'a> {
+pub(super) struct DecodedPicture<'a> {
     rgb: &'a [u8],
     width: i64,
     height: i64,
@@ -62,7 +62,7 @@ impl Sight {
     }
 }
 
-impl<'a> Picture<'a> {
+impl<'a> DecodedPicture<'a> {
     pub(super) fn new(rgb: &'a [u8], width_px: u32, height_px: u32) -> Self {
         Self {
             rgb,
@@ -72,8 +72,8 @@ impl<'a> Picture<'a> {
     }
 
     /// Another picture of this size.
-    pub(super) fn of_same_size<'b>(&self, rgb: &'b [u8]) -> Picture<'b> {
-        Picture {
+    pub(super) fn of_same_size<'b>(&self, rgb: &'b [u8]) -> DecodedPicture<'b> {
+        DecodedPicture {
             rgb,
             width: self.width,
             height: self.height,
@@ -104,7 +104,7 @@ impl<'a> Picture<'a> {
 }
 
 /// Examines a box; `None` if it is too small, or if there is too little background around it.
-pub(super) fn look(picture: &Picture, within: &PixelBox) -> Option<Sight> {
+pub(super) fn look(picture: &DecodedPicture, within: &PixelBox) -> Option<Sight> {
     if within.width_px < LEAST_WIDTH_PX || within.height_px < LEAST_HEIGHT_PX {
         return None;
     }
@@ -165,8 +165,8 @@ pub(super) fn look(picture: &Picture, within: &PixelBox) -> Option<Sight> {
 /// How much changed between two pictures where the aircraft was and is, grey levels: the mean of the tenth of the pixels that
 /// changed most.
 pub(super) fn change_between(
-    before: &Picture,
-    after: &Picture,
+    before: &DecodedPicture,
+    after: &DecodedPicture,
     was: &PixelBox,
     is: &PixelBox,
 ) -> Option<f64> {
@@ -259,7 +259,7 @@ mod tests {
     #[test]
     fn a_bar_is_found_where_it_is_and_not_elsewhere() {
         let rgb = picture(Some((40.3, 50.6)));
-        let picture = Picture::new(&rgb, SIZE, SIZE);
+        let picture = DecodedPicture::new(&rgb, SIZE, SIZE);
         let there = look(&picture, &around(40.3, 50.6)).unwrap();
         assert!(there.is_filled() && there.is_before_smooth(), "{there:?}");
         assert!(there.offset_px.length() < 0.2, "{there:?}");
@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn what_moved_changed_and_what_did_not_did_not() {
         let [first, second] = [(40.0, 50.0), (42.0, 50.0)].map(|place| picture(Some(place)));
-        let [a, b] = [&first, &second].map(|rgb| Picture::new(rgb, SIZE, SIZE));
+        let [a, b] = [&first, &second].map(|rgb| DecodedPicture::new(rgb, SIZE, SIZE));
         let [was, is] = [around(40.0, 50.0), around(42.0, 50.0)];
         assert!(change_between(&a, &b, &was, &is).unwrap() > 20.0);
         assert_eq!(change_between(&a, &a, &was, &is), Some(0.0));
@@ -284,7 +284,7 @@ mod tests {
         for (x, y) in [(-4.0, -1.0), (99.0, 95.0), (0.0, 95.0)] {
             let with = picture(Some((x, y)));
             let [nothing, bar] = [&without, &with].map(|rgb| {
-                let picture = Picture::new(rgb, SIZE, SIZE);
+                let picture = DecodedPicture::new(rgb, SIZE, SIZE);
                 look(&picture, &around(x, y)).unwrap()
             });
             assert!(nothing.is_empty(), "({x}, {y}): {nothing:?}");

@@ -35,7 +35,7 @@ use crate::server::scenes::{SceneKey, Scenes};
 use crate::server::world::World;
 use crate::server::world::airport::{GROUND_MSL_M, ON_THRESHOLD};
 use crate::server::world::local_frame::LocalFrame;
-use crate::window::Stage;
+use crate::window::DisplayWindow;
 
 const POSITION: &str = "sim/flightmodel/position/";
 const VIEW: &str = "sim/graphics/view/";
@@ -61,7 +61,7 @@ const ORIGINS: [(f64, f64); 3] = [(1.5, 103.5), (1.4, 104.4), (1.0, 103.9)];
 
 /// A picture to draw.
 #[derive(Debug, Clone, PartialEq)]
-struct Frame {
+struct PictureToDraw {
     key: SceneKey,
     painter: Painter,
     shot: Shot,
@@ -88,7 +88,7 @@ pub(super) struct PluginScene {
     exposure: Exposure,
     window_px: (u32, u32),
     /// The content of a window, and the rectangles over it.
-    shown: Option<(Frame, Value)>,
+    shown: Option<(PictureToDraw, Value)>,
 }
 
 impl PluginScene {
@@ -221,7 +221,7 @@ impl PluginScene {
     pub(super) async fn show_frame(
         &mut self,
         rectangles: &Value,
-        stage: &Arc<dyn Stage>,
+        stage: &Arc<dyn DisplayWindow>,
     ) -> Result<(), String> {
         let (width_px, height_px) = self.window_px;
         let frame = self.frame_to_draw(width_px, height_px, true);
@@ -259,10 +259,10 @@ impl PluginScene {
         Ok(())
     }
 
-    async fn draw(&self, frame: Frame) -> Option<Vec<u8>> {
+    async fn draw(&self, frame: PictureToDraw) -> Option<Vec<u8>> {
         let (engine, scenes) = (self.engine.clone(), self.scenes.clone());
         let drawn = spawn_blocking(move || {
-            let Frame { key, painter, shot } = frame;
+            let PictureToDraw { key, painter, shot } = frame;
             let mut rgb = vec![0; key.width_px as usize * key.height_px as usize * 3];
             scenes.with(engine.as_ref(), &key, |picture| {
                 painter.draw(picture, &shot, (key.width_px, key.height_px), &mut rgb);
@@ -273,7 +273,7 @@ impl PluginScene {
     }
 
     /// The current frame, of a size, with the windows over it or not yet.
-    fn frame_to_draw(&self, width_px: u32, height_px: u32, windows: bool) -> Frame {
+    fn frame_to_draw(&self, width_px: u32, height_px: u32, windows: bool) -> PictureToDraw {
         let mut shot = self.shots.drawn(self.shot());
         if let Some(before) = self.before_pause {
             shot = before;
@@ -289,7 +289,7 @@ impl PluginScene {
             // Changes within a minute are invisible, and preparing a picture for every instant is too expensive.
             clock.zulu_time_s = (clock.zulu_time_s / MINUTE_S).floor() * MINUTE_S;
         }
-        Frame {
+        PictureToDraw {
             key: SceneKey {
                 camera: shot.camera,
                 // Like X-Plane, whose plugin rejects anything else.

@@ -8,7 +8,7 @@ use dataset::pose::{Controls, Pose};
 use glam::DVec3;
 
 use crate::render::overlay::Canvas;
-use crate::server::engine::Picture;
+use crate::server::engine::SceneRenderer;
 
 /// Delays, in frames, of the pictures after a change, one change after the other.
 const LATE_FRAMES: [usize; 3] = [2, 4, 3];
@@ -84,7 +84,7 @@ impl Painter {
     /// Draws it.
     pub(super) fn draw(
         &self,
-        picture: &dyn Picture,
+        picture: &dyn SceneRenderer,
         shot: &Shot,
         (width_px, height_px): (u32, u32),
         rgb: &mut [u8],

@@ -10,7 +10,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 use tokio::time::Instant;
 
-use super::Desk;
+use super::WebApiService;
 use super::datarefs::{Filters, filtered};
 use super::refusal::Refusal;
 
@@ -43,7 +43,7 @@ impl ActiveCommands {
     }
 }
 
-impl Desk {
+impl WebApiService {
     pub(super) fn command(&self, id: u64) -> Result<&'static str, Refusal> {
         self.ids.command(id).ok_or_else(|| {
             Refusal::not_found(
@@ -70,18 +70,18 @@ impl Desk {
 }
 
 pub(super) async fn list(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     Query(filters): Filters,
 ) -> Result<Json<Value>, Refusal> {
-    let records = desk
+    let records = service
         .ids
         .commands()
         .map(|(id, name)| json!({ "id": id, "name": name, "description": description(name) }));
     Ok(Json(json!({ "data": filtered(records, &filters)? })))
 }
 
-pub(super) async fn count(State(desk): State<Arc<Desk>>) -> Json<Value> {
-    Json(json!({ "data": desk.ids.commands().count() }))
+pub(super) async fn count(State(service): State<Arc<WebApiService>>) -> Json<Value> {
+    Json(json!({ "data": service.ids.commands().count() }))
 }
 
 /// Body of an activation.
@@ -91,11 +91,11 @@ pub(super) struct Activation {
 }
 
 pub(super) async fn activate(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     Path(id): Path<u64>,
     Json(Activation { duration }): Json<Activation>,
 ) -> Result<Json<Value>, Refusal> {
-    desk.activate(id, duration)?;
+    service.activate(id, duration)?;
     Ok(Json(Value::Null))
 }
 

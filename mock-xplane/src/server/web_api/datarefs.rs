@@ -8,7 +8,7 @@ use serde::Deserialize;
 use serde_json::{Value, json};
 
 use super::refusal::Refusal;
-use super::{Desk, value};
+use super::{WebApiService, value};
 
 /// Filters of a list. `filter[name]` may occur several times.
 pub(super) type Filters = Query<Vec<(String, String)>>;
@@ -51,7 +51,7 @@ pub(super) fn filtered(
         .collect())
 }
 
-impl Desk {
+impl WebApiService {
     /// The list of datarefs: empty until a flight is loaded.
     fn dataref_records(&self) -> Vec<Value> {
         let world = self.world.lock();
@@ -84,15 +84,15 @@ impl Desk {
 }
 
 pub(super) async fn list(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     Query(filters): Filters,
 ) -> Result<Json<Value>, Refusal> {
-    let data = filtered(desk.dataref_records().into_iter(), &filters)?;
+    let data = filtered(service.dataref_records().into_iter(), &filters)?;
     Ok(Json(json!({ "data": data })))
 }
 
-pub(super) async fn count(State(desk): State<Arc<Desk>>) -> Json<Value> {
-    Json(json!({ "data": desk.dataref_records().len() }))
+pub(super) async fn count(State(service): State<Arc<WebApiService>>) -> Json<Value> {
+    Json(json!({ "data": service.dataref_records().len() }))
 }
 
 /// One element of a list.
@@ -102,12 +102,12 @@ pub(super) struct Element {
 }
 
 pub(super) async fn read(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     Path(id): Path<u64>,
     Query(Element { index }): Query<Element>,
 ) -> Result<Json<Value>, Refusal> {
-    let name = desk.dataref(id)?;
-    let world = desk.world.lock();
+    let name = service.dataref(id)?;
+    let world = service.world.lock();
     let missing = || Refusal::not_found("invalid_dataref_id", "no such dataref");
     let (dataref, values) = world.datarefs().find(name).ok_or_else(missing)?;
     let data = match index {
@@ -129,12 +129,12 @@ pub(super) struct Write {
 }
 
 pub(super) async fn write(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     Path(id): Path<u64>,
     Query(Element { index }): Query<Element>,
     Json(Write { data }): Json<Write>,
 ) -> Result<Json<Value>, Refusal> {
-    let name = desk.dataref(id)?;
-    value::write(&mut desk.world.lock(), name, index, &data)?;
+    let name = service.dataref(id)?;
+    value::write(&mut service.world.lock(), name, index, &data)?;
     Ok(Json(Value::Null))
 }

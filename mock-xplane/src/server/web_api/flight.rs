@@ -21,7 +21,7 @@ use xplane_bridge::datarefs::{self as names, Generation};
 
 use super::super::world::airport::{self, CODE, ON_THRESHOLD, RUNWAY};
 use super::super::world::flight_start::{FlightStart, StartTime};
-use super::Desk;
+use super::WebApiService;
 use super::flight_form::{
     CloudWord, Envelope, Flight, SetWeather, SpeedWord, TimeOfYear, WeatherChoice,
 };
@@ -42,21 +42,21 @@ enum Occasion {
 }
 
 pub(super) async fn start(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     Json(body): Json<Value>,
 ) -> Result<Response, Refusal> {
-    let answer = desk.fly(&body, Occasion::New)?;
-    if desk.world.lock().quirks().has(Quirk::DroppedStart) {
+    let answer = service.fly(&body, Occasion::New)?;
+    if service.world.lock().quirks().has(Quirk::DroppedStart) {
         return Ok(Response::new(Body::new(BrokenOff)));
     }
     Ok(answer.into_response())
 }
 
 pub(super) async fn update(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     Json(body): Json<Value>,
 ) -> Result<Json<Value>, Refusal> {
-    desk.fly(&body, Occasion::Update)
+    service.fly(&body, Occasion::Update)
 }
 
 /// An answer whose connection ends before it has begun.
@@ -74,7 +74,7 @@ impl hyper::body::Body for BrokenOff {
     }
 }
 
-impl Desk {
+impl WebApiService {
     fn fly(&self, body: &Value, occasion: Occasion) -> Result<Json<Value>, Refusal> {
         let success = Ok(Json(json!({ "error_code": "success" })));
         let start = flight_start(body, occasion)?;

@@ -13,7 +13,7 @@ use serde_json::{Map, Value, json};
 use tokio::time::{Instant, MissedTickBehavior, interval};
 
 use super::refusal::Refusal;
-use super::{Desk, value};
+use super::{WebApiService, value};
 
 /// X-Plane sends about ten updates a second.
 const PERIOD: Duration = Duration::from_millis(100);
@@ -21,15 +21,15 @@ const PERIOD: Duration = Duration::from_millis(100);
 const SILENCE: Duration = Duration::from_secs(10);
 
 pub(super) async fn open(
-    State(desk): State<Arc<Desk>>,
+    State(service): State<Arc<WebApiService>>,
     upgrade: WebSocketUpgrade,
 ) -> Result<Response, Refusal> {
-    let room = desk.sockets.room().ok_or_else(Refusal::no_room)?;
+    let room = service.sockets.room().ok_or_else(Refusal::no_room)?;
     let upgrade = upgrade.max_message_size(MOST_MESSAGE_BYTES);
     Ok(upgrade.on_upgrade(|socket| async move {
         let _room = room;
-        let mut session = desk.session.clone();
-        let talk = Client::new(desk).talk(socket);
+        let mut session = service.session.clone();
+        let talk = Client::new(service).talk(socket);
         tokio::select! {
             () = talk => {}
             // Never changes, only ends.
@@ -100,16 +100,16 @@ impl Indices {
 
 /// A client's subscriptions, and the values it was sent last.
 struct Client {
-    desk: Arc<Desk>,
+    service: Arc<WebApiService>,
     /// Elements of a dataref, or none for all of it.
     datarefs: BTreeMap<u64, (BTreeSet<usize>, Option<Value>)>,
     commands: BTreeMap<u64, Option<bool>>,
 }
 
 impl Client {
-    fn new(desk: Arc<Desk>) -> Self {
+    fn new(service: Arc<WebApiService>) -> Self {
         Self {
-            desk,
+            service,
             datarefs: BTreeMap::new(),
             commands: BTreeMap::new(),
         }
@@ -127,7 +127,7 @@ impl Client {
                     (heard, was_asked) = (Instant::now(), false);
                     match received {
                         Some(Ok(Message::Text(text))) => {
-                            self.desk.outages.over().await;
+                            self.service.outages.over().await;
                             vec![self.answer(&text)]
                         }
                         Some(Ok(Message::Close(_)) | Err(_)) | None => return,
@@ -144,7 +144,7 @@ impl Client {
                             return;
                         }
                     }
-                    self.desk.outages.over().await;
+                    self.service.outages.over().await;
                     self.updates()
                 }
             };
@@ -182,7 +182,7 @@ impl Client {
             "dataref_set_values" => self.set_values(some(datarefs)?),
             "command_subscribe_is_active" => {
                 for subject in some(commands)? {
-                    self.desk.command(subject.id)?;
+                    self.service.command(subject.id)?;
                     self.commands.insert(subject.id, None);
                 }
                 Ok(())
@@ -208,9 +208,9 @@ impl Client {
 
     fn subscribe_datarefs(&mut self, list: &[Subject]) -> Result<(), Refusal> {
         for subject in list {
-            let name = self.desk.dataref(subject.id)?;
+            let name = self.service.dataref(subject.id)?;
             let length = self
-                .desk
+                .service
                 .world
                 .lock()
                 .datarefs()
@@ -252,7 +252,7 @@ impl Client {
 
     fn set_values(&self, list: &[Subject]) -> Result<(), Refusal> {
         for subject in list {
-            let name = self.desk.dataref(subject.id)?;
+            let name = self.service.dataref(subject.id)?;
             let index = match &subject.index {
                 None => None,
                 Some(Indices::One(index)) => Some(*index),
@@ -264,7 +264,7 @@ impl Client {
                 }
             };
             let data = subject.value.as_ref().unwrap_or(&Value::Null);
-            value::write(&mut self.desk.world.lock(), name, index, data)?;
+            value::write(&mut self.service.world.lock(), name, index, data)?;
         }
         Ok(())
     }
@@ -278,14 +278,14 @@ impl Client {
         } in list
         {
             match (is_active, duration) {
-                (Some(true), Some(duration_s)) => self.desk.activate(*id, *duration_s)?,
+                (Some(true), Some(duration_s)) => self.service.activate(*id, *duration_s)?,
                 (Some(true), None) => {
-                    self.desk.activate(*id, 0.0)?;
-                    self.desk.active.hold(*id, None);
+                    self.service.activate(*id, 0.0)?;
+                    self.service.active.hold(*id, None);
                 }
                 (Some(false), _) => {
-                    self.desk.command(*id)?;
-                    self.desk.active.release(*id);
+                    self.service.command(*id)?;
+                    self.service.active.release(*id);
                 }
                 (None, _) => {
                     return Err(Refusal::bad_request(
@@ -302,9 +302,9 @@ impl Client {
     fn updates(&mut self) -> Vec<Value> {
         let mut messages = Vec::new();
         let mut values = Map::new();
-        let world = self.desk.world.lock();
+        let world = self.service.world.lock();
         for (id, (indices, told)) in &mut self.datarefs {
-            let found = self.desk.ids.dataref(*id);
+            let found = self.service.ids.dataref(*id);
             let Some((dataref, current)) = found.and_then(|name| world.datarefs().find(name))
             else {
                 continue;
@@ -325,7 +325,7 @@ impl Client {
         }
         let mut states = Map::new();
         for (id, told) in &mut self.commands {
-            let held = self.desk.active.is_held(*id);
+            let held = self.service.active.is_held(*id);
             if *told != Some(held) {
                 states.insert(id.to_string(), json!(held));
                 *told = Some(held);

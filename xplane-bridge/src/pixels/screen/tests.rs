@@ -14,7 +14,7 @@ const WINDOW: Rectangle = Rectangle {
 
 /// The content of the fake screen, and its faults.
 #[derive(Debug, Clone)]
-struct Desk {
+struct FakeDesktop {
     window: Rectangle,
     /// Codes shown so far, `None` for the simulator's picture.
     shown: Vec<Option<u32>>,
@@ -29,11 +29,11 @@ struct Desk {
 }
 
 #[derive(Debug, Clone)]
-struct MadeUp(Arc<Mutex<Desk>>);
+struct MadeUp(Arc<Mutex<FakeDesktop>>);
 
 impl MadeUp {
-    fn new(change: impl FnOnce(&mut Desk)) -> Self {
-        let mut desk = Desk {
+    fn new(change: impl FnOnce(&mut FakeDesktop)) -> Self {
+        let mut desktop = FakeDesktop {
             window: WINDOW,
             shown: vec![None],
             late_grabs: 0,
@@ -41,11 +41,11 @@ impl MadeUp {
             dead_from: None,
             moved_from: None,
         };
-        change(&mut desk);
-        Self(Arc::new(Mutex::new(desk)))
+        change(&mut desktop);
+        Self(Arc::new(Mutex::new(desktop)))
     }
 
-    fn desk(&self) -> MutexGuard<'_, Desk> {
+    fn desktop(&self) -> MutexGuard<'_, FakeDesktop> {
         self.0.lock().unwrap()
     }
 
@@ -78,9 +78,9 @@ async fn pictures_larger_than_the_screen_are_refused_with_the_sizes_that_fit() {
 
 impl PatternDisplay for MadeUp {
     fn show(&mut self, code: Option<u32>) -> Confirmed<'_> {
-        let mut desk = self.desk();
-        desk.shown.push(code);
-        desk.late_left = desk.late_grabs;
+        let mut desktop = self.desktop();
+        desktop.shown.push(code);
+        desktop.late_left = desktop.late_grabs;
         Box::pin(std::future::ready(Ok(())))
     }
 }
@@ -100,23 +100,23 @@ struct MadeUpGrab(MadeUp, Rectangle);
 
 impl Grab for MadeUpGrab {
     fn grab(&mut self, picture: &mut RgbPicture) -> Result<(), PixelError> {
-        let mut desk = self.0.desk();
-        let newest = desk.shown.len() - 1;
+        let mut desktop = self.0.desktop();
+        let newest = desktop.shown.len() - 1;
         let mut seen = newest;
-        if desk.late_left > 0 {
-            desk.late_left -= 1;
+        if desktop.late_left > 0 {
+            desktop.late_left -= 1;
             seen = newest.saturating_sub(1);
         }
-        seen = seen.min(desk.dead_from.unwrap_or(usize::MAX));
-        let mut window = desk.window;
-        if desk.moved_from.is_some_and(|from| newest >= from) {
+        seen = seen.min(desktop.dead_from.unwrap_or(usize::MAX));
+        let mut window = desktop.window;
+        if desktop.moved_from.is_some_and(|from| newest >= from) {
             window.x_px += 5;
         }
-        let content = match desk.shown[seen] {
+        let content = match desktop.shown[seen] {
             Some(code) => draw(code, window.width_px, window.height_px),
             None => {
                 let mut picture = RgbPicture::black(window.width_px, window.height_px);
-                picture.rgb.fill(desk.shown.len() as u8);
+                picture.rgb.fill(desktop.shown.len() as u8);
                 picture
             }
         };
@@ -146,8 +146,8 @@ async fn a_window_is_found_and_its_pictures_are_those_shown() {
     let mut source = screen.set_up().await.unwrap();
     assert_eq!(source.window(), WINDOW);
     assert_eq!(source.lag(), Lag::default());
-    assert_eq!(screen.desk().shown.last(), Some(&None), "pattern left");
-    let shown = screen.desk().shown.len() as u8;
+    assert_eq!(screen.desktop().shown.last(), Some(&None), "pattern left");
+    let shown = screen.desktop().shown.len() as u8;
     let rgb = source.picture(Vec::new()).await.unwrap();
     assert_eq!(rgb, vec![shown; 96 * 64 * 3]);
     source.confirm(&mut screen.clone()).await.unwrap();
@@ -155,14 +155,14 @@ async fn a_window_is_found_and_its_pictures_are_those_shown() {
 
 #[tokio::test]
 async fn a_screen_that_is_late_is_waited_for() {
-    let screen = MadeUp::new(|desk| desk.late_grabs = 3);
+    let screen = MadeUp::new(|desktop| desktop.late_grabs = 3);
     let mut source = screen.set_up().await.unwrap();
     assert_eq!(source.lag().grabs, 3);
     // The next frame is drawn; the first three grabs still show the previous one.
     screen.clone().show(None).await.unwrap();
-    let newest = screen.desk().shown.len() as u8;
+    let newest = screen.desktop().shown.len() as u8;
     let rgb = source.picture(Vec::new()).await.unwrap();
-    assert_eq!(screen.desk().late_left, 0);
+    assert_eq!(screen.desktop().late_left, 0);
     assert_eq!(rgb[0], newest);
     source.confirm(&mut screen.clone()).await.unwrap();
 }
@@ -172,9 +172,9 @@ async fn a_picture_that_is_still_the_one_before_is_grabbed_again_and_one_that_st
     let screen = MadeUp::new(|_| ());
     let mut source = screen.set_up().await.unwrap();
     let first = source.picture(Vec::new()).await.unwrap();
-    screen.desk().late_grabs = 4;
+    screen.desktop().late_grabs = 4;
     screen.clone().show(None).await.unwrap();
-    let newest = screen.desk().shown.len() as u8;
+    let newest = screen.desktop().shown.len() as u8;
     let second = source.picture(Vec::new()).await.unwrap();
     assert_eq!((second[0], second == first), (newest, false));
     assert_eq!(source.picture(Vec::new()).await.unwrap(), second);
@@ -182,29 +182,29 @@ async fn a_picture_that_is_still_the_one_before_is_grabbed_again_and_one_that_st
 
 #[tokio::test]
 async fn a_screen_that_becomes_later_than_measured_ends_the_attempt() {
-    let screen = MadeUp::new(|desk| desk.late_grabs = 1);
+    let screen = MadeUp::new(|desktop| desktop.late_grabs = 1);
     let mut source = screen.set_up().await.unwrap();
-    screen.desk().late_grabs = 4;
+    screen.desktop().late_grabs = 4;
     let text = message(source.confirm(&mut screen.clone()).await);
     assert!(text.contains("may show earlier ticks"), "{text}");
-    assert_eq!(screen.desk().shown.last(), Some(&None), "pattern left");
+    assert_eq!(screen.desktop().shown.last(), Some(&None), "pattern left");
 }
 
 #[tokio::test]
 async fn a_simulator_that_stops_drawing_is_noticed_by_its_stale_code() {
-    let screen = MadeUp::new(|desk| desk.dead_from = Some(4));
+    let screen = MadeUp::new(|desktop| desktop.dead_from = Some(4));
     let text = message(screen.set_up().await);
-    let stale = screen.desk().shown[4].unwrap();
+    let stale = screen.desktop().shown[4].unwrap();
     assert!(
         text.contains("still shows") && text.contains(&format!("{stale:08x}")),
         "{text}"
     );
-    assert_eq!(screen.desk().shown.last(), Some(&None), "pattern left");
+    assert_eq!(screen.desktop().shown.last(), Some(&None), "pattern left");
 }
 
 #[tokio::test]
 async fn a_window_that_is_not_there_is_said_to_be_missing() {
-    let screen = MadeUp::new(|desk| desk.dead_from = Some(0));
+    let screen = MadeUp::new(|desktop| desktop.dead_from = Some(0));
     let text = message(screen.set_up().await);
     assert!(
         text.contains("no check pattern") && text.contains("in front of all others"),
@@ -215,15 +215,15 @@ async fn a_window_that_is_not_there_is_said_to_be_missing() {
 
 #[tokio::test]
 async fn a_window_of_another_size_is_refused_with_both_sizes() {
-    let screen = MadeUp::new(|desk| desk.window.width_px = 80);
+    let screen = MadeUp::new(|desktop| desktop.window.width_px = 80);
     let text = message(screen.set_up().await);
     for words in ["80x64", "96x64", "scales it to 83 %"] {
         assert!(text.contains(words), "no {words:?} in {text}");
     }
     // Without a report of the simulator, scaling cannot be distinguished from a small window.
-    let desk = MadeUp::new(|desk| desk.window.width_px = 80);
-    let screen: Arc<dyn Screen> = Arc::new(desk.clone());
-    let found = ScreenSource::set_up(&screen, (96, 64), None, &mut desk.clone()).await;
+    let desktop = MadeUp::new(|desktop| desktop.window.width_px = 80);
+    let screen: Arc<dyn Screen> = Arc::new(desktop.clone());
+    let found = ScreenSource::set_up(&screen, (96, 64), None, &mut desktop.clone()).await;
     let text = message(found);
     assert!(text.contains("exactly this size"), "{text}");
 }
@@ -232,8 +232,8 @@ async fn a_window_of_another_size_is_refused_with_both_sizes() {
 async fn a_window_that_moves_while_recording_ends_the_attempt() {
     let screen = MadeUp::new(|_| ());
     let mut source = screen.set_up().await.unwrap();
-    let now = screen.desk().shown.len();
-    screen.desk().moved_from = Some(now);
+    let now = screen.desktop().shown.len();
+    screen.desktop().moved_from = Some(now);
     let text = message(source.confirm(&mut screen.clone()).await);
     assert!(
         text.contains("moved") || text.contains("not whole"),

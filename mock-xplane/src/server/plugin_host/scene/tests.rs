@@ -7,7 +7,7 @@ use xplane_bridge::datarefs::Generation;
 use xplane_bridge::fly::FlyRequest;
 
 use super::*;
-use crate::server::engine::Picture;
+use crate::server::engine::SceneRenderer;
 use crate::server::world::airport::on_final;
 use crate::server::world::flight_start;
 
@@ -33,7 +33,7 @@ impl Engine for Plain {
         weather: &Weather,
         _: &Clock,
         _: Option<&Degradation>,
-    ) -> Box<dyn Picture> {
+    ) -> Box<dyn SceneRenderer> {
         Box::new(PlainPicture {
             rain: (weather.rain_ratio * 200.0) as u8,
             camera_m: camera.center_ecef_m,
@@ -41,7 +41,7 @@ impl Engine for Plain {
     }
 }
 
-impl Picture for PlainPicture {
+impl SceneRenderer for PlainPicture {
     fn draw(&self, pose: &Pose, _: &Controls, _: f64, rgb: &mut [u8]) {
         let away_m = pose.position().to_ecef().distance(self.camera_m);
         let near = u8::from(away_m < 1_000.0);

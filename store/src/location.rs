@@ -14,7 +14,7 @@ pub(crate) const SCHEMES: &str =
 
 /// Location of a corpus.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Place {
+pub enum CorpusLocation {
     /// In a folder.
     Folder(PathBuf),
     /// In an object store.
@@ -37,7 +37,7 @@ pub(crate) enum Kind {
     LocalFiles,
 }
 
-impl Place {
+impl CorpusLocation {
     /// Distinguishes a folder from a URL: a URL starts with a scheme of at least two letters and `://`. So `C:\corpus` and `a:b`
     /// are paths.
     ///
@@ -129,8 +129,8 @@ mod tests {
     use super::*;
 
     fn store(text: &str) -> StoreUrl {
-        match Place::of(Path::new(text)) {
-            Ok(Place::Store(url)) => url,
+        match CorpusLocation::of(Path::new(text)) {
+            Ok(CorpusLocation::Store(url)) => url,
             other => panic!("{text}: {other:?}"),
         }
     }
@@ -151,8 +151,8 @@ mod tests {
             "://x",
         ] {
             assert_eq!(
-                Place::of(Path::new(path)).unwrap(),
-                Place::Folder(path.into())
+                CorpusLocation::of(Path::new(path)).unwrap(),
+                CorpusLocation::Folder(path.into())
             );
         }
     }
@@ -192,7 +192,7 @@ mod tests {
             "s3://bucket/a?b=c",
             "s3://key:secret@bucket/a",
         ] {
-            let error = Place::of(Path::new(text)).unwrap_err();
+            let error = CorpusLocation::of(Path::new(text)).unwrap_err();
             assert!(error.is_bad_input());
             let message = error.to_string();
             assert!(
