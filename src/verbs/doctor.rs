@@ -40,7 +40,7 @@ pub(crate) fn run(args: &DoctorArgs) -> Outcome {
     };
     if options.measuring != Measuring::Never && !args.json {
         eprintln!(
-            "doctor: measuring once per installation what reports disagree on takes up to eight minutes if clouds are slow \
+            "doctor: an X-Plane 12 with our plugin is measured once per installation, which takes up to eight minutes if clouds are slow \
              (--no-measure leaves it out)"
         );
     }

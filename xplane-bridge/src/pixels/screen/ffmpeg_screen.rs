@@ -39,7 +39,10 @@ impl Screen for FfmpegScreen {
         let call = self
             .platform
             .map(|platform| platform.call(&self.display, None));
-        call.map(|call| call.input).unwrap_or_default()
+        match call.map(|call| call.input) {
+            Some(input) if !input.is_empty() => input,
+            _ => "no display (DISPLAY is not set)".into(),
+        }
     }
 
     fn open(&self, part: Option<Rectangle>) -> Result<Box<dyn Grab>, PixelError> {
