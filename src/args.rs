@@ -370,9 +370,11 @@ pub(crate) struct EvaluateArgs {
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct VerifyArgs {
-    /// Folder of the corpus
-    #[arg(value_parser = folder())]
-    pub(crate) corpus: PathBuf,
+    /// Folder of the corpus, or its URL
+    ///
+    /// From an object store, scenarios are downloaded one after the other into a temporary folder.
+    #[arg(value_name = "CORPUS|URL", value_parser = PathBufValueParser::new().try_map(|path| CorpusLocation::of(&path)))]
+    pub(crate) corpus: CorpusLocation,
     /// Do not decode the videos: check hashes, tables and plan only
     #[arg(long)]
     pub(crate) quick: bool,

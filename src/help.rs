@@ -68,7 +68,8 @@ Example:
 pub(crate) const VERIFY: &str = "\
 Examples:
   dtd verify corpus
-  dtd verify corpus --quick                   hashes, tables and plan, without decoding the videos";
+  dtd verify corpus --quick                   hashes, tables and plan, without decoding the videos
+  dtd verify s3://bucket/corpus               one scenario after the other, in a temporary folder";
 
 pub(crate) const TRAIN_DETECTOR: &str = "\
 Example:

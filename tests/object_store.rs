@@ -166,6 +166,14 @@ fn two_shards_of_which_one_is_killed_make_the_corpus_of_one_run() {
         .current_dir(repository())
         .output()
         .unwrap();
+    let verified = dtd(SERVER.address)
+        .args(["verify", "--complete", "--json", &url])
+        .output()
+        .unwrap();
+    assert!(verified.status.success(), "{}", said(&verified));
+    let report = json(&verified);
+    assert_eq!(report["scenarios"], SCENARIOS, "{report}");
+    assert!(report["pictures"].as_u64() > Some(0), "{report}");
     let against = &json(&planned)["against"];
     assert_eq!(number(against, "whole"), SCENARIOS, "{against}");
     assert_eq!(against["corpus"], url.as_str());
@@ -316,7 +324,6 @@ fn verbs_that_work_on_folders_refuse_a_url_and_say_how_to_get_one() {
     let url = "s3://bucket/corpus";
     for arguments in [
         vec!["label", url],
-        vec!["verify", url],
         vec!["detect", url],
         vec!["push", url, url],
         vec!["fetch", url, "--out", url],

@@ -121,33 +121,75 @@ pub fn verify_with(
     options: VerifyOptions,
     next: &mut dyn FnMut(&str, usize),
 ) -> VerifyReport {
-    let mut report = VerifyReport::default();
-    let mut faults = Faults::default();
+    let mut verification = Verification::new(options);
     // One folder that cannot be read must not hide the others.
-    let folders = faults.keep("scenarios", corpus.folders());
+    let folders = verification.faults.keep("scenarios", corpus.folders());
     let mut scenarios = folders.unwrap_or_default();
     scenarios.retain(|folder| !matches!(folder.seal(), Ok(None)));
-    let mut records = BTreeMap::new();
-    let mut calibrations = BTreeMap::new();
     for folder in &scenarios {
-        let id = folder.id();
-        next(&id, scenarios.len());
-        let (read, faults) = verify_undisturbed(folder, options, &mut report);
-        if let Some((record, calibration)) = read {
-            calibrations.extend(calibration.map(|calibration| (id.clone(), calibration)));
-            records.insert(id, record);
-        }
-        report.scenarios += 1;
-        report.findings.extend(faults.into_findings());
+        next(&folder.id(), scenarios.len());
+        verification.add(folder.clone());
     }
-    let found = corpus_files::Found {
-        scenarios: &scenarios,
-        records: &records,
-        calibrations: &calibrations,
-    };
-    report.missing = corpus_files::check(corpus, &found, options, &mut faults);
-    report.findings.extend(faults.into_findings());
-    report
+    verification.finish(corpus)
+}
+
+/// A verification scenario by scenario, for a corpus whose scenarios are never all there at once.
+pub struct Verification {
+    options: VerifyOptions,
+    report: VerifyReport,
+    /// Of the corpus's own files.
+    faults: Faults,
+    scenarios: Vec<ScenarioFolder>,
+    records: BTreeMap<String, ScenarioRecord>,
+    calibrations: BTreeMap<String, Calibration>,
+}
+
+impl Verification {
+    /// Nothing is verified yet.
+    pub fn new(options: VerifyOptions) -> Self {
+        Self {
+            options,
+            report: VerifyReport::default(),
+            faults: Faults::default(),
+            scenarios: Vec::new(),
+            records: BTreeMap::new(),
+            calibrations: BTreeMap::new(),
+        }
+    }
+
+    /// Verifies a scenario. Its videos are not needed any more afterwards.
+    pub fn add(&mut self, folder: ScenarioFolder) {
+        let id = folder.id();
+        let (read, faults) = verify_undisturbed(&folder, self.options, &mut self.report);
+        if let Some((record, calibration)) = read {
+            let calibration = calibration.map(|calibration| (id.clone(), calibration));
+            self.calibrations.extend(calibration);
+            self.records.insert(id, record);
+        }
+        self.report.scenarios += 1;
+        self.report.findings.extend(faults.into_findings());
+        self.scenarios.push(folder);
+    }
+
+    /// Records a scenario that could not even be read.
+    pub fn add_unreadable(&mut self, id: &str, reason: impl fmt::Display) {
+        let mut faults = Faults::of_scenario(id);
+        faults.file(seal::MANIFEST, reason);
+        self.report.scenarios += 1;
+        self.report.findings.extend(faults.into_findings());
+    }
+
+    /// Verifies the files of the whole corpus.
+    pub fn finish(mut self, corpus: &Corpus) -> VerifyReport {
+        let found = corpus_files::Found {
+            scenarios: &self.scenarios,
+            records: &self.records,
+            calibrations: &self.calibrations,
+        };
+        self.report.missing = corpus_files::check(corpus, &found, self.options, &mut self.faults);
+        self.report.findings.extend(self.faults.into_findings());
+        self.report
+    }
 }
 
 /// Verifies a scenario, again if it changed in the meantime and seems to have faults.

@@ -1,14 +1,27 @@
 //! `dtd verify`: checks that a corpus is complete and synchronised.
 
+use std::env;
+use std::fs;
+use std::time::Duration;
+
+use dataset::Error;
 use dataset::corpus::Corpus;
-use dataset::verify::{VerifyOptions, VerifyReport, verify_with};
+use dataset::json_file::write_atomically;
+use dataset::verify::{Verification, VerifyOptions, VerifyReport, verify_with};
+use store::{CorpusLocation, CorpusStore, Fetched, Patience, StoreError, StoreUrl};
+use tempfile::TempDir;
 
 use super::Outcome;
+use super::async_runtime::async_runtime;
+use super::object_store::{OnBar, failure_of};
 use super::open_corpus::open_corpus;
 use super::output::{count, print_json};
 use crate::args::VerifyArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
+
+/// How long a store may be away.
+const STORE_PATIENCE: Duration = Duration::from_secs(300);
 
 /// Runs the verb. A corpus with faults is a failure, with every fault named on stdout.
 pub(crate) fn run(args: &VerifyArgs) -> Outcome {
@@ -16,7 +29,13 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         decode: !args.quick,
         complete: args.complete,
     };
-    let report = verify(&open_corpus(&args.corpus)?, options);
+    let (name, report) = match &args.corpus {
+        CorpusLocation::Folder(root) => {
+            let report = verify(&open_corpus(root)?, options);
+            (root.display().to_string(), report)
+        }
+        CorpusLocation::Store(url) => verify_in_store(url, options)?,
+    };
     if args.json {
         print_json(&report)?;
     } else {
@@ -30,8 +49,7 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         Ok(Ending::Done)
     } else {
         Err(Failure::Failed(anyhow::anyhow!(
-            "{} is not sound: {}",
-            args.corpus.display(),
+            "{name} is not sound: {}",
             count(report.findings.len(), "fault")
         )))
     }
@@ -83,4 +101,48 @@ fn verify(corpus: &Corpus, options: VerifyOptions) -> VerifyReport {
         bar.working_on(id);
         started += 1;
     })
+}
+
+/// Verifies a corpus in an object store: one scenario at a time is here.
+fn verify_in_store(
+    url: &StoreUrl,
+    options: VerifyOptions,
+) -> Result<(String, VerifyReport), Failure> {
+    let store = CorpusStore::open(url, false).map_err(failure_of)?;
+    let temporary = env::temp_dir();
+    let folder = TempDir::with_prefix("dtd-").map_err(Error::io("create", &temporary))?;
+    let corpus = Corpus::create(folder.path())?;
+    let report = async_runtime()?.block_on(async {
+        store.check().await?;
+        let committed = store.committed().await?;
+        for name in Corpus::FILES {
+            if let Some(bytes) = store.read(name).await? {
+                write_atomically(&folder.path().join(name), &bytes)?;
+            }
+        }
+        let bar = Bar::new("verify", "scenarios", Some(committed.len() as u64));
+        let (patience, watch) = (Patience(STORE_PATIENCE), OnBar(&bar));
+        let mut verification = Verification::new(options);
+        for (done, id) in committed.iter().enumerate() {
+            bar.set_done(done as u64);
+            bar.working_on(id);
+            let fetched = patience.with(&watch, async |watch| {
+                store.fetch_scenario(id, &corpus, watch).await
+            });
+            match fetched.await {
+                Ok(Fetched::NotCommitted) => {}
+                Ok(_) => {
+                    let scenario = corpus.scenario(id);
+                    store.fetch_detections(&scenario, &watch).await?;
+                    verification.add(scenario.clone());
+                    let videos = scenario.root().join("views");
+                    fs::remove_dir_all(&videos).map_err(Error::io("remove", &videos))?;
+                }
+                Err(error @ StoreError::Damaged { .. }) => verification.add_unreadable(id, error),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(verification.finish(&corpus))
+    });
+    Ok((store.name().to_owned(), report.map_err(failure_of)?))
 }
