@@ -1,6 +1,6 @@
 //! The stand-in and the bridge's client over real sockets: conditions, flights, pictures in lockstep, and leaving.
 
-use std::net::Ipv4Addr;
+use std::net::{Ipv4Addr, SocketAddr};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -15,6 +15,8 @@ use mock_xplane::window::{DisplayWindow, WindowError};
 use testkit::changi_02l;
 use testkit_simulator::{Running, quiet};
 use tokio::net::{TcpStream, UdpSocket};
+use tokio::time::timeout;
+use xplane_bridge::datarefs::ZULU_TIME_S;
 use xplane_bridge::discovery::announced;
 use xplane_bridge::fly::{FlightStart, FlyRequest};
 use xplane_bridge::link::{
@@ -23,6 +25,7 @@ use xplane_bridge::link::{
 };
 use xplane_bridge::packet::{FromSimulator, SubscribeDataref, ToSimulator};
 use xplane_bridge::pixels::{RgbPicture, check_pattern};
+use xplane_bridge::subscription::Subscription;
 use xplane_bridge::{
     BridgeError, CONNECT_TIMEOUT, CaptureRequest, CapturedFrame, ConnectOptions, Deliver, Simulator,
 };
@@ -190,6 +193,23 @@ fn nearly(found: &Weather, wanted: &Weather) -> bool {
     } == *wanted
 }
 
+/// Waits until the clock is ahead of the one that was set.
+async fn until_the_clock_runs(address: SocketAddr) {
+    let mut watch = Subscription::start(address, [ZULU_TIME_S.to_owned()], 20)
+        .await
+        .unwrap();
+    let later = async {
+        while watch.readings()[0]
+            .is_none_or(|reading| f64::from(reading.value) <= conditions().clock.zulu_time_s)
+        {
+            watch.changed().await;
+        }
+    };
+    let seen = timeout(Duration::from_secs(20), later).await;
+    assert!(seen.is_ok(), "{:?}", watch.readings());
+    watch.end().await;
+}
+
 #[tokio::test]
 async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
     let scribe = Arc::new(Scribe::default());
@@ -210,7 +230,7 @@ async fn what_was_set_over_udp_is_what_is_flown_and_drawn() {
     ));
 
     // The clock runs until it is frozen, and is exact then.
-    tokio::time::sleep(Duration::from_millis(100)).await;
+    until_the_clock_runs(running.addresses.udp).await;
     simulator.freeze(&runway()).await.unwrap();
     simulator.send_capture(&capture(0, 0)).await.unwrap();
     simulator.receive_frame().await.unwrap();
@@ -617,7 +637,7 @@ async fn a_plain_udp_client_gets_its_values_and_none_after_it_unsubscribed() {
     // Twenty times as long as between two of them.
     let end = Instant::now() + Duration::from_secs(20);
     let next = async |buffer: &mut [u8]| {
-        let received = tokio::time::timeout(Duration::from_millis(200), socket.recv(buffer)).await;
+        let received = timeout(Duration::from_millis(200), socket.recv(buffer)).await;
         received.is_ok()
     };
     while next(&mut buffer).await {

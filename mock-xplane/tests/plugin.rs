@@ -69,7 +69,7 @@ async fn a_client_that_is_killed_leaves_the_simulator_as_it_was_found() {
     let address = serving(ServerOptions {
         link: LinkServer::Plugin(plugin()),
         quirks: "real_weather_at_start,cockpit_view".parse().unwrap(),
-        ..ServerOptions::default()
+        ..quiet()
     })
     .await;
     let names = [
@@ -381,7 +381,7 @@ async fn taking_screenshots(quirks: &str) -> Simulator {
         generation: Generation::XPlane12,
         link: LinkServer::Plugin(plugin()),
         quirks: quirks.parse().unwrap(),
-        ..ServerOptions::default()
+        ..quiet()
     })
     .await;
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
@@ -404,7 +404,7 @@ async fn a_frame_that_somebody_replaces_while_it_is_grabbed_is_grabbed_again() {
         link: LinkServer::Plugin(plugin()),
         quirks: "cockpit_view".parse().unwrap(),
         stage: Some(Arc::new(window)),
-        ..ServerOptions::default()
+        ..quiet()
     })
     .await;
     let mut simulator = Simulator::connect(address, CONNECT_TIMEOUT).await.unwrap();
