@@ -88,13 +88,10 @@ impl Plan {
     pub fn parse(text: &[u8], path: &Path) -> Result<Self> {
         #[derive(Deserialize)]
         struct Form {
-            #[serde(default = "first_version")]
-            plan_version: u32,
+            plan_version: Option<u32>,
         }
-        fn first_version() -> u32 {
-            1
-        }
-        let found = parse_json::<Form>(text, path, WHAT)?.plan_version;
+        let form: Form = parse_json(text, path, WHAT)?;
+        let found = form.plan_version.unwrap_or(1);
         if found != PLAN_VERSION {
             return Err(Error::corpus(
                 path,
@@ -121,23 +118,16 @@ impl Plan {
     }
 
     fn to_json(&self) -> serde_json::Result<Vec<u8>> {
-        let Self {
-            plan_version,
-            plan_hash,
-            corpus,
-            common,
-            scenarios,
-        } = self;
         let head = serde_json::json!({
-            "plan_version": plan_version,
-            "plan_hash": plan_hash,
-            "corpus": corpus,
-            "common": common,
+            "plan_version": self.plan_version,
+            "plan_hash": self.plan_hash,
+            "corpus": self.corpus,
+            "common": self.common,
         });
         let mut text = serde_json::to_vec_pretty(&head)?;
         text.truncate(text.len() - "\n}".len());
         text.extend_from_slice(b",\n  \"scenarios\": [");
-        for (index, scenario) in scenarios.iter().enumerate() {
+        for (index, scenario) in self.scenarios.iter().enumerate() {
             text.extend_from_slice(if index == 0 { b"\n    " } else { b",\n    " });
             serde_json::to_writer(&mut text, scenario)?;
         }

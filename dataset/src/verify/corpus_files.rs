@@ -3,9 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 
-use serde::Serialize;
-
-use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written, in_json};
+use super::plan_as_written::{PlanAsWritten, ScenarioAsWritten, Written};
 use super::planned_cameras::PlannedCameras;
 use super::{Faults, VerifyOptions};
 use crate::calibration::Calibration;
@@ -77,23 +75,29 @@ fn check_scenario(
 ) {
     let parameters = &scenario.parameters;
     let common = plan.common(scenario);
-    let mut compare = Comparison { id, faults };
-    compare.value("config_hash", &scenario.config_hash, &record.config_hash);
-    compare.value("seed", &scenario.seed, &record.seed);
-    compare.value("trajectory", &scenario.trajectory, &record.trajectory);
-    compare.value("conditions", &parameters.conditions, &record.conditions);
-    compare.value("aircraft", &common.aircraft, &record.aircraft);
-    compare.value("runway", &common.runway, &record.runway);
-    compare.value("flight", &parameters.flight, &record.flight);
-    compare.value("rig", &common.rig, &record.rig);
     // Pictures and cameras that cannot be read are reported with the calibration.
-    if let Some(picture) = common.picture.value() {
-        let rates = [picture.frame_rate, record.frame_rate].map(|rate| rate.to_string());
-        compare.values("frame_rate", &rates[0], &rates[1]);
-    }
-    if let Some(cameras) = common.cameras.value() {
-        let ids: Vec<&String> = cameras.iter().map(|camera| &camera.id).collect();
-        compare.values("views", &ids, &record.views.iter().collect());
+    let frame_rate = common.picture.value().map(|picture| {
+        let planned = Written::Value(picture.frame_rate.to_string());
+        planned.other_than("frame_rate", &record.frame_rate.to_string())
+    });
+    let views = common.cameras.value().map(|cameras| {
+        let ids = cameras.iter().map(|camera| camera.id.clone());
+        Written::Value(ids.collect()).other_than("views", &record.views)
+    });
+    let differences = [
+        (scenario.config_hash).other_than("config_hash", &record.config_hash),
+        scenario.seed.other_than("seed", &record.seed),
+        (scenario.trajectory).other_than("trajectory", &record.trajectory),
+        (parameters.conditions).other_than("conditions", &record.conditions),
+        common.aircraft.other_than("aircraft", &record.aircraft),
+        common.runway.other_than("runway", &record.runway),
+        parameters.flight.other_than("flight", &record.flight),
+        common.rig.other_than("rig", &record.rig),
+        frame_rate.flatten(),
+        views.flatten(),
+    ];
+    for difference in differences.into_iter().flatten() {
+        faults.of(id, RECORD, difference);
     }
     if let Some(calibration) = found.calibrations.get(id) {
         match PlannedCameras::read(common, parameters) {
@@ -104,33 +108,6 @@ fn check_scenario(
                 format!("its cameras cannot be compared with calibration.json: {error}"),
             ),
         }
-    }
-}
-
-/// Compares the record of a scenario with its plan.
-struct Comparison<'a> {
-    id: &'a str,
-    faults: &'a mut Faults,
-}
-
-impl Comparison<'_> {
-    fn value<T: Serialize + PartialEq>(&mut self, what: &str, planned: &Written<T>, recorded: &T) {
-        if planned.value() != Some(recorded) {
-            self.differs(what, &planned.to_string(), recorded);
-        }
-    }
-
-    fn values<T: Serialize + PartialEq>(&mut self, what: &str, planned: &T, recorded: &T) {
-        if planned != recorded {
-            self.differs(what, &in_json(planned), recorded);
-        }
-    }
-
-    fn differs(&mut self, what: &str, planned: &str, recorded: &impl Serialize) {
-        let found = in_json(recorded);
-        let message =
-            format!("{what} was planned as {planned} (plan.json), but recorded as {found}");
-        self.faults.of(self.id, RECORD, message);
     }
 }
 

@@ -136,16 +136,27 @@ impl<'de, T: DeserializeOwned> Deserialize<'de> for Written<T> {
     }
 }
 
-impl<T: Serialize> fmt::Display for Written<T> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Value(value) => f.write_str(&in_json(value)),
-            Self::Odd { found, .. } => write!(f, "{found}"),
+impl<T: Serialize + PartialEq> Written<T> {
+    /// How a recorded value differs from the planned one, as text.
+    pub(super) fn other_than(&self, what: &str, recorded: &T) -> Option<String> {
+        if self.value() == Some(recorded) {
+            return None;
         }
+        let found = Written::Value(recorded);
+        Some(format!(
+            "{what} was planned as {self} (plan.json), but recorded as {found}"
+        ))
     }
 }
 
-/// A value as JSON, with sorted keys.
-pub(super) fn in_json(value: &impl Serialize) -> String {
-    serde_json::to_value(value).map_or_else(|error| error.to_string(), |value| value.to_string())
+impl<T: Serialize> fmt::Display for Written<T> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Value(value) => match serde_json::to_value(value) {
+                Ok(value) => write!(f, "{value}"),
+                Err(error) => write!(f, "{error}"),
+            },
+            Self::Odd { found, .. } => write!(f, "{found}"),
+        }
+    }
 }

@@ -52,43 +52,29 @@ impl<'a> PlannedCameras<'a> {
     /// Compares the cameras of a scenario with it. Which cameras must exist is checked with `scenario.json`.
     pub(super) fn check(&self, id: &str, calibration: &Calibration, faults: &mut Faults) {
         for camera in self.cameras {
-            let Some(found) = calibration.cameras.get(&camera.id) else {
-                continue;
-            };
-            for difference in self.differences(camera, found) {
-                let Difference {
-                    what,
-                    planned,
-                    found,
-                } = difference;
-                faults.of_view(
-                    id,
-                    CALIBRATION,
-                    &camera.id,
-                    format!("{what} was planned as {planned} (plan.json), but recorded as {found}"),
-                );
+            if let Some(found) = calibration.cameras.get(&camera.id) {
+                self.compare(camera, found, |what, planned: String, found: String| {
+                    let message = format!(
+                        "{what} was planned as {planned} (plan.json), but recorded as {found}"
+                    );
+                    faults.of_view(id, CALIBRATION, &camera.id, message);
+                });
             }
         }
     }
 
-    fn differences(&self, camera: &PlannedCamera, found: &CameraEntry) -> Vec<Difference> {
+    /// Reports what differs: its name, the planned and the found value.
+    fn compare(
+        &self,
+        camera: &PlannedCamera,
+        found: &CameraEntry,
+        mut differs: impl FnMut(&str, String, String),
+    ) {
         let (jitter, imaging) = (drawn(self.jitter, camera), drawn(self.imaging, camera));
         let planned = camera.calibrated(self.runway, self.picture, self.aim, &jitter, &imaging);
-        let mut differences = Vec::new();
-        let mut differs = |what, planned: String, found: String| {
-            differences.push(Difference {
-                what,
-                planned,
-                found,
-            });
-        };
-
         if (found.width_px, found.height_px) != (planned.width_px, planned.height_px) {
-            differs(
-                "size in pixels",
-                format!("{}x{}", planned.width_px, planned.height_px),
-                format!("{}x{}", found.width_px, found.height_px),
-            );
+            let [a, b] = [&planned, found].map(|c| format!("{}x{}", c.width_px, c.height_px));
+            differs("size in pixels", a, b);
         }
         let [here, there] = [&planned, found].map(|camera| camera.placed.pose.position());
         if !close(
@@ -96,17 +82,11 @@ impl<'a> PlannedCameras<'a> {
             0.0,
             LENGTH_TOLERANCE_M,
         ) {
-            differs(
-                "latitude_deg, longitude_deg, altitude_msl_m",
-                format!(
-                    "{}, {}, {}",
-                    here.latitude_deg, here.longitude_deg, here.altitude_msl_m
-                ),
-                format!(
-                    "{}, {}, {}",
-                    there.latitude_deg, there.longitude_deg, there.altitude_msl_m
-                ),
-            );
+            let [a, b] = [here, there].map(|at| {
+                let (latitude_deg, longitude_deg) = (at.latitude_deg, at.longitude_deg);
+                format!("{latitude_deg}, {longitude_deg}, {}", at.altitude_msl_m)
+            });
+            differs("latitude_deg, longitude_deg, altitude_msl_m", a, b);
         }
         let [a, b] = [&planned.placed, &found.placed];
         for (what, planned, found) in [
@@ -138,14 +118,7 @@ impl<'a> PlannedCameras<'a> {
             let [a, b] = [planned.degradation, recorded.degradation].map(|sensor| json(&sensor));
             differs("degradation", a, b);
         }
-        differences
     }
-}
-
-struct Difference {
-    what: &'static str,
-    planned: String,
-    found: String,
 }
 
 /// What was drawn for a camera, if anything was.

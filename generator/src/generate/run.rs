@@ -26,7 +26,7 @@ use super::session::Session;
 use super::set_aside::SetAside;
 use super::space;
 use super::tally::Tally;
-use super::uploads::{Uploads, uploads};
+use super::uploads::{Uploader, Uploads};
 use super::{Cancel, GenerateOptions};
 use crate::plan::room_bytes;
 
@@ -77,18 +77,22 @@ impl<'a> Run<'a> {
         staged: &[&'a PlannedScenario],
         cancel: &Cancel,
     ) -> Result<Outcome, GenerateError> {
-        let (corpus, tally) = (self.work.corpus, &self.tally);
-        let (uploads, uploader) = self
-            .remote
-            .map(|remote| uploads(remote, self.patience.store, corpus, &self.reporter, tally))
-            .unzip();
+        let (stage, tally) = (self.work.corpus, &self.tally);
+        let uploader = self.remote.map(|remote| Uploader {
+            remote,
+            patience: self.patience.store,
+            stage,
+            reporter: &self.reporter,
+            tally,
+        });
+        let (uploads, sending) = uploader.as_ref().map(Uploader::start).unzip();
         let workers: Vec<_> = sessions
             .into_iter()
             .map(|(session, trouble)| self.worker(session, trouble, uploads.clone()))
             .collect();
         let send = async {
-            if let (Some(uploads), Some(uploader)) = (uploads, uploader) {
-                tokio::join!(uploads.hand_over_staged(staged), uploader.work());
+            if let (Some(uploads), Some(sending)) = (uploads, sending) {
+                tokio::join!(uploads.hand_over_staged(staged), sending);
             }
         };
         let until_cancelled = async {
@@ -100,7 +104,7 @@ impl<'a> Run<'a> {
             _ = async { tokio::join!(join_all(workers), send) } => {}
             () = until_cancelled => {}
         }
-        Claim::tidy(corpus);
+        Claim::tidy(stage);
         let queue = self
             .queue
             .into_inner()

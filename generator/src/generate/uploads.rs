@@ -30,50 +30,21 @@ struct Job<'a> {
     claim: Claim,
 }
 
-/// Where the workers of a run hand over finished scenarios. The uploader ends when all of these are gone.
+/// The worker that uploads finished scenarios.
+pub(super) struct Uploader<'r, 'a> {
+    pub(super) remote: &'r Remote,
+    /// How long to wait for a store that does not answer.
+    pub(super) patience: Duration,
+    pub(super) stage: &'r Corpus,
+    pub(super) reporter: &'r Reporter<'a>,
+    pub(super) tally: &'r Tally,
+}
+
+/// Where other workers hand finished scenarios over to it. It ends when all of these are gone.
 #[derive(Clone)]
 pub(super) struct Uploads<'r, 'a> {
     jobs: mpsc::Sender<Job<'a>>,
-    stage: &'r Corpus,
-    reporter: &'r Reporter<'a>,
-    tally: &'r Tally,
-}
-
-/// The worker at the other end.
-pub(super) struct Uploader<'r, 'a> {
-    jobs: mpsc::Receiver<Job<'a>>,
-    remote: &'r Remote,
-    /// How long to wait for a store that does not answer.
-    patience: Duration,
-    stage: &'r Corpus,
-    reporter: &'r Reporter<'a>,
-    tally: &'r Tally,
-}
-
-/// Both ends.
-pub(super) fn uploads<'r, 'a>(
-    remote: &'r Remote,
-    patience: Duration,
-    stage: &'r Corpus,
-    reporter: &'r Reporter<'a>,
-    tally: &'r Tally,
-) -> (Uploads<'r, 'a>, Uploader<'r, 'a>) {
-    let (sender, receiver) = mpsc::channel(WAITING);
-    let uploads = Uploads {
-        jobs: sender,
-        stage,
-        reporter,
-        tally,
-    };
-    let uploader = Uploader {
-        jobs: receiver,
-        remote,
-        patience,
-        stage,
-        reporter,
-        tally,
-    };
-    (uploads, uploader)
+    uploader: &'r Uploader<'r, 'a>,
 }
 
 impl<'a> Uploads<'_, 'a> {
@@ -85,14 +56,16 @@ impl<'a> Uploads<'_, 'a> {
                 job
             }
         };
-        self.reporter.tell(Event::UploadBehind { id: &scenario.id });
+        self.uploader
+            .reporter
+            .tell(Event::UploadBehind { id: &scenario.id });
         let sent = tokio::select! {
             biased;
-            () = self.tally.halt.cancelled() => false,
+            () = self.uploader.tally.halt.cancelled() => false,
             sent = self.jobs.send(job) => sent.is_ok(),
         };
         if !sent {
-            self.tally.stays_staged(scenario);
+            self.uploader.tally.stays_staged(scenario);
         }
     }
 
@@ -102,7 +75,7 @@ impl<'a> Uploads<'_, 'a> {
             match self.claim_staged(scenario).await {
                 Ok(Some(claim)) => self.hand_over(scenario, claim).await,
                 Ok(None) => {}
-                Err(error) => self.tally.fail(error),
+                Err(error) => self.uploader.tally.fail(error),
             }
         }
     }
@@ -113,15 +86,16 @@ impl<'a> Uploads<'_, 'a> {
         &self,
         scenario: &PlannedScenario,
     ) -> Result<Option<Claim>, GenerateError> {
+        let Uploader { stage, tally, .. } = self.uploader;
         loop {
-            if self.tally.halt.is_cancelled() {
-                self.tally.stays_staged(scenario);
+            if tally.halt.is_cancelled() {
+                tally.stays_staged(scenario);
                 return Ok(None);
             }
-            match Claim::take(self.stage, &scenario.id)? {
-                Claimed::Mine(claim) if is_whole(self.stage, scenario)? => return Ok(Some(claim)),
+            match Claim::take(stage, &scenario.id)? {
+                Claimed::Mine(claim) if is_whole(stage, scenario)? => return Ok(Some(claim)),
                 Claimed::Mine(_) => {
-                    self.tally.skipped(scenario);
+                    tally.skipped(scenario);
                     return Ok(None);
                 }
                 Claimed::Theirs(_) => sleep(POLL_INTERVAL).await,
@@ -149,16 +123,24 @@ impl Watch for Watching<'_, '_> {
     }
 }
 
-impl Uploader<'_, '_> {
-    /// Uploads what is queued until nobody can hand over anything more.
-    pub(super) async fn work(mut self) {
-        while let Some(Job { scenario, claim }) = self.jobs.recv().await {
-            match self.tally.halt.is_cancelled() {
-                true => self.tally.stays_staged(scenario),
-                false => self.upload(scenario).await,
+impl<'r, 'a> Uploader<'r, 'a> {
+    /// Where to hand over scenarios, and the work of uploading them.
+    pub(super) fn start(&'r self) -> (Uploads<'r, 'a>, impl Future<Output = ()>) {
+        let (sender, mut jobs) = mpsc::channel::<Job<'a>>(WAITING);
+        let uploads = Uploads {
+            jobs: sender,
+            uploader: self,
+        };
+        let work = async move {
+            while let Some(Job { scenario, claim }) = jobs.recv().await {
+                match self.tally.halt.is_cancelled() {
+                    true => self.tally.stays_staged(scenario),
+                    false => self.upload(scenario).await,
+                }
+                drop(claim);
             }
-            drop(claim);
-        }
+        };
+        (uploads, work)
     }
 
     async fn upload(&self, scenario: &PlannedScenario) {
