@@ -133,7 +133,8 @@ impl CameraEntry {
                 self.distortion.len()
             ));
         };
-        lens.check(self.camera().corner()).err()
+        let bad_lens = lens.check(self.camera().corner()).err();
+        bad_lens.map(|bad_lens| bad_lens.to_string())
     }
 
     fn check(&self, check: &mut Check) {

@@ -24,6 +24,35 @@ pub struct Distortion {
     pub k3: f64,
 }
 
+/// Why coefficients are not those of a lens.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BadLens {
+    /// A coefficient is infinite or NaN.
+    #[error("{lens:?} has a coefficient that is not a number")]
+    NotANumber {
+        /// The coefficients.
+        lens: Distortion,
+    },
+    /// Two places of the scene would be drawn in one.
+    #[error(
+        "the lens folds the picture over at {radius:.2} of the way from its middle to its corners; expected coefficients under which it \
+         grows steadily up to {FIELD_OVER_HALF_DIAGONAL}"
+    )]
+    Folds {
+        /// Where, relative to the half diagonal.
+        radius: f64,
+    },
+    /// The picture would not be filled.
+    #[error(
+        "the lens draws {FIELD_OVER_HALF_DIAGONAL} of the picture into {rim:.2} of it and leaves its corners empty; expected weaker \
+         coefficients"
+    )]
+    EmptyCorners {
+        /// Where the rim is drawn, relative to the half diagonal.
+        rim: f64,
+    },
+}
+
 /// The lens must map without folding up to this multiple of the picture's half diagonal from the principal point.
 pub(crate) const FIELD_OVER_HALF_DIAGONAL: f64 = 1.5;
 /// A lens that shrinks areas below this share is close to folding.
@@ -118,13 +147,13 @@ impl Distortion {
     }
 
     /// Rejects invalid lenses for a picture whose corners are at this radius: coefficients that are not finite, fold the picture
-    /// over or leave its corners empty. The text states the reason.
+    /// over or leave its corners empty.
     ///
     /// # Errors
-    /// What is wrong, as text.
-    pub fn check(&self, corner: f64) -> Result<(), String> {
+    /// What is wrong.
+    pub fn check(&self, corner: f64) -> Result<(), BadLens> {
         if self.coefficients().iter().any(|c| !c.is_finite()) {
-            return Err(format!("{self:?} has a coefficient that is not a number"));
+            return Err(BadLens::NotANumber { lens: *self });
         }
         let (directions, radii) = CHECKED;
         for direction in 0..directions {
@@ -136,10 +165,7 @@ impl Distortion {
                 let slope = self.derivative(towards * (radius * corner));
                 let grows = towards.dot(slope * towards);
                 if !(slope.determinant() > LEAST_AREA && grows > 0.0) {
-                    return Err(format!(
-                        "the lens folds the picture over at {radius:.2} of the way from its middle to its corners; expected coefficients under \
-                         which it grows steadily up to {FIELD_OVER_HALF_DIAGONAL}"
-                    ));
+                    return Err(BadLens::Folds { radius });
                 }
             }
             let rim = self
@@ -147,10 +173,7 @@ impl Distortion {
                 .length()
                 / corner;
             if rim < 1.0 {
-                return Err(format!(
-                    "the lens draws {FIELD_OVER_HALF_DIAGONAL} of the picture into {rim:.2} of it and leaves its corners empty; expected weaker \
-                     coefficients"
-                ));
+                return Err(BadLens::EmptyCorners { rim });
             }
         }
         Ok(())
@@ -212,12 +235,15 @@ mod tests {
             k1: -3.0,
             ..Distortion::default()
         };
-        assert!(folding.check(CORNER).unwrap_err().contains("folds"));
+        assert!(matches!(folding.check(CORNER), Err(BadLens::Folds { .. })));
         let nothing = Distortion {
             p1: f64::NAN,
             ..Distortion::default()
         };
-        assert!(nothing.check(CORNER).unwrap_err().contains("not a number"));
+        assert!(matches!(
+            nothing.check(CORNER),
+            Err(BadLens::NotANumber { .. })
+        ));
         // At ten degrees of view the same coefficient is a weak distortion.
         assert_eq!(folding.check(0.105), Ok(()));
     }

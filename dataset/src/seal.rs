@@ -58,28 +58,68 @@ pub struct SealedFile {
     pub blake3: String,
 }
 
-/// The files that a manifest lists, if it matches `seal`; else what is wrong with it, as text.
-pub fn sealed_files(manifest: &str, seal: &Seal) -> std::result::Result<Vec<SealedFile>, String> {
+/// Why a manifest cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum BadManifest {
+    /// Not the one that was sealed.
+    #[error("{MANIFEST} does not match the hash in {DONE}")]
+    OtherHash,
+    /// It becomes a path under the folder, and may come from anyone.
+    #[error("{MANIFEST} names a file outside of the folder: {name}")]
+    Outside {
+        /// The name.
+        name: String,
+    },
+    /// Not in the format of `b3sum`.
+    #[error("{MANIFEST} has a line that is not `hash  name`: {line}")]
+    BadLine {
+        /// The line.
+        line: String,
+    },
+    /// One file with two hashes.
+    #[error("{MANIFEST} has two lines for {name}, expected one")]
+    TwoLines {
+        /// The file.
+        name: String,
+    },
+    /// Something else among the videos.
+    #[error("{MANIFEST} names {name}, expected only videos there: {VIDEOS}VIEW.mp4 or .mov")]
+    NoVideo {
+        /// The file.
+        name: String,
+    },
+    /// Two videos of one view.
+    #[error("{MANIFEST} names two videos of view {view}, {one} and {other}; expected one")]
+    TwoVideos {
+        /// The view.
+        view: String,
+        /// A video.
+        one: String,
+        /// Another one.
+        other: String,
+    },
+}
+
+/// The files that a manifest lists, if it matches `seal`.
+pub fn sealed_files(
+    manifest: &str,
+    seal: &Seal,
+) -> std::result::Result<Vec<SealedFile>, BadManifest> {
     if blake3::hash(manifest.as_bytes()).to_string() != seal.manifest_blake3 {
-        return Err(format!("{MANIFEST} does not match the hash in {DONE}"));
+        return Err(BadManifest::OtherHash);
     }
     files_in(manifest)
 }
 
 /// The files that a manifest lists. Each has one line, and each view one video; the folder of the videos contains nothing else.
-fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, String> {
+fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, BadManifest> {
     let file = |line: &str| match line.split_once("  ") {
-        // It becomes a path under the folder, and may come from anyone.
         Some((blake3, name)) if is_within(Path::new(name)) => Ok(SealedFile {
             name: name.into(),
             blake3: blake3.into(),
         }),
-        Some((_, name)) => Err(format!(
-            "{MANIFEST} names a file outside of the folder: {name}"
-        )),
-        None => Err(format!(
-            "{MANIFEST} has a line that is not `hash  name`: {line}"
-        )),
+        Some((_, name)) => Err(BadManifest::Outside { name: name.into() }),
+        None => Err(BadManifest::BadLine { line: line.into() }),
     };
     let files: Vec<SealedFile> = manifest
         .lines()
@@ -89,20 +129,20 @@ fn files_in(manifest: &str) -> std::result::Result<Vec<SealedFile>, String> {
     let mut views = BTreeMap::new();
     for SealedFile { name, .. } in &files {
         if !names.insert(name) {
-            return Err(format!("{MANIFEST} has two lines for {name}, expected one"));
+            return Err(BadManifest::TwoLines { name: name.clone() });
         }
         if !name.starts_with(VIDEOS) {
             continue;
         }
         let Some(view) = view_of(name) else {
-            return Err(format!(
-                "{MANIFEST} names {name}, expected only videos there: {VIDEOS}VIEW.mp4 or .mov"
-            ));
+            return Err(BadManifest::NoVideo { name: name.clone() });
         };
         if let Some(other) = views.insert(view, name) {
-            return Err(format!(
-                "{MANIFEST} names two videos of view {view}, {other} and {name}; expected one"
-            ));
+            return Err(BadManifest::TwoVideos {
+                view: view.to_owned(),
+                one: other.clone(),
+                other: name.clone(),
+            });
         }
     }
     Ok(files)
@@ -161,10 +201,10 @@ pub fn seal_folder(folder: &Path, config_hash: &str) -> Result<Seal> {
         sync(&folder)?;
     }
     let manifest = manifest_of(folder)?;
-    files_in(&manifest).map_err(|message| {
+    files_in(&manifest).map_err(|bad| {
         Error::corpus(
             folder,
-            format!("is not sealed, nobody could read it: {message}"),
+            format!("is not sealed, nobody could read it: {bad}"),
         )
     })?;
     write_atomically(&folder.join(MANIFEST), manifest.as_bytes())?;

@@ -57,8 +57,7 @@ impl Sealed {
             let path = folder.join(MANIFEST);
             if let Found::Whole(text) = manifest {
                 let text = String::from_utf8(text).map_err(|error| Error::corpus(&path, error))?;
-                let files =
-                    sealed_files(&text, &seal).map_err(|message| Error::corpus(folder, message))?;
+                let files = sealed_files(&text, &seal).map_err(|bad| Error::corpus(folder, bad))?;
                 return Ok(Some(Self {
                     folder: folder.to_owned(),
                     seal,

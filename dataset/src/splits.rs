@@ -34,6 +34,18 @@ pub struct Assignment {
     pub side: Side,
 }
 
+/// A trajectory on two sides: what is learned from it would be tested on it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("trajectory {trajectory} is on two sides: {} is in {:?}, {} is in {:?}", one.0, one.1, other.0, other.1)]
+pub struct Leak {
+    /// The trajectory.
+    pub trajectory: String,
+    /// A scenario that flies it, and its side.
+    pub one: (String, Side),
+    /// Another one, on another side.
+    pub other: (String, Side),
+}
+
 /// The split of a corpus.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Splits {
@@ -45,7 +57,7 @@ pub struct Splits {
 
 impl Splits {
     /// A split by trajectory; rejects one that leaks.
-    pub fn new(scenarios: BTreeMap<String, Assignment>) -> std::result::Result<Self, String> {
+    pub fn new(scenarios: BTreeMap<String, Assignment>) -> std::result::Result<Self, Leak> {
         let splits = Self {
             by: BY_TRAJECTORY.into(),
             scenarios,
@@ -64,18 +76,19 @@ impl Splits {
             .map(|(id, _)| id.as_str())
     }
 
-    /// The first trajectory that is on two sides, as text.
-    pub fn leak(&self) -> Option<String> {
+    /// The first trajectory that is on two sides.
+    pub fn leak(&self) -> Option<Leak> {
         let mut seen: BTreeMap<&str, (&str, Side)> = BTreeMap::new();
         for (id, assignment) in &self.scenarios {
             let (first, side) = *seen
                 .entry(&assignment.trajectory)
                 .or_insert((id, assignment.side));
             if side != assignment.side {
-                return Some(format!(
-                    "trajectory {} is on two sides: {first} is in {side:?}, {id} is in {:?}",
-                    assignment.trajectory, assignment.side
-                ));
+                return Some(Leak {
+                    trajectory: assignment.trajectory.clone(),
+                    one: (first.to_owned(), side),
+                    other: (id.clone(), assignment.side),
+                });
             }
         }
         None
@@ -131,7 +144,7 @@ mod tests {
             ("0001".to_owned(), assignment("flight-a", Side::Train)),
             ("0002".to_owned(), assignment("flight-a", Side::Test)),
         ]);
-        let message = Splits::new(scenarios).unwrap_err();
+        let message = Splits::new(scenarios).unwrap_err().to_string();
         assert!(
             message.contains("flight-a") && message.contains("0001") && message.contains("0002"),
             "{message}"

@@ -24,7 +24,7 @@ use dataset::video::{VideoSettings, VideoWriter};
 use generator::generate::{Cancel, Event, GenerateOptions, Patience, SimulatorTarget, generate};
 use generator::shard::Shard;
 use generator::sweep::Sweep;
-use mock_xplane::server::{BuiltIn, Engine, SceneRenderer, ServerOptions, serve_with};
+use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer, ServerOptions, serve_with};
 use xplane_bridge::fly::FlyRequest;
 use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
@@ -56,7 +56,7 @@ struct RememberedScene {
 }
 
 impl Engine for Remembering {
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
         BuiltIn.fly(request, weather)
     }
 

@@ -18,7 +18,7 @@ use generator::generate::{
     Event, GenerateOptions, Outcome, Patience, Remote, SimulatorTarget, Simulators, Stopped,
 };
 use generator::shard::Shard;
-use mock_xplane::server::{BuiltIn, Engine, SceneRenderer};
+use mock_xplane::server::{BuiltIn, Engine, NotFlown, SceneRenderer};
 use store::CorpusStore;
 use tempfile::tempdir;
 use tokio::sync::OnceCell;
@@ -175,9 +175,9 @@ struct Faulty {
 struct FaultyEngine(Arc<Faulty>);
 
 impl Engine for FaultyEngine {
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
         if weather.visibility_m < 10_000.0 && self.0.lost_in_fog.load(Ordering::SeqCst) {
-            return Err("lost in the fog".into());
+            return Err(NotFlown::Because("lost in the fog"));
         }
         BuiltIn.fly(request, weather)
     }

@@ -33,7 +33,7 @@ use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
 use xplane_bridge::tape::TapeError;
 
-pub use engine::{BuiltIn, Engine, SceneRenderer};
+pub use engine::{BuiltIn, Engine, NotFlown, SceneRenderer};
 pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};
 pub use plugin_host::PluginOptions;
 pub use seat::LinkPatience;

@@ -10,7 +10,7 @@ use dataset::conditions::{Clock, CloudKind, CloudLayer, Conditions, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Engine, SceneRenderer, ServerOptions, serve};
+use mock_xplane::server::{Engine, NotFlown, SceneRenderer, ServerOptions, serve};
 use mock_xplane::window::{DisplayWindow, WindowError};
 use testkit::changi_02l;
 use testkit_simulator::{Running, quiet};
@@ -41,11 +41,11 @@ struct Scribe {
 struct Page;
 
 impl Engine for Scribe {
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
         let flight = (request.clone(), weather.clone());
         self.flown.lock().unwrap().push(flight);
         if request.seed == 13 {
-            return Err("thirteen is unlucky".into());
+            return Err(NotFlown::Because("thirteen is unlucky"));
         }
         let state = |i: u32| FlightState {
             time_s: f64::from(i) / 3.0,

@@ -8,7 +8,7 @@ use dataset::conditions::{Clock, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Engine, SceneRenderer, ServerOptions};
+use mock_xplane::server::{Engine, NotFlown, SceneRenderer, ServerOptions};
 use mock_xplane::window::{DisplayWindow, WindowError, X11Window};
 use testkit::changi_02l;
 use testkit_simulator::{Xvfb, quiet, serving_with};
@@ -86,8 +86,8 @@ async fn every_picture_of_the_window_is_grabbed_to_the_last_bit_and_never_the_on
 struct Counter;
 
 impl Engine for Counter {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
-        Err("nobody flies here".into())
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+        Err(NotFlown::Because("nobody flies here"))
     }
 
     fn picture(

@@ -4,9 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
+use anyhow::{anyhow, bail};
 use dataset::corpus::Corpus;
 use dataset::plan::Plan;
-use dataset::splits::Splits;
+use dataset::splits::{Leak, Splits};
 use generator::plan::{Difference, assign_sides, is_seeded_by};
 use generator::sweep::SplitFractions;
 use serde::Deserialize;
@@ -42,26 +43,23 @@ pub(super) enum Standing {
 
 impl CorpusFile {
     /// Reads a file by its name; the error says what is wrong with it.
-    pub(super) fn parse(name: &str, bytes: &[u8]) -> Result<Self, String> {
+    pub(super) fn parse(name: &str, bytes: &[u8]) -> anyhow::Result<Self> {
         if bytes.iter().all(u8::is_ascii_whitespace) {
-            return Err("it is empty".into());
+            bail!("it is empty");
         }
         match name {
             Corpus::PLAN => {
-                let plan =
-                    Plan::parse(bytes, Path::new(name)).map_err(|error| error.to_string())?;
-                plan.check_hashes().map_err(|error| error.to_string())?;
+                let plan = Plan::parse(bytes, Path::new(name))?;
+                plan.check_hashes()?;
                 Ok(Self::Plan(Box::new(plan)))
             }
-            Corpus::SPLITS => {
-                let splits = Splits::parse(bytes, Path::new(name));
-                splits.map(Self::Splits).map_err(|error| error.to_string())
-            }
+            Corpus::SPLITS => Ok(Self::Splits(Splits::parse(bytes, Path::new(name))?)),
             _ => {
-                let text = std::str::from_utf8(bytes).map_err(|error| error.to_string())?;
+                let text = std::str::from_utf8(bytes)?;
                 toml::from_str(text)
                     .map(Self::Sweep)
-                    .map_err(|error| error.message().to_owned())
+                    // In the middle of a sentence: without the line that it is about.
+                    .map_err(|error| anyhow!("{}", error.message()))
             }
         }
     }
@@ -115,7 +113,7 @@ pub(super) struct CorpusFiles {
 
 impl CorpusFiles {
     /// Adds an existing file.
-    pub(super) fn add(&mut self, name: &'static str, bytes: Vec<u8>) -> Result<(), String> {
+    pub(super) fn add(&mut self, name: &'static str, bytes: Vec<u8>) -> anyhow::Result<()> {
         let file = CorpusFile::parse(name, &bytes)?;
         self.files.insert(name, (bytes, file));
         Ok(())
@@ -132,7 +130,7 @@ impl CorpusFiles {
     }
 
     /// How the file of this name relates to a remote one; the error says what is wrong with the remote one.
-    pub(super) fn standing(&self, name: &str, theirs: &[u8]) -> Result<Standing, String> {
+    pub(super) fn standing(&self, name: &str, theirs: &[u8]) -> anyhow::Result<Standing> {
         let theirs = CorpusFile::parse(name, theirs)?;
         let ours = self.get(name);
         Ok(ours.map_or(Standing::TheirsHasMore, |(_, ours)| ours.standing(&theirs)))
@@ -190,7 +188,7 @@ impl CorpusFiles {
     }
 
     /// A split regenerated from the plan, for a corpus that lost it; `None` without plan and sweep.
-    pub(super) fn split_again(&self) -> Option<Result<Splits, String>> {
+    pub(super) fn split_again(&self) -> Option<Result<Splits, Leak>> {
         let (plan, sweep) = (self.plan()?, self.sweep()?);
         Some(assign_sides(plan, &sweep.split, sweep.corpus.seed, None))
     }

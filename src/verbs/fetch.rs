@@ -1,6 +1,7 @@
 //! `dtd fetch`: downloads a corpus from an object store into a folder.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
@@ -184,7 +185,7 @@ fn wanted(
 /// Downloads plan, split and sweep if they are missing or damaged locally, or if the store's versions only add to them. Local ones
 /// that contain more stay; if they contradict the store's, this is another corpus. Returns the decisions.
 async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<String>, Failure> {
-    let damaged = |name: &str, reason: String| {
+    let damaged = |name: &str, reason: &dyn Display| {
         Failure::Failed(anyhow::anyhow!(
             "{}/{name}: {reason}. Nothing was fetched; `dtd push` from an intact copy of the corpus replaces it",
             store.name()
@@ -195,12 +196,12 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
         if let Some(bytes) = store.read(name).await.map_err(failure_of)? {
             theirs
                 .add(name, bytes)
-                .map_err(|reason| damaged(name, reason))?;
+                .map_err(|reason| damaged(name, &reason))?;
         }
     }
     theirs
         .check_together()
-        .map_err(|(name, reason)| damaged(name, reason))?;
+        .map_err(|(name, reason)| damaged(name, &reason))?;
     // Nobody else changes them in the meantime.
     let _claim = corpus.claim().map_err(Failure::of_corpus)?;
     let mut said = Vec::new();
@@ -264,7 +265,7 @@ async fn fetch_corpus_files(store: &CorpusStore, corpus: &Corpus) -> Result<Vec<
         match theirs.split_again() {
             Some(split) => {
                 split
-                    .map_err(|reason| damaged(Corpus::PLAN, reason))?
+                    .map_err(|reason| damaged(Corpus::PLAN, &reason))?
                     .write(&splits)?;
                 said.push(SPLIT_AGAIN.into());
             }

@@ -1,6 +1,7 @@
 //! `dtd push`: uploads a corpus from a folder to an object store.
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
@@ -170,7 +171,7 @@ async fn files_to_send(
     store: &CorpusStore,
     sent: &mut Sent,
 ) -> Result<CorpusFiles, Failure> {
-    let refuse = |name: &str, reason: String| {
+    let refuse = |name: &str, reason: &dyn Display| {
         Failure::bad_input_message(format!(
             "{}: {reason}. Nothing was pushed; `dtd fetch {} --out FOLDER` brings the store's own",
             corpus.root().join(name).display(),
@@ -185,12 +186,12 @@ async fn files_to_send(
                 outside_file::read(&path, FileKind::PLAN.unlinked()).map_err(Failure::bad_input)?;
             files
                 .add(name, bytes)
-                .map_err(|reason| refuse(name, reason))?;
+                .map_err(|reason| refuse(name, &reason))?;
         }
     }
     files
         .check_together()
-        .map_err(|(name, reason)| refuse(name, reason))?;
+        .map_err(|(name, reason)| refuse(name, &reason))?;
     store.check().await.map_err(failure_of)?;
     for name in files.missing().collect::<Vec<_>>() {
         if store.read(name).await.map_err(failure_of)?.is_some() {
@@ -201,7 +202,7 @@ async fn files_to_send(
         } else if name == Corpus::SPLITS
             && let Some(split) = files.split_again()
         {
-            let split = split.map_err(|reason| refuse(name, reason))?;
+            let split = split.map_err(|reason| refuse(name, &reason))?;
             let path = corpus.splits_path();
             let _claim = corpus.claim().map_err(Failure::of_corpus)?;
             split.write(&path)?;
@@ -209,7 +210,7 @@ async fn files_to_send(
                 outside_file::read(&path, FileKind::PLAN.unlinked()).map_err(Failure::bad_input)?;
             files
                 .add(name, bytes)
-                .map_err(|reason| refuse(name, reason))?;
+                .map_err(|reason| refuse(name, &reason))?;
             sent.corpus_files.push(SPLIT_AGAIN.into());
         } else {
             sent.corpus_files.push(format!(

@@ -75,7 +75,8 @@ impl CorpusStore {
         let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
         let manifest = manifest.ok_or_else(|| damaged(format!("{MANIFEST} is missing")))?;
         let manifest = String::from_utf8(manifest).map_err(|error| damaged(error.to_string()))?;
-        let files = seal::sealed_files(&manifest, &theirs).map_err(damaged)?;
+        let files =
+            seal::sealed_files(&manifest, &theirs).map_err(|bad| damaged(bad.to_string()))?;
 
         let partial = corpus.partial_scenario(id);
         refuse_link(partial.root())?;

@@ -5,7 +5,7 @@ use dataset::conditions::{Clock, Weather};
 use dataset::imaging::Degradation;
 use dataset::pose::{Controls, FlightState, Pose};
 use dataset::runway::Runway;
-use mock_xplane::server::{Engine, SceneRenderer};
+use mock_xplane::server::{Engine, NotFlown, SceneRenderer};
 use xplane_bridge::fly::FlyRequest;
 
 /// Draws nothing and cannot fly.
@@ -13,8 +13,8 @@ use xplane_bridge::fly::FlyRequest;
 pub struct Blank;
 
 impl Engine for Blank {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
-        Err("a blank simulator does not fly".into())
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+        Err(NotFlown::Because("a blank simulator does not fly"))
     }
 
     fn picture(

@@ -7,6 +7,7 @@ use crate::datarefs::WeatherSource;
 use crate::link::LinkError;
 use crate::packet::PacketError;
 use crate::pixels::PixelError;
+use crate::simulator::BadWebApiPlace;
 
 /// Why the simulator could not be made to do something.
 #[derive(Debug, thiserror::Error)]
@@ -19,7 +20,7 @@ pub enum BridgeError {
         /// What it is.
         found: String,
         /// What is wrong with it, and what is expected.
-        why: String,
+        why: BadWebApiPlace,
     },
     /// Nothing came back over UDP.
     #[error(

@@ -25,6 +25,6 @@ pub use error::BridgeError;
 pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{
-    CONNECT_TIMEOUT, ConnectOptions, LINK_TOKEN_VARIABLE, Simulator, SimulatorDescription,
-    WEB_API_VARIABLE, WebApiPlace, somebody_answers,
+    BadWebApiPlace, CONNECT_TIMEOUT, ConnectOptions, LINK_TOKEN_VARIABLE, Simulator,
+    SimulatorDescription, WEB_API_VARIABLE, WebApiPlace, somebody_answers,
 };

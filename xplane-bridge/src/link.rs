@@ -16,9 +16,9 @@ mod token;
 mod wire;
 
 pub(crate) use capture::rgb_bytes;
-pub use capture::{CaptureRequest, CapturedFrame, Deliver, FrameHeader};
+pub use capture::{BadCapture, CaptureRequest, CapturedFrame, Deliver, FrameHeader};
 pub use description::{PictureSize, PixelKind, SimulatorWindow};
-pub use flight::{FLIGHT_COLUMNS, decode_flight, encode_flight};
+pub use flight::{BadFlightPayload, FLIGHT_COLUMNS, decode_flight, encode_flight};
 pub use message::{Answer, Request};
 pub use picture_bytes::PictureBytes;
 pub use screen::{ScreenAnswer, ScreenOffer, ScreenPart, ScreenRequest};

@@ -38,7 +38,9 @@ use crate::link::{
 use crate::pixels::{Payload, PixelSource};
 use crate::profile::{KnownProfile, Profile};
 use crate::web_api::WebApi;
-pub use connect_options::{ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace};
+pub use connect_options::{
+    BadWebApiPlace, ConnectOptions, LINK_TOKEN_VARIABLE, WEB_API_VARIABLE, WebApiPlace,
+};
 use link_client::LinkClient;
 use pictures::DrawnOn;
 use settings_watch::SettingsWatch;
@@ -308,9 +310,9 @@ impl Simulator {
             .take_payload("a flight", &mut payload, FRAME_TIMEOUT)
             .await?;
         self.check_settings()?;
-        decode_flight(&columns, rows, &payload).map_err(|found| BridgeError::WrongAnswer {
+        decode_flight(&columns, rows, &payload).map_err(|bad| BridgeError::WrongAnswer {
             expected: "a flight".into(),
-            found,
+            found: bad.to_string(),
         })
     }
 
@@ -413,7 +415,7 @@ impl Simulator {
         if let Err(reason) = request.check() {
             return Err(BridgeError::Refused {
                 doing: "a capture",
-                text: reason,
+                text: reason.to_string(),
             });
         }
         let lent = self.lend_memory(request).await?;

@@ -4,7 +4,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::splits::{Assignment, Side, Splits};
+use dataset::splits::{Assignment, Leak, Side, Splits};
 
 use crate::seed;
 use crate::sweep::SplitFractions;
@@ -32,7 +32,7 @@ pub fn assign_sides(
     parts: &SplitFractions,
     master_seed: u64,
     earlier: Option<&Splits>,
-) -> Result<Splits, String> {
+) -> Result<Splits, Leak> {
     let mut assigned: BTreeMap<&str, Side> = BTreeMap::new();
     if let Some(earlier) = earlier {
         for scenario in &plan.scenarios {

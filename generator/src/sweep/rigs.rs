@@ -105,10 +105,10 @@ pub(super) fn check_lenses(
         for (index, camera) in rig.cameras.iter().enumerate() {
             let half_hfov = ((camera.hfov_deg + widest) / 2.0).to_radians();
             let corner = half_hfov.tan() * width.hypot(height) / width;
-            if let Some(Err(message)) = camera.distortion.map(|lens| lens.check(corner)) {
+            if let Some(Err(bad_lens)) = camera.distortion.map(|lens| lens.check(corner)) {
                 return fault(
                     format!("rig.{name}.cameras.{index}.distortion"),
-                    format!("camera {:?}: {message}", camera.id),
+                    format!("camera {:?}: {bad_lens}", camera.id),
                 );
             }
         }

@@ -355,7 +355,7 @@ impl CaptureService {
         let flown = spawn_blocking(move || service.engine.fly(&request, &weather)).await;
         let states = match flown {
             Ok(Ok(states)) => states,
-            Ok(Err(text)) => return refusal(text),
+            Ok(Err(not_flown)) => return refusal(not_flown.to_string()),
             Err(error) => return Pending::Ready(Box::new(failed(error))),
         };
         if let Some(&last) = states.last() {
@@ -371,14 +371,14 @@ impl CaptureService {
 
     /// Starts drawing. The content is fixed here, in the order of the requests; drawing takes its time.
     async fn capture(self: &Arc<Self>, from: &Client, request: CaptureRequest) -> Pending {
-        if let Err(text) = request.check() {
-            return refusal(text);
+        if let Err(bad) = request.check() {
+            return refusal(bad.to_string());
         }
         let slot = match (request.deliver, &from.memory) {
             (Deliver::Slot(number), Some(memory)) => {
                 match memory.borrow(number, request.rgb_bytes()) {
                     Ok(slot) => Some(slot),
-                    Err(text) => return refusal(text),
+                    Err(none) => return refusal(none.to_string()),
                 }
             }
             (Deliver::Slot(_), None) => {
@@ -401,8 +401,9 @@ impl CaptureService {
             }
             let imaging = world.imaging(request.view);
             let camera = Camera::from_pose(&request.camera, request.width_px, request.height_px);
-            if let Some(Err(text)) = imaging.distortion.map(|lens| lens.check(camera.corner())) {
-                return refusal(format!("view {}: {text}", request.view));
+            if let Some(Err(bad_lens)) = imaging.distortion.map(|lens| lens.check(camera.corner()))
+            {
+                return refusal(format!("view {}: {bad_lens}", request.view));
             }
             let key = SceneKey {
                 camera: request.camera,
@@ -528,7 +529,7 @@ fn share_memory(from: &mut Client, offer: &SharedMemory) -> Pending {
             from.memory = Some(memory);
             ready(Answer::MemoryShared)
         }
-        Err(text) => refusal(text),
+        Err(unusable) => refusal(unusable.to_string()),
     }
 }
 

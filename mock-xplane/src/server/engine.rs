@@ -11,10 +11,26 @@ use xplane_bridge::fly::FlyRequest;
 use crate::flight;
 use crate::render::Scene;
 
+/// Why an engine does not fly an approach.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum NotFlown {
+    /// The aircraft was still in the air at the end.
+    #[error("the flight has not landed within {limit_s} s; it ended at {last:?}")]
+    NotLanded {
+        /// Limit of the request, seconds.
+        limit_s: f64,
+        /// Where it was then.
+        last: Option<Box<FlightState>>,
+    },
+    /// Another reason of an engine.
+    #[error("{0}")]
+    Because(&'static str),
+}
+
 /// A flight model and a renderer.
 pub trait Engine: Send + Sync + 'static {
-    /// Flies an approach in this weather; the states at the model's own rate. The error says why it cannot.
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String>;
+    /// Flies an approach in this weather; the states at the model's own rate.
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown>;
 
     /// Prepares the pictures of one camera in one weather at one time, degraded or not.
     fn picture(
@@ -38,14 +54,14 @@ pub trait SceneRenderer: Send + Sync {
 pub struct BuiltIn;
 
 impl Engine for BuiltIn {
-    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, String> {
+    fn fly(&self, request: &FlyRequest, weather: &Weather) -> Result<Vec<FlightState>, NotFlown> {
         let states = flight::fly(request, weather);
         match states.last() {
             Some(last) if last.on_ground => Ok(states),
-            last => Err(format!(
-                "the flight has not landed within {} s; it ended at {last:?}",
-                request.time_limit_s
-            )),
+            last => Err(NotFlown::NotLanded {
+                limit_s: request.time_limit_s,
+                last: last.copied().map(Box::new),
+            }),
         }
     }
 

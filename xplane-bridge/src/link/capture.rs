@@ -67,13 +67,11 @@ impl CaptureRequest {
         }
     }
 
-    /// Rejects what cannot be drawn: an invalid size or field of view, or a place that is not on earth. The text states the reason.
-    pub fn check(&self) -> Result<(), String> {
+    /// Rejects what cannot be drawn: an invalid size or field of view, or a place that is not on earth.
+    pub fn check(&self) -> Result<(), BadCapture> {
         for (name, side) in [("width_px", self.width_px), ("height_px", self.height_px)] {
             if !(1..=MAX_PICTURE_SIDE_PX).contains(&side) {
-                return Err(format!(
-                    "{name} is {side}, expected 1 to {MAX_PICTURE_SIDE_PX}"
-                ));
+                return Err(BadCapture::Side { name, found: side });
             }
         }
         let Controls {
@@ -82,14 +80,12 @@ impl CaptureRequest {
         } = self.controls;
         for (name, ratio) in [("flap_ratio", flap_ratio), ("gear_ratio", gear_ratio)] {
             if !(0.0..=1.0).contains(&ratio) {
-                return Err(format!("{name} is {ratio}, expected 0 to 1"));
+                return Err(BadCapture::Ratio { name, found: ratio });
             }
         }
         let hfov_deg = self.camera.hfov_deg;
         if !(hfov_deg > 0.0 && hfov_deg < 180.0) {
-            return Err(format!(
-                "hfov_deg is {hfov_deg}, expected more than 0 and less than 180"
-            ));
+            return Err(BadCapture::FieldOfView { hfov_deg });
         }
         for (name, pose) in [("pose", &self.pose), ("camera", &self.camera.pose)] {
             let angles = [pose.heading_true_deg, pose.pitch_deg, pose.roll_deg];
@@ -97,13 +93,46 @@ impl CaptureRequest {
                 && pose.longitude_deg.abs() <= 360.0
                 && pose.altitude_msl_m.abs() <= 1e6;
             if !on_earth || angles.iter().any(|angle| !angle.is_finite()) {
-                return Err(format!(
-                    "{name} is not a position and attitude on earth: {pose:?}"
-                ));
+                return Err(BadCapture::NotOnEarth { name, pose: *pose });
             }
         }
         Ok(())
     }
+}
+
+/// Why a picture cannot be drawn.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum BadCapture {
+    /// No size of a picture.
+    #[error("{name} is {found}, expected 1 to {MAX_PICTURE_SIDE_PX}")]
+    Side {
+        /// Which side.
+        name: &'static str,
+        /// Its length, pixels.
+        found: u32,
+    },
+    /// Controls that no aircraft has.
+    #[error("{name} is {found}, expected 0 to 1")]
+    Ratio {
+        /// Which control.
+        name: &'static str,
+        /// Its position.
+        found: f64,
+    },
+    /// No angle of a camera.
+    #[error("hfov_deg is {hfov_deg}, expected more than 0 and less than 180")]
+    FieldOfView {
+        /// The angle.
+        hfov_deg: f64,
+    },
+    /// A place in space, or none.
+    #[error("{name} is not a position and attitude on earth: {pose:?}")]
+    NotOnEarth {
+        /// That of the aircraft or of the camera.
+        name: &'static str,
+        /// What was found.
+        pose: Pose,
+    },
 }
 
 /// What was drawn. Pose and camera are those of the picture, not a copy of the request's.
@@ -212,7 +241,7 @@ mod tests {
             width_px: u32::MAX,
             ..good
         };
-        assert!(huge.check().unwrap_err().contains("4294967295"));
+        assert!(huge.check().unwrap_err().to_string().contains("4294967295"));
         let blind = CaptureRequest {
             camera: CameraPose {
                 hfov_deg: f64::NAN,
@@ -220,7 +249,7 @@ mod tests {
             },
             ..good
         };
-        assert!(blind.check().unwrap_err().contains("hfov_deg"));
+        assert!(blind.check().unwrap_err().to_string().contains("hfov_deg"));
         let lost = CaptureRequest {
             pose: Pose {
                 latitude_deg: 91.0,
@@ -228,6 +257,6 @@ mod tests {
             },
             ..good
         };
-        assert!(lost.check().unwrap_err().contains("pose"));
+        assert!(lost.check().unwrap_err().to_string().contains("pose"));
     }
 }

@@ -51,22 +51,47 @@ pub fn encode_flight(states: &[FlightState]) -> Vec<u8> {
     payload
 }
 
-/// The states of a payload. The error says what does not match.
+/// Why a payload is not a flight.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum BadFlightPayload {
+    /// Other columns than ours.
+    #[error("columns are {found:?}, expected {FLIGHT_COLUMNS:?}")]
+    Columns {
+        /// Their names.
+        found: Vec<String>,
+    },
+    /// Not as many bytes as announced.
+    #[error("{rows} states of {ROW_BYTES} bytes announced, {bytes} bytes found")]
+    Length {
+        /// The announced number of states.
+        rows: usize,
+        /// The payload.
+        bytes: usize,
+    },
+    /// A state that is nowhere or never.
+    #[error("state {row} has a time or position that is not a number")]
+    NotANumber {
+        /// Which state, from 0.
+        row: usize,
+    },
+}
+
+/// The states of a payload.
 pub fn decode_flight(
     columns: &[String],
     rows: usize,
     payload: &[u8],
-) -> Result<Vec<FlightState>, String> {
+) -> Result<Vec<FlightState>, BadFlightPayload> {
     if columns != FLIGHT_COLUMNS {
-        return Err(format!(
-            "columns are {columns:?}, expected {FLIGHT_COLUMNS:?}"
-        ));
+        return Err(BadFlightPayload::Columns {
+            found: columns.to_vec(),
+        });
     }
     if rows.checked_mul(ROW_BYTES) != Some(payload.len()) {
-        return Err(format!(
-            "{rows} states of {ROW_BYTES} bytes announced, {} bytes found",
-            payload.len()
-        ));
+        return Err(BadFlightPayload::Length {
+            rows,
+            bytes: payload.len(),
+        });
     }
     let states = payload
         .chunks_exact(ROW_BYTES)
@@ -78,9 +103,7 @@ pub fn decode_flight(
             && state.pose.longitude_deg.is_finite()
     };
     match states.iter().position(|state| !whole(state)) {
-        Some(row) => Err(format!(
-            "state {row} has a time or position that is not a number"
-        )),
+        Some(row) => Err(BadFlightPayload::NotANumber { row }),
         None => Ok(states),
     }
 }
@@ -178,7 +201,9 @@ mod tests {
         assert!(decode_flight(&columns(), usize::MAX, &payload).is_err());
         let mut lost = states();
         lost[1].pose.latitude_deg = f64::NAN;
-        let error = decode_flight(&columns(), 3, &encode_flight(&lost)).unwrap_err();
+        let error = decode_flight(&columns(), 3, &encode_flight(&lost))
+            .unwrap_err()
+            .to_string();
         assert!(error.contains("state 1"), "{error}");
     }
 }

@@ -62,22 +62,104 @@ impl SharedMemory {
     }
 
     /// What is wrong with an offer, if anything.
-    fn fault(&self) -> Option<String> {
+    fn fault(&self) -> Option<UnusableMemory> {
         if self.slots == 0 || self.slots > MAX_SLOTS {
-            return Some(format!(
-                "slots is {}, expected 1 to {MAX_SLOTS}",
-                self.slots
-            ));
+            return Some(UnusableMemory::Slots { slots: self.slots });
         }
         let fits = (1..=MAX_PAYLOAD_BYTES.next_multiple_of(PAGE_BYTES)).contains(&self.slot_bytes)
             && self.slot_bytes.is_multiple_of(PAGE_BYTES);
-        (!fits).then(|| {
-            format!(
-                "slot_bytes is {}, expected a multiple of {PAGE_BYTES} up to {MAX_PAYLOAD_BYTES}",
-                self.slot_bytes
-            )
+        (!fits).then_some(UnusableMemory::SlotBytes {
+            slot_bytes: self.slot_bytes,
         })
     }
+}
+
+/// Why a client's memory cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum UnusableMemory {
+    /// None, or more than a client needs.
+    #[error("slots is {slots}, expected 1 to {MAX_SLOTS}")]
+    Slots {
+        /// Their number.
+        slots: u32,
+    },
+    /// Slots that cannot be mapped.
+    #[error(
+        "slot_bytes is {slot_bytes}, expected a multiple of {PAGE_BYTES} up to {MAX_PAYLOAD_BYTES}"
+    )]
+    SlotBytes {
+        /// Their size.
+        slot_bytes: usize,
+    },
+    /// The file cannot be opened.
+    #[error("{path}: {cause}")]
+    NotOpened {
+        /// Its path.
+        path: String,
+        /// Why not.
+        cause: io::Error,
+    },
+    /// A file that could shrink while it is mapped.
+    #[error("{path} is not sealed memory")]
+    NotSealed {
+        /// Its path.
+        path: String,
+    },
+    /// Not the announced memory.
+    #[error("{path} has {bytes} bytes, expected {expected}")]
+    OtherSize {
+        /// Its path.
+        path: String,
+        /// Its size.
+        bytes: u64,
+        /// The announced size.
+        expected: u64,
+    },
+    /// A file of another program.
+    #[error(
+        "open file {descriptor} of process {process} does not begin with the client's secret: it belongs to somebody else"
+    )]
+    OtherSecret {
+        /// The process.
+        process: u32,
+        /// Its file.
+        descriptor: i32,
+    },
+    /// The file cannot be read or mapped.
+    #[error("the client's memory: {0}")]
+    Unreadable(io::Error),
+    /// A system without files in memory.
+    #[error("memory can be shared on Linux only")]
+    NotHere,
+}
+
+/// Why there is no slot for a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum NoSlot {
+    /// Too large a number.
+    #[error("there is no slot {number}: the memory has {slots}")]
+    NoSuch {
+        /// The number.
+        number: u32,
+        /// How many there are.
+        slots: usize,
+    },
+    /// Another picture is not finished.
+    #[error("slot {number} is being drawn into already")]
+    Lent {
+        /// The number.
+        number: u32,
+    },
+    /// The memory was shared for smaller pictures.
+    #[error("a picture of {picture_bytes} bytes does not fit slot {number} of {slot_bytes}")]
+    TooSmall {
+        /// The number.
+        number: u32,
+        /// Size of the slot.
+        slot_bytes: usize,
+        /// Size of the picture.
+        picture_bytes: usize,
+    },
 }
 
 /// The client's side: memory for some pictures of one size.
@@ -193,47 +275,48 @@ impl DrawingSlots {
     /// Whether this computer can share memory at all.
     pub const POSSIBLE: bool = memfd::POSSIBLE;
 
-    /// Opens the memory that a client offers. The error says why it cannot be used; pictures are then sent over the link.
-    pub fn open(offer: &SharedMemory) -> Result<Self, String> {
+    /// Opens the memory that a client offers. If it cannot be used, pictures are sent over the link.
+    pub fn open(offer: &SharedMemory) -> Result<Self, UnusableMemory> {
         if let Some(fault) = offer.fault() {
             return Err(fault);
         }
         let file = memfd::open(offer.process, offer.descriptor, offer.file_bytes())?;
-        let unusable = |error: io::Error| format!("the client's memory: {error}");
         let mut secret = vec![0; offer.secret.len()];
-        file.read_exact_at(&mut secret, 0).map_err(unusable)?;
+        file.read_exact_at(&mut secret, 0)
+            .map_err(UnusableMemory::Unreadable)?;
         if secret.len() != 32 || secret != offer.secret.as_bytes() {
-            return Err(format!(
-                "open file {} of process {} does not begin with the client's secret: it belongs to somebody else",
-                offer.descriptor, offer.process
-            ));
+            return Err(UnusableMemory::OtherSecret {
+                process: offer.process,
+                descriptor: offer.descriptor,
+            });
         }
         let slots = (0..offer.slots).map(|number| {
             // SAFETY: the file cannot shrink. The client reads a slot only while it is not lent, and `DrawingSlot` alone gives access to
             // it, once at a time. A client that breaks this rule reads a torn picture; all bytes are valid.
-            let memory = unsafe { offer.slot(number).map_mut(&file) }.map_err(unusable)?;
+            let memory =
+                unsafe { offer.slot(number).map_mut(&file) }.map_err(UnusableMemory::Unreadable)?;
             Ok(Arc::new(Mutex::new(Some(memory))))
         });
         Ok(Self {
-            slots: slots.collect::<Result<_, String>>()?,
+            slots: slots.collect::<Result<_, UnusableMemory>>()?,
         })
     }
 
-    /// The memory of a slot for a picture of this size. The error says why it is unavailable.
-    pub fn borrow(&self, number: u32, picture_bytes: usize) -> Result<DrawingSlot, String> {
-        let home = self.slots.get(number as usize).ok_or_else(|| {
-            format!(
-                "there is no slot {number}: the memory has {}",
-                self.slots.len()
-            )
+    /// The memory of a slot for a picture of this size.
+    pub fn borrow(&self, number: u32, picture_bytes: usize) -> Result<DrawingSlot, NoSlot> {
+        let home = self.slots.get(number as usize).ok_or(NoSlot::NoSuch {
+            number,
+            slots: self.slots.len(),
         })?;
         let mut memory = lock(home);
         let slot_bytes = memory.as_ref().map(|memory| memory.len());
         match slot_bytes {
-            None => Err(format!("slot {number} is being drawn into already")),
-            Some(slot_bytes) if slot_bytes < picture_bytes => Err(format!(
-                "a picture of {picture_bytes} bytes does not fit slot {number} of {slot_bytes}"
-            )),
+            None => Err(NoSlot::Lent { number }),
+            Some(slot_bytes) if slot_bytes < picture_bytes => Err(NoSlot::TooSmall {
+                number,
+                slot_bytes,
+                picture_bytes,
+            }),
             Some(_) => Ok(DrawingSlot {
                 memory: memory.take(),
                 bytes: picture_bytes,
@@ -317,11 +400,17 @@ mod tests {
         let pictures = SharedPictures::new(2, PICTURE_BYTES).unwrap();
         let slots = DrawingSlots::open(pictures.offer()).unwrap();
         let held = slots.borrow(1, 10).unwrap();
-        assert!(slots.borrow(1, 10).unwrap_err().contains("already"));
+        assert!(matches!(
+            slots.borrow(1, 10),
+            Err(NoSlot::Lent { number: 1 })
+        ));
         drop(held);
         assert!(slots.borrow(1, 10).is_ok());
-        assert!(slots.borrow(2, 10).unwrap_err().contains("no slot 2"));
-        let too_large = slots.borrow(0, PAGE_BYTES * 2 + 1).unwrap_err();
+        assert!(matches!(
+            slots.borrow(2, 10),
+            Err(NoSlot::NoSuch { number: 2, .. })
+        ));
+        let too_large = slots.borrow(0, PAGE_BYTES * 2 + 1).unwrap_err().to_string();
         assert!(too_large.contains("does not fit"), "{too_large}");
     }
 
@@ -382,7 +471,7 @@ mod tests {
             ),
         ];
         for (expected, offer) in wrong {
-            let error = DrawingSlots::open(&offer).unwrap_err();
+            let error = DrawingSlots::open(&offer).unwrap_err().to_string();
             assert!(error.contains(expected), "{error:?}, expected {expected:?}");
         }
     }

@@ -37,17 +37,22 @@ pub enum PixelChoice {
     Only(PixelKind),
 }
 
-impl FromStr for PixelChoice {
-    type Err = String;
+/// A text that names no source of pixels.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{text:?} is not a source of pixels, expected auto, link, gl, screen or screenshot")]
+pub struct UnknownPixels {
+    text: String,
+}
 
-    fn from_str(text: &str) -> Result<Self, String> {
+impl FromStr for PixelChoice {
+    type Err = UnknownPixels;
+
+    fn from_str(text: &str) -> Result<Self, UnknownPixels> {
         let kinds = PixelKind::ALL;
         match kinds.into_iter().find(|kind| kind.name() == text) {
             Some(kind) => Ok(Self::Only(kind)),
             None if text == "auto" => Ok(Self::Auto),
-            None => Err(format!(
-                "{text:?} is not a source of pixels, expected auto, link, gl, screen or screenshot"
-            )),
+            None => Err(UnknownPixels { text: text.into() }),
         }
     }
 }
@@ -108,7 +113,13 @@ mod tests {
             message.contains("screen") && message.contains("link, gl"),
             "{message}"
         );
-        assert!("scren".parse::<PixelChoice>().unwrap_err().contains("auto"));
+        assert!(
+            "scren"
+                .parse::<PixelChoice>()
+                .unwrap_err()
+                .to_string()
+                .contains("auto")
+        );
     }
 
     #[test]

@@ -65,7 +65,7 @@ impl WebApiPlace {
 
     /// Without a variable, or with an empty one, the default is used.
     fn of_variable(found: Result<String, VarError>) -> Result<Self, BridgeError> {
-        let bad = |found: String, why: String| BridgeError::BadVariable {
+        let bad = |found: String, why: BadWebApiPlace| BridgeError::BadVariable {
             name: WEB_API_VARIABLE,
             found,
             why,
@@ -76,7 +76,7 @@ impl WebApiPlace {
             Ok(text) => text.parse().map_err(|why| bad(text, why)),
             Err(VarError::NotUnicode(bytes)) => Err(bad(
                 bytes.to_string_lossy().into_owned(),
-                format!("it is not UTF-8 text; {EXPECTED}"),
+                BadWebApiPlace::NotText,
             )),
         }
     }
@@ -96,16 +96,30 @@ impl WebApiPlace {
 
 const EXPECTED: &str = "expected HOST:PORT, e.g. 127.0.0.1:8086 or localhost:8086, or `off`";
 
-impl FromStr for WebApiPlace {
-    type Err = String;
+/// Why a text does not say where the Web API is.
+#[derive(Debug, thiserror::Error)]
+pub enum BadWebApiPlace {
+    /// Not an address, and no host of this name is known.
+    #[error("{0}; {EXPECTED}")]
+    Unresolved(std::io::Error),
+    /// A host without addresses.
+    #[error("it has no address; {EXPECTED}")]
+    NoAddress,
+    /// Not a text at all.
+    #[error("it is not UTF-8 text; {EXPECTED}")]
+    NotText,
+}
 
-    fn from_str(text: &str) -> Result<Self, String> {
+impl FromStr for WebApiPlace {
+    type Err = BadWebApiPlace;
+
+    fn from_str(text: &str) -> Result<Self, BadWebApiPlace> {
         if text == "off" {
             return Ok(Self::Off);
         }
         let found: Vec<SocketAddr> = text
             .to_socket_addrs()
-            .map_err(|error| format!("{error}; {EXPECTED}"))?
+            .map_err(BadWebApiPlace::Unresolved)?
             .collect();
         // X-Plane serves it on IPv4 only, and `localhost` often resolves to an IPv6 address first.
         found
@@ -113,7 +127,7 @@ impl FromStr for WebApiPlace {
             .find(|address| address.is_ipv4())
             .or(found.first())
             .map(|&address| Self::At(address))
-            .ok_or_else(|| format!("it has no address; {EXPECTED}"))
+            .ok_or(BadWebApiPlace::NoAddress)
     }
 }
 

@@ -51,17 +51,22 @@ pub enum FramesKept {
     None,
 }
 
-impl FromStr for FramesKept {
-    type Err = String;
+/// A text that names none of [`FramesKept`].
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("no way to keep frames: {text:?}; expected inline, reference or none")]
+pub struct UnknownFramesKept {
+    text: String,
+}
 
-    fn from_str(text: &str) -> Result<Self, String> {
+impl FromStr for FramesKept {
+    type Err = UnknownFramesKept;
+
+    fn from_str(text: &str) -> Result<Self, UnknownFramesKept> {
         match text {
             "inline" => Ok(Self::Inline),
             "reference" => Ok(Self::Reference),
             "none" => Ok(Self::None),
-            _ => Err(format!(
-                "no way to keep frames: {text:?}; expected inline, reference or none"
-            )),
+            _ => Err(UnknownFramesKept { text: text.into() }),
         }
     }
 }

@@ -14,6 +14,33 @@ const HASH: usize = 32;
 /// Replacement for a token on a tape.
 const TOKEN_LEFT_OUT: &str = "left out of the tape";
 
+/// Why bytes are not a message of the link.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum BadLinkMessage {
+    /// Too short.
+    #[error("{found} bytes are too few for two lengths")]
+    NoLengths {
+        /// Number of bytes.
+        found: usize,
+    },
+    /// Longer or shorter than it says.
+    #[error("{expected} bytes announced, {found} found")]
+    OtherLength {
+        /// Number of bytes by its own lengths.
+        expected: usize,
+        /// Number of bytes.
+        found: usize,
+    },
+    /// Neither a hash nor the end follows the header.
+    #[error("{end} bytes and perhaps a hash of {HASH} expected, {found} found")]
+    NoHash {
+        /// Number of bytes up to the end of the header.
+        end: usize,
+        /// Number of bytes.
+        found: usize,
+    },
+}
+
 /// One message: lengths, header and payload, as on the wire.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LinkMessage {
@@ -22,12 +49,15 @@ pub struct LinkMessage {
 }
 
 impl LinkMessage {
-    /// From the bytes of a whole message. The error says what does not match.
-    pub fn parse(bytes: Vec<u8>) -> Result<Self, String> {
+    /// From the bytes of a whole message.
+    pub fn parse(bytes: Vec<u8>) -> Result<Self, BadLinkMessage> {
         let (header, payload) = lengths(&bytes)?;
         let expected = LENGTHS + header + payload;
         if bytes.len() != expected {
-            return Err(format!("{expected} bytes announced, {} found", bytes.len()));
+            return Err(BadLinkMessage::OtherLength {
+                expected,
+                found: bytes.len(),
+            });
         }
         Ok(Self {
             bytes,
@@ -174,18 +204,18 @@ pub struct ReferencedMessage {
 }
 
 impl ReferencedMessage {
-    /// From the bytes on the tape. The error says what does not match.
-    pub fn parse(bytes: &[u8]) -> Result<Self, String> {
+    /// From the bytes on the tape.
+    pub fn parse(bytes: &[u8]) -> Result<Self, BadLinkMessage> {
         let (header, payload_bytes) = lengths(bytes)?;
         let end = LENGTHS + header;
         let hash = match bytes.get(end..) {
             Some([]) => None,
             Some(hash) if hash.len() == HASH => blake3::Hash::from_slice(hash).ok(),
             _ => {
-                return Err(format!(
-                    "{end} bytes and perhaps a hash of {HASH} expected, {} found",
-                    bytes.len()
-                ));
+                return Err(BadLinkMessage::NoHash {
+                    end,
+                    found: bytes.len(),
+                });
             }
         };
         Ok(Self {
@@ -202,13 +232,13 @@ fn message_of(header: &[u8]) -> Option<String> {
     Some(header.get("message")?.as_str()?.to_owned())
 }
 
-fn lengths(bytes: &[u8]) -> Result<(usize, usize), String> {
+fn lengths(bytes: &[u8]) -> Result<(usize, usize), BadLinkMessage> {
     match bytes {
         [h0, h1, h2, h3, p0, p1, p2, p3, ..] => Ok((
             u32::from_le_bytes([*h0, *h1, *h2, *h3]) as usize,
             u32::from_le_bytes([*p0, *p1, *p2, *p3]) as usize,
         )),
-        _ => Err(format!("{} bytes are too few for two lengths", bytes.len())),
+        _ => Err(BadLinkMessage::NoLengths { found: bytes.len() }),
     }
 }
 

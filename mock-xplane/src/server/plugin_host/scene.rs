@@ -612,7 +612,7 @@ impl PluginScene {
         let request = flight::request(start, scenery(), altitude_dial_ft);
         let states = self.engine.fly(&request, &weather);
         Playback::new(states.unwrap_or_else(|reason| {
-            tracing::warn!(reason, "the plugin's approach is not flown");
+            tracing::warn!(%reason, "the plugin's approach is not flown");
             Vec::new()
         }))
     }

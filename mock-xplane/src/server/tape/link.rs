@@ -137,7 +137,7 @@ impl Player {
         let bytes = self.reader().read_again(place);
         let message = bytes
             .map_err(|failed| failed.to_string())
-            .and_then(LinkMessage::parse);
+            .and_then(|bytes| LinkMessage::parse(bytes).map_err(|bad| bad.to_string()));
         message.unwrap_or_else(|text| error(&text))
     }
 
@@ -151,7 +151,9 @@ impl Player {
             .reader()
             .read_again(place)
             .map_err(|failed| failed.to_string());
-        let recorded = match bytes.and_then(|bytes| ReferencedMessage::parse(&bytes)) {
+        let parsed =
+            |bytes: Vec<u8>| ReferencedMessage::parse(&bytes).map_err(|bad| bad.to_string());
+        let recorded = match bytes.and_then(parsed) {
             Ok(recorded) => recorded,
             Err(text) => return error(&text),
         };
@@ -211,7 +213,7 @@ fn scene_key(playback: &Playback, request: &Value) -> Result<(SceneKey, CaptureR
     let Ok(Request::Capture(request)) = serde_json::from_value(request.clone()) else {
         return Err("only captures can be drawn again".into());
     };
-    request.check()?;
+    request.check().map_err(|bad| bad.to_string())?;
     let runway = playback.world.frozen_runway().cloned();
     let runway = runway.ok_or("a capture needs a frozen simulator: send freeze first")?;
     let key = SceneKey {

@@ -153,7 +153,7 @@ impl Loading {
 
     fn asked(&mut self, connection: u32, entry: Entry) -> Result<(), Bad> {
         let sequence = entry.place.sequence();
-        let message = LinkMessage::parse(entry.data).map_err(|found| (sequence, found))?;
+        let message = LinkMessage::parse(entry.data).map_err(|bad| (sequence, bad.to_string()))?;
         let request: Value = serde_json::from_slice(message.header())
             .map_err(|error| (sequence, format!("its header is not JSON: {error}")))?;
         if is_hello(&request) {

@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io;
 use std::os::unix::fs::OpenOptionsExt;
 
+use super::UnusableMemory;
 use rustix::fs::{
     MemfdFlags, OFlags, SealFlags, fcntl_add_seals, fcntl_get_seals, ftruncate, memfd_create,
 };
@@ -25,27 +26,32 @@ pub(super) fn create(bytes: u64) -> io::Result<File> {
     Ok(file)
 }
 
-/// Opens the file of another process. The error says why it is not one that [`create`] made with this size.
-pub(super) fn open(process: u32, descriptor: i32, bytes: u64) -> Result<File, String> {
+/// Opens a file of another process that [`create`] made with this size.
+pub(super) fn open(process: u32, descriptor: i32, bytes: u64) -> Result<File, UnusableMemory> {
     let path = format!("/proc/{process}/fd/{descriptor}");
+    let not_opened = |cause| UnusableMemory::NotOpened {
+        path: path.clone(),
+        cause,
+    };
     let file = File::options()
         .read(true)
         .write(true)
         // Opening anything else must not block.
         .custom_flags(OFlags::NONBLOCK.bits() as i32)
         .open(&path)
-        .map_err(|error| format!("{path}: {error}"))?;
+        .map_err(not_opened)?;
     // Any other file that a client might name is not sealed, and is left alone.
     let sealed = fcntl_get_seals(&file).is_ok_and(|seals| seals.contains(SIZE_SEALS));
     if !sealed {
-        return Err(format!("{path} is not sealed memory"));
+        return Err(UnusableMemory::NotSealed { path });
     }
     match file.metadata() {
         Ok(found) if found.len() == bytes => Ok(file),
-        Ok(found) => Err(format!(
-            "{path} has {} bytes, expected {bytes}",
-            found.len()
-        )),
-        Err(error) => Err(format!("{path}: {error}")),
+        Ok(found) => Err(UnusableMemory::OtherSize {
+            path,
+            bytes: found.len(),
+            expected: bytes,
+        }),
+        Err(cause) => Err(not_opened(cause)),
     }
 }

@@ -3,6 +3,8 @@
 use std::fs::File;
 use std::io;
 
+use super::UnusableMemory;
+
 /// Whether there are files in memory.
 pub(super) const POSSIBLE: bool = false;
 
@@ -12,6 +14,6 @@ pub(super) fn create(_bytes: u64) -> io::Result<File> {
 }
 
 /// There are none.
-pub(super) fn open(_process: u32, _descriptor: i32, _bytes: u64) -> Result<File, String> {
-    Err("memory can be shared on Linux only".into())
+pub(super) fn open(_process: u32, _descriptor: i32, _bytes: u64) -> Result<File, UnusableMemory> {
+    Err(UnusableMemory::NotHere)
 }

@@ -7,7 +7,7 @@ use xplane_bridge::datarefs::Generation;
 use xplane_bridge::fly::FlyRequest;
 
 use super::*;
-use crate::server::engine::SceneRenderer;
+use crate::server::engine::{NotFlown, SceneRenderer};
 use crate::server::world::airport::on_final;
 use crate::server::world::flight_start;
 
@@ -22,8 +22,8 @@ struct PlainPicture {
 }
 
 impl Engine for Plain {
-    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, String> {
-        Err("nothing flies here".into())
+    fn fly(&self, _: &FlyRequest, _: &Weather) -> Result<Vec<FlightState>, NotFlown> {
+        Err(NotFlown::Because("nothing flies here"))
     }
 
     fn picture(
