@@ -41,6 +41,7 @@ use dataset::claim::Claim;
 use dataset::corpus::Corpus;
 use dataset::memory;
 use dataset::plan::{Common, Picture, Plan, PlannedScenario};
+use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
 use xplane_bridge::pixels::{PixelChoice, Screen};
 
@@ -92,90 +93,92 @@ pub struct GenerateOptions {
 /// Before anything is written: the corpus was begun with another plan, a scenario of `only` is not in the plan, or there is no
 /// simulator. Later: the corpus cannot be read. Scenarios that fail are not errors but part of the outcome, and so is a run that
 /// ends early.
-pub async fn generate(
-    sweep: &Sweep,
-    corpus_root: &Path,
-    options: &GenerateOptions,
-    cancel: &Cancel,
-    on_event: &mut OnEvent<'_>,
-) -> Result<Outcome, GenerateError> {
-    let plan = expand(sweep);
-    let wanted = wanted(&plan, options)?;
-    let (split_there, in_store) = match &options.remote {
-        Some(remote) => (remote.look(&plan).await?, remote.committed(&wanted).await?),
-        None => (None, BTreeMap::new()),
-    };
-    if let Some(remote) = &options.remote {
-        stage::check(corpus_root, remote.store.name())?;
-    }
-    let frozen = freeze::frozen_plan(corpus_root, &plan)?;
-    let mut outcome = Outcome::default();
-    let (mut to_make, mut staged) = (Vec::new(), Vec::new());
-    for scenario in wanted {
-        let is_whole = || match Corpus::open(corpus_root) {
-            Ok(corpus) => freeze::is_whole(&corpus, scenario),
-            Err(_) => Ok(false),
+pub fn generate<'a>(
+    sweep: &'a Sweep,
+    corpus_root: &'a Path,
+    options: &'a GenerateOptions,
+    cancel: &'a Cancel,
+    on_event: &'a mut OnEvent<'a>,
+) -> LocalBoxFuture<'a, Result<Outcome, GenerateError>> {
+    Box::pin(async move {
+        let plan = expand(sweep);
+        let wanted = wanted(&plan, options)?;
+        let (split_there, in_store) = match &options.remote {
+            Some(remote) => (remote.look(&plan).await?, remote.committed(&wanted).await?),
+            None => (None, BTreeMap::new()),
         };
-        if in_store.contains_key(&scenario.id) {
-            outcome.skipped.push(scenario.id.clone());
-        } else if !is_whole()? {
-            to_make.push(scenario);
-        } else if options.remote.is_some() {
-            staged.push(scenario);
-        } else {
-            outcome.skipped.push(scenario.id.clone());
+        if let Some(remote) = &options.remote {
+            stage::check(corpus_root, remote.store.name())?;
         }
-    }
-    let reporter = Reporter::new(on_event);
-    reporter.tell(Event::Planned {
-        to_make: to_make.len(),
-        skipped: outcome.skipped.len(),
-        ticks: to_make.iter().map(|s| u64::from(s.ticks)).sum(),
-    });
-    if !staged.is_empty() {
-        reporter.tell(Event::StagedBefore {
-            scenarios: staged.len(),
+        let frozen = freeze::frozen_plan(corpus_root, &plan)?;
+        let mut outcome = Outcome::default();
+        let (mut to_make, mut staged) = (Vec::new(), Vec::new());
+        for scenario in wanted {
+            let is_whole = || match Corpus::open(corpus_root) {
+                Ok(corpus) => freeze::is_whole(&corpus, scenario),
+                Err(_) => Ok(false),
+            };
+            if in_store.contains_key(&scenario.id) {
+                outcome.skipped.push(scenario.id.clone());
+            } else if !is_whole()? {
+                to_make.push(scenario);
+            } else if options.remote.is_some() {
+                staged.push(scenario);
+            } else {
+                outcome.skipped.push(scenario.id.clone());
+            }
+        }
+        let reporter = Reporter::new(on_event);
+        reporter.tell(Event::Planned {
+            to_make: to_make.len(),
+            skipped: outcome.skipped.len(),
+            ticks: to_make.iter().map(|s| u64::from(s.ticks)).sum(),
         });
-    }
-    if options.remote.is_none() && to_make.is_empty() && frozen.as_ref() == Some(&plan) {
-        Claim::tidy(&Corpus::open(corpus_root)?);
-        return Ok(outcome);
-    }
-    let on_disk = at_once_on_disk(&to_make, options);
-    warn_of_little_space(corpus_root, &plan.common, &on_disk, &reporter);
-    if !to_make.is_empty() {
-        memory::check("recording a scenario", recording_bytes(&plan.common))
-            .map_err(dataset::Error::from)?;
-    }
-    // A missing simulator is detected before anything is written.
-    let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
-    let corpus = Corpus::create(corpus_root)?;
-    if let Some(remote) = &options.remote {
-        stage::mark(&corpus, remote.store.name())?;
-    }
-    freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
-    if let Some(remote) = &options.remote {
-        remote.publish(&corpus, &plan).await?;
-        remote.clear_what_is_sent(&corpus, &in_store).await;
-        remote.bring_failures(&corpus, &to_make, &in_store).await?;
-    }
-    for scenario in &to_make {
-        if let Some(before) = SetAside::read(&corpus, &scenario.id) {
-            let reason = before.reasons.last().map_or("", String::as_str);
-            reporter.tell(Event::SetAsideBefore {
-                id: &scenario.id,
-                reason,
+        if !staged.is_empty() {
+            reporter.tell(Event::StagedBefore {
+                scenarios: staged.len(),
             });
         }
-    }
-    let work = Work {
-        sweep,
-        plan: &plan,
-        corpus: &corpus,
-    };
-    Run::new(work, reporter, options, &to_make, outcome)
-        .work_through(sessions, &staged, cancel)
-        .await
+        if options.remote.is_none() && to_make.is_empty() && frozen.as_ref() == Some(&plan) {
+            Claim::tidy(&Corpus::open(corpus_root)?);
+            return Ok(outcome);
+        }
+        let on_disk = at_once_on_disk(&to_make, options);
+        warn_of_little_space(corpus_root, &plan.common, &on_disk, &reporter);
+        if !to_make.is_empty() {
+            memory::check("recording a scenario", recording_bytes(&plan.common))
+                .map_err(dataset::Error::from)?;
+        }
+        // A missing simulator is detected before anything is written.
+        let sessions = open_sessions(options, sweep.picture, !to_make.is_empty(), cancel).await?;
+        let corpus = Corpus::create(corpus_root)?;
+        if let Some(remote) = &options.remote {
+            stage::mark(&corpus, remote.store.name())?;
+        }
+        freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
+        if let Some(remote) = &options.remote {
+            remote.publish(&corpus, &plan).await?;
+            remote.clear_what_is_sent(&corpus, &in_store).await;
+            remote.bring_failures(&corpus, &to_make, &in_store).await?;
+        }
+        for scenario in &to_make {
+            if let Some(before) = SetAside::read(&corpus, &scenario.id) {
+                let reason = before.reasons.last().map_or("", String::as_str);
+                reporter.tell(Event::SetAsideBefore {
+                    id: &scenario.id,
+                    reason,
+                });
+            }
+        }
+        let work = Work {
+            sweep,
+            plan: &plan,
+            corpus: &corpus,
+        };
+        Run::new(work, reporter, options, &to_make, outcome)
+            .work_through(sessions, &staged, cancel)
+            .await
+    })
 }
 
 /// Memory for one simulator's pictures that wait to be drawn, sent and encoded.

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
+use futures_util::future::BoxFuture;
 use serde::Deserialize;
 use tokio::io::{AsyncBufReadExt, BufReader};
 use tokio::process::{Child, ChildStdout, Command};
@@ -80,45 +81,50 @@ impl StandInTask<'_> {
 
 impl StandIn {
     /// Starts `program mock-xplane` on free ports for a task and waits until it is ready.
-    pub async fn start(program: &Path, task: StandInTask<'_>) -> Result<Self, StandInError> {
-        let failed = |source| StandInError::Start {
-            program: program.to_owned(),
-            source,
-        };
-        let mut child = Command::new(program)
-            // Its standard input ends with this process, even if this process is killed: no stand-in is left behind.
-            .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
-            .args(task.arguments())
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .kill_on_drop(true)
-            // Ctrl-C in a terminal goes to the whole group: the stand-in must survive until we have stopped cleanly.
-            .process_group(0)
-            .spawn()
-            .map_err(failed)?;
-        let stdout = child
-            .stdout
-            .take()
-            .ok_or_else(|| failed(std::io::ErrorKind::BrokenPipe.into()))?;
-        let mut stdout = BufReader::new(stdout);
-        let mut line = String::new();
-        let read = timeout(READY_WITHIN, stdout.read_line(&mut line)).await;
-        let not_ready = |found: String| StandInError::NotReady {
-            program: program.to_owned(),
-            found,
-        };
-        match read {
-            Err(_) => return Err(not_ready(format!("nothing within {READY_WITHIN:?}"))),
-            Ok(Err(error)) => return Err(not_ready(error.to_string())),
-            Ok(Ok(0)) => return Err(not_ready("it ended at once".into())),
-            Ok(Ok(_)) => {}
-        }
-        let ready: ReadyLine = serde_json::from_str(&line)
-            .map_err(|error| not_ready(format!("{error} in {}", line.trim())))?;
-        Ok(Self {
-            child,
-            address: ready.udp,
-            _stdout: stdout,
+    pub fn start<'a>(
+        program: &'a Path,
+        task: StandInTask<'a>,
+    ) -> BoxFuture<'a, Result<Self, StandInError>> {
+        Box::pin(async move {
+            let failed = |source| StandInError::Start {
+                program: program.to_owned(),
+                source,
+            };
+            let mut child = Command::new(program)
+                // Its standard input ends with this process, even if this process is killed: no stand-in is left behind.
+                .args(["mock-xplane", "--port", "0", "--until-stdin-ends"])
+                .args(task.arguments())
+                .stdin(Stdio::piped())
+                .stdout(Stdio::piped())
+                .kill_on_drop(true)
+                // Ctrl-C in a terminal goes to the whole group: the stand-in must survive until we have stopped cleanly.
+                .process_group(0)
+                .spawn()
+                .map_err(failed)?;
+            let stdout = child
+                .stdout
+                .take()
+                .ok_or_else(|| failed(std::io::ErrorKind::BrokenPipe.into()))?;
+            let mut stdout = BufReader::new(stdout);
+            let mut line = String::new();
+            let read = timeout(READY_WITHIN, stdout.read_line(&mut line)).await;
+            let not_ready = |found: String| StandInError::NotReady {
+                program: program.to_owned(),
+                found,
+            };
+            match read {
+                Err(_) => return Err(not_ready(format!("nothing within {READY_WITHIN:?}"))),
+                Ok(Err(error)) => return Err(not_ready(error.to_string())),
+                Ok(Ok(0)) => return Err(not_ready("it ended at once".into())),
+                Ok(Ok(_)) => {}
+            }
+            let ready: ReadyLine = serde_json::from_str(&line)
+                .map_err(|error| not_ready(format!("{error} in {}", line.trim())))?;
+            Ok(Self {
+                child,
+                address: ready.udp,
+                _stdout: stdout,
+            })
         })
     }
 
@@ -133,10 +139,12 @@ impl StandIn {
     }
 
     /// Ends it and waits until it is gone.
-    pub async fn stop(mut self) {
-        if let Err(error) = self.child.kill().await {
-            tracing::debug!(%error, "the stand-in had ended already");
-        }
+    pub fn stop(mut self) -> BoxFuture<'static, ()> {
+        Box::pin(async move {
+            if let Err(error) = self.child.kill().await {
+                tracing::debug!(%error, "the stand-in had ended already");
+            }
+        })
     }
 }
 

@@ -24,6 +24,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use futures_util::future::BoxFuture;
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 use tokio::task::JoinSet;
@@ -242,7 +243,7 @@ pub async fn serve_with(
         engine,
     };
     ready(addresses);
-    server.run().await
+    server.boxed().await
 }
 
 /// The ports that clients look for: X-Plane's UDP, and the capture link above it.
@@ -322,6 +323,12 @@ struct Server {
 }
 
 impl Server {
+    /// As a box, which is compiled here: an `async fn` is compiled again by every program that awaits it, and this one takes half a
+    /// minute.
+    fn boxed(self) -> BoxFuture<'static, Result<(), MockError>> {
+        Box::pin(async move { self.run().await })
+    }
+
     async fn run(&self) -> Result<(), MockError> {
         for number in 1.. {
             let mut session = self.begin_session(number);

@@ -8,6 +8,7 @@ use std::time::{Duration, SystemTime};
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use dataset::seal::{DONE, MANIFEST, Seal};
+use futures_util::future::BoxFuture;
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::path::Path as ObjectPath;
 use object_store::{
@@ -96,53 +97,57 @@ impl CorpusStore {
     ///
     /// # Errors
     /// No such bucket, wrong credentials, no answer: separate errors.
-    pub async fn check(&self) -> Result<()> {
-        let look = async {
-            let mut found = self.store.list(Some(&self.root));
-            match found.try_next().await {
-                Ok(_) => Ok(()),
-                Err(error) => Err(self.error("list what is there", &error)),
-            }
-        };
-        match timeout(FIRST_WORD, look).await {
-            Ok(answered) => answered,
-            Err(_) => Err(StoreError::Away {
-                url: self.name.clone(),
-                doing: "list what is there".into(),
-                message: format!(
-                    "no answer within {FIRST_WORD:?} (without credentials in the environment the machine's own are looked for, which \
+    pub fn check(&self) -> BoxFuture<'_, Result<()>> {
+        Box::pin(async move {
+            let look = async {
+                let mut found = self.store.list(Some(&self.root));
+                match found.try_next().await {
+                    Ok(_) => Ok(()),
+                    Err(error) => Err(self.error("list what is there", &error)),
+                }
+            };
+            match timeout(FIRST_WORD, look).await {
+                Ok(answered) => answered,
+                Err(_) => Err(StoreError::Away {
+                    url: self.name.clone(),
+                    doing: "list what is there".into(),
+                    message: format!(
+                        "no answer within {FIRST_WORD:?} (without credentials in the environment the machine's own are looked for, which \
                      may take longer)"
-                ),
-            }),
-        }
+                    ),
+                }),
+            }
+        })
     }
 
     /// Identifiers of all committed scenarios.
-    pub async fn committed(&self) -> Result<BTreeSet<String>> {
-        let folder = self.key(SCENARIOS);
-        let mut found = self.store.list(Some(&folder));
-        let mut ids = BTreeSet::new();
-        while let Some(object) = found
-            .try_next()
-            .await
-            .map_err(|error| self.error("list the scenarios", &error))?
-        {
-            let Some(parts) = object.location.prefix_match(&folder) else {
-                continue;
-            };
-            let parts: Vec<_> = parts.collect();
-            if let [id, file] = parts.as_slice()
-                && file.as_ref() == DONE
+    pub fn committed(&self) -> BoxFuture<'_, Result<BTreeSet<String>>> {
+        Box::pin(async move {
+            let folder = self.key(SCENARIOS);
+            let mut found = self.store.list(Some(&folder));
+            let mut ids = BTreeSet::new();
+            while let Some(object) = found
+                .try_next()
+                .await
+                .map_err(|error| self.error("list the scenarios", &error))?
             {
-                ids.insert(id.as_ref().to_owned());
+                let Some(parts) = object.location.prefix_match(&folder) else {
+                    continue;
+                };
+                let parts: Vec<_> = parts.collect();
+                if let [id, file] = parts.as_slice()
+                    && file.as_ref() == DONE
+                {
+                    ids.insert(id.as_ref().to_owned());
+                }
             }
-        }
-        Ok(ids)
+            Ok(ids)
+        })
     }
 
     /// The seal of a scenario, if it is committed.
-    pub async fn seal(&self, id: &str) -> Result<Option<Seal>> {
-        Ok(self.dated_seal(id).await?.map(|(seal, _)| seal))
+    pub fn seal<'a>(&'a self, id: &'a str) -> BoxFuture<'a, Result<Option<Seal>>> {
+        Box::pin(async move { Ok(self.dated_seal(id).await?.map(|(seal, _)| seal)) })
     }
 
     /// The same with its commit time, by the store's clock.
@@ -177,8 +182,8 @@ impl CorpusStore {
     }
 
     /// A small file, if it exists; named as in the corpus' folder.
-    pub async fn read(&self, name: &str) -> Result<Option<Vec<u8>>> {
-        Ok(self.read_object(name).await?.map(|(bytes, _)| bytes))
+    pub fn read<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Option<Vec<u8>>>> {
+        Box::pin(async move { Ok(self.read_object(name).await?.map(|(bytes, _)| bytes)) })
     }
 
     pub(crate) async fn read_object(&self, name: &str) -> Result<Option<(Vec<u8>, ObjectMeta)>> {
@@ -232,19 +237,23 @@ impl CorpusStore {
     }
 
     /// Writes a small file unconditionally; named as in the corpus' folder.
-    pub async fn write(&self, name: &str, bytes: &[u8]) -> Result<()> {
-        self.own_key(name)?;
-        self.put(name, bytes, PutMode::Overwrite)
-            .await
-            .map_err(|error| self.error(&format!("write {name}"), &error))
+    pub fn write<'a>(&'a self, name: &'a str, bytes: &'a [u8]) -> BoxFuture<'a, Result<()>> {
+        Box::pin(async move {
+            self.own_key(name)?;
+            self.put(name, bytes, PutMode::Overwrite)
+                .await
+                .map_err(|error| self.error(&format!("write {name}"), &error))
+        })
     }
 
     /// Deletes a small file, if it exists. Checks first: write permission does not imply permission to delete.
-    pub async fn remove(&self, name: &str) -> Result<()> {
-        match self.read(name).await? {
-            Some(_) => self.delete(name).await,
-            None => Ok(()),
-        }
+    pub fn remove<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<()>> {
+        Box::pin(async move {
+            match self.read(name).await? {
+                Some(_) => self.delete(name).await,
+                None => Ok(()),
+            }
+        })
     }
 
     /// Deletes an object, if it exists.
@@ -256,14 +265,16 @@ impl CorpusStore {
     }
 
     /// Names of the files directly in a folder of the corpus.
-    pub async fn names_in(&self, folder: &str) -> Result<BTreeSet<String>> {
-        let folder_key = self.key(folder);
-        let list = self.store.list_with_delimiter(Some(&folder_key)).await;
-        let found = list.map_err(|error| self.error(&format!("list {folder}"), &error))?;
-        let names = found.objects.iter();
-        Ok(names
-            .filter_map(|object| Some(object.location.filename()?.to_owned()))
-            .collect())
+    pub fn names_in<'a>(&'a self, folder: &'a str) -> BoxFuture<'a, Result<BTreeSet<String>>> {
+        Box::pin(async move {
+            let folder_key = self.key(folder);
+            let list = self.store.list_with_delimiter(Some(&folder_key)).await;
+            let found = list.map_err(|error| self.error(&format!("list {folder}"), &error))?;
+            let names = found.objects.iter();
+            Ok(names
+                .filter_map(|object| Some(object.location.filename()?.to_owned()))
+                .collect())
+        })
     }
 
     pub(crate) async fn put(

@@ -10,6 +10,7 @@ use dataset::corpus::ScenarioFolder;
 use dataset::detections::{FOLDER, Provenance, models_of, provenance, record_path};
 use dataset::own_path::own_path;
 use dataset::seal::{SealedFile, hash_file, is_within};
+use futures_util::future::BoxFuture;
 
 use crate::corpus_store::{CorpusStore, ObjectInfo, scenario_file};
 use crate::error::Result;
@@ -52,159 +53,168 @@ fn files_of(model: &str) -> [String; 2] {
 
 impl CorpusStore {
     /// Whether the store has all detections of a scenario's folder, byte for byte.
-    pub async fn has_detections_of(&self, folder: &ScenarioFolder) -> Result<bool> {
-        let models = models_of(folder)?;
-        if models.is_empty() {
-            return Ok(true);
-        }
-        let there = self.objects(&folder.id()).await?;
-        for name in models.iter().flat_map(|model| files_of(model)) {
-            let path = own_path(folder.root(), &name)?;
-            if !path.exists() {
-                continue;
+    pub fn has_detections_of<'a>(
+        &'a self,
+        folder: &'a ScenarioFolder,
+    ) -> BoxFuture<'a, Result<bool>> {
+        Box::pin(async move {
+            let models = models_of(folder)?;
+            if models.is_empty() {
+                return Ok(true);
             }
-            let blake3 = hash_file(&path)?;
-            if !self
-                .has(folder, &SealedFile { name, blake3 }, &there)
-                .await?
-            {
-                return Ok(false);
+            let there = self.objects(&folder.id()).await?;
+            for name in models.iter().flat_map(|model| files_of(model)) {
+                let path = own_path(folder.root(), &name)?;
+                if !path.exists() {
+                    continue;
+                }
+                let blake3 = hash_file(&path)?;
+                if !self
+                    .has(folder, &SealedFile { name, blake3 }, &there)
+                    .await?
+                {
+                    return Ok(false);
+                }
             }
-        }
-        Ok(true)
+            Ok(true)
+        })
     }
 
     /// Uploads the detections of a scenario that the store lacks, or has older.
-    pub async fn push_detections(
-        &self,
-        folder: &ScenarioFolder,
-        watch: &dyn Watch,
-    ) -> Result<MovedDetections> {
-        let mut result = MovedDetections::default();
-        let models = models_of(folder)?;
-        if models.is_empty() {
-            return Ok(result);
-        }
-        let there = self.objects(&folder.id()).await?;
-        for model in models {
-            let ours = match sound(folder, &model) {
-                Ok(ours) => ours,
-                Err(damage) => {
-                    result.leave(&model, damage);
+    pub fn push_detections<'a>(
+        &'a self,
+        folder: &'a ScenarioFolder,
+        watch: &'a dyn Watch,
+    ) -> BoxFuture<'a, Result<MovedDetections>> {
+        Box::pin(async move {
+            let mut result = MovedDetections::default();
+            let models = models_of(folder)?;
+            if models.is_empty() {
+                return Ok(result);
+            }
+            let there = self.objects(&folder.id()).await?;
+            for model in models {
+                let ours = match sound(folder, &model) {
+                    Ok(ours) => ours,
+                    Err(damage) => {
+                        result.leave(&model, damage);
+                        continue;
+                    }
+                };
+                let [table, record] = files_of(&model);
+                let files = [
+                    SealedFile {
+                        name: table,
+                        blake3: ours.table_blake3,
+                    },
+                    SealedFile {
+                        blake3: hash_file(&record_path(folder, &model))?,
+                        name: record,
+                    },
+                ];
+                let mut same = true;
+                for file in &files {
+                    same &= self.has(folder, file, &there).await?;
+                }
+                if same {
                     continue;
                 }
-            };
-            let [table, record] = files_of(&model);
-            let files = [
-                SealedFile {
-                    name: table,
-                    blake3: ours.table_blake3,
-                },
-                SealedFile {
-                    blake3: hash_file(&record_path(folder, &model))?,
-                    name: record,
-                },
-            ];
-            let mut same = true;
-            for file in &files {
-                same &= self.has(folder, file, &there).await?;
-            }
-            if same {
-                continue;
-            }
-            // The record commits, there as here.
-            if let Some(theirs) = there.get(&files[1].name) {
-                let path = record_path(folder, &model);
-                let ours = fs::metadata(&path).and_then(|found| found.modified());
-                let ours = ours.map_err(dataset::Error::io("look at", &path))?;
-                if theirs.modified > ours {
-                    result.leave(
+                // The record commits, there as here.
+                if let Some(theirs) = there.get(&files[1].name) {
+                    let path = record_path(folder, &model);
+                    let ours = fs::metadata(&path).and_then(|found| found.modified());
+                    let ours = ours.map_err(dataset::Error::io("look at", &path))?;
+                    if theirs.modified > ours {
+                        result.leave(
                         &model,
                         "the store has others, which are newer; move these away and `dtd fetch`, or detect again",
                     );
-                    continue;
+                        continue;
+                    }
+                    result.replaced.push(model.clone());
                 }
-                result.replaced.push(model.clone());
+                for file in &files {
+                    self.send_if_missing(folder, file, &there, watch).await?;
+                }
+                result.moved.push(model);
             }
-            for file in &files {
-                self.send_if_missing(folder, file, &there, watch).await?;
-            }
-            result.moved.push(model);
-        }
-        Ok(result)
+            Ok(result)
+        })
     }
 
     /// Downloads the detections that a committed scenario has and the folder lacks. Existing ones in the folder stay as they are.
-    pub async fn fetch_detections(
-        &self,
-        folder: &ScenarioFolder,
-        watch: &dyn Watch,
-    ) -> Result<MovedDetections> {
-        let mut result = MovedDetections::default();
-        let there = self.objects(&folder.id()).await?;
-        // Held while something is written.
-        let mut claimed = None;
-        for model in models_in(&there) {
-            let [table, record] = files_of(&model);
-            let name = scenario_file(&folder.id(), &record);
-            let Some(theirs) = self
-                .read(&name)
-                .await?
-                .filter(|_| there.contains_key(&table))
-            else {
-                result.leave(
-                    &model,
-                    "the store has half of them: table or record is missing",
-                );
-                continue;
-            };
-            let Ok(Provenance { table_blake3, .. }) = serde_json::from_slice(&theirs) else {
-                result.leave(
-                    &model,
-                    "the store's record of them does not say what they were made from",
-                );
-                continue;
-            };
-            let record_blake3 = blake3::hash(&theirs).to_string();
-            let stand = || standing(folder, &model, &record_blake3, there.get(&record));
-            let mut standing = stand()?;
-            if matches!(standing, Standing::Missing { .. }) && claimed.is_none() {
-                claimed = Some(claim(folder).await?);
-                // The process that we waited for may have written them.
-                standing = stand()?;
-            }
-            let mends = match standing {
-                Standing::Missing { mends } => mends,
-                Standing::Same => continue,
-                Standing::Others(reason) => {
-                    result.leave(&model, reason);
+    pub fn fetch_detections<'a>(
+        &'a self,
+        folder: &'a ScenarioFolder,
+        watch: &'a dyn Watch,
+    ) -> BoxFuture<'a, Result<MovedDetections>> {
+        Box::pin(async move {
+            let mut result = MovedDetections::default();
+            let there = self.objects(&folder.id()).await?;
+            // Held while something is written.
+            let mut claimed = None;
+            for model in models_in(&there) {
+                let [table, record] = files_of(&model);
+                let name = scenario_file(&folder.id(), &record);
+                let Some(theirs) = self
+                    .read(&name)
+                    .await?
+                    .filter(|_| there.contains_key(&table))
+                else {
+                    result.leave(
+                        &model,
+                        "the store has half of them: table or record is missing",
+                    );
                     continue;
+                };
+                let Ok(Provenance { table_blake3, .. }) = serde_json::from_slice(&theirs) else {
+                    result.leave(
+                        &model,
+                        "the store's record of them does not say what they were made from",
+                    );
+                    continue;
+                };
+                let record_blake3 = blake3::hash(&theirs).to_string();
+                let stand = || standing(folder, &model, &record_blake3, there.get(&record));
+                let mut standing = stand()?;
+                if matches!(standing, Standing::Missing { .. }) && claimed.is_none() {
+                    claimed = Some(claim(folder).await?);
+                    // The process that we waited for may have written them.
+                    standing = stand()?;
                 }
-            };
-            let names = [(table, table_blake3), (record, record_blake3)];
-            let mut failed = None;
-            for (name, blake3) in &names {
-                let target = own_path(folder.root(), name)?;
-                let name = scenario_file(&folder.id(), name);
-                match self.bring(&name, &target, blake3, watch).await {
-                    Err(error @ crate::StoreError::Damaged { .. }) => {
-                        failed = Some(error);
-                        break;
+                let mends = match standing {
+                    Standing::Missing { mends } => mends,
+                    Standing::Same => continue,
+                    Standing::Others(reason) => {
+                        result.leave(&model, reason);
+                        continue;
                     }
-                    brought => brought?,
+                };
+                let names = [(table, table_blake3), (record, record_blake3)];
+                let mut failed = None;
+                for (name, blake3) in &names {
+                    let target = own_path(folder.root(), name)?;
+                    let name = scenario_file(&folder.id(), name);
+                    match self.bring(&name, &target, blake3, watch).await {
+                        Err(error @ crate::StoreError::Damaged { .. }) => {
+                            failed = Some(error);
+                            break;
+                        }
+                        brought => brought?,
+                    }
+                }
+                match failed {
+                    Some(error) => result.leave(&model, error),
+                    None => {
+                        if mends {
+                            result.replaced.push(model.clone());
+                        }
+                        result.moved.push(model);
+                    }
                 }
             }
-            match failed {
-                Some(error) => result.leave(&model, error),
-                None => {
-                    if mends {
-                        result.replaced.push(model.clone());
-                    }
-                    result.moved.push(model);
-                }
-            }
-        }
-        Ok(result)
+            Ok(result)
+        })
     }
 }
 

@@ -12,6 +12,7 @@ use dataset::open_scenario::check_identity;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::{own_path, refuse_link};
 use dataset::seal::{self, DONE, MANIFEST, SealedFile};
+use futures_util::future::LocalBoxFuture;
 use futures_util::{StreamExt, TryStreamExt, stream};
 use object_store::GetOptions;
 use tokio::task::spawn_blocking;
@@ -46,74 +47,78 @@ pub enum Fetched {
 
 impl CorpusStore {
     /// Downloads a committed scenario, or resumes. Files are checked against `MANIFEST.b3`, and that against `DONE.json`.
-    pub async fn fetch_scenario(
-        &self,
-        id: &str,
-        corpus: &Corpus,
-        watch: &dyn Watch,
-    ) -> Result<Fetched> {
-        let damaged = |message: String| StoreError::Damaged {
-            place: format!("{}/scenarios/{id}", self.name()),
-            message,
-        };
-        if !seal::is_within(Path::new(id)) {
-            return Err(damaged("is not the name of a scenario".into()));
-        }
-        let Some(theirs) = self.seal(id).await? else {
-            return Ok(Fetched::NotCommitted);
-        };
-        let committed = corpus.scenario(id);
-        if committed.seal()?.as_ref() == Some(&theirs) {
-            return Ok(Fetched::Same);
-        }
-        let claim = claim(&committed).await?;
-        match committed.seal()? {
-            Some(ours) if ours == theirs => return Ok(Fetched::Same),
-            None if !committed.root().exists() => {}
-            _ => return Ok(Fetched::Other),
-        }
-        let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
-        let manifest = manifest.ok_or_else(|| damaged(format!("{MANIFEST} is missing")))?;
-        let manifest = String::from_utf8(manifest).map_err(|error| damaged(error.to_string()))?;
-        let files =
-            seal::sealed_files(&manifest, &theirs).map_err(|bad| damaged(bad.to_string()))?;
-
-        let partial = corpus.partial_scenario(id);
-        refuse_link(partial.root())?;
-        clear_others(partial.root(), &files)?;
-        let jobs = files.iter().map(|file| {
-            let target = own_path(partial.root(), &file.name);
-            let name = scenario_file(id, &file.name);
-            async move {
-                let target = target?;
-                let there = target.is_file() && seal::hash_file(&target)? == file.blake3;
-                if !there {
-                    self.bring(&name, &target, &file.blake3, watch).await?;
-                }
-                Ok::<bool, StoreError>(!there)
+    pub fn fetch_scenario<'a>(
+        &'a self,
+        id: &'a str,
+        corpus: &'a Corpus,
+        watch: &'a dyn Watch,
+    ) -> LocalBoxFuture<'a, Result<Fetched>> {
+        Box::pin(async move {
+            let damaged = |message: String| StoreError::Damaged {
+                place: format!("{}/scenarios/{id}", self.name()),
+                message,
+            };
+            if !seal::is_within(Path::new(id)) {
+                return Err(damaged("is not the name of a scenario".into()));
             }
-        });
-        let brought: Vec<bool> = stream::iter(jobs)
-            .buffer_unordered(FILES_AT_ONCE)
-            .try_collect()
-            .await?;
-        if let Some(record) = files.iter().find(|file| file.name == RECORD) {
-            let path = partial.root().join(&record.name);
-            let content = outside_file::read(&path, FileKind::json("scenario record").unlinked())?;
-            check_identity(id, &theirs, &content, Path::new(&record.name))
-                .map_err(|error| damaged(error.to_string()))?;
-        }
-        write_atomically(&partial.root().join(MANIFEST), manifest.as_bytes())?;
-        dataset::json_file::write_json(&partial.root().join(DONE), &theirs)?;
-        for folder in [partial.root().to_owned(), partial.root().join("views")] {
-            clear_leftovers(&folder);
-        }
-        seal::commit_folder(partial.root(), committed.root())?;
-        drop(claim);
-        let brought_files = brought.iter().filter(|brought| **brought).count();
-        Ok(Fetched::Whole {
-            brought: brought_files,
-            there: brought.len() - brought_files,
+            let Some(theirs) = self.seal(id).await? else {
+                return Ok(Fetched::NotCommitted);
+            };
+            let committed = corpus.scenario(id);
+            if committed.seal()?.as_ref() == Some(&theirs) {
+                return Ok(Fetched::Same);
+            }
+            let claim = claim(&committed).await?;
+            match committed.seal()? {
+                Some(ours) if ours == theirs => return Ok(Fetched::Same),
+                None if !committed.root().exists() => {}
+                _ => return Ok(Fetched::Other),
+            }
+            let manifest = self.read(&scenario_file(id, MANIFEST)).await?;
+            let manifest = manifest.ok_or_else(|| damaged(format!("{MANIFEST} is missing")))?;
+            let manifest =
+                String::from_utf8(manifest).map_err(|error| damaged(error.to_string()))?;
+            let files =
+                seal::sealed_files(&manifest, &theirs).map_err(|bad| damaged(bad.to_string()))?;
+
+            let partial = corpus.partial_scenario(id);
+            refuse_link(partial.root())?;
+            clear_others(partial.root(), &files)?;
+            let jobs = files.iter().map(|file| {
+                let target = own_path(partial.root(), &file.name);
+                let name = scenario_file(id, &file.name);
+                async move {
+                    let target = target?;
+                    let there = target.is_file() && seal::hash_file(&target)? == file.blake3;
+                    if !there {
+                        self.bring(&name, &target, &file.blake3, watch).await?;
+                    }
+                    Ok::<bool, StoreError>(!there)
+                }
+            });
+            let brought: Vec<bool> = stream::iter(jobs)
+                .buffer_unordered(FILES_AT_ONCE)
+                .try_collect()
+                .await?;
+            if let Some(record) = files.iter().find(|file| file.name == RECORD) {
+                let path = partial.root().join(&record.name);
+                let content =
+                    outside_file::read(&path, FileKind::json("scenario record").unlinked())?;
+                check_identity(id, &theirs, &content, Path::new(&record.name))
+                    .map_err(|error| damaged(error.to_string()))?;
+            }
+            write_atomically(&partial.root().join(MANIFEST), manifest.as_bytes())?;
+            dataset::json_file::write_json(&partial.root().join(DONE), &theirs)?;
+            for folder in [partial.root().to_owned(), partial.root().join("views")] {
+                clear_leftovers(&folder);
+            }
+            seal::commit_folder(partial.root(), committed.root())?;
+            drop(claim);
+            let brought_files = brought.iter().filter(|brought| **brought).count();
+            Ok(Fetched::Whole {
+                brought: brought_files,
+                there: brought.len() - brought_files,
+            })
         })
     }
 

@@ -20,6 +20,7 @@ use object_store::signer::{SignedUrlOptions, Signer};
 
 use crate::corpus_store::{CorpusStore, SCENARIOS};
 use crate::error::{Result, StoreError};
+use futures_util::future::BoxFuture;
 
 /// A signed request is sent at once.
 const VALID_FOR: Duration = Duration::from_secs(60);
@@ -49,12 +50,17 @@ impl CorpusStore {
     ///
     /// # Errors
     /// The store does not list them, or does not allow clearing them.
-    pub async fn clear_unfinished(&self, scenarios: &BTreeSet<String>) -> Result<usize> {
-        match &self.unfinished {
-            Unfinished::Nowhere => Ok(0),
-            Unfinished::Folder(root) => Ok(clear_folder(&root.join(SCENARIOS), scenarios)),
-            Unfinished::S3(s3) => self.clear_bucket(s3, scenarios).await,
-        }
+    pub fn clear_unfinished<'a>(
+        &'a self,
+        scenarios: &'a BTreeSet<String>,
+    ) -> BoxFuture<'a, Result<usize>> {
+        Box::pin(async move {
+            match &self.unfinished {
+                Unfinished::Nowhere => Ok(0),
+                Unfinished::Folder(root) => Ok(clear_folder(&root.join(SCENARIOS), scenarios)),
+                Unfinished::S3(s3) => self.clear_bucket(s3, scenarios).await,
+            }
+        })
     }
 
     async fn clear_bucket(&self, s3: &AmazonS3, scenarios: &BTreeSet<String>) -> Result<usize> {

@@ -14,6 +14,7 @@ use dataset::json_file::json_bytes;
 use dataset::outside_file::{self, FileKind};
 use dataset::seal::{self, DONE, MANIFEST, Seal, SealedFile};
 use dataset::sealed::Sealed;
+use futures_util::future::BoxFuture;
 use object_store::{PutMultipartOptions, PutOptions, WriteMultipart};
 use tokio::task::spawn_blocking;
 
@@ -67,39 +68,45 @@ impl CorpusStore {
     /// # Errors
     /// The folder does not match its seal, the scenario in the store has other parameters, or the store fails; then the same call
     /// resumes.
-    pub async fn push_scenario(
-        &self,
-        folder: &ScenarioFolder,
+    pub fn push_scenario<'a>(
+        &'a self,
+        folder: &'a ScenarioFolder,
         on_other: OnOther,
-        watch: &dyn Watch,
-    ) -> Result<Pushed> {
-        let mut rounds_left = ROUNDS;
-        loop {
-            let damaged = |message: String| StoreError::Damaged {
-                place: folder.root().display().to_string(),
-                message,
-            };
-            let sealed = match Sealed::read(folder.root()) {
-                Ok(Some(sealed)) => sealed,
-                Ok(None) => return Err(damaged(format!("has no {DONE}: it was never finished"))),
-                Err(error) if error.is_bad_content() => return Err(damaged(error.to_string())),
-                Err(error) => return Err(error.into()),
-            };
-            match self.push_state(folder, &sealed, on_other, watch).await {
-                // It was labelled in the meantime, or a file was renamed between two looks.
-                Err(StoreError::Damaged { .. })
-                    if folder.seal()?.as_ref() != Some(sealed.seal()) => {}
-                Err(StoreError::Local(error))
-                    if (error.is_not_found() || error.is_passing()) && rounds_left > 0 =>
-                {
-                    rounds_left -= 1;
+        watch: &'a dyn Watch,
+    ) -> BoxFuture<'a, Result<Pushed>> {
+        Box::pin(async move {
+            let mut rounds_left = ROUNDS;
+            loop {
+                let damaged = |message: String| StoreError::Damaged {
+                    place: folder.root().display().to_string(),
+                    message,
+                };
+                let sealed = match Sealed::read(folder.root()) {
+                    Ok(Some(sealed)) => sealed,
+                    Ok(None) => {
+                        return Err(damaged(format!("has no {DONE}: it was never finished")));
+                    }
+                    Err(error) if error.is_bad_content() => return Err(damaged(error.to_string())),
+                    Err(error) => return Err(error.into()),
+                };
+                match self.push_state(folder, &sealed, on_other, watch).await {
+                    // It was labelled in the meantime, or a file was renamed between two looks.
+                    Err(StoreError::Damaged { .. })
+                        if folder.seal()?.as_ref() != Some(sealed.seal()) => {}
+                    Err(StoreError::Local(error))
+                        if (error.is_not_found() || error.is_passing()) && rounds_left > 0 =>
+                    {
+                        rounds_left -= 1;
+                    }
+                    Err(StoreError::Local(error))
+                        if error.is_not_found() || error.is_bad_content() =>
+                    {
+                        return Err(damaged(format!("does not match its seal: {error}")));
+                    }
+                    pushed => return pushed,
                 }
-                Err(StoreError::Local(error)) if error.is_not_found() || error.is_bad_content() => {
-                    return Err(damaged(format!("does not match its seal: {error}")));
-                }
-                pushed => return pushed,
             }
-        }
+        })
     }
 
     async fn push_state(

@@ -26,6 +26,7 @@ use dataset::conditions::{Clock, Conditions};
 use dataset::imaging::Imaging;
 use dataset::pose::FlightState;
 use dataset::runway::Runway;
+use futures_util::future::{BoxFuture, LocalBoxFuture};
 use tokio::time::{Instant, timeout_at};
 
 use crate::datarefs::{self, Generation};
@@ -94,6 +95,9 @@ pub struct SimulatorDescription {
 }
 
 /// A connected simulator.
+///
+/// Its larger methods return boxed futures. An `async fn` is compiled by every program that awaits it, with all that it awaits: that took
+/// 20 to 50 seconds for each test, and two minutes for `dtd`. A box is compiled once, here.
 #[derive(Debug)]
 pub struct Simulator {
     udp: UdpClient,
@@ -138,115 +142,117 @@ impl Simulator {
     /// Within `timeout`: [`BridgeError::NobodyAnswers`], [`BridgeError::NoPlugin`] or [`BridgeError::CannotOpenLink`], which say
     /// what to do; [`BridgeError::Link`] if the other side has another version; [`BridgeError::Refused`] if it requires another
     /// token.
-    pub async fn connect_with(
+    pub fn connect_with(
         address: SocketAddr,
         timeout: Duration,
         options: ConnectOptions,
-    ) -> Result<Self, BridgeError> {
-        let ConnectOptions {
-            token,
-            web_api,
-            no_shared_memory,
-        } = options;
-        let deadline = Instant::now() + timeout;
-        let mut udp = UdpClient::bind(address).await?;
-        let waited = timeout.mul_f64(1.0 - LINK_SHARE);
-        let names = [
-            datarefs::VERSION,
-            datarefs::CAPTURE_PORT,
-            datarefs::WEATHER_SETTLE_S,
-        ];
-        let values = udp
-            .read_until(
-                &names,
-                Instant::now() + waited,
-                |values| matches!(values, [Some(_), Some(port), Some(_)] if *port > 0.0),
-            )
-            .await?;
-        let [version, port, settle_s] = [values[0], values[1], values[2]];
-        let version = version.ok_or(BridgeError::NobodyAnswers { address, waited })?;
-        let port = match port {
-            Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
-            _ => return Err(BridgeError::NoPlugin { address, waited }),
-        };
-        let link_address = SocketAddr::new(address.ip(), port);
-        let mut link = LinkClient::open(link_address, deadline).await?;
-        let client = concat!("dtd ", env!("CARGO_PKG_VERSION")).to_owned();
-        let limit = deadline.saturating_duration_since(Instant::now());
-        let hello = Request::Hello {
-            client,
-            token: token.clone(),
-        };
-        let answer = link.ask("hello", &hello, limit).await?;
-        let Answer::Hello {
-            name,
-            version: simulator_version,
-            plugin,
-            pixels,
-            window,
-            drawn_size,
-            shares_memory_with,
-            imaging,
-            screen,
-            profile,
-            replayed,
-        } = answer
-        else {
-            return Err(wrong("hello", &answer));
-        };
-        let sharing = match no_shared_memory {
-            true => Sharing::Impossible,
-            false => Sharing::with(shares_memory_with, link.local_address()),
-        };
-        let profile = KnownProfile::of(
-            profile,
-            &format!("{name} {simulator_version}"),
-            plugin.as_deref(),
-        );
-        let description = SimulatorDescription {
-            name,
-            version: simulator_version,
-            capture_link: LINK_VERSION,
-            plugin,
-            pixels,
-            window,
-            drawn_size,
-            imaging,
-            profile,
-            replayed,
-        };
-        let generation = Generation::of_version(version);
-        let web_api = match (generation, web_api) {
-            (Generation::XPlane12, Some(place)) => find_web_api::usable(place, port).await,
-            _ => None,
-        };
-        tracing::info!(
-            %address, name = description.name, version = description.version, web_api = web_api.is_some(), "connected"
-        );
-        Ok(Self {
-            udp,
-            link,
-            web_api,
-            address,
-            description,
-            generation,
-            // A tape's weather has settled.
-            weather_settle: match replayed {
-                true => Duration::ZERO,
-                false => {
-                    Duration::from_secs_f32(settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0))
-                }
-            },
-            settle_frames: SETTLE_FRAMES,
-            pixels: Box::new(Payload(PixelKind::Link)),
-            drawn_on: DrawnOn::offered(screen, link_address, token),
-            conditions: None,
-            settings_watch: None,
-            aircraft: None,
-            begun: None,
-            outstanding: VecDeque::new(),
-            sharing,
-            spare_buffers: Vec::new(),
+    ) -> BoxFuture<'static, Result<Self, BridgeError>> {
+        Box::pin(async move {
+            let ConnectOptions {
+                token,
+                web_api,
+                no_shared_memory,
+            } = options;
+            let deadline = Instant::now() + timeout;
+            let mut udp = UdpClient::bind(address).await?;
+            let waited = timeout.mul_f64(1.0 - LINK_SHARE);
+            let names = [
+                datarefs::VERSION,
+                datarefs::CAPTURE_PORT,
+                datarefs::WEATHER_SETTLE_S,
+            ];
+            let values = udp
+                .read_until(
+                    &names,
+                    Instant::now() + waited,
+                    |values| matches!(values, [Some(_), Some(port), Some(_)] if *port > 0.0),
+                )
+                .await?;
+            let [version, port, settle_s] = [values[0], values[1], values[2]];
+            let version = version.ok_or(BridgeError::NobodyAnswers { address, waited })?;
+            let port = match port {
+                Some(port) if (1.0..=f32::from(u16::MAX)).contains(&port) => port as u16,
+                _ => return Err(BridgeError::NoPlugin { address, waited }),
+            };
+            let link_address = SocketAddr::new(address.ip(), port);
+            let mut link = LinkClient::open(link_address, deadline).await?;
+            let client = concat!("dtd ", env!("CARGO_PKG_VERSION")).to_owned();
+            let limit = deadline.saturating_duration_since(Instant::now());
+            let hello = Request::Hello {
+                client,
+                token: token.clone(),
+            };
+            let answer = link.ask("hello", &hello, limit).await?;
+            let Answer::Hello {
+                name,
+                version: simulator_version,
+                plugin,
+                pixels,
+                window,
+                drawn_size,
+                shares_memory_with,
+                imaging,
+                screen,
+                profile,
+                replayed,
+            } = answer
+            else {
+                return Err(wrong("hello", &answer));
+            };
+            let sharing = match no_shared_memory {
+                true => Sharing::Impossible,
+                false => Sharing::with(shares_memory_with, link.local_address()),
+            };
+            let profile = KnownProfile::of(
+                profile,
+                &format!("{name} {simulator_version}"),
+                plugin.as_deref(),
+            );
+            let description = SimulatorDescription {
+                name,
+                version: simulator_version,
+                capture_link: LINK_VERSION,
+                plugin,
+                pixels,
+                window,
+                drawn_size,
+                imaging,
+                profile,
+                replayed,
+            };
+            let generation = Generation::of_version(version);
+            let web_api = match (generation, web_api) {
+                (Generation::XPlane12, Some(place)) => find_web_api::usable(place, port).await,
+                _ => None,
+            };
+            tracing::info!(
+                %address, name = description.name, version = description.version, web_api = web_api.is_some(), "connected"
+            );
+            Ok(Self {
+                udp,
+                link,
+                web_api,
+                address,
+                description,
+                generation,
+                // A tape's weather has settled.
+                weather_settle: match replayed {
+                    true => Duration::ZERO,
+                    false => Duration::from_secs_f32(
+                        settle_s.unwrap_or(WEATHER_SETTLE_S).clamp(0.0, 60.0),
+                    ),
+                },
+                settle_frames: SETTLE_FRAMES,
+                pixels: Box::new(Payload(PixelKind::Link)),
+                drawn_on: DrawnOn::offered(screen, link_address, token),
+                conditions: None,
+                settings_watch: None,
+                aircraft: None,
+                begun: None,
+                outstanding: VecDeque::new(),
+                sharing,
+                spare_buffers: Vec::new(),
+            })
         })
     }
 
@@ -269,50 +275,55 @@ impl Simulator {
     /// # Errors
     /// The aircraft, the radios or the autopilot do not accept their settings, the simulator gives up, or its conditions have
     /// changed.
-    pub async fn fly(&mut self, request: &FlyRequest) -> Result<Vec<FlightState>, BridgeError> {
-        let already_started = match self.begun.take() {
-            Some((start, in_the_air)) if start == request.start => in_the_air,
-            _ => {
-                let conditions = self.conditions.clone();
-                let begun = self.begin_flight(&request.start, conditions.as_ref());
-                let in_the_air = begun.await?;
-                self.await_weather_of(conditions.as_ref()).await?;
-                in_the_air
+    pub fn fly<'a>(
+        &'a mut self,
+        request: &'a FlyRequest,
+    ) -> LocalBoxFuture<'a, Result<Vec<FlightState>, BridgeError>> {
+        Box::pin(async move {
+            let already_started = match self.begun.take() {
+                Some((start, in_the_air)) if start == request.start => in_the_air,
+                _ => {
+                    let conditions = self.conditions.clone();
+                    let begun = self.begin_flight(&request.start, conditions.as_ref());
+                    let in_the_air = begun.await?;
+                    self.await_weather_of(conditions.as_ref()).await?;
+                    in_the_air
+                }
+            };
+            self.resume().await?;
+            let radios = datarefs::approach_writes(&request.runway);
+            self.write_until_read_back(&radios).await?;
+            // Our plugin holds the aircraft until it releases it with a velocity, and engages the autopilot itself, once the aircraft
+            // is in the air: two sides that press its buttons switch it off again.
+            if self.description.plugin.is_none() {
+                self.let_aircraft_go().await?;
+                self.engage_approach().await?;
             }
-        };
-        self.resume().await?;
-        let radios = datarefs::approach_writes(&request.runway);
-        self.write_until_read_back(&radios).await?;
-        // Our plugin holds the aircraft until it releases it with a velocity, and engages the autopilot itself, once the aircraft
-        // is in the air: two sides that press its buttons switch it off again.
-        if self.description.plugin.is_none() {
-            self.let_aircraft_go().await?;
-            self.engage_approach().await?;
-        }
-        let request = FlyRequest {
-            already_started,
-            ..request.clone()
-        };
-        // X-Plane flies in real time; the margin is for loading scenery around the start.
-        let limit = Duration::try_from_secs_f64(request.time_limit_s.clamp(0.0, 86_400.0))
-            .unwrap_or_default()
-            .mul_f64(1.5)
-            + FRAME_TIMEOUT;
-        let answer = self
-            .link
-            .ask("a flight", &Request::Fly(request), limit)
-            .await?;
-        let Answer::Flown { columns, rows } = answer else {
-            return Err(wrong("flown", &answer));
-        };
-        let mut payload = Vec::new();
-        self.link
-            .take_payload("a flight", &mut payload, FRAME_TIMEOUT)
-            .await?;
-        self.check_settings()?;
-        decode_flight(&columns, rows, &payload).map_err(|bad| BridgeError::WrongAnswer {
-            expected: "a flight".into(),
-            found: bad.to_string(),
+            let request = FlyRequest {
+                already_started,
+                ..request.clone()
+            };
+            // X-Plane flies in real time; the margin is for loading scenery around the start.
+            let limit = Duration::try_from_secs_f64(request.time_limit_s.clamp(0.0, 86_400.0))
+                .unwrap_or_default()
+                .mul_f64(1.5)
+                + FRAME_TIMEOUT;
+            let answer = self
+                .link
+                .ask("a flight", &Request::Fly(request), limit)
+                .await?;
+            let Answer::Flown { columns, rows } = answer else {
+                return Err(wrong("flown", &answer));
+            };
+            let mut payload = Vec::new();
+            self.link
+                .take_payload("a flight", &mut payload, FRAME_TIMEOUT)
+                .await?;
+            self.check_settings()?;
+            decode_flight(&columns, rows, &payload).map_err(|bad| BridgeError::WrongAnswer {
+                expected: "a flight".into(),
+                found: bad.to_string(),
+            })
         })
     }
 
@@ -329,21 +340,23 @@ impl Simulator {
     ///
     /// # Errors
     /// As [`Simulator::freeze`], and [`BridgeError::NoImaging`] if this simulator draws ideal pictures only.
-    pub async fn freeze_with_imaging(
-        &mut self,
-        runway: &Runway,
-        views: &[Imaging],
-    ) -> Result<(), BridgeError> {
-        self.check_imaging(views)?;
-        let ideal = views.iter().all(Imaging::is_ideal);
-        self.ask_to_freeze(Request::Freeze {
-            runway: runway.clone(),
-            settle_frames: self.frames_to_settle(),
-            imaging: if ideal { vec![] } else { views.to_vec() },
-            running_at: self.running_at(),
+    pub fn freeze_with_imaging<'a>(
+        &'a mut self,
+        runway: &'a Runway,
+        views: &'a [Imaging],
+    ) -> LocalBoxFuture<'a, Result<(), BridgeError>> {
+        Box::pin(async move {
+            self.check_imaging(views)?;
+            let ideal = views.iter().all(Imaging::is_ideal);
+            self.ask_to_freeze(Request::Freeze {
+                runway: runway.clone(),
+                settle_frames: self.frames_to_settle(),
+                imaging: if ideal { vec![] } else { views.to_vec() },
+                running_at: self.running_at(),
+            })
+            .await?;
+            self.set_clock_exactly().await
         })
-        .await?;
-        self.set_clock_exactly().await
     }
 
     /// Freezes for ideal views, with exactly this number of settle frames, in a pause or with a clock that runs on.
@@ -406,30 +419,35 @@ impl Simulator {
     ///
     /// # Errors
     /// If 64 are outstanding, or the link is broken.
-    pub async fn send_capture(&mut self, request: &CaptureRequest) -> Result<(), BridgeError> {
-        if self.outstanding.len() >= MAX_OUTSTANDING_CAPTURES {
-            return Err(BridgeError::TooManyOutstanding {
-                outstanding: self.outstanding.len(),
-            });
-        }
-        if let Err(reason) = request.check() {
-            return Err(BridgeError::Refused {
-                doing: "a capture",
-                text: reason.to_string(),
-            });
-        }
-        let lent = self.lend_memory(request).await?;
-        let asked = CaptureRequest {
-            deliver: lent
-                .as_ref()
-                .map_or(request.deliver, |picture| Deliver::Slot(picture.number())),
-            ..*request
-        };
-        self.link
-            .send("a capture", &Request::Capture(asked), SWITCH_TIMEOUT)
-            .await?;
-        self.outstanding.push_back((asked, lent));
-        Ok(())
+    pub fn send_capture<'a>(
+        &'a mut self,
+        request: &'a CaptureRequest,
+    ) -> BoxFuture<'a, Result<(), BridgeError>> {
+        Box::pin(async move {
+            if self.outstanding.len() >= MAX_OUTSTANDING_CAPTURES {
+                return Err(BridgeError::TooManyOutstanding {
+                    outstanding: self.outstanding.len(),
+                });
+            }
+            if let Err(reason) = request.check() {
+                return Err(BridgeError::Refused {
+                    doing: "a capture",
+                    text: reason.to_string(),
+                });
+            }
+            let lent = self.lend_memory(request).await?;
+            let asked = CaptureRequest {
+                deliver: lent
+                    .as_ref()
+                    .map_or(request.deliver, |picture| Deliver::Slot(picture.number())),
+                ..*request
+            };
+            self.link
+                .send("a capture", &Request::Capture(asked), SWITCH_TIMEOUT)
+                .await?;
+            self.outstanding.push_back((asked, lent));
+            Ok(())
+        })
     }
 
     /// The picture of the oldest outstanding capture.
@@ -438,25 +456,27 @@ impl Simulator {
     /// Nothing is outstanding, nothing comes for a minute, the simulator rejects it, its conditions have changed, or the answer
     /// does not belong to that capture. The caller checks whether the drawn pose is the requested one. For the screen also
     /// [`BridgeError::ViewTaken`], if the frame is never left alone while it is grabbed.
-    pub async fn receive_frame(&mut self) -> Result<CapturedFrame, BridgeError> {
-        let (request, lent) = self
-            .outstanding
-            .pop_front()
-            .ok_or(BridgeError::NothingOutstanding)?;
-        let is_grabbed = request.deliver == Deliver::Drawn && request.deliver == self.deliver();
-        let mut frame = self.receive_answer(&request, lent).await?;
-        let mut grabs = 1;
-        while is_grabbed && !self.is_still_shown().await? {
-            if grabs == MOST_GRABS {
-                return Err(BridgeError::ViewTaken { grabs });
+    pub fn receive_frame(&mut self) -> BoxFuture<'_, Result<CapturedFrame, BridgeError>> {
+        Box::pin(async move {
+            let (request, lent) = self
+                .outstanding
+                .pop_front()
+                .ok_or(BridgeError::NothingOutstanding)?;
+            let is_grabbed = request.deliver == Deliver::Drawn && request.deliver == self.deliver();
+            let mut frame = self.receive_answer(&request, lent).await?;
+            let mut grabs = 1;
+            while is_grabbed && !self.is_still_shown().await? {
+                if grabs == MOST_GRABS {
+                    return Err(BridgeError::ViewTaken { grabs });
+                }
+                grabs += 1;
+                self.recycle(frame.rgb);
+                let again = Request::Capture(request);
+                self.link.send("a capture", &again, SWITCH_TIMEOUT).await?;
+                frame = self.receive_answer(&request, None).await?;
             }
-            grabs += 1;
-            self.recycle(frame.rgb);
-            let again = Request::Capture(request);
-            self.link.send("a capture", &again, SWITCH_TIMEOUT).await?;
-            frame = self.receive_answer(&request, None).await?;
-        }
-        Ok(frame)
+            Ok(frame)
+        })
     }
 
     /// Whether the frame that was just grabbed has been on the screen since the simulator reported it.
@@ -535,24 +555,26 @@ impl Simulator {
     ///
     /// # Errors
     /// The simulator does not confirm. Everything that can be undone is undone nevertheless.
-    pub async fn release(mut self) -> Result<(), BridgeError> {
-        let discarded = self.discard_outstanding().await;
-        let released = match discarded {
-            Ok(()) => {
-                self.link
-                    .ask("releasing", &Request::Release, SWITCH_TIMEOUT)
-                    .await
+    pub fn release(mut self) -> BoxFuture<'static, Result<(), BridgeError>> {
+        Box::pin(async move {
+            let discarded = self.discard_outstanding().await;
+            let released = match discarded {
+                Ok(()) => {
+                    self.link
+                        .ask("releasing", &Request::Release, SWITCH_TIMEOUT)
+                        .await
+                }
+                Err(error) => Err(error),
+            };
+            self.udp.unsubscribe_all().await;
+            if let Some(settings_watch) = self.settings_watch.take() {
+                settings_watch.end().await;
             }
-            Err(error) => Err(error),
-        };
-        self.udp.unsubscribe_all().await;
-        if let Some(settings_watch) = self.settings_watch.take() {
-            settings_watch.end().await;
-        }
-        match released? {
-            Answer::Released => Ok(()),
-            other => Err(wrong("released", &other)),
-        }
+            match released? {
+                Answer::Released => Ok(()),
+                other => Err(wrong("released", &other)),
+            }
+        })
     }
 
     async fn discard_outstanding(&mut self) -> Result<(), BridgeError> {

@@ -70,12 +70,20 @@ impl Subscription {
             address,
             requested: Mutex::new(requested),
         });
-        let task = tokio::spawn(keep(shared.clone(), sender));
-        Ok(Self {
+        Ok(Self::keeping(shared, sender, readings))
+    }
+
+    /// Not `async`: what it spawns is compiled here, not by every caller.
+    fn keeping(
+        shared: Arc<Shared>,
+        sender: watch::Sender<Vec<Option<Reading>>>,
+        readings: watch::Receiver<Vec<Option<Reading>>>,
+    ) -> Self {
+        Self {
+            task: tokio::spawn(keep(shared.clone(), sender)),
             shared,
             readings,
-            task,
-        })
+        }
     }
 
     /// The newest values, in the order of the names; `None` for those that have not arrived yet.

@@ -15,6 +15,7 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
 use crate::error::with_causes;
+use futures_util::future::BoxFuture;
 
 pub use flight::AirStart;
 pub(crate) use flight::flight_body;
@@ -157,32 +158,37 @@ impl WebApi {
     ///
     /// # Errors
     /// [`WebApiError::NotReached`] if there is none, [`WebApiError::Forbidden`] if X-Plane accepts no connections.
-    pub async fn connect(address: SocketAddr, timeout: Duration) -> Result<Self, WebApiError> {
-        let doing = "asking for its capabilities";
-        let http = Client::builder()
-            .connect_timeout(timeout)
-            .build()
-            .map_err(|source| not_reached(address, doing, source))?;
-        // No version in the path. The first version of the API, 12.1.1, has no such page.
-        let request = http
-            .get(format!("http://{address}/api/capabilities"))
-            .timeout(timeout);
-        let capabilities = match send(address, doing, request).await {
-            Ok(capabilities) => capabilities,
-            Err(WebApiError::Refused { status: 404, .. }) => Capabilities {
-                api: Versions {
-                    versions: vec!["v1".into()],
+    pub fn connect(
+        address: SocketAddr,
+        timeout: Duration,
+    ) -> BoxFuture<'static, Result<Self, WebApiError>> {
+        Box::pin(async move {
+            let doing = "asking for its capabilities";
+            let http = Client::builder()
+                .connect_timeout(timeout)
+                .build()
+                .map_err(|source| not_reached(address, doing, source))?;
+            // No version in the path. The first version of the API, 12.1.1, has no such page.
+            let request = http
+                .get(format!("http://{address}/api/capabilities"))
+                .timeout(timeout);
+            let capabilities = match send(address, doing, request).await {
+                Ok(capabilities) => capabilities,
+                Err(WebApiError::Refused { status: 404, .. }) => Capabilities {
+                    api: Versions {
+                        versions: vec!["v1".into()],
+                    },
+                    simulator: SimulatorVersion {
+                        version: "12.1.1".into(),
+                    },
                 },
-                simulator: SimulatorVersion {
-                    version: "12.1.1".into(),
-                },
-            },
-            Err(error) => return Err(error),
-        };
-        Ok(Self {
-            http,
-            address,
-            capabilities,
+                Err(error) => return Err(error),
+            };
+            Ok(Self {
+                http,
+                address,
+                capabilities,
+            })
         })
     }
 
@@ -221,21 +227,23 @@ impl WebApi {
     ///
     /// # Errors
     /// [`WebApiError::Unknown`] if the simulator does not have it, now or at all.
-    pub async fn dataref(&self, name: &str) -> Result<Entry, WebApiError> {
-        self.look_up("dataref", "datarefs", name).await
+    pub fn dataref<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Entry, WebApiError>> {
+        Box::pin(async move { self.look_up("dataref", "datarefs", name).await })
     }
 
     /// Reads a dataref: a number, a list of them, or text in base64.
     ///
     /// # Errors
     /// If the simulator does not have it, or does not answer.
-    pub async fn read(&self, name: &str) -> Result<Value, WebApiError> {
-        let entry = self.dataref(name).await?;
-        let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
-        let found: Data<Value> = self
-            .send(&format!("reading {name}"), Method::GET, &path, |r| r)
-            .await?;
-        Ok(found.data)
+    pub fn read<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<Value, WebApiError>> {
+        Box::pin(async move {
+            let entry = self.dataref(name).await?;
+            let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
+            let found: Data<Value> = self
+                .send(&format!("reading {name}"), Method::GET, &path, |r| r)
+                .await?;
+            Ok(found.data)
+        })
     }
 
     /// Reads a dataref that is one number.
@@ -257,63 +265,74 @@ impl WebApi {
     ///
     /// # Errors
     /// If the simulator does not have it, or it cannot be written.
-    pub async fn write(&self, name: &str, value: f64) -> Result<(), WebApiError> {
-        let (array, index) = match name.strip_suffix(']').and_then(|name| name.split_once('[')) {
-            Some((array, index)) => (array, index.parse::<u32>().ok()),
-            None => (name, None),
-        };
-        let entry = self.dataref(array).await?;
-        let value = if entry.value_type.starts_with("int") {
-            json!(value.round() as i64)
-        } else {
-            json!(value)
-        };
-        let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
-        self.send_unit(
-            &format!("writing {name}"),
-            Method::PATCH,
-            &path,
-            |request| {
-                let request = match index {
-                    Some(index) => request.query(&[("index", index)]),
-                    None => request,
-                };
-                request.json(&json!({ "data": value }))
-            },
-        )
-        .await
+    pub fn write<'a>(
+        &'a self,
+        name: &'a str,
+        value: f64,
+    ) -> BoxFuture<'a, Result<(), WebApiError>> {
+        Box::pin(async move {
+            let (array, index) = match name.strip_suffix(']').and_then(|name| name.split_once('['))
+            {
+                Some((array, index)) => (array, index.parse::<u32>().ok()),
+                None => (name, None),
+            };
+            let entry = self.dataref(array).await?;
+            let value = if entry.value_type.starts_with("int") {
+                json!(value.round() as i64)
+            } else {
+                json!(value)
+            };
+            let path = format!("{}/datarefs/{}/value", self.newest(), entry.id);
+            self.send_unit(
+                &format!("writing {name}"),
+                Method::PATCH,
+                &path,
+                |request| {
+                    let request = match index {
+                        Some(index) => request.query(&[("index", index)]),
+                        None => request,
+                    };
+                    request.json(&json!({ "data": value }))
+                },
+            )
+            .await
+        })
     }
 
     /// Runs a command once.
     ///
     /// # Errors
     /// If the simulator is older than 12.1.4 or does not have it.
-    pub async fn command(&self, name: &str) -> Result<(), WebApiError> {
-        if !self.has_commands() {
-            return Err(self.too_old("a command", "v2", "12.1.4 and newer have it"));
-        }
-        let entry = self.look_up("command", "commands", name).await?;
-        let path = format!("{}/command/{}/activate", self.newest(), entry.id);
-        self.send_unit(&format!("command {name}"), Method::POST, &path, |request| {
-            request.json(&json!({ "duration": 0.0 }))
+    pub fn command<'a>(&'a self, name: &'a str) -> BoxFuture<'a, Result<(), WebApiError>> {
+        Box::pin(async move {
+            if !self.has_commands() {
+                return Err(self.too_old("a command", "v2", "12.1.4 and newer have it"));
+            }
+            let entry = self.look_up("command", "commands", name).await?;
+            let path = format!("{}/command/{}/activate", self.newest(), entry.id);
+            self.send_unit(&format!("command {name}"), Method::POST, &path, |request| {
+                request.json(&json!({ "duration": 0.0 }))
+            })
+            .await
         })
-        .await
     }
 
     /// Starts a flight; see [`flight_body`]. Returns when the simulator reports that it has started.
     ///
     /// # Errors
     /// If the simulator is older than 12.4.0 or refuses.
-    pub async fn start_flight(&self, flight: &Value) -> Result<(), WebApiError> {
-        if !self.has_flights() {
-            return Err(self.too_old("beginning a flight", "v3", "12.4.0 and newer have it"));
-        }
-        self.send_unit("beginning a flight", Method::POST, "v3/flight", |request| {
-            request
-                .timeout(FLIGHT_TIMEOUT)
-                .json(&json!({ "data": flight }))
+    pub fn start_flight<'a>(&'a self, flight: &'a Value) -> BoxFuture<'a, Result<(), WebApiError>> {
+        Box::pin(async move {
+            if !self.has_flights() {
+                return Err(self.too_old("beginning a flight", "v3", "12.4.0 and newer have it"));
+            }
+            self.send_unit("beginning a flight", Method::POST, "v3/flight", |request| {
+                request
+                    .timeout(FLIGHT_TIMEOUT)
+                    .json(&json!({ "data": flight }))
+            })
+            .await
         })
-        .await
     }
 
     async fn look_up(

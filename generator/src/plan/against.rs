@@ -7,6 +7,7 @@ use std::path::Path;
 use dataset::corpus::Corpus;
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal::Seal;
+use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 use store::{CorpusStore, StoreError};
 
@@ -61,16 +62,21 @@ impl Against {
     }
 
     /// Compares a plan with a corpus in an object store, of which it reads the plan and the seals.
-    pub async fn compare_with_store(plan: &Plan, store: &CorpusStore) -> Result<Self, StoreError> {
-        let path = Path::new(store.name()).join("plan.json");
-        let frozen = match store.read("plan.json").await? {
-            Some(bytes) => Some(Plan::parse(&bytes, &path)?),
-            None => None,
-        };
-        let committed = store.committed().await?;
-        let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
-        let seals = store.seals(ids.filter(|id| committed.contains(id))).await?;
-        Ok(Self::of(plan, frozen.as_ref(), &seals))
+    pub fn compare_with_store<'a>(
+        plan: &'a Plan,
+        store: &'a CorpusStore,
+    ) -> LocalBoxFuture<'a, Result<Self, StoreError>> {
+        Box::pin(async move {
+            let path = Path::new(store.name()).join("plan.json");
+            let frozen = match store.read("plan.json").await? {
+                Some(bytes) => Some(Plan::parse(&bytes, &path)?),
+                None => None,
+            };
+            let committed = store.committed().await?;
+            let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
+            let seals = store.seals(ids.filter(|id| committed.contains(id))).await?;
+            Ok(Self::of(plan, frozen.as_ref(), &seals))
+        })
     }
 
     fn of(plan: &Plan, frozen: Option<&Plan>, seals: &BTreeMap<String, Seal>) -> Self {

@@ -21,6 +21,7 @@ use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
+use futures_util::future::BoxFuture;
 use tokio::task::{JoinSet, spawn_blocking};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::link::LinkToken;
@@ -43,10 +44,27 @@ use crate::quirks::Quirks;
 /// # Errors
 /// [`MockError::Tape`] if the tape cannot be read, [`MockError::Bind`] if a port is taken, [`MockError::Socket`] if a socket
 /// fails later.
-pub async fn serve_tape(
+pub fn serve_tape<'a>(
+    tape: &'a Path,
+    options: &'a ServerOptions,
+    ready: impl FnOnce(Addresses) + Send + 'a,
+) -> BoxFuture<'a, Result<(), MockError>> {
+    boxed(tape, options, Box::new(ready))
+}
+
+/// Compiled here, not by every program that serves a tape.
+fn boxed<'a>(
+    tape: &'a Path,
+    options: &'a ServerOptions,
+    ready: Box<dyn FnOnce(Addresses) + Send + 'a>,
+) -> BoxFuture<'a, Result<(), MockError>> {
+    Box::pin(run(tape, options, ready))
+}
+
+async fn run(
     tape: &Path,
     options: &ServerOptions,
-    ready: impl FnOnce(Addresses),
+    ready: Box<dyn FnOnce(Addresses) + Send + '_>,
 ) -> Result<(), MockError> {
     options.check_token()?;
     let path = tape.to_owned();

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use dataset::conditions::Conditions;
+use futures_util::future::{BoxFuture, LocalBoxFuture};
 use tokio::time::{Instant, sleep};
 
 use super::Simulator;
@@ -29,39 +30,44 @@ impl Simulator {
     /// # Errors
     /// [`BridgeError::BadConditions`] before anything is sent; [`BridgeError::NotTaken`] names the dataref, the value
     /// wanted and the value found, after many attempts.
-    pub async fn set_conditions(&mut self, conditions: &Conditions) -> Result<(), BridgeError> {
-        let writes = self.in_its_units(condition_writes(conditions, self.generation)?);
-        let expected = self.expected_of(&writes);
-        match &mut self.settings_watch {
-            // Watched already; any value is allowed until they are set again.
-            Some(settings_watch) => settings_watch.expect([]),
-            None => {
-                self.settings_watch = Some(SettingsWatch::begin(self.address, &expected).await?)
+    pub fn set_conditions<'a>(
+        &'a mut self,
+        conditions: &'a Conditions,
+    ) -> LocalBoxFuture<'a, Result<(), BridgeError>> {
+        Box::pin(async move {
+            let writes = self.in_its_units(condition_writes(conditions, self.generation)?);
+            let expected = self.expected_of(&writes);
+            match &mut self.settings_watch {
+                // Watched already; any value is allowed until they are set again.
+                Some(settings_watch) => settings_watch.expect([]),
+                None => {
+                    self.settings_watch = Some(SettingsWatch::begin(self.address, &expected).await?)
+                }
             }
-        }
-        // Weather changes only while time runs; an aircraft that may be in the air is held meanwhile.
-        self.hold_aircraft().await?;
-        self.resume().await?;
-        let (clock, weather): (Vec<_>, Vec<_>) =
-            writes.into_iter().partition(|write| is_time(&write.name));
-        self.write_until_read_back(&clock).await?;
-        match self.generation {
-            Generation::XPlane11 => {
-                self.write_until_read_back(&weather).await?;
-                sleep(self.weather_settle).await;
+            // Weather changes only while time runs; an aircraft that may be in the air is held meanwhile.
+            self.hold_aircraft().await?;
+            self.resume().await?;
+            let (clock, weather): (Vec<_>, Vec<_>) =
+                writes.into_iter().partition(|write| is_time(&write.name));
+            self.write_until_read_back(&clock).await?;
+            match self.generation {
+                Generation::XPlane11 => {
+                    self.write_until_read_back(&weather).await?;
+                    sleep(self.weather_settle).await;
+                }
+                Generation::XPlane12 => {
+                    let clear = conditions
+                        .weather
+                        .clouds
+                        .iter()
+                        .all(|cloud| cloud.cover_ratio <= 0.0);
+                    self.set_weather_12(&weather, clear).await?;
+                }
             }
-            Generation::XPlane12 => {
-                let clear = conditions
-                    .weather
-                    .clouds
-                    .iter()
-                    .all(|cloud| cloud.cover_ratio <= 0.0);
-                self.set_weather_12(&weather, clear).await?;
-            }
-        }
-        self.conditions = Some(conditions.clone());
-        self.expect(expected.into_iter().filter(|write| !is_clock(&write.name)));
-        Ok(())
+            self.conditions = Some(conditions.clone());
+            self.expect(expected.into_iter().filter(|write| !is_clock(&write.name)));
+            Ok(())
+        })
     }
 
     /// Weather in the units that this simulator was measured to use.
@@ -113,25 +119,27 @@ impl Simulator {
     ///
     /// # Errors
     /// [`BridgeError::SettingLost`] or [`BridgeError::Restarted`].
-    pub async fn confirm_conditions(&mut self) -> Result<(), BridgeError> {
-        self.check_settings()?;
-        let Some(settings_watch) = &self.settings_watch else {
-            return Ok(());
-        };
-        let expected = settings_watch.expected();
-        let found = self.read(&expected).await?;
-        let lost = expected
-            .into_iter()
-            .zip(found)
-            .find(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)));
-        match lost {
-            None => self.check_settings(),
-            Some((write, found)) => Err(BridgeError::SettingLost {
-                name: write.name,
-                wanted: write.value,
-                found,
-            }),
-        }
+    pub fn confirm_conditions(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
+        Box::pin(async move {
+            self.check_settings()?;
+            let Some(settings_watch) = &self.settings_watch else {
+                return Ok(());
+            };
+            let expected = settings_watch.expected();
+            let found = self.read(&expected).await?;
+            let lost = expected
+                .into_iter()
+                .zip(found)
+                .find(|(write, found)| !found.is_some_and(|value| write.is_met_by(value)));
+            match lost {
+                None => self.check_settings(),
+                Some((write, found)) => Err(BridgeError::SettingLost {
+                    name: write.name,
+                    wanted: write.value,
+                    found,
+                }),
+            }
+        })
     }
 
     /// Sets the clock once more, now that it stands still; from now on it is watched, too.

@@ -24,6 +24,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::conditions::Clock;
+use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 
 use self::talk::Talk;
@@ -202,18 +203,20 @@ const OVER_LINK: [&str; 6] = [
 ];
 
 /// Examines everything, and calls `on_check` with each point as it is known.
-pub async fn examine(
-    options: &DoctorOptions,
-    on_check: &mut (dyn FnMut(&Check) + Send),
-) -> Vec<Check> {
-    let mut examination = Examination {
-        checks: Vec::new(),
-        on_check,
-    };
-    let address = examination.run(options).await;
-    let next = next::check(&examination.checks, address, options);
-    examination.note(next);
-    examination.checks
+pub fn examine<'a>(
+    options: &'a DoctorOptions,
+    on_check: &'a mut (dyn FnMut(&Check) + Send),
+) -> LocalBoxFuture<'a, Vec<Check>> {
+    Box::pin(async move {
+        let mut examination = Examination {
+            checks: Vec::new(),
+            on_check,
+        };
+        let address = examination.run(options).await;
+        let next = next::check(&examination.checks, address, options);
+        examination.note(next);
+        examination.checks
+    })
 }
 
 struct Examination<'a> {

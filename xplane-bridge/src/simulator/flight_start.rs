@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use dataset::conditions::Conditions;
 use dataset::geodesy::{Geodetic, LatLon};
+use futures_util::future::LocalBoxFuture;
 use tokio::time::{Instant, sleep};
 
 use super::{Simulator, wrong};
@@ -62,22 +63,24 @@ impl Simulator {
     ///
     /// # Errors
     /// [`BridgeError::NotReady`] if a menu is open, [`BridgeError::WrongAircraft`], or whatever prevents the flight from starting.
-    pub async fn prepare(
-        &mut self,
-        conditions: &Conditions,
-        start: &FlightStart,
+    pub fn prepare<'a>(
+        &'a mut self,
+        conditions: &'a Conditions,
+        start: &'a FlightStart,
         live: bool,
-    ) -> Result<(), BridgeError> {
-        self.await_flight().await?;
-        let near = match self.position().await? {
-            Some(here) => here.distance_m(start.position.lat_lon()) < NEAR_M,
-            None => false,
-        };
-        if live || !near || !self.has_the_aircraft().await? {
-            let in_the_air = self.begin_flight(start, Some(conditions)).await?;
-            self.begun = Some((*start, in_the_air));
-        }
-        self.check_aircraft().await
+    ) -> LocalBoxFuture<'a, Result<(), BridgeError>> {
+        Box::pin(async move {
+            self.await_flight().await?;
+            let near = match self.position().await? {
+                Some(here) => here.distance_m(start.position.lat_lon()) < NEAR_M,
+                None => false,
+            };
+            if live || !near || !self.has_the_aircraft().await? {
+                let in_the_air = self.begin_flight(start, Some(conditions)).await?;
+                self.begun = Some((*start, in_the_air));
+            }
+            self.check_aircraft().await
+        })
     }
 
     /// Waits until simulated time moves: in a menu it does not, whatever X-Plane answers.

@@ -12,6 +12,7 @@ use crate::pixels::{
     Confirmed, PatternDisplay, Payload, PixelChoice, PixelError, PixelKind, RemoteScreen, Screen,
     ScreenSource, Screenshots,
 };
+use futures_util::future::BoxFuture;
 
 /// The screen that the simulator draws on, as reported.
 #[derive(Debug)]
@@ -61,43 +62,45 @@ impl Simulator {
     ///
     /// # Errors
     /// The simulator does not offer the choice, or the proof fails; the message says what to change.
-    pub async fn use_pixels(
-        &mut self,
+    pub fn use_pixels<'a>(
+        &'a mut self,
         choice: PixelChoice,
         picture_px: (u32, u32),
-        screen: &Arc<dyn Screen>,
-    ) -> Result<PixelKind, BridgeError> {
-        let kind = choice.among(&self.description.pixels)?;
-        let (width_px, height_px) = picture_px;
-        let wanted = PictureSize {
-            width_px,
-            height_px,
-        };
-        // A minimised window has none; looking for it reports what to do.
-        let window = self.description.drawn_size;
-        if let Some(window) = window.filter(|size| *size != wanted && size.width_px > 0) {
-            return Err(PixelError::OtherWindow { wanted, window }.into());
-        }
-        self.pixels = match kind {
-            PixelKind::Screen => {
-                let screen = &self.screen(screen)?;
-                let reported = self.description.window.as_ref();
-                self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
-                let display = &mut LinkDisplay(&mut self.link);
-                Box::new(ScreenSource::set_up(screen, picture_px, reported, display).await?)
+        screen: &'a Arc<dyn Screen>,
+    ) -> BoxFuture<'a, Result<PixelKind, BridgeError>> {
+        Box::pin(async move {
+            let kind = choice.among(&self.description.pixels)?;
+            let (width_px, height_px) = picture_px;
+            let wanted = PictureSize {
+                width_px,
+                height_px,
+            };
+            // A minimised window has none; looking for it reports what to do.
+            let window = self.description.drawn_size;
+            if let Some(window) = window.filter(|size| *size != wanted && size.width_px > 0) {
+                return Err(PixelError::OtherWindow { wanted, window }.into());
             }
-            PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
-            PixelKind::Link | PixelKind::Gl => Box::new(Payload(kind)),
-        };
-        Ok(kind)
+            self.pixels = match kind {
+                PixelKind::Screen => {
+                    let screen = &self.screen(screen)?;
+                    let reported = self.description.window.as_ref();
+                    self.settle_frames = self.settle_frames.max(SETTLE_FRAMES_ON_SCREEN);
+                    let display = &mut LinkDisplay(&mut self.link);
+                    Box::new(ScreenSource::set_up(screen, picture_px, reported, display).await?)
+                }
+                PixelKind::Screenshot => Box::new(Screenshots { size: wanted }),
+                PixelKind::Link | PixelKind::Gl => Box::new(Payload(kind)),
+            };
+            Ok(kind)
+        })
     }
 
     /// Proves after the last picture that the initial proof still holds.
     ///
     /// # Errors
     /// It does not: the pictures in between may be wrong.
-    pub async fn confirm_pixels(&mut self) -> Result<(), BridgeError> {
-        self.pixels.confirm(&mut LinkDisplay(&mut self.link)).await
+    pub fn confirm_pixels(&mut self) -> BoxFuture<'_, Result<(), BridgeError>> {
+        Box::pin(async move { self.pixels.confirm(&mut LinkDisplay(&mut self.link)).await })
     }
 
     /// Source of the pictures.

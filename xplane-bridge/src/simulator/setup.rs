@@ -4,6 +4,7 @@ use super::link_client::LinkClient;
 use super::{SWITCH_TIMEOUT, Simulator, wrong};
 use crate::error::BridgeError;
 use crate::link::{Answer, Request};
+use futures_util::future::BoxFuture;
 
 impl Simulator {
     /// Height of the ground that the simulator shows at a place, above mean sea level, metres. Airport data can be tens of metres
@@ -11,23 +12,25 @@ impl Simulator {
     ///
     /// # Errors
     /// The simulator has no ground there, or the link is broken.
-    pub async fn probe_terrain(
+    pub fn probe_terrain(
         &mut self,
         latitude_deg: f64,
         longitude_deg: f64,
-    ) -> Result<f64, BridgeError> {
-        let request = Request::ProbeTerrain {
-            latitude_deg,
-            longitude_deg,
-        };
-        match self
-            .link
-            .ask("probing terrain", &request, SWITCH_TIMEOUT)
-            .await?
-        {
-            Answer::Terrain { elevation_msl_m } => Ok(elevation_msl_m),
-            other => Err(wrong("terrain", &other)),
-        }
+    ) -> BoxFuture<'_, Result<f64, BridgeError>> {
+        Box::pin(async move {
+            let request = Request::ProbeTerrain {
+                latitude_deg,
+                longitude_deg,
+            };
+            match self
+                .link
+                .ask("probing terrain", &request, SWITCH_TIMEOUT)
+                .await?
+            {
+                Answer::Terrain { elevation_msl_m } => Ok(elevation_msl_m),
+                other => Err(wrong("terrain", &other)),
+            }
+        })
     }
 
     /// Draws the check pattern with a code over the simulator's window, or removes it. Returns the number of the first frame that
@@ -35,8 +38,8 @@ impl Simulator {
     ///
     /// # Errors
     /// The simulator cannot draw it, or the link is broken.
-    pub async fn check_pattern(&mut self, code: Option<u32>) -> Result<u64, BridgeError> {
-        show_check_pattern(&mut self.link, code).await
+    pub fn check_pattern(&mut self, code: Option<u32>) -> BoxFuture<'_, Result<u64, BridgeError>> {
+        Box::pin(async move { show_check_pattern(&mut self.link, code).await })
     }
 }
 

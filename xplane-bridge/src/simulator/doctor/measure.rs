@@ -3,6 +3,7 @@
 use chrono::{SecondsFormat, Utc};
 use dataset::conditions::Clock;
 use dataset::pose::Pose;
+use futures_util::future::LocalBoxFuture;
 use serde_json::json;
 
 use super::eyes::{Eyes, noon_zulu_s};
@@ -81,31 +82,36 @@ impl Simulator {
     ///
     /// # Errors
     /// The simulator does not continue afterwards. What cannot be seen is part of the profile.
-    pub async fn look_at_pictures(&mut self, aircraft: &Pose) -> Result<(), BridgeError> {
-        let description = &self.description;
-        if description.plugin.is_none() || description.profile.current().is_some() {
-            return Ok(());
-        }
-        let place = PlaceOnGround {
-            latitude_deg: aircraft.latitude_deg,
-            longitude_deg: aircraft.longitude_deg,
-            altitude_msl_m: aircraft.altitude_msl_m,
-            ground_msl_m: 0.0,
-        };
-        tracing::info!("no profile of this simulator: its pictures are checked first");
-        // At night nothing is visible.
-        self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
-        self.write_surely(ZULU_TIME_S, noon_zulu_s(aircraft.longitude_deg) as f32)
-            .await?;
-        let mut eyes = Eyes::at(self, place);
-        let pictures = PictureFindings::measure(&mut eyes).await;
-        self.let_go().await?;
-        self.resume().await?;
-        let sky = SkyFindings::nothing("only `dtd doctor` measures the weather");
-        let grabbing = Finding::NotMeasured("only `dtd doctor` measures it".into());
-        let profile = profile(self, pictures, sky, grabbing);
-        self.description.profile = KnownProfile::PicturesOnly(Box::new(profile));
-        Ok(())
+    pub fn look_at_pictures<'a>(
+        &'a mut self,
+        aircraft: &'a Pose,
+    ) -> LocalBoxFuture<'a, Result<(), BridgeError>> {
+        Box::pin(async move {
+            let description = &self.description;
+            if description.plugin.is_none() || description.profile.current().is_some() {
+                return Ok(());
+            }
+            let place = PlaceOnGround {
+                latitude_deg: aircraft.latitude_deg,
+                longitude_deg: aircraft.longitude_deg,
+                altitude_msl_m: aircraft.altitude_msl_m,
+                ground_msl_m: 0.0,
+            };
+            tracing::info!("no profile of this simulator: its pictures are checked first");
+            // At night nothing is visible.
+            self.write_surely(USE_SYSTEM_TIME, 0.0).await?;
+            self.write_surely(ZULU_TIME_S, noon_zulu_s(aircraft.longitude_deg) as f32)
+                .await?;
+            let mut eyes = Eyes::at(self, place);
+            let pictures = PictureFindings::measure(&mut eyes).await;
+            self.let_go().await?;
+            self.resume().await?;
+            let sky = SkyFindings::nothing("only `dtd doctor` measures the weather");
+            let grabbing = Finding::NotMeasured("only `dtd doctor` measures it".into());
+            let profile = profile(self, pictures, sky, grabbing);
+            self.description.profile = KnownProfile::PicturesOnly(Box::new(profile));
+            Ok(())
+        })
     }
 }
 
