@@ -31,6 +31,7 @@ fuzz_target!(|made: Made| detector::decode(&made));
 mod detector {
     mod answer;
     mod layout;
+    mod model_file;
     mod profile;
     mod suppression;
 

@@ -9,6 +9,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod against;
 pub mod airports;
 pub mod generate;
 pub mod plan;

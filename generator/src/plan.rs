@@ -4,13 +4,11 @@
 //! and the master seed, never by its position among the others: a sweep that grows adds scenarios and leaves the others as they
 //! are. What a plan is on disk: [`dataset::plan`].
 
-mod against;
 mod difference;
 mod estimate;
 mod expand;
 mod split;
 
-pub use against::{Against, Standing};
 pub use difference::{Change, Difference};
 pub use estimate::{Estimate, MeasuredSize, PicturesPerSecond, room_bytes};
 pub use expand::{expand, is_seeded_by};

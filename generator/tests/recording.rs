@@ -7,8 +7,9 @@ use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
 use dataset::verify::verify;
+use generator::against::{Against, Standing};
 use generator::generate::{Event, GenerateError, SimulatorTarget, Stopped};
-use generator::plan::{Against, Estimate, Standing, expand};
+use generator::plan::{Estimate, expand};
 
 use small_corpus::{
     IDS, folders, options, run, run_until, same_tables, sorted_ids, stand_in, sweep_of, sweep_toml,

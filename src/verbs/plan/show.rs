@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use dataset::plan::PlannedScenario;
-use generator::plan::{Estimate, Standing};
+use generator::against::Standing;
+use generator::plan::Estimate;
 use indicatif::{DecimalBytes, HumanDuration};
 
 use super::{Compared, Report};

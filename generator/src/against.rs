@@ -11,7 +11,7 @@ use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 use store::{CorpusStore, StoreError};
 
-use super::{Difference, MeasuredSize};
+use crate::plan::{Difference, MeasuredSize};
 
 /// State of a scenario of a plan in a corpus.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -67,8 +67,8 @@ impl Against {
         store: &'a CorpusStore,
     ) -> LocalBoxFuture<'a, Result<Self, StoreError>> {
         Box::pin(async move {
-            let path = Path::new(store.name()).join("plan.json");
-            let frozen = match store.read("plan.json").await? {
+            let path = Path::new(store.name()).join(Corpus::PLAN);
+            let frozen = match store.read(Corpus::PLAN).await? {
                 Some(bytes) => Some(Plan::parse(&bytes, &path)?),
                 None => None,
             };
