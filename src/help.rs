@@ -23,7 +23,7 @@ const GROUPS: &[(&str, &[&str])] = &[
 
 /// `{{` and `}}` would be read as tags of the template: descriptions have no braces.
 const BEFORE_GROUPS: &str = "{about-with-newline}\n{usage-heading} {usage}\n";
-const AFTER_GROUPS: &str = "\n{options}{after-help}";
+const AFTER_GROUPS: &str = "\nOptions:\n{options}{after-help}";
 
 pub(crate) const PLAN: &str = "\
 Examples:

@@ -265,14 +265,19 @@ fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
 }
 
 #[test]
-fn the_committed_schema_is_what_the_command_prints() {
-    let output = DTD.run(&["schema"]);
-    assert!(output.status.success());
-    let committed = fs::read(repository().join("schema/sweep.schema.json")).unwrap();
-    assert!(
-        output.stdout == committed,
-        "schema/sweep.schema.json is old: run `dtd schema > schema/sweep.schema.json`"
-    );
+fn the_committed_schemas_are_what_the_command_prints() {
+    for (of, file) in [
+        ("sweep", "schema/sweep.schema.json"),
+        ("train", "schema/train.schema.json"),
+    ] {
+        let output = dtd(&["schema", of]);
+        assert!(output.status.success());
+        let committed = fs::read(repository().join(file)).unwrap();
+        assert!(
+            output.stdout == committed,
+            "{file} is old: run `dtd schema {of} > {file}`"
+        );
+    }
 }
 
 const OURS: [&str; 5] = [

@@ -58,7 +58,6 @@ pub(super) struct CameraTable {
     #[schemars(transform = limits::HFOV_DEG.in_schema())]
     hfov_deg: f64,
     /// Distortion of its lens, with OpenCV's coefficients; default: a pinhole. Only the stand-in can draw it.
-    #[serde(default)]
     distortion: Option<Distortion>,
 }
 
