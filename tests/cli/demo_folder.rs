@@ -59,7 +59,8 @@ fn what_stands_beside_a_demo_or_in_it_is_named_and_nothing_is_removed() {
     for name in own.iter().chain(&others) {
         let path = folder.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(path, r#"{"scenarios": [{"id": "1200-clear-r1"}]}"#).unwrap();
+        let plan = r#"{"scenarios": [{"id": "1200-clear-r1", "config_hash": "00"}]}"#;
+        fs::write(path, plan).unwrap();
     }
     fs::write(folder.path().join("DEMO.json"), marker).unwrap();
     let output = demo(folder.path(), &[]);
