@@ -270,7 +270,7 @@ fn the_committed_schemas_are_what_the_command_prints() {
         ("sweep", "schema/sweep.schema.json"),
         ("train", "schema/train.schema.json"),
     ] {
-        let output = dtd(&["schema", of]);
+        let output = DTD.run(&["schema", of]);
         assert!(output.status.success());
         let committed = fs::read(repository().join(file)).unwrap();
         assert!(

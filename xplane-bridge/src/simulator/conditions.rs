@@ -41,7 +41,8 @@ impl Simulator {
                 // Watched already; any value is allowed until they are set again.
                 Some(settings_watch) => settings_watch.expect([]),
                 None => {
-                    self.settings_watch = Some(SettingsWatch::begin(self.address, &expected).await?)
+                    self.settings_watch =
+                        Some(SettingsWatch::begin(self.address, &expected).await?);
                 }
             }
             // Weather changes only while time runs; an aircraft that may be in the air is held meanwhile.
