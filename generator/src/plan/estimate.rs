@@ -115,7 +115,11 @@ fn room(common: &Common, ticks: u64, size: Option<MeasuredSize>) -> u64 {
                 codec if codec.is_lossless() => AMPLE_BITS_PER_LOSSLESS_PIXEL,
                 _ => AMPLE_BITS_PER_PIXEL,
             };
-            f64::from(picture.width_px) * f64::from(picture.height_px) * bits / 8.0
+            let detailed = f64::from(picture.width_px) * f64::from(picture.height_px) * bits / 8.0;
+            match expected_bytes_per_picture(common) {
+                Some(expected) => detailed.max(expected * AMPLE_OVER_MEASURED),
+                None => detailed,
+            }
         }
     };
     (ticks as f64 * (pictures * per_picture + TABLE_BYTES_PER_TICK)) as u64
@@ -148,6 +152,13 @@ fn making(common: &Common, rate: Option<PicturesPerSecond>) -> (f64, String) {
     }
 }
 
+/// Bytes of one of the stand-in's pictures, if its size was measured with this `[video]`.
+fn expected_bytes_per_picture(common: &Common) -> Option<f64> {
+    let apart_s = common.picture.frame_rate.period_s();
+    (common.video == VideoSettings::default())
+        .then(|| bytes_of_picture_after(apart_s) * relative_size(common))
+}
+
 /// Bytes of a picture this long after the one before: between the measured ones, linear in the logarithm of the time.
 fn bytes_of_picture_after(apart_s: f64) -> f64 {
     let next = BYTES_PER_PICTURE.partition_point(|(measured_s, _)| *measured_s < apart_s);
@@ -172,9 +183,7 @@ fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
             format!("{per_picture:.0} a picture, as in {scenarios} scenarios of the corpus");
         return (Some(per_picture), basis);
     }
-    if common.video == VideoSettings::default() {
-        let apart_s = common.picture.frame_rate.period_s();
-        let per_picture = bytes_of_picture_after(apart_s) * relative_size(common);
+    if let Some(per_picture) = expected_bytes_per_picture(common) {
         let basis = format!(
             "{per_picture:.0} a picture, measured with the stand-in at 1920x1280, five rates and the default [video]; --against CORPUS measures yours"
         );
