@@ -21,7 +21,7 @@ const GROUPS: &[(&str, &[&str])] = &[
     ("The program itself", &["completions", "man", "help"]),
 ];
 
-/// `{{` and `}}` would be read as tags of the template: descriptions have no braces.
+/// The groups stand between these two parts of clap's template. Braces in a verb's description would be read as tags.
 const BEFORE_GROUPS: &str = "{about-with-newline}\n{usage-heading} {usage}\n";
 const AFTER_GROUPS: &str = "\nOptions:\n{options}{after-help}";
 

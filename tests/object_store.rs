@@ -174,6 +174,13 @@ fn two_shards_of_which_one_is_killed_make_the_corpus_of_one_run() {
     let report = json(&verified);
     assert_eq!(report["scenarios"], SCENARIOS, "{report}");
     assert!(report["pictures"].as_u64() > Some(0), "{report}");
+    let elsewhere = dtd(SERVER.address)
+        .args(["verify", &format!("{url}/elsewhere")])
+        .output()
+        .unwrap();
+    let message = said(&elsewhere);
+    assert_eq!(elsewhere.status.code(), Some(2), "{message}");
+    assert!(message.contains("is the prefix right?"), "{message}");
     let against = &json(&planned)["against"];
     assert_eq!(number(against, "whole"), SCENARIOS, "{against}");
     assert_eq!(against["corpus"], url.as_str());

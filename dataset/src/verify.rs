@@ -173,9 +173,14 @@ impl Verification {
 
     /// Records a scenario that could not even be read.
     pub fn add_unreadable(&mut self, id: &str, reason: impl fmt::Display) {
-        let mut faults = Faults::of_scenario(id);
-        faults.file(seal::MANIFEST, reason);
         self.report.scenarios += 1;
+        self.add_fault(id, seal::MANIFEST, reason);
+    }
+
+    /// Records a fault of a scenario's file that was found elsewhere, such as on the way here.
+    pub fn add_fault(&mut self, id: &str, file: &str, reason: impl fmt::Display) {
+        let mut faults = Faults::of_scenario(id);
+        faults.file(file, reason);
         self.report.findings.extend(faults.into_findings());
     }
 

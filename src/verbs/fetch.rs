@@ -14,7 +14,7 @@ use store::{CorpusStore, Fetched, Patience, StoreUrl};
 use super::Outcome;
 use super::async_runtime::async_runtime;
 use super::corpus_files::{CorpusFile, CorpusFiles, SPLIT_AGAIN, Standing};
-use super::object_store::{OnBar, failure_of};
+use super::object_store::{OnBar, failure_of, nothing_committed};
 use super::output::{count, print_json};
 use crate::args::FetchArgs;
 use crate::failure::{Ending, Failure};
@@ -163,20 +163,15 @@ fn wanted(
     args: &FetchArgs,
     store: &CorpusStore,
 ) -> Result<Vec<String>, Failure> {
-    let nothing = |what: String| {
-        Failure::bad_input_message(format!(
-            "{}: {what} ({} committed)",
-            store.name(),
-            count(committed.len(), "scenario")
-        ))
-    };
     if committed.is_empty() {
-        return Err(nothing(
-            "holds no committed scenario; is the prefix right?".into(),
-        ));
+        return Err(nothing_committed(store));
     }
     if let Some(id) = args.only.iter().find(|id| !committed.contains(*id)) {
-        return Err(nothing(format!("has no committed scenario {id}")));
+        return Err(Failure::bad_input_message(format!(
+            "{}: has no committed scenario {id} ({} committed)",
+            store.name(),
+            count(committed.len(), "scenario")
+        )));
     }
     let is_wanted = |id: &String| args.only.is_empty() || args.only.contains(id);
     Ok(committed.into_iter().filter(is_wanted).collect())

@@ -3,7 +3,7 @@
 use std::env;
 use std::path::{Path, PathBuf};
 
-use store::{StoreError, StoreUrl, Watch};
+use store::{CorpusStore, StoreError, StoreUrl, Watch};
 
 use crate::failure::Failure;
 use crate::progress::Bar;
@@ -15,6 +15,14 @@ pub(super) fn failure_of(error: StoreError) -> Failure {
         error if error.is_bad_input() => Failure::bad_input(error),
         error => Failure::Failed(error.into()),
     }
+}
+
+/// The failure of a verb that finds no scenario in a store.
+pub(super) fn nothing_committed(store: &CorpusStore) -> Failure {
+    Failure::bad_input_message(format!(
+        "{}: holds no committed scenario; is the prefix right?",
+        store.name()
+    ))
 }
 
 /// The default stage of a URL: in the user's cache, which survives a reboot, unlike the folder for temporary files.

@@ -13,7 +13,7 @@ use tempfile::TempDir;
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
-use super::object_store::{OnBar, failure_of};
+use super::object_store::{OnBar, failure_of, nothing_committed};
 use super::open_corpus::open_corpus;
 use super::output::{count, print_json};
 use crate::args::VerifyArgs;
@@ -112,9 +112,16 @@ fn verify_in_store(
     let temporary = env::temp_dir();
     let folder = TempDir::with_prefix("dtd-").map_err(Error::io("create", &temporary))?;
     let corpus = Corpus::create(folder.path())?;
-    let report = async_runtime()?.block_on(async {
+    let runtime = async_runtime()?;
+    let committed = runtime.block_on(async {
         store.check().await?;
-        let committed = store.committed().await?;
+        store.committed().await
+    });
+    let committed = committed.map_err(failure_of)?;
+    if committed.is_empty() {
+        return Err(nothing_committed(&store));
+    }
+    let report = runtime.block_on(async {
         for name in Corpus::FILES {
             if let Some(bytes) = store.read(name).await? {
                 write_atomically(&folder.path().join(name), &bytes)?;
@@ -133,7 +140,13 @@ fn verify_in_store(
                 Ok(Fetched::NotCommitted) => {}
                 Ok(_) => {
                     let scenario = corpus.scenario(id);
-                    store.fetch_detections(&scenario, &watch).await?;
+                    let detections = patience.with(&watch, async |watch| {
+                        store.fetch_detections(&scenario, watch).await
+                    });
+                    for left in detections.await?.left {
+                        let file = format!("detections/{}", left.model);
+                        verification.add_fault(id, &file, left.reason);
+                    }
                     verification.add(scenario.clone());
                     let videos = scenario.root().join("views");
                     fs::remove_dir_all(&videos).map_err(Error::io("remove", &videos))?;
