@@ -6,15 +6,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
+use detector_training::onnx::{
+    AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
+    StringStringEntryProto, TensorProto, ValueInfoProto,
+};
 use prost::Message;
 use testkit::command::{Dtd, said, text};
 use testkit::files::copy_folder;
 use testkit::sweep::SmallSweep;
 use testkit::{repository, skipped};
-use trainer::detector::onnx::{
-    AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
-    StringStringEntryProto, TensorProto, ValueInfoProto,
-};
 
 /// A few pictures of an approach's end.
 fn sweep_toml() -> String {

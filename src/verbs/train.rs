@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
+use dataset::progress::Progress;
 use dataset::toml_file::TomlFile;
 use serde::Serialize;
-use trainer::{Progress, TrainConfig, TrainOutcome};
+use trainer::{TrainConfig, TrainOutcome};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
@@ -73,7 +74,7 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
     }
 }
 
-/// One bar per stage of the trainer.
+/// One bar per stage of a training.
 #[derive(Default)]
 pub(crate) struct Bars(Option<(String, Bar)>);
 

@@ -1,12 +1,11 @@
 //! `dtd train-detector`: trains the detector for `dtd detect` on a labelled corpus.
 
-use trainer::detector::training::Effort;
-use trainer::detector::{DetectorConfig, train_detector};
+use detector_training::{DetectorConfig, Effort, Error, train_detector};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
 use super::output::print_json;
-use super::train::{Bars, failure_of};
+use super::train::Bars;
 use crate::args::TrainDetectorArgs;
 use crate::failure::{Ending, Failure};
 
@@ -42,4 +41,14 @@ pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
         );
     }
     Ok(Ending::Done)
+}
+
+/// An error that the caller must fix, or one of the machine.
+fn failure_of(error: Error) -> Failure {
+    match error {
+        Error::Corpus { .. } | Error::Output { .. } => Failure::bad_input(error),
+        Error::Held { .. } => Failure::TryAgain(error.into()),
+        Error::Dataset(cause) => Failure::of_corpus(cause),
+        Error::Diverged { .. } => error.into(),
+    }
 }

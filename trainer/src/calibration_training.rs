@@ -17,8 +17,8 @@ use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::error::{Error, Result};
 use crate::gap_balance::GapBalance;
 use crate::normalisation::BOX_FEATURES;
-use crate::progress::Progress;
 use crate::schedule::{adam, learning_rate};
+use dataset::progress::Progress;
 
 /// The calibration network of one camera: the paper's layers, and in parallel a linear path from box to feature vector.
 ///

@@ -16,12 +16,12 @@ use crate::error::{Error, Result};
 use crate::metrics::{EstimatorMetrics, Metrics, Outcome, SideCount, SplitSummary};
 use crate::mono_network::MonoInputs;
 use crate::normalisation::TARGET_UNIT_M;
-use crate::progress::Progress;
 use crate::run_folder::{RunFolder, RunSummary, TrainedRun};
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, FARTHEST_NM, Sample, Samples};
 use crate::sealed_run::SealedRun;
 use crate::{paper_lstm, pinhole, report, triangulation};
+use dataset::progress::Progress;
 
 /// Names of the estimators, in the order of tables.
 pub(crate) const ESTIMATORS: [&str; 5] = [

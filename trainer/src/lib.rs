@@ -8,15 +8,13 @@
 //! ```
 //!
 //! The method is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
-//! paper leaves a choice open, the module states the choice and the reason. [`detector`] is independent of all this: it trains the
-//! network that finds the aircraft in the pictures.
+//! paper leaves a choice open, the module states the choice and the reason.
 
 #![forbid(unsafe_code)]
 
 mod calibration_training;
 pub mod config;
 mod dense;
-pub mod detector;
 mod encoded;
 mod error;
 mod evaluation;
@@ -29,7 +27,6 @@ mod mono_network;
 mod normalisation;
 mod paper_lstm;
 mod pinhole;
-mod progress;
 mod report;
 mod run_folder;
 mod run_place;
@@ -46,6 +43,5 @@ pub use config::{TrainConfig, schema};
 pub use error::{Error, Result};
 pub use evaluation::{EvaluationConfig, evaluate};
 pub use metrics::Metrics;
-pub use progress::{Progress, Silent};
 pub use run_folder::RunFolder;
 pub use training::{TrainOutcome, train};

@@ -11,8 +11,8 @@ use crate::dense::{Dense, widths};
 use crate::encoded::{Encoded, column, draw, numbers};
 use crate::error::{Error, Result};
 use crate::normalisation::BOX_FEATURES;
-use crate::progress::Progress;
 use crate::schedule::{adam, learning_rate};
+use dataset::progress::Progress;
 
 /// Which of a box's features the network sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

@@ -16,9 +16,9 @@ use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::error::{Error, Result};
 use crate::head_refit::HeadRefit;
 use crate::lstm::{StackedLstm, ViewFeatures};
-use crate::progress::Progress;
 use crate::schedule::{adam, learning_rate};
 use crate::view_dropout::{BatchKind, ViewDropout, ViewSelection};
+use dataset::progress::Progress;
 
 /// The estimator behind the calibration networks.
 #[derive(Module, Debug)]

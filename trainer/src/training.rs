@@ -19,12 +19,12 @@ use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
 use crate::paper_lstm::{TrainingSets, train_estimator};
 use crate::pinhole::Pinhole;
-use crate::progress::Progress;
 use crate::run_folder::{Baselines, Convergence, Networks, RunFolder, RunSummary, TrainedRun};
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
 use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
+use dataset::progress::Progress;
 
 /// The result of a training.
 #[derive(Debug, Clone, PartialEq)]

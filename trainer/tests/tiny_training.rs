@@ -9,12 +9,13 @@ use dataset::corpus::Corpus;
 use dataset::detections::replace;
 use dataset::json_file::read_json;
 use dataset::pixel_box::PixelBox;
+use dataset::progress::Silent;
 use dataset::splits::{Side, Splits};
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
 };
-use trainer::{EvaluationConfig, Metrics, RunFolder, Silent, TrainConfig, evaluate, train};
+use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig, evaluate, train};
 
 /// The paper's networks, but narrow.
 fn small() -> TrainConfig {

@@ -6,10 +6,11 @@ use std::sync::mpsc;
 use std::thread;
 
 use dataset::corpus::Corpus;
+use dataset::progress::{Progress, Silent};
 use dataset::seal;
 use tempfile::{TempDir, tempdir};
 use testkit::synthetic::SyntheticCorpus;
-use trainer::{Error, EvaluationConfig, Progress, RunFolder, Silent, TrainConfig, evaluate, train};
+use trainer::{Error, EvaluationConfig, RunFolder, TrainConfig, evaluate, train};
 
 /// The method with almost no training: a second.
 fn config(seed: u64) -> TrainConfig {

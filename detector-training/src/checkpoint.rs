@@ -12,7 +12,7 @@ use dataset::json_file::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
 use super::training::{Training, TrainingConfig};
-use crate::error::{Error, Result};
+use crate::error::{Error, OutputFault, Result};
 
 /// Locked by the training process.
 pub(super) const CLAIM: &str = "claim";
@@ -23,12 +23,12 @@ const PARTS: [&str; 2] = ["network", "optimizer"];
 pub(super) fn refuse_strangers(folder: &Path) -> Result<()> {
     for path in content(folder)? {
         if !is_own(&path) {
-            return Err(Error::Run {
+            let stranger = path.file_name().unwrap_or_default().to_string_lossy();
+            return Err(Error::Output {
                 path: folder.to_owned(),
-                message: format!(
-                    "is where the training keeps its checkpoint, but holds {}; move that away, or give another --out",
-                    path.file_name().unwrap_or_default().to_string_lossy()
-                ),
+                fault: OutputFault::NotOnlyCheckpoint {
+                    stranger: stranger.into_owned(),
+                },
             });
         }
     }
@@ -108,13 +108,15 @@ impl<'a> Checkpoint<'a> {
         self.folder.join(format!("{step}.{part}"))
     }
 
-    fn fault(&self, error: RecordError) -> Error {
-        Error::Run {
+    fn refused(&self, fault: OutputFault) -> Error {
+        Error::Output {
             path: self.folder.clone(),
-            message: format!(
-                "cannot read or write the checkpoint: {error}; delete the folder to train from the start"
-            ),
+            fault,
         }
+    }
+
+    fn fault(&self, error: RecordError) -> Error {
+        self.refused(OutputFault::Checkpoint(error))
     }
 
     /// Writes the training and removes what it replaces.
@@ -158,13 +160,7 @@ impl<'a> Checkpoint<'a> {
         }
         let state: State = read_json(&self.state_path(), "detector checkpoint")?;
         if state.config != *self.config {
-            return Err(Error::Run {
-                path: self.folder.clone(),
-                message: format!(
-                    "holds an unfinished training with other settings ({:?}); repeat those to resume it, or delete the folder",
-                    state.config
-                ),
-            });
+            return Err(self.refused(OutputFault::OtherSettings(state.config)));
         }
         let step = state.position.step;
         let record = ModuleRecord::load(self.part_path(step, "network"))

@@ -1,7 +1,8 @@
 //! Writes a detector with random weights as ONNX, a random picture, and this project's own output for it, so that `compare_onnx.py`
 //! can compare ONNX Runtime's output with it:
 //!
-//!     cargo run --release -p trainer --example compare_onnx -- FOLDER && python trainer/examples/compare_onnx.py FOLDER
+//!     cargo run --release -p detector-training --example compare_onnx -- FOLDER
+//!     python detector-training/examples/compare_onnx.py FOLDER
 //!
 //! All files are raw little-endian 32-bit floats: `picture.f32` `[640, 640, 3]`, `cells.f32` `[6400, 5]` (the network's raw output).
 //! `peaks.json` holds the decoded peaks.
@@ -11,13 +12,13 @@ use std::fs;
 use std::path::PathBuf;
 
 use burn::tensor::Device;
+use detector_training::convolution::{GatherTables, normal_weights};
+use detector_training::export::{INPUT_SIDE_PX, onnx_bytes};
+use detector_training::grid::{CELL_VALUES, peaks};
+use detector_training::network::Network;
+use detector_training::patches::PatchBatch;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use trainer::detector::convolution::{GatherTables, normal_weights};
-use trainer::detector::export::{INPUT_SIDE_PX, onnx_bytes};
-use trainer::detector::grid::{CELL_VALUES, peaks};
-use trainer::detector::network::Network;
-use trainer::detector::patches::PatchBatch;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(

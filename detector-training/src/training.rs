@@ -11,6 +11,7 @@ use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
 use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::Device;
+use dataset::progress::Progress;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -22,7 +23,6 @@ use super::loss::loss;
 use super::network::Network;
 use super::samples::{Batch, CROP_SIZES, HardPlace, HardPlaces, Samples};
 use crate::error::{Error, Result};
-use crate::progress::Progress;
 
 /// Copies of the network that work in parallel.
 const SHARDS: usize = 2;
@@ -203,8 +203,7 @@ impl Training {
         let loss: f64 = shards.iter().map(|shard| shard.loss).sum::<f64>() / SHARDS as f64;
         if !loss.is_finite() {
             return Err(Error::Diverged {
-                network: "detector".into(),
-                step: self.position.step as usize,
+                step: self.position.step,
             });
         }
         let mut gradients = GradientsAccumulator::new();
@@ -277,11 +276,11 @@ impl Shard {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::evaluation::detect;
-    use crate::detector::picture::TrainingPicture;
-    use crate::detector::targets::CropTruth;
-    use crate::progress::Silent;
+    use crate::evaluation::detect;
+    use crate::picture::TrainingPicture;
+    use crate::targets::CropTruth;
     use dataset::pixel_box::PixelBox;
+    use dataset::progress::Silent;
     use rand::RngExt;
 
     /// A sky with a soft-edged dark fuselage and wings, and the box around them.

@@ -71,8 +71,8 @@ fn softplus(x: Tensor<2>) -> Tensor<2> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::grid::CELL_VALUES;
-    use crate::detector::targets::CropTruth;
+    use crate::grid::CELL_VALUES;
+    use crate::targets::CropTruth;
     use dataset::pixel_box::PixelBox;
 
     fn loss_of(shift_cells: f32, logit: f32) -> (f32, f32) {

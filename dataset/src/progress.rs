@@ -1,4 +1,4 @@
-//! Progress reports of a long training to its caller, independent of any terminal.
+//! Progress of a long computation in stages, reported to its caller, independent of any terminal.
 
 /// Receives the progress of training and evaluation, for example to draw bars.
 pub trait Progress {

@@ -1,41 +1,19 @@
-//! The project's own aircraft detector: one class, far below 4 MB, trained on a corpus.
-//!
-//! Input: a labelled corpus (decoded video pixels and true boxes). Output: an ONNX model, and next to it a report on trajectories
-//! that it was not trained on. The network is a small CenterNet (Zhou et al., 2019) adapted to this task: boxes accurate to a
-//! fraction of a pixel, because the distance is derived from them, at any contrast that haze leaves.
-//!
-//! `network` and `convolution` compute, `grid` defines the meaning of the numbers, `targets` and `loss` what they should be;
-//! `picture`, `crop`, `samples` and `corpus_samples` feed `training`; `evaluation` measures; `export` and `onnx` write the model.
+//! A training from corpus to model.
 
 use std::path::{Path, PathBuf};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, own_folder_around};
 use dataset::json_file::{read_json, write_atomically, write_json};
+use dataset::progress::Progress;
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-pub mod checkpoint;
-pub mod convolution;
-pub(crate) mod corpus_samples;
-pub mod crop;
-pub mod evaluation;
-pub mod export;
-pub mod grid;
-pub mod loss;
-pub mod network;
-pub mod onnx;
-pub mod patches;
-pub mod picture;
-pub mod samples;
-pub mod targets;
-pub mod training;
-
-use self::evaluation::{Evaluation, evaluate};
-use self::training::{TrainingConfig, train};
-use crate::error::{Error, Result};
-use crate::progress::Progress;
+use crate::error::{CorpusFault, Error, OutputFault, Result};
+use crate::evaluation::{Evaluation, evaluate};
+use crate::training::{TrainingConfig, train};
+use crate::{checkpoint, corpus_samples, export};
 
 /// Settings for training a detector.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -105,7 +83,7 @@ pub fn train_detector(
     if samples.aircraft_count() == 0 {
         return Err(Error::Corpus {
             path: corpus.root().to_owned(),
-            message: "shows no visible aircraft in its training scenarios; are the true boxes those of these videos?".into(),
+            fault: CorpusFault::NothingVisible,
         });
     }
     let trained = train(&samples, &config.training, Some(&checkpoint), progress)?;
@@ -136,37 +114,31 @@ pub fn train_detector(
 
 /// Checks that the model can be written and that nobody else makes it, before the training.
 fn claim(out: &Path, checkpoint: &Path) -> Result<Claim> {
-    let refused = |message: String| Error::Run {
+    let refused = |fault| Error::Output {
         path: out.to_owned(),
-        message,
+        fault,
     };
     if out.is_dir() || out.file_name().is_none() {
-        return Err(refused("is a folder; expected the name of a file".into()));
+        return Err(refused(OutputFault::Folder));
     }
     if let Some(own) = own_folder_around(out) {
-        return Err(refused(format!(
-            "lies in {}, which a corpus reserves for its own files; name a file outside",
-            own.display()
-        )));
+        return Err(refused(OutputFault::InCorpus {
+            own: own.to_owned(),
+        }));
     }
     let report = beside(out, "json");
     let is_report = |found: Value| found.get("model_blake3").is_some_and(Value::is_string);
     if report.exists() && !read_json(&report, "report of a detector").is_ok_and(is_report) {
-        return Err(refused(format!(
-            "would have its report in {}, where something else lies; move that away, or give another --out",
-            report.display()
-        )));
+        return Err(refused(OutputFault::ReportTaken { report }));
     }
     checkpoint::refuse_strangers(checkpoint)?;
     match Claim::take_in(checkpoint, checkpoint::CLAIM) {
         Ok(Claimed::Mine(claim)) => Ok(claim),
         Ok(Claimed::Theirs(holder)) => Err(Error::Held {
-            run: out.to_owned(),
+            out: out.to_owned(),
             holder: holder.map_or("another process".into(), |holder| holder.to_string()),
         }),
-        Err(dataset::Error::Io { source, .. }) => {
-            Err(refused(format!("cannot be made there: {source}")))
-        }
+        Err(dataset::Error::Io { source, .. }) => Err(refused(OutputFault::NotMade(source))),
         Err(error) => Err(error.into()),
     }
 }

@@ -17,7 +17,7 @@ use rayon::prelude::*;
 use super::picture::{TrainingPicture, is_visible, may_be_visible};
 use super::samples::{CROP_SIZES, Samples, size_for_width};
 use super::targets::CropTruth;
-use crate::error::{Error, Result};
+use crate::error::{CorpusFault, Error, Result};
 
 /// Whole frames kept of every video as background. Clouds and ground do not move within a scenario; lights and rain do.
 const BACKGROUNDS_PER_VIDEO: usize = 3;
@@ -73,9 +73,7 @@ pub(crate) fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
     if videos.is_empty() {
         return Err(Error::Corpus {
             path: corpus.root().to_owned(),
-            message: format!(
-                "has no recorded scenario on the sides {sides:?} of its split; generate and label it first"
-            ),
+            fault: CorpusFault::NoScenarios(sides.to_vec()),
         });
     }
     Ok(videos)
@@ -206,10 +204,9 @@ impl Video {
         let cameras = self.scenario.calibration()?.cameras;
         let camera = cameras.get(&self.view).ok_or_else(|| Error::Corpus {
             path: self.scenario.folder().root().to_owned(),
-            message: format!(
-                "has no camera {} in calibration.json; generate it again",
-                self.view
-            ),
+            fault: CorpusFault::NoCamera {
+                view: self.view.clone(),
+            },
         })?;
         Ok(rgb_bytes(
             camera.width_px as usize,

@@ -159,7 +159,7 @@ fn vary_light(pixels: &mut [f32], rng: &mut impl Rng) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::picture::tests::sky_with_bar;
+    use crate::picture::tests::sky_with_bar;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 

@@ -312,7 +312,7 @@ fn without_doubles(mut candidates: Vec<ScoredBox>) -> Vec<ScoredBox> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::targets::CropTruth;
+    use crate::targets::CropTruth;
 
     fn scored(cx_px: f64, score: f64) -> ScoredBox {
         ScoredBox {

@@ -159,7 +159,7 @@ impl Network {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::detector::patches::PatchBatch;
+    use crate::patches::PatchBatch;
 
     fn output_of(network: &Network, device: &Device, picture: &[f32]) -> Vec<f32> {
         let mut batch = PatchBatch::new(1, 64, 64);

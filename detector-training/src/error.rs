@@ -1,0 +1,111 @@
+//! Errors of training a detector.
+
+use std::path::PathBuf;
+
+use burn::store::RecordError;
+use dataset::splits::Side;
+
+use crate::training::TrainingConfig;
+
+/// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A corpus cannot be read, or a result not written.
+    #[error(transparent)]
+    Dataset(#[from] dataset::Error),
+    /// The corpus cannot be used for training as it is.
+    #[error("corpus {}: {fault}", path.display())]
+    Corpus {
+        /// Folder of the corpus, or of one of its scenarios.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: CorpusFault,
+    },
+    /// The model cannot be made at this path.
+    #[error("run {}: {fault}", path.display())]
+    Output {
+        /// The model's file, or the folder of its checkpoint.
+        path: PathBuf,
+        /// What is wrong with it.
+        fault: OutputFault,
+    },
+    /// Another process trains there.
+    #[error("{}: {holder} is at work on it; try again when that has ended", out.display())]
+    Held {
+        /// The model's file.
+        out: PathBuf,
+        /// Who.
+        holder: String,
+    },
+    /// The network's numbers are no longer finite.
+    #[error(
+        "training of detector diverged at step {step}: the loss is not finite; lower its learning_rate"
+    )]
+    Diverged {
+        /// Step at which this was noticed.
+        step: u64,
+    },
+}
+
+/// Why a corpus is no good for training.
+#[derive(Debug, thiserror::Error)]
+pub enum CorpusFault {
+    /// No scenario to train or to judge with.
+    #[error(
+        "has no recorded scenario on the sides {0:?} of its split; generate and label it first"
+    )]
+    NoScenarios(Vec<Side>),
+    /// A view of a scenario is not in its calibration.
+    #[error("has no camera {view} in calibration.json; generate it again")]
+    NoCamera {
+        /// The view.
+        view: String,
+    },
+    /// Nothing to learn from.
+    #[error(
+        "shows no visible aircraft in its training scenarios; are the true boxes those of these videos?"
+    )]
+    NothingVisible,
+}
+
+/// Why a model cannot be made at a path.
+#[derive(Debug, thiserror::Error)]
+pub enum OutputFault {
+    /// It is no file.
+    #[error("is a folder; expected the name of a file")]
+    Folder,
+    /// It would lie among the files of a corpus.
+    #[error("lies in {}, which a corpus reserves for its own files; name a file outside", own.display())]
+    InCorpus {
+        /// The corpus's folder.
+        own: PathBuf,
+    },
+    /// Its report would replace something else.
+    #[error("would have its report in {}, where something else lies; move that away, or give another --out", report.display())]
+    ReportTaken {
+        /// Path of the report.
+        report: PathBuf,
+    },
+    /// The folder of the checkpoint, which is deleted after the training, contains something else.
+    #[error(
+        "is where the training keeps its checkpoint, but holds {stranger}; move that away, or give another --out"
+    )]
+    NotOnlyCheckpoint {
+        /// Name of a foreign file.
+        stranger: String,
+    },
+    /// The checkpoint is one of another training.
+    #[error(
+        "holds an unfinished training with other settings ({0:?}); repeat those to resume it, or delete the folder"
+    )]
+    OtherSettings(TrainingConfig),
+    /// The folder of the checkpoint cannot be created or locked.
+    #[error("cannot be made there: {0}")]
+    NotMade(std::io::Error),
+    /// The numbers of the checkpoint cannot be read or written.
+    #[error("cannot read or write the checkpoint: {0}; delete the folder to train from the start")]
+    Checkpoint(RecordError),
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;

@@ -1,0 +1,32 @@
+//! The project's own aircraft detector: one class, far below 4 MB, trained on a corpus.
+//!
+//! Input: a labelled corpus (decoded video pixels and true boxes). Output: an ONNX model, and next to it a report on trajectories
+//! that it was not trained on. The network is a small CenterNet (Zhou et al., 2019) adapted to this task: boxes accurate to a
+//! fraction of a pixel, because the distance is derived from them, at any contrast that haze leaves.
+//!
+//! `network` and `convolution` compute, `grid` defines the meaning of the numbers, `targets` and `loss` what they should be;
+//! `picture`, `crop`, `samples` and `corpus_samples` feed `training`; `evaluation` measures; `export` and `onnx` write the model.
+
+#![forbid(unsafe_code)]
+
+pub mod checkpoint;
+pub mod convolution;
+mod corpus_samples;
+pub mod crop;
+mod detector;
+mod error;
+pub mod evaluation;
+pub mod export;
+pub mod grid;
+pub mod loss;
+pub mod network;
+pub mod onnx;
+pub mod patches;
+pub mod picture;
+pub mod samples;
+pub mod targets;
+pub mod training;
+
+pub use detector::{DetectorConfig, DetectorReport, train_detector};
+pub use error::{CorpusFault, Error, OutputFault, Result};
+pub use training::Effort;
