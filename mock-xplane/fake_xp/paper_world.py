@@ -126,6 +126,8 @@ class PaperWorld:
         # Drawing lags by this many frames.
         self.lag_frames = 0
         self.shown: list[int] = [0]
+        # Whether every picture differs from the one before, as in rain.
+        self.rains = False
         self.path = ""
         # Whether the view returns to X-Plane's own once nobody controls the camera.
         self.own_view = False
@@ -287,11 +289,13 @@ class PaperWorld:
 
     def render(self, width: int, height: int, windows: bool = False) -> bytes:
         """Red grows to the right, green downwards, blue encodes the aircraft's position some frames ago; a window has the first
-        pixel, and the last one shows where the camera looks."""
+        pixel, rain the second, and the last one shows where the camera looks."""
         self.rendered.append(tuple(self.get(f"sim/graphics/view/view_{name}") for name in ("x", "y", "z")))
         blue = self.shown[0]
         rgb = bytearray(b"".join(bytes((x % 256, y % 256, blue)) for y in range(height) for x in range(width)))
         rgb[-3:] = bytes((0, int(self.get("sim/graphics/view/view_heading")) % 256, blue))
+        if self.rains:
+            rgb[3] = len(self.rendered) % 256
         if windows:
             rgb[:3] = b"\xff\x00\xff"
         return bytes(rgb)

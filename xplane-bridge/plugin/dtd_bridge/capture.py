@@ -29,6 +29,9 @@ TRIES = 5
 # A new pose shows within a few frames. A picture that still equals the previous one after this many shows no change: an aircraft in
 # fog.
 STALE_FRAMES = 10
+# Pictures that move by themselves, as in rain, prove nothing by their content: they are right once as many frames have settled as any
+# X-Plane has needed. A camera that was taken and is back shows as late as a new pose.
+UNPROVEN_SETTLE_FRAMES = 5
 # In a pause two consecutive pictures are equal once exposure and shadows have settled. If they never are (moving water), the
 # comparison is useless.
 RESTLESS_FRAMES = 30
@@ -40,6 +43,7 @@ UNDRAWN_FRAMES = 10
 METERS_PER_DEGREE = 111_320.0
 
 Answer = tuple[dict[str, Any], bytes]
+Wait = Generator[None, None, None]
 # The next frame, or nothing if it was disturbed.
 Look = Generator[None, None, "Frame | None"]
 
@@ -53,27 +57,30 @@ def take(
         raise Refusal(f"{pixels.no_readback}; take the pictures off the screen instead (--pixels screen)")
     deadline = time.monotonic() + TIME_LIMIT_S
 
+    def is_restless() -> bool:
+        return pixels.restless or stage.time_runs
+
+    def settle() -> Wait:
+        return _settle(stage, max(settle_frames, UNPROVEN_SETTLE_FRAMES) if is_restless() else settle_frames, deadline)
+
     def look() -> Look:
         if request.deliver == "picture":
             return _read_back(stage, pixels)
-        return _screenshot(stage, screenshots, settle_frames, deadline)
-
-    def is_restless() -> bool:
-        return pixels.restless or stage.time_runs
+        return _screenshot(stage, screenshots, settle)
 
     tick = tick_of(request)
     shown_at, tried = stage.frames, 0
     first: Frame | None = None
     while True:
         stage.show(tick)
-        yield from _settle(stage, settle_frames, deadline)
+        yield from settle()
         picture = None
         if request.deliver == "drawn":
             yield
         else:
             picture = yield from _new_picture(tick, shown_at, stage, pixels, xp, look)
         if picture is not None and request.deliver == "screenshot" and not screenshots.proven:
-            yield from _look_away(tick, picture, stage, settle_frames, deadline, is_restless(), look)
+            yield from _look_away(tick, picture, stage, settle, is_restless(), look)
             screenshots.proven = True
             first = picture
             continue
@@ -107,7 +114,7 @@ def tick_of(request: Capture) -> Tick:
     )
 
 
-def _settle(stage: Stage, frames: int, deadline: float) -> Generator[None, None, None]:
+def _settle(stage: Stage, frames: int, deadline: float) -> Wait:
     """Waits until this many frames in a row are drawn with pose and camera of the tick while no scenery loads."""
     stage.keep_camera()
     first = stage.written
@@ -134,20 +141,20 @@ def _read_back(stage: Stage, pixels: Pixels) -> Look:
     return None
 
 
-def _screenshot(stage: Stage, screenshots: Screenshots, settle_frames: int, deadline: float) -> Look:
+def _screenshot(stage: Stage, screenshots: Screenshots, settle: Callable[[], Wait]) -> Look:
     """X-Plane takes the camera for it, and it is taken back at once."""
     picture = yield from screenshots.take(stage.is_shown)
-    yield from _settle(stage, settle_frames, deadline)
+    yield from settle()
     return picture
 
 
 def _look_away(
-    tick: Tick, picture: Frame, stage: Stage, settle_frames: int, deadline: float, is_restless: bool, look: Callable[[], Look]
-) -> Generator[None, None, None]:
+    tick: Tick, picture: Frame, stage: Stage, settle: Callable[[], Wait], is_restless: bool, look: Callable[[], Look]
+) -> Wait:
     """Proves that screenshots show what our camera sees: X-Plane takes the camera for them, and no source says whether before or
     after it draws."""
     stage.show(replace(tick, camera=replace(tick.camera, heading_true_deg=tick.camera.heading_true_deg + 180.0, pitch_deg=AWAY_PITCH_DEG)))
-    yield from _settle(stage, settle_frames, deadline)
+    yield from settle()
     before: Frame | None = None
     for _ in range(AWAY_TRIES):
         other = yield from look()

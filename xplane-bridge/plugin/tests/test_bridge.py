@@ -290,6 +290,20 @@ class Capturing(WithBridge):
                     _, picture = client.ask(capture(tick))
                     self.assertEqual(picture[2], self.world.colour(), tick)
 
+    def test_pictures_that_move_by_themselves_are_waited_for_as_long_as_any_x_plane_has_shown_the_tick_before(self):
+        clock = {"day_of_year": 172, "zulu_time_s": 14_400.0}
+        for restless, running in ((False, {"running_at": clock}), (True, {})):
+            with self.subTest(restless=restless):
+                self.setUp()
+                self.world.rains, self.world.lag_frames = True, 4
+                client = self.start()
+                client.ask({"message": "hello", "client": "test"})
+                client.ask({**FREEZE, **running})
+                self.bridge._pixels.restless = restless
+                for tick in range(1, 4):
+                    _, picture = client.ask(capture(tick))
+                    self.assertEqual(picture[2], self.world.colour(), tick)
+
     def test_a_tick_that_looks_like_the_one_before_is_taken_all_the_same(self):
         client = self.frozen()
         first = client.ask(capture(0))[1]
