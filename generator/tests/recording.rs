@@ -127,7 +127,7 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
     assert!(
         error
             .to_string()
-            .contains("visibility_m was 30000.0, now is 20000.0"),
+            .contains("visibility was 30000 m, now 20000 m"),
         "{error}"
     );
     assert_eq!(
@@ -141,7 +141,7 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
     assert_eq!(changed.standings[0], Standing::Changed);
     assert_eq!(
         changed.difference.changed[0].what,
-        "conditions.weather.visibility_m was 30000.0, now is 20000.0"
+        "weather visibility was 30000 m, now 20000 m"
     );
 
     let more = sweep_of(&one.replace("repeats = 1", "repeats = 2"));

@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
 use dataset::json_file::write_atomically;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
+use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
 use store::{CorpusStore, Fetched, Patience, StoreUrl};
 
@@ -39,6 +40,8 @@ struct Mirror {
     left_detections: Vec<Lost>,
     /// Decisions about the files of the whole corpus, if any.
     corpus_files: Vec<String>,
+    /// Bytes that were downloaded.
+    bytes: u64,
 }
 
 #[derive(Serialize)]
@@ -49,6 +52,7 @@ struct Lost {
 
 /// Runs the verb.
 pub(crate) fn run(args: &FetchArgs) -> Outcome {
+    let began = Instant::now();
     let url: &StoreUrl = &args.url;
     let store = CorpusStore::open(url, false).map_err(failure_of)?;
     let patience = Patience(Duration::from_secs(args.patience));
@@ -57,9 +61,11 @@ pub(crate) fn run(args: &FetchArgs) -> Outcome {
         print_json(&mirror)?;
     } else {
         println!(
-            "{} fetched, {} there already: {}",
+            "{} fetched, {} there already; {} in {}: {}",
             count(mirror.fetched.len(), "scenario"),
             mirror.unchanged.len(),
+            DecimalBytes(mirror.bytes),
+            HumanDuration(began.elapsed()),
             args.out.display()
         );
     }
@@ -94,7 +100,7 @@ async fn mirror(
     patience: Patience,
 ) -> Result<Mirror, Failure> {
     let bar = Bar::new("fetch", "scenarios", None);
-    let watch = OnBar(&bar);
+    let watch = OnBar::new(&bar);
     store.check().await.map_err(failure_of)?;
     let ids = wanted(store.committed().await.map_err(failure_of)?, args, store)?;
     let corpus = Corpus::create(&args.out).map_err(Failure::bad_input)?;
@@ -154,6 +160,7 @@ async fn mirror(
             }));
     }
     bar.set_done(ids.len() as u64);
+    mirror.bytes = watch.bytes();
     Ok(mirror)
 }
 

@@ -2,6 +2,7 @@
 
 use std::env;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use store::{CorpusStore, StoreError, StoreUrl, Watch};
 
@@ -36,11 +37,32 @@ pub(super) fn default_stage(url: &StoreUrl) -> PathBuf {
     cache.join("dtd").join("staging").join(url.folder_name())
 }
 
-/// Shows on a bar when the store is being retried.
-pub(super) struct OnBar<'a>(pub(super) &'a Bar);
+/// Shows on a bar when the store is being retried, and counts what was transferred.
+pub(super) struct OnBar<'a> {
+    bar: &'a Bar,
+    bytes: AtomicU64,
+}
+
+impl<'a> OnBar<'a> {
+    pub(super) fn new(bar: &'a Bar) -> Self {
+        Self {
+            bar,
+            bytes: AtomicU64::new(0),
+        }
+    }
+
+    /// Transferred so far, those of failed attempts included.
+    pub(super) fn bytes(&self) -> u64 {
+        self.bytes.load(Ordering::Relaxed)
+    }
+}
 
 impl Watch for OnBar<'_> {
+    fn passed(&self, bytes: u64) {
+        self.bytes.fetch_add(bytes, Ordering::Relaxed);
+    }
+
     fn waiting(&self, reason: &StoreError) {
-        self.0.say(&format!("retrying the store: {reason}"));
+        self.bar.say(&format!("retrying the store: {reason}"));
     }
 }

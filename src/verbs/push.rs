@@ -2,12 +2,13 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
 use dataset::plan::PlannedScenarios;
+use indicatif::{DecimalBytes, HumanDuration};
 use serde::Serialize;
 use store::{CorpusStore, Keep, OnOther, Patience, Pushed, StoreError};
 
@@ -40,6 +41,8 @@ struct Sent {
     corpus_files: Vec<String>,
     /// Incomplete uploads of earlier calls that were cleared.
     cleared: usize,
+    /// Bytes that were uploaded.
+    bytes: u64,
 }
 
 /// Something that was not uploaded.
@@ -52,6 +55,7 @@ struct Refused {
 /// Runs the verb.
 pub(crate) fn run(args: &PushArgs) -> Outcome {
     let corpus = open_filled_corpus(&args.corpus)?;
+    let began = Instant::now();
     let store = CorpusStore::open(&args.url, true).map_err(failure_of)?;
     let patience = Patience(Duration::from_secs(args.patience));
     let sent = async_runtime()?.block_on(send(&corpus, &store, patience))?;
@@ -59,12 +63,14 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
         print_json(&sent)?;
     } else {
         println!(
-            "{} pushed ({} replaced), {} there already; {} of detections pushed ({} replaced): {}",
+            "{} pushed ({} replaced), {} there already; {} of detections pushed ({} replaced); {} in {}: {}",
             count(sent.pushed.len(), "scenario"),
             sent.replaced.len(),
             sent.unchanged.len(),
             count(sent.detections.len(), "set"),
             sent.replaced_detections.len(),
+            DecimalBytes(sent.bytes),
+            HumanDuration(began.elapsed()),
             store.name()
         );
         for replaced in sent.replaced.iter().chain(&sent.replaced_detections) {
@@ -85,7 +91,7 @@ pub(crate) fn run(args: &PushArgs) -> Outcome {
 
 async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Result<Sent, Failure> {
     let bar = Bar::new("push", "scenarios", None);
-    let watch = OnBar(&bar);
+    let watch = OnBar::new(&bar);
     let mut sent = Sent::default();
     let files = files_to_send(corpus, store, &mut sent).await?;
     let scenarios = corpus.scenarios().map_err(Failure::of_corpus)?;
@@ -162,6 +168,7 @@ async fn send(corpus: &Corpus, store: &CorpusStore, patience: Patience) -> Resul
         }));
     }
     bar.set_done(scenarios.len() as u64);
+    sent.bytes = watch.bytes();
     Ok(sent)
 }
 

@@ -128,7 +128,7 @@ fn verify_in_store(
             }
         }
         let bar = Bar::new("verify", "scenarios", Some(committed.len() as u64));
-        let (patience, watch) = (Patience(STORE_PATIENCE), OnBar(&bar));
+        let (patience, watch) = (Patience(STORE_PATIENCE), OnBar::new(&bar));
         let mut verification = Verification::new(options);
         for (done, id) in committed.iter().enumerate() {
             bar.set_done(done as u64);

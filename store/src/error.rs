@@ -80,16 +80,16 @@ pub enum StoreError {
     Stopped,
 }
 
-/// Denials with other codes than 401 or 403: S3 returns 400 for an expired token and 301 for a wrong region.
-const REFUSALS: [&str; 6] = [
+/// Denials with other codes than 401 or 403: S3 returns 400 for an expired token.
+const REFUSALS: [&str; 3] = [
     "ExpiredToken",
     "InvalidToken",
     "AuthorizationHeaderMalformed",
-    "incorrectly configured region",
-    // Listing does not distinguish them from other answers.
-    "status code: 401",
-    "status code: 403",
 ];
+/// The client's words for a redirect without a target, S3's answer in the wrong region.
+const WRONG_REGION: &str = "incorrectly configured region";
+/// Codes of buckets that do not exist.
+const NO_BUCKET: [&str; 2] = ["NoSuchBucket", "ContainerNotFound"];
 /// Where a cloud's own machines get their credentials.
 const OWN_CREDENTIALS: [&str; 3] = [
     "169.254.169.254",
@@ -121,12 +121,10 @@ impl StoreError {
     /// Classifies a store's error. `doing` completes "cannot ...".
     pub(crate) fn of(url: &str, doing: &str, error: &object_store::Error) -> Self {
         let (url, doing) = (url.to_owned(), doing.to_owned());
-        let message = in_short(error);
+        let answer = Answer::of(error);
+        let message = answer.in_short();
         // Without credentials the clients query services that exist only on the cloud's machines.
-        if causes(error)
-            .map(ToString::to_string)
-            .any(|said| OWN_CREDENTIALS.iter().any(|service| said.contains(service)))
-        {
+        if answer.from_own_machine {
             return Self::NotConfigured {
                 url,
                 message: format!(
@@ -147,26 +145,28 @@ impl StoreError {
                     "there is no such bucket or object, when asked to {doing}: {message}"
                 ),
             },
-            // Listing does not distinguish it from other answers.
-            _ if ["NoSuchBucket", "ContainerNotFound", "status code: 404"]
-                .iter()
-                .any(|words| message.contains(words)) =>
-            {
-                Self::NotThere {
+            // Listing does not distinguish the following from each other.
+            _ if answer.status == Some(404) || answer.has_code(&NO_BUCKET) => Self::NotThere {
+                url,
+                message: format!("there is no such bucket, when asked to {doing}: {message}"),
+            },
+            _ if answer.never_came || matches!(answer.status, Some(408 | 429 | 500..)) => {
+                Self::Away {
                     url,
-                    message: format!("there is no such bucket, when asked to {doing}: {message}"),
+                    doing,
+                    message,
                 }
             }
-            _ if never_answered(error) || is_server_error(&message) => Self::Away {
-                url,
-                doing,
-                message,
-            },
-            _ if REFUSALS.iter().any(|words| message.contains(words)) => Self::Refused {
-                url,
-                doing,
-                message,
-            },
+            _ if matches!(answer.status, Some(401 | 403))
+                || answer.has_code(&REFUSALS)
+                || answer.wrong_region =>
+            {
+                Self::Refused {
+                    url,
+                    doing,
+                    message,
+                }
+            }
             _ => Self::Failed {
                 url,
                 doing,
@@ -176,47 +176,79 @@ impl StoreError {
     }
 }
 
+/// What a server said. The clients keep status and code in a private type (`RetryError`): its text is all that they tell, and is
+/// read here and nowhere else.
+struct Answer {
+    /// The HTTP status, if the server answered.
+    status: Option<u16>,
+    /// The store's code and message, if it answered with a page of XML.
+    code: Option<String>,
+    message: Option<String>,
+    /// Whether the request or its answer was lost on the way.
+    never_came: bool,
+    /// Whether a service was asked that only a cloud's own machines have.
+    from_own_machine: bool,
+    wrong_region: bool,
+    /// The text without causes above it, which count attempts.
+    text: String,
+}
+
+impl Answer {
+    fn of(error: &(dyn Error + 'static)) -> Self {
+        let text = causes(error)
+            .last()
+            .map_or_else(String::new, ToString::to_string);
+        let element = |name: &str| {
+            let (_, rest) = text.split_once(&format!("<{name}>"))?;
+            Some(rest.split_once("</")?.0.trim().to_owned())
+        };
+        let status = text.split_once("status code: ").and_then(|(_, rest)| {
+            let digits = rest.split(|c: char| !c.is_ascii_digit()).next()?;
+            digits.parse().ok()
+        });
+        Self {
+            status,
+            code: element("Code"),
+            message: element("Message"),
+            never_came: causes(error)
+                .filter_map(|cause| cause.downcast_ref::<HttpError>())
+                .any(|error| {
+                    matches!(
+                        error.kind(),
+                        HttpErrorKind::Connect
+                            | HttpErrorKind::Request
+                            | HttpErrorKind::Timeout
+                            | HttpErrorKind::Interrupted
+                    )
+                }),
+            from_own_machine: causes(error)
+                .map(ToString::to_string)
+                .any(|said| OWN_CREDENTIALS.iter().any(|service| said.contains(service))),
+            wrong_region: text.contains(WRONG_REGION),
+            text,
+        }
+    }
+
+    fn has_code(&self, codes: &[&str]) -> bool {
+        self.code
+            .as_deref()
+            .is_some_and(|code| codes.contains(&code))
+    }
+
+    /// Of a page of XML, only code and message.
+    fn in_short(&self) -> String {
+        match (&self.code, &self.message) {
+            (Some(code), Some(message)) => {
+                let status = self.text.split_once(": <").map_or("", |(status, _)| status);
+                format!("{code}: {message} ({status})")
+            }
+            _ => self.text.clone(),
+        }
+    }
+}
+
 fn causes<'a>(error: &'a (dyn Error + 'static)) -> impl Iterator<Item = &'a (dyn Error + 'static)> {
     std::iter::successors(Some(error), |error| (**error).source())
-}
-
-fn never_answered(error: &(dyn Error + 'static)) -> bool {
-    causes(error)
-        .filter_map(|cause| cause.downcast_ref::<HttpError>())
-        .any(|error| {
-            matches!(
-                error.kind(),
-                HttpErrorKind::Connect
-                    | HttpErrorKind::Request
-                    | HttpErrorKind::Timeout
-                    | HttpErrorKind::Interrupted
-            )
-        })
-}
-
-fn is_server_error(message: &str) -> bool {
-    ["status code: 5", "status code: 429", "status code: 408"]
-        .iter()
-        .any(|status| message.contains(status))
-}
-
-/// The last cause is the message, those above it the number of attempts. A server's answer is a page of XML; only its code and
-/// message are of use.
-fn in_short(error: &(dyn Error + 'static)) -> String {
-    let last = causes(error)
-        .last()
-        .map_or_else(String::new, ToString::to_string);
-    let element = |name: &str| {
-        let (_, rest) = last.split_once(&format!("<{name}>"))?;
-        Some(rest.split_once("</")?.0.trim().to_owned())
-    };
-    match (element("Code"), element("Message")) {
-        (Some(code), Some(message)) => {
-            let status = last.split_once(": <").map_or("", |(status, _)| status);
-            format!("{code}: {message} ({status})")
-        }
-        _ => last,
-    }
 }
 
 #[cfg(test)]
@@ -259,9 +291,9 @@ mod tests {
         let page = "Server returned non-2xx status code: 403 Forbidden: <?xml version=\"1.0\"?>\n<Error><Code>AccessDenied</Code>\
                     <Message>Not you</Message><RequestId>1</RequestId></Error>";
         assert_eq!(
-            in_short(&said(page)),
+            Answer::of(&said(page)).in_short(),
             "AccessDenied: Not you (Server returned non-2xx status code: 403 Forbidden)"
         );
-        assert_eq!(in_short(&said("plain words")), "plain words");
+        assert_eq!(Answer::of(&said("plain words")).in_short(), "plain words");
     }
 }

@@ -82,18 +82,12 @@ impl Difference {
 fn first_difference_of(before: &impl Serialize, after: &impl Serialize) -> Option<String> {
     let before = serde_json::to_value(before).unwrap_or_default();
     let after = serde_json::to_value(after).unwrap_or_default();
-    first_difference("", &before, &after)
+    first_difference(&[], &before, &after)
 }
 
-/// The first value that differs between two JSON documents, ignoring hashes.
-fn first_difference(path: &str, before: &Value, after: &Value) -> Option<String> {
-    let below = |key: &str| {
-        if path.is_empty() || path == "parameters" {
-            key.to_owned()
-        } else {
-            format!("{path}.{key}")
-        }
-    };
+/// The first value that differs between two JSON documents, ignoring hashes, in words.
+fn first_difference(keys: &[String], before: &Value, after: &Value) -> Option<String> {
+    let below = |key: &str| [keys, &[key.to_owned()]].concat();
     match (before, after) {
         (Value::Object(a), Value::Object(b)) => a
             .keys()
@@ -107,7 +101,84 @@ fn first_difference(path: &str, before: &Value, after: &Value) -> Option<String>
             .iter()
             .zip(b)
             .enumerate()
-            .find_map(|(i, (x, y))| first_difference(&below(&i.to_string()), x, y)),
-        _ => (before != after).then(|| format!("{path} was {before}, now is {after}")),
+            .find_map(|(i, (x, y))| first_difference(&below(&(i + 1).to_string()), x, y)),
+        _ => (before != after).then(|| in_words(keys, before, after)),
+    }
+}
+
+/// Keys that only group others.
+const GROUPS: [&str; 5] = ["parameters", "conditions", "clock", "flight", "live"];
+/// Endings of keys and what stands for them after a value; a longer ending comes before the one that it ends in.
+const UNITS: [(&str, &str); 12] = [
+    ("_msl_m", " m above sea level"),
+    ("_true_deg", "° true"),
+    ("_magnetic_deg", "° magnetic"),
+    ("_deg", "°"),
+    ("_mps", " m/s"),
+    ("_mhz", " MHz"),
+    ("_px", " px"),
+    ("_hpa", " hPa"),
+    ("_ratio", ""),
+    ("_c", " °C"),
+    ("_m", " m"),
+    ("_s", " s"),
+];
+
+fn in_words(keys: &[String], before: &Value, after: &Value) -> String {
+    let last = keys.last().map_or("", String::as_str);
+    if last == "blake3" {
+        return "the recording's content changed".into();
+    }
+    let unit = UNITS.iter().find(|(ending, _)| last.ends_with(ending));
+    let (ending, unit) = unit.copied().unwrap_or_default();
+    let mut words: Vec<&str> = keys.iter().map(String::as_str).collect();
+    words.retain(|word| !GROUPS.contains(word));
+    let what = words.join(" ").replace('_', " ");
+    let what = &what[..what.len() - ending.len()];
+    let value = |value: &Value| match (value, value.as_f64()) {
+        (_, Some(number)) => format!("{number}{unit}"),
+        (Value::Null, _) => "none".into(),
+        (Value::Array(list), _) => list.len().to_string(),
+        _ => value.to_string(),
+    };
+    if before.is_array() && after.is_array() {
+        return format!(
+            "the number of {what} was {}, now {}",
+            value(before),
+            value(after)
+        );
+    }
+    format!("{what} was {}, now {}", value(before), value(after))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    #[test]
+    fn a_change_is_said_in_words_with_units() {
+        let said = |before: Value, after: Value| first_difference(&[], &before, &after);
+        let weather = |visibility_m: f64| json!({"parameters": {"conditions": {"weather": {"visibility_m": visibility_m}}}});
+        assert_eq!(
+            said(weather(30_000.0), weather(20_000.0)).unwrap(),
+            "weather visibility was 30000 m, now 20000 m"
+        );
+        let cameras =
+            |pitch_deg: Option<f64>| json!({"cameras": [{"id": "left", "pitch_deg": pitch_deg}]});
+        assert_eq!(
+            said(cameras(Some(1.6)), cameras(None)).unwrap(),
+            "cameras 1 pitch was 1.6°, now none"
+        );
+        assert_eq!(
+            said(json!({"rig": "wide"}), json!({"rig": "narrow"})).unwrap(),
+            r#"rig was "wide", now "narrow""#
+        );
+        let recording = |blake3: &str| json!({"flight": {"blake3": blake3}});
+        assert_eq!(
+            said(recording("5b"), recording("5c")).unwrap(),
+            "the recording's content changed"
+        );
+        assert_eq!(said(recording("5b"), recording("5b")), None);
     }
 }
