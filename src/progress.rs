@@ -1,11 +1,14 @@
 //! Progress on stderr: bars on a terminal; otherwise, as in a log file, a line per tenth of the work.
 
+use std::fmt;
 use std::io::IsTerminal;
 use std::sync::LazyLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use indicatif::{HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{
+    HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle,
+};
 
 use crate::print::plain;
 
@@ -41,10 +44,14 @@ impl Bar {
             Some(total) => ProgressBar::new(total),
             None => ProgressBar::no_length(),
         });
-        let template = format!(
-            "{{prefix:>9}} {{bar:32}} {{pos}}/{{len}} {unit} {{per_sec}} eta {{eta}} {{msg}}"
-        );
+        let template =
+            format!("{{prefix:>9}} {{bar:32}} {{pos}}/{{len}} {unit} {{rate}} eta {{eta}} {{msg}}");
         if let Ok(style) = ProgressStyle::with_template(&template) {
+            let style =
+                style.with_key("rate", |state: &ProgressState, out: &mut dyn fmt::Write| {
+                    // Nothing is lost with a rate that cannot be shown.
+                    let _ = out.write_str(&rate(state.per_sec()));
+                });
             bar.set_style(style.progress_chars("=> "));
         }
         bar.set_prefix(step);
@@ -121,16 +128,19 @@ fn pace(done: u64, total: u64, elapsed: Duration) -> String {
         return String::new();
     }
     let per_s = done as f64 / elapsed_s;
-    let rate = match per_s {
-        rate if rate >= 1.0 => format!("{rate:.1}/s"),
-        rate => format!("{:.1}/min", rate * 60.0),
-    };
     let left = Duration::from_secs_f64(total.saturating_sub(done) as f64 / per_s);
     let left = match done {
         done if done >= total => String::new(),
         _ => format!(", {} left", HumanDuration(left)),
     };
-    format!(" in {}, {rate}{left}", HumanDuration(elapsed))
+    format!(" in {}, {}{left}", HumanDuration(elapsed), rate(per_s))
+}
+
+fn rate(per_s: f64) -> String {
+    match per_s {
+        rate if rate >= 1.0 => format!("{rate:.1}/s"),
+        rate => format!("{:.1}/min", rate * 60.0),
+    }
 }
 
 impl Drop for Bar {

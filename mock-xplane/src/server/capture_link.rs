@@ -77,6 +77,9 @@ pub(super) async fn run(
                     let _room = room;
                     match service.serve(stream, from).await {
                         Ok(()) => tracing::debug!(%from, "capture link closed"),
+                        Err(error) if error.is_hang_up() => {
+                            tracing::info!(%from, "the client hung up");
+                        }
                         Err(error) => tracing::warn!(%from, %error, "capture link closed"),
                     }
                 });
@@ -160,7 +163,9 @@ impl CaptureService {
                 memory: None,
                 activity: activity.clone(),
             };
-            if let Err(error) = self.read_requests(hello, from_client, client, order).await {
+            if let Err(error) = self.read_requests(hello, from_client, client, order).await
+                && !error.is_hang_up()
+            {
                 tracing::warn!(%error, "no more requests are taken");
             }
             std::future::pending().await

@@ -3,6 +3,8 @@
 //! Lengths above a limit are rejected, and no input panics: the other side is another program, perhaps of another version. Socket
 //! buffers keep the system's automatic size, which grows beyond what may be requested manually.
 
+use std::io::ErrorKind;
+
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use tokio::io::{AsyncRead, AsyncReadExt, AsyncWrite, AsyncWriteExt};
@@ -68,6 +70,14 @@ pub enum LinkError {
         /// Its first characters.
         begin: String,
     },
+}
+
+impl LinkError {
+    /// Whether the other side hung up, as a client does that was interrupted.
+    pub fn is_hang_up(&self) -> bool {
+        matches!(self, Self::Io(error)
+            if matches!(error.kind(), ErrorKind::ConnectionReset | ErrorKind::BrokenPipe))
+    }
 }
 
 /// Sends our greeting and checks the other side's. Ours goes first, so that sides of different versions both learn why.

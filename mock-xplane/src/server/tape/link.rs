@@ -37,6 +37,9 @@ pub(super) async fn run(listener: Arc<TcpListener>, player: Arc<Player>) -> Resu
                     let _room = room;
                     match serve(stream, player).await {
                         Ok(()) => tracing::debug!(%from, "capture link closed"),
+                        Err(error) if error.is_hang_up() => {
+                            tracing::info!(%from, "the client hung up");
+                        }
                         Err(error) => tracing::warn!(%from, %error, "capture link closed"),
                     }
                 });
