@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
-use burn::tensor::Device;
 use dataset::calibration::CameraEntry;
 use dataset::columns::TableWriter;
 use dataset::corpus::Corpus;
@@ -11,26 +10,15 @@ use dataset::json_file::write_json_unsynced;
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
-use crate::encoded::Encoded;
 use crate::error::{Error, Result};
+use crate::estimator::{Estimator, Task};
 use crate::metrics::{EstimatorMetrics, Metrics, Outcome, SideCount, SplitSummary};
-use crate::mono_network::MonoInputs;
-use crate::normalisation::TARGET_UNIT_M;
+use crate::report;
 use crate::run_folder::{RunFolder, RunSummary, TrainedRun};
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, FARTHEST_NM, Sample, Samples};
 use crate::sealed_run::SealedRun;
-use crate::{paper_lstm, pinhole, report, triangulation};
 use dataset::progress::Progress;
-
-/// Names of the estimators, in the order of tables.
-pub(crate) const ESTIMATORS: [&str; 5] = [
-    "paper_lstm",
-    "triangulation",
-    "mono_network_box",
-    "mono_network",
-    "mono_pinhole",
-];
 
 /// Range of sensible widths of the distance bins, nautical miles.
 const BIN_WIDTHS_NM: RangeInclusive<f64> = 0.01..=1_000.0;
@@ -92,8 +80,8 @@ impl EvaluationConfig {
 /// Predictions of one estimator, in the order of the evaluated samples.
 #[derive(Debug, Clone)]
 pub(crate) struct EstimatorPredictions {
-    /// Name of the estimator.
-    pub name: &'static str,
+    /// The estimator.
+    pub estimator: Estimator,
     /// Distances to touchdown, metres.
     pub dtd_m: Vec<Option<f64>>,
 }
@@ -130,7 +118,7 @@ pub fn evaluate(
             ),
         });
     }
-    progress.begin("evaluation", ESTIMATORS.len() as u64);
+    progress.begin("evaluation", Estimator::ALL.len() as u64);
     let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
     let found = boxes(&test);
     let other_cameras = samples.cameras_vary && !trained.summary.cameras_vary;
@@ -151,7 +139,7 @@ pub fn evaluate(
             .iter()
             .map(|p| {
                 (
-                    p.name.to_owned(),
+                    p.estimator.name().to_owned(),
                     EstimatorMetrics::of(&outcomes(&samples, &test, p), config.distance_bin_nm),
                 )
             })
@@ -249,61 +237,14 @@ fn predict_all(
     test: &[&Sample],
     progress: &mut dyn Progress,
 ) -> Vec<EstimatorPredictions> {
-    let device = Device::flex();
-    let encoded = Encoded::new(test.iter().copied(), &run.normalisation);
-    let (networks, loss) = (&run.networks, run.config.loss);
-    // A network always returns something, even without any box.
-    let metres = |units: Vec<f32>| {
-        units
-            .into_iter()
-            .zip(test)
-            .map(|(unit, sample)| {
-                (sample.detections() > 0).then(|| f64::from(unit) * TARGET_UNIT_M)
-            })
-            .collect()
-    };
-    let touchdown = |sample: &Sample| samples.scenarios[sample.scenario].touchdown;
+    let task = Task::new(run, &samples.scenarios, test);
     let mut predictions = Vec::new();
-    for (done, name) in ESTIMATORS.into_iter().enumerate() {
-        let dtd_m = match name {
-            "paper_lstm" => metres(paper_lstm::predict(
-                &networks.calibration,
-                &networks.estimator,
-                &encoded,
-                loss,
-                &device,
-            )),
-            "mono_network" => metres(networks.mono_size.predict(
-                MonoInputs::Size,
-                &encoded,
-                loss,
-                &device,
-            )),
-            "mono_network_box" => metres(networks.mono_box.predict(
-                MonoInputs::Box,
-                &encoded,
-                loss,
-                &device,
-            )),
-            "mono_pinhole" => test
-                .iter()
-                .map(|sample| pinhole::predict(&run.baselines.pinholes, sample))
-                .collect(),
-            "triangulation" => test
-                .iter()
-                .map(|s| {
-                    triangulation::predict(
-                        &run.baselines.centre_offsets,
-                        &samples.scenarios[s.scenario].cameras,
-                        s,
-                        touchdown(s),
-                    )
-                })
-                .collect(),
-            _ => unreachable!("every name in ESTIMATORS has its arm"),
-        };
-        predictions.push(EstimatorPredictions { name, dtd_m });
-        progress.advance(done as u64 + 1, name);
+    for estimator in Estimator::ALL {
+        predictions.push(EstimatorPredictions {
+            estimator,
+            dtd_m: estimator.predict(&task),
+        });
+        progress.advance(predictions.len() as u64, estimator.name());
     }
     predictions
 }
@@ -373,11 +314,9 @@ fn write_predictions(
             test.iter().map(|sample| sample.detections() as u32),
         )
         .f64("dtd_m", test.iter().map(|sample| sample.dtd_m));
-    for estimator in predictions {
-        table = table.optional_f64(
-            &format!("{}_dtd_m", estimator.name),
-            estimator.dtd_m.iter().copied(),
-        );
+    for EstimatorPredictions { estimator, dtd_m } in predictions {
+        let column = format!("{}_dtd_m", estimator.name());
+        table = table.optional_f64(&column, dtd_m.iter().copied());
     }
     Ok(table.write(&run.predictions_path())?)
 }

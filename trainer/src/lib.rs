@@ -17,6 +17,7 @@ pub mod config;
 mod dense;
 mod encoded;
 mod error;
+mod estimator;
 mod evaluation;
 mod gap_balance;
 mod head_refit;

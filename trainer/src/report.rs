@@ -13,6 +13,7 @@ use minijinja::{Environment, Value, context};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
+use crate::estimator::Estimator;
 use crate::evaluation::{EstimatorPredictions, EvaluationConfig, outcomes};
 use crate::metrics::{Metrics, Outcome};
 use crate::run_folder::{RunFolder, TrainedRun};
@@ -20,44 +21,9 @@ use crate::samples::{Sample, Samples};
 
 const TEMPLATE: &str = include_str!("report/report.html");
 
-/// Properties of an estimator, by its name.
-struct Description {
-    name: &'static str,
-    title: &'static str,
-    how: &'static str,
-}
-
-const DESCRIPTIONS: [Description; 5] = [
-    Description {
-        name: "paper_lstm",
-        title: "Calibration networks + LSTM",
-        how: "the paper's method; its networks see boxes only, never the cameras",
-    },
-    Description {
-        name: "triangulation",
-        title: "Triangulation",
-        how: "geometry with the known cameras; needs two views",
-    },
-    Description {
-        name: "mono_network_box",
-        title: "Monoscopic network, whole box",
-        how: "each view by itself from place and size, averaged",
-    },
-    Description {
-        name: "mono_network",
-        title: "Monoscopic network, size",
-        how: "each view by itself from width and height, averaged",
-    },
-    Description {
-        name: "mono_pinhole",
-        title: "Monoscopic pinhole",
-        how: "each view by itself from width and span, averaged",
-    },
-];
-
-/// One estimator's predictions with its titles.
+/// One estimator's predictions.
 struct Shown<'a> {
-    description: &'static Description,
+    estimator: Estimator,
     outcomes: Vec<Outcome<'a>>,
 }
 
@@ -85,14 +51,9 @@ pub(crate) fn write(
 ) -> Result<()> {
     let shown: Vec<Shown> = predictions
         .iter()
-        .filter_map(|p| {
-            let description = DESCRIPTIONS
-                .iter()
-                .find(|description| description.name == p.name)?;
-            Some(Shown {
-                description,
-                outcomes: outcomes(samples, test, p),
-            })
+        .map(|p| Shown {
+            estimator: p.estimator,
+            outcomes: outcomes(samples, test, p),
         })
         .collect();
     let flown = tables::best_covered_scenario(samples, test);
@@ -131,7 +92,7 @@ struct LegendEntry {
 fn legend(shown: &[Shown]) -> Vec<LegendEntry> {
     let entry = |(which, shown): (usize, &Shown)| LegendEntry {
         colour: plots::css_colour(which),
-        title: shown.description.title,
+        title: shown.estimator.description().title,
     };
     shown.iter().enumerate().map(entry).collect()
 }

@@ -6,6 +6,7 @@ use plotters::prelude::*;
 
 use super::Shown;
 use crate::error::{Error, Result};
+use crate::estimator::Estimator;
 use crate::metrics::distance_bins;
 use crate::run_folder::Convergence;
 use crate::samples::Sample;
@@ -332,7 +333,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
     let two_view: Vec<(usize, &Shown)> = shown
         .iter()
         .enumerate()
-        .filter(|(_, s)| ["paper_lstm", "triangulation"].contains(&s.description.name))
+        .filter(|(_, s)| matches!(s.estimator, Estimator::PaperLstm | Estimator::Triangulation))
         .collect();
     let errors = two_view.iter().flat_map(|(_, s)| {
         rows.iter()
@@ -367,16 +368,16 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .map_err(words)?
             .label("true")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], INK.stroke_width(2)));
-        for &(which, estimator) in &two_view {
+        for &(which, shown) in &two_view {
             let colour = COLOURS[which % COLOURS.len()];
             let points = rows
                 .iter()
-                .filter_map(|&row| Some((time_s(row), nm(estimator.outcomes[row].predicted_m?))));
+                .filter_map(|&row| Some((time_s(row), nm(shown.outcomes[row].predicted_m?))));
             let points = shown_points(points, &times_s, &distances_nm).into_iter();
             distances
                 .draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))
                 .map_err(words)?
-                .label(estimator.description.title)
+                .label(shown.estimator.description().title)
                 .legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled()));
         }
         distances
@@ -412,11 +413,11 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
                 INK.mix(0.6),
             )])
             .map_err(words)?;
-        for &(which, estimator) in two_view.iter().rev() {
+        for &(which, shown) in two_view.iter().rev() {
             let colour = COLOURS[which % COLOURS.len()];
-            let points = rows.iter().filter_map(|&row| {
-                Some((time_s(row), estimator.outcomes[row].signed_error_pct()?))
-            });
+            let points = rows
+                .iter()
+                .filter_map(|&row| Some((time_s(row), shown.outcomes[row].signed_error_pct()?)));
             let points = shown_points(points, &times_s, &errors_pct).into_iter();
             errors
                 .draw_series(points.map(|point| Circle::new(point, 2, colour.mix(0.8).filled())))
@@ -434,7 +435,6 @@ pub(super) fn css_colour(which: usize) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::DESCRIPTIONS;
     use super::*;
     use crate::calibration_training::CalibrationLogEntry;
     use crate::metrics::Outcome;
@@ -498,10 +498,10 @@ mod tests {
             let samples: Vec<_> = ticks.iter().map(|t| sample(t.0, t.1)).collect();
             let test: Vec<_> = samples.iter().collect();
             for answer in answers {
-                let shown: Vec<_> = DESCRIPTIONS
-                    .iter()
-                    .map(|description| Shown {
-                        description,
+                let shown: Vec<_> = Estimator::ALL
+                    .into_iter()
+                    .map(|estimator| Shown {
+                        estimator,
                         outcomes: ticks.iter().map(|t| outcome(t.1, Some(answer))).collect(),
                     })
                     .collect();
@@ -518,7 +518,7 @@ mod tests {
             .collect();
         let test: Vec<_> = samples.iter().collect();
         let shown = [Shown {
-            description: &DESCRIPTIONS[0],
+            estimator: Estimator::PaperLstm,
             outcomes: samples
                 .iter()
                 .map(|sample| outcome(sample.dtd_m, Some(sample.dtd_m * 1.01)))

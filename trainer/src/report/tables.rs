@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::DESCRIPTIONS;
+use crate::estimator::{Description, Estimator};
 use crate::metrics::{ErrorFigures, Metrics, SplitFigures};
 use crate::samples::{Sample, Samples};
 
@@ -49,14 +49,15 @@ pub(super) struct ConditionRow {
 
 /// All estimators, dual and combination.
 pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
-    DESCRIPTIONS
-        .iter()
-        .filter_map(|description| {
-            let overall = &metrics.estimators.get(description.name)?.overall;
+    Estimator::ALL
+        .into_iter()
+        .filter_map(|estimator| {
+            let Description { name, title, how } = estimator.description();
+            let overall = &metrics.estimators.get(name)?.overall;
             Some(HeadlineRow {
-                name: description.name,
-                title: description.title,
-                how: description.how,
+                name,
+                title,
+                how,
                 dual: cells(&overall.dual),
                 combination: cells(&overall.combination),
             })
@@ -66,7 +67,7 @@ pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
 
 /// The paper's table 3 for `paper_lstm`, with the paper's own figures where it has the condition.
 pub(super) fn conditions(metrics: &Metrics) -> Vec<ConditionRow> {
-    let Some(ours) = metrics.estimators.get("paper_lstm") else {
+    let Some(ours) = metrics.estimators.get(Estimator::PaperLstm.name()) else {
         return Vec::new();
     };
     let row = |kind, (name, figures): (&String, &SplitFigures)| ConditionRow {
