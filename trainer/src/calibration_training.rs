@@ -14,10 +14,10 @@ use serde::{Deserialize, Serialize};
 use crate::config::{CalibrationConfig, Loss};
 use crate::dense::{Dense, linear, widths};
 use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gap_balance::GapBalance;
 use crate::normalisation::BOX_FEATURES;
-use crate::schedule::{adam, learning_rate};
+use crate::training_loop::{Setup, Task, learn};
 use dataset::progress::Progress;
 
 /// The calibration network of one camera: the paper's layers, and in parallel a linear path from box to feature vector.
@@ -119,77 +119,95 @@ pub(crate) fn train_calibration(
     training: &Encoded,
     validation: &Encoded,
     config: &CalibrationConfig,
-    loss: Loss,
-    random: &mut ChaCha12Rng,
-    device: &Device,
+    mut setup: Setup,
     progress: &mut dyn Progress,
 ) -> Result<(CalibrationNetworks, Vec<CalibrationLogEntry>)> {
     let views = training.views();
-    let all: Vec<usize> = (0..training.len()).collect();
-    let steps = config.optimisation.steps;
-    progress.begin("calibration networks", steps as u64);
-    let mut networks = CalibrationNetworks::new(views, config, random, device);
-    let mut optimiser = adam();
-    let mut balance = GapBalance::new(
-        views,
-        config.min_steps,
-        config.plateau_threshold_pct,
-        config.gap_threshold_pct,
-    );
-    let mut log = Vec::new();
-    for step in 0..steps {
-        let batch = draw(&all, config.optimisation.batch_size, random);
-        let mut gradients = batch_loss(
-            &networks,
-            training,
-            &batch,
-            balance.optimised(),
-            loss,
-            device,
-        )
-        .backward();
+    let settings = &config.optimisation;
+    progress.begin("calibration networks", settings.steps as u64);
+    let networks = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
+    let mut task = Calibration {
+        training,
+        validation,
+        config,
+        all: (0..training.len()).collect(),
+        balance: GapBalance::new(
+            views,
+            config.min_steps,
+            config.plateau_threshold_pct,
+            config.gap_threshold_pct,
+        ),
+        log: Vec::new(),
+        setup,
+    };
+    let networks = learn(&mut task, networks, settings, |done, note| {
+        progress.advance(done as u64, note);
+    })?;
+    Ok((networks, task.log))
+}
+
+struct Calibration<'a> {
+    training: &'a Encoded,
+    validation: &'a Encoded,
+    config: &'a CalibrationConfig,
+    /// All samples of the training side.
+    all: Vec<usize>,
+    balance: GapBalance,
+    log: Vec<CalibrationLogEntry>,
+    setup: Setup,
+}
+
+impl Task for Calibration<'_> {
+    type Network = CalibrationNetworks;
+    const NAME: &'static str = "calibration networks";
+
+    fn judged_every(&self) -> usize {
+        self.config.log_every
+    }
+
+    fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
+        let batch = draw(
+            &self.all,
+            self.config.optimisation.batch_size,
+            &mut self.setup.random,
+        );
+        let optimised = self.balance.optimised();
+        let Setup { loss, device, .. } = &self.setup;
+        let mut gradients =
+            batch_loss(networks, self.training, &batch, optimised, *loss, device).backward();
         // The head trains only together with all views; a parameter without a gradient stays as it is.
         let mut selected = GradientsParams::new();
-        for (view, network) in networks.views.iter().enumerate() {
-            if balance.optimised()[view] {
-                take_gradients(&mut gradients, network, &mut selected);
-            }
+        for (network, _) in networks.views.iter().zip(optimised).filter(|(_, on)| **on) {
+            take_gradients(&mut gradients, network, &mut selected);
         }
-        if balance.all_optimised() {
+        if self.balance.all_optimised() {
             take_gradients(&mut gradients, &networks.head, &mut selected);
         }
-        networks = optimiser.step(
-            learning_rate(&config.optimisation, step),
-            networks,
-            selected,
-        );
-        let done = step + 1;
-        if done % config.log_every == 0 || done == steps {
-            let errors =
-                validation_errors(&networks.valid(), validation, loss, &device.clone().inner());
-            if errors.iter().flatten().any(|error| !error.is_finite()) {
-                return Err(Error::Diverged {
-                    network: "calibration networks".into(),
-                    step: done,
-                });
-            }
-            balance.observe(config.log_every, &errors);
-            let note = errors
-                .iter()
-                .map(|e| e.map_or("-".into(), |e| format!("{e:.2}")))
-                .collect::<Vec<_>>();
-            progress.advance(
-                done as u64,
-                &format!("MAPE per view {} %", note.join(" / ")),
-            );
-            log.push(CalibrationLogEntry {
-                step: done,
-                validation_mape_pct: errors,
-                optimised: balance.optimised().to_vec(),
-            });
-        }
+        selected
     }
-    Ok((networks, log))
+
+    fn judge(&mut self, networks: &CalibrationNetworks, done: usize) -> Option<String> {
+        let errors = validation_errors(
+            &networks.valid(),
+            self.validation,
+            self.setup.loss,
+            &self.setup.plain_device(),
+        );
+        if errors.iter().flatten().any(|error| !error.is_finite()) {
+            return None;
+        }
+        self.balance.observe(self.config.log_every, &errors);
+        let note = errors
+            .iter()
+            .map(|e| e.map_or("-".into(), |e| format!("{e:.2}")))
+            .collect::<Vec<_>>();
+        self.log.push(CalibrationLogEntry {
+            step: done,
+            validation_mape_pct: errors,
+            optimised: self.balance.optimised().to_vec(),
+        });
+        Some(format!("MAPE per view {} %", note.join(" / ")))
+    }
 }
 
 /// Sum of the losses of the optimised views.

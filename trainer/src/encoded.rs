@@ -105,6 +105,23 @@ impl Encoded {
             device,
         )
     }
+
+    /// Squared errors of predictions `[batch, 1]`, weighted as `loss` has it, divided by `size`.
+    pub(crate) fn squared_error(
+        &self,
+        predicted: Tensor<2>,
+        batch: &[usize],
+        size: f32,
+        loss: Loss,
+        device: &Device,
+    ) -> Tensor<1> {
+        let weights = batch
+            .iter()
+            .map(|&sample| loss.weight(self.distances[sample]) / size)
+            .collect();
+        let apart = predicted - self.target_column(batch, loss, device);
+        (apart.square() * column(weights, device)).sum()
+    }
 }
 
 /// Numbers as a tensor `[count, 1]`.

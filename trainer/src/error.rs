@@ -80,7 +80,7 @@ pub enum Error {
     )]
     Diverged {
         /// Which network.
-        network: String,
+        network: &'static str,
         /// Step at which this was noticed.
         step: usize,
     },

@@ -8,10 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::{Loss, MonoConfig};
 use crate::dense::{Dense, widths};
-use crate::encoded::{Encoded, column, draw, numbers};
-use crate::error::{Error, Result};
+use crate::encoded::{Encoded, draw, numbers};
+use crate::error::Result;
 use crate::normalisation::BOX_FEATURES;
-use crate::schedule::{adam, learning_rate};
+use crate::training_loop::{Setup, Task, learn};
 use dataset::progress::Progress;
 
 /// Which of a box's features the network sees.
@@ -65,42 +65,29 @@ impl MonoNetworks {
         inputs: MonoInputs,
         training: &Encoded,
         config: &MonoConfig,
-        loss: Loss,
-        random: &mut ChaCha12Rng,
-        device: &Device,
+        mut setup: Setup,
         progress: &mut dyn Progress,
     ) -> Result<Self> {
         let settings = &config.optimisation;
-        let untrained = Self::new(training.views(), inputs, config, random, device);
-        progress.begin(
-            "monoscopic networks",
-            (settings.steps * training.views()) as u64,
-        );
+        let views = training.views();
+        let untrained = Self::new(views, inputs, config, &mut setup.random, &setup.device);
+        progress.begin("monoscopic networks", (settings.steps * views) as u64);
+        let mut task = MonoTask {
+            inputs,
+            training,
+            batch_size: settings.batch_size,
+            view: 0,
+            seen: Vec::new(),
+            last_error: 0.0,
+            setup,
+        };
         let mut trained = Vec::new();
         for (view, mut network) in untrained.views.into_iter().enumerate() {
-            let seen = training.seen_by(view);
-            let mut optimiser = adam();
-            for step in 0..if seen.is_empty() { 0 } else { settings.steps } {
-                let batch = draw(&seen, settings.batch_size, random);
-                let size = batch.len() as f32;
-                let weights = batch
-                    .iter()
-                    .map(|&sample| loss.weight(training.distance(sample)) / size)
-                    .collect();
-                let apart = network.forward(inputs.of(training.inputs(&batch, view, device)))
-                    - training.target_column(&batch, loss, device);
-                let error = (apart.square() * column(weights, device)).sum();
-                if step + 1 == settings.steps && !error.clone().into_scalar::<f32>().is_finite() {
-                    return Err(Error::Diverged {
-                        network: "mono_network".into(),
-                        step,
-                    });
-                }
-                let gradients = GradientsParams::from_grads(error.backward(), &network);
-                network = optimiser.step(learning_rate(settings, step), network, gradients);
-                if step % 100 == 99 {
-                    progress.advance((view * settings.steps + step + 1) as u64, "");
-                }
+            (task.view, task.seen) = (view, training.seen_by(view));
+            if !task.seen.is_empty() {
+                network = learn(&mut task, network, settings, |done, note| {
+                    progress.advance((view * settings.steps + done) as u64, note);
+                })?;
             }
             trained.push(network);
         }
@@ -128,5 +115,42 @@ impl MonoNetworks {
             }
         }
         sums
+    }
+}
+
+/// The network of one view.
+struct MonoTask<'a> {
+    inputs: MonoInputs,
+    training: &'a Encoded,
+    batch_size: usize,
+    view: usize,
+    /// The samples that the view saw.
+    seen: Vec<usize>,
+    /// Of the last batch: these networks are not tuned on the validation side.
+    last_error: f32,
+    setup: Setup,
+}
+
+impl Task for MonoTask<'_> {
+    type Network = Dense;
+    const NAME: &'static str = "mono_network";
+
+    fn judged_every(&self) -> usize {
+        100
+    }
+
+    fn gradients(&mut self, network: &Dense, _step: usize) -> GradientsParams {
+        let batch = draw(&self.seen, self.batch_size, &mut self.setup.random);
+        let Setup { loss, device, .. } = &self.setup;
+        let inputs = self.training.inputs(&batch, self.view, device);
+        let predicted = network.forward(self.inputs.of(inputs));
+        let size = batch.len() as f32;
+        let error = (self.training).squared_error(predicted, &batch, size, *loss, device);
+        self.last_error = error.clone().into_scalar();
+        GradientsParams::from_grads(error.backward(), network)
+    }
+
+    fn judge(&mut self, _network: &Dense, _done: usize) -> Option<String> {
+        self.last_error.is_finite().then(String::new)
     }
 }

@@ -10,13 +10,13 @@ use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration_training::CalibrationNetworks;
-use crate::config::{EstimatorConfig, Loss};
+use crate::config::{EstimatorConfig, Loss, Optimisation};
 use crate::dense::{Dense, widths};
 use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::head_refit::HeadRefit;
 use crate::lstm::{StackedLstm, ViewFeatures};
-use crate::schedule::{adam, learning_rate};
+use crate::training_loop::{Setup, Task, learn};
 use crate::view_dropout::{BatchKind, ViewDropout, ViewSelection};
 use dataset::progress::Progress;
 
@@ -57,107 +57,169 @@ pub(crate) struct EstimatorLogEntry {
     pub validation_mape_pct: f64,
 }
 
-/// The training samples of the estimator.
-pub(crate) struct TrainingSets<'a> {
-    /// For batches of one view.
+/// The samples of the estimator.
+pub(crate) struct EstimatorSamples<'a> {
+    /// For training batches of one view.
     pub alone: &'a Encoded,
-    /// For batches of all views.
+    /// For training batches of all views.
     pub together: &'a Encoded,
+    /// To be judged by.
+    pub validation: &'a Encoded,
 }
 
-/// Trains the estimator on the features of trained calibration networks.
-#[expect(
-    clippy::too_many_arguments,
-    reason = "two data sides, two settings, and what every training needs"
-)]
+/// Trains the estimator on the features, vectors of length `features`, of trained calibration networks.
 pub(crate) fn train_estimator(
     calibration: &CalibrationNetworks,
-    training: &TrainingSets,
-    validation: &Encoded,
+    samples: &EstimatorSamples,
     config: &EstimatorConfig,
     features: usize,
-    loss: Loss,
-    random: &mut ChaCha12Rng,
-    device: &Device,
+    mut setup: Setup,
     progress: &mut dyn Progress,
 ) -> Result<(PaperLstm, Vec<EstimatorLogEntry>)> {
-    let steps = config.optimisation.steps;
-    progress.begin("distance estimator", steps as u64);
-    let plain_device = device.clone().inner();
-    let dropout = ViewDropout::new(training.alone, training.together);
-    let mut estimator = PaperLstm::new(features, config, random, device);
-    let mut optimiser = adam();
-    let mut log = Vec::new();
-    for step in 0..steps {
-        let only_together = (step as f64) < config.together_first * steps as f64;
-        let kind = dropout
+    let settings = &config.optimisation;
+    progress.begin("distance estimator", settings.steps as u64);
+    let estimator = PaperLstm::new(features, config, &mut setup.random, &setup.device);
+    let mut task = EstimatorTask {
+        calibration,
+        dropout: ViewDropout::new(samples.alone, samples.together),
+        validation: samples.validation,
+        config,
+        log: Vec::new(),
+        setup,
+    };
+    let estimator = learn(&mut task, estimator, settings, |done, note| {
+        progress.advance(done as u64, note);
+    })?;
+    Ok((estimator, task.log))
+}
+
+struct EstimatorTask<'a> {
+    calibration: &'a CalibrationNetworks,
+    dropout: ViewDropout<'a>,
+    validation: &'a Encoded,
+    config: &'a EstimatorConfig,
+    log: Vec<EstimatorLogEntry>,
+    setup: Setup,
+}
+
+impl Task for EstimatorTask<'_> {
+    type Network = PaperLstm;
+    const NAME: &'static str = "paper_lstm";
+
+    fn judged_every(&self) -> usize {
+        self.config.log_every
+    }
+
+    fn gradients(&mut self, estimator: &PaperLstm, step: usize) -> GradientsParams {
+        let plain_device = self.setup.plain_device();
+        let Setup {
+            loss,
+            device,
+            random,
+        } = &mut self.setup;
+        let Optimisation {
+            steps, batch_size, ..
+        } = self.config.optimisation;
+        let only_together = (step as f64) < self.config.together_first * steps as f64;
+        let kind = self
+            .dropout
             .together()
             .filter(|_| only_together)
-            .unwrap_or_else(|| dropout.draw(random));
+            .unwrap_or_else(|| self.dropout.draw(random));
         let BatchKind {
             selection,
             samples,
             from,
         } = kind;
-        let batch = draw(from, config.optimisation.batch_size, random);
+        let batch = draw(from, batch_size, random);
         let views: Vec<ViewFeatures> =
-            features_of(calibration, samples, &batch, *selection, &plain_device)
+            features_of(self.calibration, samples, &batch, *selection, &plain_device)
                 .into_iter()
                 .map(|view| ViewFeatures {
                     features: Tensor::from_inner(view.features),
                     present: view.present.map(Tensor::from_inner),
                 })
                 .collect();
-        let size = batch.len() as f32 / kind_weight(*selection, config);
-        let weights = batch
-            .iter()
-            .map(|&sample| loss.weight(samples.distance(sample)) / size)
-            .collect();
-        let apart = estimator.forward(&views) - samples.target_column(&batch, loss, device);
-        let gradients = (apart.square() * column(weights, device)).sum().backward();
-        let gradients = GradientsParams::from_grads(gradients, &estimator);
-        estimator = optimiser.step(
-            learning_rate(&config.optimisation, step),
-            estimator,
-            gradients,
-        );
-        let done = step + 1;
-        if done % config.log_every == 0 || done == steps {
-            if done == steps && config.refit_head {
-                estimator = refit_head(
-                    calibration,
-                    estimator.valid(),
-                    &dropout,
-                    config,
-                    loss,
-                    &plain_device,
-                );
-            }
-            let predicted = predict(
-                calibration,
-                &estimator.valid(),
-                validation,
-                loss,
-                &plain_device,
-            );
-            let pairs = predicted
-                .into_iter()
-                .enumerate()
-                .map(|(sample, p)| (p, validation.distance(sample)));
-            let Some(error) = mape_pct(pairs).filter(|error| error.is_finite()) else {
-                return Err(Error::Diverged {
-                    network: "paper_lstm".into(),
-                    step: done,
-                });
-            };
-            progress.advance(done as u64, &format!("MAPE {error:.3} %"));
-            log.push(EstimatorLogEntry {
-                step: done,
-                validation_mape_pct: error,
-            });
+        let size = batch.len() as f32 / kind_weight(*selection, self.config);
+        let error = samples.squared_error(estimator.forward(&views), &batch, size, *loss, device);
+        GradientsParams::from_grads(error.backward(), estimator)
+    }
+
+    fn finish(&mut self, estimator: PaperLstm) -> PaperLstm {
+        match self.config.refit_head {
+            true => self.refit_head(estimator.valid()),
+            false => estimator,
         }
     }
-    Ok((estimator, log))
+
+    fn judge(&mut self, estimator: &PaperLstm, done: usize) -> Option<String> {
+        let predicted = predict(
+            self.calibration,
+            &estimator.valid(),
+            self.validation,
+            self.setup.loss,
+            &self.setup.plain_device(),
+        );
+        let pairs = predicted
+            .into_iter()
+            .enumerate()
+            .map(|(sample, p)| (p, self.validation.distance(sample)));
+        let error = mape_pct(pairs).filter(|error| error.is_finite())?;
+        self.log.push(EstimatorLogEntry {
+            step: done,
+            validation_mape_pct: error,
+        });
+        Some(format!("MAPE {error:.3} %"))
+    }
+}
+
+impl EstimatorTask<'_> {
+    /// Solves the last layer over all kinds of batches that training draws, each with the same total weight as there.
+    fn refit_head(&self, estimator: PaperLstm) -> PaperLstm {
+        let (loss, device) = (self.setup.loss, self.setup.plain_device());
+        let mut refit = HeadRefit::new(estimator.head.last_inputs());
+        for BatchKind {
+            selection,
+            samples,
+            from,
+        } in self.dropout.kinds()
+        {
+            let weight = kind_weight(*selection, self.config) / from.len() as f32;
+            for batch in from.chunks(CHUNK) {
+                let last = estimator.lstm.forward(&features_of(
+                    self.calibration,
+                    samples,
+                    batch,
+                    *selection,
+                    &device,
+                ));
+                let hidden: Vec<f32> = estimator
+                    .head
+                    .hidden(last)
+                    .into_data()
+                    .try_into_vec()
+                    .expect("networks compute in f32");
+                let of = |f: &dyn Fn(f32) -> f32| {
+                    batch
+                        .iter()
+                        .map(|&s| f(samples.distance(s)))
+                        .collect::<Vec<_>>()
+                };
+                refit.add(
+                    &hidden,
+                    &of(&|d| loss.target(d)),
+                    &of(&|d| loss.weight(d) * weight),
+                );
+            }
+        }
+        match refit.solve(&device) {
+            Some(layer) => PaperLstm {
+                head: estimator.head.with_last(layer),
+                ..estimator
+            },
+            None => estimator,
+        }
+    }
 }
 
 /// Weight of a batch's loss.
@@ -192,59 +254,6 @@ pub(crate) fn predict(
         })
         .map(|predicted| loss.distance(predicted))
         .collect()
-}
-
-/// Solves the last layer over all kinds of batches that training draws, each with the same total weight as there.
-fn refit_head(
-    calibration: &CalibrationNetworks,
-    estimator: PaperLstm,
-    dropout: &ViewDropout,
-    config: &EstimatorConfig,
-    loss: Loss,
-    device: &Device,
-) -> PaperLstm {
-    let mut refit = HeadRefit::new(estimator.head.last_inputs());
-    for BatchKind {
-        selection,
-        samples,
-        from,
-    } in dropout.kinds()
-    {
-        let weight = kind_weight(*selection, config) / from.len() as f32;
-        for batch in from.chunks(CHUNK) {
-            let last = estimator.lstm.forward(&features_of(
-                calibration,
-                samples,
-                batch,
-                *selection,
-                device,
-            ));
-            let hidden: Vec<f32> = estimator
-                .head
-                .hidden(last)
-                .into_data()
-                .try_into_vec()
-                .expect("networks compute in f32");
-            let of = |f: &dyn Fn(f32) -> f32| {
-                batch
-                    .iter()
-                    .map(|&s| f(samples.distance(s)))
-                    .collect::<Vec<_>>()
-            };
-            refit.add(
-                &hidden,
-                &of(&|d| loss.target(d)),
-                &of(&|d| loss.weight(d) * weight),
-            );
-        }
-    }
-    match refit.solve(device) {
-        Some(layer) => PaperLstm {
-            head: estimator.head.with_last(layer),
-            ..estimator
-        },
-        None => estimator,
-    }
 }
 
 fn features_of(

@@ -17,11 +17,12 @@ use crate::error::{Error, Result};
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
-use crate::paper_lstm::{TrainingSets, train_estimator};
+use crate::paper_lstm::{EstimatorSamples, train_estimator};
 use crate::pinhole::Pinhole;
 use crate::run_folder::{Baselines, Convergence, Networks, RunFolder, RunSummary, TrainedRun};
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
+use crate::training_loop::Setup;
 use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
 use dataset::progress::Progress;
@@ -105,42 +106,33 @@ pub fn train(
     );
     let encoded_validation = Encoded::new(&validation, &normalisation);
 
-    let device = Device::flex().autodiff();
+    let setup = |stream: Stream| Setup {
+        loss: config.loss,
+        device: Device::flex().autodiff(),
+        random: stream.generator(config.seed),
+    };
     let (calibration, calibration_log) = train_calibration(
         &encoded,
         &encoded_validation,
         &config.calibration,
-        config.loss,
-        &mut Stream::Calibration.generator(config.seed),
-        &device,
+        setup(Stream::Calibration),
         progress,
     )?;
     let calibration = calibration.valid();
     let (estimator, estimator_log) = train_estimator(
         &calibration,
-        &TrainingSets {
+        &EstimatorSamples {
             alone: &encoded,
             together: &encoded_together,
+            validation: &encoded_validation,
         },
-        &encoded_validation,
         &config.estimator,
         config.calibration.features,
-        config.loss,
-        &mut Stream::Estimator.generator(config.seed),
-        &device,
+        setup(Stream::Estimator),
         progress,
     )?;
-    let mut mono = |inputs, stream: Stream| {
-        let random = &mut stream.generator(config.seed);
-        MonoNetworks::train(
-            inputs,
-            &encoded,
-            &config.mono,
-            config.loss,
-            random,
-            &device,
-            progress,
-        )
+    let mut mono = |inputs, stream| {
+        MonoNetworks::train(inputs, &encoded, &config.mono, setup(stream), progress)
     };
     let mono_size = mono(MonoInputs::Size, Stream::MonoSize)?;
     let mono_box = mono(MonoInputs::Box, Stream::MonoBox)?;
