@@ -1,6 +1,19 @@
 //! Errors of training, evaluation and reports.
 
-use std::path::PathBuf;
+mod corpus_fault;
+mod run_fault;
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use plotters::drawing::DrawingAreaErrorKind;
+
+pub use corpus_fault::CorpusFault;
+pub(crate) use corpus_fault::RigForm;
+pub use run_fault::RunFault;
+
+/// A failure to draw an SVG.
+pub(crate) type DrawingError = DrawingAreaErrorKind<io::Error>;
 
 /// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
 #[derive(Debug, thiserror::Error)]
@@ -9,12 +22,12 @@ pub enum Error {
     #[error(transparent)]
     Dataset(#[from] dataset::Error),
     /// The corpus cannot be used for training or evaluation as it is.
-    #[error("corpus {}: {message}", path.display())]
+    #[error("corpus {}: {fault}", path.display())]
     Corpus {
         /// Folder of the corpus, or of one of its scenarios.
         path: PathBuf,
-        /// What was expected, what was found, what to do.
-        message: String,
+        /// What is wrong with it.
+        fault: CorpusFault,
     },
     /// An invalid setting.
     #[error("configuration: {setting} is {found}, expected {expected}")]
@@ -42,12 +55,12 @@ pub enum Error {
         available_bytes: u64,
     },
     /// A run folder that cannot be used.
-    #[error("run {}: {message}", path.display())]
+    #[error("run {}: {fault}", path.display())]
     Run {
         /// Folder or file of the run.
         path: PathBuf,
-        /// What was expected, what was found, what to do.
-        message: String,
+        /// What is wrong with it.
+        fault: RunFault,
     },
     /// Another process trains or evaluates there.
     #[error("{}: {holder} is at work on it; try again when that has ended", run.display())]
@@ -84,15 +97,34 @@ pub enum Error {
         /// Step at which this was noticed.
         step: usize,
     },
-    /// A plot or the page of the report cannot be made.
-    #[error("report: cannot draw {what}: {message}")]
-    Report {
-        /// Plot or page.
+    /// A plot of the report cannot be made.
+    #[error("report: cannot draw {what}: {cause}")]
+    Plot {
+        /// The plot.
         what: &'static str,
-        /// The library's error.
-        message: String,
+        /// Where drawing failed.
+        cause: DrawingError,
     },
+    /// The page of the report cannot be made.
+    #[error("report: cannot draw the page: {0:#}")]
+    Page(minijinja::Error),
 }
 
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    pub(crate) fn corpus(path: &Path, fault: CorpusFault) -> Self {
+        Self::Corpus {
+            path: path.to_owned(),
+            fault,
+        }
+    }
+
+    pub(crate) fn run(path: &Path, fault: RunFault) -> Self {
+        Self::Run {
+            path: path.to_owned(),
+            fault,
+        }
+    }
+}

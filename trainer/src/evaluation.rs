@@ -10,7 +10,7 @@ use dataset::json_file::write_json_unsynced;
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::error::{CorpusFault, Error, Result};
 use crate::estimator::{Estimator, Task};
 use crate::metrics::{EstimatorMetrics, Metrics, Outcome, SideCount, SplitSummary};
 use crate::report;
@@ -110,13 +110,9 @@ pub fn evaluate(
     check_fit(run, corpus, &trained, &samples)?;
     let test = samples.of_side(Side::Test);
     if test.is_empty() {
-        return Err(Error::Corpus {
-            path: corpus.root().to_owned(),
-            message: format!(
-                "has no samples on the test side from {} NM on",
-                config.min_dtd_nm
-            ),
-        });
+        let min_dtd_nm = config.min_dtd_nm;
+        let fault = CorpusFault::NoTestSamples { min_dtd_nm };
+        return Err(Error::corpus(corpus.root(), fault));
     }
     progress.begin("evaluation", Estimator::ALL.len() as u64);
     let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
@@ -173,16 +169,12 @@ fn check_fit(
     if !same_rig(&trained.summary, samples) {
         let names =
             |ids: &mut dyn Iterator<Item = &String>| ids.cloned().collect::<Vec<_>>().join(", ");
-        return Err(Error::Corpus {
-            path: corpus.root().to_owned(),
-            message: format!(
-                "its cameras ({}) are not those that run {} was trained with ({}): identifiers, places and optics must be \
-                 the same",
-                names(&mut samples.calibration.keys()),
-                run.root().display(),
-                names(&mut trained.summary.cameras.keys())
-            ),
-        });
+        let fault = CorpusFault::OtherCameras {
+            cameras: names(&mut samples.calibration.keys()),
+            run: run.root().to_owned(),
+            trained: names(&mut trained.summary.cameras.keys()),
+        };
+        return Err(Error::corpus(corpus.root(), fault));
     }
     let known: BTreeSet<&String> = trained
         .summary

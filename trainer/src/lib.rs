@@ -41,7 +41,7 @@ mod trusted_boxes;
 mod view_dropout;
 
 pub use config::{TrainConfig, schema};
-pub use error::{Error, Result};
+pub use error::{CorpusFault, Error, Result, RunFault};
 pub use evaluation::{EvaluationConfig, evaluate};
 pub use metrics::Metrics;
 pub use run_folder::RunFolder;

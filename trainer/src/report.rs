@@ -98,19 +98,15 @@ fn legend(shown: &[Shown]) -> Vec<LegendEntry> {
 }
 
 fn render(values: Value) -> Result<String> {
-    let fault = |error: minijinja::Error| Error::Report {
-        what: "the page",
-        message: format!("{error:#}"),
-    };
     let mut environment = Environment::new();
     environment.set_undefined_behavior(minijinja::UndefinedBehavior::SemiStrict);
     environment
         .add_template("report.html", TEMPLATE)
-        .map_err(fault)?;
+        .map_err(Error::Page)?;
     environment
         .get_template("report.html")
         .and_then(|template| template.render(values))
-        .map_err(fault)
+        .map_err(Error::Page)
 }
 
 fn scenario_rows(samples: &Samples) -> Vec<ScenarioRow<'_>> {

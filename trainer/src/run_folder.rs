@@ -19,7 +19,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use burn::module::{Module, ModuleVisitor, Param};
-use burn::store::{ModuleSnapshot, SafetensorsStore, SafetensorsStoreError};
+use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Device, Tensor};
 use dataset::calibration::CameraEntry;
 use dataset::json_file::{write_json_unsynced, write_unsynced};
@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
 use crate::config::TrainConfig;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, RunFault};
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
@@ -242,9 +242,9 @@ impl Networks {
 }
 
 /// No training produces such a number in a network.
-const MOST_WEIGHT: f32 = 1e6;
+pub(crate) const MOST_WEIGHT: f32 = 1e6;
 /// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
-const MOST_OF_A_FORMULA: f64 = 1e12;
+pub(crate) const MOST_OF_A_FORMULA: f64 = 1e12;
 
 /// Rejects numbers that make every answer meaningless: NaN, infinities, and those that no training produces.
 fn check_numbers(
@@ -268,7 +268,7 @@ fn check_numbers(
         check.number("scale_px", scale, limits::FEATURE_SCALE_PX);
     }
     if let Some(fault) = std::mem::take(check).first() {
-        return Err(sealed.fault(RunFolder::NORMALISATION, format!("{fault}; train again")));
+        return Err(sealed.refused(RunFolder::NORMALISATION, RunFault::OutOfLimits(fault)));
     }
     let pinholes = baselines.pinholes.iter().flatten();
     let mut formulas = pinholes
@@ -281,19 +281,13 @@ fn check_numbers(
     // NaN is not below.
     if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
     {
-        return Err(sealed.fault(
-            RunFolder::BASELINES,
-            format!("has the number {number:e}, expected one up to {MOST_OF_A_FORMULA:e} in size; train again"),
-        ));
+        return Err(sealed.refused(RunFolder::BASELINES, RunFault::Formula(number)));
     }
     let mut worst = WorstWeight(None);
     networks.visit(&mut worst);
     match worst.0 {
         None => Ok(()),
-        Some(weight) => Err(sealed.fault(
-            RunFolder::WEIGHTS,
-            format!("has the weight {weight:e}, expected numbers up to {MOST_WEIGHT:e} in size; train again"),
-        )),
+        Some(weight) => Err(sealed.refused(RunFolder::WEIGHTS, RunFault::Weight(weight))),
     }
 }
 
@@ -349,15 +343,12 @@ impl TrainedRun {
     /// All networks in the format of Safetensors. The same numbers give the same bytes: with several entries, the library writes
     /// the metadata in an order that varies between processes.
     fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
-        let fault = |error: SafetensorsStoreError| Error::Run {
-            path: folder.weights_path(),
-            message: format!("weights cannot be written: {error}"),
-        };
+        let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
         let mut store = SafetensorsStore::from_bytes(None)
             .clear_metadata()
             .metadata("producer", "dtd");
-        self.networks.save_into(&mut store).map_err(fault)?;
-        store.get_bytes().map_err(fault)
+        self.networks.save_into(&mut store).map_err(failed)?;
+        store.get_bytes().map_err(failed)
     }
 
     /// The run in these files.
@@ -378,21 +369,14 @@ impl TrainedRun {
             baselines.centre_offsets.len(),
         ];
         if views == 0 || lengths.iter().any(|&length| length != views) {
-            return Err(sealed.fault(
-                RunFolder::NORMALISATION,
-                format!("it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each"),
-            ));
+            let fault = RunFault::Lengths { views, lengths };
+            return Err(sealed.refused(RunFolder::NORMALISATION, fault));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
-        let weights = sealed.bytes(RunFolder::WEIGHTS)?.to_vec();
+        let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();
         networks
             .load_from(&mut SafetensorsStore::from_bytes(Some(weights)))
-            .map_err(|error| {
-                sealed.fault(
-                    RunFolder::WEIGHTS,
-                    format!("weights do not fit the networks of config.json: {error}; train again"),
-                )
-            })?;
+            .map_err(|error| sealed.refused(RunFolder::WEIGHTS, RunFault::OtherNetworks(error)))?;
         check_numbers(sealed, &normalisation, &baselines, &networks)?;
         Ok(Self {
             summary: sealed.json(RunFolder::SUMMARY, "run summary")?,

@@ -26,7 +26,7 @@ use dataset::new_file::{clear_leftovers, sync};
 use dataset::seal;
 use serde::{Deserialize, Serialize};
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, RunFault};
 use crate::run_folder::RunFolder;
 
 const BESIDE: &str = ".partial";
@@ -59,26 +59,21 @@ impl RunPlace {
         let place = Self::take_if(run, is_there)?;
         match place.run.join(RunFolder::SUMMARY).is_file() {
             true => Ok(place),
-            false => Err(no_run(root)),
+            false => Err(Error::run(root, RunFault::Unfinished)),
         }
     }
 
     fn take_if(run: &RunFolder, is_wanted: impl Fn(&Path) -> bool) -> Result<Self> {
         let run = real_path(run.root())?;
         if let Some(own) = own_folder_around(&run) {
-            return Err(Error::Run {
-                path: run.clone(),
-                message: format!(
-                    "lies in {}, which is reserved for files of the corpus; name a folder outside",
-                    own.display()
-                ),
-            });
+            let own = own.to_owned();
+            return Err(Error::run(&run, RunFault::InCorpus { own }));
         }
         if !is_wanted(&run) {
-            return Err(no_run(&run));
+            return Err(Error::run(&run, RunFault::Unfinished));
         }
         let parent = parent_of(&run);
-        fs::create_dir_all(parent).map_err(|error| cannot_be_made(&run, &error))?;
+        fs::create_dir_all(parent).map_err(|error| cannot_be_made(&run, error))?;
         let beside = beside(&run);
         refuse_strangers(&beside, &[CLAIM, NEW, OLD], "is where a run is made, but")?;
         let claim = match Claim::take_in(&beside, CLAIM) {
@@ -89,7 +84,7 @@ impl RunPlace {
                     holder: holder.map_or("another process".into(), |holder| holder.to_string()),
                 });
             }
-            Err(dataset::Error::Io { source, .. }) => return Err(cannot_be_made(&run, &source)),
+            Err(dataset::Error::Io { source, .. }) => return Err(cannot_be_made(&run, source)),
             Err(error) => return Err(error.into()),
         };
         let place = Self {
@@ -152,14 +147,7 @@ impl RunPlace {
         }
         if is_decided {
             if old.is_dir() && !is_vacant(&self.run) {
-                return Err(Error::Run {
-                    path: self.run.clone(),
-                    message: format!(
-                        "was made while {} waits to take this place, and {} is what it replaces; move one of the three away",
-                        new.display(),
-                        old.display()
-                    ),
-                });
+                return Err(Error::run(&self.run, RunFault::Contested { new, old }));
             }
             self.put_in_place()?;
             tracing::warn!(
@@ -188,13 +176,7 @@ impl RunPlace {
             Err(error) => return Err(error.into()),
         };
         if there.is_some() && there != expected {
-            return Err(Error::Run {
-                path: self.run.clone(),
-                message: format!(
-                    "is not the run that {} was made to replace; move one of the two away",
-                    new.display()
-                ),
-            });
+            return Err(Error::run(&self.run, RunFault::OtherRun { new }));
         }
         if !is_vacant(&self.run) {
             rename(&self.run, &old)?;
@@ -259,68 +241,49 @@ fn parent_of(run: &Path) -> &Path {
     run.parent().unwrap_or(run)
 }
 
-fn no_run(path: &Path) -> Error {
-    Error::Run {
-        path: path.to_owned(),
-        message: "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`".into(),
-    }
-}
-
-fn cannot_be_made(run: &Path, error: &std::io::Error) -> Error {
-    Error::Run {
-        path: run.to_owned(),
-        message: format!("cannot be made there: {error}"),
-    }
+fn cannot_be_made(run: &Path, error: std::io::Error) -> Error {
+    Error::run(run, RunFault::NotMade(error))
 }
 
 /// The path of a run with all links resolved; a link to a run works like the run.
 fn real_path(run: &Path) -> Result<PathBuf> {
-    let refused = |message: String| {
-        Err(Error::Run {
-            path: run.to_owned(),
-            message,
-        })
-    };
+    let refused = |fault| Err(Error::run(run, fault));
     let real = match fs::canonicalize(run) {
         Ok(real) => real,
         Err(error) if error.kind() == ErrorKind::NotFound => {
             // A link to a run that is just being replaced is dangling for a moment.
             let named = fs::read_link(run).map_or(run.to_owned(), |to| parent_of(run).join(to));
             let Some(name) = named.file_name() else {
-                return refused("is not a valid folder name".into());
+                return refused(RunFault::NoName);
             };
             let parent = match named.parent() {
                 Some(parent) if !parent.as_os_str().is_empty() => parent,
                 _ => Path::new("."),
             };
-            let parent =
-                std::path::absolute(parent).map_err(|error| cannot_be_made(run, &error))?;
+            let parent = std::path::absolute(parent).map_err(|error| cannot_be_made(run, error))?;
             fs::canonicalize(&parent).unwrap_or(parent).join(name)
         }
-        Err(error) => return Err(cannot_be_made(run, &error)),
+        Err(error) => return Err(cannot_be_made(run, error)),
     };
     let Ok(found) = fs::metadata(&real) else {
         return Ok(real);
     };
     if !found.is_dir() {
         let kind = found.file_type();
-        let what = match () {
+        let found = match () {
             () if kind.is_file() => "a file",
             () if kind.is_fifo() => "a FIFO",
             () if kind.is_socket() => "a socket",
             () => "a device",
         };
-        return refused(format!(
-            "is {what}; expected a folder, or the name of a new one"
-        ));
+        return refused(RunFault::NotAFolder { found });
     }
     let parent = real.parent().map(fs::metadata);
     match parent {
         Some(Ok(parent)) if parent.dev() == found.dev() => Ok(real),
-        _ => refused(format!(
-            "is the top of a file system, and a run is replaced as a whole; name a folder in it, e.g. {}",
-            run.join("run").display()
-        )),
+        _ => refused(RunFault::TopOfFileSystem {
+            inside: run.join("run"),
+        }),
     }
 }
 
@@ -333,37 +296,31 @@ fn is_vacant(run: &Path) -> bool {
 }
 
 /// Rejects a folder with anything in it but files and folders of these names.
-fn refuse_strangers(folder: &Path, known: &[&str], what: &str) -> Result<()> {
+fn refuse_strangers(folder: &Path, known: &[&str], what: &'static str) -> Result<()> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
         Err(error) => return Err(dataset::Error::io("list", folder)(error).into()),
     };
-    let mut strangers = Vec::new();
+    let mut names = Vec::new();
     for entry in entries {
         let entry = entry.map_err(dataset::Error::io("list", folder))?;
         let name = entry.file_name().to_string_lossy().into_owned();
         let is_link = entry.file_type().is_ok_and(|kind| kind.is_symlink());
         if is_link || !known.contains(&name.as_str()) {
-            strangers.push(name);
+            names.push(name);
         }
     }
-    if strangers.is_empty() {
+    if names.is_empty() {
         return Ok(());
     }
-    strangers.sort();
-    let more = strangers.len().saturating_sub(MOST_NAMED);
-    strangers.truncate(MOST_NAMED);
+    names.sort();
+    let more = names.len().saturating_sub(MOST_NAMED);
+    names.truncate(MOST_NAMED);
     if more > 0 {
-        strangers.push(format!("and {more} more"));
+        names.push(format!("and {more} more"));
     }
-    Err(Error::Run {
-        path: folder.to_owned(),
-        message: format!(
-            "{what} it holds {}; move that away, or name another folder",
-            strangers.join(", ")
-        ),
-    })
+    Err(Error::run(folder, RunFault::Strangers { what, names }))
 }
 
 fn rename(from: &Path, to: &Path) -> Result<()> {

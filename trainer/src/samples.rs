@@ -19,13 +19,13 @@ use dataset::runway::Runway;
 use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
-use crate::error::{Error, Result};
+use crate::error::{CorpusFault, Error, Result, RigForm};
 use crate::trusted_boxes::{holds_aircraft, is_whole};
 
 /// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
 pub(crate) const FARTHEST_NM: f64 = 10_800.0;
 
-const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
+pub(crate) const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
 
 /// Which ticks become samples, by distance to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -159,21 +159,14 @@ impl Samples {
     ) -> Result<()> {
         let folder = scenario.folder();
         let record = scenario.record()?;
-        let fault = |message: String| Error::Corpus {
-            path: folder.root().to_owned(),
-            message,
-        };
-        let assignment = splits.scenarios.get(&folder.id()).ok_or_else(|| {
-            fault(
-                "is not in splits.json, so it is on no side; make the corpus again from one plan"
-                    .into(),
-            )
-        })?;
+        let refused = |fault| Error::corpus(folder.root(), fault);
+        let assignment =
+            (splits.scenarios.get(&folder.id())).ok_or_else(|| refused(CorpusFault::NotInSplit))?;
         if assignment.trajectory != record.trajectory {
-            return Err(fault(format!(
-                "flies trajectory {} by its scenario.json but {} by splits.json; the split cannot be trusted",
-                record.trajectory, assignment.trajectory
-            )));
+            return Err(refused(CorpusFault::OtherTrajectory {
+                recorded: record.trajectory,
+                split: assignment.trajectory.clone(),
+            }));
         }
         let cameras: BTreeMap<String, Camera> = scenario
             .calibration()?
@@ -186,9 +179,7 @@ impl Samples {
             .iter()
             .find(|detection| !self.views.contains(&detection.view))
         {
-            return Err(fault(format!(
-                "has detections of view {view}, which calibration.json does not list"
-            )));
+            return Err(refused(CorpusFault::UnknownView(view.clone())));
         }
         let mut detections = best_detections(detections, &cameras);
         let mut summary = ScenarioSummary {
@@ -204,9 +195,7 @@ impl Samples {
             detected_ticks: vec![0; self.views.len()],
         };
         for row in scenario.frames()?.rows {
-            let labels = row.labels.ok_or_else(|| {
-                fault("has no labels in frames.parquet; run `dtd label` on the corpus first".into())
-            })?;
+            let labels = (row.labels).ok_or_else(|| refused(CorpusFault::NoLabels))?;
             for (column, value) in [
                 ("dtd_m", labels.dtd_m),
                 ("along_track_m", labels.along_track_m),
@@ -214,11 +203,12 @@ impl Samples {
             ] {
                 // NaN is never in range.
                 if !(-FARTHEST_M..=FARTHEST_M).contains(&value) {
-                    return Err(fault(format!(
-                        "frames.parquet: tick {}: {column} is {value:?}, expected a distance on Earth, at most {FARTHEST_M} m; label the \
-                         corpus again",
-                        row.tick
-                    )));
+                    let tick = row.tick;
+                    return Err(refused(CorpusFault::NotOnEarth {
+                        tick,
+                        column,
+                        value,
+                    }));
                 }
             }
             if labels.along_track_m <= 0.0 || !range.contains(labels.dtd_m) {
@@ -332,27 +322,20 @@ fn choose_model(
     folders: &[ScenarioFolder],
     asked: Option<&str>,
 ) -> Result<String> {
-    let fault = |message: String| Error::Corpus {
-        path: corpus.root().to_owned(),
-        message,
-    };
     let mut found = BTreeSet::new();
     for folder in folders {
         found.extend(models_of(folder)?);
     }
     let listed = found.iter().cloned().collect::<Vec<_>>().join(", ");
-    match asked {
-        Some(hash) if found.contains(hash) => Ok(hash.to_owned()),
-        Some(hash) => Err(fault(match found.is_empty() {
-            true => format!("has no detections of model {hash}; run `dtd detect` first"),
-            false => format!("has no detections of model {hash}; there are detections of {listed}"),
-        })),
-        None if found.len() == 1 => Ok(listed),
-        None if found.is_empty() => Err(fault("has no detections; run `dtd detect` first".into())),
-        None => Err(fault(format!(
-            "has detections of several models, name one of them: {listed}"
-        ))),
-    }
+    let fault = match asked.map(str::to_owned) {
+        Some(asked) if found.contains(&asked) => return Ok(asked),
+        Some(asked) if found.is_empty() => CorpusFault::NoDetectionsOf(asked),
+        Some(asked) => CorpusFault::OtherDetections { asked, listed },
+        None if found.len() == 1 => return Ok(listed),
+        None if found.is_empty() => CorpusFault::NoDetections,
+        None => CorpusFault::SeveralModels(listed),
+    };
+    Err(Error::corpus(corpus.root(), fault))
 }
 
 /// What all scenarios have in common.
@@ -368,19 +351,14 @@ struct CommonRig {
 fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> {
     let mut first: Option<(CommonRig, String)> = None;
     for folder in folders {
-        let fault = |message: String| Error::Corpus {
-            path: folder.root().to_owned(),
-            message,
-        };
+        let refused = |fault| Err(Error::corpus(folder.root(), fault));
         let scenario = folder.open()?;
         let (rig, cameras) = (scenario.record()?.rig, scenario.calibration()?.cameras);
-        if let Some((view, unknown)) = cameras
+        if let Some((view, fault)) = cameras
             .iter()
-            .find_map(|(view, entry)| Some((view, entry.fault()?)))
+            .find_map(|(view, entry)| Some((view.clone(), entry.fault()?)))
         {
-            return Err(fault(format!(
-                "camera {view} of calibration.json {unknown}"
-            )));
+            return refused(CorpusFault::BadCamera { view, fault });
         }
         let Some((common, id)) = &mut first else {
             let common = CommonRig {
@@ -391,20 +369,20 @@ fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> 
             first = Some((common, folder.id()));
             continue;
         };
-        let form = |cameras: &BTreeMap<String, CameraEntry>| -> Vec<(String, u32, u32)> {
+        let form = |cameras: &BTreeMap<String, CameraEntry>| -> RigForm {
             let form = |(view, entry): (&String, &CameraEntry)| {
                 (view.clone(), entry.width_px, entry.height_px)
             };
             cameras.iter().map(form).collect()
         };
         if common.rig != rig || form(&common.calibration) != form(&cameras) {
-            return Err(fault(format!(
-                "its rig {rig} with views and picture sizes {:?} is not that of scenario {id}, {} with {:?}; a network learns one rig: \
-                 train on one at a time",
-                form(&cameras),
-                common.rig,
-                form(&common.calibration)
-            )));
+            return refused(CorpusFault::OtherRig {
+                rig,
+                form: form(&cameras),
+                first: id.clone(),
+                first_rig: common.rig.clone(),
+                first_form: form(&common.calibration),
+            });
         }
         let same_place = |(a, b): (&CameraEntry, &CameraEntry)| {
             CameraEntry {
@@ -420,10 +398,7 @@ fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> 
     }
     first
         .map(|(common, _)| common)
-        .ok_or_else(|| Error::Corpus {
-            path: corpus.root().to_owned(),
-            message: "has no complete scenario; record some with `dtd generate`".into(),
-        })
+        .ok_or_else(|| Error::corpus(corpus.root(), CorpusFault::NoScenarios))
 }
 
 #[cfg(test)]

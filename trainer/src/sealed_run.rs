@@ -5,11 +5,10 @@ use std::path::PathBuf;
 
 use dataset::json_file::write_unsynced;
 use dataset::outside_file::{self, FileKind};
-use dataset::seal::{DONE, MANIFEST};
 use dataset::sealed::Sealed;
 use serde::de::DeserializeOwned;
 
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, RunFault};
 use crate::run_folder::RunFolder;
 
 /// Any file of a run. The largest are the weights.
@@ -27,32 +26,17 @@ impl SealedRun {
     /// Reads the files that a training wrote; rejects those that do not match the seal.
     pub(crate) fn read(folder: &RunFolder) -> Result<Self> {
         let root = folder.root();
-        let fault = |message: String| Error::Run {
-            path: root.to_owned(),
-            message,
-        };
         if !folder.summary_path().is_file() {
-            return Err(fault(
-                "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`".into(),
-            ));
+            return Err(Error::run(root, RunFault::Unfinished));
         }
-        let seal = Sealed::read(root)?.ok_or_else(|| {
-            fault(format!(
-                "has no {DONE}, so nothing says that its files belong together; train again"
-            ))
-        })?;
+        let seal = Sealed::read(root)?.ok_or_else(|| Error::run(root, RunFault::Unsealed))?;
         let mut files = BTreeMap::new();
         for name in RunFolder::TRAINED {
             let path = root.join(name);
             let bytes = outside_file::read(&path, RUN_FILE)?;
             let hash = blake3::hash(&bytes).to_string();
             if seal.hash_of(name) != Some(&hash) {
-                return Err(Error::Run {
-                    path,
-                    message: format!(
-                        "is not what the training wrote: its hash differs from {MANIFEST}; put the right file back, or train again"
-                    ),
-                });
+                return Err(Error::run(&path, RunFault::Changed));
             }
             files.insert(name, bytes);
         }
@@ -71,13 +55,17 @@ impl SealedRun {
         Ok(())
     }
 
-    pub(crate) fn bytes(&self, name: &str) -> Result<&[u8]> {
-        let bytes = self.files.get(name).map(Vec::as_slice);
-        bytes.ok_or_else(|| self.fault(name, "is missing".into()))
+    /// The content of one of [`RunFolder::TRAINED`].
+    pub(crate) fn bytes(&self, name: &'static str) -> &[u8] {
+        &self.files[name]
     }
 
-    pub(crate) fn json<T: DeserializeOwned>(&self, name: &str, what: &'static str) -> Result<T> {
-        serde_json::from_slice(self.bytes(name)?).map_err(|source| {
+    pub(crate) fn json<T: DeserializeOwned>(
+        &self,
+        name: &'static str,
+        what: &'static str,
+    ) -> Result<T> {
+        serde_json::from_slice(self.bytes(name)).map_err(|source| {
             Error::Dataset(dataset::Error::Json {
                 what,
                 path: self.root.join(name),
@@ -86,10 +74,8 @@ impl SealedRun {
         })
     }
 
-    pub(crate) fn fault(&self, name: &str, message: String) -> Error {
-        Error::Run {
-            path: self.root.join(name),
-            message,
-        }
+    /// An error in one of the files.
+    pub(crate) fn refused(&self, name: &str, fault: RunFault) -> Error {
+        Error::run(&self.root.join(name), fault)
     }
 }

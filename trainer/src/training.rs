@@ -13,7 +13,7 @@ use rand_chacha::ChaCha12Rng;
 use crate::calibration_training::train_calibration;
 use crate::config::TrainConfig;
 use crate::encoded::Encoded;
-use crate::error::{Error, Result};
+use crate::error::{CorpusFault, Error, Result};
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
@@ -75,14 +75,10 @@ pub fn train(
     let recorded = side_with_samples(corpus, &samples, Side::Train)?;
     let trusted = samples.with_true_boxes(Side::Train);
     let training: Vec<&Sample> = trusted.iter().collect();
-    let without_use = |side, count, why| Error::Corpus {
-        path: corpus.root().to_owned(),
-        message: format!("has {count} samples on the {side:?} side, but {why}"),
-    };
     if training.is_empty() {
-        let why = "no box of theirs holds the aircraft where frames.parquet and calibration.json have it; label and detect again, \
-                   or check the calibration with `dtd verify`";
-        return Err(without_use(Side::Train, recorded.len(), why));
+        let samples = recorded.len();
+        let fault = CorpusFault::NoTrueBoxes { samples };
+        return Err(Error::corpus(corpus.root(), fault));
     }
     let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
     let false_training_boxes = boxes(&recorded) - boxes(&training);
@@ -90,8 +86,9 @@ pub fn train(
     let recorded = side_with_samples(corpus, &samples, Side::Validation)?;
     let validation = usual_samples(&normalisation, &recorded);
     if validation.is_empty() {
-        let why = "no box of theirs is near the places and sizes of the boxes on the training side; change the split, or detect again";
-        return Err(without_use(Side::Validation, recorded.len(), why));
+        let samples = recorded.len();
+        let fault = CorpusFault::NoUsualBoxes { samples };
+        return Err(Error::corpus(corpus.root(), fault));
     }
     let counts = SampleCounts {
         training: training.len(),
@@ -186,18 +183,9 @@ fn side_with_samples<'a>(
 ) -> Result<Vec<&'a Sample>> {
     let found = samples.of_side(side);
     if found.is_empty() {
-        return Err(Error::Corpus {
-            path: corpus.root().to_owned(),
-            message: format!(
-                "has no samples on the {side:?} side: {} scenarios are there, none with a detection before touchdown within the \
-                 distance range; generate, label and detect more, or change the split",
-                samples
-                    .scenarios
-                    .iter()
-                    .filter(|scenario| scenario.side == side)
-                    .count()
-            ),
-        });
+        let scenarios = samples.scenarios.iter().filter(|s| s.side == side).count();
+        let fault = CorpusFault::NoSamples { side, scenarios };
+        return Err(Error::corpus(corpus.root(), fault));
     }
     Ok(found)
 }

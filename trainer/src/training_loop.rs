@@ -98,6 +98,8 @@ fn adam() -> ModuleOptimizer {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::dense::Dense;
+    use rand::SeedableRng;
 
     #[test]
     fn the_rate_rises_to_its_highest_and_falls_to_almost_nothing() {
@@ -118,5 +120,73 @@ mod tests {
         let highest = rates.iter().copied().fold(0.0, f64::max);
         assert!((highest - 0.01).abs() < 1e-4, "{highest}");
         assert!(rates[25..].windows(2).all(|pair| pair[1] <= pair[0]));
+    }
+
+    /// Learns nothing, and notes when it is asked for what.
+    #[derive(Default)]
+    struct Diary {
+        entries: Vec<String>,
+        diverges_at: Option<usize>,
+    }
+
+    impl Task for Diary {
+        type Network = Dense;
+        const NAME: &'static str = "diary";
+
+        fn judged_every(&self) -> usize {
+            2
+        }
+
+        fn gradients(&mut self, _network: &Dense, step: usize) -> GradientsParams {
+            self.entries.push(format!("step {step}"));
+            GradientsParams::new()
+        }
+
+        fn finish(&mut self, network: Dense) -> Dense {
+            self.entries.push("finish".into());
+            network
+        }
+
+        fn judge(&mut self, _network: &Dense, done: usize) -> Option<String> {
+            (self.diverges_at != Some(done)).then(|| format!("error after {done}"))
+        }
+    }
+
+    fn learn_three_steps(diary: &mut Diary) -> Result<Vec<(usize, String)>> {
+        let random = &mut ChaCha12Rng::seed_from_u64(0);
+        let network = Dense::new(&[1, 1], random, &Device::flex().autodiff());
+        let settings = Optimisation {
+            steps: 3,
+            batch_size: 1,
+            learning_rate: 0.01,
+        };
+        let mut reported = Vec::new();
+        learn(diary, network, &settings, |done, note| {
+            reported.push((done, note.to_owned()));
+        })?;
+        Ok(reported)
+    }
+
+    #[test]
+    fn the_last_step_is_judged_too_and_after_the_network_is_complete() {
+        let mut diary = Diary::default();
+        let reported = learn_three_steps(&mut diary).unwrap();
+        assert_eq!(diary.entries, ["step 0", "step 1", "step 2", "finish"]);
+        let expected = [2, 3].map(|done| (done, format!("error after {done}")));
+        assert_eq!(reported, expected);
+    }
+
+    #[test]
+    fn a_training_whose_errors_are_no_longer_finite_ends_with_its_name_and_step() {
+        let mut diary = Diary {
+            diverges_at: Some(2),
+            ..Diary::default()
+        };
+        let message = learn_three_steps(&mut diary).unwrap_err().to_string();
+        assert!(
+            message.contains("training of diary diverged at step 2"),
+            "{message}"
+        );
+        assert_eq!(diary.entries, ["step 0", "step 1"]);
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use plotters::prelude::*;
 
 use super::Shown;
-use crate::error::{Error, Result};
+use crate::error::{DrawingError, Error, Result};
 use crate::estimator::Estimator;
 use crate::metrics::distance_bins;
 use crate::run_folder::Convergence;
@@ -38,14 +38,14 @@ fn svg(what: &'static str, height: u32, draw: impl FnOnce(&Area) -> Drawn) -> Re
     {
         let area = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
         draw(&area)
-            .and_then(|()| area.present().map_err(|error| error.to_string()))
-            .map_err(|message| Error::Report { what, message })?;
+            .and_then(|()| area.present())
+            .map_err(|cause| Error::Plot { what, cause })?;
     }
     // A width in the file would prevent the page from scaling the picture.
     Ok(text.replacen(&format!("width=\"{WIDTH}\" height=\"{height}\" "), "", 1))
 }
 
-type Drawn = std::result::Result<(), String>;
+type Drawn = std::result::Result<(), DrawingError>;
 
 /// Ends of an axis that covers some numbers. Drawing an axis of zero or infinite length would never end.
 fn axis(from: f64, to: f64) -> Range<f64> {
@@ -82,10 +82,6 @@ fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
 /// How far an axis of percentage errors reaches to either side.
 fn reach_pct(typical: Option<f64>, least: f64, margin: f64) -> f64 {
     typical.unwrap_or(1.0).clamp(least, FARTHEST_PCT) * margin
-}
-
-fn words(error: impl std::fmt::Display) -> String {
-    error.to_string()
 }
 
 /// Quartiles and whiskers of a box.
@@ -154,8 +150,7 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
             .margin(8)
             .x_label_area_size(44)
             .y_label_area_size(58)
-            .build_cartesian_2d(distances, -reach..reach)
-            .map_err(words)?;
+            .build_cartesian_2d(distances, -reach..reach)?;
         chart
             .configure_mesh()
             .disable_x_mesh()
@@ -169,14 +164,11 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
             .y_desc("percentage error, % (+ = too far)")
             .label_style((FONT, 13).into_font().color(&INK))
             .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .draw()
-            .map_err(words)?;
-        chart
-            .draw_series([PathElement::new(
-                vec![(first, 0.0), (last, 0.0)],
-                INK.mix(0.6),
-            )])
-            .map_err(words)?;
+            .draw()?;
+        chart.draw_series([PathElement::new(
+            vec![(first, 0.0), (last, 0.0)],
+            INK.mix(0.6),
+        )])?;
         let slot = width_nm * 0.84 / shown.len().max(1) as f64;
         for (which, from_nm, numbers) in &boxes {
             let colour = COLOURS[which % COLOURS.len()];
@@ -191,15 +183,11 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
                 vec![(middle, high), (middle, top)],
                 vec![(left, median), (right, median)],
             ];
-            chart
-                .draw_series([
-                    Rectangle::new([(left, low), (right, high)], colour.mix(0.35).filled()),
-                    Rectangle::new([(left, low), (right, high)], colour.stroke_width(1)),
-                ])
-                .map_err(words)?;
-            chart
-                .draw_series(lines.map(|line| PathElement::new(line, colour.stroke_width(2))))
-                .map_err(words)?;
+            chart.draw_series([
+                Rectangle::new([(left, low), (right, high)], colour.mix(0.35).filled()),
+                Rectangle::new([(left, low), (right, high)], colour.stroke_width(1)),
+            ])?;
+            chart.draw_series(lines.map(|line| PathElement::new(line, colour.stroke_width(2))))?;
         }
         Ok(())
     })
@@ -237,8 +225,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .margin(8)
             .x_label_area_size(44)
             .y_label_area_size(58)
-            .build_cartesian_2d(steps.clone(), errors.clone())
-            .map_err(words)?;
+            .build_cartesian_2d(steps.clone(), errors.clone())?;
         chart
             .configure_mesh()
             .light_line_style(TRANSPARENT)
@@ -256,8 +243,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .y_desc("validation MAPE, %")
             .label_style((FONT, 13).into_font().color(&INK))
             .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .draw()
-            .map_err(words)?;
+            .draw()?;
         // Where only some views continue training: a bar along the top in the colour of each view that does.
         let phases: Vec<_> = log
             .calibration
@@ -275,7 +261,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
                 let colour = convergence_colour(view, lines.len());
                 let (from, to) = (phase[0].step as f64, end as f64);
                 let bar = Rectangle::new([(from, high * 0.94), (to, high)], colour.filled());
-                chart.draw_series([bar]).map_err(words)?;
+                chart.draw_series([bar])?;
             }
         }
         for (which, (name, points)) in lines.iter().enumerate() {
@@ -284,8 +270,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
                 .draw_series(LineSeries::new(
                     shown_points(points.iter().copied(), &steps, &errors),
                     colour.stroke_width(2),
-                ))
-                .map_err(words)?
+                ))?
                 .label(name)
                 .legend(move |(x, y)| {
                     PathElement::new([(x, y), (x + 18, y)], colour.stroke_width(3))
@@ -299,7 +284,6 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .border_style(GRID)
             .label_font((FONT, 13).into_font().color(&INK))
             .draw()
-            .map_err(words)
     })
 }
 
@@ -347,8 +331,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .margin(8)
             .x_label_area_size(24)
             .y_label_area_size(58)
-            .build_cartesian_2d(times_s.clone(), distances_nm.clone())
-            .map_err(words)?;
+            .build_cartesian_2d(times_s.clone(), distances_nm.clone())?;
         distances
             .configure_mesh()
             .light_line_style(TRANSPARENT)
@@ -359,13 +342,11 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .y_desc("distance to touchdown, NM")
             .label_style((FONT, 13).into_font().color(&INK))
             .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .draw()
-            .map_err(words)?;
+            .draw()?;
         let truth = rows.iter().map(|&row| (time_s(row), nm(test[row].dtd_m)));
         let truth = shown_points(truth, &times_s, &distances_nm);
         distances
-            .draw_series(LineSeries::new(truth, INK.stroke_width(1)))
-            .map_err(words)?
+            .draw_series(LineSeries::new(truth, INK.stroke_width(1)))?
             .label("true")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], INK.stroke_width(2)));
         for &(which, shown) in &two_view {
@@ -375,8 +356,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
                 .filter_map(|&row| Some((time_s(row), nm(shown.outcomes[row].predicted_m?))));
             let points = shown_points(points, &times_s, &distances_nm).into_iter();
             distances
-                .draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))
-                .map_err(words)?
+                .draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))?
                 .label(shown.estimator.description().title)
                 .legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled()));
         }
@@ -386,14 +366,12 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .background_style(WHITE.mix(0.85))
             .border_style(GRID)
             .label_font((FONT, 13).into_font().color(&INK))
-            .draw()
-            .map_err(words)?;
+            .draw()?;
         let mut errors = ChartBuilder::on(&below)
             .margin(8)
             .x_label_area_size(44)
             .y_label_area_size(58)
-            .build_cartesian_2d(times_s.clone(), errors_pct.clone())
-            .map_err(words)?;
+            .build_cartesian_2d(times_s.clone(), errors_pct.clone())?;
         errors
             .configure_mesh()
             .light_line_style(TRANSPARENT)
@@ -405,14 +383,11 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .y_desc("percentage error, %")
             .label_style((FONT, 13).into_font().color(&INK))
             .axis_desc_style((FONT, 14).into_font().color(&INK))
-            .draw()
-            .map_err(words)?;
-        errors
-            .draw_series([PathElement::new(
-                vec![(times_s.start, 0.0), (times_s.end, 0.0)],
-                INK.mix(0.6),
-            )])
-            .map_err(words)?;
+            .draw()?;
+        errors.draw_series([PathElement::new(
+            vec![(times_s.start, 0.0), (times_s.end, 0.0)],
+            INK.mix(0.6),
+        )])?;
         for &(which, shown) in two_view.iter().rev() {
             let colour = COLOURS[which % COLOURS.len()];
             let points = rows
@@ -420,8 +395,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
                 .filter_map(|&row| Some((time_s(row), shown.outcomes[row].signed_error_pct()?)));
             let points = shown_points(points, &times_s, &errors_pct).into_iter();
             errors
-                .draw_series(points.map(|point| Circle::new(point, 2, colour.mix(0.8).filled())))
-                .map_err(words)?;
+                .draw_series(points.map(|point| Circle::new(point, 2, colour.mix(0.8).filled())))?;
         }
         Ok(())
     })

@@ -1,0 +1,105 @@
+//! Why a corpus is no good for training or evaluation.
+
+use std::path::PathBuf;
+
+use dataset::splits::Side;
+
+use crate::samples::FARTHEST_M;
+
+/// View, width and height of the pictures of each camera of a rig.
+pub(crate) type RigForm = Vec<(String, u32, u32)>;
+
+/// What is wrong with a corpus or a scenario, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[expect(
+    missing_docs,
+    reason = "the fields are described by the messages that show them"
+)]
+pub enum CorpusFault {
+    /// No scenario is complete.
+    #[error("has no complete scenario; record some with `dtd generate`")]
+    NoScenarios,
+    /// A scenario that the split does not know.
+    #[error("is not in splits.json, so it is on no side; make the corpus again from one plan")]
+    NotInSplit,
+    /// A scenario whose trajectory is another one by the split.
+    #[error(
+        "flies trajectory {recorded} by its scenario.json but {split} by splits.json; the split cannot be trusted"
+    )]
+    OtherTrajectory { recorded: String, split: String },
+    /// A camera that this software cannot project with.
+    #[error("camera {view} of calibration.json {fault}")]
+    BadCamera { view: String, fault: String },
+    /// A scenario with another rig than the first.
+    #[error(
+        "its rig {rig} with views and picture sizes {form:?} is not that of scenario {first}, {first_rig} with {first_form:?}; a network \
+         learns one rig: train on one at a time"
+    )]
+    OtherRig {
+        rig: String,
+        form: RigForm,
+        first: String,
+        first_rig: String,
+        first_form: RigForm,
+    },
+    /// A corpus with other cameras than those of the training.
+    #[error(
+        "its cameras ({cameras}) are not those that run {} was trained with ({trained}): identifiers, places and optics must be the same",
+        run.display()
+    )]
+    OtherCameras {
+        cameras: String,
+        run: PathBuf,
+        trained: String,
+    },
+    /// No boxes of any detector.
+    #[error("has no detections; run `dtd detect` first")]
+    NoDetections,
+    /// No boxes of the requested detector, nor of another.
+    #[error("has no detections of model {0}; run `dtd detect` first")]
+    NoDetectionsOf(String),
+    /// No boxes of the requested detector, but of others.
+    #[error("has no detections of model {asked}; there are detections of {listed}")]
+    OtherDetections { asked: String, listed: String },
+    /// Boxes of several detectors, and none was requested.
+    #[error("has detections of several models, name one of them: {0}")]
+    SeveralModels(String),
+    /// Boxes of an unknown view.
+    #[error("has detections of view {0}, which calibration.json does not list")]
+    UnknownView(String),
+    /// No distances to learn.
+    #[error("has no labels in frames.parquet; run `dtd label` on the corpus first")]
+    NoLabels,
+    /// An impossible label.
+    #[error(
+        "frames.parquet: tick {tick}: {column} is {value:?}, expected a distance on Earth, at most {FARTHEST_M} m; label the corpus again"
+    )]
+    NotOnEarth {
+        tick: u32,
+        column: &'static str,
+        value: f64,
+    },
+    /// No sample for training or validation.
+    #[error(
+        "has no samples on the {side:?} side: {scenarios} scenarios are there, none with a detection before touchdown within the \
+         distance range; generate, label and detect more, or change the split"
+    )]
+    NoSamples { side: Side, scenarios: usize },
+    /// No sample for evaluation.
+    #[error("has no samples on the test side from {min_dtd_nm} NM on")]
+    NoTestSamples { min_dtd_nm: f64 },
+    /// Training samples, but no box of them contains the aircraft.
+    #[error(
+        "has {samples} samples on the {:?} side, but no box of theirs holds the aircraft where frames.parquet and calibration.json have \
+         it; label and detect again, or check the calibration with `dtd verify`",
+        Side::Train
+    )]
+    NoTrueBoxes { samples: usize },
+    /// Validation samples, but no box of them is similar to those of training.
+    #[error(
+        "has {samples} samples on the {:?} side, but no box of theirs is near the places and sizes of the boxes on the training side; \
+         change the split, or detect again",
+        Side::Validation
+    )]
+    NoUsualBoxes { samples: usize },
+}

@@ -1,0 +1,83 @@
+//! Why a run cannot be made at a path, or not be used.
+
+use std::io;
+use std::path::PathBuf;
+
+use burn::store::SafetensorsStoreError;
+use dataset::limits::FieldOutOfLimits;
+use dataset::seal::{DONE, MANIFEST};
+
+use crate::run_folder::{MOST_OF_A_FORMULA, MOST_WEIGHT};
+
+/// What is wrong with a run's folder or with a file of it, and what to do.
+#[derive(Debug, thiserror::Error)]
+#[expect(
+    missing_docs,
+    reason = "the fields are described by the messages that show them"
+)]
+pub enum RunFault {
+    /// Its folder would be among the files of a corpus.
+    #[error("lies in {}, which is reserved for files of the corpus; name a folder outside", own.display())]
+    InCorpus { own: PathBuf },
+    /// A path without a last part.
+    #[error("is not a valid folder name")]
+    NoName,
+    /// Something else than a folder.
+    #[error("is {found}; expected a folder, or the name of a new one")]
+    NotAFolder { found: &'static str },
+    /// A folder that cannot be replaced.
+    #[error("is the top of a file system, and a run is replaced as a whole; name a folder in it, e.g. {}", inside.display())]
+    TopOfFileSystem { inside: PathBuf },
+    /// A folder with foreign content.
+    #[error("{what} it holds {}; move that away, or name another folder", names.join(", "))]
+    Strangers {
+        what: &'static str,
+        names: Vec<String>,
+    },
+    /// The operating system does not let us.
+    #[error("cannot be made there: {0}")]
+    NotMade(io::Error),
+    /// A third run is where two of a replacement belong.
+    #[error(
+        "was made while {} waits to take this place, and {} is what it replaces; move one of the three away",
+        new.display(),
+        old.display()
+    )]
+    Contested { new: PathBuf, old: PathBuf },
+    /// A finished run would replace one that it does not know.
+    #[error("is not the run that {} was made to replace; move one of the two away", new.display())]
+    OtherRun { new: PathBuf },
+    /// No result of a training.
+    #[error(
+        "has no run.json, so no training finished there; make one with `dtd train CORPUS --out RUN`"
+    )]
+    Unfinished,
+    /// Its files may be of different trainings.
+    #[error("has no {DONE}, so nothing says that its files belong together; train again")]
+    Unsealed,
+    /// A file was changed.
+    #[error(
+        "is not what the training wrote: its hash differs from {MANIFEST}; put the right file back, or train again"
+    )]
+    Changed,
+    /// Its files contradict each other.
+    #[error(
+        "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each"
+    )]
+    Lengths { views: usize, lengths: [usize; 5] },
+    /// A number that makes every answer meaningless.
+    #[error("{0}; train again")]
+    OutOfLimits(FieldOutOfLimits),
+    /// The same in a formula.
+    #[error("has the number {0:e}, expected one up to {MOST_OF_A_FORMULA:e} in size; train again")]
+    Formula(f64),
+    /// The same in a network.
+    #[error("has the weight {0:e}, expected numbers up to {MOST_WEIGHT:e} in size; train again")]
+    Weight(f32),
+    /// The numbers are of other networks.
+    #[error("weights do not fit the networks of config.json: {0}; train again")]
+    OtherNetworks(SafetensorsStoreError),
+    /// The numbers cannot be written.
+    #[error("weights cannot be written: {0}")]
+    NotWritten(SafetensorsStoreError),
+}
