@@ -203,7 +203,8 @@ fn within(part: &'static str, announced: usize, limit: usize) -> Result<u32, Lin
     }
 }
 
-async fn read_exact(
+/// Fills a buffer; an end before that says inside what.
+pub(crate) async fn read_exact(
     stream: &mut (impl AsyncRead + Unpin),
     buffer: &mut [u8],
     inside: &'static str,

@@ -3,7 +3,7 @@
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncReadExt};
 
-use crate::link::{LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, ScreenRequest};
+use crate::link::{LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, ScreenRequest, read_exact};
 
 /// First bytes of a greeting of the link.
 pub const MAGIC: [u8; 4] = *b"DTDL";
@@ -102,7 +102,7 @@ impl LinkMessage {
         if stream.read(&mut bytes[..1]).await? == 0 {
             return Ok(None);
         }
-        exactly(stream, &mut bytes[1..], "the lengths of a message").await?;
+        read_exact(stream, &mut bytes[1..], "the lengths of a message").await?;
         let number = |at: usize| {
             let four = bytes[at..].first_chunk::<4>().copied().unwrap_or_default();
             u32::from_le_bytes(four) as usize
@@ -239,20 +239,6 @@ fn lengths(bytes: &[u8]) -> Result<(usize, usize), BadLinkMessage> {
             u32::from_le_bytes([*p0, *p1, *p2, *p3]) as usize,
         )),
         _ => Err(BadLinkMessage::NoLengths { found: bytes.len() }),
-    }
-}
-
-async fn exactly(
-    stream: &mut (impl AsyncRead + Unpin),
-    buffer: &mut [u8],
-    inside: &'static str,
-) -> Result<(), LinkError> {
-    match stream.read_exact(buffer).await {
-        Ok(_) => Ok(()),
-        Err(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
-            Err(LinkError::Ended { inside })
-        }
-        Err(error) => Err(error.into()),
     }
 }
 
