@@ -24,7 +24,7 @@ pub struct ViewStamp {
 
 /// Labels of one tick.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FrameLabels {
+pub struct TickLabels {
     /// Geodesic distance to touchdown, metres.
     pub dtd_m: f64,
     /// Remaining distance along the course, metres; negative past the target.
@@ -39,7 +39,7 @@ pub struct FrameLabels {
 
 /// One tick.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Frame {
+pub struct TickRow {
     /// Number of the tick, from 0.
     pub tick: u32,
     /// Time since tick 0, nanoseconds.
@@ -57,7 +57,7 @@ pub struct Frame {
     /// One stamp per view, in the order of [`Frames::views`].
     pub views: Vec<ViewStamp>,
     /// Labels, once `dtd label` has run.
-    pub labels: Option<FrameLabels>,
+    pub labels: Option<TickLabels>,
 }
 
 /// The whole table.
@@ -66,7 +66,7 @@ pub struct Frames {
     /// Identifiers of the views.
     pub views: Vec<String>,
     /// All ticks, in order.
-    pub rows: Vec<Frame>,
+    pub rows: Vec<TickRow>,
 }
 
 /// Name of a value of a pose, its limits, and its accessor.
@@ -214,7 +214,7 @@ impl Frames {
             let (found, most) = (views.len(), limits::MOST_VIEWS);
             return Err(table.fault(format!("has {found} views, expected at most {most}")));
         }
-        let row_bytes = size_of::<Frame>() + 2 * views.len() * size_of::<ViewStamp>();
+        let row_bytes = size_of::<TickRow>() + 2 * views.len() * size_of::<ViewStamp>();
         memory::check("table of frames", (table.rows() * row_bytes) as u64)?;
         let pose = read_poses(table, "", "", POSE_FIELDS)?;
         let tick = table.u32("tick")?;
@@ -233,7 +233,7 @@ impl Frames {
             .collect::<Result<Vec<_>>>()?;
         let labels = read_labels(table)?;
         let rows = (0..table.rows())
-            .map(|row| Frame {
+            .map(|row| TickRow {
                 tick: tick[row],
                 time_ns: time_ns[row],
                 pose: pose[row],
@@ -297,7 +297,7 @@ fn read_stamps(table: &mut Table, id: &str) -> Result<Vec<ViewStamp>> {
         .collect())
 }
 
-fn read_labels(table: &mut Table) -> Result<Option<Vec<FrameLabels>>> {
+fn read_labels(table: &mut Table) -> Result<Option<Vec<TickLabels>>> {
     if !table.has("dtd_m") {
         return Ok(None);
     }
@@ -308,7 +308,7 @@ fn read_labels(table: &mut Table) -> Result<Option<Vec<FrameLabels>>> {
         table.f64_within("height_over_target_m", limits::HEIGHT_OVER_TARGET_M)?;
     let time_to_touchdown_s =
         table.optional_f64_within("time_to_touchdown_s", limits::TIME_TO_TOUCHDOWN_S)?;
-    let labels = (0..table.rows()).map(|row| FrameLabels {
+    let labels = (0..table.rows()).map(|row| TickLabels {
         dtd_m: dtd_m[row],
         along_track_m: along_track_m[row],
         cross_track_m: cross_track_m[row],
@@ -333,7 +333,7 @@ mod tests {
         }
     }
 
-    fn frames(labels: Option<FrameLabels>) -> Frames {
+    fn frames(labels: Option<TickLabels>) -> Frames {
         let stamp = |view: f64| ViewStamp {
             sim_frame: 812,
             pts: 1,
@@ -343,7 +343,7 @@ mod tests {
                 hfov_deg: 10.0,
             },
         };
-        let row = Frame {
+        let row = TickRow {
             tick: 0,
             time_ns: 0,
             pose: pose(0.25),
@@ -365,7 +365,7 @@ mod tests {
 
     #[test]
     fn what_is_written_is_read_back_with_and_without_labels() {
-        let labels = FrameLabels {
+        let labels = TickLabels {
             dtd_m: 18_000.0,
             along_track_m: 17_999.0,
             cross_track_m: -3.0,
@@ -384,7 +384,7 @@ mod tests {
     fn a_number_that_no_airliner_has_is_neither_written_nor_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("frames.parquet");
-        type Change = fn(&mut Frame);
+        type Change = fn(&mut TickRow);
         let changes: [(&str, Change); 6] = [
             ("pitch_deg 1e17", |f| f.pose.pitch_deg = 1e17),
             ("roll_deg 179", |f| f.pose.roll_deg = 179.0),

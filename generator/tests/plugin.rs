@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use dataset::corpus::Corpus;
-use dataset::frames::Frame;
+use dataset::frames::TickRow;
 use dataset::scenario::Flight;
 use dataset::verify::verify;
 use dataset::video::VideoReader;
@@ -150,7 +150,7 @@ async fn tables_and_pictures_through_the_plugin_are_those_of_the_built_in_link()
     let [a_frames, b_frames] = [&a, &b].map(|scenario| scenario.open().unwrap().frames().unwrap());
     assert_eq!(a_frames.rows.len(), b_frames.rows.len());
     // Everything except what the simulator itself reports of each picture.
-    let told = |frame: &Frame| Frame {
+    let told = |frame: &TickRow| TickRow {
         views: Vec::new(),
         ..frame.clone()
     };

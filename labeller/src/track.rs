@@ -1,18 +1,18 @@
 //! Geodesic labels of a flight: distance and time to touchdown at every tick.
 //!
-//! Input: the ticks of `frames.parquet`, the touchdown target and the landing course. Output: one [`FrameLabels`] per tick.
+//! Input: the ticks of `frames.parquet`, the touchdown target and the landing course. Output: one [`TickLabels`] per tick.
 
-use dataset::frames::{Frame, FrameLabels};
+use dataset::frames::{TickLabels, TickRow};
 use dataset::geodesy::Geodetic;
 use dataset::runway::RunwayCoordinates;
 use dataset::units::SimTime;
 
 /// Labels of all ticks, in their order.
 pub(crate) fn labels_of(
-    ticks: &[Frame],
+    ticks: &[TickRow],
     target: Geodetic,
     course_true_deg: f64,
-) -> Vec<FrameLabels> {
+) -> Vec<TickLabels> {
     let coordinates: Vec<_> = ticks
         .iter()
         .map(|tick| RunwayCoordinates::of(tick.pose.position(), target, course_true_deg))
@@ -21,7 +21,7 @@ pub(crate) fn labels_of(
     ticks
         .iter()
         .zip(coordinates)
-        .map(|(tick, at)| FrameLabels {
+        .map(|(tick, at)| TickLabels {
             dtd_m: at.dtd_m,
             along_track_m: at.along_track_m,
             cross_track_m: at.cross_track_m,
@@ -34,7 +34,7 @@ pub(crate) fn labels_of(
 
 /// When the aircraft first passes abeam the target, seconds since tick 0: linear between the two ticks around it. Missing if the
 /// recording starts past the target or ends before it; nothing is extrapolated.
-fn passing_time_s(ticks: &[Frame], coordinates: &[RunwayCoordinates]) -> Option<f64> {
+fn passing_time_s(ticks: &[TickRow], coordinates: &[RunwayCoordinates]) -> Option<f64> {
     let after = coordinates.iter().position(|at| at.along_track_m <= 0.0)?;
     let to_go_after_m = coordinates[after].along_track_m;
     let time_after_s = SimTime(ticks[after].time_ns).seconds();
@@ -55,7 +55,7 @@ mod tests {
 
     use super::*;
 
-    fn flight(along_track_m: &[f64]) -> Vec<FrameLabels> {
+    fn flight(along_track_m: &[f64]) -> Vec<TickLabels> {
         let runway = changi_02l();
         let ticks: Vec<_> = along_track_m
             .iter()

@@ -3,7 +3,7 @@
 use dataset::camera::CameraPose;
 use dataset::conditions::{Clock, Conditions, Weather};
 use dataset::frame_rate::FrameRate;
-use dataset::frames::{Frame, ViewStamp};
+use dataset::frames::{TickRow, ViewStamp};
 use dataset::pose::{Controls, Pose};
 use dataset::scenario::{Flight, PINHOLE_SCHEMA_VERSION, ScenarioRecord, Versions};
 
@@ -61,8 +61,8 @@ pub fn record(id: &str, frame_rate: FrameRate, ticks: u32) -> ScenarioRecord {
 }
 
 /// A tick without views and labels.
-pub fn frame(tick: u32, frame_rate: FrameRate, pose: Pose) -> Frame {
-    Frame {
+pub fn frame(tick: u32, frame_rate: FrameRate, pose: Pose) -> TickRow {
+    TickRow {
         tick,
         time_ns: frame_rate.time_of_tick(tick).0,
         pose,
@@ -81,7 +81,7 @@ pub fn frame(tick: u32, frame_rate: FrameRate, pose: Pose) -> Frame {
 /// The stamp of a view that was drawn as requested.
 pub fn stamp(
     sim_frame: u64,
-    frame: &Frame,
+    frame: &TickRow,
     frame_rate: FrameRate,
     camera: CameraPose,
 ) -> ViewStamp {

@@ -6,7 +6,7 @@ use std::path::Path;
 use dataset::calibration::Calibration;
 use dataset::corpus::Corpus;
 use dataset::frame_rate::FrameRate;
-use dataset::frames::{Frame, Frames};
+use dataset::frames::{Frames, TickRow};
 use dataset::pose::Pose;
 use dataset::seal::{commit_folder, seal_folder};
 use dataset::video::{VideoSettings, VideoWriter};
@@ -73,7 +73,7 @@ pub fn write_with_videos(
 }
 
 /// A tick, one a second, without views.
-pub fn frame(tick: u32, pose: Pose) -> Frame {
+pub fn frame(tick: u32, pose: Pose) -> TickRow {
     scenario::frame(tick, RATE, pose)
 }
 
@@ -81,7 +81,7 @@ fn frames() -> Frames {
     let row = |tick: u32| {
         let bare = frame(tick, on_glide_path(START_M - STEP_M * f64::from(tick), 0.0));
         let views = VIEWS.map(|view| stamp(u64::from(tick) + 100, &bare, RATE, placed(view)));
-        Frame {
+        TickRow {
             views: views.to_vec(),
             ..bare
         }

@@ -16,7 +16,7 @@ use dataset::corpus::Corpus;
 use dataset::detections;
 use dataset::error::{Error, Result};
 use dataset::frame_rate::FrameRate;
-use dataset::frames::{Frame, FrameLabels, Frames};
+use dataset::frames::{Frames, TickLabels, TickRow};
 use dataset::imaging::Imaging;
 use dataset::pixel_box::{Detection, PixelBox};
 use dataset::pose::{Controls, Pose};
@@ -205,7 +205,7 @@ impl SyntheticCorpus {
                 .cameras
                 .values()
                 .map(|entry| stamp(u64::from(tick), &bare, self.frame_rate, entry.placed));
-            Frame {
+            TickRow {
                 views: stamps.collect(),
                 velocity_ned_mps: [0.0, 0.0, 0.0],
                 true_airspeed_mps: SPEED_MPS,
@@ -213,7 +213,7 @@ impl SyntheticCorpus {
                     flap_ratio: 1.0,
                     gear_ratio: 1.0,
                 },
-                labels: Some(FrameLabels {
+                labels: Some(TickLabels {
                     dtd_m: found.dtd_m,
                     along_track_m: found.along_track_m,
                     cross_track_m: found.cross_track_m,

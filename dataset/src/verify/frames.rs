@@ -4,7 +4,7 @@ use super::Faults;
 use crate::calibration::Calibration;
 use crate::corpus::ScenarioFolder;
 use crate::echo::{aircraft_mismatch, camera_mismatch};
-use crate::frames::{Frame, Frames};
+use crate::frames::{Frames, TickRow};
 use crate::scenario::ScenarioRecord;
 use crate::units::SimTime;
 
@@ -111,7 +111,7 @@ pub(super) fn check_cameras(frames: &Frames, calibration: &Calibration, faults: 
     }
 }
 
-fn check_time(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut Faults) {
+fn check_time(record: &ScenarioRecord, row: usize, frame: &TickRow, faults: &mut Faults) {
     if frame.tick as usize != row {
         faults.row(
             TABLE,
@@ -132,10 +132,10 @@ fn check_time(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut F
 }
 
 /// The motion is continuous: no jump between two ticks, none skipped, none doubled.
-fn check_continuity(row: usize, before: &Frame, after: &Frame, faults: &mut Faults) {
+fn check_continuity(row: usize, before: &TickRow, after: &TickRow, faults: &mut Faults) {
     let step_s = SimTime(after.time_ns.saturating_sub(before.time_ns)).seconds();
     let way = after.pose.position().to_ecef() - before.pose.position().to_ecef();
-    let velocity = |frame: &Frame| {
+    let velocity = |frame: &TickRow| {
         frame.pose.position().ecef_from_ned() * glam::DVec3::from(frame.velocity_ned_mps)
     };
     let expected = (velocity(before) + velocity(after)) * (step_s / 2.0);
@@ -153,7 +153,7 @@ fn check_continuity(row: usize, before: &Frame, after: &Frame, faults: &mut Faul
 
 /// Each step follows from the previous one. At high rates this finds what the velocities, which need not match to the millimetre,
 /// hide: one pose that belongs to the next tick.
-fn check_steadiness(row: usize, frames: [&Frame; 3], faults: &mut Faults) {
+fn check_steadiness(row: usize, frames: [&TickRow; 3], faults: &mut Faults) {
     let [first, second, third] = frames.map(|frame| frame.pose.position().to_ecef());
     let (before, after) = (second - first, third - second);
     let step_s = SimTime(frames[2].time_ns.saturating_sub(frames[1].time_ns)).seconds();

@@ -9,7 +9,7 @@ use super::{Faults, close};
 use crate::calibration::Calibration;
 use crate::conditions::transmission;
 use crate::corpus::ScenarioFolder;
-use crate::frames::{Frame, Frames};
+use crate::frames::{Frames, TickRow};
 use crate::limits;
 use crate::pixel_box::{TruthBox, read_truth_boxes_with_faults};
 use crate::runway::RunwayCoordinates;
@@ -64,7 +64,7 @@ pub(super) fn read_boxes(
     faults.keep_table(ScenarioFolder::TRUTH_BOXES, boxes)
 }
 
-fn check_row(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut Faults) {
+fn check_row(record: &ScenarioRecord, row: usize, frame: &TickRow, faults: &mut Faults) {
     let Some(labels) = frame.labels else { return };
     let again = RunwayCoordinates::of(
         frame.pose.position(),
@@ -91,7 +91,7 @@ fn check_row(record: &ScenarioRecord, row: usize, frame: &Frame, faults: &mut Fa
 
 /// Time to touchdown is known for all ticks or for none, falls with the clock, and is 0 between the two ticks around the target.
 fn check_countdown(frames: &Frames, faults: &mut Faults) {
-    let left = |frame: &Frame| frame.labels.and_then(|labels| labels.time_to_touchdown_s);
+    let left = |frame: &TickRow| frame.labels.and_then(|labels| labels.time_to_touchdown_s);
     for (row, pair) in frames.rows.windows(2).enumerate() {
         let [before, after] = pair else { continue };
         let row = row + 1;
@@ -107,7 +107,7 @@ fn check_countdown(frames: &Frames, faults: &mut Faults) {
                     );
                     faults.row(ScenarioFolder::FRAMES, row, "time_to_touchdown_s", message);
                 }
-                let passed = |frame: &Frame| {
+                let passed = |frame: &TickRow| {
                     frame
                         .labels
                         .is_some_and(|labels| labels.along_track_m <= 0.0)

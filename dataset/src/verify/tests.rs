@@ -5,7 +5,7 @@ use super::*;
 use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
 use crate::frame_rate::FrameRate;
-use crate::frames::{Frame, FrameLabels, Frames, ViewStamp};
+use crate::frames::{Frames, TickLabels, TickRow, ViewStamp};
 use crate::json_file::write_json;
 use crate::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
 use crate::plan::PlannedCamera;
@@ -58,7 +58,7 @@ fn planned_camera(view: usize) -> PlannedCamera {
 }
 
 /// A level flight along the course that passes the target between the last two ticks.
-fn frame(tick: u32) -> Frame {
+fn frame(tick: u32) -> TickRow {
     let time_s = RATE.time_of_tick(tick).seconds();
     let passing_s = 7.0;
     let at = runway().point_on_approach(SPEED_MPS * (passing_s - time_s), 3.0);
@@ -82,7 +82,7 @@ fn frame(tick: u32) -> Frame {
         echoed_pose: pose,
         echoed_camera: camera(view),
     };
-    Frame {
+    TickRow {
         tick,
         time_ns: RATE.time_of_tick(tick).0,
         pose,
@@ -94,7 +94,7 @@ fn frame(tick: u32) -> Frame {
         },
         on_ground: false,
         views: vec![stamp(0), stamp(1)],
-        labels: Some(FrameLabels {
+        labels: Some(TickLabels {
             dtd_m: place.dtd_m,
             along_track_m: place.along_track_m,
             cross_track_m: place.cross_track_m,
@@ -218,7 +218,7 @@ impl Example {
     }
 
     /// Changes the table of the first scenario, seals it again, and returns the findings.
-    fn with_table(change: impl FnOnce(&mut Vec<Frame>)) -> String {
+    fn with_table(change: impl FnOnce(&mut Vec<TickRow>)) -> String {
         Self::with(|example| {
             let mut table = frames();
             change(&mut table.rows);
@@ -412,7 +412,7 @@ fn a_changed_distance_is_found_in_its_row() {
 fn a_changed_time_to_touchdown_is_found_in_its_row() {
     let findings = Example::with_table(|rows| {
         for row in rows.iter_mut() {
-            if let Some(FrameLabels {
+            if let Some(TickLabels {
                 time_to_touchdown_s: Some(left),
                 ..
             }) = &mut row.labels

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use dataset::calibration::{Calibration, Conventions};
 use dataset::claim::Claim;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::frames::{Frame, Frames, ViewStamp};
+use dataset::frames::{Frames, TickRow, ViewStamp};
 use dataset::imaging::Imaging;
 use dataset::plan::{Common, LiveStart, Picture, Plan, PlannedScenario};
 use dataset::pose::FlightState;
@@ -273,7 +273,7 @@ fn frames(
         .first()
         .and_then(|tick| tick.first())
         .map_or(0, |first| first.sim_frame);
-    let row = |(tick, (state, drawn)): (usize, (&FlightState, &Vec<Drawn>))| Frame {
+    let row = |(tick, (state, drawn)): (usize, (&FlightState, &Vec<Drawn>))| TickRow {
         tick: tick as u32,
         time_ns: rate.time_of_tick(tick as u32).0,
         pose: state.pose,
