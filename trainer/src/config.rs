@@ -74,7 +74,7 @@ impl Loss {
     const NEAREST: f32 = 0.05;
 
     /// Weight of a sample at `distance` (units of 10 NM).
-    pub fn weight(self, distance: f32) -> f32 {
+    pub(crate) fn weight(self, distance: f32) -> f32 {
         match self {
             Self::Squared => 1.0,
             Self::Relative => distance.max(Self::NEAREST).powi(-2),
@@ -84,7 +84,7 @@ impl Loss {
     }
 
     /// The number that a network should predict for `distance` (units of 10 NM).
-    pub fn target(self, distance: f32) -> f32 {
+    pub(crate) fn target(self, distance: f32) -> f32 {
         match self {
             Self::Squared | Self::Relative => distance,
             Self::Logarithmic => distance.ln(),
@@ -92,7 +92,7 @@ impl Loss {
     }
 
     /// The distance (units of 10 NM) for a network's output.
-    pub fn distance(self, predicted: f32) -> f32 {
+    pub(crate) fn distance(self, predicted: f32) -> f32 {
         match self {
             Self::Squared | Self::Relative => predicted,
             Self::Logarithmic => predicted.exp(),

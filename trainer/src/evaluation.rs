@@ -1,9 +1,8 @@
 //! Accuracy of a run on unseen trajectories: `metrics.json`, `predictions.parquet` and `report.html`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
-use dataset::calibration::CameraEntry;
 use dataset::columns::TableWriter;
 use dataset::corpus::Corpus;
 use dataset::json_file::write_json_unsynced;
@@ -14,6 +13,7 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::estimator::{Estimator, Task};
 use crate::metrics::{EstimatorMetrics, Metrics, Outcome, SideCount, SplitSummary};
 use crate::report;
+use crate::rig::{Rig, are_same, form};
 use crate::run_folder::{RunFolder, RunSummary, TrainedRun};
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, FARTHEST_NM, Sample, Samples};
@@ -117,7 +117,7 @@ pub fn evaluate(
     progress.begin("evaluation", Estimator::ALL.len() as u64);
     let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
     let found = boxes(&test);
-    let other_cameras = samples.cameras_vary && !trained.summary.cameras_vary;
+    let other_cameras = samples.rig.cameras_vary && !trained.summary.cameras_vary;
     let test: Vec<Sample> = test
         .into_iter()
         .map(|sample| {
@@ -166,11 +166,11 @@ fn check_fit(
     trained: &TrainedRun,
     samples: &Samples,
 ) -> Result<()> {
-    if !same_rig(&trained.summary, samples) {
+    if !same_rig(&trained.summary, &samples.rig) {
         let names =
             |ids: &mut dyn Iterator<Item = &String>| ids.cloned().collect::<Vec<_>>().join(", ");
         let fault = CorpusFault::OtherCameras {
-            cameras: names(&mut samples.calibration.keys()),
+            cameras: names(&mut samples.rig.cameras.keys()),
             run: run.root().to_owned(),
             trained: names(&mut trained.summary.cameras.keys()),
         };
@@ -196,31 +196,14 @@ fn check_fit(
     }
 }
 
-/// Whether the networks of a run apply to these samples: exactly the same cameras, or, where a sweep jitters or turns them, the
+/// Whether the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the
 /// same views of the same rig.
-fn same_rig(run: &RunSummary, samples: &Samples) -> bool {
-    if !run.cameras_vary && !samples.cameras_vary {
-        let placed = |cameras: &BTreeMap<String, CameraEntry>| -> Vec<_> {
-            let placed = |(view, entry): (&String, &CameraEntry)| {
-                (
-                    view.clone(),
-                    CameraEntry {
-                        degradation: None,
-                        ..entry.clone()
-                    },
-                )
-            };
-            cameras.iter().map(placed).collect()
-        };
-        return placed(&run.cameras) == placed(&samples.calibration);
+fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
+    if run.cameras_vary || rig.cameras_vary {
+        let same_form = form(&run.cameras) == form(&rig.cameras);
+        return run.rig.as_deref() == Some(&rig.name) && same_form;
     }
-    let form = |cameras: &BTreeMap<String, CameraEntry>| -> Vec<_> {
-        let form = |(view, entry): (&String, &CameraEntry)| {
-            (view.clone(), entry.width_px, entry.height_px)
-        };
-        cameras.iter().map(form).collect()
-    };
-    run.rig.as_deref() == Some(&samples.rig) && form(&run.cameras) == form(&samples.calibration)
+    are_same(&run.cameras, &rig.cameras)
 }
 
 fn predict_all(

@@ -29,6 +29,7 @@ mod normalisation;
 mod paper_lstm;
 mod pinhole;
 mod report;
+mod rig;
 mod run_folder;
 mod run_place;
 mod samples;

@@ -98,7 +98,7 @@ pub struct Metrics {
 
 /// One prediction with what is needed to group it.
 #[derive(Debug, Clone, Copy)]
-pub struct Outcome<'a> {
+pub(crate) struct Outcome<'a> {
     /// Truth, metres.
     pub dtd_m: f64,
     /// Prediction, metres, if there was one.
@@ -121,7 +121,7 @@ impl Outcome<'_> {
 
 impl ErrorFigures {
     /// Figures of some outcomes.
-    pub fn of<'a>(outcomes: impl IntoIterator<Item = &'a Outcome<'a>>) -> Self {
+    pub(crate) fn of<'a>(outcomes: impl IntoIterator<Item = &'a Outcome<'a>>) -> Self {
         let errors: Vec<f64> = outcomes
             .into_iter()
             .filter_map(|outcome| outcome.signed_error_pct().map(f64::abs))
@@ -169,7 +169,7 @@ impl SplitFigures {
 
 impl EstimatorMetrics {
     /// All figures of one estimator; distance bins of `bin_nm` cover everything between the nearest and the farthest outcome.
-    pub fn of(outcomes: &[Outcome], bin_nm: f64) -> Self {
+    pub(crate) fn of(outcomes: &[Outcome], bin_nm: f64) -> Self {
         let by = |name: fn(&Outcome) -> String| {
             let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
             for outcome in outcomes {

@@ -15,13 +15,12 @@
 //!
 //! It appears and is replaced as a whole ([`crate::run_place`]), and every file is checked against the sealed hash when it is read.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use burn::module::{Module, ModuleVisitor, Param};
 use burn::store::{ModuleSnapshot, SafetensorsStore};
 use burn::tensor::{Device, Tensor};
-use dataset::calibration::CameraEntry;
 use dataset::json_file::{write_json_unsynced, write_unsynced};
 use dataset::limits::{self, Check};
 use dataset::seal::{self, DONE, MANIFEST};
@@ -37,6 +36,7 @@ use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
 use crate::paper_lstm::{EstimatorLogEntry, PaperLstm};
 use crate::pinhole::Pinhole;
+use crate::rig::Cameras;
 use crate::run_place::RunPlace;
 use crate::sealed_run::SealedRun;
 use crate::triangulation::CentreOffset;
@@ -157,7 +157,7 @@ impl RunFolder {
 
 /// The inputs of a training (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct RunSummary {
+pub(crate) struct RunSummary {
     /// Version of this software.
     pub dtd: String,
     /// Hash of the detection model whose boxes were used for training.
@@ -166,7 +166,7 @@ pub struct RunSummary {
     #[serde(default)]
     pub rig: Option<String>,
     /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
-    pub cameras: BTreeMap<String, CameraEntry>,
+    pub cameras: Cameras,
     /// Whether other scenarios had cameras of the rig in other positions or directions.
     #[serde(default)]
     pub cameras_vary: bool,

@@ -7,7 +7,6 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataset::calibration::CameraEntry;
 use dataset::camera::Camera;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::detections::models_of;
@@ -19,7 +18,8 @@ use dataset::runway::Runway;
 use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
-use crate::error::{CorpusFault, Error, Result, RigForm};
+use crate::error::{CorpusFault, Error, Result};
+use crate::rig::Rig;
 use crate::trusted_boxes::{holds_aircraft, is_whole};
 
 /// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
@@ -101,12 +101,8 @@ pub(crate) struct ScenarioSummary {
 pub(crate) struct Samples {
     /// Identifiers of the views, sorted.
     pub views: Vec<String>,
-    /// The calibration of each view in the first scenario.
-    pub calibration: BTreeMap<String, CameraEntry>,
-    /// Whether the cameras of other scenarios differ: jittered or turned.
-    pub cameras_vary: bool,
-    /// Name of the rig that they belong to.
-    pub rig: String,
+    /// The cameras that they belong to.
+    pub rig: Rig,
     /// Hash of the detection model.
     pub model_hash: String,
     /// The scenarios, sorted by identifier.
@@ -128,15 +124,9 @@ impl Samples {
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
         let model_hash = choose_model(corpus, &folders, model_hash)?;
-        let CommonRig {
-            rig,
-            calibration,
-            cameras_vary,
-        } = common_rig(corpus, &folders)?;
+        let rig = Rig::of(corpus, &folders)?;
         let mut found = Self {
-            views: calibration.keys().cloned().collect(),
-            calibration,
-            cameras_vary,
+            views: rig.cameras.keys().cloned().collect(),
             rig,
             model_hash,
             scenarios: Vec::new(),
@@ -338,69 +328,6 @@ fn choose_model(
     Err(Error::corpus(corpus.root(), fault))
 }
 
-/// What all scenarios have in common.
-struct CommonRig {
-    rig: String,
-    /// The cameras of the first scenario by view.
-    calibration: BTreeMap<String, CameraEntry>,
-    cameras_vary: bool,
-}
-
-/// The rig of all scenarios. Its cameras may be misplaced or turned from scenario to scenario (each scenario's calibration has
-/// them), but a network learns one rig: other views, other picture sizes or another rig are an error.
-fn common_rig(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<CommonRig> {
-    let mut first: Option<(CommonRig, String)> = None;
-    for folder in folders {
-        let refused = |fault| Err(Error::corpus(folder.root(), fault));
-        let scenario = folder.open()?;
-        let (rig, cameras) = (scenario.record()?.rig, scenario.calibration()?.cameras);
-        if let Some((view, fault)) = cameras
-            .iter()
-            .find_map(|(view, entry)| Some((view.clone(), entry.fault()?)))
-        {
-            return refused(CorpusFault::BadCamera { view, fault });
-        }
-        let Some((common, id)) = &mut first else {
-            let common = CommonRig {
-                rig,
-                calibration: cameras,
-                cameras_vary: false,
-            };
-            first = Some((common, folder.id()));
-            continue;
-        };
-        let form = |cameras: &BTreeMap<String, CameraEntry>| -> RigForm {
-            let form = |(view, entry): (&String, &CameraEntry)| {
-                (view.clone(), entry.width_px, entry.height_px)
-            };
-            cameras.iter().map(form).collect()
-        };
-        if common.rig != rig || form(&common.calibration) != form(&cameras) {
-            return refused(CorpusFault::OtherRig {
-                rig,
-                form: form(&cameras),
-                first: id.clone(),
-                first_rig: common.rig.clone(),
-                first_form: form(&common.calibration),
-            });
-        }
-        let same_place = |(a, b): (&CameraEntry, &CameraEntry)| {
-            CameraEntry {
-                degradation: a.degradation,
-                ..b.clone()
-            } == *a
-        };
-        common.cameras_vary |= !common
-            .calibration
-            .values()
-            .zip(cameras.values())
-            .all(same_place);
-    }
-    first
-        .map(|(common, _)| common)
-        .ok_or_else(|| Error::corpus(corpus.root(), CorpusFault::NoScenarios))
-}
-
 #[cfg(test)]
 mod edited_files;
 
@@ -513,7 +440,7 @@ mod tests {
         .write(folder.path())
         .unwrap();
         let samples = Samples::read(&corpus, None, ALL).unwrap();
-        assert!(samples.cameras_vary);
+        assert!(samples.rig.cameras_vary);
         let [first, second] = [0, 1].map(|scenario| samples.scenarios[scenario].cameras[0]);
         assert_ne!(first.ecef_from_camera, second.ecef_from_camera);
 

@@ -32,8 +32,6 @@ use dataset::progress::Progress;
 pub struct TrainOutcome {
     /// The run folder.
     pub run: RunFolder,
-    /// Its inputs.
-    pub summary: RunSummary,
     /// Error of `paper_lstm` on the validation side at the end, percent.
     pub validation_mape_pct: f64,
 }
@@ -142,9 +140,9 @@ pub fn train(
         summary: RunSummary {
             dtd: env!("CARGO_PKG_VERSION").into(),
             model_hash: samples.model_hash.clone(),
-            rig: Some(samples.rig.clone()),
-            cameras: samples.calibration.clone(),
-            cameras_vary: samples.cameras_vary,
+            rig: Some(samples.rig.name.clone()),
+            cameras: samples.rig.cameras.clone(),
+            cameras_vary: samples.rig.cameras_vary,
             training_trajectories: samples.trajectories(Side::Train),
             validation_trajectories: samples.trajectories(Side::Validation),
             training_samples: training.len(),
@@ -171,7 +169,6 @@ pub fn train(
     run.commit(place)?;
     Ok(TrainOutcome {
         run: folder,
-        summary: run.summary,
         validation_mape_pct,
     })
 }

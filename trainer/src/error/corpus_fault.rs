@@ -4,10 +4,8 @@ use std::path::PathBuf;
 
 use dataset::splits::Side;
 
+use crate::rig::RigForm;
 use crate::samples::FARTHEST_M;
-
-/// View, width and height of the pictures of each camera of a rig.
-pub(crate) type RigForm = Vec<(String, u32, u32)>;
 
 /// What is wrong with a corpus or a scenario, and what to do.
 #[derive(Debug, thiserror::Error)]

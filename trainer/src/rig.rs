@@ -1,0 +1,85 @@
+//! The rig whose pictures a corpus has. A network learns one rig.
+
+use std::collections::BTreeMap;
+
+use dataset::calibration::CameraEntry;
+use dataset::corpus::{Corpus, ScenarioFolder};
+
+use crate::error::{CorpusFault, Error, Result};
+
+/// Cameras by view.
+pub(crate) type Cameras = BTreeMap<String, CameraEntry>;
+
+/// View, width and height of the pictures of each camera.
+pub(crate) type RigForm = Vec<(String, u32, u32)>;
+
+/// The rig of all scenarios.
+#[derive(Debug, Clone)]
+pub(crate) struct Rig {
+    /// Its name.
+    pub name: String,
+    /// The cameras of the first scenario.
+    pub cameras: Cameras,
+    /// Whether the cameras of other scenarios differ: jittered or turned.
+    pub cameras_vary: bool,
+}
+
+impl Rig {
+    /// The rig of these scenarios. Its cameras may be misplaced or turned from scenario to scenario (each scenario's calibration has
+    /// them), but other views, other picture sizes or another rig are an error.
+    pub(crate) fn of(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<Self> {
+        let mut first: Option<(Self, String)> = None;
+        for folder in folders {
+            let refused = |fault| Err(Error::corpus(folder.root(), fault));
+            let scenario = folder.open()?;
+            let (name, cameras) = (scenario.record()?.rig, scenario.calibration()?.cameras);
+            if let Some((view, fault)) = cameras
+                .iter()
+                .find_map(|(view, entry)| Some((view.clone(), entry.fault()?)))
+            {
+                return refused(CorpusFault::BadCamera { view, fault });
+            }
+            let Some((common, id)) = &mut first else {
+                let common = Self {
+                    name,
+                    cameras,
+                    cameras_vary: false,
+                };
+                first = Some((common, folder.id()));
+                continue;
+            };
+            if common.name != name || form(&common.cameras) != form(&cameras) {
+                return refused(CorpusFault::OtherRig {
+                    rig: name,
+                    form: form(&cameras),
+                    first: id.clone(),
+                    first_rig: common.name.clone(),
+                    first_form: form(&common.cameras),
+                });
+            }
+            common.cameras_vary |= !are_same(&common.cameras, &cameras);
+        }
+        first
+            .map(|(common, _)| common)
+            .ok_or_else(|| Error::corpus(corpus.root(), CorpusFault::NoScenarios))
+    }
+}
+
+/// The views and the sizes of their pictures, wherever the cameras are.
+pub(crate) fn form(cameras: &Cameras) -> RigForm {
+    let form =
+        |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
+    cameras.iter().map(form).collect()
+}
+
+/// Whether all cameras have the same places and optics, however degraded their pictures are.
+pub(crate) fn are_same(a: &Cameras, b: &Cameras) -> bool {
+    let sound = |cameras: &Cameras| -> Cameras {
+        let mut sound = cameras.clone();
+        sound
+            .values_mut()
+            .for_each(|entry| entry.degradation = None);
+        sound
+    };
+    sound(a) == sound(b)
+}
