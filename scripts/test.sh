@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Everything that must hold before a change lands, cheapest step first. CI runs this and nothing else.
+# Everything that must hold before a change lands, cheapest step first. CI runs this and nothing else. Some tests only:
+# `cargo test --release --workspace --test NAME`, after scripts/setup.sh.
 # Tests run in the release profile: they render, encode, decode and train, and they share the build with the demo.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -11,5 +12,4 @@ cargo fmt --all --check
 # Minutes the first time, when it builds its tool.
 bash scripts/supply-chain.sh
 cargo clippy --release --locked --workspace --all-targets -- -D warnings
-# One failure does not hide the others.
-cargo test --release --locked --workspace --no-fail-fast "$@"
+.venv/bin/python scripts/run_tests.py

@@ -50,6 +50,8 @@ pub struct JudgedFrame {
 
 /// The videos of the given sides of a corpus's split.
 pub(crate) fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
+    // Before any table is read: with less, a decoder or a thread may fail with a message of its own, or without one.
+    memory::check("training a detector", TRAINING_BYTES).map_err(dataset::Error::from)?;
     let splits = corpus.splits()?;
     let planned = PlannedScenarios::read(corpus)?;
     let mut videos = Vec::new();
