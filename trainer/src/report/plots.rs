@@ -2,6 +2,8 @@
 
 use std::ops::Range;
 
+use plotters::chart::MeshStyle;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use super::Shown;
@@ -43,6 +45,23 @@ fn svg(what: &'static str, height: u32, draw: impl FnOnce(&Area) -> Drawn) -> Re
     }
     // A width in the file would prevent the page from scaling the picture.
     Ok(text.replacen(&format!("width=\"{WIDTH}\" height=\"{height}\" "), "", 1))
+}
+
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// Axes and grid as all plots have them.
+fn axes<'a, 'b, 'c>(
+    chart: &'c mut Chart<'a, 'b>,
+) -> MeshStyle<'a, 'c, RangedCoordf64, RangedCoordf64, SVGBackend<'b>> {
+    let mut style = chart.configure_mesh();
+    style
+        .light_line_style(TRANSPARENT)
+        .bold_line_style(GRID)
+        .axis_style(INK)
+        .x_label_formatter(&|x| format!("{x:.0}"))
+        .label_style((FONT, 13).into_font().color(&INK))
+        .axis_desc_style((FONT, 14).into_font().color(&INK));
+    style
 }
 
 type Drawn = std::result::Result<(), DrawingError>;
@@ -151,19 +170,12 @@ pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String>
             .x_label_area_size(44)
             .y_label_area_size(58)
             .build_cartesian_2d(distances, -reach..reach)?;
-        chart
-            .configure_mesh()
+        axes(&mut chart)
             .disable_x_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
             .x_labels(labels)
-            .x_label_formatter(&|x| format!("{x:.0}"))
             .y_label_formatter(&|y| format!("{y:+.1}"))
             .x_desc("distance to touchdown, NM")
             .y_desc("percentage error, % (+ = too far)")
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
             .draw()?;
         chart.draw_series([PathElement::new(
             vec![(first, 0.0), (last, 0.0)],
@@ -226,12 +238,7 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             .x_label_area_size(44)
             .y_label_area_size(58)
             .build_cartesian_2d(steps.clone(), errors.clone())?;
-        chart
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .x_label_formatter(&|x| format!("{x:.0}"))
+        axes(&mut chart)
             .y_label_formatter(&|y| {
                 if *y < 1.0 {
                     format!("{y:.2}")
@@ -241,8 +248,6 @@ pub(super) fn convergence(log: &Convergence) -> Result<String> {
             })
             .x_desc("training step (mini-batches)")
             .y_desc("validation MAPE, %")
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
             .draw()?;
         // Where only some views continue training: a bar along the top in the colour of each view that does.
         let phases: Vec<_> = log
@@ -332,16 +337,9 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .x_label_area_size(24)
             .y_label_area_size(58)
             .build_cartesian_2d(times_s.clone(), distances_nm.clone())?;
-        distances
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .x_label_formatter(&|x| format!("{x:.0}"))
+        axes(&mut distances)
             .y_label_formatter(&|y| format!("{y:.0}"))
             .y_desc("distance to touchdown, NM")
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
             .draw()?;
         let truth = rows.iter().map(|&row| (time_s(row), nm(test[row].dtd_m)));
         let truth = shown_points(truth, &times_s, &distances_nm);
@@ -372,17 +370,10 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
             .x_label_area_size(44)
             .y_label_area_size(58)
             .build_cartesian_2d(times_s.clone(), errors_pct.clone())?;
-        errors
-            .configure_mesh()
-            .light_line_style(TRANSPARENT)
-            .bold_line_style(GRID)
-            .axis_style(INK)
-            .x_label_formatter(&|x| format!("{x:.0}"))
+        axes(&mut errors)
             .y_label_formatter(&|y| format!("{y:+.1}"))
             .x_desc("time since the start of the scenario, s")
             .y_desc("percentage error, %")
-            .label_style((FONT, 13).into_font().color(&INK))
-            .axis_desc_style((FONT, 14).into_font().color(&INK))
             .draw()?;
         errors.draw_series([PathElement::new(
             vec![(times_s.start, 0.0), (times_s.end, 0.0)],
