@@ -16,7 +16,7 @@ use store::{CorpusLocation, StoreUrl};
 use xplane_bridge::WebApiPlace;
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::pixels::PixelChoice;
-use xplane_bridge::tape::FramesKept;
+use xplane_tape::FramesKept;
 
 use crate::help;
 

@@ -11,8 +11,8 @@ use mock_xplane::window::X11Window;
 use testkit::command::{Dtd, Server, said};
 use testkit::pictures::pictures;
 use testkit_simulator::{SWEEP, SimulatorProcess, plugin};
-use xplane_bridge::tape::TapeReader;
 use xplane_bridge::{LINK_TOKEN_VARIABLE, WEB_API_VARIABLE};
+use xplane_tape::TapeReader;
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 const TOKEN: &str = "open sesame";

@@ -12,7 +12,7 @@ use serde_json::Value;
 use testkit::command::{Dtd, Server, text};
 use testkit::{program_of_venv, repository};
 use xplane_bridge::packet::{ToSimulator, WriteDataref};
-use xplane_bridge::tape::TapeReader;
+use xplane_tape::TapeReader;
 
 const SWEEP: &str = "tests/data/tape/session.toml";
 const TAPE: &str = "tests/data/tape/session.mcap";

@@ -15,7 +15,7 @@ use xplane_bridge::link::{
     Answer, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, Request, decode_flight, exchange_greetings,
     read_header, read_payload, read_request, write_message,
 };
-use xplane_bridge::tape::LinkMessage;
+use xplane_tape::LinkMessage;
 
 /// Of a message that is written.
 const LENGTHS_BYTES: usize = 8;

@@ -8,7 +8,7 @@ use std::sync::LazyLock;
 
 use dtd_fuzz::as_file;
 use libfuzzer_sys::fuzz_target;
-use xplane_bridge::tape::{Channel, LinkMessage, ReferencedMessage, TapeReader};
+use xplane_tape::{Channel, LinkMessage, ReferencedMessage, TapeReader};
 
 static SESSION: &[u8] = include_bytes!("../../tests/data/tape/session.mcap");
 const MAGIC_BYTES: usize = 8;

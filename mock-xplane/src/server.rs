@@ -32,7 +32,7 @@ use xplane_bridge::datarefs::{self as names, Generation};
 use xplane_bridge::doorway::Doorway;
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::{BEACON_GROUP, BEACON_PORT, Beacon};
-use xplane_bridge::tape::TapeError;
+use xplane_tape::TapeError;
 
 pub use engine::{BuiltIn, Engine, NotFlown, SceneRenderer};
 pub use faults::{Faults, FaultsError, Moment, Outage, OutageKind};

@@ -16,8 +16,8 @@ use tokio::sync::oneshot;
 use tokio::time::timeout;
 use xplane_bridge::link::PictureBytes;
 use xplane_bridge::packet::{SubscribePosition, ToSimulator};
-use xplane_bridge::tape::{FramesKept, RecordOptions, record};
 use xplane_bridge::{BridgeError, CaptureRequest, CapturedFrame, Deliver, Simulator};
+use xplane_tape::{FramesKept, RecordOptions, record};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -148,7 +148,7 @@ async fn recorded(folder: &Path, frames: FramesKept) -> (PathBuf, (Vec<CapturedF
     let (tell, told) = oneshot::channel();
     let (stop, stopped) = oneshot::channel::<()>();
     let recording = tokio::spawn(async move {
-        let ready = |at: xplane_bridge::tape::RecorderAddresses| tell.send(at.udp).unwrap();
+        let ready = |at: xplane_tape::RecorderAddresses| tell.send(at.udp).unwrap();
         record(options, ready, async { stopped.await.unwrap() })
             .await
             .unwrap()

@@ -9,8 +9,8 @@ use generator::stand_in::{StandIn, StandInTask};
 use tokio::runtime::Runtime;
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::link::LinkToken;
-use xplane_bridge::tape::{RecordOptions, TapeSummary, record};
 use xplane_bridge::{BridgeError, somebody_answers};
+use xplane_tape::{RecordOptions, TapeSummary, record};
 
 use super::Outcome;
 use super::address::simulator;

@@ -298,7 +298,7 @@ pub enum BridgeError {
 }
 
 /// An error of another library with its causes, which its own text leaves out.
-pub(crate) fn with_causes(error: &dyn std::error::Error) -> String {
+pub fn with_causes(error: &dyn std::error::Error) -> String {
     std::iter::successors(Some(error), |error| error.source())
         .map(ToString::to_string)
         .collect::<Vec<_>>()

@@ -17,11 +17,10 @@ pub mod pixels;
 pub mod profile;
 mod simulator;
 pub mod subscription;
-pub mod tape;
 mod udp_socket;
 pub mod web_api;
 
-pub use error::BridgeError;
+pub use error::{BridgeError, with_causes};
 pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{

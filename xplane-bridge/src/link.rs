@@ -25,10 +25,9 @@ pub use screen::{ScreenAnswer, ScreenOffer, ScreenPart, ScreenRequest};
 pub use shared_memory::{DrawingSlot, DrawingSlots, SharedMemory, SharedPicture, SharedPictures};
 pub use soundness::OutOfRange;
 pub use token::LinkToken;
-pub(crate) use wire::read_exact;
 pub use wire::{
-    LINK_VERSION, LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings, read_header,
-    read_payload, read_request, write_message,
+    LINK_VERSION, LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, exchange_greetings, read_exact,
+    read_header, read_payload, read_request, write_message,
 };
 
 /// Maximum outstanding captures of a client. Their requests (some 700 bytes each) then always fit the socket's buffers, so that

@@ -10,8 +10,8 @@ use std::time::Duration;
 use tokio::time::{Instant, sleep};
 use xplane_bridge::discovery::{DISCOVERY_TIMEOUT, the_announced};
 use xplane_bridge::profile::KnownProfile;
-use xplane_bridge::tape::{TapeError, TapeReader};
 use xplane_bridge::{CONNECT_TIMEOUT, Simulator};
+use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
 use super::pictures::Pictures;

@@ -26,7 +26,7 @@ use tokio::task::{JoinSet, spawn_blocking};
 use xplane_bridge::datarefs::Generation;
 use xplane_bridge::link::LinkToken;
 use xplane_bridge::packet::Beacon;
-use xplane_bridge::tape::{TapeInfo, TapeReader};
+use xplane_tape::{TapeInfo, TapeReader};
 
 use self::conversation::{Context, Conversation};
 use self::history::Histories;

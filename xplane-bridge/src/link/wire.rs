@@ -204,7 +204,7 @@ fn within(part: &'static str, announced: usize, limit: usize) -> Result<u32, Lin
 }
 
 /// Fills a buffer; an end before that says inside what.
-pub(crate) async fn read_exact(
+pub async fn read_exact(
     stream: &mut (impl AsyncRead + Unpin),
     buffer: &mut [u8],
     inside: &'static str,

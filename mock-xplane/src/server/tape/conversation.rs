@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::fmt::Write;
 
 use serde_json::Value;
-use xplane_bridge::tape::MessagePosition;
+use xplane_tape::MessagePosition;
 
 /// Relative difference between two numbers of a request that the same computation produced on two machines.
 const SAME_NUMBER: f64 = 1e-9;
@@ -281,7 +281,7 @@ fn difference(asked: &Value, recorded: &Value) -> Option<String> {
 mod tests {
     use serde_json::json;
     use std::path::Path;
-    use xplane_bridge::tape::{Channel, Direction, FramesKept, TapeInfo, TapeReader, TapeWriter};
+    use xplane_tape::{Channel, Direction, FramesKept, TapeInfo, TapeReader, TapeWriter};
 
     use super::*;
 

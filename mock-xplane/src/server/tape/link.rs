@@ -11,7 +11,7 @@ use tokio::task::{JoinSet, spawn_blocking};
 use tokio::time::timeout;
 use xplane_bridge::doorway::Doorway;
 use xplane_bridge::link::{Answer, CaptureRequest, LinkError, Request};
-use xplane_bridge::tape::{LinkMessage, MAGIC, MessagePosition, ReferencedMessage};
+use xplane_tape::{LinkMessage, MAGIC, MessagePosition, ReferencedMessage};
 
 use super::conversation::AnswerPlace;
 use super::loading::is_hello;

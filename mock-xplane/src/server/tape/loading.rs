@@ -8,7 +8,7 @@ use serde_json::Value;
 use xplane_bridge::datarefs::VERSION;
 use xplane_bridge::link::LINK_VERSION;
 use xplane_bridge::packet::{DatarefValuesView, SubscribeDataref, ToSimulator};
-use xplane_bridge::tape::{
+use xplane_tape::{
     Channel, Direction, Entry, LinkMessage, MessagePosition, TapeError, TapeInfo, TapeReader,
 };
 

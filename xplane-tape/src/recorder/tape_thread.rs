@@ -7,10 +7,10 @@ use tokio::sync::mpsc;
 use tokio::task::{JoinError, JoinHandle, spawn_blocking};
 use tokio::time::interval;
 
-use crate::tape::error::TapeError;
-use crate::tape::format::{Channel, Direction, FramesKept};
-use crate::tape::link_message::LinkMessage;
-use crate::tape::writer::{TapeSummary, TapeWriter};
+use crate::error::TapeError;
+use crate::format::{Channel, Direction, FramesKept};
+use crate::link_message::LinkMessage;
+use crate::writer::{TapeSummary, TapeWriter};
 
 /// Maximum queued messages. When the queue is full, clients and simulator wait, too.
 const QUEUE: usize = 32;

@@ -267,7 +267,7 @@ mod tests {
     use std::fs;
 
     use super::*;
-    use crate::tape::{Direction, FramesKept, TapeWriter};
+    use crate::{Direction, FramesKept, TapeWriter};
 
     const CHANNEL: Channel = Channel::Udp {
         client: 1,

@@ -12,10 +12,10 @@ use tokio::task::JoinSet;
 use tokio::time::timeout;
 
 use super::Route;
-use crate::doorway::Doorway;
-use crate::link::{Answer, LinkError, write_message};
-use crate::tape::format::{Channel, Direction, LINK_VERSION_KEY};
-use crate::tape::link_message::{LinkMessage, MAGIC};
+use crate::format::{Channel, Direction, LINK_VERSION_KEY};
+use crate::link_message::{LinkMessage, MAGIC};
+use xplane_bridge::doorway::Doorway;
+use xplane_bridge::link::{Answer, LinkError, write_message};
 
 /// Bytes of a greeting: four letters, the version.
 const GREETING: usize = 8;
@@ -66,7 +66,7 @@ impl Connection {
         let Some(address) = self.route.simulators_link() else {
             tracing::warn!(
                 "a client comes before anybody has asked for {}: where the simulator's link is, is not known",
-                crate::datarefs::CAPTURE_PORT
+                xplane_bridge::datarefs::CAPTURE_PORT
             );
             return Ok(());
         };

@@ -4,7 +4,7 @@ use std::io::{self, ErrorKind};
 use std::net::{IpAddr, SocketAddr};
 use std::path::PathBuf;
 
-use crate::error::with_causes;
+use xplane_bridge::with_causes;
 
 /// Why a tape cannot be written or read.
 #[derive(Debug, thiserror::Error)]

@@ -12,10 +12,10 @@ use tokio::task::JoinSet;
 use tokio::time::timeout;
 
 use super::Route;
-use crate::datarefs::CAPTURE_PORT;
-use crate::packet::ToSimulator;
-use crate::tape::error::TapeError;
-use crate::tape::format::{Channel, Direction};
+use crate::error::TapeError;
+use crate::format::{Channel, Direction};
+use xplane_bridge::datarefs::CAPTURE_PORT;
+use xplane_bridge::packet::ToSimulator;
 
 /// A client without traffic for this long is forgotten. If it comes back, it is a new one.
 const FORGET_AFTER: Duration = Duration::from_secs(600);

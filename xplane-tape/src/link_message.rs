@@ -3,7 +3,9 @@
 use serde_json::Value;
 use tokio::io::{AsyncRead, AsyncReadExt};
 
-use crate::link::{LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, ScreenRequest, read_exact};
+use xplane_bridge::link::{
+    LinkError, MAX_HEADER_BYTES, MAX_PAYLOAD_BYTES, ScreenRequest, read_exact,
+};
 
 /// First bytes of a greeting of the link.
 pub const MAGIC: [u8; 4] = *b"DTDL";

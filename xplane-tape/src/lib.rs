@@ -7,6 +7,8 @@
 //! The content ([`format`](self::format) defines it in code, `docs/tape.md` for other readers): a channel per client and direction,
 //! one datagram or one message of the link per MCAP message.
 
+#![forbid(unsafe_code)]
+
 mod chunk;
 mod error;
 mod format;

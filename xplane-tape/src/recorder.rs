@@ -25,7 +25,7 @@ use chrono::{SecondsFormat, Utc};
 use serde::{Deserialize, Serialize};
 use tokio::net::{TcpListener, UdpSocket};
 
-use crate::link::LinkToken;
+use xplane_bridge::link::LinkToken;
 
 use super::error::TapeError;
 use super::format::{FramesKept, TapeInfo};
