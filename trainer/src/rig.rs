@@ -10,8 +10,15 @@ use crate::error::{CorpusFault, Error, Result};
 /// Cameras by view.
 pub(crate) type Cameras = BTreeMap<String, CameraEntry>;
 
+/// What the scenarios of a corpus must have in common.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigKind {
+    pub(crate) name: String,
+    pub(crate) form: Form,
+}
+
 /// View, width and height of the pictures of each camera.
-pub(crate) type RigForm = Vec<(String, u32, u32)>;
+type Form = Vec<(String, u32, u32)>;
 
 /// The rig of all scenarios.
 #[derive(Debug, Clone)]
@@ -48,13 +55,16 @@ impl Rig {
                 first = Some((common, folder.id()));
                 continue;
             };
-            if common.name != name || form(&common.cameras) != form(&cameras) {
+            let kind = |name: &str, cameras| RigKind {
+                name: name.to_owned(),
+                form: form(cameras),
+            };
+            let (found, expected) = (kind(&name, &cameras), kind(&common.name, &common.cameras));
+            if found != expected {
                 return refused(CorpusFault::OtherRig {
-                    rig: name,
-                    form: form(&cameras),
+                    found: found.into(),
                     first: id.clone(),
-                    first_rig: common.name.clone(),
-                    first_form: form(&common.cameras),
+                    expected: expected.into(),
                 });
             }
             common.cameras_vary |= !are_same(&common.cameras, &cameras);
@@ -66,7 +76,7 @@ impl Rig {
 }
 
 /// The views and the sizes of their pictures, wherever the cameras are.
-pub(crate) fn form(cameras: &Cameras) -> RigForm {
+pub(crate) fn form(cameras: &Cameras) -> Form {
     let form =
         |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
     cameras.iter().map(form).collect()

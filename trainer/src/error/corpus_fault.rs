@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use dataset::splits::Side;
 
-use crate::rig::RigForm;
+use crate::rig::RigKind;
 use crate::samples::FARTHEST_M;
 
 /// What is wrong with a corpus or a scenario, and what to do.
@@ -30,15 +30,14 @@ pub enum CorpusFault {
     BadCamera { view: String, fault: String },
     /// A scenario with another rig than the first.
     #[error(
-        "its rig {rig} with views and picture sizes {form:?} is not that of scenario {first}, {first_rig} with {first_form:?}; a network \
-         learns one rig: train on one at a time"
+        "its rig {} with views and picture sizes {:?} is not that of scenario {first}, {} with {:?}; a network learns one rig: train on \
+         one at a time",
+        found.name, found.form, expected.name, expected.form
     )]
     OtherRig {
-        rig: String,
-        form: RigForm,
+        found: Box<RigKind>,
         first: String,
-        first_rig: String,
-        first_form: RigForm,
+        expected: Box<RigKind>,
     },
     /// A corpus with other cameras than those of the training.
     #[error(
