@@ -130,9 +130,9 @@ pub(crate) fn column(values: Vec<f32>, device: &Device) -> Tensor<2> {
     Tensor::from_data(TensorData::new(values, [count, 1]), device)
 }
 
-/// The numbers of a tensor `[count, 1]`.
-pub(crate) fn numbers(column: Tensor<2>) -> Vec<f32> {
-    column
+/// The numbers of a tensor, row by row.
+pub(crate) fn numbers(tensor: Tensor<2>) -> Vec<f32> {
+    tensor
         .into_data()
         .try_into_vec()
         .expect("networks compute in f32")

@@ -121,16 +121,13 @@ impl Task for EstimatorTask<'_> {
             steps, batch_size, ..
         } = self.config.optimisation;
         let only_together = (step as f64) < self.config.together_first * steps as f64;
-        let kind = self
-            .dropout
-            .together()
-            .filter(|_| only_together)
-            .unwrap_or_else(|| self.dropout.draw(random));
         let BatchKind {
             selection,
             samples,
             from,
-        } = kind;
+        } = (self.dropout.together())
+            .filter(|_| only_together)
+            .unwrap_or_else(|| self.dropout.draw(random));
         let batch = draw(from, batch_size, random);
         let views: Vec<ViewFeatures> =
             features_of(self.calibration, samples, &batch, *selection, &plain_device)
@@ -193,12 +190,7 @@ impl EstimatorTask<'_> {
                     *selection,
                     &device,
                 ));
-                let hidden: Vec<f32> = estimator
-                    .head
-                    .hidden(last)
-                    .into_data()
-                    .try_into_vec()
-                    .expect("networks compute in f32");
+                let hidden = numbers(estimator.head.hidden(last));
                 let of = |f: &dyn Fn(f32) -> f32| {
                     batch
                         .iter()
