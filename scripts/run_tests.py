@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Builds all tests in the release profile and runs their programs, two at a time.
+"""Builds all tests in the release profile and runs their programs, four at a time.
 
-`cargo test` runs one program after the other, although many of them mostly wait for simulators, kills and timeouts. The output of a
-program is printed when it ends, that of one that failed once more at the end; one failure does not hide the others.
+`cargo test` runs one program after the other, although they mostly wait, for simulators, kills and timeouts: all of them together took
+10 minutes of processor time in 21 minutes. The output of a program is printed when it ends, that of one that failed once more at the end;
+one failure does not hide the others.
 """
 
 import json
@@ -13,7 +14,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor, as_completed
 
 CARGO_TEST = ["cargo", "test", "--release", "--locked", "--workspace"]
-AT_ONCE = 2
+AT_ONCE = 4
 # Those that take longest begin first, so that none of them is left alone at the end.
 LONGEST = ["awkward", "races", "chain", "mutations", "object_store", "plugin", "limits"]
 
