@@ -5,7 +5,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, PossibleValuesParser, TypedValueParser};
-use clap::{ArgAction, Args as ClapArgs, Parser, Subcommand, ValueEnum};
+use clap::{
+    ArgAction, Args as ClapArgs, Command, CommandFactory, FromArgMatches, Parser, Subcommand,
+    ValueEnum,
+};
 use clap_complete::Shell;
 use dataset::memory::Bytes;
 use generator::generate::Simulators;
@@ -46,6 +49,21 @@ pub(crate) struct Args {
     pub(crate) max_memory: Option<Bytes>,
     #[command(subcommand)]
     pub(crate) verb: Verb,
+}
+
+impl Args {
+    /// The command, whose help shows its verbs in groups.
+    pub(crate) fn grouped_command() -> Command {
+        let command = Self::command();
+        let template = help::template(&command);
+        command.help_template(template)
+    }
+
+    /// The arguments of this process; ends it with a message if they are wrong.
+    pub(crate) fn of_process() -> Self {
+        let matches = Self::grouped_command().get_matches();
+        Self::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+    }
 }
 
 #[derive(Debug, Subcommand)]

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use clap::{Command, CommandFactory, FromArgMatches};
+use clap::Command;
 
 /// Verbs by what a user is about to do, in the order in which they are used.
 const GROUPS: &[(&str, &[&str])] = &[
@@ -129,17 +129,9 @@ pub(crate) const MAN: &str = "\
 Example:
   dtd man ~/.local/share/man/man1 && man dtd-generate";
 
-/// The command with its verbs in groups.
-pub(crate) fn command() -> Command {
-    let command = crate::args::Args::command();
-    let template = format!("{BEFORE_GROUPS}{}{AFTER_GROUPS}", groups(&command));
-    command.help_template(template)
-}
-
-/// Parses the arguments of this process; ends it with a message if they are wrong.
-pub(crate) fn parse() -> crate::args::Args {
-    let matches = command().get_matches();
-    crate::args::Args::from_arg_matches(&matches).unwrap_or_else(|error| error.exit())
+/// The template that shows the verbs of a command in groups.
+pub(crate) fn template(command: &Command) -> String {
+    format!("{BEFORE_GROUPS}{}{AFTER_GROUPS}", groups(command))
 }
 
 fn groups(command: &Command) -> String {
@@ -169,7 +161,7 @@ mod tests {
 
     #[test]
     fn every_verb_is_in_one_group_described_in_a_line_and_has_an_example() {
-        let command = command();
+        let command = crate::args::Args::grouped_command();
         command.clone().debug_assert();
         let mut grouped: Vec<&str> = GROUPS
             .iter()

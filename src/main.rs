@@ -6,6 +6,7 @@ mod args;
 mod failure;
 mod help;
 mod logging;
+mod plain;
 mod progress;
 mod shipped;
 mod signals;
@@ -14,9 +15,11 @@ mod verbs;
 
 use std::process::ExitCode;
 
+use args::Args;
+
 fn main() -> ExitCode {
     telemetry::switch_off();
-    let args = help::parse();
+    let args = Args::of_process();
     logging::start(args.verbose);
     if let Some(limit) = args.max_memory {
         dataset::memory::set_limit(limit);

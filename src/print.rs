@@ -6,12 +6,12 @@
 //! Output may contain text from a simulator, a client or a file. So it is also sanitised here: no control characters from outside
 //! reach a terminal, which would interpret them.
 
-use std::borrow::Cow;
 use std::fmt::Arguments;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::process;
 
 use crate::failure::FAILED;
+use crate::plain::plain;
 use crate::progress::beside_bars;
 
 macro_rules! println {
@@ -55,39 +55,4 @@ fn write_to_stdout(line: &str) {
 pub(crate) fn to_stderr(line: Arguments<'_>) {
     let line = line.to_string();
     let _ = beside_bars(|| writeln!(io::stderr().lock(), "{}", plain(&line)));
-}
-
-/// Text that is safe for a terminal: lines and tabs stay; other control characters, and those that change the writing direction,
-/// are shown by their numbers.
-pub(crate) fn plain(words: &str) -> Cow<'_, str> {
-    let harmful = |c: char| {
-        (c.is_control() && c != '\n' && c != '\t')
-            || matches!(c, '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
-    };
-    if !words.contains(harmful) {
-        return Cow::Borrowed(words);
-    }
-    let mut shown = String::with_capacity(words.len() + 16);
-    for c in words.chars() {
-        if harmful(c) {
-            shown.extend(c.escape_default());
-        } else {
-            shown.push(c);
-        }
-    }
-    Cow::Owned(shown)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_a_terminal_would_obey_is_shown_instead() {
-        assert_eq!(plain("two\nlines\tüß"), "two\nlines\tüß");
-        assert_eq!(
-            plain("\u{1b}]0;owned\u{7}\r\u{9b}2J\u{202e}cod\u{7f}"),
-            "\\u{1b}]0;owned\\u{7}\\r\\u{9b}2J\\u{202e}cod\\u{7f}"
-        );
-    }
 }

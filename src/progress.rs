@@ -10,7 +10,7 @@ use indicatif::{
     HumanDuration, MultiProgress, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle,
 };
 
-use crate::print::plain;
+use crate::plain::plain;
 
 /// Number of log lines per step.
 const LOG_LINES: u64 = 10;

@@ -35,6 +35,9 @@ use autopilot::Autopilot;
 use technique::Technique;
 use vertical_guidance::Situation;
 
+/// Standard gravity, metres per second squared.
+const GRAVITY_MPS2: f64 = 9.806_65;
+
 /// Rate of the states of a flight, hertz.
 pub const OUTPUT_RATE_HZ: u32 = 30;
 /// A flight ends this long after the wheels first touch, seconds.
@@ -140,8 +143,7 @@ impl<'a> Flight<'a> {
         let climb_rad = climb_mps / self.airspeed_mps;
         aircraft.velocity_ned_mps.z = -climb_mps;
         aircraft.pitch_rad = trim.angle_of_attack_rad + climb_rad;
-        aircraft.thrust_n =
-            trim.drag_n + aerodynamics::MASS_KG * aircraft::GRAVITY_MPS2 * climb_rad;
+        aircraft.thrust_n = trim.drag_n + aerodynamics::MASS_KG * GRAVITY_MPS2 * climb_rad;
     }
 
     fn commands(&mut self, landed: bool) -> Commands {

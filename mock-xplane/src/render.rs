@@ -54,6 +54,9 @@ use sensor::SensorNoise;
 use tone::Tone;
 use view::View;
 
+/// Pixels between grid nodes.
+const CELL_PX: usize = 8;
+
 /// A place, its weather and time as seen by one camera; draws frames of an aircraft in it.
 pub struct Scene {
     world: Surroundings,

@@ -3,13 +3,13 @@
 use clap_complete::Shell;
 
 use super::Outcome;
+use crate::args::Args;
 use crate::failure::Ending;
-use crate::help;
 
 /// Runs the verb.
 pub(crate) fn run(shell: Shell) -> Outcome {
     let mut script = Vec::new();
-    clap_complete::generate(shell, &mut help::command(), "dtd", &mut script);
+    clap_complete::generate(shell, &mut Args::grouped_command(), "dtd", &mut script);
     print!("{}", String::from_utf8_lossy(&script));
     Ok(Ending::Done)
 }

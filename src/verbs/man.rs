@@ -6,13 +6,14 @@ use std::path::Path;
 use dataset::Error;
 
 use super::Outcome;
+use crate::args::Args;
 use crate::failure::Ending;
-use crate::help;
 
 /// Runs the verb: a page for the program, and one for each verb.
 pub(crate) fn run(folder: &Path) -> Outcome {
     fs::create_dir_all(folder).map_err(Error::io("create", folder))?;
-    clap_mangen::generate_to(help::command(), folder).map_err(Error::io("write to", folder))?;
+    clap_mangen::generate_to(Args::grouped_command(), folder)
+        .map_err(Error::io("write to", folder))?;
     eprintln!("man: pages written to {}", folder.display());
     Ok(Ending::Done)
 }

@@ -7,11 +7,15 @@ use object_store::client::{HttpError, HttpErrorKind};
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, StoreError>;
 
+/// The supported URLs, for messages.
+const SCHEMES: &str =
+    "s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER";
+
 /// An object store that cannot be used, or a corpus in it. Every message names it.
 #[derive(Debug, thiserror::Error)]
 pub enum StoreError {
     /// The text is not the URL of an object store.
-    #[error("{text}: {why}; expected {}, or a path", crate::location::SCHEMES)]
+    #[error("{text}: {why}; expected {}, or a path", SCHEMES)]
     BadUrl {
         /// The text.
         text: String,

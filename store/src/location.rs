@@ -8,10 +8,6 @@ use url::Url;
 
 use crate::error::{Result, StoreError};
 
-/// The supported URLs, for messages.
-pub(crate) const SCHEMES: &str =
-    "s3://BUCKET/PREFIX, gs://BUCKET/PREFIX, az://CONTAINER/PREFIX, file:///FOLDER";
-
 /// Location of a corpus.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CorpusLocation {

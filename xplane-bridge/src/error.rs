@@ -297,14 +297,6 @@ pub enum BridgeError {
     },
 }
 
-/// An error of another library with its causes, which its own text leaves out.
-pub fn with_causes(error: &dyn std::error::Error) -> String {
-    std::iter::successors(Some(error), |error| error.source())
-        .map(ToString::to_string)
-        .collect::<Vec<_>>()
-        .join(": ")
-}
-
 /// What keeps the weather from changing.
 fn maker(source: Option<WeatherSource>) -> &'static str {
     match source {

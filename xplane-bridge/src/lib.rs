@@ -5,6 +5,7 @@
 //! (names, and the only conversion of units), [`web_api`] (X-Plane 12's own), [`link`] (the TCP link for poses and pictures),
 //! [`pixels`] (sources of a drawn frame's pixels) and [`fly`] (requests for live flights).
 
+mod causes;
 pub mod datarefs;
 pub mod discovery;
 pub mod doorway;
@@ -20,7 +21,8 @@ pub mod subscription;
 mod udp_socket;
 pub mod web_api;
 
-pub use error::{BridgeError, with_causes};
+pub use causes::with_causes;
+pub use error::BridgeError;
 pub use link::{CaptureRequest, CapturedFrame, Deliver};
 pub use simulator::doctor;
 pub use simulator::{

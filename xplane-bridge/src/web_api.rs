@@ -14,7 +14,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 
-use crate::error::with_causes;
+use crate::causes::with_causes;
 use futures_util::future::BoxFuture;
 
 pub use flight::AirStart;

@@ -12,7 +12,9 @@ use mcap::records::{Record, op};
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
 use super::error::TapeError;
-use super::reader::MAX_RECORD_BYTES;
+
+/// Maximum record length, bytes: a chunk with the largest picture, with a margin.
+pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// Bytes of a chunk's header without the name of its compression.
 const HEADER_BYTES: usize = 40;

@@ -12,12 +12,9 @@ use dataset::outside_file::{self, FileKind};
 use mcap::MAGIC;
 use mcap::records::{MessageHeader, Record, op};
 
-use super::chunk::{channels_and_messages, parse};
+use super::chunk::{MAX_RECORD_BYTES, channels_and_messages, parse};
 use super::error::TapeError;
 use super::format::{Channel, LINK_VERSION_KEY, METADATA_NAME, PROFILE, TapeInfo};
-
-/// Maximum record length, bytes: a chunk with the largest picture, with a margin.
-pub(super) const MAX_RECORD_BYTES: u64 = 1 << 30;
 
 /// Location of a message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

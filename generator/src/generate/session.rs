@@ -15,8 +15,10 @@ use xplane_tape::{TapeError, TapeReader};
 
 use super::error::ScenarioError;
 use super::pictures::Pictures;
-use super::simulators::MOST_STAND_INS;
 use crate::stand_in::{StandIn, StandInError, StandInTask};
+
+/// More stand-ins than this on one machine are a typo.
+pub(super) const MOST_STAND_INS: usize = 64;
 
 /// Which simulator to use.
 #[derive(Debug, Clone, PartialEq, Eq)]

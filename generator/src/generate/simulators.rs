@@ -2,10 +2,7 @@
 
 use std::str::FromStr;
 
-use super::session::{AWKWARD, BadSimulator, SimulatorTarget};
-
-/// More stand-ins than this on one machine are a typo.
-pub(super) const MOST_STAND_INS: usize = 64;
+use super::session::{AWKWARD, BadSimulator, MOST_STAND_INS, SimulatorTarget};
 
 /// At least one simulator; each records its own scenarios.
 #[derive(Debug, Clone, PartialEq, Eq)]

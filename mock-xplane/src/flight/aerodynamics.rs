@@ -36,7 +36,7 @@ pub(crate) struct Trim {
 /// Trim of level flight at a true airspeed.
 pub(crate) fn level_trim(airspeed_mps: f64, density_kg_per_m3: f64, controls: Controls) -> Trim {
     let pressure_n = dynamic_force_n(airspeed_mps, density_kg_per_m3);
-    let lift = MASS_KG * super::aircraft::GRAVITY_MPS2 / pressure_n;
+    let lift = MASS_KG * super::GRAVITY_MPS2 / pressure_n;
     Trim {
         angle_of_attack_rad: (lift - lift_at_zero_angle(controls)) / LIFT_PER_RAD,
         drag_n: pressure_n * drag_coefficient(lift, controls, 0.0),
@@ -91,7 +91,7 @@ fn drag_coefficient(lift: f64, controls: Controls, spoiler_ratio: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::flight::aircraft::GRAVITY_MPS2;
+    use crate::flight::GRAVITY_MPS2;
 
     const LANDING: Controls = Controls {
         flap_ratio: 0.75,

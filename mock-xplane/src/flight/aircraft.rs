@@ -10,12 +10,10 @@ use dataset::geodesy::{Geodetic, WGS84_FLATTENING, WGS84_SEMI_MAJOR_M};
 use dataset::pose::{Controls, Pose};
 use glam::{DMat3, DVec3};
 
+use super::GRAVITY_MPS2;
 use super::aerodynamics::{self, MASS_KG};
 use super::air::{AirMotion, density_kg_per_m3};
 use super::landing_gear;
-
-/// Standard gravity, metres per second squared.
-pub(crate) const GRAVITY_MPS2: f64 = 9.806_65;
 
 /// Pitch under attitude control: natural frequency, radians per second, and damping ratio.
 const PITCH_FREQUENCY_RAD_PER_S: f64 = 1.0;

@@ -7,9 +7,10 @@
 use dataset::pose::Controls;
 use xplane_bridge::fly::FlyRequest;
 
+use super::GRAVITY_MPS2;
 use super::aerodynamics::{self, MASS_KG};
 use super::air::{SEA_LEVEL_DENSITY_KG_PER_M3, density_kg_per_m3};
-use super::aircraft::{Aircraft, Commands, GRAVITY_MPS2};
+use super::aircraft::{Aircraft, Commands};
 use super::technique::Technique;
 use super::vertical_guidance::{Situation, VerticalGuidance};
 

@@ -6,7 +6,7 @@
 
 use glam::DVec3;
 
-use super::aircraft::GRAVITY_MPS2;
+use super::GRAVITY_MPS2;
 
 /// Compression of the struts under the weight, metres.
 pub(crate) const STATIC_TRAVEL_M: f64 = 0.15;

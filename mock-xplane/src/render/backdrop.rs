@@ -10,6 +10,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use glam::{DVec2, DVec3, Vec3};
 use rayon::prelude::*;
 
+use crate::render::CELL_PX;
 use crate::render::air::Air;
 use crate::render::blur::Blur;
 use crate::render::clouds::Clouds;
@@ -20,8 +21,6 @@ use crate::render::lamps::Spot;
 use crate::render::tone::{self, Tone};
 use crate::render::view::View;
 
-/// Pixels between grid nodes.
-pub(crate) const CELL_PX: usize = 8;
 /// Drift between two computed instants, pixels. A picture shows the clouds of the nearest instant: blending two would double the
 /// cost at low frame rates, where every picture needs new ones.
 const DRIFT_PER_INSTANT_PX: f64 = 1.0;

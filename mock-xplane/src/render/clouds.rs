@@ -10,8 +10,8 @@
 use dataset::conditions::{CloudKind, CloudLayer, Weather};
 use glam::{DVec2, DVec3, Vec3};
 
+use crate::render::CELL_PX;
 use crate::render::air::Air;
-use crate::render::backdrop::CELL_PX;
 use crate::render::curves::smoothstep;
 use crate::render::light::Light;
 use crate::render::noise::NoiseTile;

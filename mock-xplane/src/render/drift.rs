@@ -9,7 +9,8 @@ use std::sync::Arc;
 use glam::{DVec2, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-use crate::render::backdrop::{CELL_PX, Nodes, Surroundings};
+use crate::render::CELL_PX;
+use crate::render::backdrop::{Nodes, Surroundings};
 use crate::render::clouds::{Clouds, Layer};
 use crate::render::kept::Kept;
 
