@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use plotters::drawing::DrawingAreaErrorKind;
 
 pub use corpus_fault::CorpusFault;
+pub(crate) use corpus_fault::RigKind;
 pub use run_fault::RunFault;
 
 /// A failure to draw an SVG.

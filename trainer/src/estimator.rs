@@ -7,8 +7,8 @@ use burn::tensor::Device;
 use crate::encoded::Encoded;
 use crate::mono_network::MonoInputs;
 use crate::normalisation::TARGET_UNIT_M;
-use crate::run_folder::TrainedRun;
 use crate::samples::{Sample, ScenarioSummary};
+use crate::trained_run::TrainedRun;
 use crate::{paper_lstm, pinhole, triangulation};
 
 /// One estimator.

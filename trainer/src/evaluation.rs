@@ -11,13 +11,16 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{CorpusFault, Error, Result};
 use crate::estimator::{Estimator, Task};
-use crate::metrics::{EstimatorMetrics, Metrics, Outcome, SideCount, SplitSummary};
+use crate::metrics::{
+    EstimatorMetrics, EstimatorOutcomes, Metrics, Outcome, SideCount, SplitSummary,
+};
 use crate::report;
 use crate::rig::{Rig, are_same, form};
-use crate::run_folder::{RunFolder, RunSummary, TrainedRun};
+use crate::run_folder::RunFolder;
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, FARTHEST_NM, Sample, Samples};
 use crate::sealed_run::SealedRun;
+use crate::trained_run::{RunSummary, TrainedRun};
 use dataset::progress::Progress;
 
 /// Range of sensible widths of the distance bins, nautical miles.
@@ -77,15 +80,6 @@ impl EvaluationConfig {
     }
 }
 
-/// Predictions of one estimator, in the order of the evaluated samples.
-#[derive(Debug, Clone)]
-pub(crate) struct EstimatorPredictions {
-    /// The estimator.
-    pub estimator: Estimator,
-    /// Distances to touchdown, metres.
-    pub dtd_m: Vec<Option<f64>>,
-}
-
 /// Evaluates a run on the test side of a corpus and adds the results to the run, which is replaced by one with the same networks
 /// and all results of this evaluation.
 pub fn evaluate(
@@ -128,16 +122,15 @@ pub fn evaluate(
         .collect();
     let test: Vec<&Sample> = test.iter().collect();
     let predictions = predict_all(&trained, &samples, &test, progress);
+    let bin_nm = config.distance_bin_nm;
     let metrics = Metrics {
         split: split_summary(&trained, &samples, config),
         disbelieved_boxes: found - boxes(&test),
         estimators: predictions
             .iter()
             .map(|p| {
-                (
-                    p.estimator.name().to_owned(),
-                    EstimatorMetrics::of(&outcomes(&samples, &test, p), config.distance_bin_nm),
-                )
+                let name = p.estimator.name().to_owned();
+                (name, EstimatorMetrics::of(&p.outcomes, bin_nm))
             })
             .collect(),
     };
@@ -153,7 +146,7 @@ pub fn evaluate(
         &test,
         &predictions,
         &metrics,
-        config,
+        bin_nm,
     )?;
     place.commit(&sealed.config_hash)?;
     Ok(metrics)
@@ -206,33 +199,16 @@ fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
     are_same(&run.cameras, &rig.cameras)
 }
 
-fn predict_all(
+fn predict_all<'a>(
     run: &TrainedRun,
-    samples: &Samples,
-    test: &[&Sample],
-    progress: &mut dyn Progress,
-) -> Vec<EstimatorPredictions> {
-    let task = Task::new(run, &samples.scenarios, test);
-    let mut predictions = Vec::new();
-    for estimator in Estimator::ALL {
-        predictions.push(EstimatorPredictions {
-            estimator,
-            dtd_m: estimator.predict(&task),
-        });
-        progress.advance(predictions.len() as u64, estimator.name());
-    }
-    predictions
-}
-
-/// The predictions of one estimator with what is needed to group them.
-pub(crate) fn outcomes<'a>(
     samples: &'a Samples,
     test: &[&Sample],
-    predictions: &EstimatorPredictions,
-) -> Vec<Outcome<'a>> {
-    test.iter()
-        .zip(&predictions.dtd_m)
-        .map(|(sample, &predicted_m)| {
+    progress: &mut dyn Progress,
+) -> Vec<EstimatorOutcomes<'a>> {
+    let task = Task::new(run, &samples.scenarios, test);
+    let mut all = Vec::new();
+    for estimator in Estimator::ALL {
+        let outcome = |(sample, predicted_m): (&&Sample, Option<f64>)| {
             let scenario = &samples.scenarios[sample.scenario];
             Outcome {
                 dtd_m: sample.dtd_m,
@@ -241,8 +217,15 @@ pub(crate) fn outcomes<'a>(
                 weather: &scenario.weather,
                 time_of_day: &scenario.time_of_day,
             }
-        })
-        .collect()
+        };
+        let predicted = estimator.predict(&task);
+        all.push(EstimatorOutcomes {
+            estimator,
+            outcomes: test.iter().zip(predicted).map(outcome).collect(),
+        });
+        progress.advance(all.len() as u64, estimator.name());
+    }
+    all
 }
 
 fn split_summary(run: &TrainedRun, samples: &Samples, config: &EvaluationConfig) -> SplitSummary {
@@ -275,7 +258,7 @@ fn write_predictions(
     run: &RunFolder,
     samples: &Samples,
     test: &[&Sample],
-    predictions: &[EstimatorPredictions],
+    predictions: &[EstimatorOutcomes],
 ) -> Result<()> {
     let mut table = TableWriter::new()
         .text(
@@ -289,9 +272,13 @@ fn write_predictions(
             test.iter().map(|sample| sample.detections() as u32),
         )
         .f64("dtd_m", test.iter().map(|sample| sample.dtd_m));
-    for EstimatorPredictions { estimator, dtd_m } in predictions {
+    for EstimatorOutcomes {
+        estimator,
+        outcomes,
+    } in predictions
+    {
         let column = format!("{}_dtd_m", estimator.name());
-        table = table.optional_f64(&column, dtd_m.iter().copied());
+        table = table.optional_f64(&column, outcomes.iter().map(|outcome| outcome.predicted_m));
     }
     Ok(table.write(&run.predictions_path())?)
 }

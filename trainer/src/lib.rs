@@ -34,6 +34,7 @@ mod run_folder;
 mod run_place;
 mod samples;
 mod sealed_run;
+mod trained_run;
 mod training;
 mod training_loop;
 mod trajectory_mixing;

@@ -7,6 +7,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::estimator::Estimator;
+
 /// Mean and spread of the percentage error over some samples.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ErrorFigures {
@@ -109,6 +111,12 @@ pub(crate) struct Outcome<'a> {
     pub weather: &'a str,
     /// Local time.
     pub time_of_day: &'a str,
+}
+
+/// All predictions of one estimator, in the order of the evaluated samples.
+pub(crate) struct EstimatorOutcomes<'a> {
+    pub estimator: Estimator,
+    pub outcomes: Vec<Outcome<'a>>,
 }
 
 impl Outcome<'_> {

@@ -13,19 +13,12 @@ use minijinja::{Environment, Value, context};
 use serde::Serialize;
 
 use crate::error::{Error, Result};
-use crate::estimator::Estimator;
-use crate::evaluation::{EstimatorPredictions, EvaluationConfig, outcomes};
-use crate::metrics::{Metrics, Outcome};
-use crate::run_folder::{RunFolder, TrainedRun};
+use crate::metrics::{EstimatorOutcomes, Metrics};
+use crate::run_folder::RunFolder;
 use crate::samples::{Sample, Samples};
+use crate::trained_run::TrainedRun;
 
 const TEMPLATE: &str = include_str!("report/report.html");
-
-/// One estimator's predictions.
-struct Shown<'a> {
-    estimator: Estimator,
-    outcomes: Vec<Outcome<'a>>,
-}
 
 /// A scenario in the data summary.
 #[derive(Serialize)]
@@ -45,21 +38,14 @@ pub(crate) fn write(
     trained: &TrainedRun,
     samples: &Samples,
     test: &[&Sample],
-    predictions: &[EstimatorPredictions],
+    shown: &[EstimatorOutcomes],
     metrics: &Metrics,
-    config: &EvaluationConfig,
+    bin_nm: f64,
 ) -> Result<()> {
-    let shown: Vec<Shown> = predictions
-        .iter()
-        .map(|p| Shown {
-            estimator: p.estimator,
-            outcomes: outcomes(samples, test, p),
-        })
-        .collect();
     let flown = tables::best_covered_scenario(samples, test);
     let page = render(context! {
         headline => Value::from(Serde(tables::headline(metrics))),
-        legend => Value::from(Serde(legend(&shown))),
+        legend => Value::from(Serde(legend(shown))),
         conditions => Value::from(Serde(tables::conditions(metrics))),
         scenarios => Value::from(Serde(scenario_rows(samples))),
         views => Value::from(Serde(&samples.views)),
@@ -70,12 +56,12 @@ pub(crate) fn write(
         summary => Value::from(Serde(&trained.summary)),
         loss => Value::from(Serde(&trained.config.loss)),
         version => env!("CARGO_PKG_VERSION"),
-        max_dtd => Value::from(Serde(&config.max_dtd_nm)),
+        max_dtd => Value::from(Serde(&metrics.split.max_dtd_nm)),
         flown => Value::from(Serde(flown.map(|index| &samples.scenarios[index].id))),
-        boxes_plot => Value::from_safe_string(plots::errors_by_distance(&shown, config.distance_bin_nm)?),
+        boxes_plot => Value::from_safe_string(plots::errors_by_distance(shown, bin_nm)?),
         convergence_plot => Value::from_safe_string(plots::convergence(&trained.convergence)?),
         flight_plot => match flown {
-            Some(index) => Value::from_safe_string(plots::flight(&shown, test, index)?),
+            Some(index) => Value::from_safe_string(plots::flight(shown, test, index)?),
             None => Value::UNDEFINED,
         },
     })?;
@@ -89,8 +75,8 @@ struct LegendEntry {
     title: &'static str,
 }
 
-fn legend(shown: &[Shown]) -> Vec<LegendEntry> {
-    let entry = |(which, shown): (usize, &Shown)| LegendEntry {
+fn legend(shown: &[EstimatorOutcomes]) -> Vec<LegendEntry> {
+    let entry = |(which, shown): (usize, &EstimatorOutcomes)| LegendEntry {
         colour: plots::css_colour(which),
         title: shown.estimator.description().title,
     };

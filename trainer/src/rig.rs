@@ -5,20 +5,10 @@ use std::collections::BTreeMap;
 use dataset::calibration::CameraEntry;
 use dataset::corpus::{Corpus, ScenarioFolder};
 
-use crate::error::{CorpusFault, Error, Result};
+use crate::error::{CorpusFault, Error, Result, RigKind};
 
 /// Cameras by view.
 pub(crate) type Cameras = BTreeMap<String, CameraEntry>;
-
-/// What the scenarios of a corpus must have in common.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RigKind {
-    pub(crate) name: String,
-    pub(crate) form: Form,
-}
-
-/// View, width and height of the pictures of each camera.
-type Form = Vec<(String, u32, u32)>;
 
 /// The rig of all scenarios.
 #[derive(Debug, Clone)]
@@ -76,7 +66,7 @@ impl Rig {
 }
 
 /// The views and the sizes of their pictures, wherever the cameras are.
-pub(crate) fn form(cameras: &Cameras) -> Form {
+pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     let form =
         |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
     cameras.iter().map(form).collect()

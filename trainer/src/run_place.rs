@@ -29,7 +29,6 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result, RunFault};
 use crate::run_folder::RunFolder;
 
-const BESIDE: &str = ".partial";
 const CLAIM: &str = "claim";
 const NEW: &str = "new";
 const OLD: &str = "old";
@@ -54,7 +53,8 @@ impl RunPlace {
     pub(crate) fn take_existing(run: &RunFolder) -> Result<Self> {
         let root = run.root();
         let is_there = |run: &Path| {
-            run.is_dir() || beside(run).join(NEW).is_dir() || beside(run).join(OLD).is_dir()
+            let beside = RunFolder::place_beside(run);
+            run.is_dir() || beside.join(NEW).is_dir() || beside.join(OLD).is_dir()
         };
         let place = Self::take_if(run, is_there)?;
         match place.run.join(RunFolder::SUMMARY).is_file() {
@@ -74,7 +74,7 @@ impl RunPlace {
         }
         let parent = parent_of(&run);
         fs::create_dir_all(parent).map_err(|error| cannot_be_made(&run, error))?;
-        let beside = beside(&run);
+        let beside = RunFolder::place_beside(&run);
         refuse_strangers(&beside, &[CLAIM, NEW, OLD], "is where a run is made, but")?;
         let claim = match Claim::take_in(&beside, CLAIM) {
             Ok(Claimed::Mine(claim)) => claim,
@@ -228,13 +228,6 @@ fn identity(run: &Path) -> Result<Option<String>> {
         Err(error) if error.is_not_found() => Ok(None),
         Err(error) => Err(error.into()),
     }
-}
-
-/// The folder next to a run in which it is built.
-pub(crate) fn beside(run: &Path) -> PathBuf {
-    let mut name = run.file_name().unwrap_or_default().to_owned();
-    name.push(BESIDE);
-    run.with_file_name(name)
 }
 
 fn parent_of(run: &Path) -> &Path {

@@ -25,7 +25,7 @@ use crate::trusted_boxes::{holds_aircraft, is_whole};
 /// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
 pub(crate) const FARTHEST_NM: f64 = 10_800.0;
 
-pub(crate) const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
+const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
 
 /// Which ticks become samples, by distance to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -198,6 +198,7 @@ impl Samples {
                         tick,
                         column,
                         value,
+                        most_m: FARTHEST_M,
                     }));
                 }
             }

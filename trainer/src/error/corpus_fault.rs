@@ -4,8 +4,13 @@ use std::path::PathBuf;
 
 use dataset::splits::Side;
 
-use crate::rig::RigKind;
-use crate::samples::FARTHEST_M;
+/// What the scenarios of a corpus must have in common.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RigKind {
+    pub(crate) name: String,
+    /// View, width and height of the pictures of each camera.
+    pub(crate) form: Vec<(String, u32, u32)>,
+}
 
 /// What is wrong with a corpus or a scenario, and what to do.
 #[derive(Debug, thiserror::Error)]
@@ -69,12 +74,13 @@ pub enum CorpusFault {
     NoLabels,
     /// An impossible label.
     #[error(
-        "frames.parquet: tick {tick}: {column} is {value:?}, expected a distance on Earth, at most {FARTHEST_M} m; label the corpus again"
+        "frames.parquet: tick {tick}: {column} is {value:?}, expected a distance on Earth, at most {most_m} m; label the corpus again"
     )]
     NotOnEarth {
         tick: u32,
         column: &'static str,
         value: f64,
+        most_m: f64,
     },
     /// No sample for training or validation.
     #[error(

@@ -7,8 +7,6 @@ use burn::store::SafetensorsStoreError;
 use dataset::limits::FieldOutOfLimits;
 use dataset::seal::{DONE, MANIFEST};
 
-use crate::run_folder::{MOST_OF_A_FORMULA, MOST_WEIGHT};
-
 /// What is wrong with a run's folder or with a file of it, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[expect(
@@ -69,11 +67,11 @@ pub enum RunFault {
     #[error("{0}; train again")]
     OutOfLimits(FieldOutOfLimits),
     /// The same in a formula.
-    #[error("has the number {0:e}, expected one up to {MOST_OF_A_FORMULA:e} in size; train again")]
-    Formula(f64),
+    #[error("has the number {number:e}, expected one up to {most:e} in size; train again")]
+    Formula { number: f64, most: f64 },
     /// The same in a network.
-    #[error("has the weight {0:e}, expected numbers up to {MOST_WEIGHT:e} in size; train again")]
-    Weight(f32),
+    #[error("has the weight {weight:e}, expected numbers up to {most:e} in size; train again")]
+    Weight { weight: f32, most: f32 },
     /// The numbers are of other networks.
     #[error("weights do not fit the networks of config.json: {0}; train again")]
     OtherNetworks(SafetensorsStoreError),

@@ -6,12 +6,11 @@ use plotters::chart::MeshStyle;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use super::Shown;
 use crate::error::{DrawingError, Error, Result};
 use crate::estimator::Estimator;
-use crate::metrics::distance_bins;
-use crate::run_folder::Convergence;
+use crate::metrics::{EstimatorOutcomes, distance_bins};
 use crate::samples::Sample;
+use crate::trained_run::Convergence;
 
 const WIDTH: u32 = 960;
 /// One colour per estimator, in their order; distinguishable for colour-blind readers (Okabe and Ito).
@@ -142,7 +141,7 @@ impl FiveNumbers {
 }
 
 /// Box plot of the signed percentage error by distance bin and estimator.
-pub(super) fn errors_by_distance(shown: &[Shown], bin_nm: f64) -> Result<String> {
+pub(super) fn errors_by_distance(shown: &[EstimatorOutcomes], bin_nm: f64) -> Result<String> {
     let mut boxes = Vec::new();
     let mut width_nm = bin_nm;
     for (which, estimator) in shown.iter().enumerate() {
@@ -302,7 +301,11 @@ fn convergence_colour(line: usize, lines: usize) -> RGBColor {
 }
 
 /// One scenario over time: distances above, errors below.
-pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Result<String> {
+pub(super) fn flight(
+    shown: &[EstimatorOutcomes],
+    test: &[&Sample],
+    scenario: usize,
+) -> Result<String> {
     let rows: Vec<usize> = (0..test.len())
         .filter(|&row| test[row].scenario == scenario)
         .collect();
@@ -319,7 +322,7 @@ pub(super) fn flight(shown: &[Shown], test: &[&Sample], scenario: usize) -> Resu
         .fold(0.0, f64::max);
     let distances_nm = axis(0.0, farthest * 1.05);
     // The monoscopic formulas are far off the scale of the two-view methods; two are shown.
-    let two_view: Vec<(usize, &Shown)> = shown
+    let two_view: Vec<(usize, &EstimatorOutcomes)> = shown
         .iter()
         .enumerate()
         .filter(|(_, s)| matches!(s.estimator, Estimator::PaperLstm | Estimator::Triangulation))
@@ -465,7 +468,7 @@ mod tests {
             for answer in answers {
                 let shown: Vec<_> = Estimator::ALL
                     .into_iter()
-                    .map(|estimator| Shown {
+                    .map(|estimator| EstimatorOutcomes {
                         estimator,
                         outcomes: ticks.iter().map(|t| outcome(t.1, Some(answer))).collect(),
                     })
@@ -482,7 +485,7 @@ mod tests {
             .map(|tick| sample(tick * 1_000_000, 20_000.0 - tick as f64 / 10.0))
             .collect();
         let test: Vec<_> = samples.iter().collect();
-        let shown = [Shown {
+        let shown = [EstimatorOutcomes {
             estimator: Estimator::PaperLstm,
             outcomes: samples
                 .iter()

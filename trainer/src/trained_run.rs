@@ -1,0 +1,273 @@
+//! What a training learned: in memory, and as files of a run folder.
+
+use std::collections::BTreeSet;
+
+use burn::module::{Module, ModuleVisitor, Param};
+use burn::store::{ModuleSnapshot, SafetensorsStore};
+use burn::tensor::{Device, Tensor};
+use dataset::json_file::{write_json_unsynced, write_unsynced};
+use dataset::limits::{self, Check};
+use dataset::seal;
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
+use crate::config::TrainConfig;
+use crate::error::{Error, Result, RunFault};
+use crate::memory::{self, SampleCounts};
+use crate::mono_network::{MonoInputs, MonoNetworks};
+use crate::normalisation::Normalisation;
+use crate::paper_lstm::{EstimatorLogEntry, PaperLstm};
+use crate::pinhole::Pinhole;
+use crate::rig::Cameras;
+use crate::run_folder::RunFolder;
+use crate::run_place::RunPlace;
+use crate::sealed_run::SealedRun;
+use crate::triangulation::CentreOffset;
+
+/// The inputs of a training (`run.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct RunSummary {
+    /// Version of this software.
+    pub dtd: String,
+    /// Hash of the detection model whose boxes were used for training.
+    pub model_hash: String,
+    /// Name of the rig; missing in runs from before jittered cameras.
+    #[serde(default)]
+    pub rig: Option<String>,
+    /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
+    pub cameras: Cameras,
+    /// Whether other scenarios had cameras of the rig in other positions or directions.
+    #[serde(default)]
+    pub cameras_vary: bool,
+    /// Trajectories on the training side.
+    pub training_trajectories: BTreeSet<String>,
+    /// Trajectories on the validation side.
+    pub validation_trajectories: BTreeSet<String>,
+    /// Samples on the training side, as recorded.
+    pub training_samples: usize,
+    /// Boxes of the training side that do not contain the aircraft and were ignored.
+    #[serde(default)]
+    pub false_training_boxes: usize,
+    /// Samples that were mixed from them.
+    pub mixed_samples: usize,
+    /// Samples on the validation side.
+    pub validation_samples: usize,
+    /// Wall-clock time of the training, seconds.
+    pub training_s: f64,
+}
+
+/// Both convergence logs (`convergence.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Convergence {
+    /// Identifiers of the views.
+    pub views: Vec<String>,
+    /// Stage one.
+    pub calibration: Vec<CalibrationLogEntry>,
+    /// Stage two.
+    pub estimator: Vec<EstimatorLogEntry>,
+}
+
+/// The fitted formulas (`baselines.json`).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Baselines {
+    /// Identifiers of the views.
+    pub views: Vec<String>,
+    /// `mono_pinhole`, per view; `null` for a view with too few boxes.
+    pub pinholes: Vec<Option<Pinhole>>,
+    /// `triangulation`, per view.
+    pub centre_offsets: Vec<CentreOffset>,
+}
+
+/// All networks of a run.
+#[derive(Module, Debug)]
+pub(crate) struct Networks {
+    /// Stage one.
+    pub calibration: CalibrationNetworks,
+    /// Stage two.
+    pub estimator: PaperLstm,
+    /// `mono_network`.
+    pub mono_size: MonoNetworks,
+    /// `mono_network_box`.
+    pub mono_box: MonoNetworks,
+}
+
+impl Networks {
+    fn untrained(views: usize, config: &TrainConfig, device: &Device) -> Self {
+        let random = &mut ChaCha12Rng::seed_from_u64(config.seed);
+        let mono =
+            |inputs, random: &mut _| MonoNetworks::new(views, inputs, &config.mono, random, device);
+        Self {
+            calibration: CalibrationNetworks::new(views, &config.calibration, random, device),
+            estimator: PaperLstm::new(
+                config.calibration.features,
+                &config.estimator,
+                random,
+                device,
+            ),
+            mono_size: mono(MonoInputs::Size, random),
+            mono_box: mono(MonoInputs::Box, random),
+        }
+    }
+}
+
+/// No training produces such a number in a network.
+const MOST_WEIGHT: f32 = 1e6;
+/// ... or in a formula: pixels times metres of an airliner's span, or metres to the target.
+const MOST_OF_A_FORMULA: f64 = 1e12;
+
+/// Rejects numbers that make every answer meaningless: NaN, infinities, and those that no training produces.
+fn check_numbers(
+    sealed: &SealedRun,
+    normalisation: &Normalisation,
+    baselines: &Baselines,
+    networks: &Networks,
+) -> Result<()> {
+    let Normalisation {
+        offset_px,
+        scale_px,
+        range_px,
+        ..
+    } = normalisation;
+    let check = &mut Check::default();
+    let ranges = range_px.iter().flatten().flatten().flatten().flatten();
+    for &place in offset_px.iter().flatten().chain(ranges) {
+        check.number("offset_px or range_px", place, limits::BOX_PLACE_PX);
+    }
+    for &scale in scale_px.iter().flatten() {
+        check.number("scale_px", scale, limits::FEATURE_SCALE_PX);
+    }
+    if let Some(fault) = std::mem::take(check).first() {
+        return Err(sealed.refused(RunFolder::NORMALISATION, RunFault::OutOfLimits(fault)));
+    }
+    let pinholes = baselines.pinholes.iter().flatten();
+    let mut formulas = pinholes
+        .flat_map(|pinhole| [pinhole.focal_times_span_px_m, pinhole.setback_m])
+        .chain(baselines.centre_offsets.iter().flat_map(|offset| {
+            let [right, down] = offset.constant_px;
+            let [of_width, of_height] = offset.part_of_size;
+            [right, down, of_width, of_height]
+        }));
+    // NaN is not below.
+    if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
+    {
+        return Err(sealed.refused(
+            RunFolder::BASELINES,
+            RunFault::Formula {
+                number,
+                most: MOST_OF_A_FORMULA,
+            },
+        ));
+    }
+    let mut worst = WorstWeight(None);
+    networks.visit(&mut worst);
+    match worst.0 {
+        None => Ok(()),
+        Some(weight) => Err(sealed.refused(
+            RunFolder::WEIGHTS,
+            RunFault::Weight {
+                weight,
+                most: MOST_WEIGHT,
+            },
+        )),
+    }
+}
+
+/// An impossible weight, if there is one.
+struct WorstWeight(Option<f32>);
+
+impl ModuleVisitor for WorstWeight {
+    fn visit_float<const D: usize>(&mut self, param: &Param<Tensor<D>>) {
+        let data = param.val().into_data();
+        let bad = data
+            .iter::<f32>()
+            .find(|weight| !(0.0..=MOST_WEIGHT).contains(&weight.abs()));
+        self.0 = self.0.or(bad);
+    }
+}
+
+/// A trained run in memory. Its networks are on a device without autodiff.
+#[derive(Debug, Clone)]
+pub(crate) struct TrainedRun {
+    /// Settings.
+    pub config: TrainConfig,
+    /// Its inputs.
+    pub summary: RunSummary,
+    /// Features.
+    pub normalisation: Normalisation,
+    /// Formulas.
+    pub baselines: Baselines,
+    /// Networks.
+    pub networks: Networks,
+    /// Logs.
+    pub convergence: Convergence,
+}
+
+impl TrainedRun {
+    /// Writes all files into an existing folder.
+    pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
+        write_json_unsynced(&folder.config_path(), &self.config)?;
+        write_json_unsynced(&folder.normalisation_path(), &self.normalisation)?;
+        write_json_unsynced(&folder.baselines_path(), &self.baselines)?;
+        write_json_unsynced(&folder.convergence_path(), &self.convergence)?;
+        write_unsynced(&folder.weights_path(), &self.weights(folder)?)?;
+        Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
+    }
+
+    /// Puts the run into a place that we hold, as a whole.
+    pub(crate) fn commit(&self, place: RunPlace) -> Result<()> {
+        let new = place.begin()?;
+        self.write(&new)?;
+        let config_hash = seal::hash_file(&new.config_path())?;
+        place.commit(&config_hash)
+    }
+
+    /// All networks in the format of Safetensors. The same numbers give the same bytes: with several entries, the library writes
+    /// the metadata in an order that varies between processes.
+    fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
+        let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
+        let mut store = SafetensorsStore::from_bytes(None)
+            .clear_metadata()
+            .metadata("producer", "dtd");
+        self.networks.save_into(&mut store).map_err(failed)?;
+        store.get_bytes().map_err(failed)
+    }
+
+    /// The run in these files.
+    pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
+        let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;
+        config.check()?;
+        let normalisation: Normalisation =
+            sealed.json(RunFolder::NORMALISATION, "normalisation")?;
+        let baselines: Baselines = sealed.json(RunFolder::BASELINES, "set of baselines")?;
+        let views = normalisation.views.len();
+        memory::check(&config, views, SampleCounts::default())?;
+        let ranges = normalisation.range_px.as_ref().map_or(views, Vec::len);
+        let lengths = [
+            normalisation.offset_px.len(),
+            normalisation.scale_px.len(),
+            ranges,
+            baselines.pinholes.len(),
+            baselines.centre_offsets.len(),
+        ];
+        if views == 0 || lengths.iter().any(|&length| length != views) {
+            let fault = RunFault::Lengths { views, lengths };
+            return Err(sealed.refused(RunFolder::NORMALISATION, fault));
+        }
+        let mut networks = Networks::untrained(views, &config, &Device::flex());
+        let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();
+        networks
+            .load_from(&mut SafetensorsStore::from_bytes(Some(weights)))
+            .map_err(|error| sealed.refused(RunFolder::WEIGHTS, RunFault::OtherNetworks(error)))?;
+        check_numbers(sealed, &normalisation, &baselines, &networks)?;
+        Ok(Self {
+            summary: sealed.json(RunFolder::SUMMARY, "run summary")?,
+            convergence: sealed.json(RunFolder::CONVERGENCE, "convergence log")?,
+            baselines,
+            config,
+            normalisation,
+            networks,
+        })
+    }
+}
