@@ -414,9 +414,17 @@ pub(crate) struct TrainDetectorArgs {
     /// The ONNX file to write; settings, checkpoint and report are written next to it
     #[arg(long, value_name = "M.onnx", value_parser = output())]
     pub(crate) out: PathBuf,
-    /// How long to train; the learning rate falls over this time
-    #[arg(long, value_name = "MINUTES", default_value_t = 30.0)]
-    pub(crate) minutes: f64,
+    /// How long to train; the learning rate falls over this time [default: 30]
+    #[arg(long, value_name = "MINUTES")]
+    pub(crate) minutes: Option<f64>,
+    /// A detector of this verb to start from instead of random weights
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) start_from: Option<PathBuf>,
+    /// TOML file with settings that differ from the defaults (docs/training.md)
+    ///
+    /// All resulting settings are saved in the report.
+    #[arg(long, value_name = "DETECTOR.toml")]
+    pub(crate) config: Option<PathBuf>,
     /// Print the report as JSON
     #[arg(long)]
     pub(crate) json: bool,

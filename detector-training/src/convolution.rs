@@ -37,8 +37,22 @@ impl FeatureMap {
     /// Divides every cell by the mean of its channels (all of them >= 0) plus `floor`. The following layers then see the shape of a
     /// target and not its contrast, which varies by a factor of fifty in fog.
     pub(crate) fn divide_by_mean(&self, floor: f32) -> Self {
-        let mean = self.rows.clone().mean_dim(1).add_scalar(floor);
-        self.with_rows(self.rows.clone() / mean)
+        self.with_rows(self.rows.clone() / self.raised_mean(floor))
+    }
+
+    /// What [`FeatureMap::divide_by_mean`] takes out: the mean of the channels over the floor, as a logarithm (0 where there is
+    /// nothing). To a convolution a ratio of contrasts is then a difference.
+    pub(crate) fn strength(&self, floor: f32) -> Self {
+        self.with_rows(self.raised_mean(floor).div_scalar(floor).log())
+    }
+
+    fn raised_mean(&self, floor: f32) -> Tensor<2> {
+        self.rows.clone().mean_dim(1).add_scalar(floor)
+    }
+
+    /// The sum of two maps of the same size and channels.
+    pub(crate) fn plus(&self, other: &Self) -> Self {
+        self.with_rows(self.rows.clone() + other.rows.clone())
     }
 
     /// Upsamples by repeating cells, then adds a map of that size.
@@ -168,6 +182,13 @@ impl Convolution {
             kernel,
             stride,
         }
+    }
+
+    /// The same with all weights 0.
+    pub(crate) fn zeroed(mut self) -> Self {
+        let (dims, device) = (self.weight.dims(), self.weight.val().device());
+        self.weight = Param::from_data(TensorData::zeros::<f32, _>(dims), &device);
+        self
     }
 
     /// The convolved map.

@@ -14,6 +14,7 @@ use dataset::plan::PlannedScenarios;
 use dataset::splits::Side;
 use rayon::prelude::*;
 
+use super::cover::Cover;
 use super::picture::{TrainingPicture, is_visible, may_be_visible};
 use super::samples::{CROP_SIZES, Samples, size_for_width};
 use super::targets::CropTruth;
@@ -21,6 +22,9 @@ use crate::error::{CorpusFault, Error, Result};
 
 /// Whole frames kept of every video as background. Clouds and ground do not move within a scenario; lights and rain do.
 const BACKGROUNDS_PER_VIDEO: usize = 3;
+
+/// Two boxes of an aircraft this far apart do not touch, with its lights' glare, pixels.
+const APART_PX: f64 = 8.0;
 
 /// Frames held at a time by a decoder and its scaler.
 const DECODED_FRAMES: u64 = 12;
@@ -32,7 +36,7 @@ const JUDGING_BYTES_PER_PIXEL: u64 = 104;
 
 /// One video of a corpus.
 #[derive(Debug, Clone)]
-pub(crate) struct Video {
+pub struct Video {
     scenario: Arc<OpenScenario>,
     view: String,
     /// Name of the weather.
@@ -49,7 +53,7 @@ pub struct JudgedFrame {
 }
 
 /// The videos of the given sides of a corpus's split.
-pub(crate) fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
+pub fn videos(corpus: &Corpus, sides: &[Side]) -> Result<Vec<Video>> {
     // Before any table is read: with less, a decoder or a thread may fail with a message of its own, or without one.
     memory::check("training a detector", TRAINING_BYTES).map_err(dataset::Error::from)?;
     let splits = corpus.splits()?;
@@ -117,6 +121,7 @@ pub(crate) fn read_samples(videos: &[Video]) -> Result<Samples> {
 
 fn samples_of(video: &Video) -> Result<Samples> {
     let mut samples = Samples::default();
+    let mut places: [Vec<[usize; 2]>; CROP_SIZES.len()] = Default::default();
     let background_step = video.frames()?.div_ceil(BACKGROUNDS_PER_VIDEO).max(1);
     video.for_each_frame(|tick, frame| {
         if let Some(CropTruth {
@@ -136,13 +141,51 @@ fn samples_of(video: &Video) -> Result<Samples> {
             );
             let (width, height) = (side.min(frame.width_px), side.min(frame.height_px));
             samples.aircraft[size].push(frame.piece(left, top, width, height));
+            places[size].push([left, top]);
         }
         if tick % background_step == background_step / 2 {
             samples.backgrounds.push(frame.clone());
         }
         true
     })?;
+    for (pieces, places) in samples.aircraft.iter_mut().zip(places) {
+        for (piece, place) in pieces.iter_mut().zip(places) {
+            piece.cover = cover_of(piece, place, &samples.backgrounds);
+        }
+    }
+    let covers: Vec<_> = samples
+        .backgrounds
+        .iter()
+        .map(|frame| cover_of(frame, [0, 0], &samples.backgrounds))
+        .collect();
+    for (frame, cover) in samples.backgrounds.iter_mut().zip(covers) {
+        frame.cover = cover;
+    }
     Ok(samples)
+}
+
+/// Which pixels of a piece at `(left, top)` of its frame are aircraft, by a frame whose own aircraft is elsewhere.
+fn cover_of(
+    piece: &TrainingPicture,
+    [left, top]: [usize; 2],
+    frames: &[TrainingPicture],
+) -> Option<Cover> {
+    let here = piece.aircraft?.pixel_box;
+    let elsewhere = |frame: &&TrainingPicture| {
+        frame.aircraft.is_none_or(|there| {
+            let there = there.pixel_box;
+            let apart = |a: f64, b: f64, sizes: f64| (a - b).abs() > 0.5 * sizes + APART_PX;
+            let sizes = [
+                here.width_px + there.width_px,
+                here.height_px + there.height_px,
+            ];
+            apart(here.cx_px + left as f64, there.cx_px, sizes[0])
+                || apart(here.cy_px + top as f64, there.cy_px, sizes[1])
+        })
+    };
+    let behind = frames.iter().find(elsewhere)?;
+    let behind = behind.piece(left, top, piece.width_px, piece.height_px);
+    Some(Cover::of(piece, &behind, &here))
 }
 
 fn largest_frame_bytes(videos: &[Video]) -> Result<u64> {
@@ -167,7 +210,7 @@ fn rgb_bytes(width_px: usize, height_px: usize) -> u64 {
 ///
 /// # Errors
 /// Those of [`read_samples`].
-pub(crate) fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
+pub fn read_frames(videos: &[Video], count: usize) -> Result<Vec<JudgedFrame>> {
     let per_video = count.div_ceil(videos.len().max(1)).max(1);
     let judging = largest_frame_bytes(videos)? / 3 * JUDGING_BYTES_PER_PIXEL;
     let mut needed_bytes = decoding_bytes(videos)?.max(judging);
@@ -236,6 +279,7 @@ impl Video {
             width_px,
             height_px,
             aircraft: None,
+            cover: None,
         };
         let mut tick = 0;
         while reader.next_frame(&mut frame.rgb)?.is_some() {

@@ -1,4 +1,4 @@
-//! Randomly varied crops of pictures: position, size, mirror, light, noise.
+//! Randomly varied crops of pictures: position, size, mirror, light, and what `augmentation` adds.
 //!
 //! Input: a picture and a random number generator. Output: a square of pixel values 0 to 1 and the position of its aircraft, exact
 //! to a fraction of a pixel. Half of the crops are not resampled, because interpolated pixels are smoother than those the detector
@@ -6,7 +6,9 @@
 
 use rand::{Rng, RngExt};
 
+use super::augmentation::Augmentation;
 use super::convolution::standard_normal;
+use super::cover::Cover;
 use super::picture::TrainingPicture;
 use super::targets::CropTruth;
 use dataset::pixel_box::PixelBox;
@@ -113,6 +115,19 @@ impl Placement {
         }
         out
     }
+
+    /// The cover of the crop's pixels, interpolated bilinearly.
+    pub(crate) fn cut_cover(&self, cover: &Cover, side_px: usize) -> Vec<f32> {
+        let mut out = Vec::with_capacity(side_px * side_px);
+        for y in 0..side_px {
+            let down = self.top_px + self.scale * y as f64;
+            for x in 0..side_px {
+                let x = if self.mirrored { side_px - 1 - x } else { x };
+                out.push(cover.between(self.left_px + self.scale * x as f64, down));
+            }
+        }
+        out
+    }
 }
 
 /// A random crop and its aircraft.
@@ -120,14 +135,20 @@ pub(crate) fn random_crop(
     picture: &TrainingPicture,
     placement: &Placement,
     side_px: usize,
+    augmentation: &Augmentation,
     rng: &mut impl Rng,
 ) -> (Vec<f32>, Option<CropTruth>) {
     let mut pixels = placement.cut(picture, side_px);
-    vary_light(&mut pixels, rng);
-    let truth = picture.aircraft.map(|truth| CropTruth {
+    let mut truth = picture.aircraft.map(|truth| CropTruth {
         pixel_box: placement.box_in_crop(&truth.pixel_box, side_px),
         ..truth
     });
+    let cover = picture
+        .cover
+        .as_ref()
+        .map_or_else(Vec::new, |cover| placement.cut_cover(cover, side_px));
+    vary_light(&mut pixels, rng);
+    augmentation.apply(&mut pixels, side_px, &cover, truth.as_mut(), rng);
     (pixels, truth)
 }
 

@@ -10,7 +10,7 @@ use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::error::{CorpusFault, Error, OutputFault, Result};
+use crate::error::{CorpusFault, Error, OutputFault, Result, in_range};
 use crate::evaluation::{Evaluation, evaluate};
 use crate::training::{TrainingConfig, train};
 use crate::{checkpoint, corpus_samples, export};
@@ -34,6 +34,14 @@ impl Default for DetectorConfig {
             judged_frames: 400,
             threshold: 0.3,
         }
+    }
+}
+
+impl DetectorConfig {
+    /// Checks that every setting is in its range.
+    pub fn check(&self) -> Result<()> {
+        self.training.check()?;
+        in_range("threshold", self.threshold, 0.0..=1.0)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Errors of training a detector.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use burn::store::RecordError;
@@ -28,6 +29,26 @@ pub enum Error {
         path: PathBuf,
         /// What is wrong with it.
         fault: OutputFault,
+    },
+    /// An invalid setting.
+    #[error("configuration: {setting} is {found}, expected {expected}")]
+    Setting {
+        /// Name of the setting with its section.
+        setting: &'static str,
+        /// Its value.
+        found: String,
+        /// What is allowed.
+        expected: String,
+    },
+    /// A model whose weights cannot be the first ones.
+    #[error(
+        "{}: is no detector that `dtd train-detector` wrote, so that training cannot start from its weights; start from such a model, or \
+         from none",
+        path.display()
+    )]
+    Start {
+        /// The model's file.
+        path: PathBuf,
     },
     /// Another process trains there.
     #[error("{}: {holder} is at work on it; try again when that has ended", out.display())]
@@ -109,3 +130,16 @@ pub enum OutputFault {
 
 /// Results of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
+
+/// Checks the value of a setting.
+pub(crate) fn in_range(setting: &'static str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
+    // NaN is never in range.
+    if allowed.contains(&found) {
+        return Ok(());
+    }
+    Err(Error::Setting {
+        setting,
+        found: format!("{found:?}"),
+        expected: format!("a number from {} to {}", allowed.start(), allowed.end()),
+    })
+}

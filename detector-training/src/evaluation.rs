@@ -76,7 +76,7 @@ pub struct Spread {
     pub rms: f64,
 }
 
-/// Runs the detector on all frames and compares with the truth.
+/// Runs the network on all frames and compares with the truth.
 pub fn evaluate(network: &Network, frames: &[JudgedFrame], threshold: f64) -> Evaluation {
     let outcomes: Vec<Outcome> = frames
         .par_iter()
@@ -85,6 +85,20 @@ pub fn evaluate(network: &Network, frames: &[JudgedFrame], threshold: f64) -> Ev
             |tables, frame| Outcome::of(frame, &detect(network, tables, &frame.picture, threshold)),
         )
         .collect();
+    summary(outcomes, threshold)
+}
+
+/// Compares what any detector found in all frames with the truth. `found` holds the boxes of each frame, best first.
+pub fn judge(frames: &[JudgedFrame], found: &[Vec<ScoredBox>], threshold: f64) -> Evaluation {
+    assert_eq!(frames.len(), found.len(), "every frame was searched");
+    let outcomes = frames
+        .iter()
+        .zip(found)
+        .map(|(frame, found)| Outcome::of(frame, found));
+    summary(outcomes.collect(), threshold)
+}
+
+fn summary(outcomes: Vec<Outcome>, threshold: f64) -> Evaluation {
     let visible: Vec<&Outcome> = outcomes
         .iter()
         .filter(|outcome| outcome.visible.is_some())
@@ -108,11 +122,11 @@ pub fn evaluate(network: &Network, frames: &[JudgedFrame], threshold: f64) -> Ev
     }
     Evaluation {
         threshold,
-        frames: frames.len(),
+        frames: outcomes.len(),
         visible: visible.len(),
         recall: share(found(&visible), visible.len()),
         precision: share(hits, hits + misses),
-        false_per_frame: share(misses, frames.len()),
+        false_per_frame: share(misses, outcomes.len()),
         by_width: width_bins(&visible),
         recall_by_weather: weathers
             .into_iter()
@@ -336,6 +350,7 @@ mod tests {
             width_px: 0,
             height_px: 0,
             aircraft,
+            cover: None,
         };
         JudgedFrame {
             picture,

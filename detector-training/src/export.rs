@@ -37,12 +37,13 @@ pub fn onnx_bytes(network: &Network) -> Vec<u8> {
 pub fn model(network: &Network) -> ModelProto {
     let mut graph = Graph::default();
     let map = graph.stem(network);
-    let map = graph.normalised(&network.down_8, &map);
-    let fine = graph.rectified(&network.at_8, &map);
-    let map = graph.normalised(&network.down_16, &fine);
-    let middle = graph.rectified(&network.at_16, &map);
-    let mut coarse = graph.normalised(&network.down_32, &middle);
-    for layer in &network.at_32 {
+    let map = graph.rectified(&network.down_8, &map);
+    let fine = graph.normalised(&network.at_8, &network.strength_8, &map);
+    let map = graph.rectified(&network.down_16, &fine);
+    let middle = graph.normalised(&network.at_16, &network.strength_16, &map);
+    let map = graph.rectified(&network.down_32, &middle);
+    let mut coarse = graph.normalised(&network.at_32[0], &network.strength_32, &map);
+    for layer in &network.at_32[1..] {
         coarse = graph.rectified(layer, &coarse);
     }
     let middle = graph.upsampled_onto(&network.lateral_16, &coarse, &middle);
@@ -120,9 +121,9 @@ impl Graph {
         self.node("Relu", &[&map], vec![])
     }
 
-    fn normalised(&mut self, layer: &Convolution, map: &str) -> String {
-        let map = self.rectified(layer, map);
-        let channels = layer.bias.dims()[0];
+    /// A layer over a map `[.., channels, ..]` divided by its mean, plus one over the logarithm of that mean.
+    fn normalised(&mut self, layer: &Convolution, of_strength: &Convolution, map: &str) -> String {
+        let channels = layer.weight.dims()[0] / layer.kernel.pow(2);
         // The mean over channels as a 1x1 convolution, with the floor as its bias: ONNX Runtime keeps its blocked layout then.
         let weight = self.floats(
             &[1, channels as i64, 1, 1],
@@ -131,10 +132,17 @@ impl Graph {
         let floor = self.floats(&[1], &[NORMALISATION_FLOOR]);
         let mean = self.node(
             "Conv",
-            &[&map, &weight, &floor],
+            &[map, &weight, &floor],
             vec![AttributeProto::ints("kernel_shape", &[1, 1])],
         );
-        self.node("Div", &[&map, &mean], vec![])
+        let shape = self.node("Div", &[map, &mean], vec![]);
+        let shape = self.convolution(layer, &shape);
+        let floor = self.number(f64::from(NORMALISATION_FLOOR));
+        let strength = self.node("Div", &[&mean, &floor], vec![]);
+        let strength = self.node("Log", &[&strength], vec![]);
+        let strength = self.convolution(of_strength, &strength);
+        let sum = self.node("Add", &[&shape, &strength], vec![]);
+        self.node("Relu", &[&sum], vec![])
     }
 
     fn upsampled_onto(&mut self, lateral: &Convolution, coarse: &str, finer: &str) -> String {

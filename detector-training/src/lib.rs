@@ -5,13 +5,16 @@
 //! fraction of a pixel, because the distance is derived from them, at any contrast that haze leaves.
 //!
 //! `network` and `convolution` compute, `grid` defines the meaning of the numbers, `targets` and `loss` what they should be;
-//! `picture`, `crop`, `samples` and `corpus_samples` feed `training`; `evaluation` measures; `export` and `onnx` write the model.
+//! `picture`, `cover`, `crop`, `augmentation` (with `texture` and `structures`), `samples` and `corpus_samples` feed `training`, which
+//! may `start` from a model; `evaluation` measures; `export` and `onnx` write the model.
 
 #![forbid(unsafe_code)]
 
+pub mod augmentation;
 pub mod checkpoint;
 pub mod convolution;
-mod corpus_samples;
+pub mod corpus_samples;
+pub mod cover;
 pub mod crop;
 mod detector;
 mod error;
@@ -24,9 +27,12 @@ pub mod onnx;
 pub mod patches;
 pub mod picture;
 pub mod samples;
+mod start;
+mod structures;
 pub mod targets;
+mod texture;
 pub mod training;
 
 pub use detector::{DetectorConfig, DetectorReport, train_detector};
 pub use error::{CorpusFault, Error, OutputFault, Result};
-pub use training::Effort;
+pub use training::{Effort, MOST_MINUTES};

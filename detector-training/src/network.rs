@@ -4,7 +4,8 @@
 //! offset of the centre, logarithms of the size; see `grid`). The idea is CenterNet's (Zhou et al., 2019: a peak per object, the
 //! box regressed at the peak) on a small pyramid. Two things are specific to this task: the first layer ignores constant colours,
 //! and divisive normalisation removes the scale of contrast, since an aircraft in haze has the same shape at a fiftieth of the
-//! contrast.
+//! contrast. Alone, that would raise the texture of a cloud to the strength of the aircraft before it; so the strength that is
+//! divided out is an input of its own to the next layer.
 
 use burn::module::{Module, Param};
 use burn::tensor::{Device, Tensor, TensorData, activation};
@@ -37,14 +38,20 @@ pub struct Network {
     pub down_8: Convolution,
     /// At stride 8, before the pyramid.
     pub at_8: Convolution,
+    /// The strength that the normalisation at stride 8 divides out, added to `at_8`.
+    pub strength_8: Convolution,
     /// Stride 8 to 16.
     pub down_16: Convolution,
     /// At stride 16.
     pub at_16: Convolution,
+    /// As at stride 8.
+    pub strength_16: Convolution,
     /// Stride 16 to 32.
     pub down_32: Convolution,
     /// At stride 32: two layers, so that the widest aircraft fits into the receptive field.
     pub at_32: Vec<Convolution>,
+    /// As at stride 8, added to the first of `at_32`.
+    pub strength_32: Convolution,
     /// From stride 32 onto stride 16.
     pub lateral_16: Convolution,
     /// At stride 16, after the sum.
@@ -67,6 +74,9 @@ impl Network {
         head_bias[0] = PRIOR_LOGIT;
         head.bias = Param::from_data(TensorData::new(head_bias, [CELL_VALUES]), device);
         head.weight = normal_weights([c8, CELL_VALUES], 0.01, device, rng);
+        let strength = |channels, rng: &mut ChaCha8Rng| {
+            Convolution::new([1, channels], 3, 1, device, rng).zeroed()
+        };
         Self {
             stem: normal_weights(
                 [PATCH_VALUES, c4],
@@ -77,12 +87,15 @@ impl Network {
             stem_bias: Param::from_data(TensorData::zeros::<f32, _>([c4]), device),
             down_8: Convolution::new([c4, c8], 3, 2, device, rng),
             at_8: Convolution::new([c8, c8], 3, 1, device, rng),
+            strength_8: strength(c8, rng),
             down_16: Convolution::new([c8, c16], 3, 2, device, rng),
             at_16: Convolution::new([c16, c16], 3, 1, device, rng),
+            strength_16: strength(c16, rng),
             down_32: Convolution::new([c16, c32], 3, 2, device, rng),
             at_32: (0..2)
                 .map(|_| Convolution::new([c32, c32], 3, 1, device, rng))
                 .collect(),
+            strength_32: strength(c32, rng),
             lateral_16: Convolution::new([c32, c16], 1, 1, device, rng),
             neck_16: Convolution::new([c16, c16], 3, 1, device, rng),
             lateral_8: Convolution::new([c16, c8], 1, 1, device, rng),
@@ -123,18 +136,13 @@ impl Network {
             width,
         };
 
-        let normalised = |layer: &Convolution, map: &FeatureMap, tables: &mut GatherTables| {
-            layer
-                .forward(map, tables)
-                .relu()
-                .divide_by_mean(NORMALISATION_FLOOR)
-        };
-        let map = normalised(&self.down_8, &map, tables);
-        let fine = self.at_8.forward(&map, tables).relu();
-        let map = normalised(&self.down_16, &fine, tables);
-        let middle = self.at_16.forward(&map, tables).relu();
-        let mut coarse = normalised(&self.down_32, &middle, tables);
-        for layer in &self.at_32 {
+        let map = self.down_8.forward(&map, tables).relu();
+        let fine = normalised(&self.at_8, &self.strength_8, &map, tables);
+        let map = self.down_16.forward(&fine, tables).relu();
+        let middle = normalised(&self.at_16, &self.strength_16, &map, tables);
+        let map = self.down_32.forward(&middle, tables).relu();
+        let mut coarse = normalised(&self.at_32[0], &self.strength_32, &map, tables);
+        for layer in &self.at_32[1..] {
             coarse = layer.forward(&coarse, tables).relu();
         }
 
@@ -154,6 +162,18 @@ impl Network {
         debug_assert_eq!(output.height * STRIDE_PX, pictures.height_px);
         output
     }
+}
+
+/// A layer over a normalised map and the strength that the normalisation divides out.
+fn normalised(
+    layer: &Convolution,
+    of_strength: &Convolution,
+    map: &FeatureMap,
+    tables: &mut GatherTables,
+) -> FeatureMap {
+    let shape = layer.forward(&map.divide_by_mean(NORMALISATION_FLOOR), tables);
+    let strength = of_strength.forward(&map.strength(NORMALISATION_FLOOR), tables);
+    shape.plus(&strength).relu()
 }
 
 #[cfg(test)]

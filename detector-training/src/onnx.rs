@@ -183,6 +183,17 @@ impl TensorProto {
         }
     }
 
+    /// The floats again; `None` if it holds something else.
+    pub(crate) fn float_values(&self) -> Option<Vec<f32>> {
+        let (elements, rest) = self.raw_data.as_chunks::<4>();
+        (self.data_type == FLOAT && rest.is_empty()).then(|| {
+            elements
+                .iter()
+                .map(|&bytes| f32::from_le_bytes(bytes))
+                .collect()
+        })
+    }
+
     /// A list of whole numbers.
     pub fn integers(name: &str, values: &[i64]) -> Self {
         let raw_data = values

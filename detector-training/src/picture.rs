@@ -5,12 +5,15 @@
 
 use dataset::pixel_box::{PixelBox, TruthBox};
 
+use super::cover::Cover;
 use super::targets::CropTruth;
 
 /// Minimum part of the silhouette inside the picture and above the ground.
 const LEAST_VISIBLE_FRACTION: f64 = 0.4;
 /// Minimum contrast against a plane through the surroundings, grey levels of 255; less is lost in the codec's noise.
 const LEAST_CONTRAST: f64 = 2.0;
+/// Minimum strength of an aircraft relative to a texture behind it.
+const LEAST_PROMINENCE: f64 = 1.2;
 
 /// A piece of a frame.
 #[derive(Debug, Clone)]
@@ -23,10 +26,12 @@ pub struct TrainingPicture {
     pub height_px: usize,
     /// The aircraft, pixels of this piece.
     pub aircraft: Option<CropTruth>,
+    /// Which of its pixels are aircraft, if that is known.
+    pub cover: Option<Cover>,
 }
 
 impl TrainingPicture {
-    /// The piece of a frame that starts at pixel (`left`, `top`).
+    /// The piece of a frame that starts at pixel (`left`, `top`), without a cover.
     pub fn piece(&self, left: usize, top: usize, width_px: usize, height_px: usize) -> Self {
         let mut rgb = Vec::with_capacity(width_px * height_px * 3);
         for y in top..top + height_px {
@@ -45,6 +50,7 @@ impl TrainingPicture {
             width_px,
             height_px,
             aircraft,
+            cover: None,
         }
     }
 
@@ -68,39 +74,79 @@ pub(super) fn may_be_visible(truth: &TruthBox) -> bool {
 /// How far the strongest tenth of a box's pixels is from a plane through its surroundings, grey levels, minus half of the same
 /// figure for the surroundings themselves.
 pub fn contrast(frame: &TrainingPicture, pixel_box: &PixelBox) -> f64 {
-    let margin = 4.0_f64.max(0.25 * pixel_box.width_px);
-    let [left, top, right, bottom] = pixel_box.edges();
-    let span = |low: f64, high: f64, length: usize| {
-        let last = length as f64 - 1.0;
-        (low.clamp(0.0, last).round() as usize)..=(high.clamp(0.0, last).round() as usize)
-    };
-    let mut inner = Vec::new();
-    let mut outer = Vec::new();
-    for y in span(top - margin, bottom + margin, frame.height_px) {
-        for x in span(left - margin, right + margin, frame.width_px) {
-            let (px, py) = (x as f64, y as f64);
-            let inside = (left..=right).contains(&px) && (top..=bottom).contains(&py);
-            let near = (left - 1.5..=right + 1.5).contains(&px)
-                && (top - 1.5..=bottom + 1.5).contains(&py);
-            let sample = [px - pixel_box.cx_px, py - pixel_box.cy_px, frame.grey(x, y)];
-            if inside {
-                inner.push(sample);
-            } else if !near {
-                outer.push(sample);
+    let size = [frame.width_px, frame.height_px];
+    Strength::of(|x, y| frame.grey(x, y), size, pixel_box).contrast()
+}
+
+/// How strong an aircraft is beside its surroundings: mean distance of the strongest tenth of pixels from a plane through the
+/// surroundings, grey levels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Strength {
+    inside: f64,
+    outside: f64,
+}
+
+impl Strength {
+    /// The strength of what a box of a crop holds; `pixels` are interleaved, 0 to 1.
+    pub(crate) fn in_crop(pixels: &[f32], side_px: usize, pixel_box: &PixelBox) -> Self {
+        let grey = |x: usize, y: usize| {
+            let pixel = &pixels[(y * side_px + x) * 3..][..3];
+            f64::from(pixel.iter().sum::<f32>()) * (255.0 / 3.0)
+        };
+        Self::of(grey, [side_px; 2], pixel_box)
+    }
+
+    fn of(
+        grey: impl Fn(usize, usize) -> f64,
+        [width_px, height_px]: [usize; 2],
+        pixel_box: &PixelBox,
+    ) -> Self {
+        let margin = 4.0_f64.max(0.25 * pixel_box.width_px);
+        let [left, top, right, bottom] = pixel_box.edges();
+        let span = |low: f64, high: f64, length: usize| {
+            let last = length as f64 - 1.0;
+            (low.clamp(0.0, last).round() as usize)..=(high.clamp(0.0, last).round() as usize)
+        };
+        let mut inner = Vec::new();
+        let mut outer = Vec::new();
+        for y in span(top - margin, bottom + margin, height_px) {
+            for x in span(left - margin, right + margin, width_px) {
+                let (px, py) = (x as f64, y as f64);
+                let inside = (left..=right).contains(&px) && (top..=bottom).contains(&py);
+                let near = (left - 1.5..=right + 1.5).contains(&px)
+                    && (top - 1.5..=bottom + 1.5).contains(&py);
+                let sample = [px - pixel_box.cx_px, py - pixel_box.cy_px, grey(x, y)];
+                if inside {
+                    inner.push(sample);
+                } else if !near {
+                    outer.push(sample);
+                }
             }
         }
+        let plane = fitted_plane(&outer);
+        let strongest_tenth = |samples: &[[f64; 3]]| {
+            let mut distance: Vec<f64> = samples
+                .iter()
+                .map(|[x, y, grey]| (grey - plane[0] - plane[1] * x - plane[2] * y).abs())
+                .collect();
+            distance.sort_by(|a, b| b.total_cmp(a));
+            let count = distance.len().div_ceil(10);
+            distance.iter().take(count).sum::<f64>() / count.max(1) as f64
+        };
+        Self {
+            inside: strongest_tenth(&inner),
+            outside: strongest_tenth(&outer),
+        }
     }
-    let plane = fitted_plane(&outer);
-    let strongest_tenth = |samples: &[[f64; 3]]| {
-        let mut distance: Vec<f64> = samples
-            .iter()
-            .map(|[x, y, grey]| (grey - plane[0] - plane[1] * x - plane[2] * y).abs())
-            .collect();
-        distance.sort_by(|a, b| b.total_cmp(a));
-        let count = distance.len().div_ceil(10);
-        distance.iter().take(count).sum::<f64>() / count.max(1) as f64
-    };
-    strongest_tenth(&inner) - 0.5 * strongest_tenth(&outer)
+
+    fn contrast(&self) -> f64 {
+        self.inside - 0.5 * self.outside
+    }
+
+    /// Whether an aircraft before a texture is more than the texture's own strongest spots.
+    pub(crate) fn stands_out(&self) -> bool {
+        self.contrast() >= LEAST_CONTRAST && self.inside >= LEAST_PROMINENCE * self.outside
+    }
 }
 
 /// Least squares `grey = a + b x + c y`, by Cramer's rule; a constant where the samples do not span a plane.
@@ -168,6 +214,7 @@ pub(crate) mod tests {
                 width_px,
                 height_px,
                 aircraft,
+                cover: None,
             },
             truth,
         )

@@ -5,6 +5,7 @@
 
 use rand::{Rng, RngExt};
 
+use super::augmentation::Augmentation;
 use super::crop::{Placement, random_crop};
 use super::patches::PatchBatch;
 use super::picture::TrainingPicture;
@@ -131,7 +132,14 @@ impl Samples {
     }
 
     /// A batch of `count` crops of a size.
-    pub fn batch(&self, size: usize, count: usize, hard: &HardPlaces, rng: &mut impl Rng) -> Batch {
+    pub fn batch(
+        &self,
+        size: usize,
+        count: usize,
+        augmentation: &Augmentation,
+        hard: &HardPlaces,
+        rng: &mut impl Rng,
+    ) -> Batch {
         let side = CROP_SIZES[size].side_px;
         let mut batch = Batch {
             pictures: PatchBatch::new(count, side, side),
@@ -160,7 +168,7 @@ impl Samples {
                     (&self.backgrounds[place.picture], place.placement)
                 }
             };
-            let (pixels, truth) = random_crop(picture, &placement, side, rng);
+            let (pixels, truth) = random_crop(picture, &placement, side, augmentation, rng);
             batch.pictures.fill(index, &pixels);
             if let Some(truth) = truth {
                 batch.targets.add(index, &truth);

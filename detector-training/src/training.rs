@@ -4,7 +4,7 @@
 //! whether that is measured in minutes or in steps; two forked copies of the network work on two halves of every batch. A training
 //! with a checkpoint resumes where it was killed.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use burn::grad_clipping::GradientClippingConfig;
@@ -16,13 +16,15 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::augmentation::Augmentation;
 use super::checkpoint::{Checkpoint, Position};
 use super::convolution::GatherTables;
 use super::grid::CELL_VALUES;
 use super::loss::loss;
 use super::network::Network;
 use super::samples::{Batch, CROP_SIZES, HardPlace, HardPlaces, Samples};
-use crate::error::{Error, Result};
+use super::start::start_from;
+use crate::error::{Error, Result, in_range};
 
 /// Copies of the network that work in parallel.
 const SHARDS: usize = 2;
@@ -33,6 +35,11 @@ const CHECKPOINT_STEPS: u64 = 500;
 const NOTE_STEPS: u64 = 20;
 /// Background with a logit above this (a score of 0.12) is hard.
 const HARD_LOGIT: f32 = -2.0;
+/// The longest training that can be asked for, minutes: a year.
+pub const MOST_MINUTES: f64 = 525_600.0;
+const MOST_RATE: f64 = 1.0;
+/// What must be above 0 is at least this.
+const LEAST: f64 = 1e-9;
 /// Progress is reported in this many parts of the effort.
 const PROGRESS_PARTS: f64 = 1000.0;
 
@@ -58,6 +65,10 @@ pub struct TrainingConfig {
     pub weight_decay: f32,
     /// Seed of the first weights and of all crops.
     pub seed: u64,
+    /// A detector of this project whose weights are the first; missing: random weights.
+    pub start_from: Option<PathBuf>,
+    /// How crops are varied.
+    pub augmentation: Augmentation,
 }
 
 impl Default for TrainingConfig {
@@ -67,7 +78,21 @@ impl Default for TrainingConfig {
             learning_rate: 2e-3,
             weight_decay: 1e-3,
             seed: 1,
+            start_from: None,
+            augmentation: Augmentation::default(),
         }
+    }
+}
+
+impl TrainingConfig {
+    /// Checks that every setting is in its range.
+    pub fn check(&self) -> Result<()> {
+        if let Effort::Minutes(minutes) = self.effort {
+            in_range("training.effort.minutes", minutes, LEAST..=MOST_MINUTES)?;
+        }
+        in_range("training.learning_rate", self.learning_rate, LEAST..=MOST_RATE)?;
+        in_range("training.weight_decay", f64::from(self.weight_decay), 0.0..=1.0)?;
+        self.augmentation.check()
     }
 }
 
@@ -89,7 +114,8 @@ pub fn train(
     checkpoint_folder: Option<&Path>,
     progress: &mut dyn Progress,
 ) -> Result<Trained> {
-    let mut training = Training::new(config);
+    config.check()?;
+    let mut training = Training::new(config)?;
     let checkpoint = checkpoint_folder.map(|folder| Checkpoint::new(folder, config));
     if let Some(checkpoint) = &checkpoint {
         training = checkpoint.load(training)?;
@@ -137,22 +163,26 @@ pub(super) struct Training {
 }
 
 impl Training {
-    fn new(config: &TrainingConfig) -> Self {
+    fn new(config: &TrainingConfig) -> Result<Self> {
         let device = Device::flex().autodiff();
         let optimizer = AdamWConfig::new()
             .with_epsilon(1e-8)
             .with_weight_decay(config.weight_decay)
             .with_grad_clipping(Some(GradientClippingConfig::Norm(10.0)))
             .init();
-        Self {
-            network: Network::new(&device, config.seed),
+        let network = match &config.start_from {
+            Some(model) => start_from(model, &device)?,
+            None => Network::new(&device, config.seed),
+        };
+        Ok(Self {
+            network,
             optimizer,
             position: Position::default(),
             tables: (0..SHARDS).map(|_| GatherTables::new(&device)).collect(),
             device,
             hard: HardPlaces::default(),
             mean_loss: f64::NAN,
-        }
+        })
     }
 
     fn done_share(&self, config: &TrainingConfig) -> f64 {
@@ -189,7 +219,8 @@ impl Training {
                 .map(|((network, tables), seed)| {
                     scope.spawn(move || {
                         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-                        let batch = samples.batch(size, count, hard, &mut rng);
+                        let batch =
+                            samples.batch(size, count, &config.augmentation, hard, &mut rng);
                         Shard::work(&network, &batch, tables, device)
                     })
                 })
@@ -324,6 +355,7 @@ mod tests {
             width_px: side,
             height_px: side,
             aircraft,
+            cover: None,
         }
     }
 
@@ -376,7 +408,7 @@ mod tests {
             effort: Effort::Steps(8),
             ..Default::default()
         };
-        let mut killed = Training::new(&config);
+        let mut killed = Training::new(&config).unwrap();
         for _ in 0..5 {
             killed.step(&samples, &config).unwrap();
         }

@@ -1,6 +1,10 @@
 //! `dtd train-detector`: trains the detector for `dtd detect` on a labelled corpus.
 
-use detector_training::{DetectorConfig, Effort, Error, train_detector};
+use std::path::Path;
+
+use dataset::outside_file::{self, FileKind};
+use dataset::toml_file::TomlFile;
+use detector_training::{DetectorConfig, Effort, Error, MOST_MINUTES, train_detector};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
@@ -9,19 +13,10 @@ use super::train::Bars;
 use crate::args::TrainDetectorArgs;
 use crate::failure::{Ending, Failure};
 
-const MOST_MINUTES: f64 = 525_600.0;
-
 /// Runs the verb.
 pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
     let corpus = open_corpus(&args.corpus)?;
-    if !(args.minutes > 0.0 && args.minutes <= MOST_MINUTES) {
-        return Err(Failure::bad_input_message(format!(
-            "--minutes is {:?}, expected a number above 0, at most {MOST_MINUTES}, a year",
-            args.minutes
-        )));
-    }
-    let mut config = DetectorConfig::default();
-    config.training.effort = Effort::Minutes(args.minutes);
+    let config = config(args)?;
     let report =
         train_detector(&corpus, &args.out, &config, &mut Bars::default()).map_err(failure_of)?;
     if args.json {
@@ -43,10 +38,47 @@ pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
     Ok(Ending::Done)
 }
 
+fn config(args: &TrainDetectorArgs) -> Result<DetectorConfig, Failure> {
+    let mut config = match &args.config {
+        None => DetectorConfig::default(),
+        Some(path) => settings_in(path)?,
+    };
+    if let Some(minutes) = args.minutes {
+        if !(minutes > 0.0 && minutes <= MOST_MINUTES) {
+            return Err(Failure::bad_input_message(format!(
+                "--minutes is {minutes:?}, expected a number above 0, at most {MOST_MINUTES}, a year"
+            )));
+        }
+        config.training.effort = Effort::Minutes(minutes);
+    }
+    if args.start_from.is_some() {
+        config.training.start_from.clone_from(&args.start_from);
+    }
+    Ok(config)
+}
+
+/// The settings in a file. One that is out of range is shown in its line.
+fn settings_in(path: &Path) -> Result<DetectorConfig, Failure> {
+    let text = outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
+    let file = TomlFile::new(path, &text);
+    let config: DetectorConfig = file.parse().map_err(Failure::bad_input)?;
+    match config.check() {
+        Ok(()) => Ok(config),
+        Err(error @ Error::Setting { setting, .. }) => {
+            let shown = file.rejected(setting, &error.to_string());
+            Err(Failure::bad_input(shown))
+        }
+        Err(error) => Err(failure_of(error)),
+    }
+}
+
 /// An error that the caller must fix, or one of the machine.
 fn failure_of(error: Error) -> Failure {
     match error {
-        Error::Corpus { .. } | Error::Output { .. } => Failure::bad_input(error),
+        Error::Corpus { .. }
+        | Error::Output { .. }
+        | Error::Setting { .. }
+        | Error::Start { .. } => Failure::bad_input(error),
         Error::Held { .. } => Failure::TryAgain(error.into()),
         Error::Dataset(cause) => Failure::of_corpus(cause),
         Error::Diverged { .. } => error.into(),

@@ -1,0 +1,605 @@
+//! What crops are given besides what the corpus shows: texture and edges of clouds behind the aircraft, gradients, structures, blur,
+//! noise and tints.
+//!
+//! Input: a crop, the cover of its aircraft, a random number generator. Output: the varied crop, and whether its aircraft can still
+//! be seen. The stand-in's skies are smooth and its pictures free of noise; X-Plane's clouds are streaky, and cameras are neither.
+//! What lies behind is added where the aircraft is not, and a little over it, as thin cloud is.
+
+use std::ops::RangeInclusive;
+
+use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
+
+use crate::convolution::standard_normal;
+use crate::picture::Strength;
+use crate::structures::{Rectangle, random_structure};
+use crate::targets::CropTruth;
+use crate::texture::Texture;
+use crate::error::{Result, in_range};
+
+/// One grey level of 256.
+const LEVEL: f32 = 1.0 / 255.0;
+/// Part of a texture that lies over the aircraft, if it is not all of it.
+const LARGEST_VEIL: f32 = 0.3;
+/// A backdrop that hides its aircraft is halved this often before the aircraft counts as hidden.
+const HALVINGS: usize = 3;
+/// Most structures in a crop.
+const MOST_STRUCTURES: usize = 4;
+/// Width of a cloud's edge, pixels, and how far it wanders.
+const EDGE_WIDTH_PX: RangeInclusive<f32> = 0.7..=6.0;
+const EDGE_WANDERS_PX: RangeInclusive<f32> = 1.0..=12.0;
+/// Share of noisy crops whose colours have a noise of their own; in the others it is in the luma alone, as in a decoded video.
+const COLOUR_NOISE_SHARE: f64 = 0.3;
+/// Levels, pixels and stretches above this are a mistake.
+const MOST: f32 = 255.0;
+
+/// How crops are varied. Shares are independent of each other, 0 to 1; everything else is drawn up to the largest value.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Augmentation {
+    /// Share of crops that keep the corpus's background, sharpness and noise: what the detector must not unlearn.
+    pub plain_share: f64,
+    /// Share of the other crops with texture. Without any of it the aircraft is never before a cloud of X-Plane.
+    pub texture_share: f64,
+    /// Largest root mean square of the texture, grey levels. Weak textures are more frequent than strong ones.
+    pub largest_texture_levels: f32,
+    /// Size of the texture's features across their stretch, pixels.
+    pub smallest_feature_px: f32,
+    /// The same, the largest.
+    pub largest_feature_px: f32,
+    /// Largest length of a feature relative to its width.
+    pub largest_stretch: f32,
+    /// Share of textures that lie over the aircraft, as noise and thin cloud do; the others lie behind it.
+    pub texture_over_share: f64,
+    /// Share with the edge of a cloud.
+    pub cloud_edge_share: f64,
+    /// Largest step of brightness at the edge, grey levels.
+    pub largest_cloud_edge_levels: f32,
+    /// Share with a gradient of brightness.
+    pub gradient_share: f64,
+    /// Largest gradient, grey levels in 100 pixels.
+    pub largest_gradient_levels: f32,
+    /// Share with masts, signs and buildings behind the aircraft or without one.
+    pub structure_share: f64,
+    /// Share that is blurred.
+    pub blur_share: f64,
+    /// Smallest deviation of the blur, pixels.
+    pub smallest_blur_px: f32,
+    /// Largest deviation of the blur, pixels.
+    pub largest_blur_px: f32,
+    /// Share with white noise.
+    pub noise_share: f64,
+    /// Largest root mean square of the noise, grey levels.
+    pub largest_noise_levels: f32,
+    /// Share whose colours are shifted.
+    pub tint_share: f64,
+    /// Largest shift of a colour, grey levels.
+    pub largest_tint_levels: f32,
+}
+
+impl Default for Augmentation {
+    fn default() -> Self {
+        Self {
+            plain_share: 0.35,
+            texture_share: 0.7,
+            largest_texture_levels: 20.0,
+            smallest_feature_px: 2.0,
+            largest_feature_px: 60.0,
+            largest_stretch: 15.0,
+            texture_over_share: 0.3,
+            cloud_edge_share: 0.2,
+            largest_cloud_edge_levels: 60.0,
+            gradient_share: 0.3,
+            largest_gradient_levels: 20.0,
+            structure_share: 0.2,
+            blur_share: 0.3,
+            smallest_blur_px: 0.3,
+            largest_blur_px: 1.0,
+            noise_share: 0.4,
+            largest_noise_levels: 5.0,
+            tint_share: 0.3,
+            largest_tint_levels: 40.0,
+        }
+    }
+}
+
+impl Augmentation {
+    /// None at all: crops as the corpus has them.
+    pub fn none() -> Self {
+        Self {
+            plain_share: 1.0,
+            ..Self::default()
+        }
+    }
+
+    /// Checks that every setting is in its range.
+    pub fn check(&self) -> Result<()> {
+        for (setting, share) in [
+            ("training.augmentation.plain_share", self.plain_share),
+            ("training.augmentation.texture_share", self.texture_share),
+            (
+                "training.augmentation.texture_over_share",
+                self.texture_over_share,
+            ),
+            (
+                "training.augmentation.cloud_edge_share",
+                self.cloud_edge_share,
+            ),
+            ("training.augmentation.gradient_share", self.gradient_share),
+            (
+                "training.augmentation.structure_share",
+                self.structure_share,
+            ),
+            ("training.augmentation.blur_share", self.blur_share),
+            ("training.augmentation.noise_share", self.noise_share),
+            ("training.augmentation.tint_share", self.tint_share),
+        ] {
+            in_range(setting, share, 0.0..=1.0)?;
+        }
+        for (setting, value, least) in [
+            (
+                "training.augmentation.largest_texture_levels",
+                self.largest_texture_levels,
+                0.0,
+            ),
+            (
+                "training.augmentation.smallest_feature_px",
+                self.smallest_feature_px,
+                1.0,
+            ),
+            (
+                "training.augmentation.largest_feature_px",
+                self.largest_feature_px,
+                self.smallest_feature_px,
+            ),
+            (
+                "training.augmentation.largest_stretch",
+                self.largest_stretch,
+                1.0,
+            ),
+            (
+                "training.augmentation.largest_cloud_edge_levels",
+                self.largest_cloud_edge_levels,
+                0.0,
+            ),
+            (
+                "training.augmentation.largest_gradient_levels",
+                self.largest_gradient_levels,
+                0.0,
+            ),
+            (
+                "training.augmentation.smallest_blur_px",
+                self.smallest_blur_px,
+                0.1,
+            ),
+            (
+                "training.augmentation.largest_blur_px",
+                self.largest_blur_px,
+                self.smallest_blur_px,
+            ),
+            (
+                "training.augmentation.largest_noise_levels",
+                self.largest_noise_levels,
+                0.0,
+            ),
+            (
+                "training.augmentation.largest_tint_levels",
+                self.largest_tint_levels,
+                0.0,
+            ),
+        ] {
+            in_range(
+                setting,
+                f64::from(value),
+                f64::from(least)..=f64::from(MOST),
+            )?;
+        }
+        Ok(())
+    }
+
+    /// Varies a crop. `cover` holds how much of each pixel is aircraft; empty without one, or if it is not known: then everything
+    /// lies over it. An aircraft that cannot be seen afterwards becomes invisible; its box stays.
+    pub(crate) fn apply(
+        &self,
+        pixels: &mut [f32],
+        side_px: usize,
+        cover: &[f32],
+        truth: Option<&mut CropTruth>,
+        rng: &mut impl Rng,
+    ) {
+        if rng.random_bool(self.plain_share) {
+            return;
+        }
+        let backdrop = self.backdrop(side_px, rng);
+        let blur_px = rng
+            .random_bool(self.blur_share)
+            .then(|| rng.random_range(self.smallest_blur_px..=self.largest_blur_px));
+        let noise = if rng.random_bool(self.noise_share) {
+            LEVEL * self.largest_noise_levels * rng.random::<f32>()
+        } else {
+            0.0
+        };
+        let colour_noise = rng.random_bool(COLOUR_NOISE_SHARE);
+        let tint = if rng.random_bool(self.tint_share) {
+            let largest = LEVEL * self.largest_tint_levels;
+            std::array::from_fn(|_| largest * rng.random_range(-1.0..=1.0))
+        } else {
+            [0.0; 3]
+        };
+
+        match truth.filter(|truth| truth.visible) {
+            Some(truth) if backdrop.changes_anything() => {
+                let original = pixels.to_vec();
+                let mut strength = 1.0;
+                truth.visible = (0..=HALVINGS).any(|_| {
+                    pixels.copy_from_slice(&original);
+                    backdrop.put_behind(pixels, side_px, cover, strength);
+                    strength *= 0.5;
+                    Strength::in_crop(pixels, side_px, &truth.pixel_box).stands_out()
+                });
+            }
+            _ => backdrop.put_behind(pixels, side_px, cover, 1.0),
+        }
+        if let Some(deviation_px) = blur_px {
+            blur(pixels, side_px, deviation_px);
+        }
+        add_noise(pixels, noise, colour_noise, tint, rng);
+    }
+
+    fn backdrop(&self, side_px: usize, rng: &mut impl Rng) -> Backdrop {
+        let mut light = vec![0.0; side_px * side_px];
+        let features = self.smallest_feature_px..=self.largest_feature_px;
+        let mut veil = LARGEST_VEIL * rng.random::<f32>();
+        let mut any = false;
+        if rng.random_bool(self.texture_share) {
+            let levels = self.largest_texture_levels * rng.random::<f32>().powi(2);
+            let texture = Texture::random(&features, self.largest_stretch, rng);
+            for (light, texture) in light.iter_mut().zip(texture.field(side_px, rng)) {
+                *light += LEVEL * levels * texture;
+            }
+            if rng.random_bool(self.texture_over_share) {
+                veil = 1.0;
+            }
+            any = true;
+        }
+        if rng.random_bool(self.gradient_share) {
+            let slope = LEVEL * self.largest_gradient_levels / 100.0 * rng.random::<f32>();
+            let across = Direction::random(side_px, 0.0, rng);
+            for (place, light) in light.iter_mut().enumerate() {
+                *light += slope * across.distance_px(place, side_px);
+            }
+            any = true;
+        }
+        if rng.random_bool(self.cloud_edge_share) {
+            let step = LEVEL * self.largest_cloud_edge_levels * rng.random_range(-1.0_f32..=1.0);
+            let across = Direction::random(side_px, 0.4, rng);
+            let wanders = rng.random_range(EDGE_WANDERS_PX);
+            let width_px = rng.random_range(EDGE_WIDTH_PX);
+            let shape = Texture::random(&features, 2.0, rng).field(side_px, rng);
+            for (place, light) in light.iter_mut().enumerate() {
+                let inside = across.distance_px(place, side_px) + wanders * shape[place];
+                *light += step * (0.5 + inside / width_px).clamp(0.0, 1.0);
+            }
+            any = true;
+        }
+        let structures = if rng.random_bool(self.structure_share) {
+            (0..rng.random_range(1..=MOST_STRUCTURES))
+                .flat_map(|_| random_structure(side_px, rng))
+                .collect()
+        } else {
+            Vec::new()
+        };
+        // Clouds are nearly grey.
+        let colour = std::array::from_fn(|_| rng.random_range(0.85..1.15));
+        Backdrop {
+            light: if any { light } else { Vec::new() },
+            colour,
+            veil,
+            structures,
+        }
+    }
+}
+
+/// A direction across a crop, and where its zero is.
+struct Direction {
+    right: f32,
+    down: f32,
+    zero_px: f32,
+}
+
+impl Direction {
+    /// The zero lies within `off_centre` sides of the middle.
+    fn random(side_px: usize, off_centre: f32, rng: &mut impl Rng) -> Self {
+        let (down, right) = rng.random_range(0.0..std::f32::consts::TAU).sin_cos();
+        let middle = 0.5 * side_px as f32 * (right + down);
+        let moved = off_centre * side_px as f32 * rng.random_range(-1.0_f32..=1.0);
+        Self {
+            right,
+            down,
+            zero_px: middle + moved,
+        }
+    }
+
+    fn distance_px(&self, place: usize, side_px: usize) -> f32 {
+        let (x, y) = ((place % side_px) as f32, (place / side_px) as f32);
+        x * self.right + y * self.down - self.zero_px
+    }
+}
+
+/// What is put behind an aircraft.
+struct Backdrop {
+    /// Added to every pixel; empty if there is nothing to add.
+    light: Vec<f32>,
+    /// Factors of that by colour.
+    colour: [f32; 3],
+    /// Part of it that lies over the aircraft.
+    veil: f32,
+    structures: Vec<Rectangle>,
+}
+
+impl Backdrop {
+    fn changes_anything(&self) -> bool {
+        !self.light.is_empty() || !self.structures.is_empty()
+    }
+
+    fn put_behind(&self, pixels: &mut [f32], side_px: usize, cover: &[f32], strength: f32) {
+        let cover_at = |place: usize| cover.get(place).copied().unwrap_or(0.0);
+        for (place, light) in self.light.iter().enumerate() {
+            let seen = 1.0 - (1.0 - self.veil) * cover_at(place);
+            for (value, colour) in pixels[3 * place..][..3].iter_mut().zip(self.colour) {
+                *value += strength * seen * light * colour;
+            }
+        }
+        for structure in &self.structures {
+            for (x, y) in structure.pixels(side_px) {
+                let place = y * side_px + x;
+                let seen = strength * (1.0 - cover_at(place)) * structure.cover(x, y);
+                for (value, colour) in pixels[3 * place..][..3].iter_mut().zip(structure.colour) {
+                    *value += seen * (colour - *value);
+                }
+            }
+        }
+        for value in pixels {
+            *value = value.clamp(0.0, 1.0);
+        }
+    }
+}
+
+/// A Gaussian blur, rows, then columns; the edge repeats.
+fn blur(pixels: &mut [f32], side_px: usize, deviation_px: f32) {
+    let reach = (3.0 * deviation_px).ceil() as usize;
+    let weights: Vec<f32> = (0..=2 * reach)
+        .map(|k| (-0.5 * ((k as f32 - reach as f32) / deviation_px).powi(2)).exp())
+        .collect();
+    let sum: f32 = weights.iter().sum();
+    let mut line = vec![0.0; side_px];
+    for (along, across) in [(1, side_px), (side_px, 1)] {
+        for lane in 0..side_px {
+            for colour in 0..3 {
+                let place = |at: usize| 3 * (lane * across + at * along) + colour;
+                for (at, out) in line.iter_mut().enumerate() {
+                    let blurred: f32 = weights
+                        .iter()
+                        .enumerate()
+                        .map(|(k, weight)| {
+                            let from = (at + k).saturating_sub(reach).min(side_px - 1);
+                            weight * pixels[place(from)]
+                        })
+                        .sum();
+                    *out = blurred / sum;
+                }
+                for (at, &value) in line.iter().enumerate() {
+                    pixels[place(at)] = value;
+                }
+            }
+        }
+    }
+}
+
+fn add_noise(
+    pixels: &mut [f32],
+    deviation: f32,
+    by_colour: bool,
+    tint: [f32; 3],
+    rng: &mut impl Rng,
+) {
+    for pixel in pixels.chunks_exact_mut(3) {
+        let mut grain = [0.0; 3];
+        if deviation > 0.0 {
+            grain = [deviation * standard_normal(rng); 3];
+            if by_colour {
+                grain[1..].fill_with(|| deviation * standard_normal(rng));
+            }
+        }
+        for ((value, grain), tint) in pixel.iter_mut().zip(grain).zip(tint) {
+            *value = (*value + grain + tint).clamp(0.0, 1.0);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cover::Cover;
+    use crate::picture::tests::sky_with_bar;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+
+    const SIDE: usize = 64;
+
+    /// A crop with a bar in its middle, the cover of the bar, and its truth.
+    fn crop(darker_by: f64) -> (Vec<f32>, Vec<f32>, CropTruth) {
+        let (picture, _) = sky_with_bar(darker_by);
+        let piece = picture.piece(18, 0, SIDE, SIDE);
+        let behind = sky_with_bar(0.0).0.piece(18, 0, SIDE, SIDE);
+        let truth = piece.aircraft.unwrap();
+        let cover = Cover::of(&piece, &behind, &truth.pixel_box);
+        let cover = (0..SIDE * SIDE)
+            .map(|i| cover.at(i % SIDE, i / SIDE))
+            .collect();
+        let pixels = piece.rgb.iter().map(|&v| f32::from(v) / 255.0).collect();
+        (pixels, cover, truth)
+    }
+
+    /// Nothing but what a test switches on, in every crop.
+    fn nothing() -> Augmentation {
+        Augmentation {
+            plain_share: 0.0,
+            texture_share: 0.0,
+            cloud_edge_share: 0.0,
+            gradient_share: 0.0,
+            structure_share: 0.0,
+            blur_share: 0.0,
+            noise_share: 0.0,
+            tint_share: 0.0,
+            ..Augmentation::default()
+        }
+    }
+
+    fn textured() -> Augmentation {
+        Augmentation {
+            texture_share: 1.0,
+            texture_over_share: 0.0,
+            ..nothing()
+        }
+    }
+
+    #[test]
+    fn texture_lies_behind_the_aircraft_and_the_box_stays() {
+        let (before, cover, truth) = crop(60.0);
+        let mut rng = ChaCha8Rng::seed_from_u64(21);
+        let (mut on, mut off) = (0.0, 0.0);
+        for _ in 0..40 {
+            let (mut pixels, mut after) = (before.clone(), truth);
+            textured().apply(&mut pixels, SIDE, &cover, Some(&mut after), &mut rng);
+            assert_eq!(after.pixel_box, truth.pixel_box);
+            let changed = |place: usize| (pixels[3 * place] - before[3 * place]).abs();
+            on += changed(30 * SIDE + 32);
+            off += changed(10 * SIDE + 32);
+        }
+        assert!(off > 40.0 * LEVEL && on < 0.3 * off, "{on} {off}");
+    }
+
+    #[test]
+    fn an_aircraft_that_stays_visible_stands_out_from_its_texture() {
+        let mut rng = ChaCha8Rng::seed_from_u64(22);
+        for darker_by in [5.0, 15.0, 60.0] {
+            let (before, cover, truth) = crop(darker_by);
+            let mut visible = 0;
+            for _ in 0..60 {
+                let (mut pixels, mut after) = (before.clone(), truth);
+                textured().apply(&mut pixels, SIDE, &cover, Some(&mut after), &mut rng);
+                let strength = Strength::in_crop(&pixels, SIDE, &truth.pixel_box);
+                assert_eq!(after.visible, strength.stands_out(), "{strength:?}");
+                visible += usize::from(after.visible);
+            }
+            assert!(
+                visible > 40,
+                "{visible} of 60 with a contrast of {darker_by}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_aircraft_that_nothing_can_bring_out_is_not_asked_for() {
+        let (before, _, truth) = crop(0.0);
+        let mut rng = ChaCha8Rng::seed_from_u64(23);
+        let hidden = (0..40)
+            .filter(|_| {
+                let (mut pixels, mut after) = (before.clone(), truth);
+                textured().apply(&mut pixels, SIDE, &[], Some(&mut after), &mut rng);
+                !after.visible
+            })
+            .count();
+        assert!(hidden > 30, "{hidden}");
+    }
+
+    #[test]
+    fn noise_blur_and_tint_are_as_strong_as_the_settings_allow() {
+        let flat = vec![0.5; 3 * SIDE * SIDE];
+        let rms = |a: &[f32]| {
+            let mean = a.iter().sum::<f32>() / a.len() as f32;
+            (a.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / a.len() as f32).sqrt()
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(24);
+        let noisy = Augmentation {
+            noise_share: 1.0,
+            ..nothing()
+        };
+        let mut largest = 0.0_f32;
+        for _ in 0..60 {
+            let mut pixels = flat.clone();
+            noisy.apply(&mut pixels, SIDE, &[], None, &mut rng);
+            largest = largest.max(rms(&pixels));
+        }
+        assert!((4.0 * LEVEL..5.3 * LEVEL).contains(&largest), "{largest}");
+
+        let tinted = Augmentation {
+            tint_share: 1.0,
+            ..nothing()
+        };
+        let mut pixels = flat.clone();
+        tinted.apply(&mut pixels, SIDE, &[], None, &mut rng);
+        assert!(pixels.iter().all(|v| (v - 0.5).abs() <= 40.01 * LEVEL));
+        assert!(pixels[..3] == pixels[3 * 100..][..3] && pixels[0] != pixels[1]);
+
+        let mut point = vec![0.0; 3 * SIDE * SIDE];
+        point[3 * (20 * SIDE + 30)] = 1.0;
+        blur(&mut point, SIDE, 0.8);
+        let spread: f32 = (0..SIDE)
+            .map(|x| point[3 * (20 * SIDE + x)] * (x as f32 - 30.0).powi(2))
+            .sum::<f32>()
+            / (0..SIDE).map(|x| point[3 * (20 * SIDE + x)]).sum::<f32>();
+        assert!((spread.sqrt() - 0.8).abs() < 0.05, "{}", spread.sqrt());
+        assert!((point.iter().sum::<f32>() - 1.0).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_plain_crop_stays_as_it_is_and_the_same_seed_gives_the_same_crop() {
+        let (before, cover, truth) = crop(30.0);
+        let varied = |augmentation: &Augmentation| {
+            let (mut pixels, mut after) = (before.clone(), truth);
+            let mut rng = ChaCha8Rng::seed_from_u64(25);
+            augmentation.apply(&mut pixels, SIDE, &cover, Some(&mut after), &mut rng);
+            pixels
+        };
+        assert_eq!(varied(&Augmentation::none()), before);
+        let all = Augmentation {
+            plain_share: 0.0,
+            ..Augmentation::default()
+        };
+        assert_eq!(varied(&all), varied(&all));
+        assert_ne!(varied(&all), before);
+    }
+
+    #[test]
+    fn settings_out_of_range_are_refused_by_name() {
+        Augmentation::default().check().unwrap();
+        for (augmentation, setting) in [
+            (
+                Augmentation {
+                    blur_share: 1.5,
+                    ..Augmentation::default()
+                },
+                "blur_share",
+            ),
+            (
+                Augmentation {
+                    largest_feature_px: 1.0,
+                    ..Augmentation::default()
+                },
+                "largest_feature_px",
+            ),
+            (
+                Augmentation {
+                    largest_texture_levels: f32::NAN,
+                    ..Augmentation::default()
+                },
+                "largest_texture_levels",
+            ),
+        ] {
+            let refusal = augmentation.check().unwrap_err().to_string();
+            assert!(refusal.contains(setting), "{refusal}");
+        }
+    }
+}
