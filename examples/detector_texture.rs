@@ -13,15 +13,15 @@ use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::splits::Side;
-use labeller::detector::{OrtDetector, OrtOptions, PictureView};
-use labeller::tiling::{TilingSettings, find_aircraft};
-use rand::{RngExt, SeedableRng};
-use rand_chacha::ChaCha8Rng;
 use detector_training::convolution::standard_normal;
 use detector_training::corpus_samples::{JudgedFrame, read_frames, videos};
 use detector_training::evaluation::{Evaluation, Spread, judge};
 use detector_training::grid::ScoredBox;
 use detector_training::picture::contrast;
+use labeller::detector::{OrtDetector, OrtOptions, PictureView};
+use labeller::tiling::{TilingSettings, find_aircraft};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 const USUAL_FRAMES: usize = 240;
 const NOISE_LEVELS: f32 = 4.0;

@@ -72,8 +72,9 @@ Examples:
   dtd verify s3://bucket/corpus               one scenario after the other, in a temporary folder";
 
 pub(crate) const TRAIN_DETECTOR: &str = "\
-Example:
-  dtd train-detector corpus --out detector.onnx --minutes 60";
+Examples:
+  dtd train-detector corpus --out detector.onnx --minutes 60
+  dtd train-detector corpus --out detector.onnx --start-from models/aircraft.onnx";
 
 pub(crate) const PUSH: &str = "\
 Example:

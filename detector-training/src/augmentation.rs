@@ -11,11 +11,11 @@ use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 
 use crate::convolution::standard_normal;
+use crate::error::{Result, in_range};
 use crate::picture::Strength;
 use crate::structures::{Rectangle, random_structure};
 use crate::targets::CropTruth;
 use crate::texture::Texture;
-use crate::error::{Result, in_range};
 
 /// One grey level of 256.
 const LEVEL: f32 = 1.0 / 255.0;

@@ -132,7 +132,11 @@ pub enum OutputFault {
 pub type Result<T> = std::result::Result<T, Error>;
 
 /// Checks the value of a setting.
-pub(crate) fn in_range(setting: &'static str, found: f64, allowed: RangeInclusive<f64>) -> Result<()> {
+pub(crate) fn in_range(
+    setting: &'static str,
+    found: f64,
+    allowed: RangeInclusive<f64>,
+) -> Result<()> {
     // NaN is never in range.
     if allowed.contains(&found) {
         return Ok(());

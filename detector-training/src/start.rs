@@ -11,9 +11,9 @@ use dataset::outside_file::{self, FileKind};
 use prost::Message;
 
 use crate::convolution::Convolution;
+use crate::error::{Error, Result};
 use crate::network::{INPUT_GAIN, Network};
 use crate::onnx::{ModelProto, TensorProto};
-use crate::error::{Error, Result};
 
 /// Layers that models of all versions have, in the order of the graph: the first, then those of [`layers`].
 const LAYERS: usize = 13;

@@ -18,22 +18,22 @@ const MOST_OCTAVES: usize = 5;
 
 /// The shape of a texture.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Texture {
+pub(crate) struct Texture {
     /// Size of the coarsest features across the stretch, pixels.
-    pub coarsest_px: f32,
+    pub(crate) coarsest_px: f32,
     /// Size of the finest features, pixels.
-    pub finest_px: f32,
+    pub(crate) finest_px: f32,
     /// Amplitude of an octave relative to the next coarser one.
-    pub persistence: f32,
+    pub(crate) persistence: f32,
     /// Length of a feature relative to its width.
-    pub stretch: f32,
+    pub(crate) stretch: f32,
     /// Direction of the stretch, clockwise from right.
-    pub direction_rad: f32,
+    pub(crate) direction_rad: f32,
 }
 
 impl Texture {
     /// A random shape. Sizes and stretches are drawn by their logarithms.
-    pub fn random(
+    pub(crate) fn random(
         feature_px: &RangeInclusive<f32>,
         largest_stretch: f32,
         rng: &mut impl Rng,
@@ -57,7 +57,7 @@ impl Texture {
     }
 
     /// `side_px * side_px` numbers, row-major, with mean 0 and root mean square 1.
-    pub fn field(&self, side_px: usize, rng: &mut impl Rng) -> Vec<f32> {
+    pub(crate) fn field(&self, side_px: usize, rng: &mut impl Rng) -> Vec<f32> {
         let mut field = vec![0.0; side_px * side_px];
         let (mut feature_px, mut amplitude) = (self.coarsest_px, 1.0);
         for _ in 0..MOST_OCTAVES {

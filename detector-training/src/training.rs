@@ -90,8 +90,16 @@ impl TrainingConfig {
         if let Effort::Minutes(minutes) = self.effort {
             in_range("training.effort.minutes", minutes, LEAST..=MOST_MINUTES)?;
         }
-        in_range("training.learning_rate", self.learning_rate, LEAST..=MOST_RATE)?;
-        in_range("training.weight_decay", f64::from(self.weight_decay), 0.0..=1.0)?;
+        in_range(
+            "training.learning_rate",
+            self.learning_rate,
+            LEAST..=MOST_RATE,
+        )?;
+        in_range(
+            "training.weight_decay",
+            f64::from(self.weight_decay),
+            0.0..=1.0,
+        )?;
         self.augmentation.check()
     }
 }
