@@ -11,6 +11,7 @@ use burn::store::{ModuleRecord, RecordError};
 use dataset::json_file::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
+use super::samples::HardPlaces;
 use super::training::{Training, TrainingConfig};
 use crate::error::{Error, OutputFault, Result};
 
@@ -84,6 +85,7 @@ pub struct Position {
 struct State {
     position: Position,
     config: TrainingConfig,
+    hard_places: HardPlaces,
 }
 
 /// A folder with the checkpoint of one training.
@@ -136,6 +138,7 @@ impl<'a> Checkpoint<'a> {
             &State {
                 position: training.position,
                 config: self.config.clone(),
+                hard_places: training.hard.clone(),
             },
         )?;
         for entry in fs::read_dir(&self.folder).map_err(dataset::Error::io("list", &self.folder))? {
@@ -174,6 +177,7 @@ impl<'a> Checkpoint<'a> {
             .load(self.part_path(step, "optimizer"))
             .map_err(|error| self.fault(error))?;
         fresh.position = state.position;
+        fresh.hard = state.hard_places;
         Ok(fresh)
     }
 }

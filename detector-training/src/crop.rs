@@ -5,6 +5,7 @@
 //! will see.
 
 use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
 
 use super::augmentation::Augmentation;
 use super::convolution::standard_normal;
@@ -24,7 +25,7 @@ const NOISY_SHARE: f64 = 0.3;
 const LARGEST_NOISE: f32 = 1.5 / 255.0;
 
 /// Position of a crop in its picture.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Placement {
     /// Picture coordinates of the centre of the crop's top-left pixel.
     pub left_px: f64,

@@ -4,6 +4,7 @@
 //! their targets. Places where the network reported a false aircraft are drawn more often (hard negatives).
 
 use rand::{Rng, RngExt};
+use serde::{Deserialize, Serialize};
 
 use super::augmentation::Augmentation;
 use super::crop::{Placement, random_crop};
@@ -71,7 +72,7 @@ pub(crate) fn size_for_width(width_px: f64) -> usize {
 }
 
 /// A place in a background picture at which the network was wrong.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct HardPlace {
     picture: usize,
     placement: Placement,
@@ -207,7 +208,7 @@ impl Samples {
 }
 
 /// The places at which the network was wrong, up to a limit.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct HardPlaces {
     places: Vec<HardPlace>,
 }
@@ -221,6 +222,11 @@ impl HardPlaces {
             let index = rng.random_range(0..HARD_PLACES);
             self.places[index] = place;
         }
+    }
+
+    /// Forgets places in pictures that are not there, which those of a checkpoint are if the corpus shrank.
+    pub(crate) fn forget_beyond(&mut self, pictures: usize) {
+        self.places.retain(|place| place.picture < pictures);
     }
 
     /// How many there are.

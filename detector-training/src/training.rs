@@ -31,7 +31,7 @@ const SHARDS: usize = 2;
 /// Steps over which the learning rate rises.
 const WARM_UP_STEPS: f64 = 200.0;
 /// Steps between two checkpoints and between two progress reports.
-const CHECKPOINT_STEPS: u64 = 500;
+const CHECKPOINT_STEPS: u64 = 100;
 const NOTE_STEPS: u64 = 20;
 /// Background with a logit above this (a score of 0.12) is hard.
 const HARD_LOGIT: f32 = -2.0;
@@ -127,6 +127,7 @@ pub fn train(
     let checkpoint = checkpoint_folder.map(|folder| Checkpoint::new(folder, config));
     if let Some(checkpoint) = &checkpoint {
         training = checkpoint.load(training)?;
+        training.hard.forget_beyond(samples.backgrounds.len());
     }
     progress.begin("detector", PROGRESS_PARTS as u64);
     let spent_before_s = training.position.seconds;
@@ -166,7 +167,7 @@ pub(super) struct Training {
     pub(super) position: Position,
     device: Device,
     tables: Vec<GatherTables>,
-    hard: HardPlaces,
+    pub(super) hard: HardPlaces,
     mean_loss: f64,
 }
 
@@ -409,8 +410,7 @@ mod tests {
     #[test]
     fn a_killed_training_goes_on_to_the_weights_it_would_have_had() {
         let mut rng = ChaCha8Rng::seed_from_u64(12);
-        let mut samples = samples(&mut rng);
-        samples.backgrounds.clear(); // hard places are not part of a checkpoint
+        let samples = samples(&mut rng);
         let folder = tempfile::tempdir().unwrap();
         let config = TrainingConfig {
             effort: Effort::Steps(8),
@@ -420,6 +420,7 @@ mod tests {
         for _ in 0..5 {
             killed.step(&samples, &config).unwrap();
         }
+        assert!(!killed.hard.is_empty());
         Checkpoint::new(folder.path(), &config)
             .save(&killed)
             .unwrap();
