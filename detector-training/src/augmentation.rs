@@ -566,6 +566,7 @@ mod tests {
         assert_eq!(varied(&Augmentation::none()), before);
         let all = Augmentation {
             plain_share: 0.0,
+            texture_share: 1.0,
             ..Augmentation::default()
         };
         assert_eq!(varied(&all), varied(&all));

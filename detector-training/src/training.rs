@@ -382,6 +382,7 @@ mod tests {
         let config = TrainingConfig {
             effort: Effort::Steps(200),
             learning_rate: 4e-3,
+            augmentation: Augmentation::none(),
             ..Default::default()
         };
         let trained = train(&samples, &config, None, &mut Silent).unwrap();
@@ -416,23 +417,35 @@ mod tests {
             effort: Effort::Steps(8),
             ..Default::default()
         };
-        let mut killed = Training::new(&config).unwrap();
-        for _ in 0..5 {
-            killed.step(&samples, &config).unwrap();
-        }
-        assert!(!killed.hard.is_empty());
+        let places = samples.batch(
+            0,
+            32,
+            &config.augmentation,
+            &HardPlaces::default(),
+            &mut rng,
+        );
+        let hard = places.places.into_iter().flatten().next().unwrap();
+        let begun = |steps: u64| {
+            let mut training = Training::new(&config).unwrap();
+            training
+                .hard
+                .remember(hard, &mut ChaCha8Rng::seed_from_u64(13));
+            for _ in 0..steps {
+                training.step(&samples, &config).unwrap();
+            }
+            training
+        };
         Checkpoint::new(folder.path(), &config)
-            .save(&killed)
+            .save(&begun(5))
             .unwrap();
         let resumed = train(&samples, &config, Some(folder.path()), &mut Silent).unwrap();
-        let straight = train(&samples, &config, None, &mut Silent).unwrap();
+        let straight = begun(8);
         assert_eq!(
             (resumed.position.step, resumed.position.crops),
             (8, straight.position.crops)
         );
-        let head = |trained: &Trained| -> Vec<f32> {
-            trained
-                .network
+        let head = |network: &Network| -> Vec<f32> {
+            network
                 .head
                 .weight
                 .val()
@@ -440,6 +453,6 @@ mod tests {
                 .try_into_vec()
                 .unwrap()
         };
-        assert_eq!(head(&resumed), head(&straight));
+        assert_eq!(head(&resumed.network), head(&straight.network));
     }
 }
