@@ -85,6 +85,7 @@ tables)
         seed '\000' "$scenario/frames.parquet"
         seed '\001' "$scenario/boxes_truth.parquet"
         seed '\002' "$scenario"/detections/*.parquet
+        seed '\003' "$scenario"/registrations/*.parquet
     fi
     ;;
 tape)

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
-use dataset::detections;
+use dataset::detections::{self, NewTables};
 use dataset::pixel_box::{Detection, PixelBox};
 use s3_server::{S3Server, Way};
 use serde_json::Value;
@@ -594,7 +594,9 @@ fn detect(corpus: &Path, score: f64) -> PathBuf {
         tile: 0,
     };
     let (model, hash) = ("abc", format!("abc{}", "0".repeat(61)));
-    detections::replace(&claim, &source, &hash, model, &[detection], |provenance| {
+    let found = [detection];
+    let tables = NewTables::unregistered(&found);
+    detections::replace(&claim, &source, &hash, model, tables, |provenance| {
         provenance
     })
     .unwrap();

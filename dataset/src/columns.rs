@@ -150,6 +150,19 @@ impl TableWriter {
         self.push(name, false, Arc::new(StringArray::from_iter_values(values)))
     }
 
+    /// Adds a column of strings that may be missing.
+    pub(crate) fn optional_text<S: AsRef<str>>(
+        self,
+        name: &str,
+        values: impl IntoIterator<Item = Option<S>>,
+    ) -> Self {
+        self.push(
+            name,
+            true,
+            Arc::new(values.into_iter().collect::<StringArray>()),
+        )
+    }
+
     /// Writes the file (zstd, one row group per million rows), atomically.
     ///
     /// # Errors
@@ -327,23 +340,30 @@ impl Table {
     );
     /// A column of strings without gaps.
     pub fn text(&self, column: &str) -> Result<Vec<String>> {
+        let words = self.optional_text(column)?.into_iter();
+        words
+            .map(|word| word.ok_or_else(|| self.missing(column, 1)))
+            .collect()
+    }
+
+    /// A column of strings that may be missing.
+    pub(crate) fn optional_text(&self, column: &str) -> Result<Vec<Option<String>>> {
         let mut values = Vec::with_capacity(self.rows());
         for array in self.arrays(column)? {
             let typed = array.as_any().downcast_ref::<DictionaryArray<Int32Type>>();
             let words = typed.and_then(|typed| typed.downcast_dict::<StringArray>());
             let words = words.ok_or_else(|| self.wrong_type(column, "text", array))?;
             for word in words {
-                match word {
-                    Some(word) if word.len() <= MOST_TEXT_BYTES => values.push(word.to_owned()),
-                    Some(word) => {
-                        return Err(self.fault(format!(
-                            "column {column} has a text of {} bytes in row {}, expected at most {MOST_TEXT_BYTES}",
-                            word.len(),
-                            values.len()
-                        )));
-                    }
-                    None => return Err(self.missing(column, 1)),
+                if let Some(word) = word
+                    && word.len() > MOST_TEXT_BYTES
+                {
+                    return Err(self.fault(format!(
+                        "column {column} has a text of {} bytes in row {}, expected at most {MOST_TEXT_BYTES}",
+                        word.len(),
+                        values.len()
+                    )));
                 }
+                values.push(word.map(str::to_owned));
             }
         }
         Ok(values)

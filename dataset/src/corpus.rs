@@ -6,6 +6,7 @@
 //!   scenarios/1700-foggy-r3/
 //!     scenario.json  calibration.json  frames.parquet  boxes_truth.parquet
 //!     views/<camera>.mp4  (.mov for FFV1)  detections/<model>.parquet  detections/<model>.json
+//!     registrations/<model>.parquet
 //!     MANIFEST.b3  DONE.json
 //! ```
 
@@ -246,7 +247,14 @@ impl ScenarioFolder {
             .join(format!("{model_hash}.parquet"))
     }
 
-    /// The files of a scenario except videos, detections and seal.
+    /// Path of the registrations that belong to the detections of one model.
+    pub fn registrations_path(&self, model_hash: &str) -> PathBuf {
+        self.root
+            .join("registrations")
+            .join(format!("{model_hash}.parquet"))
+    }
+
+    /// The files of a scenario except videos, detections, registrations and seal.
     pub const FILES: [&str; 4] = [
         "scenario.json",
         "calibration.json",

@@ -1,9 +1,9 @@
-//! `detections/`: what a model detected in the videos of a scenario.
+//! `detections/` and `registrations/`: what a model detected in the videos of a scenario, and where the same aircraft is in two views.
 //!
-//! Detections are not sealed: each model has its own. `<model>.json` records what made the table next to it, from which videos, and
-//! the table's hash, so a reader can check that they belong together ([`Provenance`]). They change together like the files of a
-//! seal: the table is written as `<model>.parquet.new`, the record takes effect, and readers look for the table by its hash under
-//! both names.
+//! They are not sealed: each model has its own. `detections/<model>.json` records what made the table next to it, from which videos,
+//! and the hashes of that table and of `registrations/<model>.parquet`, if there is one, so a reader can check that they belong
+//! together ([`Provenance`]). They change together like the files of a seal: each table is written as `<model>.parquet.new`, the
+//! record takes effect, and readers look for the tables by their hashes under both names.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -20,11 +20,14 @@ use crate::open_scenario::OpenScenario;
 use crate::outside_file::{self, FileKind};
 use crate::own_path::own_path;
 use crate::pixel_box::{Detection, write_detections};
-use crate::seal::{hash_file, with_new_suffix};
+use crate::registrations::{Registration, write_registrations};
+use crate::seal::{SealedFile, hash_file, with_new_suffix};
 use crate::sealed::{ATTEMPTS, Found, find};
 
 /// Folder of the detections within a scenario.
 pub const FOLDER: &str = "detections";
+/// Folder of the registrations that belong to them.
+pub const REGISTRATIONS: &str = "registrations";
 
 /// The part of the record of detections that every reader needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -37,7 +40,32 @@ pub struct Provenance {
     pub videos_blake3: BTreeMap<String, String>,
     /// BLAKE3 hash of the table.
     pub table_blake3: String,
+    /// BLAKE3 hash of the table of registrations; missing if there is none: one view, or an earlier version of this software.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub registrations_blake3: Option<String>,
 }
+
+impl Provenance {
+    /// The tables that belong to it, named within the scenario, with their hashes.
+    pub fn tables(&self, model: &str) -> Vec<SealedFile> {
+        let file = |folder: &str, blake3: &String| SealedFile {
+            name: table_name(folder, model),
+            blake3: blake3.clone(),
+        };
+        let registrations = self.registrations_blake3.iter();
+        [file(FOLDER, &self.table_blake3)]
+            .into_iter()
+            .chain(registrations.map(|blake3| file(REGISTRATIONS, blake3)))
+            .collect()
+    }
+}
+
+fn table_name(folder: &str, model: &str) -> String {
+    format!("{folder}/{model}.parquet")
+}
+
+/// A table that a model's record names, as a reader found it: its current path and its content.
+pub(crate) type FoundTable = (PathBuf, Vec<u8>);
 
 /// Path of the record of a model's detections.
 pub fn record_path(folder: &ScenarioFolder, model: &str) -> PathBuf {
@@ -74,8 +102,7 @@ pub fn provenance(folder: &ScenarioFolder, model: &str) -> Result<Option<Provena
     record.map(|bytes| parse(&bytes, folder, model)).transpose()
 }
 
-/// The table of a model's detections: its current path and its content. `is_source` checks whether they were made from the current
-/// files.
+/// The table of a model's detections. `is_source` checks whether they were made from the current files.
 ///
 /// # Errors
 /// There is none, it was made from something else, or it does not match its record.
@@ -83,30 +110,60 @@ pub(crate) fn table(
     folder: &ScenarioFolder,
     model: &str,
     is_source: impl Fn(&Provenance) -> bool,
-) -> Result<(PathBuf, Vec<u8>)> {
-    let table = folder.detections_path(model);
+) -> Result<FoundTable> {
+    let hash = |provenance: &Provenance| Some(provenance.table_blake3.clone());
+    named_table(folder, model, FOLDER, is_source, hash)?.ok_or_else(|| {
+        Error::corpus(
+            &record_path(folder, model),
+            "is missing: run `dtd detect` on the corpus with that model first",
+        )
+    })
+}
+
+/// The table of the registrations that belong to a model's detections; `None` if these have none.
+///
+/// # Errors
+/// Those of [`table`].
+pub(crate) fn registrations_table(
+    folder: &ScenarioFolder,
+    model: &str,
+    is_source: impl Fn(&Provenance) -> bool,
+) -> Result<Option<FoundTable>> {
+    let hash = |provenance: &Provenance| provenance.registrations_blake3.clone();
+    named_table(folder, model, REGISTRATIONS, is_source, hash)
+}
+
+/// The table with the hash that a model's record names; `None` if there is no record or it names none.
+fn named_table(
+    folder: &ScenarioFolder,
+    model: &str,
+    parent: &str,
+    is_source: impl Fn(&Provenance) -> bool,
+    hash: impl Fn(&Provenance) -> Option<String>,
+) -> Result<Option<FoundTable>> {
+    let name = table_name(parent, model);
+    let table = folder.root().join(&name);
     let again = "run `dtd detect` on the corpus with that model again";
     for _ in 0..ATTEMPTS {
         let Some(bytes) = record(folder, model)? else {
-            return Err(Error::corpus(
-                &record_path(folder, model),
-                "is missing: run `dtd detect` on the corpus with that model first",
-            ));
+            return Ok(None);
         };
         let provenance = parse(&bytes, folder, model)?;
+        let Some(hash) = hash(&provenance) else {
+            return Ok(None);
+        };
         if !is_source(&provenance) {
             return Err(Error::corpus(
                 &table,
                 format!("was made from other videos than the scenario has now; {again}"),
             ));
         }
-        let name = format!("{FOLDER}/{model}.parquet");
-        let found = find(folder.root(), &name, &provenance.table_blake3, |path| {
+        let found = find(folder.root(), &name, &hash, |path| {
             let bytes = outside_file::read(path, FileKind::TABLE.unlinked())?;
             Ok((blake3::hash(&bytes).to_string(), (path.to_owned(), bytes)))
         })?;
         let fault = match found {
-            Found::Whole(table) => return Ok(table),
+            Found::Whole(table) => return Ok(Some(table)),
             // Another process replaced them in the meantime.
             _ if record(folder, model)?.as_ref() != Some(&bytes) => continue,
             Found::Missing => "is missing, though there is a record of it",
@@ -119,46 +176,86 @@ pub(crate) fn table(
     })
 }
 
-/// Replaces the detections that a model made from `source`. `record` produces the file written next to the table, which must
-/// contain the given provenance.
+/// What [`replace`] writes next to the record.
+#[derive(Debug, Clone, Copy)]
+pub struct NewTables<'a> {
+    /// What the model detected.
+    pub detections: &'a [Detection],
+    /// Where the same aircraft is in two views; `None` if that was not measured.
+    pub registrations: Option<&'a [Registration]>,
+}
+
+impl<'a> NewTables<'a> {
+    /// Detections whose views were not registered.
+    pub fn unregistered(detections: &'a [Detection]) -> Self {
+        Self {
+            detections,
+            registrations: None,
+        }
+    }
+}
+
+/// Replaces the detections that a model made from `source`, and their registrations. `record` produces the file written next to the
+/// tables, which must contain the given provenance.
 pub fn replace<R: Serialize>(
     _claim: &Claim,
     source: &OpenScenario,
     model_blake3: &str,
     model: &str,
-    detections: &[Detection],
+    tables: NewTables<'_>,
     record: impl FnOnce(Provenance) -> R,
 ) -> Result<()> {
     let folder = source.folder();
-    let parent = own_path(folder.root(), FOLDER)?;
-    fs::create_dir_all(&parent).map_err(Error::io("create", &parent))?;
-    clear_leftovers(&parent);
-    // Readers may still need the table of a committed change that a killed process left.
+    let mut parents = vec![own_path(folder.root(), FOLDER)?];
+    let registrations = own_path(folder.root(), REGISTRATIONS)?;
+    if tables.registrations.is_some() || registrations.exists() {
+        parents.push(registrations);
+    }
+    for parent in &parents {
+        fs::create_dir_all(parent).map_err(Error::io("create", parent))?;
+        clear_leftovers(parent);
+    }
+    // Readers may still need the tables of a committed change that a killed process left.
     settle(folder, model)?;
-    let table = folder.detections_path(model);
+    let path = |parent| folder.root().join(table_name(parent, model));
+    let (table, beside) = (path(FOLDER), path(REGISTRATIONS));
     let new = with_new_suffix(&table);
-    write_detections(&new, detections)?;
+    write_detections(&new, tables.detections)?;
+    let mut renames = vec![(new, table)];
+    if let Some(registrations) = tables.registrations {
+        let new = with_new_suffix(&beside);
+        write_registrations(&new, registrations)?;
+        renames.push((new, beside.clone()));
+    }
     let provenance = Provenance {
         model_blake3: model_blake3.to_owned(),
         config_hash: source.seal().config_hash.clone(),
         videos_blake3: source.videos_blake3(),
-        table_blake3: hash_file(&new)?,
+        table_blake3: hash_file(&renames[0].0)?,
+        registrations_blake3: renames.get(1).map(|(new, _)| hash_file(new)).transpose()?,
     };
     // This file commits the change.
     write_json(&record_path(folder, model), &record(provenance))?;
-    fs::rename(&new, &table).map_err(Error::io("rename into place", &table))?;
-    sync(&parent)
+    for (new, table) in &renames {
+        fs::rename(new, table).map_err(Error::io("rename into place", table))?;
+    }
+    if tables.registrations.is_none() && beside.exists() {
+        fs::remove_file(&beside).map_err(Error::io("remove", &beside))?;
+    }
+    parents.iter().try_for_each(|parent| sync(parent))
 }
 
-/// Renames the table that the record refers to.
+/// Renames the tables that the record refers to.
 fn settle(folder: &ScenarioFolder, model: &str) -> Result<()> {
-    let table = folder.detections_path(model);
-    let new = with_new_suffix(&table);
-    if let Ok(Some(provenance)) = provenance(folder, model)
-        && new.exists()
-        && hash_file(&new)? == provenance.table_blake3
-    {
-        fs::rename(&new, &table).map_err(Error::io("rename into place", &table))?;
+    let Ok(Some(provenance)) = provenance(folder, model) else {
+        return Ok(());
+    };
+    for SealedFile { name, blake3 } in provenance.tables(model) {
+        let table = own_path(folder.root(), &name)?;
+        let new = with_new_suffix(&table);
+        if new.exists() && hash_file(&new)? == blake3 {
+            fs::rename(&new, &table).map_err(Error::io("rename into place", &table))?;
+        }
     }
     Ok(())
 }

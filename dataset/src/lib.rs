@@ -35,6 +35,7 @@ pub mod plan;
 pub mod pose;
 pub mod progress;
 pub mod refraction;
+pub mod registrations;
 pub mod runway;
 pub mod scenario;
 pub mod seal;

@@ -317,6 +317,16 @@ pub(crate) const MOST_DETECTIONS_PER_PICTURE: u64 = 1_000;
 pub const SCORE: Limits = Limits::new(0.0, 1.0, "a score");
 /// Standard deviation of the positions and sizes of boxes that a network was trained with.
 pub const FEATURE_SCALE_PX: Limits = Limits::new(1e-9, 16_384.0, "a standard deviation in pixels");
+/// Of an aircraft from one view to another.
+pub(crate) const SHIFT_PX: Limits = Limits::new(-16_384.0, 16_384.0, "a shift in pixels");
+/// A shift that is less certain says nothing.
+pub(crate) const SHIFT_SD_PX: Limits = Limits::new(0.0, 100.0, "a standard deviation in pixels");
+/// Of an aircraft between two views.
+pub(crate) const VIEW_SCALE: Limits = Limits::new(0.01, 100.0, "a ratio of two sizes");
+/// Of an aircraft between two views.
+pub(crate) const VIEW_GAIN: Limits = Limits::new(0.01, 100.0, "a ratio of two contrasts");
+/// Of two pictures.
+pub(crate) const CORRELATION: Limits = Limits::new(-1.0, 1.0, "a correlation");
 /// Second passes in one picture.
 pub(crate) const WINDOWS: Limits = Limits::new(1.0, 1_000.0, "a number of windows");
 

@@ -5,18 +5,19 @@
 //! `dtd verify`, which must name every fault, reads files unchecked.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::calibration::Calibration;
 use crate::corpus::{PARTIAL_SUFFIX, ScenarioFolder};
-use crate::detections::{self, Provenance};
+use crate::detections::{self, FoundTable, Provenance};
 use crate::error::{Error, Result};
 use crate::frames::Frames;
 use crate::json_file::parse_json;
 use crate::outside_file::FileKind;
 use crate::pixel_box::{Detection, TruthBox, parse_detections, parse_truth_boxes};
+use crate::registrations::{Registration, parse_registrations};
 use crate::scenario::ScenarioRecord;
 use crate::seal::{DONE, Seal, view_of};
 use crate::sealed::{ATTEMPTS, Sealed};
@@ -198,8 +199,38 @@ impl OpenScenario {
         }
     }
 
+    /// Where the aircraft of each view is in the reference view, tick by tick, for the detections of one model; `None` if these have no
+    /// registrations: the scenario has one view, or `dtd detect` was run before it registered.
+    ///
+    /// # Errors
+    /// They were made from other videos, or the table is not the one that was written.
+    pub fn registrations(&self, model: &str) -> Result<Option<Vec<Registration>>> {
+        let Some((path, content)) = self.registrations_table(model)? else {
+            return Ok(None);
+        };
+        let record = self.record()?;
+        let registrations = parse_registrations(content, &path, record.pictures())?;
+        let mut rows = registrations.iter().enumerate();
+        match rows.find_map(|(row, found)| Some((row, fault_of_registration(found, &record)?))) {
+            None => Ok(Some(registrations)),
+            Some((row, (column, fault))) => Err(Error::corpus(
+                &path,
+                format!(
+                    "row {row}: {column} {fault}; run `dtd detect` on the corpus with that model again"
+                ),
+            )),
+        }
+    }
+
+    /// The current path of the table of a model's registrations, and its content.
+    pub(crate) fn registrations_table(&self, model: &str) -> Result<Option<FoundTable>> {
+        detections::registrations_table(&self.folder, model, |provenance| {
+            self.is_source_of(provenance)
+        })
+    }
+
     /// The current path of the table of a model's detections, and its content.
-    pub(crate) fn detections_table(&self, model: &str) -> Result<(PathBuf, Vec<u8>)> {
+    pub(crate) fn detections_table(&self, model: &str) -> Result<FoundTable> {
         detections::table(&self.folder, model, |provenance| {
             self.is_source_of(provenance)
         })
@@ -256,11 +287,38 @@ pub(crate) fn fault_of(
     detection: &Detection,
     record: &ScenarioRecord,
 ) -> Option<(&'static str, String)> {
-    let Detection { tick, view, .. } = detection;
-    if *tick >= record.ticks {
+    fault_of_picture(detection.tick, "view", &detection.view, record)
+}
+
+/// The same for a registration: also if it compares a view with itself.
+pub(crate) fn fault_of_registration(
+    registration: &Registration,
+    record: &ScenarioRecord,
+) -> Option<(&'static str, String)> {
+    let Registration {
+        tick,
+        view,
+        reference,
+        ..
+    } = registration;
+    fault_of_picture(*tick, "view", view, record)
+        .or_else(|| fault_of_picture(*tick, "reference", reference, record))
+        .or_else(|| {
+            let message = || format!("{reference} is the view itself, expected another one");
+            (view == reference).then(|| ("reference", message()))
+        })
+}
+
+fn fault_of_picture(
+    tick: u32,
+    column: &'static str,
+    view: &String,
+    record: &ScenarioRecord,
+) -> Option<(&'static str, String)> {
+    if tick >= record.ticks {
         let message = format!("is {tick}, expected below {}", record.ticks);
         return Some(("tick", message));
     }
     (!record.views.contains(view))
-        .then(|| ("view", format!("{view} is not a view of the scenario")))
+        .then(|| (column, format!("{view} is not a view of the scenario")))
 }

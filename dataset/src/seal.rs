@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::claim::Claim;
 use crate::corpus::ScenarioFolder;
+use crate::detections;
 use crate::error::{Error, Result};
 use crate::file_name;
 use crate::json_file::{read_json, write_atomically, write_json};
@@ -32,7 +33,7 @@ pub const DONE: &str = "DONE.json";
 const NEW_SUFFIX: &str = ".new";
 const NEVER_FINISHED: &str = "DONE.json is missing: the folder was never finished";
 /// Written by later steps, versioned separately and not part of the seal.
-const UNSEALED_FOLDER: &str = "detections";
+const UNSEALED_FOLDERS: [&str; 2] = [detections::FOLDER, detections::REGISTRATIONS];
 /// Folder of the videos.
 const VIDEOS: &str = "views/";
 
@@ -459,7 +460,7 @@ fn files_of(folder: &Path) -> Result<Vec<String>> {
             let entry = entry.map_err(Error::io("list", folder))?;
             let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
             if entry.path().is_dir() {
-                if name != UNSEALED_FOLDER {
+                if !UNSEALED_FOLDERS.contains(&name.as_str()) {
                     walk(&entry.path(), &format!("{name}/"), names)?;
                 }
             } else if ![MANIFEST, DONE].contains(&name.as_str())

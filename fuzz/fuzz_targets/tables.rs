@@ -9,6 +9,7 @@ use dataset::frames::Frames;
 use dataset::pixel_box::{
     parse_detections, parse_truth_boxes, write_detections, write_truth_boxes,
 };
+use dataset::registrations::{parse_registrations, write_registrations};
 use dtd_fuzz::place;
 use libfuzzer_sys::fuzz_target;
 
@@ -18,7 +19,7 @@ const PICTURES: u64 = 2_000;
 fuzz_target!(|bytes: &[u8]| {
     let (kind, bytes) = bytes.split_first().unwrap_or((&0, &[]));
     let path = Path::new("table.parquet");
-    match kind % 3 {
+    match kind % 4 {
         0 => {
             if let Ok(frames) = Frames::parse(bytes.to_vec(), path) {
                 let again = written(|path| frames.write(path));
@@ -31,10 +32,16 @@ fuzz_target!(|bytes: &[u8]| {
                 assert_eq!(parse_truth_boxes(again, path, PICTURES).unwrap(), boxes);
             }
         }
-        _ => {
+        2 => {
             if let Ok(found) = parse_detections(bytes.to_vec(), path, PICTURES) {
                 let again = written(|path| write_detections(path, &found));
                 assert_eq!(parse_detections(again, path, PICTURES).unwrap(), found);
+            }
+        }
+        _ => {
+            if let Ok(found) = parse_registrations(bytes.to_vec(), path, PICTURES) {
+                let again = written(|path| write_registrations(path, &found));
+                assert_eq!(parse_registrations(again, path, PICTURES).unwrap(), found);
             }
         }
     }

@@ -1,18 +1,24 @@
 //! Runs a detector over the videos of a corpus.
 //!
 //! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it
-//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the model's hash. Several views are decoded and searched
-//! in parallel; each worker holds one picture and one session, so memory does not grow with the corpus.
+//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the model's hash; with several views also
+//! `registrations/<model>.parquet`, measured from the same decoded pictures. Several views are decoded and searched in parallel, and a
+//! scenario is written as soon as its last view is done. Each worker holds one picture and one session, and each scenario in work the
+//! surroundings of boxes whose other view is not decoded yet, so memory does not grow with the corpus.
 
 mod job;
+mod pairs;
 mod record;
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 
-use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::corpus::Corpus;
+use dataset::open_scenario::OpenScenario;
+use dataset::registrations::Registration;
 use serde::Serialize;
 
 use crate::detector::{Detector, ModelFile, OrtDetector, OrtOptions};
@@ -64,14 +70,41 @@ pub struct DetectOutcome {
     pub model_hash: String,
     /// Scenarios that were searched.
     pub detected: Vec<String>,
-    /// Scenarios that already had detections of this model with these settings.
+    /// Scenarios that had detections of this model with these settings; their views were registered now.
+    pub registered: Vec<String>,
+    /// Scenarios that already had everything.
     pub unchanged: Vec<String>,
     /// Scenarios that could not be searched.
     pub failed: Vec<Failure>,
     /// Counts over all scenarios that have detections now.
     pub counts: DetectionCounts,
+    /// Registrations of all scenarios that have detections now.
+    pub registrations: RegistrationCounts,
     /// Total time of the workers, seconds.
     pub worker_seconds: f64,
+}
+
+/// How many pairs of views were registered.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct RegistrationCounts {
+    /// Pairs of a view with the reference view at the same tick.
+    pub pairs: u64,
+    /// Of these, those with a shift.
+    pub answered: u64,
+    /// The others, by reason.
+    pub unanswered: BTreeMap<&'static str, u64>,
+}
+
+impl RegistrationCounts {
+    fn add(&mut self, registrations: &[Registration]) {
+        self.pairs += registrations.len() as u64;
+        for registration in registrations {
+            match registration.result {
+                Ok(_) => self.answered += 1,
+                Err(reason) => *self.unanswered.entry(reason.word()).or_default() += 1,
+            }
+        }
+    }
 }
 
 /// The model used for detection.
@@ -157,10 +190,14 @@ fn detect_with(
     work_through(&jobs, make, options, progress)?;
     for job in jobs {
         let id = job.id();
-        match job.finish() {
+        let done = match job.only_registers() {
+            true => &mut outcome.registered,
+            false => &mut outcome.detected,
+        };
+        match job.outcome() {
             Ok(seconds) => {
                 outcome.worker_seconds += seconds;
-                outcome.detected.push(id);
+                done.push(id);
             }
             Err(error) => outcome.failed.push(Failure {
                 id,
@@ -168,10 +205,14 @@ fn detect_with(
             }),
         }
     }
-    for id in outcome.detected.iter().chain(&outcome.unchanged) {
+    let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
+    for id in done.into_iter().flatten() {
+        let scenario = corpus.scenario(id).open()?;
+        outcome.counts.add(&count(&scenario, model.short_hash())?);
+        let registrations = scenario.registrations(model.short_hash())?;
         outcome
-            .counts
-            .add(&count(&corpus.scenario(id), model.short_hash())?);
+            .registrations
+            .add(registrations.as_deref().unwrap_or_default());
     }
     Ok(outcome)
 }
@@ -196,10 +237,12 @@ fn work_through(
         let mut detector = None;
         while let Some(view) = views.get(next.fetch_add(1, Ordering::Relaxed)) {
             let detector = match &mut detector {
-                Some(detector) => detector,
-                none => none.insert(make()?),
+                _ if !view.needs_detector() => None,
+                Some(detector) => Some(detector),
+                none => Some(none.insert(make()?)),
             };
-            view.search(detector.as_mut(), &options.settings, &picture_done);
+            let detector = detector.map(|detector| &mut **detector as &mut dyn Detector);
+            view.search(detector, &options.settings, &picture_done);
         }
         Ok(())
     };
@@ -217,8 +260,7 @@ fn work_through(
     })
 }
 
-fn count(folder: &ScenarioFolder, model_hash: &str) -> Result<DetectionCounts> {
-    let scenario = folder.open()?;
+fn count(scenario: &OpenScenario, model_hash: &str) -> Result<DetectionCounts> {
     let record = scenario.record()?;
     let truth = scenario.truth_boxes_if_labelled()?;
     let pictures = u64::from(record.ticks) * record.views.len() as u64;

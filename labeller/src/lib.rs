@@ -1,8 +1,9 @@
 //! Where the aircraft is: true boxes, and detections.
 //!
 //! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected truth
-//! in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`). Labels come from poses and cameras
-//! alone, detections from decoded pixels alone; `statistics` compares the two.
+//! in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, and where the aircraft of one view is in
+//! another, `registrations/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone;
+//! `statistics` compares the two.
 
 #![forbid(unsafe_code)]
 
@@ -13,13 +14,14 @@ pub mod detector;
 mod error;
 mod label;
 mod outcome;
+mod registration;
 mod silhouette;
 mod statistics;
 pub mod tiling;
 mod track;
 mod truth_box;
 
-pub use detect::{DetectOptions, DetectOutcome, detect_corpus};
+pub use detect::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
 pub use error::{Error, Result};
 pub use label::{LabelOutcome, label_corpus};
 pub use outcome::{Failure, Progress};

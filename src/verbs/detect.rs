@@ -1,10 +1,10 @@
-//! `dtd detect`: finds the aircraft in the decoded videos.
+//! `dtd detect`: finds the aircraft in the decoded videos, and registers the views with each other.
 
 use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use labeller::{DetectOptions, DetectOutcome, detect_corpus};
+use labeller::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
@@ -92,8 +92,9 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
 
 fn print_summary(outcome: &DetectOutcome) {
     println!(
-        "{} searched, {} unchanged; detections/{}.parquet",
+        "{} searched, {} only registered, {} unchanged; detections/{}.parquet",
         count(outcome.detected.len(), "scenario"),
+        outcome.registered.len(),
         outcome.unchanged.len(),
         outcome.model_hash
     );
@@ -113,4 +114,24 @@ fn print_summary(outcome: &DetectOutcome) {
         }
         println!("{} false detections", truth.false_detections);
     }
+    print_registrations(&outcome.registrations);
+}
+
+/// How many pairs of views were registered, and why others were not.
+fn print_registrations(counts: &RegistrationCounts) {
+    if counts.pairs == 0 {
+        return;
+    }
+    let reasons = counts.unanswered.iter();
+    let reasons: Vec<_> = reasons
+        .map(|(reason, pairs)| format!("{pairs} {reason}"))
+        .collect();
+    let others = match reasons.as_slice() {
+        [] => String::new(),
+        reasons => format!(" (others: {})", reasons.join(", ")),
+    };
+    println!(
+        "{} of {} pairs of views registered{others}",
+        counts.answered, counts.pairs
+    );
 }

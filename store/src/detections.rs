@@ -1,5 +1,6 @@
-//! Transfer of a scenario's detections. They are not sealed: each model has its own, table and record belong together, and the
-//! record's hash of the table reveals damage. Uploads replace only older detections; downloads replace none but damaged ones.
+//! Transfer of a scenario's detections and their registrations. They are not sealed: each model has its own, tables and record
+//! belong together, and the record's hashes of the tables reveal damage. Uploads replace only older detections; downloads replace
+//! none but damaged ones.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -7,7 +8,7 @@ use std::path::Path;
 use std::time::SystemTime;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::{FOLDER, Provenance, models_of, provenance, record_path};
+use dataset::detections::{FOLDER, Provenance, REGISTRATIONS, models_of, provenance, record_path};
 use dataset::own_path::own_path;
 use dataset::seal::{SealedFile, hash_file, is_within};
 use futures_util::future::BoxFuture;
@@ -46,9 +47,9 @@ impl MovedDetections {
     }
 }
 
-/// The two files of a model's detections, within the scenario.
-fn files_of(model: &str) -> [String; 2] {
-    ["parquet", "json"].map(|ending| format!("{FOLDER}/{model}.{ending}"))
+/// The record of a model's detections, within the scenario.
+fn record_of(model: &str) -> String {
+    format!("{FOLDER}/{model}.json")
 }
 
 impl CorpusStore {
@@ -63,7 +64,12 @@ impl CorpusStore {
                 return Ok(true);
             }
             let there = self.objects(&folder.id()).await?;
-            for name in models.iter().flat_map(|model| files_of(model)) {
+            let files_of = |model: &String| {
+                let tables = [FOLDER, REGISTRATIONS];
+                let tables = tables.map(|parent| format!("{parent}/{model}.parquet"));
+                tables.into_iter().chain([record_of(model)])
+            };
+            for name in models.iter().flat_map(files_of) {
                 let path = own_path(folder.root(), &name)?;
                 if !path.exists() {
                     continue;
@@ -101,17 +107,13 @@ impl CorpusStore {
                         continue;
                     }
                 };
-                let [table, record] = files_of(&model);
-                let files = [
-                    SealedFile {
-                        name: table,
-                        blake3: ours.table_blake3,
-                    },
-                    SealedFile {
-                        blake3: hash_file(&record_path(folder, &model))?,
-                        name: record,
-                    },
-                ];
+                let record = SealedFile {
+                    blake3: hash_file(&record_path(folder, &model))?,
+                    name: record_of(&model),
+                };
+                // The record commits, there as here.
+                let mut files = ours.tables(&model);
+                files.push(record.clone());
                 let mut same = true;
                 for file in &files {
                     same &= self.has(folder, file, &there).await?;
@@ -119,8 +121,7 @@ impl CorpusStore {
                 if same {
                     continue;
                 }
-                // The record commits, there as here.
-                if let Some(theirs) = there.get(&files[1].name) {
+                if let Some(theirs) = there.get(&record.name) {
                     let path = record_path(folder, &model);
                     let ours = fs::metadata(&path).and_then(|found| found.modified());
                     let ours = ours.map_err(dataset::Error::io("look at", &path))?;
@@ -154,26 +155,25 @@ impl CorpusStore {
             // Held while something is written.
             let mut claimed = None;
             for model in models_in(&there) {
-                let [table, record] = files_of(&model);
+                let record = record_of(&model);
+                let half = "the store has half of them: a table or the record is missing";
                 let name = scenario_file(&folder.id(), &record);
-                let Some(theirs) = self
-                    .read(&name)
-                    .await?
-                    .filter(|_| there.contains_key(&table))
-                else {
-                    result.leave(
-                        &model,
-                        "the store has half of them: table or record is missing",
-                    );
+                let Some(theirs) = self.read(&name).await? else {
+                    result.leave(&model, half);
                     continue;
                 };
-                let Ok(Provenance { table_blake3, .. }) = serde_json::from_slice(&theirs) else {
+                let Ok(provenance) = serde_json::from_slice::<Provenance>(&theirs) else {
                     result.leave(
                         &model,
                         "the store's record of them does not say what they were made from",
                     );
                     continue;
                 };
+                let mut files = provenance.tables(&model);
+                if !files.iter().all(|table| there.contains_key(&table.name)) {
+                    result.leave(&model, half);
+                    continue;
+                }
                 let record_blake3 = blake3::hash(&theirs).to_string();
                 let stand = || standing(folder, &model, &record_blake3, there.get(&record));
                 let mut standing = stand()?;
@@ -190,9 +190,13 @@ impl CorpusStore {
                         continue;
                     }
                 };
-                let names = [(table, table_blake3), (record, record_blake3)];
+                // The record commits, here as there.
+                files.push(SealedFile {
+                    name: record,
+                    blake3: record_blake3,
+                });
                 let mut failed = None;
-                for (name, blake3) in &names {
+                for SealedFile { name, blake3 } in &files {
                     let target = own_path(folder.root(), name)?;
                     let name = scenario_file(&folder.id(), name);
                     match self.bring(&name, &target, blake3, watch).await {
@@ -261,9 +265,11 @@ fn standing(
     })
 }
 
-/// The provenance of detections whose table matches their record, made from this scenario.
+/// The provenance of detections whose tables match their record, made from this scenario.
 fn sound(folder: &ScenarioFolder, model: &str) -> dataset::Result<Provenance> {
-    folder.open()?.detections(model)?;
+    let scenario = folder.open()?;
+    scenario.detections(model)?;
+    scenario.registrations(model)?;
     provenance(folder, model)?
         .ok_or_else(|| dataset::Error::corpus(&record_path(folder, model), "is missing"))
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::detections;
+use dataset::detections::{self, NewTables};
 use dataset::pixel_box::{Detection, PixelBox};
 use dataset::seal::{self, DONE, MANIFEST, seal_folder};
 use object_store::ObjectStoreExt;
@@ -322,7 +322,12 @@ fn write_detection(claim: &Claim, folder: &ScenarioFolder, detection: Detection)
     let source = folder.open().unwrap();
     let hash = format!("abc{}", "0".repeat(61));
     let record = |provenance| provenance;
-    detections::replace(claim, &source, &hash, "abc", &[detection], record).unwrap();
+    let tables = NewTables {
+        detections: &[detection],
+        // The scenario has one view; a table without rows travels like any other.
+        registrations: Some(&[]),
+    };
+    detections::replace(claim, &source, &hash, "abc", tables, record).unwrap();
 }
 
 /// Gives the scenario a detection with this score.
@@ -357,6 +362,7 @@ async fn detections_go_along_and_only_new_ones_are_sent() {
         for path in [
             ScenarioFolder::detections_path,
             |folder: &ScenarioFolder, model: &str| detections::record_path(folder, model),
+            ScenarioFolder::registrations_path,
         ] {
             let [a, b] = [&folder, &there].map(|folder| fs::read(path(folder, "abc")).unwrap());
             assert!(a == b);

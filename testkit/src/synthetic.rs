@@ -13,7 +13,7 @@ use dataset::calibration::Calibration;
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Conditions};
 use dataset::corpus::Corpus;
-use dataset::detections;
+use dataset::detections::{self, NewTables};
 use dataset::error::{Error, Result};
 use dataset::frame_rate::FrameRate;
 use dataset::frames::{Frames, TickLabels, TickRow};
@@ -149,7 +149,7 @@ impl SyntheticCorpus {
             &source,
             MODEL_HASH,
             MODEL_HASH,
-            &detections,
+            NewTables::unregistered(&detections),
             |made| made,
         )
     }

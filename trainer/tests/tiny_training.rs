@@ -6,7 +6,7 @@ use std::path::Path;
 
 use dataset::columns::Table;
 use dataset::corpus::Corpus;
-use dataset::detections::replace;
+use dataset::detections::{NewTables, replace};
 use dataset::json_file::read_json;
 use dataset::pixel_box::PixelBox;
 use dataset::progress::Silent;
@@ -230,7 +230,7 @@ fn with_boxes(corpus: &Corpus, side: Side, change: impl Fn(PixelBox) -> PixelBox
             &scenario,
             MODEL_HASH,
             MODEL_HASH,
-            &detections,
+            NewTables::unregistered(&detections),
             |made| made,
         )
         .unwrap();

@@ -1,7 +1,9 @@
-//! Detections, if there are any: they were made from the current videos, their records and tables can be read and belong together,
-//! the counts and settings of the records are possible, and every row refers to a picture of the scenario.
+//! Detections and their registrations, if there are any: they were made from the current videos, their records and tables can be read
+//! and belong together, the counts and settings of the records are possible, every row refers to a picture of the scenario, and no
+//! picture is registered twice.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 
 use serde::Deserialize;
 use serde_json::Value;
@@ -11,8 +13,10 @@ use crate::corpus::ScenarioFolder;
 use crate::detections;
 use crate::json_file::read_json;
 use crate::limits::{self, MOST_PICTURES};
-use crate::open_scenario::fault_of;
+use crate::open_scenario::{OpenScenario, fault_of, fault_of_registration};
+use crate::own_path::own_path;
 use crate::pixel_box::{Detection, read_detections_with_faults};
+use crate::registrations::{Registration, read_registrations_with_faults};
 use crate::scenario::ScenarioRecord;
 
 /// The rest of a record, besides the origin of its table. Other programs may write less.
@@ -23,6 +27,17 @@ struct Counts {
     detections: Option<u64>,
     seconds: Option<f64>,
     settings: BTreeMap<String, Value>,
+    registration: Option<RegistrationCounts>,
+}
+
+/// What a record says of its registrations.
+#[derive(Default, Deserialize)]
+#[serde(default)]
+struct RegistrationCounts {
+    reference: Option<String>,
+    pairs: Option<u64>,
+    answered: Option<u64>,
+    seconds: Option<f64>,
 }
 
 /// Checks the detections of all models. `record` is missing if `scenario.json` cannot be read.
@@ -31,7 +46,10 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
     let scenario = folder.open().ok();
     let pictures = record.map_or(MOST_PICTURES, ScenarioRecord::pictures);
     let models = faults.keep(detections::FOLDER, detections::models_of(folder));
-    for model in models.into_iter().flatten() {
+    let models = models.unwrap_or_default();
+    check_owners(folder, &models, faults);
+    for model in models {
+        let registered = check_registrations(folder, &model, scenario.as_ref(), record, faults);
         let file = format!("{}/{model}.parquet", detections::FOLDER);
         let mut path = folder.detections_path(&model);
         let record_file = format!("{}/{model}.json", detections::FOLDER);
@@ -58,7 +76,117 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
                 faults.keep(&record_file, read_json(&path, "record of detections"))
         {
             check_counts(&record_file, &counts, found.len(), record, faults);
+            let said = counts.registration.unwrap_or_default();
+            check_registration_counts(&record_file, &said, registered.as_deref(), faults);
         }
+    }
+}
+
+/// Every table of registrations belongs to detections.
+fn check_owners(folder: &ScenarioFolder, models: &[String], faults: &mut Faults) {
+    let parent = detections::REGISTRATIONS;
+    let Some(path) = faults.keep(parent, own_path(folder.root(), parent)) else {
+        return;
+    };
+    let Ok(entries) = fs::read_dir(&path) else {
+        return;
+    };
+    for name in entries.flatten().map(|entry| entry.file_name()) {
+        let name = name.to_string_lossy();
+        if let Some(model) = name.strip_suffix(".parquet")
+            && !models.iter().any(|known| known == model)
+        {
+            let file = format!("{parent}/{name}");
+            faults.file(
+                &file,
+                "belongs to no detections; remove it, or run `dtd detect`",
+            );
+        }
+    }
+}
+
+fn check_registrations(
+    folder: &ScenarioFolder,
+    model: &str,
+    scenario: Option<&OpenScenario>,
+    record: Option<&ScenarioRecord>,
+    faults: &mut Faults,
+) -> Option<Vec<Registration>> {
+    // Without a record of the detections there is another fault.
+    let Ok(Some(provenance)) = detections::provenance(folder, model) else {
+        return None;
+    };
+    let file = format!("{}/{model}.parquet", detections::REGISTRATIONS);
+    let mut path = folder.registrations_path(model);
+    if provenance.registrations_blake3.is_none() {
+        if path.exists() {
+            let message = "is not named by the record of the detections; run `dtd detect` again";
+            faults.file(&file, message);
+        }
+        return None;
+    }
+    if let Some(scenario) = scenario
+        && let Some(Some((current, _))) = faults.keep(&file, scenario.registrations_table(model))
+    {
+        path = current;
+    }
+    if !path.exists() {
+        return None;
+    }
+    let pictures = record.map_or(MOST_PICTURES, ScenarioRecord::pictures);
+    let read = read_registrations_with_faults(&path, pictures);
+    let rows = faults.keep_table(&file, read)?;
+    let mut seen = BTreeSet::new();
+    for (row, registration) in rows.iter().enumerate() {
+        let Registration { tick, view, .. } = registration;
+        match record.and_then(|record| fault_of_registration(registration, record)) {
+            Some((kind @ "tick", message)) => faults.view_row(view, &file, row, kind, message),
+            Some((kind, message)) => faults.row(&file, row, kind, message),
+            None if !seen.insert((tick, view)) => {
+                let message = format!("tick {tick} of the view is there already");
+                faults.view_row(view, &file, row, "registration", message);
+            }
+            None => {}
+        }
+    }
+    Some(rows)
+}
+
+fn check_registration_counts(
+    file: &str,
+    said: &RegistrationCounts,
+    rows: Option<&[Registration]>,
+    faults: &mut Faults,
+) {
+    let rows = rows.unwrap_or_default();
+    let answered = rows.iter().filter(|row| row.result.is_ok()).count();
+    for (what, found, expected) in [
+        ("pairs", said.pairs, rows.len()),
+        ("answered", said.answered, answered),
+    ] {
+        if let Some(found) = found
+            && found != expected as u64
+        {
+            let message = format!("registration.{what} is {found}, expected {expected}");
+            faults.file(file, message);
+        }
+    }
+    if let Some(reference) = &said.reference
+        && let Some(other) = rows.iter().find(|row| row.reference != *reference)
+    {
+        let message = format!(
+            "registration.reference is {reference:?}, expected {:?}, that of the table",
+            other.reference
+        );
+        faults.file(file, message);
+    }
+    if let Some(seconds) = said
+        .seconds
+        .filter(|seconds| !(0.0..=1e10).contains(seconds))
+    {
+        let message =
+            format!("registration.seconds is {seconds:e}, expected a time from 0 to 1e10");
+        faults.file(file, message);
     }
 }
 

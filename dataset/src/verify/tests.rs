@@ -4,12 +4,14 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
+use crate::detections::NewTables;
 use crate::frame_rate::FrameRate;
 use crate::frames::{Frames, TickLabels, TickRow, ViewStamp};
-use crate::json_file::write_json;
+use crate::json_file::{read_json, write_json};
 use crate::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
 use crate::plan::PlannedCamera;
 use crate::pose::{Controls, Pose};
+use crate::registrations::{NoShift, Registration, write_registrations};
 use crate::runway::RunwayCoordinates;
 use crate::runway::tests::changi_02l as runway;
 use crate::scenario::{Flight, PINHOLE_SCHEMA_VERSION, Versions};
@@ -559,6 +561,151 @@ fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
     );
 }
 
+/// A registration of the right view at tick 0.
+fn registration() -> Registration {
+    Registration {
+        tick: 0,
+        view: "right".into(),
+        reference: "left".into(),
+        result: Err(NoShift::Faint),
+    }
+}
+
+/// An example with registrations of the model `aaaa`, without detections, and this in their record.
+fn registered(rows: &[Registration], said: serde_json::Value) -> Example {
+    let example = Example::new();
+    let folder = example.scenario();
+    let source = folder.open().unwrap();
+    let claim = folder.claim().unwrap();
+    let tables = NewTables {
+        detections: &[],
+        registrations: Some(rows),
+    };
+    let hash = "a".repeat(64);
+    crate::detections::replace(&claim, &source, &hash, "aaaa", tables, |provenance| {
+        let mut made = serde_json::to_value(provenance).unwrap();
+        made["registration"] = said;
+        made
+    })
+    .unwrap();
+    example
+}
+
+#[test]
+fn damaged_missing_and_foreign_registrations_are_found() {
+    let said = serde_json::json!({"method": 1, "reference": "left", "pairs": 1, "answered": 0, "seconds": 0.5});
+    let table = "registrations/aaaa.parquet";
+    let change = |spoil: &dyn Fn(&Path)| {
+        let example = registered(&[registration()], said.clone());
+        spoil(&example.scenario().registrations_path("aaaa"));
+        example.findings()
+    };
+    assert_eq!(change(&|_| {}), "");
+    let cut = |path: &Path| {
+        let bytes = fs::read(path).unwrap();
+        fs::write(path, &bytes[..bytes.len() - 9]).unwrap();
+    };
+    let others = |path: &Path| {
+        let row = Registration {
+            result: Err(NoShift::Lost),
+            ..registration()
+        };
+        write_registrations(path, &[row]).unwrap();
+    };
+    let unowned = |path: &Path| {
+        fs::copy(path, path.with_file_name("bbbb.parquet")).unwrap();
+    };
+    let cases: [(&dyn Fn(&Path), &str); 4] = [
+        (&cut, "its hash differs"),
+        (&others, "its hash differs"),
+        (
+            &|path| fs::remove_file(path).unwrap(),
+            "is missing, though there is a record of it",
+        ),
+        (&unowned, "bbbb.parquet: belongs to no detections"),
+    ];
+    for (spoil, words) in cases {
+        let findings = change(spoil);
+        assert!(
+            findings.contains(words) && findings.contains("registrations/"),
+            "{findings}"
+        );
+    }
+    assert!(change(&cut).contains(table));
+    let example = registered(&[registration()], said);
+    let path = crate::detections::record_path(&example.scenario(), "aaaa");
+    let mut record: serde_json::Value = read_json(&path, "record").unwrap();
+    record
+        .as_object_mut()
+        .unwrap()
+        .remove("registrations_blake3");
+    write_json(&path, &record).unwrap();
+    let findings = example.findings();
+    assert!(
+        findings.contains("is not named by the record of the detections"),
+        "{findings}"
+    );
+}
+
+#[test]
+fn registrations_of_no_picture_of_the_scenario_or_with_other_counts_are_found() {
+    let row = registration();
+    for (rows, said, words) in [
+        (
+            vec![Registration {
+                tick: 99,
+                ..row.clone()
+            }],
+            serde_json::json!({}),
+            "tick: is 99",
+        ),
+        (
+            vec![Registration {
+                view: "lift".into(),
+                ..row.clone()
+            }],
+            serde_json::json!({}),
+            "view: lift is not a view",
+        ),
+        (
+            vec![Registration {
+                reference: "right".into(),
+                ..row.clone()
+            }],
+            serde_json::json!({}),
+            "right is the view itself",
+        ),
+        (
+            vec![row.clone(), row.clone()],
+            serde_json::json!({}),
+            "tick 0 of the view is there already",
+        ),
+        (
+            vec![row.clone()],
+            serde_json::json!({"pairs": 7}),
+            "registration.pairs is 7, expected 1",
+        ),
+        (
+            vec![row.clone()],
+            serde_json::json!({"answered": 1}),
+            "registration.answered is 1, expected 0",
+        ),
+        (
+            vec![row.clone()],
+            serde_json::json!({"reference": "right"}),
+            "registration.reference is \"right\"",
+        ),
+        (
+            vec![row],
+            serde_json::json!({"seconds": -1.0}),
+            "registration.seconds is -1e0",
+        ),
+    ] {
+        let findings = registered(&rows, said).findings();
+        assert!(findings.contains(words), "{findings}");
+    }
+}
+
 /// The findings after detections were made, with this record.
 fn with_detections(record: serde_json::Value) -> String {
     let example = Example::new();
@@ -573,7 +720,9 @@ fn with_detections(record: serde_json::Value) -> String {
     let source = folder.open().unwrap();
     let claim = folder.claim().unwrap();
     let hash = "a".repeat(64);
-    crate::detections::replace(&claim, &source, &hash, "aaaa", &[found], |provenance| {
+    let found = [found];
+    let tables = NewTables::unregistered(&found);
+    crate::detections::replace(&claim, &source, &hash, "aaaa", tables, |provenance| {
         let mut made = serde_json::to_value(provenance).unwrap();
         let fields = record.as_object().unwrap().clone();
         made.as_object_mut().unwrap().extend(fields);

@@ -1,27 +1,43 @@
-//! The work on one scenario: its views are processed one by one, by whichever worker is free, and written together.
+//! The work on one scenario: its views are processed one by one, by whichever worker is free, and written together by the worker that
+//! finishes the last one.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::detections;
+use dataset::detections::{self, NewTables};
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::Detection;
+use dataset::registrations::NoShift;
+use dataset::scenario::ScenarioRecord;
 
-use super::record::DetectionRecord;
+use super::pairs::Pairs;
+use super::record::{DetectionRecord, RegistrationRecord, Standing};
 use super::{DetectOptions, Model};
 use crate::detector::{Detector, PictureView};
 use crate::error::{Error, Result};
+use crate::registration::{METHOD, Patch};
 use crate::tiling::{TilingSettings, find_aircraft};
 
-/// A scenario that is to be searched.
+/// A scenario that is to be searched, or whose detections are to be registered.
 pub(super) struct ScenarioJob {
     scenario: OpenScenario,
     model: Model,
     settings: TilingSettings,
     views: Vec<ViewTicks>,
+    /// The record of detections that are there already and only lack their registrations.
+    stored: Option<Box<DetectionRecord>>,
+    /// Those detections, while the scenario is in work.
+    loaded: Mutex<Option<Arc<Vec<Detection>>>>,
+    /// With several views.
+    pairs: Option<Pairs>,
+    /// Views that are not done yet.
+    left: AtomicUsize,
     /// One slot per view; empty until it is done.
     results: Mutex<Vec<Option<Result<ViewResult>>>>,
+    /// Empty until all views are done.
+    finished: Mutex<Option<Result<f64>>>,
 }
 
 /// A view and the timestamps that its pictures must have, tick by tick.
@@ -32,7 +48,7 @@ struct ViewTicks {
 
 struct ViewResult {
     detections: Vec<Detection>,
-    detector: String,
+    detector: Option<String>,
     seconds: f64,
 }
 
@@ -50,9 +66,15 @@ impl ScenarioJob {
         options: &DetectOptions,
     ) -> Result<Option<Self>> {
         let scenario = folder.open()?;
-        if !options.again && DetectionRecord::is_there(&scenario, model, &options.settings)? {
-            return Ok(None);
-        }
+        let standing = match options.again {
+            true => Standing::Missing,
+            false => DetectionRecord::standing(&scenario, model, &options.settings)?,
+        };
+        let stored = match standing {
+            Standing::Missing => None,
+            Standing::Unregistered(record) => Some(record),
+            Standing::Whole => return Ok(None),
+        };
         let record = scenario.record()?;
         let frames = scenario.frames()?;
         if frames.views != record.views {
@@ -69,6 +91,7 @@ impl ScenarioJob {
                 .map(|row| (row.tick, row.views[index].pts))
                 .collect()
         };
+        let pairs = pairs_of(&scenario, &record)?;
         let views: Vec<_> = (0..)
             .zip(record.views)
             .map(|(index, id)| ViewTicks {
@@ -80,13 +103,23 @@ impl ScenarioJob {
             scenario,
             model: model.clone(),
             settings: options.settings,
+            stored,
+            loaded: Mutex::new(None),
+            pairs,
+            left: AtomicUsize::new(views.len()),
             results: Mutex::new(views.iter().map(|_| None).collect()),
+            finished: Mutex::new(None),
             views,
         }))
     }
 
     pub(super) fn id(&self) -> String {
         self.scenario.id()
+    }
+
+    /// Whether detections are there and only their registrations are missing.
+    pub(super) fn only_registers(&self) -> bool {
+        self.stored.is_some()
     }
 
     pub(super) fn views(&self) -> impl Iterator<Item = ViewJob<'_>> {
@@ -96,39 +129,97 @@ impl ScenarioJob {
         })
     }
 
-    /// Writes table and record once all views are done. Returns the time of the workers, seconds.
-    pub(super) fn finish(self) -> Result<f64> {
-        let results = self
-            .results
-            .into_inner()
-            .unwrap_or_else(PoisonError::into_inner);
+    /// The time of the workers, seconds, once all views are done and everything is written.
+    pub(super) fn outcome(self) -> Result<f64> {
+        let id = self.id();
+        let finished = self.finished.into_inner();
+        let finished = finished.unwrap_or_else(PoisonError::into_inner);
+        finished.unwrap_or_else(|| {
+            Err(Error::scenario(
+                &id,
+                "not all views were searched: no detector was there",
+            ))
+        })
+    }
+
+    /// Takes the result of a view; with the last one, writes tables and record.
+    fn take(&self, view: usize, result: Result<ViewResult>) {
+        lock(&self.results)[view] = Some(result);
+        if self.left.fetch_sub(1, Ordering::AcqRel) == 1 {
+            let finished = self.finish();
+            *lock(&self.finished) = Some(finished);
+            *lock(&self.loaded) = None;
+        }
+    }
+
+    /// Detections that are there already, read by the first view that needs them.
+    fn loaded(&self) -> Result<Arc<Vec<Detection>>> {
+        let mut loaded = lock(&self.loaded);
+        if let Some(detections) = &*loaded {
+            return Ok(detections.clone());
+        }
+        let mut detections = self.scenario.detections(self.model.short_hash())?;
+        // Another program may have written them in another order.
+        detections.sort_by_key(|detection| detection.tick);
+        let detections = Arc::new(detections);
+        *loaded = Some(detections.clone());
+        Ok(detections)
+    }
+
+    fn finish(&self) -> Result<f64> {
         let id = self.scenario.id();
+        // First of all: nothing may wait any longer, also after a failure.
+        let registered = self.pairs.as_ref();
+        let registered = registered.map(|pairs| (pairs.reference(), pairs.finish()));
         let mut detections = Vec::new();
         let mut seconds = 0.0;
-        let mut detector = String::new();
-        for (view, result) in self.views.iter().zip(results) {
-            let searched = result.unwrap_or_else(|| {
-                Err(Error::scenario(
-                    &id,
-                    format!("view {} was not searched: no detector was there", view.id),
-                ))
-            })?;
+        let mut detector = None;
+        let results = std::mem::take(&mut *lock(&self.results));
+        for result in results.into_iter().flatten() {
+            let searched = result?;
             detections.extend(searched.detections);
             seconds += searched.seconds;
-            detector = searched.detector;
+            detector = searched.detector.or(detector);
         }
         // By tick; views keep their order within a tick, and boxes theirs (best first) within a view.
         detections.sort_by_key(|detection| detection.tick);
-        let record = |provenance| DetectionRecord {
-            model: self.model.file_name.clone(),
-            provenance,
-            profile_blake3: self.model.profile_blake3.clone(),
-            detector,
-            settings: self.settings,
-            dtd: env!("CARGO_PKG_VERSION").into(),
-            pictures: self.views.iter().map(|view| view.ticks.len() as u64).sum(),
-            detections: detections.len() as u64,
-            seconds,
+        let registration = registered
+            .as_ref()
+            .map(|(reference, done)| RegistrationRecord {
+                method: METHOD,
+                reference: (*reference).to_owned(),
+                pairs: done.registrations.len() as u64,
+                answered: done
+                    .registrations
+                    .iter()
+                    .filter(|found| found.result.is_ok())
+                    .count() as u64,
+                seconds: done.seconds,
+            });
+        let tables = NewTables {
+            detections: &detections,
+            registrations: registered
+                .as_ref()
+                .map(|(_, done)| done.registrations.as_slice()),
+        };
+        let record = |provenance| match &self.stored {
+            Some(made) => DetectionRecord {
+                provenance,
+                registration,
+                ..DetectionRecord::clone(made)
+            },
+            None => DetectionRecord {
+                model: self.model.file_name.clone(),
+                provenance,
+                profile_blake3: self.model.profile_blake3.clone(),
+                detector: detector.unwrap_or_default(),
+                settings: self.settings,
+                dtd: env!("CARGO_PKG_VERSION").into(),
+                pictures: self.views.iter().map(|view| view.ticks.len() as u64).sum(),
+                detections: detections.len() as u64,
+                seconds,
+                registration,
+            },
         };
         let folder = self.scenario.folder();
         let claim = folder.claim()?;
@@ -144,11 +235,33 @@ impl ScenarioJob {
             source,
             blake3,
             self.model.short_hash(),
-            &detections,
+            tables,
             record,
         )?;
         Ok(seconds)
     }
+}
+
+/// The registrations to make; `None` with one view.
+fn pairs_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Option<Pairs>> {
+    if record.views.len() < 2 {
+        return Ok(None);
+    }
+    let calibration = scenario.calibration()?;
+    let camera = |view: &String| {
+        let entry = calibration.cameras.get(view).ok_or_else(|| {
+            let message =
+                format!("calibration.json has no camera of view {view}; generate it again");
+            Error::scenario(&record.id, message)
+        })?;
+        Ok((view.clone(), entry.camera()))
+    };
+    let views = record.views.iter().map(camera).collect::<Result<_>>()?;
+    Ok(Some(Pairs::new(views)))
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl ViewJob<'_> {
@@ -157,37 +270,78 @@ impl ViewJob<'_> {
         self.ticks().ticks.len() as u64
     }
 
+    /// Whether the view is to be searched, not only to be registered.
+    pub(super) fn needs_detector(&self) -> bool {
+        !self.scenario.only_registers()
+    }
+
     fn ticks(&self) -> &ViewTicks {
         &self.scenario.views[self.index]
     }
 
-    /// Processes the view and stores the result with its scenario. Calls `picture_done` after every picture.
+    /// Processes the view and stores the result with its scenario. Calls `picture_done` after every picture. Without a detector, the
+    /// stored detections are used.
     pub(super) fn search(
         &self,
-        detector: &mut dyn Detector,
+        mut detector: Option<&mut (dyn Detector + '_)>,
         settings: &TilingSettings,
         picture_done: &dyn Fn(),
     ) {
         let started = Instant::now();
-        let result = self
-            .detections(detector, settings, picture_done)
-            .map(|detections| ViewResult {
-                detections,
-                detector: detector.description(),
-                seconds: started.elapsed().as_secs_f64(),
-            });
-        let mut results = self
-            .scenario
-            .results
-            .lock()
-            .unwrap_or_else(PoisonError::into_inner);
-        results[self.index] = Some(result);
+        let description = detector.as_ref().map(|detector| detector.description());
+        let stored = match &detector {
+            Some(_) => Ok(Arc::default()),
+            None => self.scenario.loaded(),
+        };
+        let result = stored.and_then(|stored| {
+            self.detections(
+                |picture, tick| match &mut detector {
+                    Some(detector) => self.found(*detector, picture, tick, settings),
+                    None => Ok(self.of_picture(&stored, tick)),
+                },
+                picture_done,
+            )
+        });
+        let result = result.map(|detections| ViewResult {
+            detections,
+            detector: description,
+            seconds: started.elapsed().as_secs_f64(),
+        });
+        self.scenario.take(self.index, result);
+    }
+
+    /// What the detector finds in a picture.
+    fn found(
+        &self,
+        detector: &mut dyn Detector,
+        picture: &PictureView<'_>,
+        tick: u32,
+        settings: &TilingSettings,
+    ) -> Result<Vec<Detection>> {
+        let sightings = find_aircraft(detector, picture, settings)?;
+        let detection = |sighting: crate::tiling::Sighting| Detection {
+            tick,
+            view: self.ticks().id.clone(),
+            pixel_box: sighting.pixel_box,
+            score: sighting.score,
+            tile: sighting.tile,
+        };
+        Ok(sightings.into_iter().map(detection).collect())
+    }
+
+    /// What was found in a picture earlier; `stored` is sorted by tick.
+    fn of_picture(&self, stored: &[Detection], tick: u32) -> Vec<Detection> {
+        let start = stored.partition_point(|detection| detection.tick < tick);
+        let of_tick = stored[start..]
+            .iter()
+            .take_while(|found| found.tick == tick);
+        let id = &self.ticks().id;
+        of_tick.filter(|found| found.view == *id).cloned().collect()
     }
 
     fn detections(
         &self,
-        detector: &mut dyn Detector,
-        settings: &TilingSettings,
+        mut look: impl FnMut(&PictureView<'_>, u32) -> Result<Vec<Detection>>,
         picture_done: &dyn Fn(),
     ) -> Result<Vec<Detection>> {
         let ViewTicks { id, ticks } = self.ticks();
@@ -210,14 +364,11 @@ impl ViewJob<'_> {
                 width_px,
                 height_px,
             };
-            let sightings = find_aircraft(detector, &picture, settings)?;
-            detections.extend(sightings.into_iter().map(|sighting| Detection {
-                tick,
-                view: id.clone(),
-                pixel_box: sighting.pixel_box,
-                score: sighting.score,
-                tile: sighting.tile,
-            }));
+            let found = look(&picture, tick)?;
+            if let Some(pairs) = &self.scenario.pairs {
+                pairs.take(self.index, tick, patch_of(&picture, &found));
+            }
+            detections.extend(found);
             picture_done();
         }
         if let Some(pts) = reader.next_frame(&mut rgb)? {
@@ -234,4 +385,16 @@ impl ViewJob<'_> {
             format!("view {}: {message}", self.ticks().id),
         )
     }
+}
+
+/// The surroundings of the best box of a picture.
+fn patch_of(
+    picture: &PictureView<'_>,
+    detections: &[Detection],
+) -> std::result::Result<Patch, NoShift> {
+    let best = detections
+        .iter()
+        .max_by(|a, b| a.score.total_cmp(&b.score))
+        .ok_or(NoShift::NoBox)?;
+    Patch::cut(picture, best.pixel_box)
 }

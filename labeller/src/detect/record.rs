@@ -1,4 +1,4 @@
-//! `detections/<model>.json`: the origin of the detections next to it.
+//! `detections/<model>.json`: the origin of the detections next to it, and of their registrations.
 
 use std::path::PathBuf;
 
@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Model;
 use crate::error::Result;
+use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
 
 /// Where the detections of one model in one scenario come from.
@@ -35,6 +36,34 @@ pub(super) struct DetectionRecord {
     pub detections: u64,
     /// Total time of the workers, seconds.
     pub seconds: f64,
+    /// How the views were registered; missing if they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub registration: Option<RegistrationRecord>,
+}
+
+/// How the views of a scenario were registered.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct RegistrationRecord {
+    /// Version of the measurement.
+    pub method: u32,
+    /// The view that the others are compared with.
+    pub reference: String,
+    /// Rows of the table.
+    pub pairs: u64,
+    /// Of these, those with a shift.
+    pub answered: u64,
+    /// Time that the measurement took, without decoding, seconds.
+    pub seconds: f64,
+}
+
+/// What of a model's work on a scenario is there.
+pub(super) enum Standing {
+    /// No detections that can be used.
+    Missing,
+    /// Detections, but their views are still to be registered.
+    Unregistered(Box<DetectionRecord>),
+    /// All of it.
+    Whole,
 }
 
 impl DetectionRecord {
@@ -43,20 +72,31 @@ impl DetectionRecord {
         detections::record_path(folder, model_hash)
     }
 
-    /// Whether the scenario has detections of this model with this profile and these settings, made from its current videos.
-    pub(super) fn is_there(
+    /// What is there of this model's work with this profile and these settings, made from the scenario's current videos.
+    pub(super) fn standing(
         scenario: &OpenScenario,
         model: &Model,
         settings: &TilingSettings,
-    ) -> Result<bool> {
+    ) -> Result<Standing> {
         if scenario.detections(model.short_hash()).is_err() {
             // Missing, of other videos or damaged: detecting again repairs all of these.
-            return Ok(false);
+            return Ok(Standing::Missing);
         }
         let path = Self::path(scenario.folder(), model.short_hash());
         let record: Self = read_json(&path, "record of detections")?;
-        Ok(record.provenance.model_blake3 == model.blake3
+        let is_same = record.provenance.model_blake3 == model.blake3
             && record.profile_blake3 == model.profile_blake3
-            && record.settings == *settings)
+            && record.settings == *settings;
+        if !is_same {
+            return Ok(Standing::Missing);
+        }
+        let method = record.registration.as_ref().map(|made| made.method);
+        let is_registered = method == Some(METHOD)
+            && matches!(scenario.registrations(model.short_hash()), Ok(Some(_)));
+        Ok(if is_registered || scenario.record()?.views.len() < 2 {
+            Standing::Whole
+        } else {
+            Standing::Unregistered(Box::new(record))
+        })
     }
 }

@@ -1,8 +1,12 @@
 use std::fs;
 use std::sync::Mutex;
 
+use dataset::corpus::ScenarioFolder;
+use dataset::detections::NewTables;
+
 use dataset::json_file::read_json;
 use dataset::pixel_box::{Detection, PixelBox, write_detections};
+use dataset::registrations::{NoShift, Registration};
 use dataset::seal::seal_folder;
 use testkit::short_corpus;
 
@@ -201,7 +205,8 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
         };
         let claim = folder.claim().unwrap();
         let hash = &model().blake3;
-        dataset::detections::replace(&claim, &scenario, hash, MODEL, &found, made).unwrap();
+        let tables = NewTables::unregistered(&found);
+        dataset::detections::replace(&claim, &scenario, hash, MODEL, tables, made).unwrap();
         drop(claim);
         let message = stored(&folder).unwrap_err();
         assert!(message.contains(words), "{message}");
@@ -363,4 +368,139 @@ fn detections_that_a_killed_process_decided_but_did_not_rename_are_read_and_sett
     assert_eq!(detect(&corpus, &again).detected, ["0001-a"]);
     assert!(table.exists() && !new.exists());
     assert_eq!(stored(&folder).unwrap().len(), 6);
+}
+
+/// The registrations of a scenario.
+fn registered(folder: &ScenarioFolder) -> Vec<Registration> {
+    let scenario = folder.open().unwrap();
+    scenario.registrations(MODEL).unwrap().unwrap()
+}
+
+/// Detects without a detector: what is there must be enough.
+fn detect_without(corpus: &Corpus) -> DetectOutcome {
+    let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
+    detect_with(corpus, &model(), &make, &two_workers(), &|_| {}).unwrap()
+}
+
+#[test]
+fn every_view_is_registered_with_the_first_at_every_tick() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    let outcome = detect(&corpus, &two_workers());
+    assert_eq!(
+        (outcome.registrations.pairs, outcome.registrations.answered),
+        (3, 3)
+    );
+    let rows = registered(&corpus.scenario("0001-a"));
+    assert_eq!(rows.len(), 3);
+    for (tick, row) in (0..).zip(rows) {
+        assert_eq!(
+            (row.tick, row.view.as_str(), row.reference.as_str()),
+            (tick, "right", "left")
+        );
+        let shift = row.result.unwrap();
+        let expected_px = blob("right", tick).cx_px - blob("left", tick).cx_px;
+        assert!((shift.dx_px - expected_px).abs() < 0.2, "{shift:?}");
+        assert!(shift.dy_px.abs() < 0.2, "{shift:?}");
+        assert!(
+            (shift.x_px - blob("left", tick).cx_px).abs() < 0.6,
+            "{shift:?}"
+        );
+        assert!((0.9..1.1).contains(&shift.gain), "{shift:?}");
+    }
+}
+
+#[test]
+fn a_tick_that_one_view_does_not_show_has_a_reason_and_no_shift() {
+    let temporary = tempfile::tempdir().unwrap();
+    let paint = |view: &str, tick: u32, rgb: &mut [u8]| {
+        rgb.fill(20);
+        if view == "left" || tick != 1 {
+            paint_blob(rgb, WIDTH, &blob(view, tick));
+        }
+    };
+    let ids = ["0001-a"];
+    let corpus =
+        short_corpus::write_with_videos(temporary.path(), &ids, WIDTH, HEIGHT, Some(&paint));
+    let outcome = detect(&corpus, &two_workers());
+    let results: Vec<_> = registered(&corpus.scenario("0001-a"))
+        .into_iter()
+        .map(|row| row.result.err())
+        .collect();
+    assert_eq!(results, [None, Some(NoShift::NoBox), None]);
+    let unanswered = BTreeMap::from([("no-box", 1)]);
+    assert_eq!(outcome.registrations.unanswered, unanswered);
+}
+
+#[test]
+fn detections_of_earlier_versions_are_registered_without_detecting_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    detect(&corpus, &two_workers());
+    let folder = corpus.scenario("0001-a");
+    let before = (stored(&folder).unwrap(), registered(&folder));
+    let path = DetectionRecord::path(&folder, MODEL);
+    let record: DetectionRecord = read_json(&path, "record").unwrap();
+    let made = |provenance| DetectionRecord {
+        provenance,
+        registration: None,
+        ..record.clone()
+    };
+    let tables = NewTables::unregistered(&before.0);
+    let (claim, scenario) = (folder.claim().unwrap(), folder.open().unwrap());
+    let hash = &model().blake3;
+    dataset::detections::replace(&claim, &scenario, hash, MODEL, tables, made).unwrap();
+    drop(claim);
+    assert_eq!(folder.open().unwrap().registrations(MODEL).unwrap(), None);
+    let outcome = detect_without(&corpus);
+    assert_eq!(outcome.failed, []);
+    assert_eq!((outcome.registered.len(), outcome.detected.len()), (1, 0));
+    assert_eq!((stored(&folder).unwrap(), registered(&folder)), before);
+    let after: DetectionRecord = read_json(&path, "record").unwrap();
+    assert_eq!(after.seconds, record.seconds, "the detection took as long");
+    assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);
+}
+
+#[test]
+fn registrations_that_are_damaged_are_refused_and_made_again() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a"]);
+    detect(&corpus, &two_workers());
+    let folder = corpus.scenario("0001-a");
+    let before = registered(&folder);
+    let table = folder.registrations_path(MODEL);
+    let cut = fs::read(&table).unwrap().len() as u64 - 5;
+    fs::OpenOptions::new()
+        .write(true)
+        .open(&table)
+        .unwrap()
+        .set_len(cut)
+        .unwrap();
+    let refused = folder.open().unwrap().registrations(MODEL).unwrap_err();
+    assert!(
+        refused.to_string().contains("its hash differs"),
+        "{refused}"
+    );
+    assert_eq!(detect_without(&corpus).registered, ["0001-a"]);
+    assert_eq!(registered(&folder), before);
+}
+
+#[test]
+fn a_scenario_is_written_as_soon_as_its_last_view_is_done() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let one_worker = DetectOptions {
+        workers: 1,
+        ..Default::default()
+    };
+    let first = corpus.scenario("0001-a");
+    let there = Mutex::new(Vec::new());
+    let watch = |progress: Progress| {
+        if [6, 7].contains(&progress.done) {
+            there.lock().unwrap().push(stored(&first).is_ok());
+        }
+    };
+    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
+    detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
+    assert_eq!(*there.lock().unwrap(), [false, true]);
 }

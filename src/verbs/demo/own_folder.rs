@@ -239,7 +239,7 @@ fn is_of_corpus(
     is_file: bool,
     planned: &BTreeSet<String>,
 ) -> bool {
-    let ends = |name: &str, endings: [&str; 2]| {
+    let ends = |name: &str, endings: &[&str]| {
         let name = without_temporary_ending(name);
         endings.iter().any(|ending| name.ends_with(ending))
     };
@@ -253,9 +253,10 @@ fn is_of_corpus(
         }
         ["scenarios", id, ..] if !planned.contains(id.trim_end_matches(PARTIAL_SUFFIX)) => false,
         ["scenarios", _] => is_folder,
-        ["scenarios", _, "views" | "detections"] => is_folder,
-        ["scenarios", _, "views", name] => is_file && ends(name, [".mp4", ".mov"]),
-        ["scenarios", _, "detections", name] => is_file && ends(name, [".parquet", ".json"]),
+        ["scenarios", _, "views" | "detections" | "registrations"] => is_folder,
+        ["scenarios", _, "views", name] => is_file && ends(name, &[".mp4", ".mov"]),
+        ["scenarios", _, "registrations", name] => is_file && ends(name, &[".parquet"]),
+        ["scenarios", _, "detections", name] => is_file && ends(name, &[".parquet", ".json"]),
         ["scenarios", _, name] => {
             let name = without_temporary_ending(name);
             is_file && (ScenarioFolder::FILES.contains(&name) || [MANIFEST, DONE].contains(&name))
@@ -290,6 +291,7 @@ mod tests {
             "corpus/scenarios/1200-clear-r1.partial/views/left.mp4",
             "corpus/scenarios/1200-clear-r1/views/left.mp4",
             "corpus/scenarios/1200-clear-r1/detections/abc.json",
+            "corpus/scenarios/1200-clear-r1/registrations/abc.parquet",
             "corpus/scenarios/1200-clear-r1/DONE.json.new",
             "run/weights.safetensors",
             "run.partial/new/config.json",

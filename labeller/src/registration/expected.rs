@@ -1,0 +1,83 @@
+//! How the aircraft in one view should differ from that in another, by the cameras: the part of the difference that is not shift.
+
+use dataset::camera::Camera;
+use glam::{DMat2, DVec2, DVec3};
+
+/// Rays that meet closer than this meet nowhere: the boxes are not of one aircraft.
+const LEAST_RANGE_M: f64 = 10.0;
+/// And farther away they are parallel.
+const MOST_RANGE_M: f64 = 500_000.0;
+/// Steps of the numerical derivatives, metres.
+const STEP_M: f64 = 1.0;
+
+/// The difference of two views near the aircraft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Expected {
+    /// Small displacements in the view of what faces the cameras, from those in the reference view: scale and rotation.
+    pub(super) view_from_reference: DMat2,
+    /// Change of the shift per metre by which something is closer to the cameras.
+    pub(super) depth_px_per_m: DVec2,
+}
+
+impl Expected {
+    /// Nothing but shift.
+    pub(crate) const SHIFT_ALONE: Self = Self {
+        view_from_reference: DMat2::IDENTITY,
+        depth_px_per_m: DVec2::ZERO,
+    };
+
+    /// The difference for an aircraft seen at these pixels; nothing but shift if the two lines of sight do not meet.
+    pub(crate) fn of(
+        reference: &Camera,
+        view: &Camera,
+        reference_px: DVec2,
+        view_px: DVec2,
+    ) -> Self {
+        let derived = || {
+            let place_m = meeting_point(reference, view, reference_px, view_px)?;
+            let [right, down, forward] =
+                [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| reference.ecef_from_camera * axis);
+            let move_of = |camera: &Camera, by: DVec3| {
+                let ahead = camera.project(place_m + STEP_M * by)?;
+                let behind = camera.project(place_m - STEP_M * by)?;
+                Some((ahead - behind) / (2.0 * STEP_M))
+            };
+            let [from, to] = [reference, view].map(|camera| {
+                Some(DMat2::from_cols(
+                    move_of(camera, right)?,
+                    move_of(camera, down)?,
+                ))
+            });
+            let (from, to) = (from?, to?);
+            let view_from_reference = to * from.inverse();
+            let depth_px_per_m =
+                move_of(view, -forward)? - view_from_reference * move_of(reference, -forward)?;
+            (view_from_reference.is_finite() && depth_px_per_m.is_finite()).then_some(Self {
+                view_from_reference,
+                depth_px_per_m,
+            })
+        };
+        derived().unwrap_or(Self::SHIFT_ALONE)
+    }
+}
+
+/// The point closest to both lines of sight.
+fn meeting_point(
+    reference: &Camera,
+    view: &Camera,
+    reference_px: DVec2,
+    view_px: DVec2,
+) -> Option<DVec3> {
+    let (a, b) = (reference.ray(reference_px), view.ray(view_px));
+    let between = view.center_ecef_m - reference.center_ecef_m;
+    let cos = a.dot(b);
+    let sin2 = 1.0 - cos * cos;
+    let along_a = (between.dot(a) - cos * between.dot(b)) / sin2;
+    let along_b = (cos * between.dot(a) - between.dot(b)) / sin2;
+    let ranges = LEAST_RANGE_M..=MOST_RANGE_M;
+    (ranges.contains(&along_a) && ranges.contains(&along_b)).then(|| {
+        let on_a = reference.center_ecef_m + along_a * a;
+        let on_b = view.center_ecef_m + along_b * b;
+        (on_a + on_b) / 2.0
+    })
+}

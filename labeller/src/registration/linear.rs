@@ -1,0 +1,104 @@
+//! Small systems of linear equations.
+
+/// Solves `a x = b` by elimination with pivots; `None` if `a` is singular.
+pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Option<[f64; N]> {
+    let largest = a
+        .iter()
+        .flatten()
+        .fold(0.0_f64, |most, v| most.max(v.abs()));
+    for column in 0..N {
+        let pivot =
+            (column..N).max_by(|i, j| a[*i][column].abs().total_cmp(&a[*j][column].abs()))?;
+        a.swap(column, pivot);
+        b.swap(column, pivot);
+        let lead = a[column][column];
+        if !lead.is_finite() || lead.abs() <= 1e-14 * largest {
+            return None;
+        }
+        for row in column + 1..N {
+            let factor = a[row][column] / lead;
+            for k in column..N {
+                a[row][k] -= factor * a[column][k];
+            }
+            b[row] -= factor * b[column];
+        }
+    }
+    for row in (0..N).rev() {
+        let known: f64 = (row + 1..N).map(|k| a[row][k] * b[k]).sum();
+        b[row] = (b[row] - known) / a[row][row];
+    }
+    Some(b)
+}
+
+/// The inverse of a symmetric matrix; `None` if it is singular.
+pub(super) fn inverse<const N: usize>(a: [[f64; N]; N]) -> Option<[[f64; N]; N]> {
+    let mut inverse = [[0.0; N]; N];
+    for (k, row) in inverse.iter_mut().enumerate() {
+        let mut unit = [0.0; N];
+        unit[k] = 1.0;
+        // Row for column: the inverse is symmetric, too.
+        *row = solve(a, unit)?;
+    }
+    Some(inverse)
+}
+
+/// Normal equations of weighted least squares, filled row by row.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Normal<const N: usize> {
+    /// Sum of `w j j^T`.
+    pub(super) matrix: [[f64; N]; N],
+    /// Sum of `w j r`.
+    pub(super) right: [f64; N],
+}
+
+impl<const N: usize> Normal<N> {
+    pub(super) fn new() -> Self {
+        Self {
+            matrix: [[0.0; N]; N],
+            right: [0.0; N],
+        }
+    }
+
+    pub(super) fn add(&mut self, row: &[f64; N], value: f64, weight: f64) {
+        for (i, a) in row.iter().enumerate() {
+            for (j, b) in row.iter().enumerate() {
+                self.matrix[i][j] += weight * a * b;
+            }
+            self.right[i] += weight * a * value;
+        }
+    }
+
+    pub(super) fn solve(&self) -> Option<[f64; N]> {
+        solve(self.matrix, self.right)
+    }
+}
+
+/// Median of the absolute values, as the standard deviation of a normal distribution; 0 if there are none.
+pub(super) fn robust_sd(values: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let middle = sizes.len() / 2;
+    let (_, median, _) = sizes.select_nth_unstable_by(middle, f64::total_cmp);
+    1.4826 * *median
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_system_is_solved_and_a_singular_one_is_not() {
+        let a = [[0.0, 2.0, 1.0], [1.0, 1.0, 0.0], [3.0, 0.0, 1.0]];
+        let x = solve(a, [7.0, 3.0, 6.0]).unwrap();
+        for (found, expected) in x.iter().zip([1.0, 2.0, 3.0]) {
+            assert!((found - expected).abs() < 1e-12, "{x:?}");
+        }
+        assert_eq!(solve([[1.0, 2.0], [2.0, 4.0]], [1.0, 2.0]), None);
+        assert_eq!(
+            inverse([[2.0, 0.0], [0.0, 4.0]]),
+            Some([[0.5, 0.0], [0.0, 0.25]])
+        );
+    }
+}

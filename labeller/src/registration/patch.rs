@@ -1,0 +1,335 @@
+//! The surroundings of a box, cut out of a picture, and what remains of them without the background.
+
+use dataset::pixel_box::PixelBox;
+use dataset::registrations::NoShift;
+use glam::DVec2;
+
+use super::linear::{Normal, robust_sd};
+use super::{LEAST_CONTRAST, SEARCH_PART};
+use crate::detector::PictureView;
+
+/// Pixels around the box, besides [`MARGIN_PART`] of its longer side: the aircraft's edge, the ring that shows the background, and
+/// room to search.
+const MARGIN_PX: f64 = 26.0;
+const MARGIN_PART: f64 = 0.2;
+/// A box whose edge is closer to the picture's edge than this may be cut off.
+const EDGE_PX: f64 = 1.5;
+/// Larger aircraft are looked at with coarser pixels: there, perspective limits the accuracy.
+const MOST_BOX_PX: f64 = 192.0;
+/// Grey levels are stored in steps of 1/256.
+const STEPS_PER_GREY: f64 = 256.0;
+
+/// The surroundings of a box in a picture: luma, not yet without the background. Small, because it waits for the other view.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Patch {
+    /// Of the aircraft, in the picture.
+    pixel_box: PixelBox,
+    /// Centre of the first pixel, in the picture.
+    origin_px: DVec2,
+    /// Pixels of the picture along a side of a pixel of the patch.
+    bin: usize,
+    width: usize,
+    luma: Vec<u16>,
+}
+
+impl Patch {
+    /// Cuts out the surroundings of a box.
+    ///
+    /// # Errors
+    /// The picture's edge cuts off the aircraft.
+    pub(crate) fn cut(picture: &PictureView<'_>, pixel_box: PixelBox) -> Result<Self, NoShift> {
+        let [left, top, right, bottom] = pixel_box.edges();
+        let (width_px, height_px) = (f64::from(picture.width_px), f64::from(picture.height_px));
+        let is_inside = left >= EDGE_PX - 0.5
+            && top >= EDGE_PX - 0.5
+            && right <= width_px - 0.5 - EDGE_PX
+            && bottom <= height_px - 0.5 - EDGE_PX;
+        if !is_inside {
+            return Err(NoShift::Edge);
+        }
+        let longer = pixel_box.width_px.max(pixel_box.height_px);
+        // A power of two, so that the patches of two views can have pixels of the same size.
+        let bin = ((longer / MOST_BOX_PX).ceil() as usize).next_power_of_two();
+        let margin = bin as f64 * MARGIN_PX + MARGIN_PART * longer;
+        let start = |edge: f64| (edge - margin).max(0.0) as usize;
+        let end = |edge: f64, length: u32| ((edge + margin).max(0.0) as usize).min(length as usize);
+        let columns = start(left)..end(right, picture.width_px);
+        let rows = start(top)..end(bottom, picture.height_px);
+        let width = columns.len() / bin;
+        let height = rows.len() / bin;
+        let mut luma = Vec::with_capacity(width * height);
+        for row in 0..height {
+            for column in 0..width {
+                let mut sum = 0.0;
+                for y in rows.start + row * bin..rows.start + (row + 1) * bin {
+                    let line = (y * picture.width_px as usize + columns.start + column * bin) * 3;
+                    sum += picture.rgb[line..line + 3 * bin]
+                        .chunks_exact(3)
+                        .map(luma_of)
+                        .sum::<f64>();
+                }
+                luma.push((sum / (bin * bin) as f64 * STEPS_PER_GREY).round() as u16);
+            }
+        }
+        let half = (bin as f64 - 1.0) / 2.0;
+        Ok(Self {
+            pixel_box,
+            origin_px: DVec2::new(columns.start as f64, rows.start as f64) + half,
+            bin,
+            width,
+            luma,
+        })
+    }
+
+    /// Pixels of the picture along a side of a pixel of the patch.
+    pub(super) fn bin(&self) -> usize {
+        self.bin
+    }
+
+    /// The centre of the box, in the picture.
+    pub(crate) fn centre_px(&self) -> DVec2 {
+        DVec2::new(self.pixel_box.cx_px, self.pixel_box.cy_px)
+    }
+
+    /// The same with pixels of this size, if they are smaller now.
+    pub(super) fn binned(&self, bin: usize) -> Self {
+        let by = bin / self.bin;
+        if by < 2 {
+            return self.clone();
+        }
+        let height = self.luma.len() / self.width / by;
+        let width = self.width / by;
+        let mean = |row: usize, column: usize| {
+            let lines = row * by..(row + 1) * by;
+            let sum: u64 = lines
+                .flat_map(|y| {
+                    let start = y * self.width + column * by;
+                    &self.luma[start..start + by]
+                })
+                .map(|grey| u64::from(*grey))
+                .sum();
+            (sum / (by * by) as u64) as u16
+        };
+        Self {
+            origin_px: self.origin_px + self.bin as f64 * (by as f64 - 1.0) / 2.0,
+            bin,
+            width,
+            luma: (0..height)
+                .flat_map(|row| (0..width).map(move |column| (row, column)))
+                .map(|(row, column)| mean(row, column))
+                .collect(),
+            ..*self
+        }
+    }
+}
+
+/// ITU-R BT.709.
+fn luma_of(rgb: &[u8]) -> f64 {
+    0.2126 * f64::from(rgb[0]) + 0.7152 * f64::from(rgb[1]) + 0.0722 * f64::from(rgb[2])
+}
+
+/// A patch without its background, slightly blurred. Coordinates are pixels of the patch.
+#[derive(Debug, Clone)]
+pub(super) struct Cleaned {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// Grey levels above the background.
+    values: Vec<f64>,
+    /// Standard deviation of the background, grey levels.
+    pub(super) noise: f64,
+    /// Centre of the box.
+    pub(super) centre: DVec2,
+    /// Size of the box.
+    pub(super) size: DVec2,
+    origin_px: DVec2,
+    bin: usize,
+}
+
+/// The aircraft's glow and blur reach this far out of its box: pixels, and a part of its width.
+const GLOW_PX: f64 = 5.0;
+/// See [`GLOW_PX`].
+const GLOW_PART: f64 = 0.1;
+/// Width of the ring that shows the background.
+const RING_PX: f64 = 14.0;
+/// Standard deviation of the blur: just enough that the interpolation does not depend on the fraction of a pixel.
+const BLUR_PX: f64 = 0.8;
+/// Noise is never less: 8-bit pictures, in which neighbours are rounded alike.
+const LEAST_NOISE: f64 = 0.15;
+/// Rounds of reweighting of the background.
+const ROUNDS: usize = 4;
+
+impl Cleaned {
+    /// Removes the background.
+    ///
+    /// # Errors
+    /// The aircraft does not stand out from it, or there is too little of it.
+    pub(super) fn of(patch: &Patch) -> Result<Self, NoShift> {
+        let step = patch.bin as f64;
+        let raw: Vec<f64> = patch
+            .luma
+            .iter()
+            .map(|grey| f64::from(*grey) / STEPS_PER_GREY)
+            .collect();
+        let mut cleaned = Self {
+            width: patch.width,
+            height: raw.len() / patch.width.max(1),
+            values: raw,
+            noise: 0.0,
+            centre: (patch.centre_px() - patch.origin_px) / step,
+            size: DVec2::new(patch.pixel_box.width_px, patch.pixel_box.height_px) / step,
+            origin_px: patch.origin_px,
+            bin: patch.bin,
+        };
+        cleaned.remove_background()?;
+        Ok(cleaned)
+    }
+
+    /// Pixels of the picture along a side of a pixel.
+    pub(super) fn step_px(&self) -> f64 {
+        self.bin as f64
+    }
+
+    /// The centre of the box, in the picture.
+    pub(super) fn centre_px(&self) -> DVec2 {
+        self.origin_px + self.centre * self.step_px()
+    }
+
+    /// How far the centre of its box may be off.
+    pub(super) fn search(&self, at_least: f64) -> f64 {
+        at_least + SEARCH_PART * self.size.x
+    }
+
+    pub(super) fn at(&self, column: usize, row: usize) -> f64 {
+        self.values[row * self.width + column]
+    }
+
+    fn remove_background(&mut self) -> Result<(), NoShift> {
+        let half = self.size / 2.0 + GLOW_PX + GLOW_PART * self.size.x;
+        let scale = half.x;
+        let from_centre = |index: usize| {
+            let (column, row) = (index % self.width, index / self.width);
+            DVec2::new(column as f64, row as f64) - self.centre
+        };
+        let ring: Vec<usize> = (0..self.values.len())
+            .filter(|index| {
+                let away = from_centre(*index).abs();
+                (away.cmpgt(half).any()) && away.cmplt(half + RING_PX).all()
+            })
+            .collect();
+        let terms = |index: usize| {
+            let DVec2 { x, y } = from_centre(index) / scale;
+            [1.0, x, y, x * x, x * y, y * y]
+        };
+        let value = |terms: [f64; 6], fitted: &[f64; 6]| -> f64 {
+            terms.iter().zip(fitted).map(|(a, b)| a * b).sum()
+        };
+        let mut fitted = [0.0; 6];
+        let mut sd = f64::INFINITY;
+        for _ in 0..ROUNDS {
+            let mut normal = Normal::<6>::new();
+            for index in &ring {
+                let row = terms(*index);
+                let misfit = (self.values[*index] - value(row, &fitted)) / (2.0 * sd);
+                normal.add(&row, self.values[*index], 1.0 / (1.0 + misfit * misfit));
+            }
+            fitted = normal.solve().ok_or(NoShift::Edge)?;
+            let misfits = ring.iter();
+            sd =
+                robust_sd(misfits.map(|index| self.values[*index] - value(terms(*index), &fitted)))
+                    .max(LEAST_NOISE);
+        }
+        let clean: Vec<f64> = (0..self.values.len())
+            .map(|index| self.values[index] - value(terms(index), &fitted))
+            .collect();
+        self.values = blurred(&clean, self.width);
+        let of_ring = || ring.iter().map(|index| self.values[*index]);
+        self.noise = robust_sd(of_ring()).max(LEAST_NOISE);
+        let reach = self.size / 2.0 + 1.0;
+        let peak = (0..self.values.len())
+            .filter(|index| from_centre(*index).abs().cmple(reach).all())
+            .fold(0.0_f64, |most, index| most.max(self.values[index].abs()));
+        // Clouds and horizon are no noise, but their contrast is no aircraft either.
+        let rms = (of_ring().map(|v| v * v).sum::<f64>() / ring.len() as f64).sqrt();
+        if peak < LEAST_CONTRAST * self.noise || peak < 2.0 * rms {
+            return Err(NoShift::Faint);
+        }
+        Ok(())
+    }
+
+    /// Value and its derivatives between the pixels, by Catmull and Rom's cubic; `None` too close to the edge.
+    pub(super) fn sample(&self, at: DVec2) -> Option<(f64, DVec2)> {
+        let start = at.floor();
+        let inside = start.x >= 1.0
+            && start.y >= 1.0
+            && start.x + 2.0 < self.width as f64
+            && start.y + 2.0 < self.height as f64;
+        if !inside {
+            return None;
+        }
+        let (column, row) = (start.x as usize - 1, start.y as usize - 1);
+        let (across, slope_x) = cubic(at.x - start.x);
+        let (down, slope_y) = cubic(at.y - start.y);
+        let (mut value, mut dx, mut dy) = (0.0, 0.0, 0.0);
+        for j in 0..4 {
+            let line = &self.values[(row + j) * self.width + column..][..4];
+            let along: f64 = line.iter().zip(across).map(|(v, w)| v * w).sum();
+            let slope: f64 = line.iter().zip(slope_x).map(|(v, w)| v * w).sum();
+            value += down[j] * along;
+            dx += down[j] * slope;
+            dy += slope_y[j] * along;
+        }
+        Some((value, DVec2::new(dx, dy)))
+    }
+}
+
+/// Weights of the four neighbours for the value and for its derivative (Catmull and Rom, 1974).
+fn cubic(t: f64) -> ([f64; 4], [f64; 4]) {
+    let (t2, t3) = (t * t, t * t * t);
+    let values = [
+        -0.5 * t + t2 - 0.5 * t3,
+        1.0 - 2.5 * t2 + 1.5 * t3,
+        0.5 * t + 2.0 * t2 - 1.5 * t3,
+        -0.5 * t2 + 0.5 * t3,
+    ];
+    let slopes = [
+        -0.5 + 2.0 * t - 1.5 * t2,
+        -5.0 * t + 4.5 * t2,
+        0.5 + 4.0 * t - 4.5 * t2,
+        -t + 1.5 * t2,
+    ];
+    (values, slopes)
+}
+
+/// A Gaussian blur; outside, the edge continues.
+fn blurred(values: &[f64], width: usize) -> Vec<f64> {
+    const REACH: usize = 3;
+    let mut kernel = [0.0; 2 * REACH + 1];
+    for (k, weight) in kernel.iter_mut().enumerate() {
+        let away = k as f64 - REACH as f64;
+        *weight = (-away * away / (2.0 * BLUR_PX * BLUR_PX)).exp();
+    }
+    let sum: f64 = kernel.iter().sum();
+    let kernel = kernel.map(|weight| weight / sum);
+    let height = values.len() / width;
+    let along = |values: &[f64], length: usize, index: &dyn Fn(usize) -> usize, at: usize| {
+        let taps = kernel.iter().enumerate();
+        taps.map(|(k, weight)| {
+            let tap = (at + k).saturating_sub(REACH).min(length - 1);
+            weight * values[index(tap)]
+        })
+        .sum::<f64>()
+    };
+    let mut rows = Vec::with_capacity(values.len());
+    for row in 0..height {
+        for column in 0..width {
+            rows.push(along(values, width, &|tap| row * width + tap, column));
+        }
+    }
+    let mut both = Vec::with_capacity(values.len());
+    for row in 0..height {
+        for column in 0..width {
+            both.push(along(&rows, height, &|tap| tap * width + column, row));
+        }
+    }
+    both
+}
