@@ -7,12 +7,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use burn::module::Module;
+use burn::optim::ModuleOptimizer;
 use burn::store::{ModuleRecord, RecordError};
 use dataset::json_file::{read_json, write_json};
 use serde::{Deserialize, Serialize};
 
+use super::network::Network;
 use super::samples::HardPlaces;
-use super::training::{Training, TrainingConfig};
+use super::training_config::TrainingConfig;
 use crate::error::{Error, OutputFault, Result};
 
 /// Locked by the training process.
@@ -80,6 +82,14 @@ pub struct Position {
     pub seconds: f64,
 }
 
+/// What a checkpoint keeps of a training.
+pub(super) struct Saved {
+    pub(super) network: Network,
+    pub(super) optimizer: ModuleOptimizer,
+    pub(super) position: Position,
+    pub(super) hard: HardPlaces,
+}
+
 /// Content of `checkpoint.json`.
 #[derive(Debug, Serialize, Deserialize)]
 struct State {
@@ -122,7 +132,7 @@ impl<'a> Checkpoint<'a> {
     }
 
     /// Writes the training and removes what it replaces.
-    pub(super) fn save(&self, training: &Training) -> Result<()> {
+    pub(super) fn save(&self, training: &Saved) -> Result<()> {
         fs::create_dir_all(&self.folder).map_err(dataset::Error::io("create", &self.folder))?;
         let step = training.position.step;
         let record = training.network.clone().into_record();
@@ -156,14 +166,15 @@ impl<'a> Checkpoint<'a> {
         Ok(())
     }
 
-    /// The training of the folder, or the given one if there is none or if its settings differ.
-    pub(super) fn load(&self, mut fresh: Training) -> Result<Training> {
+    /// The training of the folder, or the given one if there is none.
+    pub(super) fn load(&self, mut fresh: Saved) -> Result<Saved> {
         if !self.state_path().exists() {
             return Ok(fresh);
         }
         let state: State = read_json(&self.state_path(), "detector checkpoint")?;
         if state.config != *self.config {
-            return Err(self.refused(OutputFault::OtherSettings(state.config)));
+            let found = format!("{:?}", state.config);
+            return Err(self.refused(OutputFault::OtherSettings { found }));
         }
         let step = state.position.step;
         let record = ModuleRecord::load(self.part_path(step, "network"))

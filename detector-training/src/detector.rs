@@ -12,7 +12,8 @@ use serde_json::Value;
 
 use crate::error::{CorpusFault, Error, OutputFault, Result, in_range};
 use crate::evaluation::{Evaluation, evaluate};
-use crate::training::{TrainingConfig, train};
+use crate::training::train;
+use crate::training_config::TrainingConfig;
 use crate::{checkpoint, corpus_samples, export};
 
 /// Settings for training a detector.

@@ -6,8 +6,6 @@ use std::path::PathBuf;
 use burn::store::RecordError;
 use dataset::splits::Side;
 
-use crate::training::TrainingConfig;
-
 /// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -117,9 +115,12 @@ pub enum OutputFault {
     },
     /// The checkpoint is one of another training.
     #[error(
-        "holds an unfinished training with other settings ({0:?}); repeat those to resume it, or delete the folder"
+        "holds an unfinished training with other settings ({found}); repeat those to resume it, or delete the folder"
     )]
-    OtherSettings(TrainingConfig),
+    OtherSettings {
+        /// The settings.
+        found: String,
+    },
     /// The folder of the checkpoint cannot be created or locked.
     #[error("cannot be made there: {0}")]
     NotMade(std::io::Error),

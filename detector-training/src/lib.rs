@@ -32,7 +32,8 @@ mod structures;
 pub mod targets;
 mod texture;
 pub mod training;
+mod training_config;
 
 pub use detector::{DetectorConfig, DetectorReport, train_detector};
 pub use error::{CorpusFault, Error, OutputFault, Result};
-pub use training::{Effort, MOST_MINUTES};
+pub use training_config::{Effort, MOST_MINUTES, TrainingConfig};

@@ -4,27 +4,26 @@
 //! whether that is measured in minutes or in steps; two forked copies of the network work on two halves of every batch. A training
 //! with a checkpoint resumes where it was killed.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use burn::grad_clipping::GradientClippingConfig;
 use burn::module::Module;
-use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams, ModuleOptimizer};
+use burn::optim::{AdamWConfig, GradientsAccumulator, GradientsParams};
 use burn::tensor::Device;
 use dataset::progress::Progress;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use serde::{Deserialize, Serialize};
 
-use super::augmentation::Augmentation;
-use super::checkpoint::{Checkpoint, Position};
+use super::checkpoint::{Checkpoint, Position, Saved};
 use super::convolution::GatherTables;
 use super::grid::CELL_VALUES;
 use super::loss::loss;
 use super::network::Network;
 use super::samples::{Batch, CROP_SIZES, HardPlace, HardPlaces, Samples};
 use super::start::start_from;
-use crate::error::{Error, Result, in_range};
+use super::training_config::{Effort, TrainingConfig};
+use crate::error::{Error, Result};
 
 /// Copies of the network that work in parallel.
 const SHARDS: usize = 2;
@@ -35,74 +34,8 @@ const CHECKPOINT_STEPS: u64 = 100;
 const NOTE_STEPS: u64 = 20;
 /// Background with a logit above this (a score of 0.12) is hard.
 const HARD_LOGIT: f32 = -2.0;
-/// The longest training that can be asked for, minutes: a year.
-pub const MOST_MINUTES: f64 = 525_600.0;
-const MOST_RATE: f64 = 1.0;
-/// What must be above 0 is at least this.
-const LEAST: f64 = 1e-9;
 /// Progress is reported in this many parts of the effort.
 const PROGRESS_PARTS: f64 = 1000.0;
-
-/// How long to train.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Effort {
-    /// Minutes of wall-clock time.
-    Minutes(f64),
-    /// Steps: gives the same weights on every run.
-    Steps(u64),
-}
-
-/// Settings of the training.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
-pub struct TrainingConfig {
-    /// How long.
-    pub effort: Effort,
-    /// Highest learning rate.
-    pub learning_rate: f64,
-    /// Weight decay of AdamW.
-    pub weight_decay: f32,
-    /// Seed of the first weights and of all crops.
-    pub seed: u64,
-    /// A detector of this project whose weights are the first; missing: random weights.
-    pub start_from: Option<PathBuf>,
-    /// How crops are varied.
-    pub augmentation: Augmentation,
-}
-
-impl Default for TrainingConfig {
-    fn default() -> Self {
-        Self {
-            effort: Effort::Minutes(30.0),
-            learning_rate: 2e-3,
-            weight_decay: 1e-3,
-            seed: 1,
-            start_from: None,
-            augmentation: Augmentation::default(),
-        }
-    }
-}
-
-impl TrainingConfig {
-    /// Checks that every setting is in its range.
-    pub fn check(&self) -> Result<()> {
-        if let Effort::Minutes(minutes) = self.effort {
-            in_range("training.effort.minutes", minutes, LEAST..=MOST_MINUTES)?;
-        }
-        in_range(
-            "training.learning_rate",
-            self.learning_rate,
-            LEAST..=MOST_RATE,
-        )?;
-        in_range(
-            "training.weight_decay",
-            f64::from(self.weight_decay),
-            0.0..=1.0,
-        )?;
-        self.augmentation.check()
-    }
-}
 
 /// The result of a training.
 #[derive(Debug, Clone)]
@@ -126,48 +59,45 @@ pub fn train(
     let mut training = Training::new(config)?;
     let checkpoint = checkpoint_folder.map(|folder| Checkpoint::new(folder, config));
     if let Some(checkpoint) = &checkpoint {
-        training = checkpoint.load(training)?;
-        training.hard.forget_beyond(samples.backgrounds.len());
+        training.saved = checkpoint.load(training.saved)?;
+        training.saved.hard.forget_beyond(samples.backgrounds.len());
     }
     progress.begin("detector", PROGRESS_PARTS as u64);
-    let spent_before_s = training.position.seconds;
+    let spent_before_s = training.saved.position.seconds;
     let started = Instant::now();
     while training.done_share(config) < 1.0 {
         let loss = training.step(samples, config)?;
-        training.position.seconds = spent_before_s + started.elapsed().as_secs_f64();
-        let step = training.position.step;
+        training.saved.position.seconds = spent_before_s + started.elapsed().as_secs_f64();
+        let step = training.saved.position.step;
         if step.is_multiple_of(NOTE_STEPS) {
             let share = training.done_share(config).min(1.0);
             let note = format!(
                 "step {step}, loss {loss:.3}, {} hard places",
-                training.hard.len()
+                training.saved.hard.len()
             );
             progress.advance((share * PROGRESS_PARTS) as u64, &note);
         }
         if let Some(checkpoint) = &checkpoint
             && step.is_multiple_of(CHECKPOINT_STEPS)
         {
-            checkpoint.save(&training)?;
+            checkpoint.save(&training.saved)?;
         }
     }
     if let Some(checkpoint) = &checkpoint {
-        checkpoint.save(&training)?;
+        checkpoint.save(&training.saved)?;
     }
     Ok(Trained {
-        network: training.network.valid(),
-        position: training.position,
-        hard_places: training.hard.len(),
+        network: training.saved.network.valid(),
+        position: training.saved.position,
+        hard_places: training.saved.hard.len(),
     })
 }
 
 /// A training in progress.
-pub(super) struct Training {
-    pub(super) network: Network,
-    pub(super) optimizer: ModuleOptimizer,
-    pub(super) position: Position,
+struct Training {
+    saved: Saved,
     device: Device,
     tables: Vec<GatherTables>,
-    pub(super) hard: HardPlaces,
     mean_loss: f64,
 }
 
@@ -184,25 +114,27 @@ impl Training {
             None => Network::new(&device, config.seed),
         };
         Ok(Self {
-            network,
-            optimizer,
-            position: Position::default(),
+            saved: Saved {
+                network,
+                optimizer,
+                position: Position::default(),
+                hard: HardPlaces::default(),
+            },
             tables: (0..SHARDS).map(|_| GatherTables::new(&device)).collect(),
             device,
-            hard: HardPlaces::default(),
             mean_loss: f64::NAN,
         })
     }
 
     fn done_share(&self, config: &TrainingConfig) -> f64 {
         match config.effort {
-            Effort::Minutes(minutes) => self.position.seconds / (60.0 * minutes),
-            Effort::Steps(steps) => self.position.step as f64 / steps.max(1) as f64,
+            Effort::Minutes(minutes) => self.saved.position.seconds / (60.0 * minutes),
+            Effort::Steps(steps) => self.saved.position.step as f64 / steps.max(1) as f64,
         }
     }
 
     fn learning_rate(&self, config: &TrainingConfig) -> f64 {
-        let warm = ((self.position.step + 1) as f64 / WARM_UP_STEPS).min(1.0);
+        let warm = ((self.saved.position.step + 1) as f64 / WARM_UP_STEPS).min(1.0);
         let cosine = 0.5 * (1.0 + (std::f64::consts::PI * self.done_share(config).min(1.0)).cos());
         config.learning_rate * warm * cosine.max(1e-3)
     }
@@ -211,15 +143,15 @@ impl Training {
     fn step(&mut self, samples: &Samples, config: &TrainingConfig) -> Result<f64> {
         // Randomness depends only on the seed and the step, so that a resumed training draws the same numbers.
         let mut rng = ChaCha8Rng::seed_from_u64(config.seed);
-        rng.set_stream(self.position.step + 1);
+        rng.set_stream(self.saved.position.step + 1);
         let size = samples.random_size(&mut rng);
         let seeds: [u64; SHARDS] = std::array::from_fn(|_| rng.next_u64());
         let count = CROP_SIZES[size].batch / SHARDS;
 
         let forks: Vec<Network> = (0..SHARDS)
-            .map(|_| self.network.clone().fork(&self.device))
+            .map(|_| self.saved.network.clone().fork(&self.device))
             .collect();
-        let (hard, device) = (&self.hard, &self.device);
+        let (hard, device) = (&self.saved.hard, &self.device);
         let shards: Vec<Shard> = std::thread::scope(|scope| {
             let workers: Vec<_> = forks
                 .into_iter()
@@ -243,22 +175,23 @@ impl Training {
         let loss: f64 = shards.iter().map(|shard| shard.loss).sum::<f64>() / SHARDS as f64;
         if !loss.is_finite() {
             return Err(Error::Diverged {
-                step: self.position.step,
+                step: self.saved.position.step,
             });
         }
         let mut gradients = GradientsAccumulator::new();
         for shard in shards {
-            gradients.accumulate(&self.network, shard.gradients);
+            gradients.accumulate(&self.saved.network, shard.gradients);
             for place in shard.hard {
-                self.hard.remember(place, &mut rng);
+                self.saved.hard.remember(place, &mut rng);
             }
         }
         let learning_rate = self.learning_rate(config);
-        self.network = self
-            .optimizer
-            .step(learning_rate, self.network.clone(), gradients.grads());
-        self.position.step += 1;
-        self.position.crops += (SHARDS * count) as u64;
+        self.saved.network =
+            self.saved
+                .optimizer
+                .step(learning_rate, self.saved.network.clone(), gradients.grads());
+        self.saved.position.step += 1;
+        self.saved.position.crops += (SHARDS * count) as u64;
         self.mean_loss = if self.mean_loss.is_finite() {
             0.98 * self.mean_loss + 0.02 * loss
         } else {
@@ -316,6 +249,7 @@ impl Shard {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::augmentation::Augmentation;
     use crate::evaluation::detect;
     use crate::picture::TrainingPicture;
     use crate::targets::CropTruth;
@@ -428,6 +362,7 @@ mod tests {
         let begun = |steps: u64| {
             let mut training = Training::new(&config).unwrap();
             training
+                .saved
                 .hard
                 .remember(hard, &mut ChaCha8Rng::seed_from_u64(13));
             for _ in 0..steps {
@@ -436,10 +371,10 @@ mod tests {
             training
         };
         Checkpoint::new(folder.path(), &config)
-            .save(&begun(5))
+            .save(&begun(5).saved)
             .unwrap();
         let resumed = train(&samples, &config, Some(folder.path()), &mut Silent).unwrap();
-        let straight = begun(8);
+        let straight = begun(8).saved;
         assert_eq!(
             (resumed.position.step, resumed.position.crops),
             (8, straight.position.crops)

@@ -1,0 +1,75 @@
+//! Settings of a training.
+
+use std::path::PathBuf;
+
+use serde::{Deserialize, Serialize};
+
+use crate::augmentation::Augmentation;
+use crate::error::{Result, in_range};
+
+/// The longest training that can be asked for, minutes: a year.
+pub const MOST_MINUTES: f64 = 525_600.0;
+const MOST_RATE: f64 = 1.0;
+/// What must be above 0 is at least this.
+const LEAST: f64 = 1e-9;
+
+/// How long to train.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Effort {
+    /// Minutes of wall-clock time.
+    Minutes(f64),
+    /// Steps: gives the same weights on every run.
+    Steps(u64),
+}
+
+/// Settings of the training.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TrainingConfig {
+    /// How long.
+    pub effort: Effort,
+    /// Highest learning rate.
+    pub learning_rate: f64,
+    /// Weight decay of AdamW.
+    pub weight_decay: f32,
+    /// Seed of the first weights and of all crops.
+    pub seed: u64,
+    /// A detector of this project whose weights are the first; missing: random weights.
+    pub start_from: Option<PathBuf>,
+    /// How crops are varied.
+    pub augmentation: Augmentation,
+}
+
+impl Default for TrainingConfig {
+    fn default() -> Self {
+        Self {
+            effort: Effort::Minutes(30.0),
+            learning_rate: 2e-3,
+            weight_decay: 1e-3,
+            seed: 1,
+            start_from: None,
+            augmentation: Augmentation::default(),
+        }
+    }
+}
+
+impl TrainingConfig {
+    /// Checks that every setting is in its range.
+    pub fn check(&self) -> Result<()> {
+        if let Effort::Minutes(minutes) = self.effort {
+            in_range("training.effort.minutes", minutes, LEAST..=MOST_MINUTES)?;
+        }
+        in_range(
+            "training.learning_rate",
+            self.learning_rate,
+            LEAST..=MOST_RATE,
+        )?;
+        in_range(
+            "training.weight_decay",
+            f64::from(self.weight_decay),
+            0.0..=1.0,
+        )?;
+        self.augmentation.check()
+    }
+}
