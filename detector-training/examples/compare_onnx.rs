@@ -32,6 +32,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut network = Network::new(&device, 9);
     // A head as strong as a trained one: sizes and scores then differ from cell to cell.
     network.head.weight = normal_weights(network.head.weight.dims(), 0.2, &device, &mut rng);
+    // An untrained network ignores the strength of contrast.
+    for layer in [
+        &mut network.strength_8,
+        &mut network.strength_16,
+        &mut network.strength_32,
+    ] {
+        layer.weight = normal_weights(layer.weight.dims(), 0.02, &device, &mut rng);
+    }
 
     let picture: Vec<f32> = (0..INPUT_SIDE_PX * INPUT_SIDE_PX * 3)
         .map(|_| rng.random())

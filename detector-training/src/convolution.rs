@@ -184,11 +184,16 @@ impl Convolution {
         }
     }
 
-    /// The same with all weights 0.
-    pub(crate) fn zeroed(mut self) -> Self {
-        let (dims, device) = (self.weight.dims(), self.weight.val().device());
-        self.weight = Param::from_data(TensorData::zeros::<f32, _>(dims), &device);
-        self
+    /// A 3x3 convolution that gives 0 for everything.
+    pub(crate) fn zeros([channels_in, channels_out]: [usize; 2], device: &Device) -> Self {
+        let weight = TensorData::zeros::<f32, _>([9 * channels_in, channels_out]);
+        let bias = TensorData::zeros::<f32, _>([channels_out]);
+        Self {
+            weight: Param::from_data(weight, device),
+            bias: Param::from_data(bias, device),
+            kernel: 3,
+            stride: 1,
+        }
     }
 
     /// The convolved map.

@@ -74,9 +74,7 @@ impl Network {
         head_bias[0] = PRIOR_LOGIT;
         head.bias = Param::from_data(TensorData::new(head_bias, [CELL_VALUES]), device);
         head.weight = normal_weights([c8, CELL_VALUES], 0.01, device, rng);
-        let strength = |channels, rng: &mut ChaCha8Rng| {
-            Convolution::new([1, channels], 3, 1, device, rng).zeroed()
-        };
+        let strength = |channels| Convolution::zeros([1, channels], device);
         Self {
             stem: normal_weights(
                 [PATCH_VALUES, c4],
@@ -87,15 +85,15 @@ impl Network {
             stem_bias: Param::from_data(TensorData::zeros::<f32, _>([c4]), device),
             down_8: Convolution::new([c4, c8], 3, 2, device, rng),
             at_8: Convolution::new([c8, c8], 3, 1, device, rng),
-            strength_8: strength(c8, rng),
+            strength_8: strength(c8),
             down_16: Convolution::new([c8, c16], 3, 2, device, rng),
             at_16: Convolution::new([c16, c16], 3, 1, device, rng),
-            strength_16: strength(c16, rng),
+            strength_16: strength(c16),
             down_32: Convolution::new([c16, c32], 3, 2, device, rng),
             at_32: (0..2)
                 .map(|_| Convolution::new([c32, c32], 3, 1, device, rng))
                 .collect(),
-            strength_32: strength(c32, rng),
+            strength_32: strength(c32),
             lateral_16: Convolution::new([c32, c16], 1, 1, device, rng),
             neck_16: Convolution::new([c16, c16], 3, 1, device, rng),
             lateral_8: Convolution::new([c16, c8], 1, 1, device, rng),
