@@ -615,7 +615,8 @@ fn damaged_missing_and_foreign_registrations_are_found() {
     let unowned = |path: &Path| {
         fs::copy(path, path.with_file_name("bbbb.parquet")).unwrap();
     };
-    let cases: [(&dyn Fn(&Path), &str); 4] = [
+    type Spoil<'a> = &'a dyn Fn(&Path);
+    let cases: [(Spoil<'_>, &str); 4] = [
         (&cut, "its hash differs"),
         (&others, "its hash differs"),
         (

@@ -7,18 +7,19 @@ pub(super) fn solve<const N: usize>(mut a: [[f64; N]; N], mut b: [f64; N]) -> Op
         .flatten()
         .fold(0.0_f64, |most, v| most.max(v.abs()));
     for column in 0..N {
-        let pivot =
+        let largest_below =
             (column..N).max_by(|i, j| a[*i][column].abs().total_cmp(&a[*j][column].abs()))?;
-        a.swap(column, pivot);
-        b.swap(column, pivot);
-        let lead = a[column][column];
+        a.swap(column, largest_below);
+        b.swap(column, largest_below);
+        let pivot = a[column];
+        let lead = pivot[column];
         if !lead.is_finite() || lead.abs() <= 1e-14 * largest {
             return None;
         }
         for row in column + 1..N {
             let factor = a[row][column] / lead;
-            for k in column..N {
-                a[row][k] -= factor * a[column][k];
+            for (value, above) in a[row].iter_mut().zip(pivot).skip(column) {
+                *value -= factor * above;
             }
             b[row] -= factor * b[column];
         }

@@ -194,7 +194,8 @@ fn a_shift_is_measured_to_some_hundredths_of_a_pixel_and_the_deviation_is_honest
 
 #[test]
 fn gradients_clouds_and_a_horizon_behind_the_aircraft_do_not_pull() {
-    let backgrounds: [(&str, fn(DVec2) -> f64, f64); 3] = [
+    type Background = fn(DVec2) -> f64;
+    let backgrounds: [(&str, Background, f64); 3] = [
         ("gradient", |p| 60.0 + 0.35 * p.x + 0.2 * p.y, 0.06),
         (
             "clouds",
