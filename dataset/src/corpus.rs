@@ -14,7 +14,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use crate::claim::{Claim, WHOLE_CORPUS};
+use crate::claim::{Claim, Claimed, WHOLE_CORPUS};
 use crate::error::{Error, Result};
 use crate::own_path::{own_path, refuse_link};
 use crate::seal::{self, Seal};
@@ -282,5 +282,10 @@ impl ScenarioFolder {
     /// Another process holds it for too long ([`Error::Held`]), or the corpus cannot be written.
     pub fn claim(&self) -> Result<Claim> {
         Claim::wait(&self.corpus, &self.id(), OTHERS_TAKE)
+    }
+
+    /// The right to search the scenario, which several processes share; others may read and label it meanwhile. Does not wait.
+    pub fn claim_search(&self) -> Result<Claimed> {
+        Claim::take(&self.corpus, &format!("detect-{}", self.id()))
     }
 }

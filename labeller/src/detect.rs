@@ -3,7 +3,7 @@
 //! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it
 //! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the model's hash; with several views also
 //! `registrations/<model>.parquet`, measured from the same decoded pictures. Several views are decoded and searched in parallel, and a
-//! scenario is written as soon as its last view is done. Each worker holds one picture and one session, and each scenario in work the
+//! scenario is written as soon as its last view is done. A scenario that another process searches is left to it. Each worker holds one picture and one session, and each scenario in work the
 //! surroundings of boxes whose other view is not decoded yet, so memory does not grow with the corpus.
 
 mod job;
@@ -11,25 +11,31 @@ mod pairs;
 mod record;
 
 use std::collections::BTreeMap;
+use std::mem;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
+use std::time::Duration;
 
-use dataset::corpus::Corpus;
+use dataset::claim::Claimed;
+use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::open_scenario::OpenScenario;
 use dataset::registrations::Registration;
 use serde::Serialize;
 
 use crate::detector::{Detector, ModelFile, OrtDetector, OrtOptions};
 use crate::error::{Error, Result};
-use crate::outcome::{Failure, Progress};
+use crate::outcome::{Failure, Progress, Watch};
 use crate::statistics::DetectionCounts;
 use crate::tiling::TilingSettings;
-use job::{ScenarioJob, ViewJob};
+use job::{End, ScenarioJob, ViewJob};
 
 /// Digits of a model's hash that name its detections.
 const MODEL_HASH_DIGITS: usize = 16;
+/// How often a scenario that another process searches is looked at.
+const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
 /// Options of a detection run.
 #[derive(Debug, Clone, PartialEq)]
@@ -76,6 +82,8 @@ pub struct DetectOutcome {
     pub unchanged: Vec<String>,
     /// Scenarios that could not be searched.
     pub failed: Vec<Failure>,
+    /// Scenarios that were left to the next run, because the caller stopped this one.
+    pub left: Vec<String>,
     /// Counts over all scenarios that have detections now.
     pub counts: DetectionCounts,
     /// Registrations of all scenarios that have detections now.
@@ -136,12 +144,12 @@ impl Model {
 type MakeDetector<'a> = &'a (dyn Fn() -> Result<Box<dyn Detector>> + Sync);
 
 /// Detects in all committed scenarios with an ONNX model. A scenario that fails is reported and does not stop the others; an error
-/// is returned if the model, the options or the corpus cannot be used at all.
+/// is returned if the model, the options or the corpus cannot be used at all. Scenarios that are done when `watch` stops the run stay.
 pub fn detect_corpus(
     corpus: &Corpus,
     model_path: &Path,
     options: &DetectOptions,
-    progress: &(dyn Fn(Progress) + Sync),
+    watch: Watch<'_>,
 ) -> Result<DetectOutcome> {
     let ort = OrtOptions {
         library: options.onnx_runtime.clone(),
@@ -153,7 +161,7 @@ pub fn detect_corpus(
     drop(OrtDetector::of(&file, &ort)?);
     let make =
         || OrtDetector::of(&file, &ort).map(|detector| Box::new(detector) as Box<dyn Detector>);
-    detect_with(corpus, &Model::of(&file), &make, options, progress)
+    detect_with(corpus, &Model::of(&file), &make, options, watch)
 }
 
 fn detect_with(
@@ -161,7 +169,7 @@ fn detect_with(
     model: &Model,
     make: MakeDetector<'_>,
     options: &DetectOptions,
-    progress: &(dyn Fn(Progress) + Sync),
+    watch: Watch<'_>,
 ) -> Result<DetectOutcome> {
     options.settings.check()?;
     if options.workers == 0 {
@@ -175,34 +183,48 @@ fn detect_with(
         model_hash: model.short_hash().to_owned(),
         ..Default::default()
     };
-    let mut jobs = Vec::new();
-    for folder in corpus.scenarios()? {
-        let id = folder.id();
-        match ScenarioJob::plan(folder, model, options) {
-            Ok(Some(job)) => jobs.push(job),
-            Ok(None) => outcome.unchanged.push(id),
-            Err(error) => outcome.failed.push(Failure {
-                id,
-                reason: error.to_string(),
-            }),
-        }
-    }
-    work_through(&jobs, make, options, progress)?;
-    for job in jobs {
-        let id = job.id();
-        let done = match job.only_registers() {
-            true => &mut outcome.registered,
-            false => &mut outcome.detected,
-        };
-        match job.outcome() {
-            Ok(seconds) => {
-                outcome.worker_seconds += seconds;
-                done.push(id);
+    let stopped = AtomicBool::new(false);
+    let mut pending = corpus.scenarios()?;
+    while !pending.is_empty() {
+        let mut jobs = Vec::new();
+        for folder in mem::take(&mut pending) {
+            let id = folder.id();
+            match ScenarioJob::plan(folder, model, options) {
+                Ok(Some(job)) => jobs.push(job),
+                Ok(None) => outcome.unchanged.push(id),
+                Err(error) => outcome.failed.push(Failure {
+                    id,
+                    reason: error.to_string(),
+                }),
             }
-            Err(error) => outcome.failed.push(Failure {
-                id,
-                reason: error.to_string(),
-            }),
+        }
+        work_through(&jobs, make, options, watch, &stopped)?;
+        for job in jobs {
+            let id = job.id();
+            let done = match job.only_registers() {
+                true => &mut outcome.registered,
+                false => &mut outcome.detected,
+            };
+            match job.end() {
+                End::Done { seconds } => {
+                    outcome.worker_seconds += seconds;
+                    done.push(id);
+                }
+                End::Elsewhere => pending.push(corpus.scenario(&id)),
+                End::Failed(Error::Stopped) | End::NotBegun => outcome.left.push(id),
+                End::Failed(error) => outcome.failed.push(Failure {
+                    id,
+                    reason: error.to_string(),
+                }),
+            }
+        }
+        if let Some(first) = pending.first() {
+            wait_for_other(first, watch, &stopped)?;
+        }
+        if stopped.load(Ordering::Relaxed) {
+            outcome
+                .left
+                .extend(pending.drain(..).map(|folder| folder.id()));
         }
     }
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
@@ -217,12 +239,42 @@ fn detect_with(
     Ok(outcome)
 }
 
+/// Tells the caller; once it says so, the run stops.
+fn tell(watch: Watch<'_>, progress: Progress, stopped: &AtomicBool) -> ControlFlow<()> {
+    let goes_on = watch(progress);
+    if goes_on.is_break() {
+        stopped.store(true, Ordering::Relaxed);
+    }
+    match stopped.load(Ordering::Relaxed) {
+        true => ControlFlow::Break(()),
+        false => ControlFlow::Continue(()),
+    }
+}
+
+/// Waits until nobody else searches a scenario.
+fn wait_for_other(folder: &ScenarioFolder, watch: Watch<'_>, stopped: &AtomicBool) -> Result<()> {
+    let mut said = false;
+    while let Claimed::Theirs(holder) = folder.claim_search()? {
+        if !said && let Some(holder) = holder {
+            tracing::warn!("{}: {holder} searches it; waiting", folder.id());
+            said = true;
+        }
+        thread::sleep(POLL_INTERVAL);
+        let waiting = Progress { done: 0, total: 0 };
+        if tell(watch, waiting, stopped).is_break() {
+            break;
+        }
+    }
+    Ok(())
+}
+
 /// Lets the workers process one view after another until none is left.
 fn work_through(
     jobs: &[ScenarioJob],
     make: MakeDetector<'_>,
     options: &DetectOptions,
-    progress: &(dyn Fn(Progress) + Sync),
+    watch: Watch<'_>,
+    stopped: &AtomicBool,
 ) -> Result<()> {
     let views: Vec<ViewJob<'_>> = jobs.iter().flat_map(ScenarioJob::views).collect();
     let total = views.iter().map(ViewJob::pictures).sum();
@@ -231,11 +283,13 @@ fn work_through(
     let picture_done = || {
         let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
         *done += 1;
-        progress(Progress { done: *done, total });
+        tell(watch, Progress { done: *done, total }, stopped)
     };
     let work = || -> Result<()> {
         let mut detector = None;
-        while let Some(view) = views.get(next.fetch_add(1, Ordering::Relaxed)) {
+        while !stopped.load(Ordering::Relaxed)
+            && let Some(view) = views.get(next.fetch_add(1, Ordering::Relaxed))
+        {
             let detector = match &mut detector {
                 _ if !view.needs_detector() => None,
                 Some(detector) => Some(detector),

@@ -18,6 +18,9 @@ pub enum Error {
         /// What was expected, what was found, what to do.
         message: String,
     },
+    /// The caller stopped the run.
+    #[error("stopped")]
+    Stopped,
     /// ONNX Runtime cannot be found or started.
     #[error("ONNX Runtime: {0}")]
     Runtime(LibraryError),

@@ -24,4 +24,4 @@ mod truth_box;
 pub use detect::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
 pub use error::{Error, Result};
 pub use label::{LabelOutcome, label_corpus};
-pub use outcome::{Failure, Progress};
+pub use outcome::{Failure, Progress, Watch};

@@ -1,5 +1,7 @@
 //! Progress and results of a run over a corpus.
 
+use std::ops::ControlFlow;
+
 use serde::Serialize;
 
 /// Progress of a run.
@@ -10,6 +12,9 @@ pub struct Progress {
     /// Units in all.
     pub total: u64,
 }
+
+/// Told after every unit of a run; says whether to go on.
+pub type Watch<'a> = &'a (dyn Fn(Progress) -> ControlFlow<()> + Sync);
 
 /// A scenario that failed. The others are processed nevertheless.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

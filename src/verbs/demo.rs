@@ -11,7 +11,7 @@ use labeller::{DetectOptions, DetectOutcome};
 use trainer::{Metrics, RunFolder, TrainConfig};
 
 use super::Outcome;
-use super::detect::{detect, refuse_other_models};
+use super::detect::{detect, interrupted, refuse_other_models};
 use super::evaluate::{evaluate, print_metrics};
 use super::generate::{ending_of, generate, options};
 use super::label::label;
@@ -48,6 +48,9 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
             ..DetectOptions::default()
         },
     )?;
+    if let Some(ending) = interrupted(&detected) {
+        return Ok(ending);
+    }
     if !(labelled.failed.is_empty() && detected.failed.is_empty()) {
         return Ok(Ending::Losses);
     }

@@ -1,10 +1,12 @@
 //! `dtd detect`: finds the aircraft in the decoded videos, and registers the views with each other.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
-use labeller::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
+use generator::generate::Cancel;
+use labeller::{DetectOptions, DetectOutcome, Progress, RegistrationCounts, detect_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
@@ -13,6 +15,7 @@ use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 use crate::shipped::Shipped;
+use crate::signals;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
@@ -40,6 +43,9 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     } else {
         print_summary(&outcome);
     }
+    if let Some(ending) = interrupted(&outcome) {
+        return Ok(ending);
+    }
     if outcome.failed.is_empty() {
         let next = format!("dtd train {} --out run", args.corpus.display());
         finish("detect", began, &next);
@@ -51,7 +57,20 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     })
 }
 
-/// Detects in a corpus with a progress bar.
+/// The ending of a run that was stopped; says what is left.
+pub(crate) fn interrupted(outcome: &DetectOutcome) -> Option<Ending> {
+    if outcome.left.is_empty() {
+        return None;
+    }
+    eprintln!(
+        "interrupted: {} searched, {} to go; run the same command again to resume",
+        count(outcome.detected.len(), "scenario"),
+        outcome.left.len()
+    );
+    Some(Ending::Interrupted)
+}
+
+/// Detects in a corpus with a progress bar. Ctrl-C or SIGTERM ends it after the current pictures; scenarios that are done stay.
 pub(crate) fn detect(
     corpus: &Corpus,
     model: &Path,
@@ -59,11 +78,22 @@ pub(crate) fn detect(
 ) -> Result<DetectOutcome, Failure> {
     refuse_other_models(model)?;
     let bar = Bar::new("detect", "pictures", None);
-    let outcome = detect_corpus(corpus, model, &options, &|progress| {
-        bar.set_total(progress.total);
-        bar.set_done(progress.done);
-    })
-    .map_err(|error| match error {
+    let cancel = Cancel::default();
+    let stoppable = signals::in_good_order(&cancel);
+    let watch = |progress: Progress| {
+        // Nothing to count while another process is waited for.
+        if progress.total > 0 {
+            bar.set_total(progress.total);
+            bar.set_done(progress.done);
+        }
+        match cancel.is_cancelled() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    };
+    let outcome = detect_corpus(corpus, model, &options, &watch);
+    drop(stoppable);
+    let outcome = outcome.map_err(|error| match error {
         // A file that is not a detector, or not a library, will not become one on a retry.
         labeller::Error::Model { .. }
         | labeller::Error::Runtime(_)

@@ -1,10 +1,12 @@
 //! The work on one scenario: its views are processed one by one, by whichever worker is free, and written together by the worker that
 //! finishes the last one.
 
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
+use dataset::claim::{Claim, Claimed};
 use dataset::corpus::ScenarioFolder;
 use dataset::detections::{self, NewTables};
 use dataset::open_scenario::OpenScenario;
@@ -38,6 +40,32 @@ pub(super) struct ScenarioJob {
     results: Mutex<Vec<Option<Result<ViewResult>>>>,
     /// Empty until all views are done.
     finished: Mutex<Option<Result<f64>>>,
+    /// Search again what another process has searched meanwhile.
+    again: bool,
+    turn: Mutex<Turn>,
+}
+
+/// Whose turn it is to search the scenario.
+enum Turn {
+    NotBegun,
+    /// Held until it is written.
+    Mine(Option<Claim>),
+    /// Another process searches it, or has just done so.
+    Theirs,
+}
+
+/// What became of a scenario.
+pub(super) enum End {
+    /// Everything is written.
+    Done {
+        /// Time of the workers.
+        seconds: f64,
+    },
+    /// Another process searches it, or has just done so.
+    Elsewhere,
+    /// No worker had time for all of it.
+    NotBegun,
+    Failed(Error),
 }
 
 /// A view and the timestamps that its pictures must have, tick by tick.
@@ -109,6 +137,8 @@ impl ScenarioJob {
             left: AtomicUsize::new(views.len()),
             results: Mutex::new(views.iter().map(|_| None).collect()),
             finished: Mutex::new(None),
+            again: options.again,
+            turn: Mutex::new(Turn::NotBegun),
             views,
         }))
     }
@@ -129,17 +159,41 @@ impl ScenarioJob {
         })
     }
 
-    /// The time of the workers, seconds, once all views are done and everything is written.
-    pub(super) fn outcome(self) -> Result<f64> {
-        let id = self.id();
+    /// Once the workers are done.
+    pub(super) fn end(self) -> End {
+        if matches!(*lock(&self.turn), Turn::Theirs) {
+            return End::Elsewhere;
+        }
         let finished = self.finished.into_inner();
-        let finished = finished.unwrap_or_else(PoisonError::into_inner);
-        finished.unwrap_or_else(|| {
-            Err(Error::scenario(
-                &id,
-                "not all views were searched: no detector was there",
-            ))
-        })
+        match finished.unwrap_or_else(PoisonError::into_inner) {
+            Some(Ok(seconds)) => End::Done { seconds },
+            Some(Err(error)) => End::Failed(error),
+            None => End::NotBegun,
+        }
+    }
+
+    /// Whether this process searches the scenario. Decided by its first view.
+    fn is_my_turn(&self) -> Result<bool> {
+        let mut turn = lock(&self.turn);
+        if let Turn::NotBegun = *turn {
+            *turn = match self.scenario.folder().claim_search()? {
+                Claimed::Mine(claim) if self.is_missing()? => Turn::Mine(Some(claim)),
+                Claimed::Mine(_) | Claimed::Theirs(_) => Turn::Theirs,
+            };
+        }
+        Ok(matches!(*turn, Turn::Mine(_)))
+    }
+
+    /// Whether nobody else has searched it since it was planned.
+    fn is_missing(&self) -> Result<bool> {
+        let now = self.scenario.folder().open()?;
+        let standing = DetectionRecord::standing(&now, &self.model, &self.settings)?;
+        Ok(self.again
+            || match standing {
+                Standing::Whole => false,
+                Standing::Unregistered(_) => self.only_registers(),
+                Standing::Missing => true,
+            })
     }
 
     /// Takes the result of a view; with the last one, writes tables and record.
@@ -149,6 +203,9 @@ impl ScenarioJob {
             let finished = self.finish();
             *lock(&self.finished) = Some(finished);
             *lock(&self.loaded) = None;
+            if let Turn::Mine(claim) = &mut *lock(&self.turn) {
+                *claim = None;
+            }
         }
     }
 
@@ -285,8 +342,13 @@ impl ViewJob<'_> {
         &self,
         mut detector: Option<&mut (dyn Detector + '_)>,
         settings: &TilingSettings,
-        picture_done: &dyn Fn(),
+        picture_done: &dyn Fn() -> ControlFlow<()>,
     ) {
+        match self.scenario.is_my_turn() {
+            Ok(true) => {}
+            Ok(false) => return,
+            Err(error) => return self.scenario.take(self.index, Err(error)),
+        }
         let started = Instant::now();
         let description = detector.as_ref().map(|detector| detector.description());
         let stored = match &detector {
@@ -342,7 +404,7 @@ impl ViewJob<'_> {
     fn detections(
         &self,
         mut look: impl FnMut(&PictureView<'_>, u32) -> Result<Vec<Detection>>,
-        picture_done: &dyn Fn(),
+        picture_done: &dyn Fn() -> ControlFlow<()>,
     ) -> Result<Vec<Detection>> {
         let ViewTicks { id, ticks } = self.ticks();
         let mut reader = self.scenario.scenario.open_video(id)?;
@@ -369,7 +431,9 @@ impl ViewJob<'_> {
                 pairs.take(self.index, tick, patch_of(&picture, &found));
             }
             detections.extend(found);
-            picture_done();
+            if picture_done().is_break() {
+                return Err(Error::Stopped);
+            }
         }
         if let Some(pts) = reader.next_frame(&mut rgb)? {
             return Err(self.fault(format!(

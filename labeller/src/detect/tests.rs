@@ -42,9 +42,14 @@ fn corpus(root: &Path, ids: &[&str]) -> Corpus {
     short_corpus::write_with_videos(root, ids, WIDTH, HEIGHT, Some(&paint))
 }
 
+/// Goes on to the end.
+fn on(_: Progress) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
 fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    detect_with(corpus, &model(), &make, options, &|_| {}).unwrap()
+    detect_with(corpus, &model(), &make, options, &on).unwrap()
 }
 
 /// The detections of a scenario, or why they are refused.
@@ -68,7 +73,10 @@ fn decoded_videos_give_detections_at_their_ticks_and_views() {
     let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
     let steps = Mutex::new(Vec::new());
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    let watch = |progress: Progress| steps.lock().unwrap().push((progress.done, progress.total));
+    let watch = |progress: Progress| {
+        steps.lock().unwrap().push((progress.done, progress.total));
+        ControlFlow::Continue(())
+    };
     let outcome = detect_with(&corpus, &model(), &make, &two_workers(), &watch).unwrap();
     assert_eq!(outcome.detected, ["0001-a", "0002-b"]);
     assert_eq!(outcome.model_hash, MODEL);
@@ -170,7 +178,7 @@ fn another_profile_is_another_way_to_ask_so_the_model_is_asked_again() {
     });
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
     let searched = |model: &Model| {
-        let outcome = detect_with(&corpus, model, &make, &two_workers(), &|_| {}).unwrap();
+        let outcome = detect_with(&corpus, model, &make, &two_workers(), &on).unwrap();
         outcome.detected.len()
     };
     assert_eq!(
@@ -297,7 +305,7 @@ fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a"]);
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
-    let result = detect_with(&corpus, &model(), &make, &two_workers(), &|_| {});
+    let result = detect_with(&corpus, &model(), &make, &two_workers(), &on);
     assert!(result.unwrap_err().to_string().contains("is not there"));
 }
 
@@ -379,7 +387,7 @@ fn registered(folder: &ScenarioFolder) -> Vec<Registration> {
 /// Detects without a detector: what is there must be enough.
 fn detect_without(corpus: &Corpus) -> DetectOutcome {
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
-    detect_with(corpus, &model(), &make, &two_workers(), &|_| {}).unwrap()
+    detect_with(corpus, &model(), &make, &two_workers(), &on).unwrap()
 }
 
 #[test]
@@ -499,8 +507,57 @@ fn a_scenario_is_written_as_soon_as_its_last_view_is_done() {
         if [6, 7].contains(&progress.done) {
             there.lock().unwrap().push(stored(&first).is_ok());
         }
+        ControlFlow::Continue(())
     };
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
     detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
     assert_eq!(*there.lock().unwrap(), [false, true]);
+}
+
+#[test]
+fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b", "0003-c"]);
+    let one_worker = DetectOptions {
+        workers: 1,
+        ..Default::default()
+    };
+    // In the second picture of the second scenario.
+    let watch = |progress: Progress| match progress.done {
+        8.. => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    };
+    let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
+    let stopped = detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
+    assert_eq!(stopped.detected, ["0001-a"]);
+    assert_eq!(stopped.left, ["0002-b", "0003-c"]);
+    assert_eq!(stopped.failed, []);
+    let rest = detect(&corpus, &one_worker);
+    assert_eq!(rest.detected, ["0002-b", "0003-c"]);
+    assert_eq!(rest.unchanged, ["0001-a"]);
+}
+
+#[test]
+fn two_runs_share_the_scenarios_and_both_end_when_all_are_searched() {
+    let temporary = tempfile::tempdir().unwrap();
+    let ids = ["0001-a", "0002-b", "0003-c", "0004-d"];
+    let corpus = corpus(temporary.path(), &ids);
+    let held = corpus.scenario("0001-a").claim_search().unwrap();
+    assert!(matches!(held, Claimed::Mine(_)));
+    let (first, second) = thread::scope(|scope| {
+        let [first, second] = [(); 2].map(|()| scope.spawn(|| detect(&corpus, &two_workers())));
+        // Somebody who ends without having searched it, when all others are done.
+        while ids[1..]
+            .iter()
+            .any(|id| stored(&corpus.scenario(id)).is_err())
+        {
+            thread::sleep(POLL_INTERVAL);
+        }
+        drop(held);
+        (first.join().unwrap(), second.join().unwrap())
+    });
+    let mut searched = [first.detected, second.detected].concat();
+    searched.sort();
+    assert_eq!(searched, ids);
+    assert_eq!(first.unchanged.len() + second.unchanged.len(), ids.len());
 }
