@@ -77,7 +77,9 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
         {
             check_counts(&record_file, &counts, found.len(), record, faults);
             let said = counts.registration.unwrap_or_default();
-            check_registration_counts(&record_file, &said, registered.as_deref(), faults);
+            if let Some(rows) = registered {
+                check_registration_counts(&record_file, &said, &rows, faults);
+            }
         }
     }
 }
@@ -155,10 +157,9 @@ fn check_registrations(
 fn check_registration_counts(
     file: &str,
     said: &RegistrationCounts,
-    rows: Option<&[Registration]>,
+    rows: &[Registration],
     faults: &mut Faults,
 ) {
-    let rows = rows.unwrap_or_default();
     let answered = rows.iter().filter(|row| row.result.is_ok()).count();
     for (what, found, expected) in [
         ("pairs", said.pairs, rows.len()),
