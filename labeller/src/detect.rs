@@ -3,8 +3,9 @@
 //! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it
 //! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the model's hash; with several views also
 //! `registrations/<model>.parquet`, measured from the same decoded pictures. Several views are decoded and searched in parallel, and a
-//! scenario is written as soon as its last view is done. A scenario that another process searches is left to it. Each worker holds one picture and one session, and each scenario in work the
-//! surroundings of boxes whose other view is not decoded yet, so memory does not grow with the corpus.
+//! scenario is written as soon as its last view is done. A scenario that another process searches is left to it. Each worker holds one
+//! picture and one session, and each scenario in work the surroundings of boxes whose other view is not decoded yet, so memory does not
+//! grow with the corpus.
 
 mod job;
 mod pairs;
