@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use burn::tensor::Device;
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, own_folder_around};
 use dataset::json_file::{read_json, write_atomically, write_json};
@@ -12,6 +13,7 @@ use serde_json::Value;
 
 use crate::error::{CorpusFault, Error, OutputFault, Result, in_range};
 use crate::evaluation::{Evaluation, evaluate};
+use crate::start::start_from;
 use crate::training::train;
 use crate::training_config::TrainingConfig;
 use crate::{checkpoint, corpus_samples, export};
@@ -84,6 +86,10 @@ pub fn train_detector(
 ) -> Result<DetectorReport> {
     let checkpoint = beside(out, "checkpoint");
     let _claim = claim(out, &checkpoint)?;
+    if let Some(model) = &config.training.start_from {
+        // A wrong one is refused before the videos are read, which takes minutes.
+        start_from(model, &Device::flex())?;
+    }
     let test = corpus_samples::videos(corpus, &[Side::Test])?;
     let learned = corpus_samples::videos(corpus, &[Side::Train, Side::Validation])?;
     progress.begin("detector: reading videos", learned.len() as u64);
