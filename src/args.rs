@@ -354,7 +354,7 @@ pub(crate) struct TrainArgs {
     pub(crate) out: PathBuf,
     /// Narrower layers and fewer steps, as in the demo
     ///
-    /// Takes about a minute for a small corpus.
+    /// Takes about a minute of processor time for a small corpus.
     #[arg(long, conflicts_with = "config")]
     pub(crate) quick: bool,
     /// TOML file with settings that differ from the defaults (docs/training.md)

@@ -221,7 +221,7 @@ fn a_window_of_another_size_than_the_sweeps_pictures_is_named_with_both_ways_out
             for words in ["--window=96x64", "width_px = 480 and height_px = 300"] {
                 assert!(hint.contains(words), "{words}: {hint}");
             }
-            assert!(next.starts_with("see to the window"), "{next}");
+            assert!(next.starts_with("fix the window first"), "{next}");
         }
     }
 }

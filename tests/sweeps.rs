@@ -265,6 +265,31 @@ fn a_bad_sweep_is_refused_with_file_line_column_and_what_was_expected() {
 }
 
 #[test]
+fn the_minimal_sweep_of_the_documentation_is_complete_and_needs_each_of_its_keys() {
+    let page = fs::read_to_string(repository().join("docs/sweeps.md")).unwrap();
+    let (_, section) = page.split_once("## A minimal sweep").unwrap();
+    let (_, example) = section.split_once("```toml\n").unwrap();
+    let (sweep, _) = example.split_once("```").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("sweep.toml");
+    let plan = |text: &str| {
+        fs::write(&path, text).unwrap();
+        DTD.run(&["plan", "--json", path.to_str().unwrap()])
+    };
+    let output = plan(sweep);
+    assert!(output.status.success(), "{}", said(&output));
+    let planned: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(planned["scenarios"].as_array().unwrap().len(), 20);
+    for line in sweep.lines().filter(|line| line.contains(" = ")) {
+        if line.starts_with("clouds") {
+            continue;
+        }
+        let output = plan(&sweep.replacen(&format!("{line}\n"), "", 1));
+        assert_eq!(output.status.code(), Some(2), "without {line}");
+    }
+}
+
+#[test]
 fn the_committed_schemas_are_what_the_command_prints() {
     for (of, file) in [
         ("sweep", "schema/sweep.schema.json"),

@@ -55,10 +55,9 @@ impl Corpus {
     pub fn open(root: &Path) -> Result<Self> {
         check_path(root)?;
         if !root.join(SCENARIOS).is_dir() {
-            return Err(Error::corpus(
-                root,
-                "is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`",
-            ));
+            return Err(Error::NotACorpus {
+                path: root.to_owned(),
+            });
         }
         own_path(root, SCENARIOS)?;
         Ok(Self {

@@ -98,6 +98,14 @@ pub enum Error {
         /// The scenario's folder.
         path: PathBuf,
     },
+    /// The folder has no scenarios.
+    #[error(
+        "{} is not a corpus (expected a folder with scenarios/ in it); make one with `dtd generate SWEEP.toml --out CORPUS`", path.display()
+    )]
+    NotACorpus {
+        /// The folder.
+        path: PathBuf,
+    },
     /// The folder is not as expected.
     #[error("{}: {message}", path.display())]
     Corpus {
@@ -126,6 +134,35 @@ impl Error {
         }
     }
 
+    /// The message for a list of faults that names `file`, the end of a path, already: without it, if it is the file of this error.
+    pub(crate) fn beside(&self, file: &Path) -> String {
+        match self {
+            Self::Io {
+                action,
+                path,
+                source,
+            } if path.ends_with(file) => format!("cannot {action} it: {source}"),
+            Self::NotRegular { path, what, found } if path.ends_with(file) => {
+                format!("is {found}; expected a regular file with a {what}")
+            }
+            Self::Json { what, path, source } if path.ends_with(file) => {
+                format!("is not a valid {what}: {source}")
+            }
+            Self::OutOfLimits { path, row, fault } if path.ends_with(file) => match row {
+                Some(row) => format!("row {row}: {fault}"),
+                None => fault.to_string(),
+            },
+            Self::Table { path, message }
+            | Self::Video { path, message }
+            | Self::Corpus { path, message }
+                if path.ends_with(file) =>
+            {
+                message.clone()
+            }
+            _ => self.to_string(),
+        }
+    }
+
     /// Whether a file or folder is missing.
     pub fn is_not_found(&self) -> bool {
         matches!(self, Self::Io { source, .. } if source.kind() == std::io::ErrorKind::NotFound)
@@ -141,6 +178,7 @@ impl Error {
         matches!(
             self,
             Self::Json { .. }
+                | Self::NotACorpus { .. }
                 | Self::Corpus { .. }
                 | Self::NotRegular { .. }
                 | Self::TooLarge { .. }

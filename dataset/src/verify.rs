@@ -20,13 +20,14 @@ mod videos;
 
 use std::collections::BTreeMap;
 use std::fmt;
+use std::path::Path;
 
 use serde::Serialize;
 
 use crate::calibration::Calibration;
 use crate::columns::ColumnOutOfLimits;
 use crate::corpus::{Corpus, ScenarioFolder};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::limits::FieldOutOfLimits;
 use crate::scenario::ScenarioRecord;
 use crate::seal;
@@ -70,10 +71,14 @@ pub struct Finding {
 
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if let Some(scenario) = &self.scenario {
-            write!(f, "{scenario}/")?;
+        match &self.scenario {
+            // A file of the whole corpus: no such file is in the scenario's folder.
+            Some(scenario) if Corpus::FILES.contains(&self.file.as_str()) => {
+                write!(f, "{} scenario {scenario}", self.file)?;
+            }
+            Some(scenario) => write!(f, "{scenario}/{}", self.file)?,
+            None => write!(f, "{}", self.file)?,
         }
-        write!(f, "{}", self.file)?;
         if let Some(row) = self.row {
             write!(f, " row {row}")?;
         }
@@ -225,7 +230,7 @@ fn verify_scenario(
         Ok(found) => found
             .into_iter()
             .for_each(|message| faults.file(seal::MANIFEST, message)),
-        Err(error) => faults.file(seal::MANIFEST, error),
+        Err(error) => faults.error(seal::MANIFEST, &error),
     }
     // Each file is read, whatever is wrong with the others, and then compared with those that could be read.
     let record = record::read(folder, faults);
@@ -292,6 +297,12 @@ impl Faults {
         self.push(file, None, None, message.to_string());
     }
 
+    /// A file that cannot be read.
+    fn error(&mut self, file: &str, error: &Error) {
+        let path = Path::new(self.scenario.as_deref().unwrap_or_default()).join(file);
+        self.file(file, error.beside(&path));
+    }
+
     /// A fault of a file that concerns one scenario, where many are checked together.
     fn of(&mut self, scenario: &str, file: &str, message: impl ToString) {
         self.findings.push(Finding {
@@ -353,7 +364,7 @@ impl Faults {
 
     /// The value, or a fault of the file that should contain it.
     fn keep<T>(&mut self, file: &str, read: Result<T>) -> Option<T> {
-        read.map_err(|error| self.file(file, error)).ok()
+        read.map_err(|error| self.error(file, &error)).ok()
     }
 
     /// The same for a record that was read with the fields outside their limits.

@@ -7,7 +7,7 @@ use trainer::{EvaluationConfig, Metrics, RunFolder};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
-use super::output::{print_json, print_table};
+use super::output::{count, print_json, print_table};
 use super::train::{Bars, failure_of};
 use crate::args::EvaluateArgs;
 use crate::failure::{Ending, Failure};
@@ -34,7 +34,7 @@ pub(crate) fn evaluate(run: &Path, corpus: &Corpus) -> Result<Metrics, Failure> 
         &RunFolder::at(run),
         corpus,
         &EvaluationConfig::default(),
-        &mut Bars::default(),
+        &mut Bars::of("evaluate"),
     )
     .map_err(failure_of)
 }
@@ -68,15 +68,16 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
     ];
     print_table(&heading, &rows);
     let test = &metrics.split.test;
-    println!(
-        "on {} held-out trajectories, {} samples seen by at least one view",
-        test.trajectories, test.samples
-    );
-    if metrics.disbelieved_boxes > 0 {
-        println!(
-            "{} boxes there were left out: the training side has none of such a place or size",
-            metrics.disbelieved_boxes
-        );
+    let trajectories = match test.trajectories {
+        1 => "1 held-out trajectory".to_owned(),
+        many => format!("{many} held-out trajectories"),
+    };
+    let samples = count(test.samples, "sample");
+    println!("on {trajectories}, {samples} seen by at least one view");
+    match metrics.disbelieved_boxes {
+        0 => {}
+        1 => println!("1 box was ignored: no training box has such a position or size"),
+        many => println!("{many} boxes were ignored: no training box has such a position or size"),
     }
 }
 

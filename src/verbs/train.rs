@@ -57,7 +57,7 @@ pub(crate) fn train(
     out: &Path,
     config: &TrainConfig,
 ) -> Result<TrainOutcome, Failure> {
-    trainer::train(corpus, out, config, &mut Bars::default()).map_err(failure_of)
+    trainer::train(corpus, out, config, &mut Bars::of("train")).map_err(failure_of)
 }
 
 /// An error of the trainer that the caller must fix, or one of the machine.
@@ -74,19 +74,28 @@ pub(crate) fn failure_of(error: trainer::Error) -> Failure {
     }
 }
 
-/// One bar per stage of a training.
-#[derive(Default)]
-pub(crate) struct Bars(Option<(String, Bar)>);
+/// One bar per stage of the work of a verb.
+pub(crate) struct Bars {
+    verb: &'static str,
+    stage: Option<(String, Bar)>,
+}
+
+impl Bars {
+    /// The bars of this verb.
+    pub(crate) fn of(verb: &'static str) -> Self {
+        Self { verb, stage: None }
+    }
+}
 
 impl Progress for Bars {
     fn begin(&mut self, stage: &str, total: u64) {
-        let bar = Bar::new("train", "steps", Some(total));
+        let bar = Bar::new(self.verb, "steps", Some(total));
         bar.working_on(stage);
-        self.0 = Some((stage.to_owned(), bar));
+        self.stage = Some((stage.to_owned(), bar));
     }
 
     fn advance(&mut self, done: u64, note: &str) {
-        if let Some((stage, bar)) = &self.0 {
+        if let Some((stage, bar)) = &self.stage {
             if !note.is_empty() {
                 bar.working_on(&format!("{stage}: {note}"));
             }

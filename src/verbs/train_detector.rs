@@ -17,8 +17,8 @@ use crate::failure::{Ending, Failure};
 pub(crate) fn run(args: &TrainDetectorArgs) -> Outcome {
     let corpus = open_corpus(&args.corpus)?;
     let config = config(args)?;
-    let report =
-        train_detector(&corpus, &args.out, &config, &mut Bars::default()).map_err(failure_of)?;
+    let report = train_detector(&corpus, &args.out, &config, &mut Bars::of("train-detector"))
+        .map_err(failure_of)?;
     if args.json {
         print_json(&report)?;
     } else {

@@ -16,6 +16,7 @@ use crate::splits::Splits;
 const PLAN: &str = Corpus::PLAN;
 const SPLITS: &str = Corpus::SPLITS;
 const RECORD: &str = "scenario.json";
+const SCENARIOS: &str = "scenarios";
 
 /// What was read of the scenarios.
 pub(super) struct Found<'a> {
@@ -35,7 +36,7 @@ pub(super) fn check(
     let missing = plan.map_or_else(Vec::new, |plan| check_plan(&plan, found, faults));
     if options.complete {
         for id in &missing {
-            faults.of(id, PLAN, "is planned, but not in the corpus");
+            faults.of(id, PLAN, "planned, but not in the corpus");
         }
     }
     check_splits(corpus, found.records, faults);
@@ -57,7 +58,7 @@ fn check_plan(plan: &PlanAsWritten, found: &Found<'_>, faults: &mut Faults) -> V
     for (id, record) in found.records {
         match planned.get(id.as_str()) {
             Some(scenario) => check_scenario(id, record, (plan, scenario), found, faults),
-            None => faults.of(id, PLAN, "is in the corpus, but not in the plan"),
+            None => faults.of(id, PLAN, "in the corpus, but not in the plan"),
         }
     }
     let there: BTreeSet<String> = found.scenarios.iter().map(ScenarioFolder::id).collect();
@@ -147,9 +148,9 @@ fn check_splits(corpus: &Corpus, records: &BTreeMap<String, ScenarioRecord>, fau
     }
 }
 
-/// Folders among the scenarios that are neither complete nor marked as unfinished.
+/// What is among the scenarios, and is neither a complete one nor marked as unfinished.
 fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut Faults) {
-    let Ok(entries) = fs::read_dir(corpus.root().join("scenarios")) else {
+    let Ok(entries) = fs::read_dir(corpus.root().join(SCENARIOS)) else {
         return;
     };
     for entry in entries.flatten() {
@@ -158,7 +159,7 @@ fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut F
         if entry.file_name().to_str().is_none() {
             faults.of(
                 &name,
-                "scenarios",
+                SCENARIOS,
                 "is a name that is not UTF-8, so no verb sees it; rename it or move it away",
             );
             continue;
@@ -166,12 +167,14 @@ fn check_strangers(corpus: &Corpus, scenarios: &[ScenarioFolder], faults: &mut F
         let known = scenarios.iter().any(|folder| folder.root() == path)
             // Committed by another run since the scenarios were listed.
             || matches!(seal::read_seal(&path), Ok(Some(_)));
-        if !known && !name.ends_with(PARTIAL_SUFFIX) {
-            faults.of(
-                &name,
-                seal::DONE,
-                "is missing: the scenario is not complete",
-            );
+        if known || name.ends_with(PARTIAL_SUFFIX) {
+            continue;
+        }
+        if path.join(RECORD).exists() {
+            faults.of(&name, seal::DONE, "missing: the scenario is not complete");
+        } else {
+            let file = format!("{SCENARIOS}/{name}");
+            faults.file(&file, "not a scenario; move it out of the corpus");
         }
     }
 }

@@ -555,7 +555,7 @@ fn a_leaking_split_is_found_by_what_was_flown_not_by_what_is_listed() {
     assert!(
         example
             .findings()
-            .contains("splits.json: leak: trajectory live-0001-0600-clear-r1"),
+            .contains(": leak: trajectory live-0001-0600-clear-r1"),
         "{}",
         example.findings()
     );
@@ -817,6 +817,34 @@ fn a_folder_without_a_seal_is_found() {
 }
 
 #[test]
+fn what_is_no_scenario_is_called_so() {
+    let example = Example::new();
+    let scenarios = example.corpus.root().join("scenarios");
+    fs::write(scenarios.join(".DS_Store"), "").unwrap();
+    fs::create_dir(scenarios.join("backup")).unwrap();
+    let findings = example.findings();
+    for name in [".DS_Store", "backup"] {
+        let words = format!("scenarios/{name}: not a scenario");
+        assert!(findings.contains(&words), "{findings}");
+    }
+    assert!(!findings.contains(seal::DONE), "{findings}");
+}
+
+#[test]
+fn a_fault_names_its_file_once() {
+    let example = Example::new();
+    fs::write(example.path("scenario.json"), "{").unwrap();
+    fs::write(example.path("frames.parquet"), "PAR1").unwrap();
+    fs::remove_file(example.path("calibration.json")).unwrap();
+    fs::write(example.corpus.plan_path(), "{").unwrap();
+    let findings = example.findings();
+    let root = example.corpus.root().display().to_string();
+    assert!(!findings.contains(&root), "{findings}");
+    let words = "plan.json: is not a valid plan";
+    assert!(findings.contains(words), "{findings}");
+}
+
+#[test]
 fn crowds_of_one_fault_are_counted() {
     let findings = Example::with_table(|rows| rows.iter_mut().for_each(|row| row.time_ns += 5));
     assert_found(&findings, "time: 2 more rows");
@@ -891,7 +919,10 @@ fn a_planned_scenario_that_is_missing_is_a_fault_only_if_the_corpus_should_be_co
     assert_eq!(report.findings.len(), 1);
     assert_eq!(
         report.findings[0].to_string(),
-        format!("{}/plan.json: is planned, but not in the corpus", IDS[0])
+        format!(
+            "plan.json scenario {}: planned, but not in the corpus",
+            IDS[0]
+        )
     );
 }
 
@@ -923,7 +954,7 @@ fn a_value_of_a_plan_that_cannot_be_read_is_named_and_hides_no_other() {
     fs::write(example.corpus.plan_path(), damaged).unwrap();
     let findings = example.findings();
     for words in [
-        "plan.json: its cameras cannot be compared with calibration.json: cameras cannot be read: invalid type: string \"up\", expected f64",
+        ": its cameras cannot be compared with calibration.json: cameras cannot be read: invalid type: string \"up\", expected f64",
         "scenario.json: rig was planned as [5] (plan.json), but recorded as \"pair\"",
         "scenario.json: seed was planned as 2 (plan.json), but recorded as 1",
     ] {

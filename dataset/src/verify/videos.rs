@@ -99,7 +99,7 @@ fn decode<'a>(path: &Path, mut watcher: Watcher<'a>) -> Decoded<'a> {
         }
     };
     let result = read();
-    decoded.fault = result.err().map(|error| error.to_string());
+    decoded.fault = result.err().map(|error| error.beside(path));
     decoded.watcher = Some(watcher);
     decoded
 }

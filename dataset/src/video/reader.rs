@@ -147,7 +147,7 @@ impl VideoReader {
                     if self.coded.is_corrupt() || self.coded.has_decode_errors() {
                         return Err(self.fault(
                             format!("decode picture {}", self.frames_read),
-                            "its data are damaged",
+                            "the data is damaged",
                         ));
                     }
                     let pts = self.coded.timestamp().ok_or_else(|| {

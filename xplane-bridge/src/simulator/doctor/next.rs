@@ -21,7 +21,10 @@ pub(super) fn check(
         .map(|check| check.name)
         .collect();
     if !failed.is_empty() {
-        let found = format!("see to {}, then: dtd doctor --sim {sim}", failed.join(", "));
+        let found = format!(
+            "fix {} first, then run dtd doctor --sim {sim}",
+            failed.join(", ")
+        );
         return Check::skipped(NAME, found);
     }
     let sweep = options
@@ -32,7 +35,8 @@ pub(super) fn check(
         .iter()
         .any(|check| check.name == super::window::NAME && check.verdict == Verdict::Warning);
     if unseen {
-        let found = format!("see to the window, then: dtd doctor --sim {sim} --sweep {sweep}");
+        let found =
+            format!("fix the window first, then run dtd doctor --sim {sim} --sweep {sweep}");
         return Check::skipped(NAME, found);
     }
     Check::ok(
