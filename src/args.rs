@@ -95,7 +95,7 @@ pub(crate) enum Verb {
     /// Compute distance-to-touchdown labels and true boxes; resumes
     #[command(after_help = help::LABEL)]
     Label(LabelArgs),
-    /// Find the aircraft in the decoded videos with a detector, and register the views; resumes
+    /// Find the aircraft in the decoded videos, and register the views; resumes
     #[command(after_help = help::DETECT)]
     Detect(DetectArgs),
     /// Train the distance estimators of a corpus, split by trajectory
