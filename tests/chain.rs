@@ -180,7 +180,11 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
         text(&settings),
         "--json",
     ]);
-    let metrics = DTD.json(&["evaluate", text(&run), "--corpus", text(&corpus), "--json"]);
+    let evaluated = DTD.run(&["evaluate", text(&run), "--corpus", text(&corpus), "--json"]);
+    let progress = String::from_utf8_lossy(&evaluated.stderr);
+    let all_done = "evaluate: 5/5 steps";
+    assert!(progress.contains(all_done), "{progress}");
+    let metrics = json(&evaluated);
     let written: Value =
         serde_json::from_slice(&fs::read(run.join("metrics.json")).unwrap()).unwrap();
     assert_eq!(metrics, written);
