@@ -307,7 +307,12 @@ fn what_cannot_work_is_said_at_once_and_nothing_is_recorded() {
         (SERVER.address, "s3://no-such-bucket/a", 2, "NoSuchBucket"),
         (strict.address, "s3://strict/a", 2, "AWS_ACCESS_KEY_ID"),
         (nobody, url.as_str(), 1, "does not answer"),
-        (SERVER.address, other_plan, 2, "begun with another plan"),
+        (
+            SERVER.address,
+            other_plan,
+            2,
+            "started from a different sweep",
+        ),
         (SERVER.address, "http://host/corpus", 2, "s3://BUCKET"),
         (SERVER.address, "ftp://host/corpus", 2, "gs://BUCKET"),
     ] {

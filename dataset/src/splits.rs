@@ -96,7 +96,14 @@ impl Splits {
 
     /// Reads `splits.json`; rejects a split that leaks or is not by trajectory.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::sound(read_json(path, WHAT)?, path)
+        match read_json(path, WHAT) {
+            Ok(splits) => Self::sound(splits, path),
+            Err(error) if error.is_not_found() => Err(Error::corpus(
+                path,
+                "is missing: `dtd generate SWEEP --out CORPUS` writes it again",
+            )),
+            Err(error) => Err(error),
+        }
     }
 
     /// Reads the content of `splits.json`; messages name it as `path`.
@@ -136,6 +143,19 @@ mod tests {
             trajectory: trajectory.into(),
             side,
         }
+    }
+
+    #[test]
+    fn a_lost_split_is_bad_input_and_says_what_writes_it_again() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = Splits::read(&folder.path().join("splits.json")).unwrap_err();
+        assert!(error.is_bad_content(), "{error}");
+        assert!(
+            error.to_string().ends_with(
+                "splits.json: is missing: `dtd generate SWEEP --out CORPUS` writes it again"
+            ),
+            "{error}"
+        );
     }
 
     #[test]

@@ -90,7 +90,7 @@ pub struct GenerateOptions {
 /// Records the scenarios of a sweep in a corpus; see the module.
 ///
 /// # Errors
-/// Before anything is written: the corpus was begun with another plan, a scenario of `only` is not in the plan, or there is no
+/// Before anything is written: the corpus was started from a different sweep, a scenario of `only` is not in the plan, or there is no
 /// simulator. Later: the corpus cannot be read. Scenarios that fail are not errors but part of the outcome, and so is a run that
 /// ends early.
 pub fn generate<'a>(
@@ -139,7 +139,9 @@ pub fn generate<'a>(
                 scenarios: staged.len(),
             });
         }
-        if options.remote.is_none() && to_make.is_empty() && frozen.as_ref() == Some(&plan) {
+        let lost = freeze::lost_files(corpus_root);
+        let is_same_plan = frozen.as_ref() == Some(&plan) && lost.is_empty();
+        if options.remote.is_none() && to_make.is_empty() && is_same_plan {
             Claim::tidy(&Corpus::open(corpus_root)?);
             return Ok(outcome);
         }
@@ -154,6 +156,10 @@ pub fn generate<'a>(
         let corpus = Corpus::create(corpus_root)?;
         if let Some(remote) = &options.remote {
             stage::mark(&corpus, remote.store.name())?;
+        }
+        // The split is written before the plan: a plan without one has lost it.
+        if frozen.is_some() && split_there.is_none() && lost.contains(&Corpus::SPLITS) {
+            reporter.tell(Event::SplitLost);
         }
         freeze::freeze(&corpus, sweep, &plan, split_there.as_deref()).await?;
         if let Some(remote) = &options.remote {

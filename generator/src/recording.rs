@@ -41,7 +41,7 @@ pub enum RecordingError {
         cause: io::Error,
     },
     /// The pattern matches nothing.
-    #[error("no file matches {}; expected one recording at least", pattern.display())]
+    #[error("no file matches {}; expected at least one recording", pattern.display())]
     NoMatch {
         /// The pattern in its folder.
         pattern: PathBuf,

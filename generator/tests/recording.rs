@@ -56,8 +56,25 @@ async fn a_sweep_becomes_a_sound_corpus_and_a_second_run_has_nothing_to_do() {
         assert!(record.flight_touchdown.is_some());
     }
 
-    let again = run(&sweep, folder.path(), target, &[]).await.unwrap();
+    let again = run(&sweep, folder.path(), target.clone(), &[])
+        .await
+        .unwrap();
     assert_eq!((again.committed.len(), again.skipped.len()), (0, 4));
+
+    for name in Corpus::FILES {
+        let path = folder.path().join(name);
+        let good = fs::read(&path).unwrap();
+        fs::remove_file(&path).unwrap();
+        let mut split_lost = false;
+        let all = options(target.clone(), &[]);
+        let again = run_until(&sweep, folder.path(), &all, |event| {
+            split_lost |= matches!(event, Event::SplitLost);
+            false
+        });
+        assert_eq!(again.await.unwrap().skipped.len(), 4, "{name}");
+        assert!(fs::read(&path).unwrap() == good, "{name}");
+        assert_eq!(split_lost, name == Corpus::SPLITS, "{name}");
+    }
 }
 
 #[tokio::test(flavor = "multi_thread")]
@@ -210,4 +227,14 @@ async fn what_cannot_begin_is_said_at_once_and_leaves_nothing() {
         "{error}"
     );
     assert!(!corpus.exists());
+
+    fs::write(folder.path().join("thesis.tex"), "years of work").unwrap();
+    let error = run(&sweep, folder.path(), stand_in().await, &[])
+        .await
+        .unwrap_err();
+    assert!(
+        error.is_bad_input() && error.to_string().contains("contains thesis.tex"),
+        "{error}"
+    );
+    assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }

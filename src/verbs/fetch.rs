@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::fmt::Display;
 use std::time::{Duration, Instant};
 
-use dataset::corpus::Corpus;
+use dataset::corpus::{Corpus, check_place};
 use dataset::json_file::write_atomically;
 use dataset::outside_file::{self, FileKind};
 use dataset::own_path::own_path;
@@ -103,6 +103,7 @@ async fn mirror(
     let watch = OnBar::new(&bar);
     store.check().await.map_err(failure_of)?;
     let ids = wanted(store.committed().await.map_err(failure_of)?, args, store)?;
+    check_place(&args.out).map_err(Failure::bad_input)?;
     let corpus = Corpus::create(&args.out).map_err(Failure::bad_input)?;
     let mut mirror = Mirror {
         corpus_files: fetch_corpus_files(store, &corpus).await?,

@@ -19,6 +19,7 @@ use xplane_bridge::pixels::{FfmpegScreen, PixelChoice};
 
 use super::Outcome;
 use super::async_runtime::async_runtime;
+use super::corpus_files::SPLIT_AGAIN;
 use super::object_store::{default_stage, failure_of};
 use super::output::{count, finish, print_json};
 use crate::args::GenerateArgs;
@@ -253,6 +254,7 @@ impl ShowEvents {
             Event::SetAsideBefore { id, reason } => self.bar.say(&format!(
                 "{id} failed in an earlier run and is tried again: {reason}"
             )),
+            Event::SplitLost => self.bar.say(SPLIT_AGAIN),
             Event::LittleSpace { free, needed } => self.bar.say(&format!(
                 "warning: {} are free, and about {} will be needed",
                 DecimalBytes(free),

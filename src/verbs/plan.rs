@@ -73,7 +73,7 @@ fn warn_of_another_split(sweep: &Sweep, corpus: &Corpus) {
     let there = outside_file::read_text(&corpus.sweep_path(), FileKind::SWEEP);
     if there.is_ok_and(|there| split(&there) != split(&sweep.text)) {
         eprintln!(
-            "warning: [split] is not the one that {} was begun with: its scenarios keep their sides, only new ones follow the new [split]",
+            "warning: [split] is not the one that {} was started with: its scenarios keep their sides, only new ones follow the new [split]",
             corpus.root().display()
         );
     }

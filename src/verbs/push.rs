@@ -292,7 +292,7 @@ impl NotSent {
         match self {
             Self::Store(error) => failure_of(error),
             Self::Conflict { name, difference } => Failure::bad_input_message(format!(
-                "{}: the corpus was begun with another plan or split, {name} differs: {difference}. A corpus can only be added to: push to \
+                "{}: the corpus was started from a different sweep or split, {name} differs: {difference}. A corpus can only be added to: push to \
                  another prefix",
                 store.name()
             )),

@@ -19,10 +19,10 @@ const WHAT_TO_DO_ABOUT_A_LIVE_FLIGHT: &str = "It was flown live: if the simulato
 /// Why a run could not start or continue.
 #[derive(Debug, thiserror::Error)]
 pub enum GenerateError {
-    /// The corpus was begun with a plan that the sweep no longer produces.
+    /// The corpus was started from a plan that the sweep no longer produces.
     #[error(
-        "{}: the corpus was begun with another plan: {difference}. A corpus can only be added to: undo the change in the sweep, \
-         or use another folder", corpus.display()
+        "{}: the corpus was started from a different sweep: {difference}. A corpus can only be added to: undo the change in the \
+         sweep, or use another folder", corpus.display()
     )]
     OtherPlan {
         /// The corpus.

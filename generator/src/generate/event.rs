@@ -23,6 +23,8 @@ pub enum Event<'a> {
         /// Why its last attempt failed.
         reason: &'a str,
     },
+    /// `splits.json` of the corpus was lost; it is regenerated from plan and seed.
+    SplitLost,
     /// The disk may not have enough space.
     LittleSpace {
         /// Bytes available.

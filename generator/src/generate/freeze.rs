@@ -4,7 +4,7 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use dataset::claim::{Claim, Claimed, WHOLE_CORPUS};
-use dataset::corpus::{Corpus, check_path};
+use dataset::corpus::{Corpus, check_place};
 use dataset::json_file::write_atomically;
 use dataset::new_file::clear_leftovers;
 use dataset::plan::{Plan, PlannedScenario};
@@ -19,14 +19,14 @@ use crate::sweep::Sweep;
 const HELD_FOR_LONG: Duration = Duration::from_secs(30);
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// The plan that a corpus was begun with; rejects one that is not part of `plan`.
+/// The plan that a corpus was started from; rejects one that is not part of `plan`, and a folder with other things in it.
 pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan>, GenerateError> {
     if corpus_root.exists() && !corpus_root.is_dir() {
         return Err(GenerateError::NotAFolder {
             path: corpus_root.to_owned(),
         });
     }
-    check_path(corpus_root)?;
+    check_place(corpus_root)?;
     let frozen = match Corpus::open(corpus_root) {
         Ok(corpus) if corpus.plan_path().exists() => Plan::read(&corpus.plan_path())?,
         _ => return Ok(None),
@@ -38,6 +38,14 @@ pub(super) fn frozen_plan(corpus_root: &Path, plan: &Plan) -> Result<Option<Plan
         }),
         None => Ok(Some(frozen)),
     }
+}
+
+/// Those of the files of the whole corpus that are not there.
+pub(super) fn lost_files(corpus_root: &Path) -> Vec<&'static str> {
+    let names = Corpus::FILES.into_iter();
+    names
+        .filter(|name| !corpus_root.join(name).exists())
+        .collect()
 }
 
 /// Freezes plan and split in the corpus, or extends the existing ones. Runs that start at once take turns. `split_there`: the split
@@ -79,7 +87,7 @@ pub(super) async fn freeze(
     if earlier.as_ref() != Some(&splits) {
         splits.write(&path)?;
     }
-    if frozen.as_ref() != Some(plan) {
+    if frozen.as_ref() != Some(plan) || !corpus.sweep_path().exists() {
         write_atomically(&corpus.sweep_path(), sweep.text.as_bytes())?;
         plan.write(&corpus.plan_path())?;
     }

@@ -26,7 +26,7 @@ pub struct Remote {
 }
 
 impl Remote {
-    /// Checks that the store grants access, and rejects a corpus that was begun with another plan. Returns the split of that
+    /// Checks that the store grants access, and rejects a corpus that was started from a different sweep. Returns the split of that
     /// corpus, if it has one.
     pub(super) async fn look(&self, plan: &Plan) -> Result<Option<Vec<u8>>, GenerateError> {
         self.store.check().await?;
