@@ -115,8 +115,8 @@ const CASES: &[Case] = &[
     // Form.
     ("[corpus]", "[corpus", "\nname", "expected", Schema),
     ("seed = 0", "seed = 0\ncolour = 1", "colour", "unknown field `colour`", Schema),
-    ("seed = 0", "seed = -1", "-1", "expected u64", Schema),
-    ("seed = 0", "seed = \"zero\"", "\"zero\"", "expected u64", Schema),
+    ("seed = 0", "seed = -1", "-1", "expected a whole number", Schema),
+    ("seed = 0", "seed = \"zero\"", "\"zero\"", "expected a whole number", Schema),
     ("name = \"small\"\n", "", "[corpus]", "missing field `name`", Schema),
     ("name = \"small\"", "name = \"\"", "\"\"", "name is empty", Schema),
     ("seed = 0", "seed = 0\nseed = 1", "seed = 1", "duplicate key", Schema),

@@ -283,6 +283,20 @@ pub fn faults_besides_videos(folder: &Path) -> Result<Vec<String>> {
     })
 }
 
+/// Missing files and videos of another size: what shows without reading any file but the seal.
+pub fn faults_at_a_glance(folder: &Path) -> Result<Vec<String>> {
+    while_it_stays(folder, || {
+        let Some(sealed) = Sealed::read(folder)? else {
+            return Ok(vec![NEVER_FINISHED.into()]);
+        };
+        // Until a committed change is completed, a file may only have its new name, and is found by its hash.
+        let is_unsettled = is_unsettled(folder);
+        Ok(faults_of_listed(&sealed, |name| {
+            is_unsettled && !name.starts_with(VIDEOS)
+        }))
+    })
+}
+
 /// The result of `look`, once the folder did not change during the check.
 fn while_it_stays(folder: &Path, look: impl Fn() -> Result<Vec<String>>) -> Result<Vec<String>> {
     for _ in 0..sealed::ATTEMPTS {

@@ -32,7 +32,31 @@ impl<'a> TomlFile<'a> {
     /// # Errors
     /// Invalid syntax, unknown or missing keys, values of a wrong type.
     pub fn parse<T: DeserializeOwned>(self) -> Result<T, TomlError> {
-        toml::from_str(self.text).map_err(|error| self.error_at(error.span(), error.message()))
+        toml::from_str(self.text).map_err(|error| {
+            let span = error.span();
+            let message = match span.clone().filter(|span| self.is_datetime(span)) {
+                Some(span) => format!(
+                    "a time or date without quotes; put it in quotes: \"{}\"",
+                    &self.text[span]
+                ),
+                None => in_words_of_toml(error.message()),
+            };
+            self.error_at(span, &message)
+        })
+    }
+
+    /// Whether this is the place of a date or time as TOML has them, which none of our files do.
+    fn is_datetime(self, span: &Range<usize>) -> bool {
+        fn is_within(value: &Spanned<DeValue<'_>>, span: &Range<usize>) -> bool {
+            match value.get_ref() {
+                DeValue::Datetime(_) => value.span() == *span,
+                DeValue::Array(items) => items.iter().any(|item| is_within(item, span)),
+                DeValue::Table(table) => table.values().any(|item| is_within(item, span)),
+                _ => false,
+            }
+        }
+        DeTable::parse(self.text)
+            .is_ok_and(|root| root.get_ref().values().any(|value| is_within(value, span)))
     }
 
     /// The error for a value that was parsed, but that a check rejects. A key such as `grid.times.2` names it; if it is not in the
@@ -50,6 +74,21 @@ impl<'a> TomlFile<'a> {
             excerpt: mistake.map(|mistake| mistake.excerpt()),
         }
     }
+}
+
+/// The parser's message without the names of Rust's types, which are Greek to the authors of files.
+fn in_words_of_toml(message: &str) -> String {
+    const WORDS: [(&str, &str); 4] = [
+        ("u64", "a whole number from 0"),
+        ("u32", "a whole number from 0"),
+        ("usize", "a whole number from 0"),
+        ("f64", "a number"),
+    ];
+    let words = WORDS.iter().find_map(|(name, words)| {
+        let found = message.strip_suffix(name)?.strip_suffix("expected ")?;
+        Some(format!("{found}expected {words}"))
+    });
+    words.unwrap_or_else(|| message.to_owned())
 }
 
 /// A mistake in a TOML file. It prints as `scenarios.toml:12:9: what was found and what was expected`, followed by the underlined line.
@@ -223,6 +262,37 @@ mod tests {
         let error = parse("# crew\nnames = [\r\n");
         assert!(error.place.is_some(), "{error}");
         assert!(error.to_string().contains('^'), "{error}");
+    }
+
+    #[test]
+    fn a_number_that_is_expected_is_named_in_words_and_a_bare_time_is_to_be_quoted() {
+        #[derive(Debug, Deserialize)]
+        #[allow(dead_code, reason = "only read from text")]
+        struct Shift {
+            times: Vec<Entry>,
+            crews: u32,
+        }
+        #[derive(Debug, Deserialize)]
+        #[allow(dead_code, reason = "only read from text")]
+        struct Entry {
+            from: String,
+        }
+        let message = |text: &str| {
+            let file = TomlFile::new(Path::new("shift.toml"), text);
+            file.parse::<Shift>().unwrap_err().message
+        };
+        assert_eq!(
+            message("times = []\ncrews = -1\n"),
+            "invalid value: integer `-1`, expected a whole number from 0"
+        );
+        assert_eq!(
+            message("times = []\ncrews = \"two\"\n"),
+            "invalid type: string \"two\", expected a whole number from 0"
+        );
+        assert_eq!(
+            message("times = [20:30:00]\ncrews = 1\n"),
+            "a time or date without quotes; put it in quotes: \"20:30:00\""
+        );
     }
 
     #[test]

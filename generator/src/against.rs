@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
-use dataset::corpus::Corpus;
+use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::{Plan, PlannedScenario};
-use dataset::seal::Seal;
+use dataset::seal::{self, Seal};
 use futures_util::future::LocalBoxFuture;
 use serde::Serialize;
 use store::{CorpusStore, StoreError};
@@ -25,6 +25,9 @@ pub enum Standing {
     New,
     /// In the corpus with other parameters.
     Changed,
+    /// In the corpus, but without a seal, or with missing or truncated files: its folder must be moved away before the scenario can be
+    /// recorded again.
+    Damaged,
 }
 
 /// The difference between a plan and a corpus.
@@ -34,6 +37,8 @@ pub struct Against {
     pub difference: Difference,
     /// For each scenario of the plan, in its order.
     pub standings: Vec<Standing>,
+    /// What is wrong with the damaged ones, by identifier.
+    pub damaged: BTreeMap<String, String>,
     /// Size of the complete scenarios, if their pictures are like those of the plan.
     pub size: Option<MeasuredSize>,
 }
@@ -45,13 +50,19 @@ impl Against {
             true => Some(Plan::read(&corpus.plan_path())?),
             false => None,
         };
-        let mut seals = BTreeMap::new();
+        let (mut seals, mut damaged) = (BTreeMap::new(), BTreeMap::new());
         for scenario in &plan.scenarios {
-            if let Some(seal) = corpus.scenario(&scenario.id).seal()? {
-                seals.insert(scenario.id.clone(), seal);
+            match look(&corpus.scenario(&scenario.id))? {
+                Found::Nothing => {}
+                Found::Sealed(seal) => {
+                    seals.insert(scenario.id.clone(), seal);
+                }
+                Found::Damaged(what) => {
+                    damaged.insert(scenario.id.clone(), what);
+                }
             }
         }
-        let mut against = Self::of(plan, frozen.as_ref(), &seals);
+        let mut against = Self::of(plan, frozen.as_ref(), &seals, damaged);
         let alike = |frozen: &Plan| {
             frozen.common.picture == plan.common.picture && frozen.common.video == plan.common.video
         };
@@ -75,11 +86,16 @@ impl Against {
             let committed = store.committed().await?;
             let ids = plan.scenarios.iter().map(|scenario| scenario.id.clone());
             let seals = store.seals(ids.filter(|id| committed.contains(id))).await?;
-            Ok(Self::of(plan, frozen.as_ref(), &seals))
+            Ok(Self::of(plan, frozen.as_ref(), &seals, BTreeMap::new()))
         })
     }
 
-    fn of(plan: &Plan, frozen: Option<&Plan>, seals: &BTreeMap<String, Seal>) -> Self {
+    fn of(
+        plan: &Plan,
+        frozen: Option<&Plan>,
+        seals: &BTreeMap<String, Seal>,
+        damaged: BTreeMap<String, String>,
+    ) -> Self {
         let difference = match frozen {
             Some(frozen) => Difference::between(frozen, plan),
             None => {
@@ -94,6 +110,7 @@ impl Against {
         let changed: BTreeSet<&str> = difference.changed.iter().map(|c| c.id.as_str()).collect();
         let standing = |scenario: &PlannedScenario| match seals.get(&scenario.id) {
             _ if changed.contains(scenario.id.as_str()) => Standing::Changed,
+            _ if damaged.contains_key(&scenario.id) => Standing::Damaged,
             Some(seal) if seal.config_hash == scenario.config_hash => Standing::Whole,
             Some(_) => Standing::Changed,
             None if added.contains(scenario.id.as_str()) => Standing::New,
@@ -103,6 +120,7 @@ impl Against {
         Self {
             difference,
             standings,
+            damaged,
             size: None,
         }
     }
@@ -132,6 +150,32 @@ impl Against {
             size.scenarios += 1;
         }
         Ok((size.scenarios > 0).then_some(size))
+    }
+}
+
+/// What a look at a scenario's folder finds.
+enum Found {
+    Nothing,
+    Sealed(Seal),
+    Damaged(String),
+}
+
+/// Looks at a folder as quickly as possible: it may be one of thousands.
+fn look(folder: &ScenarioFolder) -> dataset::Result<Found> {
+    let seal = match folder.seal() {
+        Ok(Some(seal)) => seal,
+        Ok(None) if folder.root().exists() => {
+            return Ok(Found::Damaged("it has no seal (DONE.json)".into()));
+        }
+        Ok(None) => return Ok(Found::Nothing),
+        Err(error) if error.is_bad_content() => return Ok(Found::Damaged(error.to_string())),
+        Err(error) => return Err(error),
+    };
+    match seal::faults_at_a_glance(folder.root()) {
+        Ok(faults) if faults.is_empty() => Ok(Found::Sealed(seal)),
+        Ok(faults) => Ok(Found::Damaged(faults.join("; "))),
+        Err(error) if error.is_bad_content() => Ok(Found::Damaged(error.to_string())),
+        Err(error) => Err(error),
     }
 }
 

@@ -155,10 +155,13 @@ impl Table {
         if let Some(wrong) = all.find(|value| !value.is_finite()) {
             return Err(format!("{wrong} is not a usable number"));
         }
+        if let (Some(min), Some(max)) = (min, max)
+            && min > max
+        {
+            return Err(format!("min {min} is above max {max}"));
+        }
         match (min, max, mean, sd, one_of) {
-            (Some(min), Some(max), None, None, None) if min <= max => {
-                Ok(Spread::Uniform { min, max })
-            }
+            (Some(min), Some(max), None, None, None) => Ok(Spread::Uniform { min, max }),
             (None, None, Some(mean), Some(sd), None) if sd >= 0.0 => {
                 Ok(Spread::Normal { mean, sd })
             }
@@ -177,7 +180,7 @@ impl Table {
                 Ok(Spread::OneOf(values))
             }
             _ => Err(format!(
-                "expected {EXPECTED}, with min <= max, sd >= 0 and at least one value"
+                "expected {EXPECTED}, with sd >= 0 and at least one value"
             )),
         }
     }
@@ -325,6 +328,10 @@ mod tests {
         ] {
             assert!(parse(wrong).is_err(), "{wrong}");
         }
+        assert_eq!(
+            parse("{ min = 20000, max = 12000 }"),
+            Err("min 20000 is above max 12000".into())
+        );
         assert!(
             parse("{ min = 0, maximum = 1 }")
                 .unwrap_err()

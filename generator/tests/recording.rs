@@ -165,6 +165,22 @@ async fn a_corpus_takes_more_repeats_but_no_other_plan() {
     let plan = expand(&more);
     let grown = Against::compare(&plan, &corpus).unwrap();
     assert_eq!(grown.standings, [Standing::Whole, Standing::New]);
+    let scenario = corpus.scenarios().unwrap()[0].root().to_owned();
+    for name in ["views/left.mp4", "frames.parquet", "DONE.json"] {
+        let (path, away) = (scenario.join(name), folder.path().join("away"));
+        fs::rename(&path, &away).unwrap();
+        let damaged = Against::compare(&plan, &corpus).unwrap();
+        assert_eq!(damaged.standings, [Standing::Damaged, Standing::New]);
+        let what = &damaged.damaged["1200-clear-r1"];
+        assert!(what.contains(name), "{name}: {what}");
+        fs::rename(&away, &path).unwrap();
+    }
+    let video = scenario.join("views/right.mp4");
+    let good = fs::read(&video).unwrap();
+    fs::write(&video, &good[1..]).unwrap();
+    let damaged = Against::compare(&plan, &corpus).unwrap();
+    assert_eq!(damaged.standings, [Standing::Damaged, Standing::New]);
+    fs::write(&video, &good).unwrap();
     let size = grown.size.unwrap();
     let record = corpus.scenarios().unwrap()[0]
         .open()

@@ -2,7 +2,7 @@
 
 mod show;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use dataset::corpus::Corpus;
@@ -36,7 +36,10 @@ pub(crate) fn run(args: &PlanArgs) -> Outcome {
             Some(compare(&sweep, &plan, &corpus)?)
         }
         None => match default_corpus(&plan) {
-            Some(corpus) => Some(compare(&sweep, &plan, &corpus)?),
+            Some(corpus) => Some(Compared {
+                is_default: true,
+                ..compare(&sweep, &plan, &corpus)?
+            }),
             None => None,
         },
     };
@@ -58,11 +61,20 @@ pub(crate) fn read_plan(path: &Path) -> Result<(Sweep, Plan), Failure> {
 
 fn warn_of_unused_weathers(sweep: &Sweep, plan: &Plan) {
     let used: BTreeSet<&str> = plan.scenarios.iter().map(|s| s.weather.as_str()).collect();
+    let text: toml::Table = toml::from_str(&sweep.text).unwrap_or_default();
+    // By default, the grid has all weathers.
+    let listed = text.get("grid").and_then(|grid| grid.get("weathers"));
+    let is_in_grid = |weather: &str| {
+        let listed = listed.and_then(toml::Value::as_array);
+        listed.is_none_or(|listed| listed.iter().any(|name| name.as_str() == Some(weather)))
+    };
     for weather in sweep.weathers.keys() {
         if !used.contains(weather.as_str()) {
-            eprintln!(
-                "warning: no scenario has the weather {weather:?}: name it in `weathers` of [grid]"
-            );
+            let why = match is_in_grid(weather) {
+                true => "[[exclude]] omits every combination with it",
+                false => "name it in `weathers` of [grid]",
+            };
+            eprintln!("warning: no scenario has the weather {weather:?}: {why}");
         }
     }
 }
@@ -91,6 +103,7 @@ fn compare(sweep: &Sweep, plan: &Plan, corpus: &Corpus) -> Result<Compared, Fail
     warn_of_another_split(sweep, corpus);
     Ok(Compared {
         corpus: corpus.root().display().to_string(),
+        is_default: false,
         against: Against::compare(plan, corpus).map_err(Failure::bad_input)?,
     })
 }
@@ -103,6 +116,7 @@ fn compare_with_store(plan: &Plan, url: &StoreUrl) -> Result<Compared, Failure> 
     });
     Ok(Compared {
         corpus: store.name().to_owned(),
+        is_default: false,
         against: against.map_err(failure_of)?,
     })
 }
@@ -110,6 +124,8 @@ fn compare_with_store(plan: &Plan, url: &StoreUrl) -> Result<Compared, Failure> 
 struct Compared {
     /// Its folder or URL.
     corpus: String,
+    /// Whether nobody named it: it has the default name.
+    is_default: bool,
     against: Against,
 }
 
@@ -161,6 +177,7 @@ impl<'a> Report<'a> {
                 whole: self.ids(compared, Standing::Whole),
                 to_make: self.ids(compared, Standing::ToMake),
                 new: self.ids(compared, Standing::New),
+                damaged: &compared.against.damaged,
                 changed: &compared.against.difference.changed,
                 removed: &compared.against.difference.removed,
                 left: self.left.as_ref(),
@@ -230,6 +247,8 @@ struct AgainstDocument<'a> {
     whole: Vec<&'a str>,
     to_make: Vec<&'a str>,
     new: Vec<&'a str>,
+    /// What is wrong, by identifier.
+    damaged: &'a BTreeMap<String, String>,
     changed: &'a [Change],
     removed: &'a [String],
     left: Option<&'a Estimate>,

@@ -43,6 +43,7 @@ impl Difference {
                 Some(earlier) if earlier.config_hash != scenario.config_hash => {
                     let what = common
                         .clone()
+                        .or_else(|| other_seed(earlier, scenario))
                         .or_else(|| first_difference_of(*earlier, scenario));
                     difference.changed.push(Change {
                         id: scenario.id.clone(),
@@ -77,6 +78,16 @@ impl Difference {
             more => Some(format!("{shown}; and {more} more")),
         }
     }
+}
+
+/// Another seed changes every value that is drawn: it is the cause, they are the effect.
+fn other_seed(before: &PlannedScenario, after: &PlannedScenario) -> Option<String> {
+    (before.seed != after.seed).then(|| {
+        format!(
+            "its seed was {}, now {}: `seed` of [corpus] is another",
+            before.seed, after.seed
+        )
+    })
 }
 
 fn first_difference_of(before: &impl Serialize, after: &impl Serialize) -> Option<String> {
@@ -135,7 +146,12 @@ fn in_words(keys: &[String], before: &Value, after: &Value) -> String {
     words.retain(|word| !GROUPS.contains(word));
     let what = words.join(" ").replace('_', " ");
     let what = &what[..what.len() - ending.len()];
+    let rounded = |value: &Value| value.as_f64().map(rounded);
+    // Values that only differ in later digits are shown with all of them.
+    let is_told_apart = rounded(before) != rounded(after);
     let value = |value: &Value| match (value, value.as_f64()) {
+        (Value::Number(whole), Some(_)) if !whole.is_f64() => format!("{whole}{unit}"),
+        (_, Some(number)) if is_told_apart => format!("{}{unit}", self::rounded(number)),
         (_, Some(number)) => format!("{number}{unit}"),
         (Value::Null, _) => "none".into(),
         (Value::Array(list), _) => list.len().to_string(),
@@ -151,10 +167,37 @@ fn in_words(keys: &[String], before: &Value, after: &Value) -> String {
     format!("{what} was {}, now {}", value(before), value(after))
 }
 
+/// A number to four significant digits, but never without its ones.
+fn rounded(number: f64) -> f64 {
+    let digits_before_point = number.abs().max(f64::MIN_POSITIVE).log10().floor() as i32 + 1;
+    let factor = 10_f64.powi((4 - digits_before_point).clamp(0, 15));
+    (number * factor).round() / factor
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use serde_json::json;
+
+    #[test]
+    fn figures_are_rounded_unless_that_hides_the_change() {
+        let said = |before: f64, after: f64| {
+            let document = |value: f64| json!({"cross_track_m": value});
+            first_difference(&[], &document(before), &document(after)).unwrap()
+        };
+        assert_eq!(
+            said(-5.570_341_329_923_742_5, -44.118_075_239_217_55),
+            "cross track was -5.57 m, now -44.12 m"
+        );
+        assert_eq!(
+            said(17_093.37, 0.000_123_456),
+            "cross track was 17093 m, now 0.0001235 m"
+        );
+        assert_eq!(
+            said(118.751, 118.752),
+            "cross track was 118.751 m, now 118.752 m"
+        );
+    }
 
     #[test]
     fn a_change_is_said_in_words_with_units() {

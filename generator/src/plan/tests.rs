@@ -168,6 +168,21 @@ fn more_repeats_only_add_and_other_changes_are_named() {
     );
 }
 
+#[test]
+fn of_another_seed_the_seed_is_named_and_not_what_it_drew() {
+    let one = expand(&sweep_of(SMALL));
+    let other = expand(&sweep_of(&SMALL.replace("seed = 0", "seed = 1")));
+    let changed = Difference::between(&one, &other).changed;
+    assert_eq!(changed.len(), one.scenarios.len());
+    for change in changed {
+        assert!(
+            change.what.contains("`seed` of [corpus] is another"),
+            "{}",
+            change.what
+        );
+    }
+}
+
 /// Every scenario of `before` is in `after`, hash included.
 fn assert_extends(before: &Plan, after: &Plan, what: &str) {
     let difference = Difference::between(before, after);

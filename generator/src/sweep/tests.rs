@@ -84,14 +84,25 @@ type Fault = (
     &'static str,
 );
 
-const FAULTS: [Fault; 36] = [
+const FAULTS: [Fault; 37] = [
     (
         "seed = 0",
         "seed = 0\ncolour = 1",
         Some((4, 1)),
         "unknown field `colour`",
     ),
-    ("seed = 0", "seed = -1", Some((3, 8)), "expected u64"),
+    (
+        "times = [\"06:00\", \"12:00\"]",
+        "times = [20:30]",
+        Some((12, 10)),
+        "put it in quotes: \"20:30\"",
+    ),
+    (
+        "seed = 0",
+        "seed = -1",
+        Some((3, 8)),
+        "expected a whole number",
+    ),
     (
         "name = \"small\"\n",
         "",

@@ -42,7 +42,7 @@ impl Report<'_> {
             "ticks",
         ];
         if self.compared.is_some() {
-            heading.push("standing");
+            heading.push("status");
         }
         let scenarios = self.plan.scenarios.iter().enumerate();
         let rows: Vec<Vec<String>> = scenarios
@@ -104,25 +104,25 @@ impl Report<'_> {
         let plan = self.plan;
         let scenarios = plan.scenarios.len();
         let live = plan.scenarios.iter().filter(|s| s.flight == "live").count();
-        println!("plan      {} of {}", plan.plan_hash, plan.corpus);
+        println!("plan        {} of {}", plan.plan_hash, plan.corpus);
         println!(
-            "holds     {scenarios} scenarios ({live} live, {} recorded)",
+            "scenarios   {scenarios} ({live} live, {} recorded)",
             scenarios - live
         );
         let common = &plan.common;
         let estimate = &self.estimate;
         println!(
-            "flight    {}: {} ticks at {} a second, {} cameras, {} pictures",
+            "flight      {}: {} ticks at {} a second, {} cameras, {} pictures",
             hours(estimate.flight_h),
             estimate.ticks,
             common.picture.frame_rate,
             common.cameras.len(),
             estimate.pictures
         );
-        show_cost("making", estimate);
-        println!("size      {} ({})", size(estimate), estimate.bytes_basis);
+        show_cost("recording", estimate);
+        println!("size        {} ({})", size(estimate), estimate.bytes_basis);
         println!(
-            "room      {} should be free on the disk: detailed scenery takes more than the stand-in's",
+            "free space  {} should be free on the disk: X-Plane's scenery needs more than the stand-in's",
             DecimalBytes(estimate.room_bytes)
         );
     }
@@ -130,38 +130,56 @@ impl Report<'_> {
     fn show_difference(&self, compared: &Compared) {
         let against = &compared.against;
         println!();
-        println!("against   {}", compared.corpus);
+        let note = match compared.is_default {
+            true => " (found here; --against names another)",
+            false => "",
+        };
+        println!("against     {}{note}", compared.corpus);
         for (standing, note) in [
-            (Standing::Whole, "complete already"),
-            (Standing::ToMake, "planned there, not yet made"),
+            (Standing::Whole, "complete"),
+            (Standing::ToMake, "missing: planned there, not recorded yet"),
             (Standing::New, "new"),
             (Standing::Changed, "changed"),
+            (Standing::Damaged, "damaged"),
         ] {
             let count = against.standing(self.plan, standing).count();
-            println!("          {count:>6} {note}");
+            println!("            {count:>6} {note}");
         }
         let (changed, removed) = (&against.difference.changed, &against.difference.removed);
-        println!("          {:>6} removed", removed.len());
-        if let Some(left) = &self.left {
+        println!("            {:>6} removed", removed.len());
+        // Of a sweep that is rejected, nothing is left to record.
+        let is_rejected = !(changed.is_empty() && removed.is_empty());
+        if let Some(left) = self.left.as_ref().filter(|_| !is_rejected) {
             show_cost("left", left);
             println!(
-                "          {} to write, for which {} should be free",
+                "            {} to write, for which {} should be free",
                 size(left),
                 DecimalBytes(left.room_bytes)
             );
         }
+        for (id, what) in against.damaged.iter().take(MOST_DIFFERENCES) {
+            println!("damaged     {id}: {what}");
+        }
         for change in changed.iter().take(MOST_DIFFERENCES) {
-            println!("changed   {}: {}", change.id, change.what);
+            println!("changed     {}: {}", change.id, change.what);
         }
         for id in removed.iter().take(MOST_DIFFERENCES) {
-            println!("removed   {id}");
+            println!("removed     {id}");
         }
-        let hidden = changed.len().saturating_sub(MOST_DIFFERENCES)
-            + removed.len().saturating_sub(MOST_DIFFERENCES);
+        let listed = [against.damaged.len(), changed.len(), removed.len()];
+        let hidden: usize = listed
+            .map(|number| number.saturating_sub(MOST_DIFFERENCES))
+            .iter()
+            .sum();
         if hidden > 0 {
-            println!("          and {hidden} more; --json lists them all");
+            println!("            and {hidden} more; --json lists them all");
         }
-        if !(changed.is_empty() && removed.is_empty()) {
+        if !against.damaged.is_empty() {
+            println!(
+                "`dtd generate` rejects damaged scenarios: move their folders out of scenarios/, then it records them again."
+            );
+        }
+        if is_rejected {
             println!(
                 "A corpus only grows: `dtd generate` rejects this sweep for it. Use another folder, or give new values new names."
             );
@@ -178,16 +196,17 @@ fn flight(scenario: &PlannedScenario) -> &str {
 
 fn in_words(standing: Standing) -> &'static str {
     match standing {
-        Standing::Whole => "whole",
-        Standing::ToMake => "to make",
+        Standing::Whole => "complete",
+        Standing::ToMake => "missing",
         Standing::New => "new",
         Standing::Changed => "changed",
+        Standing::Damaged => "damaged",
     }
 }
 
 fn show_cost(name: &str, estimate: &Estimate) {
     println!(
-        "{name:<9} {} ({})",
+        "{name:<11} {} ({})",
         hours(estimate.making_h),
         estimate.making_basis
     );
