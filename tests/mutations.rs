@@ -168,6 +168,12 @@ impl Mutated {
         if self.guard == Guard::Sealed && ["quick", "verify"].contains(&verb) {
             return Some("verify finds nothing".into());
         }
+        // Nor is a plan silent that calls the scenario damaged.
+        let plan: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+        let damaged = plan["against"]["damaged"].as_object();
+        if damaged.is_some_and(|damaged| damaged.keys().any(|id| self.name.contains(id))) {
+            return None;
+        }
         let found = Outcome::of(&self.tiny, output);
         let difference = undisturbed(verb).difference(&found, &self.name)?;
         // A message about the very file is not silence.
