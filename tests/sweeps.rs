@@ -165,7 +165,7 @@ const CASES: &[Case] = &[
     // Weather.
     ("visibility_m = 9260", "visibility_m = 3", "3\nclouds", "from 50 to 200000", Schema),
     ("visibility_m = 9260", "visibility_m = 9260\nsnow = 1", "snow", "unknown field `snow`", Schema),
-    ("min = 30000", "min = 90000", "{ min = 90000", "min <= max", CommandOnly),
+    ("min = 30000", "min = 90000", "{ min = 90000", "above max", CommandOnly),
     ("cover_ratio = 0.9", "cover_ratio = 9", "9, base", "from 0 to 1", Schema),
     ("top_msl_m = 900", "top_msl_m = 200", "200 }", "above the base", CommandOnly),
     ("\"stratus\"", "\"fluffy\"", "\"fluffy\"", "unknown variant `fluffy`", Schema),
