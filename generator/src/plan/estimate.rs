@@ -178,9 +178,11 @@ fn bytes_of_picture_after(apart_s: f64) -> f64 {
 
 fn bytes(common: &Common, size: Option<MeasuredSize>) -> (Option<f64>, String) {
     if let Some(per_picture) = measured_bytes_per_picture(size) {
-        let scenarios = size.map_or(0, |size| size.scenarios);
-        let basis =
-            format!("{per_picture:.0} a picture, as in {scenarios} scenarios of the corpus");
+        let scenarios = match size.map_or(0, |size| size.scenarios) {
+            1 => "1 scenario".to_owned(),
+            number => format!("{number} scenarios"),
+        };
+        let basis = format!("{per_picture:.0} a picture, as in {scenarios} of the corpus");
         return (Some(per_picture), basis);
     }
     if let Some(per_picture) = expected_bytes_per_picture(common) {
