@@ -168,9 +168,12 @@ fn look(folder: &ScenarioFolder) -> dataset::Result<Found> {
     };
     let seal = match folder.seal() {
         Ok(Some(seal)) => seal,
-        Ok(None) if folder.root().exists() => {
-            return Ok(Found::Damaged("it has no seal (DONE.json)".into()));
-        }
+        // Once more: a recording may have been finished between the two looks.
+        Ok(None) if folder.root().exists() => match folder.seal() {
+            Ok(None) => return Ok(Found::Damaged("it has no seal (DONE.json)".into())),
+            Ok(Some(seal)) => seal,
+            Err(error) => return Err(error),
+        },
         Ok(None) => return Ok(Found::Nothing),
         Err(error) if is_damage(&error) => return Ok(Found::Damaged(error.to_string())),
         Err(error) => return Err(error),

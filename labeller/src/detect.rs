@@ -85,6 +85,8 @@ pub struct DetectOutcome {
     pub failed: Vec<Failure>,
     /// Scenarios that were left to the next run, because the caller stopped this one.
     pub left: Vec<String>,
+    /// Whether the caller stopped it, even if nothing was left.
+    pub stopped: bool,
     /// Counts over all scenarios that have detections now.
     pub counts: DetectionCounts,
     /// Registrations of all scenarios that have detections now.
@@ -190,6 +192,10 @@ fn detect_with(
         let mut jobs = Vec::new();
         for folder in mem::take(&mut pending) {
             let id = folder.id();
+            if tell(watch, Progress { done: 0, total: 0 }, &stopped).is_break() {
+                outcome.left.push(id);
+                continue;
+            }
             match ScenarioJob::plan(folder, model, options) {
                 Ok(Some(job)) => jobs.push(job),
                 Ok(None) => outcome.unchanged.push(id),
@@ -228,6 +234,7 @@ fn detect_with(
                 .extend(pending.drain(..).map(|folder| folder.id()));
         }
     }
+    outcome.stopped = stopped.load(Ordering::Relaxed);
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
     for id in done.into_iter().flatten() {
         let scenario = corpus.scenario(id).open()?;

@@ -43,7 +43,9 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     } else {
         print_summary(&outcome);
     }
-    if let Some(ending) = interrupted(&outcome) {
+    if !outcome.left.is_empty()
+        && let Some(ending) = interrupted(&outcome)
+    {
         return Ok(ending);
     }
     if outcome.failed.is_empty() {
@@ -59,12 +61,15 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
 
 /// The ending of a run that was stopped; says what is left.
 pub(crate) fn interrupted(outcome: &DetectOutcome) -> Option<Ending> {
-    if outcome.left.is_empty() {
+    if !outcome.stopped {
         return None;
     }
     eprintln!(
         "interrupted: {} searched, {} to go; run the same command again to resume",
-        count(outcome.detected.len(), "scenario"),
+        count(
+            outcome.detected.len() + outcome.registered.len(),
+            "scenario"
+        ),
         outcome.left.len()
     );
     Some(Ending::Interrupted)

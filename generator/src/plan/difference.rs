@@ -143,7 +143,9 @@ fn in_words(keys: &[String], before: &Value, after: &Value) -> String {
     let unit = UNITS.iter().find(|(ending, _)| last.ends_with(ending));
     let (ending, unit) = unit.copied().unwrap_or_default();
     let mut words: Vec<&str> = keys.iter().map(String::as_str).collect();
+    let last = words.pop();
     words.retain(|word| !GROUPS.contains(word));
+    words.extend(last);
     let what = words.join(" ").replace('_', " ");
     let what = &what[..what.len() - ending.len()];
     let rounded = |value: &Value| value.as_f64().map(rounded);
@@ -216,6 +218,10 @@ mod tests {
         assert_eq!(
             said(json!({"rig": "wide"}), json!({"rig": "narrow"})).unwrap(),
             r#"rig was "wide", now "narrow""#
+        );
+        assert_eq!(
+            said(json!({"flight": "a.csv"}), json!({"flight": "b.csv"})).unwrap(),
+            r#"flight was "a.csv", now "b.csv""#
         );
         let recording = |blake3: &str| json!({"flight": {"blake3": blake3}});
         assert_eq!(

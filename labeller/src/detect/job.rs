@@ -186,14 +186,17 @@ impl ScenarioJob {
 
     /// Whether nobody else has searched it since it was planned.
     fn is_missing(&self) -> Result<bool> {
+        if self.again {
+            return Ok(true);
+        }
         let now = self.scenario.folder().open()?;
         let standing = DetectionRecord::standing(&now, &self.model, &self.settings)?;
-        Ok(self.again
-            || match standing {
-                Standing::Whole => false,
-                Standing::Unregistered(_) => self.only_registers(),
-                Standing::Missing => true,
-            })
+        Ok(match standing {
+            Standing::Whole => false,
+            Standing::Unregistered(_) => self.only_registers(),
+            // What was to be registered is gone: planned again as a search.
+            Standing::Missing => !self.only_registers(),
+        })
     }
 
     /// Takes the result of a view; with the last one, writes tables and record.
