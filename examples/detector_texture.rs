@@ -60,17 +60,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     for (name, smoothing) in NOISES {
         let found = search_all(&frames, smoothing, Path::new(model), &settings)?;
         let all = judge(&frames, &found, settings.score);
-        let kept = |keep: bool| keep.then_some(());
-        let plain_frames: Vec<_> = frames
+        let (plain_frames, plain_found): (Vec<_>, Vec<_>) = frames
             .iter()
+            .zip(&found)
             .zip(&is_plain)
-            .filter_map(|(frame, &keep)| kept(keep).map(|()| frame.clone()))
-            .collect();
-        let plain_found: Vec<_> = found
-            .iter()
-            .zip(&is_plain)
-            .filter_map(|(found, &keep)| kept(keep).map(|()| found.clone()))
-            .collect();
+            .filter(|&(_, &keep)| keep)
+            .map(|((frame, found), _)| (frame.clone(), found.clone()))
+            .unzip();
         let plain = judge(&plain_frames, &plain_found, settings.score);
         println!(
             "| {name} | {:.1} % of {} | {:.1} % of {} | {:.3} |",

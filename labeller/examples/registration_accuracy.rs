@@ -12,9 +12,9 @@ use std::path::Path;
 use dataset::corpus::Corpus;
 use dataset::detections::models_of;
 use dataset::pixel_box::Detection;
+use dataset::units::METERS_PER_NAUTICAL_MILE;
 use glam::{DVec2, DVec3};
 
-const METERS_PER_NAUTICAL_MILE: f64 = 1_852.0;
 /// From the centre of gravity to what is visible: a constant that takes most of the bias out of the demo's corpus, for all distances.
 const VISIBLE_AHEAD_M: f64 = 3.3;
 /// Bins of a mile; the overall figures are those from 1 to 10.

@@ -27,7 +27,7 @@ pub(crate) const METHOD: u32 = 1;
 
 /// Pixels around the larger box that are compared.
 const MARGIN_PX: f64 = 4.0;
-/// How far the boxes' centres may be off: at least so many pixels, and this part of the aircraft's width.
+/// Search radius around the boxes' centres: a minimum in pixels, plus a part of the aircraft's width.
 const SEARCH_PX: f64 = 6.0;
 const SEARCH_PART: f64 = 0.1;
 /// Least correlation. Of 1,340 pairs of the demo's corpus none that shows the aircraft in both views is below 0.65.

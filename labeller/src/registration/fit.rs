@@ -18,7 +18,7 @@ const STILL_PX: f64 = 1e-3;
 const SWING_PX: f64 = 0.05;
 /// A step is never longer.
 const LONGEST_STEP_PX: f64 = 1.0;
-/// Pixels that disagree by so many standard deviations count half.
+/// A pixel whose residual has this many standard deviations gets half the weight.
 const CAUCHY: f64 = 6.0;
 /// Least standard deviation of what fits, grey levels.
 const LEAST_SD: f64 = 0.3;

@@ -248,7 +248,7 @@ impl Cleaned {
         let peak = (0..self.values.len())
             .filter(|index| from_centre(*index).abs().cmple(reach).all())
             .fold(0.0_f64, |most, index| most.max(self.values[index].abs()));
-        // Clouds and horizon are no noise, but their contrast is no aircraft either.
+        // The robust deviation leaves out clouds and the horizon; the aircraft must stand out from them, too.
         let rms = (of_ring().map(|v| v * v).sum::<f64>() / ring.len() as f64).sqrt();
         if peak < LEAST_CONTRAST * self.noise || peak < 2.0 * rms {
             return Err(NoShift::Faint);
