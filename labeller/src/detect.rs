@@ -13,9 +13,8 @@ mod record;
 
 use std::collections::BTreeMap;
 use std::mem;
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::thread;
 use std::time::Duration;
@@ -186,13 +185,12 @@ fn detect_with(
         model_hash: model.short_hash().to_owned(),
         ..Default::default()
     };
-    let stopped = AtomicBool::new(false);
     let mut pending = corpus.scenarios()?;
     while !pending.is_empty() {
         let mut jobs = Vec::new();
         for folder in mem::take(&mut pending) {
             let id = folder.id();
-            if tell(watch, Progress { done: 0, total: 0 }, &stopped).is_break() {
+            if (watch.is_stopped)() {
                 outcome.left.push(id);
                 continue;
             }
@@ -205,7 +203,7 @@ fn detect_with(
                 }),
             }
         }
-        work_through(&jobs, make, options, watch, &stopped)?;
+        work_through(&jobs, make, options, watch)?;
         for job in jobs {
             let id = job.id();
             let done = match job.only_registers() {
@@ -226,15 +224,15 @@ fn detect_with(
             }
         }
         if let Some(first) = pending.first() {
-            wait_for_other(first, watch, &stopped)?;
+            wait_for_other(first, watch)?;
         }
-        if stopped.load(Ordering::Relaxed) {
+        if (watch.is_stopped)() {
             outcome
                 .left
                 .extend(pending.drain(..).map(|folder| folder.id()));
         }
     }
-    outcome.stopped = stopped.load(Ordering::Relaxed);
+    outcome.stopped = (watch.is_stopped)();
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
     for id in done.into_iter().flatten() {
         let scenario = corpus.scenario(id).open()?;
@@ -247,31 +245,17 @@ fn detect_with(
     Ok(outcome)
 }
 
-/// Tells the caller; once it says so, the run stops.
-fn tell(watch: Watch<'_>, progress: Progress, stopped: &AtomicBool) -> ControlFlow<()> {
-    let goes_on = watch(progress);
-    if goes_on.is_break() {
-        stopped.store(true, Ordering::Relaxed);
-    }
-    match stopped.load(Ordering::Relaxed) {
-        true => ControlFlow::Break(()),
-        false => ControlFlow::Continue(()),
-    }
-}
-
 /// Waits until nobody else searches a scenario.
-fn wait_for_other(folder: &ScenarioFolder, watch: Watch<'_>, stopped: &AtomicBool) -> Result<()> {
+fn wait_for_other(folder: &ScenarioFolder, watch: Watch<'_>) -> Result<()> {
     let mut said = false;
-    while let Claimed::Theirs(holder) = folder.claim_search()? {
+    while !(watch.is_stopped)()
+        && let Claimed::Theirs(holder) = folder.claim_search()?
+    {
         if !said && let Some(holder) = holder {
             tracing::warn!("{}: {holder} searches it; waiting", folder.id());
             said = true;
         }
         thread::sleep(POLL_INTERVAL);
-        let waiting = Progress { done: 0, total: 0 };
-        if tell(watch, waiting, stopped).is_break() {
-            break;
-        }
     }
     Ok(())
 }
@@ -282,7 +266,6 @@ fn work_through(
     make: MakeDetector<'_>,
     options: &DetectOptions,
     watch: Watch<'_>,
-    stopped: &AtomicBool,
 ) -> Result<()> {
     let views: Vec<ViewJob<'_>> = jobs.iter().flat_map(ScenarioJob::views).collect();
     let total = views.iter().map(ViewJob::pictures).sum();
@@ -291,11 +274,11 @@ fn work_through(
     let picture_done = || {
         let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
         *done += 1;
-        tell(watch, Progress { done: *done, total }, stopped)
+        (watch.progress)(Progress { done: *done, total });
     };
     let work = || -> Result<()> {
         let mut detector = None;
-        while !stopped.load(Ordering::Relaxed)
+        while !(watch.is_stopped)()
             && let Some(view) = views.get(next.fetch_add(1, Ordering::Relaxed))
         {
             let detector = match &mut detector {
@@ -304,7 +287,7 @@ fn work_through(
                 none => Some(none.insert(make()?)),
             };
             let detector = detector.map(|detector| &mut **detector as &mut dyn Detector);
-            view.search(detector, &options.settings, &picture_done);
+            view.search(detector, &options.settings, &picture_done, watch.is_stopped);
         }
         Ok(())
     };

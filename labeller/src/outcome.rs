@@ -1,7 +1,5 @@
 //! Progress and results of a run over a corpus.
 
-use std::ops::ControlFlow;
-
 use serde::Serialize;
 
 /// Progress of a run.
@@ -13,8 +11,14 @@ pub struct Progress {
     pub total: u64,
 }
 
-/// Told after every unit of a run; says whether to go on.
-pub type Watch<'a> = &'a (dyn Fn(Progress) -> ControlFlow<()> + Sync);
+/// Who watches a run.
+#[derive(Clone, Copy)]
+pub struct Watch<'a> {
+    /// Told after every unit.
+    pub progress: &'a (dyn Fn(Progress) + Sync),
+    /// Asked before every unit, and while the run waits.
+    pub is_stopped: &'a (dyn Fn() -> bool + Sync),
+}
 
 /// A scenario that failed. The others are processed nevertheless.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]

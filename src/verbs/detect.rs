@@ -1,12 +1,11 @@
 //! `dtd detect`: finds the aircraft in the decoded videos, and registers the views with each other.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
 use generator::generate::Cancel;
-use labeller::{DetectOptions, DetectOutcome, Progress, RegistrationCounts, detect_corpus};
+use labeller::{DetectOptions, DetectOutcome, Progress, RegistrationCounts, Watch, detect_corpus};
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
@@ -85,18 +84,14 @@ pub(crate) fn detect(
     let bar = Bar::new("detect", "pictures", None);
     let cancel = Cancel::default();
     let stoppable = signals::in_good_order(&cancel);
-    let watch = |progress: Progress| {
-        // Nothing to count while another process is waited for.
-        if progress.total > 0 {
-            bar.set_total(progress.total);
-            bar.set_done(progress.done);
-        }
-        match cancel.is_cancelled() {
-            true => ControlFlow::Break(()),
-            false => ControlFlow::Continue(()),
-        }
+    let watch = Watch {
+        progress: &|at: Progress| {
+            bar.set_total(at.total);
+            bar.set_done(at.done);
+        },
+        is_stopped: &|| cancel.is_cancelled(),
     };
-    let outcome = detect_corpus(corpus, model, &options, &watch);
+    let outcome = detect_corpus(corpus, model, &options, watch);
     drop(stoppable);
     let outcome = outcome.map_err(|error| match error {
         // A file that is not a detector, or not a library, will not become one on a retry.

@@ -1,7 +1,6 @@
 //! The work on one scenario: its views are processed one by one, by whichever worker is free, and written together by the worker that
 //! finishes the last one.
 
-use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
@@ -345,7 +344,8 @@ impl ViewJob<'_> {
         &self,
         mut detector: Option<&mut (dyn Detector + '_)>,
         settings: &TilingSettings,
-        picture_done: &dyn Fn() -> ControlFlow<()>,
+        picture_done: &dyn Fn(),
+        is_stopped: &dyn Fn() -> bool,
     ) {
         match self.scenario.is_my_turn() {
             Ok(true) => {}
@@ -365,6 +365,7 @@ impl ViewJob<'_> {
                     None => Ok(self.of_picture(&stored, tick)),
                 },
                 picture_done,
+                is_stopped,
             )
         });
         let result = result.map(|detections| ViewResult {
@@ -407,7 +408,8 @@ impl ViewJob<'_> {
     fn detections(
         &self,
         mut look: impl FnMut(&PictureView<'_>, u32) -> Result<Vec<Detection>>,
-        picture_done: &dyn Fn() -> ControlFlow<()>,
+        picture_done: &dyn Fn(),
+        is_stopped: &dyn Fn() -> bool,
     ) -> Result<Vec<Detection>> {
         let ViewTicks { id, ticks } = self.ticks();
         let mut reader = self.scenario.scenario.open_video(id)?;
@@ -434,7 +436,8 @@ impl ViewJob<'_> {
                 pairs.take(self.index, tick, patch_of(&picture, &found));
             }
             detections.extend(found);
-            if picture_done().is_break() {
+            picture_done();
+            if is_stopped() {
                 return Err(Error::Stopped);
             }
         }

@@ -43,13 +43,14 @@ fn corpus(root: &Path, ids: &[&str]) -> Corpus {
 }
 
 /// Goes on to the end.
-fn on(_: Progress) -> ControlFlow<()> {
-    ControlFlow::Continue(())
-}
+const ON: Watch<'_> = Watch {
+    progress: &|_| {},
+    is_stopped: &|| false,
+};
 
 fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    detect_with(corpus, &model(), &make, options, &on).unwrap()
+    detect_with(corpus, &model(), &make, options, ON).unwrap()
 }
 
 /// The detections of a scenario, or why they are refused.
@@ -73,13 +74,12 @@ fn decoded_videos_give_detections_at_their_ticks_and_views() {
     let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
     let steps = Mutex::new(Vec::new());
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    let watch = |progress: Progress| {
-        if progress.total > 0 {
-            steps.lock().unwrap().push((progress.done, progress.total));
-        }
-        ControlFlow::Continue(())
+    let progress = |at: Progress| steps.lock().unwrap().push((at.done, at.total));
+    let watch = Watch {
+        progress: &progress,
+        ..ON
     };
-    let outcome = detect_with(&corpus, &model(), &make, &two_workers(), &watch).unwrap();
+    let outcome = detect_with(&corpus, &model(), &make, &two_workers(), watch).unwrap();
     assert_eq!(outcome.detected, ["0001-a", "0002-b"]);
     assert_eq!(outcome.model_hash, MODEL);
     assert_eq!(
@@ -180,7 +180,7 @@ fn another_profile_is_another_way_to_ask_so_the_model_is_asked_again() {
     });
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
     let searched = |model: &Model| {
-        let outcome = detect_with(&corpus, model, &make, &two_workers(), &on).unwrap();
+        let outcome = detect_with(&corpus, model, &make, &two_workers(), ON).unwrap();
         outcome.detected.len()
     };
     assert_eq!(
@@ -307,7 +307,7 @@ fn a_detector_that_cannot_be_made_is_an_error_and_not_a_loss() {
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a"]);
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
-    let result = detect_with(&corpus, &model(), &make, &two_workers(), &on);
+    let result = detect_with(&corpus, &model(), &make, &two_workers(), ON);
     assert!(result.unwrap_err().to_string().contains("is not there"));
 }
 
@@ -389,7 +389,7 @@ fn registered(folder: &ScenarioFolder) -> Vec<Registration> {
 /// Detects without a detector: what is there must be enough.
 fn detect_without(corpus: &Corpus) -> DetectOutcome {
     let make = || Err(Error::model(Path::new("gone.onnx"), "is not there"));
-    detect_with(corpus, &model(), &make, &two_workers(), &on).unwrap()
+    detect_with(corpus, &model(), &make, &two_workers(), ON).unwrap()
 }
 
 #[test]
@@ -505,14 +505,17 @@ fn a_scenario_is_written_as_soon_as_its_last_view_is_done() {
     };
     let first = corpus.scenario("0001-a");
     let there = Mutex::new(Vec::new());
-    let watch = |progress: Progress| {
-        if [6, 7].contains(&progress.done) {
+    let progress = |at: Progress| {
+        if [6, 7].contains(&at.done) {
             there.lock().unwrap().push(stored(&first).is_ok());
         }
-        ControlFlow::Continue(())
+    };
+    let watch = Watch {
+        progress: &progress,
+        ..ON
     };
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
+    detect_with(&corpus, &model(), &make, &one_worker, watch).unwrap();
     assert_eq!(*there.lock().unwrap(), [false, true]);
 }
 
@@ -525,12 +528,13 @@ fn a_run_that_is_stopped_keeps_what_is_done_and_the_next_one_does_the_rest() {
         ..Default::default()
     };
     // In the second picture of the second scenario.
-    let watch = |progress: Progress| match progress.done {
-        8.. => ControlFlow::Break(()),
-        _ => ControlFlow::Continue(()),
+    let searched = AtomicUsize::new(0);
+    let watch = Watch {
+        progress: &|at| searched.store(at.done as usize, Ordering::Relaxed),
+        is_stopped: &|| searched.load(Ordering::Relaxed) >= 8,
     };
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
-    let stopped = detect_with(&corpus, &model(), &make, &one_worker, &watch).unwrap();
+    let stopped = detect_with(&corpus, &model(), &make, &one_worker, watch).unwrap();
     assert_eq!(stopped.detected, ["0001-a"]);
     assert_eq!(stopped.left, ["0002-b", "0003-c"]);
     assert_eq!(stopped.failed, []);
