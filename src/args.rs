@@ -22,6 +22,7 @@ use xplane_bridge::pixels::PixelChoice;
 use xplane_tape::FramesKept;
 
 use crate::help;
+use crate::search_args::SearchArgs;
 
 /// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to touchdown
 /// (DTD), and trains and evaluates estimators of that distance.
@@ -325,6 +326,8 @@ pub(crate) struct DetectArgs {
     /// The one that ships is for pictures of the stand-in.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
     #[command(flatten)]
     pub(crate) onnx_runtime: OnnxRuntimeArg,
     /// Detect again even if this model's detections exist

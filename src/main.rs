@@ -8,6 +8,7 @@ mod help;
 mod logging;
 mod plain;
 mod progress;
+mod search_args;
 mod shipped;
 mod signals;
 mod telemetry;

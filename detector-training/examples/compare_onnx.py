@@ -12,12 +12,12 @@ folder = Path(sys.argv[1])
 options = onnxruntime.SessionOptions()
 options.intra_op_num_threads = 1
 session = onnxruntime.InferenceSession(folder / "model.onnx", options, providers=["CPUExecutionProvider"])
-picture = np.fromfile(folder / "picture.f32", "<f4").reshape(640, 640, 3)
+picture = np.fromfile(folder / "picture.f32", "<f4").reshape(416, 640, 3)
 images = np.ascontiguousarray(picture.transpose(2, 0, 1)[None])
 (output,) = session.run(["output"], {"images": images})
-assert output.shape == (1, 6400, 6), output.shape
+assert output.shape == (1, 4160, 6), output.shape
 
-cells = np.fromfile(folder / "cells.f32", "<f4").reshape(6400, 5)
+cells = np.fromfile(folder / "cells.f32", "<f4").reshape(4160, 5)
 score = 1 / (1 + np.exp(-cells[:, 0].astype(float)))
 score_difference = np.abs(output[0, :, 4] - score).max()
 
@@ -35,5 +35,5 @@ for _ in range(20):
     start = time.perf_counter()
     session.run(None, {"images": images})
     times.append(time.perf_counter() - start)
-print(f"score {score_difference:.1e}, boxes {box_difference:.1e} px, {len(rows)} peaks, {1e3 * min(times):.1f} ms a tile on one thread")
+print(f"score {score_difference:.1e}, boxes {box_difference:.1e} px, {len(rows)} peaks, {1e3 * min(times):.1f} ms a picture on one thread")
 assert score_difference < 1e-4 and box_difference < 1e-2

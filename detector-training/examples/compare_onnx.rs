@@ -4,7 +4,7 @@
 //!     cargo run --release -p detector-training --example compare_onnx -- FOLDER
 //!     python detector-training/examples/compare_onnx.py FOLDER
 //!
-//! All files are raw little-endian 32-bit floats: `picture.f32` `[640, 640, 3]`, `cells.f32` `[6400, 5]` (the network's raw output).
+//! All files are raw little-endian 32-bit floats: `picture.f32` `[416, 640, 3]`, `cells.f32` `[4160, 5]` (the network's raw output).
 //! `peaks.json` holds the decoded peaks.
 
 use std::error::Error;
@@ -13,12 +13,16 @@ use std::path::PathBuf;
 
 use burn::tensor::Device;
 use detector_training::convolution::{GatherTables, normal_weights};
-use detector_training::export::{INPUT_SIDE_PX, onnx_bytes};
+use detector_training::export::onnx_bytes;
 use detector_training::grid::{CELL_VALUES, peaks};
 use detector_training::network::Network;
 use detector_training::patches::PatchBatch;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+
+/// Not square, so that rows and columns cannot be confused.
+const WIDTH_PX: usize = 640;
+const HEIGHT_PX: usize = 416;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let folder = PathBuf::from(
@@ -41,10 +45,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         layer.weight = normal_weights(layer.weight.dims(), 0.02, &device, &mut rng);
     }
 
-    let picture: Vec<f32> = (0..INPUT_SIDE_PX * INPUT_SIDE_PX * 3)
+    let picture: Vec<f32> = (0..WIDTH_PX * HEIGHT_PX * 3)
         .map(|_| rng.random())
         .collect();
-    let mut batch = PatchBatch::new(1, INPUT_SIDE_PX, INPUT_SIDE_PX);
+    let mut batch = PatchBatch::new(1, HEIGHT_PX, WIDTH_PX);
     batch.fill(0, &picture);
     let map = network.forward(&batch, &mut GatherTables::new(&device));
     let cells: Vec<f32> = map.rows.into_data().try_into_vec()?;

@@ -51,6 +51,10 @@ pub struct Augmentation {
     pub largest_stretch: f32,
     /// Share of textures that lie over the aircraft, as noise and thin cloud do; the others lie behind it.
     pub texture_over_share: f64,
+    /// Share whose aircraft has another paint; only where it is known which pixels are aircraft.
+    pub paint_share: f64,
+    /// Largest shift of red, green or blue of the paint, grey levels.
+    pub largest_paint_levels: f32,
     /// Share with the edge of a cloud.
     pub cloud_edge_share: f64,
     /// Largest step of brightness at the edge, grey levels.
@@ -87,6 +91,8 @@ impl Default for Augmentation {
             largest_feature_px: 60.0,
             largest_stretch: 15.0,
             texture_over_share: 0.3,
+            paint_share: 0.3,
+            largest_paint_levels: 80.0,
             cloud_edge_share: 0.2,
             largest_cloud_edge_levels: 60.0,
             gradient_share: 0.3,
@@ -121,6 +127,7 @@ impl Augmentation {
                 "training.augmentation.texture_over_share",
                 self.texture_over_share,
             ),
+            ("training.augmentation.paint_share", self.paint_share),
             (
                 "training.augmentation.cloud_edge_share",
                 self.cloud_edge_share,
@@ -156,6 +163,11 @@ impl Augmentation {
                 "training.augmentation.largest_stretch",
                 self.largest_stretch,
                 1.0,
+            ),
+            (
+                "training.augmentation.largest_paint_levels",
+                self.largest_paint_levels,
+                0.0,
             ),
             (
                 "training.augmentation.largest_cloud_edge_levels",
@@ -210,6 +222,11 @@ impl Augmentation {
         if rng.random_bool(self.plain_share) {
             return;
         }
+        if let Some(truth) = truth.as_deref().filter(|truth| truth.visible)
+            && rng.random_bool(self.paint_share)
+        {
+            self.paint(pixels, side_px, cover, truth, rng);
+        }
         let backdrop = self.backdrop(side_px, rng);
         let blur_px = rng
             .random_bool(self.blur_share)
@@ -244,6 +261,28 @@ impl Augmentation {
             blur(pixels, side_px, deviation_px);
         }
         add_noise(pixels, noise, colour_noise, tint, rng);
+    }
+
+    /// Paints the aircraft in a random colour, unless that would hide it.
+    fn paint(
+        &self,
+        pixels: &mut [f32],
+        side_px: usize,
+        cover: &[f32],
+        truth: &CropTruth,
+        rng: &mut impl Rng,
+    ) {
+        let largest = LEVEL * self.largest_paint_levels;
+        let shift: [f32; 3] = std::array::from_fn(|_| largest * rng.random_range(-1.0..=1.0));
+        let original = pixels.to_vec();
+        for (pixel, cover) in pixels.chunks_exact_mut(3).zip(cover) {
+            for (value, shift) in pixel.iter_mut().zip(shift) {
+                *value = (*value + cover * shift).clamp(0.0, 1.0);
+            }
+        }
+        if !Strength::in_crop(pixels, side_px, &truth.pixel_box).stands_out() {
+            pixels.copy_from_slice(&original);
+        }
     }
 
     fn backdrop(&self, side_px: usize, rng: &mut impl Rng) -> Backdrop {
@@ -446,6 +485,7 @@ mod tests {
         Augmentation {
             plain_share: 0.0,
             texture_share: 0.0,
+            paint_share: 0.0,
             cloud_edge_share: 0.0,
             gradient_share: 0.0,
             structure_share: 0.0,
@@ -478,6 +518,29 @@ mod tests {
             off += changed(10 * SIDE + 32);
         }
         assert!(off > 40.0 * LEVEL && on < 0.3 * off, "{on} {off}");
+    }
+
+    #[test]
+    fn paint_changes_the_aircraft_alone_and_never_hides_it() {
+        let painted = Augmentation {
+            paint_share: 1.0,
+            ..nothing()
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(26);
+        for darker_by in [15.0, 60.0] {
+            let (before, cover, truth) = crop(darker_by);
+            let mut on = 0.0_f32;
+            for _ in 0..40 {
+                let (mut pixels, mut after) = (before.clone(), truth);
+                painted.apply(&mut pixels, SIDE, &cover, Some(&mut after), &mut rng);
+                assert!(after.visible);
+                assert!(Strength::in_crop(&pixels, SIDE, &truth.pixel_box).stands_out());
+                let changed = |place: usize| (pixels[3 * place] - before[3 * place]).abs();
+                on = on.max(changed(30 * SIDE + 32));
+                assert!(changed(10 * SIDE + 32) == 0.0);
+            }
+            assert!(on > 20.0 * LEVEL, "{on}");
+        }
     }
 
     #[test]

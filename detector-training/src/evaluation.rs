@@ -13,12 +13,13 @@ use serde::{Deserialize, Serialize};
 
 use super::convolution::GatherTables;
 use super::corpus_samples::JudgedFrame;
-use super::export::INPUT_SIDE_PX;
 use super::grid::{ScoredBox, peaks};
 use super::network::Network;
 use super::patches::PatchBatch;
 use super::picture::TrainingPicture;
 
+/// Side of the squares that are searched one by one, pixels.
+const TILE_PX: usize = 640;
 /// Upper ends of the bins of width, pixels; the last bin is open.
 const WIDTH_BINS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, f64::INFINITY];
 /// Two detections closer than this share of their width are the same aircraft.
@@ -235,8 +236,8 @@ pub fn detect(
     threshold: f64,
 ) -> Vec<ScoredBox> {
     let mut candidates = Vec::new();
-    for top in (0..frame.height_px).step_by(INPUT_SIDE_PX) {
-        for left in (0..frame.width_px).step_by(INPUT_SIDE_PX) {
+    for top in (0..frame.height_px).step_by(TILE_PX) {
+        for left in (0..frame.width_px).step_by(TILE_PX) {
             candidates.extend(detect_in(network, tables, frame, [left, top], threshold));
         }
     }
@@ -244,10 +245,8 @@ pub fn detect(
     let mut refined = Vec::new();
     for candidate in candidates {
         let start = |center: f64, length: usize| {
-            let most = length.saturating_sub(INPUT_SIDE_PX) as f64;
-            (center - INPUT_SIDE_PX as f64 / 2.0)
-                .round()
-                .clamp(0.0, most) as usize
+            let most = length.saturating_sub(TILE_PX) as f64;
+            (center - TILE_PX as f64 / 2.0).round().clamp(0.0, most) as usize
         };
         let corner = [
             start(candidate.pixel_box.cx_px, frame.width_px),
@@ -266,7 +265,7 @@ fn detect_in(
     [left, top]: [usize; 2],
     threshold: f64,
 ) -> Vec<ScoredBox> {
-    let side = INPUT_SIDE_PX;
+    let side = TILE_PX;
     let mut pixels = vec![0.0; side * side * 3];
     let (width, height) = (
         side.min(frame.width_px - left),

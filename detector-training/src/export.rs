@@ -1,8 +1,8 @@
 //! Exports the trained network as an ONNX model that any runtime can run.
 //!
 //! Input: a network. Output: bytes of a model with
-//! - input `images` `[batch, 3, 640, 640]`: RGB, 0 to 1;
-//! - output `output` `[batch, 6400, 6]`: one row per cell of 8x8 px: centre right, centre down, width, height (pixels of the input,
+//! - input `images` `[batch, 3, height, width]`: RGB, 0 to 1, both sides any multiple of 32;
+//! - output `output` `[batch, cells, 6]`: one row per cell of 8x8 px: centre right, centre down, width, height (pixels of the input,
 //!   pixel (0, 0) is the centre of the top-left pixel), objectness 0 to 1, and 1 where the cell is a peak of its neighbourhood,
 //!   else 0 (so that objectness times class, as readers of YOLO outputs compute it, is a score that needs almost no suppression).
 //!
@@ -21,9 +21,6 @@ use super::onnx::{
     StringStringEntryProto, TensorProto, ValueInfoProto,
 };
 use super::patches::PATCH_SIDE_PX;
-
-/// Side of the model's input, pixels.
-pub const INPUT_SIDE_PX: usize = 640;
 
 const IR_VERSION: i64 = 8;
 const OPSET_VERSION: i64 = 13;
@@ -89,6 +86,14 @@ impl Graph {
     fn integers(&mut self, values: &[i64]) -> String {
         let name = format!("constant_{}", self.constants.len());
         self.constants.push(TensorProto::integers(&name, values));
+        name
+    }
+
+    fn integer(&mut self, value: i64) -> String {
+        let name = self.integers(&[value]);
+        if let Some(constant) = self.constants.last_mut() {
+            constant.dims.clear();
+        }
         name
     }
 
@@ -159,8 +164,6 @@ impl Graph {
 
     /// Equivalent of `grid::peaks`, for all cells at once.
     fn decode(&mut self, raw: &str) {
-        let cells = INPUT_SIDE_PX / STRIDE_PX;
-        let side = cells as i64;
         let logit = self.channels(raw, 0..1);
         let (least, most) = (self.number(-LARGEST_LOGIT), self.number(LARGEST_LOGIT));
         let logit = self.node("Clip", &[&logit, &least, &most], vec![]);
@@ -169,16 +172,7 @@ impl Graph {
         let offset = self.channels(raw, 1..3);
         let stride = self.number(STRIDE_PX as f64);
         let offset = self.node("Mul", &[&offset, &stride], vec![]);
-        let centers: Vec<f32> = (0..2 * cells * cells)
-            .map(|i| {
-                cell_center_px(if i < cells * cells {
-                    i % cells
-                } else {
-                    i / cells - cells
-                }) as f32
-            })
-            .collect();
-        let centers = self.floats(&[1, 2, side, side], &centers);
+        let centers = self.centers(&score);
         let center = self.node("Add", &[&offset, &centers], vec![]);
 
         let size = self.channels(raw, 3..5);
@@ -207,7 +201,7 @@ impl Graph {
         );
 
         let rows = self.concat(&[&mean, &score, &peak], 1);
-        let shape = self.integers(&[0, 6, side * side]);
+        let shape = self.integers(&[0, 6, -1]);
         let rows = self.node("Reshape", &[&rows, &shape], vec![]);
         self.node(
             "Transpose",
@@ -217,6 +211,25 @@ impl Graph {
         if let Some(last) = self.nodes.last_mut() {
             last.output = vec!["output".into()];
         }
+    }
+
+    /// Centres of all cells of a map of one channel, pixels: `[batch, 2, rows, columns]`, right and down. Counted in the graph, so that
+    /// the input may have any size.
+    fn centers(&mut self, map: &str) -> String {
+        let (stride, before_first) = (
+            self.number(STRIDE_PX as f64),
+            self.number(cell_center_px(0) - STRIDE_PX as f64),
+        );
+        let (nothing, one) = (self.number(0.0), self.number(1.0));
+        let zeros = self.node("Mul", &[map, &nothing], vec![]);
+        let ones = self.node("Add", &[&zeros, &one], vec![]);
+        let [right, down] = [3, 2].map(|axis| {
+            let axis = self.integer(axis);
+            let count = self.node("CumSum", &[&ones, &axis], vec![]);
+            let pixels = self.node("Mul", &[&count, &stride], vec![]);
+            self.node("Add", &[&pixels, &before_first], vec![])
+        });
+        self.concat(&[&right, &down], 1)
     }
 
     fn channels(&mut self, map: &str, range: std::ops::Range<i64>) -> String {
@@ -259,11 +272,14 @@ impl Graph {
     }
 
     fn into_model(self) -> ModelProto {
-        let side = Dimension::Fixed(INPUT_SIDE_PX as i64);
-        let batch = Dimension::Named("batch".into());
-        let cells = (INPUT_SIDE_PX / STRIDE_PX).pow(2) as i64;
-        let input = [batch.clone(), Dimension::Fixed(3), side.clone(), side];
-        let output = [batch, Dimension::Fixed(cells), Dimension::Fixed(6)];
+        let named = |name: &str| Dimension::Named(name.into());
+        let input = [
+            named("batch"),
+            Dimension::Fixed(3),
+            named("height"),
+            named("width"),
+        ];
+        let output = [named("batch"), named("cells"), Dimension::Fixed(6)];
         let words = [
             ("classes", "aircraft"),
             ("input", "RGB, 0 to 1"),

@@ -14,7 +14,7 @@ struct Made {
     /// Repeated until the count matches the shape.
     numbers: Vec<f32>,
     windows: u8,
-    window_px: u16,
+    window_px: [u16; 2],
     class: Option<u8>,
     corner: bool,
     /// In 255ths.
@@ -60,7 +60,7 @@ mod detector {
 
     pub(super) fn decode(made: &Made) {
         let shape: Vec<usize> = made.shape.iter().map(|side| usize::from(*side)).collect();
-        let window_px = u32::from(made.window_px);
+        let window_px = made.window_px.map(u32::from);
         let profile = ModelProfile {
             aircraft_class: made.class.map(usize::from),
             box_origin: made.corner.then_some(BoxOrigin::PixelCorner),

@@ -2,17 +2,37 @@
 
 use dataset::pixel_box::PixelBox;
 
-use crate::detector::{Detector, PictureView, ScoredBox, Window};
+use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize};
 
 /// Finds the box around all bright pixels of each connected run of columns in a window.
-#[derive(Default)]
 pub(crate) struct BlobFinder {
     /// Number of windows that it received.
     pub(crate) windows_seen: usize,
+    size: WindowSize,
 }
 
 const BRIGHT: u8 = 128;
 const BLOB_WINDOW_PX: u32 = 640;
+
+impl Default for BlobFinder {
+    /// With tiles.
+    fn default() -> Self {
+        Self {
+            windows_seen: 0,
+            size: WindowSize::square(BLOB_WINDOW_PX),
+        }
+    }
+}
+
+impl BlobFinder {
+    /// Whose windows have any size.
+    pub(crate) fn of_any_size() -> Self {
+        Self {
+            windows_seen: 0,
+            size: WindowSize::Any { multiple_px: 32 },
+        }
+    }
+}
 
 /// Paints a box of whole pixels white.
 pub(crate) fn paint_blob(rgb: &mut [u8], width_px: u32, blob: &PixelBox) {
@@ -24,8 +44,8 @@ pub(crate) fn paint_blob(rgb: &mut [u8], width_px: u32, blob: &PixelBox) {
 }
 
 impl Detector for BlobFinder {
-    fn window_px(&self) -> u32 {
-        BLOB_WINDOW_PX
+    fn window_size(&self) -> WindowSize {
+        self.size
     }
 
     fn detect(
@@ -47,13 +67,14 @@ impl Detector for BlobFinder {
 }
 
 fn blobs_in(picture: &PictureView<'_>, window: Window) -> Vec<ScoredBox> {
-    let end = |start: u32, length: u32| (start + BLOB_WINDOW_PX).min(length);
-    let rows = window.top_px..end(window.top_px, picture.height_px);
+    assert_eq!(window.shrink, 1, "blobs in tests are small");
+    let end = |start: u32, side: u32, length: u32| (start + side).min(length);
+    let rows = window.top_px..end(window.top_px, window.height_px, picture.height_px);
     let green =
         |column: u32, row: u32| picture.rgb[((row * picture.width_px + column) * 3 + 1) as usize];
     // Bright rows of each column, then neighbouring bright columns as one blob.
     let mut blobs: Vec<[u32; 4]> = Vec::new();
-    for column in window.left_px..end(window.left_px, picture.width_px) {
+    for column in window.left_px..end(window.left_px, window.width_px, picture.width_px) {
         let bright = || rows.clone().filter(|row| green(column, *row) >= BRIGHT);
         let (Some(top), Some(bottom)) = (bright().next(), bright().next_back()) else {
             continue;
@@ -65,19 +86,12 @@ fn blobs_in(picture: &PictureView<'_>, window: Window) -> Vec<ScoredBox> {
             _ => blobs.push([column, top, column, bottom]),
         }
     }
-    let in_window = |blob: [u32; 4]| {
+    let scored = |blob: [u32; 4]| {
         let [left, top, right, bottom] = blob.map(f64::from);
-        let (x, y) = (f64::from(window.left_px), f64::from(window.top_px));
-        let pixel_box = PixelBox::from_edges(
-            left - x - 0.5,
-            top - y - 0.5,
-            right - x + 0.5,
-            bottom - y + 0.5,
-        );
         ScoredBox {
-            pixel_box,
+            pixel_box: PixelBox::from_edges(left - 0.5, top - 0.5, right + 0.5, bottom + 0.5),
             score: 1.0,
         }
     };
-    blobs.into_iter().map(in_window).collect()
+    blobs.into_iter().map(scored).collect()
 }

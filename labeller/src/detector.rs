@@ -1,8 +1,7 @@
-//! The detector interface: finds aircraft in square windows of a picture.
+//! The detector interface: finds aircraft in windows of a picture.
 //!
 //! The real one runs an ONNX model ([`OrtDetector`]); tests use a finder of bright blobs behind the same trait. A window is as
-//! large as the model's input, so no pixel is ever resampled: a 640 model and a 1920x1280 picture give the paper's six tiles, and a
-//! 416 model gets twenty.
+//! large as the model's input, which may be of one size or any; `crate::tiling` chooses the windows.
 
 mod answer;
 mod input;
@@ -16,6 +15,7 @@ mod window;
 
 use dataset::pixel_box::PixelBox;
 
+pub use input::WindowSize;
 pub use layout::Layout;
 pub use model_file::ModelFile;
 pub use onnx_runtime::{LibraryError, NO_TELEMETRY_VARIABLE};
@@ -29,7 +29,7 @@ use crate::error::Result;
 /// A box with the detector's confidence.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ScoredBox {
-    /// The box. Relative to its window where a [`Detector`] returns it: (0, 0) is the centre of the window's top-left pixel.
+    /// The box.
     pub pixel_box: PixelBox,
     /// Confidence, 0 to 1.
     pub score: f64,
@@ -37,11 +37,11 @@ pub struct ScoredBox {
 
 /// Finds aircraft in windows of a picture.
 pub trait Detector {
-    /// Edge length of the square windows, pixels.
-    fn window_px(&self) -> u32;
+    /// Sizes that a window may have.
+    fn window_size(&self) -> WindowSize;
 
-    /// For every window, all boxes of aircraft with at least `score_floor`, unordered and with duplicates ([`keep_best`] drops
-    /// them).
+    /// For every window, all boxes of aircraft with at least `score_floor`, in the coordinates of the picture, unordered and with
+    /// duplicates ([`keep_best`] drops them).
     fn detect(
         &mut self,
         picture: &PictureView<'_>,

@@ -15,6 +15,8 @@ mod error;
 mod label;
 mod outcome;
 mod registration;
+mod row_band;
+mod search_windows;
 mod silhouette;
 mod statistics;
 pub mod tiling;
@@ -25,3 +27,4 @@ pub use detect::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus
 pub use error::{Error, Result};
 pub use label::{LabelOutcome, label_corpus};
 pub use outcome::{Failure, Progress, Watch};
+pub use row_band::RowBand;

@@ -1,18 +1,23 @@
 //! Small aircraft in large pictures: the paper's Auto Segmentation.
 //!
-//! A picture is cut into non-overlapping tiles of the detector's size (six of 640 pixels for 1920x1280). A window of the same size
-//! is centred on every hit, so that an aircraft on the border of two tiles is complete, and the detector runs again; its boxes
-//! there count, in the coordinates of the original frame. Several aircraft get a window each. From the paper's section on detection
-//! (S11, S12).
+//! A first pass covers the picture, in tiles or at once (`crate::search_windows`). A window is centred on every hit, so that an
+//! aircraft on the border of two tiles is complete, and the detector runs again; its boxes there count. Several aircraft get a window
+//! each. From the paper's section on detection (S11, S12).
 
 use dataset::pixel_box::PixelBox;
 use serde::{Deserialize, Serialize};
 
-use crate::detector::{Detector, PictureView, ScoredBox, Window, keep_best};
+use crate::detector::{Detector, PictureView, ScoredBox, WindowSize, keep_best};
 use crate::error::{Error, Result};
+use crate::row_band::RowBand;
+use crate::search_windows::{first_windows, window_around};
 
 /// Maximum number of second-pass windows that can be configured.
 const MOST_WINDOWS: usize = 1_000;
+/// Smaller tiles show too little around an aircraft, pixels.
+const LEAST_TILE_PX: u32 = 64;
+/// Larger than any picture's side, pixels.
+const MOST_TILE_PX: u32 = 16_384;
 
 /// What counts as a hit.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -26,6 +31,16 @@ pub struct TilingSettings {
     pub merge_iou: f64,
     /// Maximum number of hits per picture that get a second pass, the best first: limits the time spent on clutter.
     pub most_windows: usize,
+    /// Side of the tiles, pixels, rounded up to the model's stride, for a model that takes any size; missing: the whole picture at
+    /// once. Models of a fixed size have tiles of that size.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tile_px: Option<u32>,
+    /// How far neighbouring tiles overlap, pixels.
+    #[serde(default)]
+    pub overlap_px: u32,
+    /// Rows that the first pass covers; missing: all.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rows: Option<RowBand>,
 }
 
 impl Default for TilingSettings {
@@ -35,6 +50,9 @@ impl Default for TilingSettings {
             score: 0.3,
             merge_iou: 0.3,
             most_windows: 6,
+            tile_px: None,
+            overlap_px: 0,
+            rows: None,
         }
     }
 }
@@ -63,6 +81,38 @@ impl TilingSettings {
                 expected: "1 to 1000",
             });
         }
+        let tiles = LEAST_TILE_PX..=MOST_TILE_PX;
+        if let Some(found) = self.tile_px.filter(|side_px| !tiles.contains(side_px)) {
+            return Err(Error::Option {
+                name: "tile_px",
+                found: found.to_string(),
+                expected: "64 to 16384",
+            });
+        }
+        if let Some(RowBand { top_px, bottom_px }) = self.rows.filter(|b| b.top_px >= b.bottom_px) {
+            return Err(Error::Option {
+                name: "rows",
+                found: format!("{top_px}:{bottom_px}"),
+                expected: "a first row above the last",
+            });
+        }
+        Ok(())
+    }
+
+    /// Checks that tiles of a model leave something between their overlaps.
+    pub(crate) fn check_overlap(&self, size: WindowSize) -> Result<()> {
+        let tile_px = match (size, self.tile_px) {
+            (WindowSize::Any { .. }, None) => return Ok(()),
+            (WindowSize::Any { .. }, Some(tile_px)) => tile_px,
+            (fixed, _) => fixed.usual_px().into_iter().min().unwrap_or_default(),
+        };
+        if self.overlap_px > tile_px / 2 {
+            return Err(Error::Option {
+                name: "overlap_px",
+                found: self.overlap_px.to_string(),
+                expected: "at most half the side of a tile",
+            });
+        }
         Ok(())
     }
 }
@@ -74,7 +124,7 @@ pub struct Sighting {
     pub pixel_box: PixelBox,
     /// Confidence of the second pass, 0 to 1.
     pub score: f64,
-    /// Number of the tile (row-major, from 0) in which the first pass saw it.
+    /// Number of the window of the first pass (row-major, from 0) that saw it.
     pub tile: u32,
 }
 
@@ -85,16 +135,19 @@ pub fn find_aircraft(
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
     let hits = first_pass(detector, picture, settings)?;
+    let (size, picture_px) = (
+        detector.window_size(),
+        [picture.width_px, picture.height_px],
+    );
     let windows: Vec<_> = hits
         .iter()
-        .map(|hit| centred_window(&hit.pixel_box, picture, detector.window_px()))
+        .map(|hit| window_around(&hit.pixel_box, picture_px, size))
         .collect();
     let answers = detector.detect(picture, &windows, settings.score)?;
     let sightings = hits
         .iter()
-        .zip(windows)
         .zip(answers)
-        .filter_map(|((hit, window), boxes)| confirm(hit, window, boxes))
+        .filter_map(|(hit, boxes)| confirm(hit, boxes))
         .collect();
     Ok(keep_best(
         sightings,
@@ -105,6 +158,14 @@ pub fn find_aircraft(
 }
 
 impl Sighting {
+    fn of(found: ScoredBox, tile: u32) -> Self {
+        Self {
+            pixel_box: found.pixel_box,
+            score: found.score,
+            tile,
+        }
+    }
+
     fn scored(&self) -> ScoredBox {
         ScoredBox {
             pixel_box: self.pixel_box,
@@ -113,30 +174,25 @@ impl Sighting {
     }
 }
 
-/// Corners of the tiles of a picture, row by row. Tiles at the right and at the bottom may extend past the picture.
-pub(crate) fn tiles_of(width_px: u32, height_px: u32, tile_px: u32) -> Vec<Window> {
-    let starts = |length_px: u32| (0..length_px.div_ceil(tile_px)).map(move |k| k * tile_px);
-    starts(height_px)
-        .flat_map(|top_px| starts(width_px).map(move |left_px| Window { left_px, top_px }))
-        .collect()
-}
-
 /// Hits in the tiles, best first, in the coordinates of the frame.
 fn first_pass(
     detector: &mut dyn Detector,
     picture: &PictureView<'_>,
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
-    let tiles = tiles_of(picture.width_px, picture.height_px, detector.window_px());
+    let size = detector.window_size();
+    settings.check_overlap(size)?;
+    let tiles = first_windows(
+        [picture.width_px, picture.height_px],
+        size,
+        settings.tile_px,
+        settings.overlap_px,
+        settings.rows,
+    );
     let answers = detector.detect(picture, &tiles, settings.tile_score)?;
     let mut hits = Vec::new();
-    for (tile, (window, boxes)) in (0..).zip(tiles.into_iter().zip(answers)) {
-        let in_frame = |found: ScoredBox| Sighting {
-            pixel_box: to_frame(found, window),
-            score: found.score,
-            tile,
-        };
-        hits.extend(boxes.into_iter().map(in_frame));
+    for (tile, boxes) in (0..).zip(answers) {
+        hits.extend(boxes.into_iter().map(|found| Sighting::of(found, tile)));
     }
     Ok(keep_best(
         hits,
@@ -146,37 +202,13 @@ fn first_pass(
     ))
 }
 
-/// The window centred on the box, moved inside the picture if the picture is large enough.
-fn centred_window(around: &PixelBox, picture: &PictureView<'_>, window_px: u32) -> Window {
-    let start = |centre_px: f64, picture_px: u32| {
-        let start = (centre_px - f64::from(window_px - 1) / 2.0).round();
-        start.clamp(0.0, f64::from(picture_px.saturating_sub(window_px))) as u32
-    };
-    Window {
-        left_px: start(around.cx_px, picture.width_px),
-        top_px: start(around.cy_px, picture.height_px),
-    }
-}
-
 /// The best box of the second pass that overlaps the hit which requested it. Another aircraft in the same window has its own hit.
-fn confirm(hit: &Sighting, window: Window, boxes: Vec<ScoredBox>) -> Option<Sighting> {
+fn confirm(hit: &Sighting, boxes: Vec<ScoredBox>) -> Option<Sighting> {
     boxes
         .into_iter()
-        .map(|found| Sighting {
-            pixel_box: to_frame(found, window),
-            score: found.score,
-            tile: hit.tile,
-        })
+        .map(|found| Sighting::of(found, hit.tile))
         .filter(|sighting| sighting.pixel_box.iou(&hit.pixel_box) > 0.0)
         .max_by(|a, b| a.score.total_cmp(&b.score))
-}
-
-fn to_frame(found: ScoredBox, window: Window) -> PixelBox {
-    PixelBox {
-        cx_px: found.pixel_box.cx_px + f64::from(window.left_px),
-        cy_px: found.pixel_box.cy_px + f64::from(window.top_px),
-        ..found.pixel_box
-    }
 }
 
 #[cfg(test)]
@@ -211,27 +243,6 @@ mod tests {
             edge(columns.1, 0.5),
             edge(rows.1, 0.5),
         )
-    }
-
-    #[test]
-    fn a_full_frame_is_six_tiles_row_by_row() {
-        let corners: Vec<_> = tiles_of(WIDTH, HEIGHT, 640)
-            .iter()
-            .map(|tile| (tile.left_px, tile.top_px))
-            .collect();
-        assert_eq!(
-            corners,
-            [
-                (0, 0),
-                (640, 0),
-                (1280, 0),
-                (0, 640),
-                (640, 640),
-                (1280, 640)
-            ]
-        );
-        assert_eq!(tiles_of(WIDTH, 1080, 640).len(), 6);
-        assert_eq!(tiles_of(WIDTH, HEIGHT, 416).len(), 20);
     }
 
     #[test]
@@ -305,6 +316,40 @@ mod tests {
     fn an_empty_picture_has_no_aircraft_and_no_second_pass() {
         let (found, finder) = find(WIDTH, HEIGHT, &[]);
         assert_eq!((found.len(), finder.windows_seen), (0, 6));
+    }
+
+    #[test]
+    fn a_finder_of_any_size_looks_at_the_whole_picture_and_once_more_at_each_hit() {
+        let blob = pixels((630, 655), (636, 645));
+        let mut rgb = vec![0; (WIDTH * HEIGHT * 3) as usize];
+        paint_blob(&mut rgb, WIDTH, &blob);
+        let picture = PictureView {
+            rgb: &rgb,
+            width_px: WIDTH,
+            height_px: HEIGHT,
+        };
+        let mut finder = BlobFinder::of_any_size();
+        let mut settings = TilingSettings::default();
+        let found = find_aircraft(&mut finder, &picture, &settings).unwrap();
+        assert_eq!((found.len(), found[0].pixel_box), (1, blob));
+        assert_eq!(finder.windows_seen, 2);
+        settings.rows = Some(RowBand {
+            top_px: 700,
+            bottom_px: 1_280,
+        });
+        let found = find_aircraft(&mut finder, &picture, &settings).unwrap();
+        assert_eq!(found, [], "the blob is above these rows");
+    }
+
+    #[test]
+    fn tiles_that_overlap_by_more_than_half_are_refused() {
+        let settings = TilingSettings {
+            overlap_px: 321,
+            ..Default::default()
+        };
+        let message = settings.check_overlap(WindowSize::square(640));
+        assert!(message.unwrap_err().to_string().contains("overlap_px"));
+        assert!(settings.check_overlap(WindowSize::square(642)).is_ok());
     }
 
     #[test]

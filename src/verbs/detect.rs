@@ -33,6 +33,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         &model,
         DetectOptions {
             onnx_runtime: args.onnx_runtime.library.clone(),
+            settings: args.search.settings(&corpus)?,
             again: args.again,
             ..DetectOptions::default()
         },

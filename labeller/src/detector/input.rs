@@ -1,4 +1,4 @@
-//! The input of a model: size and number of its windows, checked before memory is allocated for them.
+//! The input of a model: sizes and number of its windows, checked before memory is allocated for them.
 
 use dataset::memory::{self, TooMuchMemory};
 use ort::session::Session;
@@ -9,10 +9,12 @@ use super::profile::ModelProfile;
 
 /// Planes of a window: red, green, blue.
 pub(super) const CHANNELS: usize = 3;
-/// Window size of a model that leaves it open, pixels.
+/// Windows of a model that seems to leave their size open but takes one size only, pixels.
 const USUAL_WINDOW_PX: u32 = 640;
-/// The coarsest cells of YOLO-like models have this size, pixels: a smaller window has none.
-const LEAST_WINDOW_PX: u32 = 32;
+/// What the sides of a window must be multiples of if the model leaves its size open: the coarsest stride of YOLO-like models, pixels.
+const STRIDE_PX: u32 = 32;
+/// A smaller window has no cell of the coarsest stride, pixels.
+const LEAST_WINDOW_PX: u32 = STRIDE_PX;
 /// Larger than the sides of any camera's pictures, pixels.
 const MOST_WINDOW_PX: u32 = 4_096;
 /// Copies of a window's pixels in memory: where they are gathered, and at least one inside the model.
@@ -29,10 +31,62 @@ pub(super) enum Batch {
     UpTo(usize),
 }
 
+/// Sizes of windows that a model takes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WindowSize {
+    /// This size only.
+    Fixed {
+        /// Width, pixels.
+        width_px: u32,
+        /// Height, pixels.
+        height_px: u32,
+    },
+    /// Any size whose sides are multiples of this.
+    Any {
+        /// Stride, pixels.
+        multiple_px: u32,
+    },
+}
+
+impl WindowSize {
+    /// Squares.
+    pub(crate) fn square(side_px: u32) -> Self {
+        Self::Fixed {
+            width_px: side_px,
+            height_px: side_px,
+        }
+    }
+
+    /// The usual size of windows: the fixed one, else squares of 640 pixels.
+    pub(crate) fn usual_px(self) -> [u32; 2] {
+        match self {
+            Self::Fixed {
+                width_px,
+                height_px,
+            } => [width_px, height_px],
+            Self::Any { multiple_px } => [USUAL_WINDOW_PX.next_multiple_of(multiple_px); 2],
+        }
+    }
+}
+
+impl std::fmt::Display for WindowSize {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Fixed {
+                width_px,
+                height_px,
+            } => write!(f, "windows of {width_px}x{height_px} px"),
+            Self::Any { multiple_px } => {
+                write!(f, "windows of any multiple of {multiple_px} px")
+            }
+        }
+    }
+}
+
 /// The input of a model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Input {
-    pub(super) window_px: u32,
+    pub(super) size: WindowSize,
     pub(super) batch: Batch,
 }
 
@@ -43,7 +97,7 @@ pub(super) enum InputFault {
     Inputs { found: usize },
     #[error("has {found} outputs, expected one; export it with its grid")]
     Outputs { found: usize },
-    #[error("input {name:?} is {found}, expected floats of the shape [batch, 3, size, size]")]
+    #[error("input {name:?} is {found}, expected floats of the shape [batch, 3, height, width]")]
     Form { name: String, found: String },
     #[error(
         "input {name:?} takes windows of {found} px, expected {LEAST_WINDOW_PX} to {MOST_WINDOW_PX}"
@@ -53,13 +107,11 @@ pub(super) enum InputFault {
         "its profile says input.size_px = {found}, expected {LEAST_WINDOW_PX} to {MOST_WINDOW_PX}"
     )]
     ProfileSize { found: u32 },
-    #[error(
-        "input {name:?} takes {batch} windows of {window_px} px in a run, expected at most {most}"
-    )]
+    #[error("input {name:?} takes {batch} {size} in a run, expected at most {most}")]
     BatchSize {
         name: String,
         batch: i64,
-        window_px: u32,
+        size: WindowSize,
         most: usize,
     },
     #[error(
@@ -116,7 +168,7 @@ impl Input {
                 found,
             });
         };
-        if channels != CHANNELS as i64 || height != width {
+        if channels != CHANNELS as i64 {
             let found = format!("of the shape {shape:?}");
             return Err(InputFault::Form {
                 name: name(),
@@ -127,18 +179,28 @@ impl Input {
         if let Some(found) = size_of_profile_px.filter(|size| !sizes.contains(size)) {
             return Err(InputFault::ProfileSize { found });
         }
-        let window_px = if width < 0 {
-            size_of_profile_px.unwrap_or(USUAL_WINDOW_PX)
-        } else {
-            u32::try_from(width)
-                .ok()
-                .filter(|size| sizes.contains(size))
-                .ok_or_else(|| InputFault::WindowSize {
-                    name: name(),
-                    found: width,
-                })?
+        let fixed = |length: i64| {
+            let length_px = u32::try_from(length).ok();
+            let within = length_px.filter(|length_px| sizes.contains(length_px));
+            within.ok_or_else(|| InputFault::WindowSize {
+                name: name(),
+                found: length,
+            })
         };
-        let most = most_windows(window_px);
+        let size = match (width < 0, height < 0, size_of_profile_px) {
+            (true, true, None) => WindowSize::Any {
+                multiple_px: STRIDE_PX,
+            },
+            (true, true, Some(side_px)) => WindowSize::square(side_px),
+            // A single open side is as long as the other.
+            (true, false, _) => WindowSize::square(fixed(height)?),
+            (false, true, _) => WindowSize::square(fixed(width)?),
+            (false, false, _) => WindowSize::Fixed {
+                width_px: fixed(width)?,
+                height_px: fixed(height)?,
+            },
+        };
+        let most = most_windows(size.usual_px());
         let batch = match usize::try_from(fixed_batch) {
             Err(_) => Batch::UpTo(batch.clamp(1, most)),
             Ok(fixed) if (1..=most).contains(&fixed) => Batch::Exactly(fixed),
@@ -146,18 +208,28 @@ impl Input {
                 return Err(InputFault::BatchSize {
                     name: name(),
                     batch: fixed_batch,
-                    window_px,
+                    size,
                     most,
                 });
             }
         };
-        Ok(Self { window_px, batch })
+        Ok(Self { size, batch })
+    }
+
+    /// The same input, with the usual size instead of any.
+    pub(super) fn of_usual_size(self) -> Self {
+        let [width_px, height_px] = self.size.usual_px();
+        let size = WindowSize::Fixed {
+            width_px,
+            height_px,
+        };
+        Self { size, ..self }
     }
 
     /// With as many windows per run as fit into memory, if that is open.
     fn in_memory(self) -> Result<Self, InputFault> {
-        let Self { window_px, batch } = self;
-        let window_bytes = (self.plane_numbers() * size_of::<f32>() * COPIES) as u64;
+        let Self { size, batch } = self;
+        let window_bytes = (numbers_in(size.usual_px()) * size_of::<f32>() * COPIES) as u64;
         let (windows, batch) = match batch {
             Batch::Exactly(windows) => (windows, batch),
             Batch::UpTo(windows) => {
@@ -168,24 +240,20 @@ impl Input {
                 (windows, Batch::UpTo(windows))
             }
         };
-        let what = format!("a run of {windows} windows of {window_px} px");
+        let what = format!("a run of {windows} {size}");
         memory::check(what, windows as u64 * window_bytes)?;
-        Ok(Self { window_px, batch })
-    }
-
-    /// Elements of one window.
-    pub(super) fn plane_numbers(&self) -> usize {
-        plane_numbers(self.window_px)
+        Ok(Self { size, batch })
     }
 }
 
-fn plane_numbers(window_px: u32) -> usize {
-    CHANNELS * (window_px as usize).pow(2)
+/// Elements of one window.
+pub(super) fn numbers_in([width_px, height_px]: [u32; 2]) -> usize {
+    CHANNELS * width_px as usize * height_px as usize
 }
 
 /// How many windows fit into the memory of one run.
-fn most_windows(window_px: u32) -> usize {
-    (MOST_RUN_BYTES / (plane_numbers(window_px) * size_of::<f32>())).min(MOST_BATCH)
+pub(super) fn most_windows(size_px: [u32; 2]) -> usize {
+    (MOST_RUN_BYTES / (numbers_in(size_px) * size_of::<f32>())).min(MOST_BATCH)
 }
 
 /// Rejects an output that would not fit into memory, as far as the model declares its size.
@@ -214,17 +282,24 @@ mod tests {
     #[test]
     fn open_lengths_are_chosen_and_fixed_ones_are_kept() {
         let any = Input {
-            window_px: 640,
+            size: WindowSize::Any { multiple_px: 32 },
             batch: Batch::UpTo(6),
         };
         assert_eq!(of(&[-1, 3, -1, -1], None), Ok(any));
+        assert_eq!(any.of_usual_size().size, WindowSize::square(640));
         let small = Input {
-            window_px: 416,
+            size: WindowSize::square(416),
             batch: Batch::Exactly(4),
         };
         assert_eq!(of(&[4, 3, -1, -1], Some(416)), Ok(small));
+        assert_eq!(of(&[4, 3, 416, -1], None), Ok(small));
         assert_eq!(of(&[4, 3, 416, 416], None), Ok(small));
-        assert_eq!(most_windows(MOST_WINDOW_PX), 5);
+        let wide = WindowSize::Fixed {
+            width_px: 640,
+            height_px: 384,
+        };
+        assert_eq!(of(&[1, 3, 384, 640], None).unwrap().size, wide);
+        assert_eq!(most_windows([MOST_WINDOW_PX; 2]), 5);
     }
 
     #[test]
@@ -238,12 +313,12 @@ mod tests {
             (
                 &[1_000_000_000, 3, 640, 640],
                 None,
-                "takes 1000000000 windows of 640 px in a run, expected at most 218",
+                "takes 1000000000 windows of 640x640 px in a run, expected at most 218",
             ),
             (&[0, 3, 640, 640], None, "takes 0 windows"),
-            (&[1, 3, 640, 416], None, "[1, 3, 640, 416]"),
+            (&[1, 3, 640, 20], None, "windows of 20 px"),
             (&[1, 1, 640, 640], None, "[1, 1, 640, 640]"),
-            (&[], None, "[batch, 3, size, size]"),
+            (&[], None, "[batch, 3, height, width]"),
         ];
         for (shape, size_of_profile_px, expected) in cases {
             let said = of(shape, size_of_profile_px).unwrap_err().to_string();

@@ -45,20 +45,24 @@ pub enum Layout {
 pub(super) struct Decoding<'a> {
     pub(super) layout: Layout,
     pub(super) profile: &'a ModelProfile,
-    pub(super) window_px: u32,
+    /// Width and height.
+    pub(super) window_px: [u32; 2],
     pub(super) score_floor: f64,
 }
 
-fn cells(window_px: u32) -> usize {
-    STRIDES
-        .iter()
-        .map(|stride| (window_px as usize / stride).pow(2))
-        .sum()
+/// Columns and rows of the grid of a stride.
+fn grid([width_px, height_px]: [u32; 2], stride: usize) -> [usize; 2] {
+    [width_px, height_px].map(|side_px| side_px as usize / stride)
+}
+
+fn cells(window_px: [u32; 2]) -> usize {
+    let of_stride = |&stride| grid(window_px, stride).iter().product::<usize>();
+    STRIDES.iter().map(of_stride).sum()
 }
 
 impl Layout {
-    /// The layout that a shape belongs to, if any.
-    pub fn of_shape(shape: &[usize], window_px: u32) -> Option<Self> {
+    /// The layout that a shape belongs to, if any, for windows of this width and height.
+    pub fn of_shape(shape: &[usize], window_px: [u32; 2]) -> Option<Self> {
         match *shape {
             [_, 7] => Some(Self::BatchCorners),
             [_, rows, columns] if columns > rows && rows >= 5 => Some(Self::Columns),
@@ -164,9 +168,14 @@ impl Decoding<'_> {
 
     fn yolox(&self, answer: &[f32], columns: usize, class: usize) -> Vec<ScoredBox> {
         let places = STRIDES.into_iter().flat_map(|stride| {
-            let side = self.window_px as usize / stride;
-            (0..side * side)
-                .map(move |cell| (stride as f32, (cell % side) as f32, (cell / side) as f32))
+            let [columns, rows] = grid(self.window_px, stride);
+            (0..columns * rows).map(move |cell| {
+                (
+                    stride as f32,
+                    (cell % columns) as f32,
+                    (cell / columns) as f32,
+                )
+            })
         });
         let scored = |(row, (stride, column, line)): (&[f32], (f32, f32, f32))| {
             let centre = [(row[0] + column) * stride, (row[1] + line) * stride];

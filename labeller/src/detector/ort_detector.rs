@@ -7,7 +7,7 @@ use ort::session::builder::GraphOptimizationLevel;
 use ort::value::TensorRef;
 
 use super::answer::{Answer, AnswerFault};
-use super::input::{Batch, CHANNELS, Input};
+use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
 use super::layout::{Decoding, Layout};
 use super::model_file::ModelFile;
 use super::onnx_runtime;
@@ -20,6 +20,9 @@ use crate::error::{Error, Result};
 /// model could read files of its choice.
 const EXTERNAL_WEIGHTS: &str = "session.model_external_initializers_file_folder_path";
 const NOWHERE: &str = "/dev/null";
+
+/// A window that tells whether a model takes any size: small, and not square.
+const PROBE_PX: [u32; 2] = [160, 128];
 
 /// Options for running a model.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -88,56 +91,58 @@ impl OrtDetector {
             output,
             planes: Vec::new(),
         };
-        detector.layout = detector.probe()?;
-        detector.read_blank_answer()?;
+        if let WindowSize::Any { .. } = input.size {
+            // Lengths may be open although the grid inside is not.
+            match detector.probe(PROBE_PX) {
+                Ok(()) => return Ok(detector),
+                Err(_) => detector.input = input.of_usual_size(),
+            }
+        }
+        detector.probe(detector.input.size.usual_px())?;
         Ok(detector)
     }
 
-    /// The output layout: from the profile, else from the shape of an actual output.
-    fn probe(&mut self) -> Result<Layout> {
+    /// Runs the model on blank windows of a size, finds out its output layout (from the profile, else from the shape of the output),
+    /// and reads the output, so that a mismatch shows before the first picture.
+    fn probe(&mut self, size_px: [u32; 2]) -> Result<()> {
         let windows = match self.input.batch {
             Batch::Exactly(windows) => windows,
             Batch::UpTo(_) => 1,
         };
-        self.planes
-            .resize(windows * self.input.plane_numbers(), 0.0);
-        let (said, window_px) = (self.profile.layout, self.input.window_px);
-        let shape = self.run(windows, |answer| Ok(answer.shape().to_vec()))?;
-        said.or_else(|| Layout::of_shape(&shape, window_px)).ok_or_else(|| {
+        self.planes.resize(windows * numbers_in(size_px), 0.0);
+        let shape = self.run(windows, size_px, |answer| Ok(answer.shape().to_vec()))?;
+        let said = self.profile.layout;
+        self.layout = said.or_else(|| Layout::of_shape(&shape, size_px)).ok_or_else(|| {
             self.fault(format!(
                 "output {:?} has the shape {shape:?}, which is none of the known layouts (see docs of `Layout`); \
                  name one in {}.json, or export the model with its grid",
                 self.output,
                 self.path.display()
             ))
-        })
-    }
-
-    /// Reads the output for the blank windows of the probe, so that a mismatch with the layout shows before the first picture.
-    fn read_blank_answer(&mut self) -> Result<()> {
-        let windows = self.planes.len() / self.input.plane_numbers();
+        })?;
         let profile = self.profile;
         let decoding = Decoding {
             layout: self.layout,
             profile: &profile,
-            window_px: self.input.window_px,
+            window_px: size_px,
             score_floor: 1.0,
         };
-        self.run(windows, |answer| decoding.decode(answer, windows))?;
+        self.run(windows, size_px, |answer| decoding.decode(answer, windows))?;
         Ok(())
     }
 
-    /// Runs the model on the first `windows` windows in `planes`.
+    /// Runs the model on the first `windows` windows in `planes`, which all have this width and height.
     fn run<T>(
         &mut self,
         windows: usize,
+        size_px: [u32; 2],
         read: impl FnOnce(Answer<'_>) -> std::result::Result<T, AnswerFault>,
     ) -> Result<T> {
         let path = &self.path;
         let fault = |e: ort::Error| Error::model(path, format!("ONNX Runtime cannot run it: {e}"));
-        let size = self.input.window_px as usize;
-        let numbers = &self.planes[..windows * self.input.plane_numbers()];
-        let input = TensorRef::from_array_view(([windows, CHANNELS, size, size], numbers))
+        let [width, height] = size_px.map(|side_px| side_px as usize);
+        let numbers = &self.planes[..windows * numbers_in(size_px)];
+        let input = TensorRef::from_array_view(([windows, CHANNELS, height, width], numbers))
             .map_err(fault)?;
         let outputs = self.session.run(ort::inputs![input]).map_err(fault)?;
         let (shape, numbers) = outputs[0].try_extract_tensor::<f32>().map_err(fault)?;
@@ -156,8 +161,8 @@ impl OrtDetector {
 }
 
 impl Detector for OrtDetector {
-    fn window_px(&self) -> u32 {
-        self.input.window_px
+    fn window_size(&self) -> WindowSize {
+        self.input.size
     }
 
     fn detect(
@@ -166,39 +171,52 @@ impl Detector for OrtDetector {
         windows: &[Window],
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>> {
-        let Input { window_px, batch } = self.input;
-        let (Batch::Exactly(most) | Batch::UpTo(most)) = batch;
         let (order, scale) = (
             self.profile.order(self.layout),
             self.profile.scale(self.layout),
         );
         let mut found = Vec::with_capacity(windows.len());
-        for some in windows.chunks(most) {
-            let in_run = match batch {
-                Batch::Exactly(windows) => windows,
-                Batch::UpTo(_) => some.len(),
+        let size_of = |window: &Window| [window.width_px, window.height_px];
+        for same in windows.chunk_by(|a, b| size_of(a) == size_of(b)) {
+            let size_px = size_of(&same[0]);
+            let most = match self.input.batch {
+                Batch::Exactly(most) => most,
+                Batch::UpTo(most) => most.min(most_windows(size_px)).max(1),
             };
-            let plane_numbers = self.input.plane_numbers();
-            if self.planes.len() < in_run * plane_numbers {
-                self.planes.resize(in_run * plane_numbers, 0.0);
+            for some in same.chunks(most) {
+                let in_run = match self.input.batch {
+                    Batch::Exactly(windows) => windows,
+                    Batch::UpTo(_) => some.len(),
+                };
+                let numbers = numbers_in(size_px);
+                if self.planes.len() < in_run * numbers {
+                    self.planes.resize(in_run * numbers, 0.0);
+                }
+                for (window, planes) in some.iter().zip(self.planes.chunks_exact_mut(numbers)) {
+                    window.write_planes(picture, order, scale, planes);
+                }
+                let profile = self.profile;
+                let decoding = Decoding {
+                    layout: self.layout,
+                    profile: &profile,
+                    window_px: size_px,
+                    score_floor,
+                };
+                let boxes = self.run(in_run, size_px, |answer| {
+                    decoding.decode(answer, some.len())
+                })?;
+                let in_picture = some.iter().zip(boxes).map(|(window, boxes)| {
+                    let of_window = boxes.into_iter();
+                    of_window.map(|found| window.to_picture(found)).collect()
+                });
+                found.extend(in_picture);
             }
-            for (window, planes) in some.iter().zip(self.planes.chunks_exact_mut(plane_numbers)) {
-                window.write_planes(picture, window_px, order, scale, planes);
-            }
-            let profile = self.profile;
-            let decoding = Decoding {
-                layout: self.layout,
-                profile: &profile,
-                window_px,
-                score_floor,
-            };
-            found.extend(self.run(in_run, |answer| decoding.decode(answer, some.len()))?);
         }
         Ok(found)
     }
 
     fn description(&self) -> String {
-        format!("{:?}, windows of {} px", self.layout, self.input.window_px)
+        format!("{:?}, {}", self.layout, self.input.size)
     }
 }
 
@@ -234,8 +252,8 @@ mod tests {
         };
         let mut detector = OrtDetector::load(&path, &OPTIONS).unwrap();
         assert_eq!(
-            (detector.layout, detector.window_px()),
-            (Layout::Yolox, 416)
+            (detector.layout, detector.window_size()),
+            (Layout::Yolox, WindowSize::square(416))
         );
         let rgb = vec![120; 900 * 500 * 3];
         let picture = PictureView {
@@ -243,7 +261,13 @@ mod tests {
             width_px: 900,
             height_px: 500,
         };
-        let windows = [0, 416, 832].map(|left_px| Window { left_px, top_px: 0 });
+        let windows = [0, 416, 832].map(|left_px| Window {
+            left_px,
+            top_px: 0,
+            width_px: 416,
+            height_px: 416,
+            shrink: 1,
+        });
         let found = detector.detect(&picture, &windows, 0.0).unwrap();
         assert_eq!(found.iter().map(Vec::len).collect::<Vec<_>>(), [3_549; 3]);
         let best = found

@@ -1,6 +1,6 @@
 use super::*;
 
-const WINDOW_PX: u32 = 640;
+const WINDOW_PX: [u32; 2] = [640; 2];
 
 /// The box that every test puts into an output, in corner-origin pixels, and its score.
 const HIDDEN: [f32; 4] = [100.5, 50.5, 20.0, 8.0];
@@ -71,7 +71,10 @@ fn layouts_are_told_apart_by_rank_and_sizes() {
     for (shape, layout) in cases {
         assert_eq!(Layout::of_shape(shape, WINDOW_PX), layout, "{shape:?}");
     }
-    assert_eq!(Layout::of_shape(&[1, 3_549, 85], 416), Some(Layout::Yolox));
+    assert_eq!(
+        Layout::of_shape(&[1, 3_549, 85], [416; 2]),
+        Some(Layout::Yolox)
+    );
 }
 
 #[test]

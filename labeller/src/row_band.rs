@@ -1,0 +1,107 @@
+//! The rows of the pictures in which aircraft are looked for: approaches cross a narrow band of them.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::ops::Range;
+use std::str::FromStr;
+
+use dataset::corpus::Corpus;
+use dataset::splits::Side;
+use serde::{Deserialize, Serialize};
+
+use crate::error::Result;
+
+/// Share of the band's height that is added above and below it: flights of the other sides differ a little.
+const MARGIN: f64 = 0.1;
+
+/// Rows of a picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RowBand {
+    /// The first.
+    pub top_px: u32,
+    /// The one after the last.
+    pub bottom_px: u32,
+}
+
+impl RowBand {
+    /// The rows in which the true boxes of the training side lie, in any view, with a margin; `None` if that side has no labels.
+    ///
+    /// # Errors
+    /// The split, or a scenario of the training side, cannot be read.
+    pub fn of_training_side(corpus: &Corpus) -> Result<Option<Self>> {
+        let mut edges_px: Option<[f64; 2]> = None;
+        let splits = corpus.splits()?;
+        let training: BTreeSet<&str> = splits.side(Side::Train).collect();
+        for scenario in corpus.scenarios()? {
+            if !training.contains(scenario.id().as_str()) {
+                continue;
+            }
+            let boxes = scenario.open()?.truth_boxes_if_labelled()?;
+            for real in boxes.unwrap_or_default() {
+                let [_, top, _, bottom] = real.pixel_box.edges();
+                edges_px = Some(match edges_px {
+                    Some(seen) => [seen[0].min(top), seen[1].max(bottom)],
+                    None => [top, bottom],
+                });
+            }
+        }
+        Ok(edges_px.map(|[top, bottom]| {
+            let margin_px = MARGIN * (bottom - top);
+            Self {
+                top_px: (top - margin_px).max(0.0) as u32,
+                bottom_px: (bottom + margin_px).ceil() as u32,
+            }
+        }))
+    }
+
+    /// As far as it is inside a picture of this height.
+    pub(crate) fn within(band: Option<Self>, height_px: u32) -> Range<u32> {
+        let Self { top_px, bottom_px } = band.unwrap_or(Self {
+            top_px: 0,
+            bottom_px: height_px,
+        });
+        let bottom_px = bottom_px.min(height_px);
+        top_px.min(bottom_px)..bottom_px
+    }
+}
+
+impl fmt::Display for RowBand {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.top_px, self.bottom_px)
+    }
+}
+
+/// A text that names no rows.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("expected TOP:BOTTOM, two rows with the upper one first")]
+pub struct NoRows;
+
+impl FromStr for RowBand {
+    type Err = NoRows;
+
+    fn from_str(text: &str) -> std::result::Result<Self, NoRows> {
+        let rows = text.split_once(':').and_then(|(top, bottom)| {
+            Some(Self {
+                top_px: top.parse().ok()?,
+                bottom_px: bottom.parse().ok()?,
+            })
+        });
+        rows.filter(|rows| rows.top_px < rows.bottom_px)
+            .ok_or(NoRows)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_band_is_written_as_it_is_read_and_one_without_rows_is_refused() {
+        let band: RowBand = "300:700".parse().unwrap();
+        assert_eq!(band.to_string(), "300:700");
+        for text in ["300", "700:300", "300:300", "-1:5", "a:b", ""] {
+            assert!(text.parse::<RowBand>().is_err(), "{text}");
+        }
+    }
+}

@@ -1,0 +1,77 @@
+//! Options of every verb that searches pictures for aircraft.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use clap::Args;
+use dataset::corpus::Corpus;
+use labeller::RowBand;
+use labeller::tiling::TilingSettings;
+
+use crate::failure::Failure;
+
+/// Where to look.
+#[derive(Debug, Args)]
+pub(crate) struct SearchArgs {
+    /// Rows of the pictures to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
+    ///
+    /// A band of a third of the rows takes a third of the time. `training` needs labels.
+    #[arg(long, value_name = "ROWS")]
+    rows: Option<Rows>,
+    /// Search in tiles with sides of N pixels, not in the whole picture at once
+    ///
+    /// Only for a model that takes any size; others have tiles of their own size.
+    #[arg(long, value_name = "N")]
+    tile: Option<u32>,
+    /// Pixels by which neighbouring tiles overlap
+    #[arg(long, value_name = "N", default_value = "0")]
+    overlap: u32,
+}
+
+/// A choice of rows.
+#[derive(Debug, Clone, Copy)]
+enum Rows {
+    OfTraining,
+    Band(RowBand),
+}
+
+impl FromStr for Rows {
+    type Err = <RowBand as FromStr>::Err;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        match text {
+            "training" => Ok(Self::OfTraining),
+            rows => rows.parse().map(Self::Band),
+        }
+    }
+}
+
+impl SearchArgs {
+    /// The settings of a search in this corpus.
+    pub(crate) fn settings(&self, corpus: &Corpus) -> Result<TilingSettings, Failure> {
+        let rows = match self.rows {
+            None => None,
+            Some(Rows::Band(band)) => Some(band),
+            Some(Rows::OfTraining) => Some(of_training(corpus)?),
+        };
+        Ok(TilingSettings {
+            tile_px: self.tile,
+            overlap_px: self.overlap,
+            rows,
+            ..TilingSettings::default()
+        })
+    }
+}
+
+fn of_training(corpus: &Corpus) -> Result<RowBand, Failure> {
+    let band = RowBand::of_training_side(corpus)?;
+    let root: &Path = corpus.root();
+    let band = band.ok_or_else(|| {
+        Failure::bad_input_message(format!(
+            "--rows training: the training side of {} has no labels; run `dtd label {0}` first, or give TOP:BOTTOM",
+            root.display()
+        ))
+    })?;
+    eprintln!("detect: searching rows {band}, where the training side has aircraft");
+    Ok(band)
+}
