@@ -185,15 +185,15 @@ mod tests {
     fn a_model_of_any_size_sees_the_whole_picture_or_the_rows_that_are_asked_for_at_once() {
         let whole = |height_px, band| {
             let windows = first_windows([1_920, height_px], ANY, None, 0, band);
-            windows.iter().map(|w| (w.top_px, w.height_px)).collect()
+            let rows = windows.iter().map(|w| (w.top_px, w.height_px));
+            rows.collect::<Vec<_>>()
         };
-        let nothing: Vec<(u32, u32)> = vec![];
         assert_eq!(whole(1_280, None), [(0, 1_280)]);
         assert_eq!(whole(1_080, None), [(0, 1_088)]);
         let band = |top_px, bottom_px| Some(RowBand { top_px, bottom_px });
         assert_eq!(whole(1_280, band(300, 700)), [(300, 416)]);
         assert_eq!(whole(1_280, band(1_100, 5_000)), [(1_088, 192)]);
-        assert_eq!(whole(1_280, band(2_000, 5_000)), nothing);
+        assert_eq!(whole(1_280, band(2_000, 5_000)), []);
         let tiled = first_windows(PICTURE, ANY, Some(640), 0, band(300, 700));
         assert_eq!(corners(&tiled), [(0, 300), (640, 300), (1_280, 300)]);
     }
