@@ -41,6 +41,7 @@ pub mod scenario;
 pub mod seal;
 pub mod sealed;
 pub mod splits;
+pub mod spread;
 pub mod toml_file;
 pub mod units;
 pub mod verify;

@@ -64,12 +64,17 @@ impl PixelBox {
         (clipped.width_px > 0.0 && clipped.height_px > 0.0).then_some(clipped)
     }
 
-    /// Intersection over union with another box, 0 to 1.
-    pub fn iou(&self, other: &Self) -> f64 {
+    /// Area of the part that another box covers, square pixels.
+    pub fn intersection(&self, other: &Self) -> f64 {
         let [a, b] = [self.edges(), other.edges()];
         let width = (a[2].min(b[2]) - a[0].max(b[0])).max(0.0);
         let height = (a[3].min(b[3]) - a[1].max(b[1])).max(0.0);
-        let intersection = width * height;
+        width * height
+    }
+
+    /// Intersection over union with another box, 0 to 1.
+    pub fn iou(&self, other: &Self) -> f64 {
+        let intersection = self.intersection(other);
         let union = self.area() + other.area() - intersection;
         if union > 0.0 {
             intersection / union

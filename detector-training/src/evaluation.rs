@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use burn::tensor::Device;
 use dataset::pixel_box::PixelBox;
+pub use dataset::spread::Spread;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -46,8 +47,7 @@ pub struct Evaluation {
     pub recall_by_weather: BTreeMap<String, f64>,
 }
 
-/// Errors of aircraft of similar width. Errors are found minus true, pixels; deviations are 1.4826 times the median absolute
-/// deviation, so that rare outliers do not hide the typical error.
+/// Errors of aircraft of similar width: found minus true, pixels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct WidthBin {
     /// Maximum width of the true box, pixels; missing in the last bin.
@@ -64,17 +64,6 @@ pub struct WidthBin {
     pub width_px: Option<Spread>,
     /// Height.
     pub height_px: Option<Spread>,
-}
-
-/// A distribution of errors.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Spread {
-    /// Median: the bias.
-    pub median: f64,
-    /// Robust standard deviation.
-    pub deviation: f64,
-    /// Root of the mean square, outliers included.
-    pub rms: f64,
 }
 
 /// Runs the network on all frames and compares with the truth.
@@ -207,25 +196,6 @@ fn width_bins(visible: &[&Outcome]) -> Vec<WidthBin> {
             }
         })
         .collect()
-}
-
-impl Spread {
-    fn of(mut errors: Vec<f64>) -> Option<Self> {
-        let count = errors.len();
-        if count == 0 {
-            return None;
-        }
-        let rms = (errors.iter().map(|error| error * error).sum::<f64>() / count as f64).sqrt();
-        errors.sort_by(f64::total_cmp);
-        let median = errors[count / 2];
-        let mut distances: Vec<f64> = errors.iter().map(|error| (error - median).abs()).collect();
-        distances.sort_by(f64::total_cmp);
-        Some(Self {
-            median,
-            deviation: 1.4826 * distances[count / 2],
-            rms,
-        })
-    }
 }
 
 /// All aircraft of a frame of any size, best first: tiles, then a centred crop for each hit.
@@ -381,12 +351,5 @@ mod tests {
             scored(90.0, 0.3),
         ]);
         assert_eq!(kept, vec![scored(52.0, 0.8), scored(90.0, 0.3)]);
-    }
-
-    #[test]
-    fn spread_is_robust_against_one_slip() {
-        let spread = Spread::of(vec![-0.1, 0.0, 0.1, 0.2, 100.0]).unwrap();
-        assert_eq!(spread.median, 0.1);
-        assert!(spread.deviation < 0.2 && spread.rms > 40.0, "{spread:?}");
     }
 }

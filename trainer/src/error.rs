@@ -3,17 +3,11 @@
 mod corpus_fault;
 mod run_fault;
 
-use std::io;
 use std::path::{Path, PathBuf};
-
-use plotters::drawing::DrawingAreaErrorKind;
 
 pub use corpus_fault::CorpusFault;
 pub(crate) use corpus_fault::RigKind;
 pub use run_fault::RunFault;
-
-/// A failure to draw an SVG.
-pub(crate) type DrawingError = DrawingAreaErrorKind<io::Error>;
 
 /// An error of this crate. Every message says what was expected, what was found and, if the user can act, how.
 #[derive(Debug, thiserror::Error)]
@@ -97,17 +91,9 @@ pub enum Error {
         /// Step at which this was noticed.
         step: usize,
     },
-    /// A plot of the report cannot be made.
-    #[error("report: cannot draw {what}: {cause}")]
-    Plot {
-        /// The plot.
-        what: &'static str,
-        /// Where drawing failed.
-        cause: DrawingError,
-    },
-    /// The page of the report cannot be made.
-    #[error("report: cannot draw the page: {0:#}")]
-    Page(minijinja::Error),
+    /// The report cannot be made.
+    #[error(transparent)]
+    Report(#[from] report_page::Error),
 }
 
 /// Results of this crate.

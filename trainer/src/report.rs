@@ -1,18 +1,19 @@
 //! `report.html`: the results of a run in one file that opens offline.
 //!
-//! The page is a template (`report/report.html`); its plots are SVG, drawn by [`plots`] and inserted into it. Figures of the paper
-//! are shown next to ours where it has them (its table 3).
+//! The page is a template (`report/report.html`) in the look of all pages (`report-page/`); its plots are SVG, drawn by [`plots`].
+//! Figures of the paper are shown next to ours where it has them (its table 3).
 
 mod plots;
 mod tables;
 
 use dataset::json_file::write_unsynced;
 use dataset::splits::Side;
-use minijinja::value::Serde;
-use minijinja::{Environment, Value, context};
+use minijinja::{Value, context};
+use report_page::chart::css_colour;
+use report_page::page::{drawn, render, value};
 use serde::Serialize;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::metrics::{EstimatorOutcomes, Metrics};
 use crate::run_folder::RunFolder;
 use crate::samples::{Sample, Samples};
@@ -43,28 +44,31 @@ pub(crate) fn write(
     bin_nm: f64,
 ) -> Result<()> {
     let flown = tables::best_covered_scenario(samples, test);
-    let page = render(context! {
-        headline => Value::from(Serde(tables::headline(metrics))),
-        legend => Value::from(Serde(legend(shown))),
-        conditions => Value::from(Serde(tables::conditions(metrics))),
-        scenarios => Value::from(Serde(scenario_rows(samples))),
-        views => Value::from(Serde(&samples.views)),
-        detected_total => Value::from(Serde(detected_total(samples))),
-        split => Value::from(Serde(&metrics.split)),
-        model_hash => samples.model_hash.as_str(),
-        absent => samples.absent_scenarios.len(),
-        summary => Value::from(Serde(&trained.summary)),
-        loss => Value::from(Serde(&trained.config.loss)),
-        version => env!("CARGO_PKG_VERSION"),
-        max_dtd => Value::from(Serde(&metrics.split.max_dtd_nm)),
-        flown => Value::from(Serde(flown.map(|index| &samples.scenarios[index].id))),
-        boxes_plot => Value::from_safe_string(plots::errors_by_distance(shown, bin_nm)?),
-        convergence_plot => Value::from_safe_string(plots::convergence(&trained.convergence)?),
-        flight_plot => match flown {
-            Some(index) => Value::from_safe_string(plots::flight(shown, test, index)?),
-            None => Value::UNDEFINED,
+    let page = render(
+        TEMPLATE,
+        context! {
+            headline => value(tables::headline(metrics)),
+            legend => value(legend(shown)),
+            conditions => value(tables::conditions(metrics)),
+            scenarios => value(scenario_rows(samples)),
+            views => value(&samples.views),
+            detected_total => value(detected_total(samples)),
+            split => value(&metrics.split),
+            model_hash => samples.model_hash.as_str(),
+            absent => samples.absent_scenarios.len(),
+            summary => value(&trained.summary),
+            loss => value(&trained.config.loss),
+            version => env!("CARGO_PKG_VERSION"),
+            max_dtd => value(&metrics.split.max_dtd_nm),
+            flown => value(flown.map(|index| &samples.scenarios[index].id)),
+            boxes_plot => drawn(plots::errors_by_distance(shown, bin_nm)?),
+            convergence_plot => drawn(plots::convergence(&trained.convergence)?),
+            flight_plot => match flown {
+                Some(index) => drawn(plots::flight(shown, test, index)?),
+                None => Value::UNDEFINED,
+            },
         },
-    })?;
+    )?;
     Ok(write_unsynced(&run.report_path(), page.as_bytes())?)
 }
 
@@ -77,22 +81,10 @@ struct LegendEntry {
 
 fn legend(shown: &[EstimatorOutcomes]) -> Vec<LegendEntry> {
     let entry = |(which, shown): (usize, &EstimatorOutcomes)| LegendEntry {
-        colour: plots::css_colour(which),
+        colour: css_colour(which),
         title: shown.estimator.description().title,
     };
     shown.iter().enumerate().map(entry).collect()
-}
-
-fn render(values: Value) -> Result<String> {
-    let mut environment = Environment::new();
-    environment.set_undefined_behavior(minijinja::UndefinedBehavior::SemiStrict);
-    environment
-        .add_template("report.html", TEMPLATE)
-        .map_err(Error::Page)?;
-    environment
-        .get_template("report.html")
-        .and_then(|template| template.render(values))
-        .map_err(Error::Page)
 }
 
 fn scenario_rows(samples: &Samples) -> Vec<ScenarioRow<'_>> {

@@ -1,94 +1,18 @@
 //! The plots of the report as SVG.
 
-use std::ops::Range;
-
-use plotters::chart::MeshStyle;
-use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
+use report_page::Result;
+use report_page::chart::{COLOURS, FONT, GRID, INK, MOST_POINTS, axes, axis, shown_points, svg};
 
-use crate::error::{DrawingError, Error, Result};
 use crate::estimator::Estimator;
 use crate::metrics::{EstimatorOutcomes, distance_bins};
 use crate::samples::Sample;
 use crate::trained_run::Convergence;
 
-const WIDTH: u32 = 960;
-/// One colour per estimator, in their order; distinguishable for colour-blind readers (Okabe and Ito).
-const COLOURS: [RGBColor; 5] = [
-    RGBColor(0, 114, 178),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(213, 94, 0),
-];
-const GRID: RGBColor = RGBColor(226, 229, 233);
-const INK: RGBColor = RGBColor(55, 60, 67);
-const FONT: &str = "sans-serif";
-/// Maximum points of a line or cloud: a screen shows no more, and a page must open.
-const MOST_POINTS: usize = 2_000;
 /// Maximum numbers along the axis of distances.
 const MOST_LABELS: usize = 60;
 /// Maximum end of an axis of percentage errors.
 const FARTHEST_PCT: f64 = 1_000.0;
-
-type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
-
-/// Runs `draw` on an empty SVG of this height.
-fn svg(what: &'static str, height: u32, draw: impl FnOnce(&Area) -> Drawn) -> Result<String> {
-    let mut text = String::new();
-    {
-        let area = SVGBackend::with_string(&mut text, (WIDTH, height)).into_drawing_area();
-        draw(&area)
-            .and_then(|()| area.present())
-            .map_err(|cause| Error::Plot { what, cause })?;
-    }
-    // A width in the file would prevent the page from scaling the picture.
-    Ok(text.replacen(&format!("width=\"{WIDTH}\" height=\"{height}\" "), "", 1))
-}
-
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
-
-/// Axes and grid as all plots have them.
-fn axes<'a, 'b, 'c>(
-    chart: &'c mut Chart<'a, 'b>,
-) -> MeshStyle<'a, 'c, RangedCoordf64, RangedCoordf64, SVGBackend<'b>> {
-    let mut style = chart.configure_mesh();
-    style
-        .light_line_style(TRANSPARENT)
-        .bold_line_style(GRID)
-        .axis_style(INK)
-        .x_label_formatter(&|x| format!("{x:.0}"))
-        .label_style((FONT, 13).into_font().color(&INK))
-        .axis_desc_style((FONT, 14).into_font().color(&INK));
-    style
-}
-
-type Drawn = std::result::Result<(), DrawingError>;
-
-/// Ends of an axis that covers some numbers. Drawing an axis of zero or infinite length would never end.
-fn axis(from: f64, to: f64) -> Range<f64> {
-    let least = 1e-6 * from.abs().max(to.abs());
-    match from.is_finite() && to.is_finite() {
-        true if to - from > least => from..to,
-        true => from..from + least.max(1.0),
-        false => 0.0..1.0,
-    }
-}
-
-/// The points inside a plot, thinned out evenly if there are too many.
-fn shown_points(
-    points: impl Iterator<Item = (f64, f64)>,
-    x: &Range<f64>,
-    y: &Range<f64>,
-) -> Vec<(f64, f64)> {
-    let inside: Vec<_> = points
-        .filter(|point| {
-            (x.start..=x.end).contains(&point.0) && (y.start..=y.end).contains(&point.1)
-        })
-        .collect();
-    let every = inside.len().div_ceil(MOST_POINTS).max(1);
-    inside.into_iter().step_by(every).collect()
-}
 
 /// The quantile of a share of all values.
 fn quantile(mut values: Vec<f64>, part: f64) -> Option<f64> {
@@ -393,12 +317,6 @@ pub(super) fn flight(
         }
         Ok(())
     })
-}
-
-/// The colour of an estimator as CSS, for legends outside the plots.
-pub(super) fn css_colour(which: usize) -> String {
-    let RGBColor(red, green, blue) = COLOURS[which % COLOURS.len()];
-    format!("rgb({red},{green},{blue})")
 }
 
 #[cfg(test)]

@@ -1,0 +1,57 @@
+//! A distribution of errors in three numbers.
+
+use serde::{Deserialize, Serialize};
+
+/// Scale that makes the median absolute deviation of a normal distribution its standard deviation.
+const MAD_TO_SD: f64 = 1.4826;
+
+/// A distribution of errors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Spread {
+    /// Median: the bias.
+    pub median: f64,
+    /// Robust standard deviation: 1.4826 times the median absolute deviation, so that rare outliers do not hide the typical error.
+    pub deviation: f64,
+    /// Root of the mean square, outliers included.
+    pub rms: f64,
+}
+
+impl Spread {
+    /// The spread of some errors; `None` without any.
+    pub fn of(mut errors: Vec<f64>) -> Option<Self> {
+        let count = errors.len();
+        if count == 0 {
+            return None;
+        }
+        let rms = (errors.iter().map(|error| error * error).sum::<f64>() / count as f64).sqrt();
+        let median = median(&mut errors);
+        for error in &mut errors {
+            *error = (*error - median).abs();
+        }
+        let deviation = MAD_TO_SD * self::median(&mut errors);
+        Some(Self {
+            median,
+            deviation,
+            rms,
+        })
+    }
+}
+
+/// The upper median of at least one value.
+fn median(values: &mut [f64]) -> f64 {
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spread_is_robust_against_one_slip() {
+        let spread = Spread::of(vec![-0.1, 0.0, 0.1, 0.2, 100.0]).unwrap();
+        assert_eq!(spread.median, 0.1);
+        assert!(spread.deviation < 0.2 && spread.rms > 40.0, "{spread:?}");
+        assert_eq!(Spread::of(Vec::new()), None);
+    }
+}

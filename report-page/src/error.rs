@@ -1,0 +1,27 @@
+//! What can go wrong with a page.
+
+use std::io;
+
+use plotters::drawing::DrawingAreaErrorKind;
+
+/// A failure to draw an SVG.
+pub type DrawingError = DrawingAreaErrorKind<io::Error>;
+
+/// A page that cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A chart.
+    #[error("report: cannot draw {what}: {cause}")]
+    Chart {
+        /// The chart.
+        what: &'static str,
+        /// Where drawing failed.
+        cause: DrawingError,
+    },
+    /// The page itself.
+    #[error("report: cannot draw the page: {0:#}")]
+    Page(minijinja::Error),
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
