@@ -15,8 +15,8 @@ use std::time::{Duration, Instant, SystemTime};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
-use dataset::detections::{self, NewTables};
-use dataset::pixel_box::{Detection, PixelBox};
+use dataset::detections::{self, Detection, NewTables};
+use dataset::pixel_box::PixelBox;
 use s3_server::{S3Server, Way};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
@@ -586,20 +586,15 @@ fn detect(corpus: &Path, score: f64) -> PathBuf {
         panic!("nobody else is there");
     };
     let source = scenario.open().unwrap();
-    let detection = Detection {
-        tick: 0,
-        view: source.record().unwrap().views[0].clone(),
-        pixel_box: PixelBox {
-            cx_px: 30.0,
-            cy_px: 30.0,
-            width_px: 4.0,
-            height_px: 2.0,
-        },
-        score,
-        tile: 0,
+    let pixel_box = PixelBox {
+        cx_px: 30.0,
+        cy_px: 30.0,
+        width_px: 4.0,
+        height_px: 2.0,
     };
+    let view = source.record().unwrap().views[0].clone();
     let (model, hash) = ("abc", format!("abc{}", "0".repeat(61)));
-    let found = [detection];
+    let found = vec![Detection::untracked(0, view, pixel_box, score, 0)].into();
     let tables = NewTables::unregistered(&found);
     detections::replace(&claim, &source, &hash, model, tables, |provenance| {
         provenance

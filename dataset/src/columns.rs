@@ -131,6 +131,19 @@ impl TableWriter {
         self.push(name, false, Arc::new(UInt32Array::from_iter_values(values)))
     }
 
+    /// Adds a column of unsigned 32-bit integers that may be missing.
+    pub(crate) fn optional_u32(
+        self,
+        name: &str,
+        values: impl IntoIterator<Item = Option<u32>>,
+    ) -> Self {
+        self.push(
+            name,
+            true,
+            Arc::new(values.into_iter().collect::<UInt32Array>()),
+        )
+    }
+
     /// Adds a column of unsigned 64-bit integers.
     pub fn u64(self, name: &str, values: impl IntoIterator<Item = u64>) -> Self {
         self.push(name, false, Arc::new(UInt64Array::from_iter_values(values)))
@@ -224,6 +237,23 @@ macro_rules! typed_column {
                     return Err(self.missing(column, typed.null_count()));
                 }
                 values.extend((0..typed.len()).map(|row| $convert(typed.value(row))));
+            }
+            Ok(values)
+        }
+    };
+}
+
+macro_rules! optional_column {
+    ($(#[$doc:meta])* $name:ident, $array:ty, $value:ty, $word:literal) => {
+        $(#[$doc])*
+        pub fn $name(&self, column: &str) -> Result<Vec<Option<$value>>> {
+            let mut values = Vec::with_capacity(self.rows());
+            for array in self.arrays(column)? {
+                let typed = array
+                    .as_any()
+                    .downcast_ref::<$array>()
+                    .ok_or_else(|| self.wrong_type(column, $word, array))?;
+                values.extend(typed.iter());
             }
             Ok(values)
         }
@@ -420,18 +450,14 @@ impl Table {
         }
     }
 
-    /// A column of floats that may be missing.
-    pub fn optional_f64(&self, column: &str) -> Result<Vec<Option<f64>>> {
-        let mut values = Vec::with_capacity(self.rows());
-        for array in self.arrays(column)? {
-            let typed = array
-                .as_any()
-                .downcast_ref::<Float64Array>()
-                .ok_or_else(|| self.wrong_type(column, "f64", array))?;
-            values.extend(typed.iter());
-        }
-        Ok(values)
-    }
+    optional_column!(
+        /// A column of floats that may be missing.
+        optional_f64, Float64Array, f64, "f64"
+    );
+    optional_column!(
+        /// A column of unsigned 32-bit integers that may be missing.
+        optional_u32, UInt32Array, u32, "u32"
+    );
 
     /// An error about this table.
     pub fn fault(&self, message: impl ToString) -> Error {

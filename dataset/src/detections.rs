@@ -5,6 +5,8 @@
 //! together ([`Provenance`]). They change together like the files of a seal: each table is written as `<model>.parquet.new`, the
 //! record takes effect, and readers look for the tables by their hashes under both names.
 
+mod table;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,10 +21,14 @@ use crate::new_file::{clear_leftovers, sync};
 use crate::open_scenario::OpenScenario;
 use crate::outside_file::{self, FileKind};
 use crate::own_path::own_path;
-use crate::pixel_box::{Detection, write_detections};
 use crate::registrations::{Registration, write_registrations};
 use crate::seal::{SealedFile, hash_file, with_new_suffix};
 use crate::sealed::{ATTEMPTS, Found, find};
+
+pub use table::{
+    Detection, Detections, Miss, MissReason, SearchMode, parse_detections, write_detections,
+};
+pub(crate) use table::{Row, parse_rows, read_rows_with_faults};
 
 /// Folder of the detections within a scenario.
 pub const FOLDER: &str = "detections";
@@ -180,14 +186,14 @@ fn named_table(
 #[derive(Debug, Clone, Copy)]
 pub struct NewTables<'a> {
     /// What the model detected.
-    pub detections: &'a [Detection],
+    pub detections: &'a Detections,
     /// Where the same aircraft is in two views; `None` if that was not measured.
     pub registrations: Option<&'a [Registration]>,
 }
 
 impl<'a> NewTables<'a> {
     /// Detections whose views were not registered.
-    pub fn unregistered(detections: &'a [Detection]) -> Self {
+    pub fn unregistered(detections: &'a Detections) -> Self {
         Self {
             detections,
             registrations: None,

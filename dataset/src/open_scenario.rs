@@ -11,12 +11,12 @@ use serde::Deserialize;
 
 use crate::calibration::Calibration;
 use crate::corpus::{PARTIAL_SUFFIX, ScenarioFolder};
-use crate::detections::{self, FoundTable, Provenance};
+use crate::detections::{self, Detections, FoundTable, Provenance, Row, parse_rows};
 use crate::error::{Error, Result};
 use crate::frames::Frames;
 use crate::json_file::parse_json;
 use crate::outside_file::FileKind;
-use crate::pixel_box::{Detection, TruthBox, parse_detections, parse_truth_boxes};
+use crate::pixel_box::{TruthBox, parse_truth_boxes};
 use crate::registrations::{Registration, parse_registrations};
 use crate::scenario::ScenarioRecord;
 use crate::seal::{DONE, Seal, view_of};
@@ -183,13 +183,13 @@ impl OpenScenario {
     ///
     /// # Errors
     /// There are none, they were made from other videos or do not record which, or the table is not the one that was written.
-    pub fn detections(&self, model: &str) -> Result<Vec<Detection>> {
+    pub fn detections(&self, model: &str) -> Result<Detections> {
         let (path, content) = self.detections_table(model)?;
         let record = self.record()?;
-        let detections = parse_detections(content, &path, record.pictures())?;
-        let mut rows = detections.iter().enumerate();
-        match rows.find_map(|(row, detection)| Some((row, fault_of(detection, &record)?))) {
-            None => Ok(detections),
+        let found = parse_rows(content, &path, record.pictures())?;
+        let mut rows = found.iter().enumerate();
+        match rows.find_map(|(number, row)| Some((number, fault_of(row, &record)?))) {
+            None => Ok(found.into()),
             Some((row, (column, fault))) => Err(Error::corpus(
                 &path,
                 format!(
@@ -282,12 +282,9 @@ fn kind_of(name: &'static str) -> FileKind {
     .unlinked()
 }
 
-/// The column that shows that a detection belongs to no picture of the scenario, and why.
-pub(crate) fn fault_of(
-    detection: &Detection,
-    record: &ScenarioRecord,
-) -> Option<(&'static str, String)> {
-    fault_of_picture(detection.tick, "view", &detection.view, record)
+/// The column that shows that a row of detections belongs to no picture of the scenario, and why.
+pub(crate) fn fault_of(row: &Row, record: &ScenarioRecord) -> Option<(&'static str, String)> {
+    fault_of_picture(row.tick(), "view", row.view(), record)
 }
 
 /// The same for a registration: also if it compares a view with itself.

@@ -1,4 +1,4 @@
-//! Boxes in pictures: the true ones (`boxes_truth.parquet`) and the detected ones (`detections/<model>.parquet`).
+//! Boxes in pictures, and the table of the true ones (`boxes_truth.parquet`); that of the detected ones is in [`crate::detections`].
 //!
 //! Pixel (0, 0) is the centre of the top-left pixel, so a box that covers exactly that pixel has its centre at (0, 0) and is
 //! one pixel wide.
@@ -153,7 +153,7 @@ pub fn parse_truth_boxes(content: Vec<u8>, path: &Path, pictures: u64) -> Result
 }
 
 fn truth_boxes_of(table: &mut Table) -> Result<Vec<TruthBox>> {
-    check_memory::<TruthBox>(table)?;
+    check_memory(table)?;
     let tick = table.u32("tick")?;
     let boxes = read_boxes(table)?;
     let visible_fraction = table.f64_within("visible_fraction", limits::RATIO)?;
@@ -174,72 +174,6 @@ fn truth_boxes_of(table: &mut Table) -> Result<Vec<TruthBox>> {
         .collect())
 }
 
-/// A detected aircraft in one view at one tick.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Detection {
-    /// Tick.
-    pub tick: u32,
-    /// Identifier of the view.
-    pub view: String,
-    /// The box in the original frame.
-    pub pixel_box: PixelBox,
-    /// Confidence of the second pass, 0 to 1.
-    pub score: f64,
-    /// Number of the tile (row-major, from 0) in which the first pass saw it.
-    pub tile: u32,
-}
-
-/// Writes `detections/<model>.parquet`.
-pub fn write_detections(path: &Path, detections: &[Detection]) -> Result<()> {
-    let table = TableWriter::new()
-        .u32("tick", detections.iter().map(|d| d.tick))
-        .text("view", detections.iter().map(|d| &d.view));
-    box_columns(table, detections.iter().map(|d| &d.pixel_box))
-        .f64_within("score", limits::SCORE, detections.iter().map(|d| d.score))
-        .u32("tile", detections.iter().map(|d| d.tile))
-        .write(path)
-}
-
-/// Reads `detections/<model>.parquet` of a scenario with this many pictures, collecting numbers outside their limits.
-pub(crate) fn read_detections_with_faults(
-    path: &Path,
-    pictures: u64,
-) -> Result<(Vec<Detection>, Vec<ColumnOutOfLimits>)> {
-    let mut table = Table::read(path, most_detections(pictures))?.collecting();
-    let detections = detections_of(&mut table)?;
-    Ok((detections, table.into_collected()))
-}
-
-/// Reads the content of `detections/<model>.parquet` of a scenario with this many pictures; messages name it as `path`. A number
-/// outside its limits is an error.
-pub fn parse_detections(content: Vec<u8>, path: &Path, pictures: u64) -> Result<Vec<Detection>> {
-    detections_of(&mut Table::parse(content, path, most_detections(pictures))?)
-}
-
-fn most_detections(pictures: u64) -> u64 {
-    pictures.saturating_mul(limits::MOST_DETECTIONS_PER_PICTURE)
-}
-
-fn detections_of(table: &mut Table) -> Result<Vec<Detection>> {
-    check_memory::<Detection>(table)?;
-    let tick = table.u32("tick")?;
-    let boxes = read_boxes(table)?;
-    let score = table.f64_within("score", limits::SCORE)?;
-    let tile = table.u32("tile")?;
-    Ok(table
-        .text("view")?
-        .into_iter()
-        .enumerate()
-        .map(|(row, view)| Detection {
-            tick: tick[row],
-            view,
-            pixel_box: boxes[row],
-            score: score[row],
-            tile: tile[row],
-        })
-        .collect())
-}
-
 fn box_columns<'a>(
     table: TableWriter,
     boxes: impl Iterator<Item = &'a PixelBox> + Clone,
@@ -252,9 +186,9 @@ fn box_columns<'a>(
 }
 
 /// Name of a value of a box, its limits, and its accessor.
-type BoxField = (&'static str, Limits, fn(&PixelBox) -> f64);
+pub(crate) type BoxField = (&'static str, Limits, fn(&PixelBox) -> f64);
 
-const BOX_FIELDS: [BoxField; 4] = [
+pub(crate) const BOX_FIELDS: [BoxField; 4] = [
     ("cx_px", limits::BOX_PLACE_PX, |b| b.cx_px),
     ("cy_px", limits::BOX_PLACE_PX, |b| b.cy_px),
     ("width_px", limits::BOX_SIZE_PX, |b| b.width_px),
@@ -262,8 +196,8 @@ const BOX_FIELDS: [BoxField; 4] = [
 ];
 
 /// A table's columns before they become a list of boxes with the names of their views.
-fn check_memory<T>(table: &Table) -> Result<()> {
-    let row_bytes = 2 * size_of::<T>() + 32;
+fn check_memory(table: &Table) -> Result<()> {
+    let row_bytes = 2 * size_of::<TruthBox>() + 32;
     memory::check("table of boxes", (table.rows() * row_bytes) as u64)?;
     Ok(())
 }
@@ -333,7 +267,7 @@ mod tests {
     }
 
     #[test]
-    fn truth_boxes_and_detections_are_read_back_as_written() {
+    fn truth_boxes_are_read_back_as_written() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("boxes.parquet");
         let truth = vec![TruthBox {
@@ -347,17 +281,5 @@ mod tests {
         }];
         write_truth_boxes(&path, &truth).unwrap();
         assert_eq!(read_truth_boxes(&path, 1).unwrap(), truth);
-        let found = vec![Detection {
-            tick: 3,
-            view: "left".into(),
-            pixel_box: sample(),
-            score: 0.75,
-            tile: 2,
-        }];
-        let read = || parse_detections(std::fs::read(&path).unwrap(), &path, 1).unwrap();
-        write_detections(&path, &found).unwrap();
-        assert_eq!(read(), found);
-        write_detections(&path, &[]).unwrap();
-        assert_eq!(read(), vec![]);
     }
 }

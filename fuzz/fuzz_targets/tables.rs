@@ -5,10 +5,9 @@
 use std::fs;
 use std::path::Path;
 
+use dataset::detections::{parse_detections, write_detections};
 use dataset::frames::Frames;
-use dataset::pixel_box::{
-    parse_detections, parse_truth_boxes, write_detections, write_truth_boxes,
-};
+use dataset::pixel_box::{parse_truth_boxes, write_truth_boxes};
 use dataset::registrations::{parse_registrations, write_registrations};
 use dtd_fuzz::place;
 use libfuzzer_sys::fuzz_target;

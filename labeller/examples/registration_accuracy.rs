@@ -10,8 +10,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use dataset::detections::models_of;
-use dataset::pixel_box::Detection;
+use dataset::detections::{Detection, models_of};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 use glam::{DVec2, DVec3};
 
@@ -50,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let scenario = folder.open()?;
         let calibration = scenario.calibration()?;
         let frames = scenario.frames()?;
-        let best = best_of(scenario.detections(model)?);
+        let best = best_of(scenario.detections(model)?.into_confirmed());
         let registrations = scenario.registrations(model)?;
         let registrations = registrations.ok_or("not registered; run `dtd detect` first")?;
         let record = std::fs::read(dataset::detections::record_path(&folder, model))?;
@@ -93,8 +92,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Centre of the best box of each picture.
-fn best_of(detections: Vec<Detection>) -> BTreeMap<(u32, String), DVec2> {
+/// Centre of the best confirmed box of each picture.
+fn best_of(detections: impl Iterator<Item = Detection>) -> BTreeMap<(u32, String), DVec2> {
     let mut best: BTreeMap<_, (f64, DVec2)> = BTreeMap::new();
     for Detection {
         tick,

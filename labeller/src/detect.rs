@@ -311,7 +311,7 @@ fn count(scenario: &OpenScenario, model_hash: &str) -> Result<DetectionCounts> {
     let pictures = u64::from(record.ticks) * record.views.len() as u64;
     Ok(DetectionCounts::of(
         pictures,
-        &scenario.detections(model_hash)?,
+        &scenario.detections(model_hash)?.boxes,
         truth.as_deref(),
     ))
 }

@@ -1,6 +1,7 @@
 //! Detections compared with the truth: counts that can be added over scenarios, and the figures derived from them.
 
-use dataset::pixel_box::{Detection, TruthBox};
+use dataset::detections::Detection;
+use dataset::pixel_box::TruthBox;
 use serde::Serialize;
 
 /// A detector is expected to find the aircraft if at least this part of it is in the picture.
@@ -145,13 +146,7 @@ mod tests {
     }
 
     fn seen(tick: u32, view: &str, cx_px: f64, score: f64) -> Detection {
-        Detection {
-            tick,
-            view: view.into(),
-            pixel_box: at(cx_px),
-            score,
-            tile: 0,
-        }
+        Detection::untracked(tick, view, at(cx_px), score, 0)
     }
 
     #[test]

@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::detections::{self, NewTables};
-use dataset::pixel_box::{Detection, PixelBox};
+use dataset::detections::{self, Detection, NewTables};
+use dataset::pixel_box::PixelBox;
 use dataset::seal::{self, DONE, MANIFEST, seal_folder};
 use object_store::ObjectStoreExt;
 use tempfile::TempDir;
@@ -308,13 +308,8 @@ async fn a_manifest_that_names_a_file_outside_is_refused() {
 
 /// A detection of the model `abc`.
 fn detection(score: f64) -> Detection {
-    Detection {
-        tick: 0,
-        view: "left".into(),
-        pixel_box: PixelBox::from_edges(28.0, 29.0, 32.0, 31.0),
-        score,
-        tile: 0,
-    }
+    let pixel_box = PixelBox::from_edges(28.0, 29.0, 32.0, 31.0);
+    Detection::untracked(0, "left", pixel_box, score, 0)
 }
 
 /// Gives a claimed scenario this detection as its only one.
@@ -323,7 +318,7 @@ fn write_detection(claim: &Claim, folder: &ScenarioFolder, detection: Detection)
     let hash = format!("abc{}", "0".repeat(61));
     let record = |provenance| provenance;
     let tables = NewTables {
-        detections: &[detection],
+        detections: &vec![detection].into(),
         // The scenario has one view; a table without rows travels like any other.
         registrations: Some(&[]),
     };
@@ -471,7 +466,7 @@ async fn detections_that_somebody_finished_while_they_were_waited_for_stay() {
     drop(claim);
     let fetched = fetching.await.unwrap().unwrap();
     assert_eq!(fetched.left.len(), 1, "{fetched:?}");
-    let kept = there.open().unwrap().detections("abc").unwrap();
+    let kept = there.open().unwrap().detections("abc").unwrap().boxes;
     assert_eq!(kept, [detection(0.9)]);
 }
 

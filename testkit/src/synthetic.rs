@@ -13,12 +13,12 @@ use dataset::calibration::Calibration;
 use dataset::camera::Camera;
 use dataset::conditions::{Clock, Conditions};
 use dataset::corpus::Corpus;
-use dataset::detections::{self, NewTables};
+use dataset::detections::{self, Detection, Detections, NewTables};
 use dataset::error::{Error, Result};
 use dataset::frame_rate::FrameRate;
 use dataset::frames::{Frames, TickLabels, TickRow};
 use dataset::imaging::Imaging;
-use dataset::pixel_box::{Detection, PixelBox};
+use dataset::pixel_box::PixelBox;
 use dataset::pose::{Controls, Pose};
 use dataset::runway::{Runway, RunwayCoordinates};
 use dataset::scenario::{ScenarioRecord, Versions};
@@ -234,7 +234,7 @@ impl SyntheticCorpus {
         frames: &Frames,
         calibration: &Calibration,
         random: &mut ChaCha12Rng,
-    ) -> Vec<Detection> {
+    ) -> Detections {
         let mut found = Vec::new();
         for row in &frames.rows {
             for (view, entry) in &calibration.cameras {
@@ -247,17 +247,11 @@ impl SyntheticCorpus {
                     height_px: (exact.height_px + self.size_noise_px * normal(random)).max(1.0),
                 };
                 if is_whole(&noisy, &camera) && !random.random_bool(self.miss_ratio) {
-                    found.push(Detection {
-                        tick: row.tick,
-                        view: view.clone(),
-                        pixel_box: noisy,
-                        score: 0.9,
-                        tile: 0,
-                    });
+                    found.push(Detection::untracked(row.tick, view, noisy, 0.9, 0));
                 }
             }
         }
-        found
+        found.into()
     }
 
     fn record(&self, number: usize, id: &str, trajectory: &str, frames: &Frames) -> ScenarioRecord {

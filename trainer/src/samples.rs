@@ -9,10 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::camera::Camera;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::detections::models_of;
+use dataset::detections::{Detection, models_of};
 use dataset::geodesy::Geodetic;
 use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::{Detection, PixelBox};
+use dataset::pixel_box::PixelBox;
 use dataset::plan::PlannedScenarios;
 use dataset::runway::Runway;
 use dataset::splits::{Side, Splits};
@@ -165,6 +165,7 @@ impl Samples {
             .map(|(view, entry)| (view.clone(), entry.camera()))
             .collect();
         let detections = scenario.detections(&self.model_hash)?;
+        let detections: Vec<_> = detections.into_confirmed().collect();
         if let Some(Detection { view, .. }) = detections
             .iter()
             .find(|detection| !self.views.contains(&detection.view))
@@ -352,18 +353,13 @@ mod tests {
     }
 
     fn detection(score: f64, cx_px: f64) -> Detection {
-        Detection {
-            tick: 4,
-            view: "left".into(),
-            pixel_box: PixelBox {
-                cx_px,
-                cy_px: 600.0,
-                width_px: 40.0,
-                height_px: 12.0,
-            },
-            score,
-            tile: 0,
-        }
+        let pixel_box = PixelBox {
+            cx_px,
+            cy_px: 600.0,
+            width_px: 40.0,
+            height_px: 12.0,
+        };
+        Detection::untracked(4, "left", pixel_box, score, 0)
     }
 
     #[test]

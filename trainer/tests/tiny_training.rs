@@ -221,7 +221,7 @@ fn with_boxes(corpus: &Corpus, side: Side, change: impl Fn(PixelBox) -> PixelBox
         let folder = corpus.scenario(id);
         let scenario = folder.open().unwrap();
         let mut detections = scenario.detections(MODEL_HASH).unwrap();
-        for detection in &mut detections {
+        for detection in &mut detections.boxes {
             detection.pixel_box = change(detection.pixel_box);
         }
         let claim = folder.claim().unwrap();

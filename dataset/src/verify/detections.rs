@@ -10,12 +10,11 @@ use serde_json::Value;
 
 use super::Faults;
 use crate::corpus::ScenarioFolder;
-use crate::detections;
+use crate::detections::{self, Row, read_rows_with_faults};
 use crate::json_file::read_json;
 use crate::limits::{self, MOST_PICTURES};
 use crate::open_scenario::{OpenScenario, fault_of, fault_of_registration};
 use crate::own_path::own_path;
-use crate::pixel_box::{Detection, read_detections_with_faults};
 use crate::registrations::{Registration, read_registrations_with_faults};
 use crate::scenario::ScenarioRecord;
 
@@ -25,6 +24,7 @@ use crate::scenario::ScenarioRecord;
 struct Counts {
     pictures: Option<u64>,
     detections: Option<u64>,
+    misses: Option<u64>,
     seconds: Option<f64>,
     settings: BTreeMap<String, Value>,
     registration: Option<RegistrationCounts>,
@@ -63,19 +63,17 @@ pub(super) fn check(folder: &ScenarioFolder, record: Option<&ScenarioRecord>, fa
         if !path.exists() {
             continue;
         }
-        let read = read_detections_with_faults(&path, pictures);
+        let read = read_rows_with_faults(&path, pictures);
         let Some(found) = faults.keep_table(&file, read) else {
             continue;
         };
-        for (row, detection) in found.iter().enumerate() {
-            check_row(&file, row, detection, record, faults);
-        }
+        check_rows(&file, &found, record, faults);
         let path = detections::record_path(folder, &model);
         if matches!(provenance, Some(Some(_)))
             && let Some(counts) =
                 faults.keep(&record_file, read_json(&path, "record of detections"))
         {
-            check_counts(&record_file, &counts, found.len(), record, faults);
+            check_counts(&record_file, &counts, &found, record, faults);
             let said = counts.registration.unwrap_or_default();
             if let Some(rows) = registered {
                 check_registration_counts(&record_file, &said, &rows, faults);
@@ -194,17 +192,19 @@ fn check_registration_counts(
 fn check_counts(
     file: &str,
     counts: &Counts,
-    rows: usize,
+    rows: &[Row],
     record: Option<&ScenarioRecord>,
     faults: &mut Faults,
 ) {
+    let boxes = rows.iter().filter(|row| matches!(row, Row::Box(_))).count();
     let expected = [
         (
             "pictures",
             counts.pictures,
             record.map(ScenarioRecord::pictures),
         ),
-        ("detections", counts.detections, Some(rows as u64)),
+        ("detections", counts.detections, Some(boxes as u64)),
+        ("misses", counts.misses, Some((rows.len() - boxes) as u64)),
     ];
     for (what, found, expected) in expected {
         if let (Some(found), Some(expected)) = (found, expected)
@@ -237,21 +237,32 @@ fn check_counts(
     }
 }
 
-fn check_row(
-    file: &str,
-    row: usize,
-    detection: &Detection,
-    record: Option<&ScenarioRecord>,
-    faults: &mut Faults,
-) {
-    let view = detection.view.as_str();
-    match record.and_then(|record| fault_of(detection, record)) {
-        Some((kind @ "view", message)) => faults.row(file, row, kind, message),
-        Some((kind, message)) => faults.view_row(view, file, row, kind, message),
-        None => {}
+/// Every row belongs to a picture of the scenario, boxes have an area, and a picture with the reason why it has no box has none.
+fn check_rows(file: &str, rows: &[Row], record: Option<&ScenarioRecord>, faults: &mut Faults) {
+    let mut rows_of_pictures = BTreeMap::<_, usize>::new();
+    for row in rows {
+        *rows_of_pictures
+            .entry((row.tick(), row.view()))
+            .or_default() += 1;
     }
-    if detection.pixel_box.area() == 0.0 {
-        let message = format!("{:?} has no area", detection.pixel_box);
-        faults.view_row(view, file, row, "detection", message);
+    for (number, row) in rows.iter().enumerate() {
+        let view = row.view().as_str();
+        match record.and_then(|record| fault_of(row, record)) {
+            Some((kind @ "view", message)) => faults.row(file, number, kind, message),
+            Some((kind, message)) => faults.view_row(view, file, number, kind, message),
+            None => {}
+        }
+        let message = match row {
+            Row::Box(found) if found.pixel_box.area() == 0.0 => {
+                format!("{:?} has no area", found.pixel_box)
+            }
+            Row::Miss(miss) if rows_of_pictures[&(row.tick(), row.view())] > 1 => format!(
+                "tick {} of the view has the reason {:?} for no box, and other rows too",
+                miss.tick,
+                miss.reason.word()
+            ),
+            Row::Box(_) | Row::Miss(_) => continue,
+        };
+        faults.view_row(view, file, number, "detection", message);
     }
 }

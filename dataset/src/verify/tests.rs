@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use super::*;
 use crate::camera::{Camera, CameraPose};
 use crate::conditions::{Clock, Conditions, Weather};
-use crate::detections::NewTables;
+use crate::detections::{Detection, Detections, Miss, MissReason, NewTables, SearchMode};
 use crate::frame_rate::FrameRate;
 use crate::frames::{Frames, TickLabels, TickRow, ViewStamp};
 use crate::json_file::{read_json, write_json};
@@ -578,7 +578,7 @@ fn registered(rows: &[Registration], said: serde_json::Value) -> Example {
     let source = folder.open().unwrap();
     let claim = folder.claim().unwrap();
     let tables = NewTables {
-        detections: &[],
+        detections: &Detections::default(),
         registrations: Some(rows),
     };
     let hash = "a".repeat(64);
@@ -711,22 +711,30 @@ fn registrations_of_no_picture_of_the_scenario_or_with_other_counts_are_found() 
     }
 }
 
-/// The findings after detections were made, with this record.
-fn with_detections(record: serde_json::Value) -> String {
+/// A box of the first picture.
+fn detection() -> Detection {
+    let pixel_box = PixelBox::from_edges(10.0, 10.0, 20.0, 20.0);
+    Detection::untracked(0, "left", pixel_box, 0.5, 0)
+}
+
+/// The reason why a picture has no box.
+fn miss(tick: u32) -> Miss {
+    Miss {
+        tick,
+        view: "left".into(),
+        mode: SearchMode::Full,
+        reason: MissReason::Nothing,
+    }
+}
+
+/// The findings after these detections were made, with this record.
+fn with_detections(found: &Detections, record: serde_json::Value) -> String {
     let example = Example::new();
     let folder = example.scenario();
-    let found = crate::pixel_box::Detection {
-        tick: 0,
-        view: "left".into(),
-        pixel_box: PixelBox::from_edges(10.0, 10.0, 20.0, 20.0),
-        score: 0.5,
-        tile: 0,
-    };
     let source = folder.open().unwrap();
     let claim = folder.claim().unwrap();
     let hash = "a".repeat(64);
-    let found = [found];
-    let tables = NewTables::unregistered(&found);
+    let tables = NewTables::unregistered(found);
     crate::detections::replace(&claim, &source, &hash, "aaaa", tables, |provenance| {
         let mut made = serde_json::to_value(provenance).unwrap();
         let fields = record.as_object().unwrap().clone();
@@ -740,9 +748,13 @@ fn with_detections(record: serde_json::Value) -> String {
 
 #[test]
 fn counts_settings_and_models_that_cannot_be_are_found_in_records_of_detections() {
-    let sound = serde_json::json!({"pictures": 10, "detections": 1, "seconds": 0.1,
+    let sound = serde_json::json!({"pictures": 10, "detections": 1, "misses": 1, "seconds": 0.1,
         "settings": {"tile_score": 0.15, "score": 0.3, "merge_iou": 0.3, "most_windows": 6}});
-    assert_eq!(with_detections(sound), "");
+    let found = Detections {
+        boxes: vec![detection()],
+        misses: vec![miss(1)],
+    };
+    assert_eq!(with_detections(&found, sound), "");
     for (record, words) in [
         (
             serde_json::json!({"pictures": 9}),
@@ -752,6 +764,7 @@ fn counts_settings_and_models_that_cannot_be_are_found_in_records_of_detections(
             serde_json::json!({"detections": 4_000_000_000_u64}),
             "expected 1",
         ),
+        (serde_json::json!({"misses": 2}), "misses is 2, expected 1"),
         (
             serde_json::json!({"detections": -1}),
             "record of detections",
@@ -774,11 +787,30 @@ fn counts_settings_and_models_that_cannot_be_are_found_in_records_of_detections(
             "begin with aaaa",
         ),
     ] {
-        let findings = with_detections(record);
+        let findings = with_detections(&found, record);
         assert!(
             findings.contains("aaaa.json") && findings.contains(words),
             "{findings}"
         );
+    }
+}
+
+#[test]
+fn a_reason_for_no_box_beside_a_box_or_of_no_picture_is_found() {
+    let none = serde_json::json!({});
+    for (tick, words) in [
+        (
+            0,
+            "tick 0 of the view has the reason \"nothing\" for no box, and other rows too",
+        ),
+        (99, "tick is 99"),
+    ] {
+        let found = Detections {
+            boxes: vec![detection()],
+            misses: vec![miss(tick)],
+        };
+        let findings = with_detections(&found, none.clone());
+        assert!(findings.contains(words), "{findings}");
     }
 }
 

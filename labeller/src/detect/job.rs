@@ -7,9 +7,8 @@ use std::time::Instant;
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::{self, NewTables};
+use dataset::detections::{self, Detection, Detections, Miss, MissReason, NewTables, SearchMode};
 use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::Detection;
 use dataset::registrations::NoShift;
 use dataset::scenario::ScenarioRecord;
 
@@ -30,7 +29,7 @@ pub(super) struct ScenarioJob {
     /// The record of detections that are there already and only lack their registrations.
     stored: Option<Box<DetectionRecord>>,
     /// Those detections, while the scenario is in work.
-    loaded: Mutex<Option<Arc<Vec<Detection>>>>,
+    loaded: Mutex<Option<Arc<Detections>>>,
     /// With several views.
     pairs: Option<Pairs>,
     /// Views that are not done yet.
@@ -74,7 +73,7 @@ struct ViewTicks {
 }
 
 struct ViewResult {
-    detections: Vec<Detection>,
+    detections: Detections,
     detector: Option<String>,
     seconds: f64,
 }
@@ -212,15 +211,12 @@ impl ScenarioJob {
     }
 
     /// Detections that are there already, read by the first view that needs them.
-    fn loaded(&self) -> Result<Arc<Vec<Detection>>> {
+    fn loaded(&self) -> Result<Arc<Detections>> {
         let mut loaded = lock(&self.loaded);
         if let Some(detections) = &*loaded {
             return Ok(detections.clone());
         }
-        let mut detections = self.scenario.detections(self.model.short_hash())?;
-        // Another program may have written them in another order.
-        detections.sort_by_key(|detection| detection.tick);
-        let detections = Arc::new(detections);
+        let detections = Arc::new(self.scenario.detections(self.model.short_hash())?);
         *loaded = Some(detections.clone());
         Ok(detections)
     }
@@ -230,18 +226,20 @@ impl ScenarioJob {
         // First of all: nothing may wait any longer, also after a failure.
         let registered = self.pairs.as_ref();
         let registered = registered.map(|pairs| (pairs.reference(), pairs.finish()));
-        let mut detections = Vec::new();
+        let mut detections = Detections::default();
         let mut seconds = 0.0;
         let mut detector = None;
         let results = std::mem::take(&mut *lock(&self.results));
         for result in results.into_iter().flatten() {
             let searched = result?;
-            detections.extend(searched.detections);
+            detections.boxes.extend(searched.detections.boxes);
+            detections.misses.extend(searched.detections.misses);
             seconds += searched.seconds;
             detector = searched.detector.or(detector);
         }
         // By tick; views keep their order within a tick, and boxes theirs (best first) within a view.
-        detections.sort_by_key(|detection| detection.tick);
+        detections.boxes.sort_by_key(|found| found.tick);
+        detections.misses.sort_by_key(|miss| miss.tick);
         let registration = registered
             .as_ref()
             .map(|(reference, done)| RegistrationRecord {
@@ -275,7 +273,8 @@ impl ScenarioJob {
                 settings: self.settings,
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 pictures: self.views.iter().map(|view| view.ticks.len() as u64).sum(),
-                detections: detections.len() as u64,
+                detections: detections.boxes.len() as u64,
+                misses: detections.misses.len() as u64,
                 seconds,
                 registration,
             },
@@ -383,39 +382,48 @@ impl ViewJob<'_> {
         picture: &PictureView<'_>,
         tick: u32,
         settings: &TilingSettings,
-    ) -> Result<Vec<Detection>> {
-        let sightings = find_aircraft(detector, picture, settings)?;
-        let detection = |sighting: crate::tiling::Sighting| Detection {
+    ) -> Result<Detections> {
+        let view = &self.ticks().id;
+        let sightings = find_aircraft(detector, picture, settings)?.into_iter();
+        let boxes: Vec<_> = sightings
+            .map(|seen| Detection::untracked(tick, view, seen.pixel_box, seen.score, seen.tile))
+            .collect();
+        let miss = boxes.is_empty().then(|| Miss {
             tick,
-            view: self.ticks().id.clone(),
-            pixel_box: sighting.pixel_box,
-            score: sighting.score,
-            tile: sighting.tile,
-        };
-        Ok(sightings.into_iter().map(detection).collect())
+            view: view.clone(),
+            mode: SearchMode::Full,
+            reason: MissReason::Nothing,
+        });
+        Ok(Detections {
+            boxes,
+            misses: miss.into_iter().collect(),
+        })
     }
 
-    /// What was found in a picture earlier; `stored` is sorted by tick.
-    fn of_picture(&self, stored: &[Detection], tick: u32) -> Vec<Detection> {
-        let start = stored.partition_point(|detection| detection.tick < tick);
-        let of_tick = stored[start..]
-            .iter()
-            .take_while(|found| found.tick == tick);
+    /// What was found in a picture earlier.
+    fn of_picture(&self, stored: &Detections, tick: u32) -> Detections {
         let id = &self.ticks().id;
-        of_tick.filter(|found| found.view == *id).cloned().collect()
+        let Detections { boxes, misses } = stored;
+        let first = boxes.partition_point(|found| found.tick < tick);
+        let here = boxes[first..].iter().take_while(|found| found.tick == tick);
+        let boxes = here.filter(|found| found.view == *id).cloned().collect();
+        let first = misses.partition_point(|miss| miss.tick < tick);
+        let here = misses[first..].iter().take_while(|miss| miss.tick == tick);
+        let misses = here.filter(|miss| miss.view == *id).cloned().collect();
+        Detections { boxes, misses }
     }
 
     fn detections(
         &self,
-        mut look: impl FnMut(&PictureView<'_>, u32) -> Result<Vec<Detection>>,
+        mut look: impl FnMut(&PictureView<'_>, u32) -> Result<Detections>,
         picture_done: &dyn Fn(),
         is_stopped: &dyn Fn() -> bool,
-    ) -> Result<Vec<Detection>> {
+    ) -> Result<Detections> {
         let ViewTicks { id, ticks } = self.ticks();
         let mut reader = self.scenario.scenario.open_video(id)?;
         let (width_px, height_px) = (reader.width(), reader.height());
         let mut rgb = Vec::new();
-        let mut detections = Vec::new();
+        let mut detections = Detections::default();
         for &(tick, pts) in ticks {
             let found = reader.next_frame(&mut rgb)?;
             if found != Some(pts) {
@@ -433,9 +441,10 @@ impl ViewJob<'_> {
             };
             let found = look(&picture, tick)?;
             if let Some(pairs) = &self.scenario.pairs {
-                pairs.take(self.index, tick, patch_of(&picture, &found));
+                pairs.take(self.index, tick, patch_of(&picture, &found.boxes));
             }
-            detections.extend(found);
+            detections.boxes.extend(found.boxes);
+            detections.misses.extend(found.misses);
             picture_done();
             if is_stopped() {
                 return Err(Error::Stopped);
@@ -457,14 +466,15 @@ impl ViewJob<'_> {
     }
 }
 
-/// The surroundings of the best box of a picture.
-fn patch_of(
-    picture: &PictureView<'_>,
-    detections: &[Detection],
-) -> std::result::Result<Patch, NoShift> {
-    let best = detections
+/// The surroundings of the best box of a picture: of a confirmed one, if there is any.
+fn patch_of(picture: &PictureView<'_>, boxes: &[Detection]) -> std::result::Result<Patch, NoShift> {
+    let order = |found: &Detection, other: &Detection| {
+        let confirmed = found.confirmed.cmp(&other.confirmed);
+        confirmed.then(found.score.total_cmp(&other.score))
+    };
+    let best = boxes
         .iter()
-        .max_by(|a, b| a.score.total_cmp(&b.score))
+        .max_by(|a, b| order(a, b))
         .ok_or(NoShift::NoBox)?;
     Patch::cut(picture, best.pixel_box)
 }

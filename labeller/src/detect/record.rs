@@ -32,8 +32,11 @@ pub(super) struct DetectionRecord {
     pub dtd: String,
     /// Number of pictures.
     pub pictures: u64,
-    /// Rows of the table.
+    /// Boxes in the table.
     pub detections: u64,
+    /// Pictures without a box; missing in records of earlier versions.
+    #[serde(default)]
+    pub misses: u64,
     /// Total time of the workers, seconds.
     pub seconds: f64,
     /// How the views were registered; missing if they were not.

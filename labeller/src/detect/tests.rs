@@ -2,10 +2,12 @@ use std::fs;
 use std::sync::Mutex;
 
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::NewTables;
+use dataset::detections::{
+    Detection, Detections, Miss, MissReason, NewTables, SearchMode, write_detections,
+};
 
 use dataset::json_file::read_json;
-use dataset::pixel_box::{Detection, PixelBox, write_detections};
+use dataset::pixel_box::PixelBox;
 use dataset::registrations::{NoShift, Registration};
 use dataset::seal::seal_folder;
 use testkit::short_corpus;
@@ -53,12 +55,11 @@ fn detect(corpus: &Corpus, options: &DetectOptions) -> DetectOutcome {
     detect_with(corpus, &model(), &make, options, ON).unwrap()
 }
 
-/// The detections of a scenario, or why they are refused.
+/// The boxes of a scenario, or why they are refused.
 fn stored(folder: &ScenarioFolder) -> std::result::Result<Vec<Detection>, String> {
     let scenario = folder.open().unwrap();
-    scenario
-        .detections(MODEL)
-        .map_err(|error| error.to_string())
+    let detections = scenario.detections(MODEL);
+    Ok(detections.map_err(|error| error.to_string())?.boxes)
 }
 
 fn two_workers() -> DetectOptions {
@@ -196,7 +197,7 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
     let folder = corpus.scenario("0001-a");
     type Spoil = fn(&mut Detection);
     let cases: [(Spoil, &str); 2] = [
-        (|found| found.tick = 3, "row 0: tick is 3, expected below 3"),
+        (|found| found.tick = 3, "row 5: tick is 3, expected below 3"),
         (
             |found| found.view = "lift".into(),
             "row 0: view lift is not a view",
@@ -206,7 +207,7 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
         detect(&corpus, &two_workers());
         let scenario = folder.open().unwrap();
         let mut found = scenario.detections(MODEL).unwrap();
-        spoil(&mut found[0]);
+        spoil(&mut found.boxes[0]);
         let path = DetectionRecord::path(&folder, MODEL);
         let record: DetectionRecord = read_json(&path, "record").unwrap();
         let made = |provenance| DetectionRecord {
@@ -339,7 +340,7 @@ fn a_table_that_is_not_the_one_of_its_record_is_refused_and_made_again() {
     let path = one.detections_path(MODEL);
     let mut found = stored(&other).unwrap();
     found.pop();
-    write_detections(&path, &found).unwrap();
+    write_detections(&path, &found.into()).unwrap();
     let message = stored(&one).unwrap_err();
     assert!(message.contains("its hash differs"), "{message}");
     assert_eq!(detect(&corpus, &two_workers()).detected, ["0001-a"]);
@@ -440,6 +441,14 @@ fn a_tick_that_one_view_does_not_show_has_a_reason_and_no_shift() {
     assert_eq!(results, [None, Some(NoShift::NoBox), None]);
     let unanswered = BTreeMap::from([("no-box", 1)]);
     assert_eq!(outcome.registrations.unanswered, unanswered);
+    let found = corpus.scenario("0001-a").open().unwrap().detections(MODEL);
+    let nothing = Miss {
+        tick: 1,
+        view: "right".into(),
+        mode: SearchMode::Full,
+        reason: MissReason::Nothing,
+    };
+    assert_eq!(found.unwrap().misses, [nothing]);
 }
 
 #[test]
@@ -448,7 +457,8 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     let corpus = corpus(temporary.path(), &["0001-a"]);
     detect(&corpus, &two_workers());
     let folder = corpus.scenario("0001-a");
-    let before = (stored(&folder).unwrap(), registered(&folder));
+    let found = Detections::from(stored(&folder).unwrap());
+    let before = registered(&folder);
     let path = DetectionRecord::path(&folder, MODEL);
     let record: DetectionRecord = read_json(&path, "record").unwrap();
     let made = |provenance| DetectionRecord {
@@ -456,7 +466,7 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
         registration: None,
         ..record.clone()
     };
-    let tables = NewTables::unregistered(&before.0);
+    let tables = NewTables::unregistered(&found);
     let (claim, scenario) = (folder.claim().unwrap(), folder.open().unwrap());
     let hash = &model().blake3;
     dataset::detections::replace(&claim, &scenario, hash, MODEL, tables, made).unwrap();
@@ -465,7 +475,8 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     let outcome = detect_without(&corpus);
     assert_eq!(outcome.failed, []);
     assert_eq!((outcome.registered.len(), outcome.detected.len()), (1, 0));
-    assert_eq!((stored(&folder).unwrap(), registered(&folder)), before);
+    assert_eq!(stored(&folder).unwrap(), found.boxes);
+    assert_eq!(registered(&folder), before);
     let after: DetectionRecord = read_json(&path, "record").unwrap();
     assert_eq!(after.seconds, record.seconds, "the detection took as long");
     assert_eq!(detect_without(&corpus).unchanged, ["0001-a"]);

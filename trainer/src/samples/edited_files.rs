@@ -149,7 +149,7 @@ fn detections_that_do_not_say_what_they_were_made_from_are_refused() {
 fn a_box_that_is_no_number_is_an_error_with_its_row_and_column() {
     let message = said_after(|folder, _| {
         let scenario = folder.open().unwrap();
-        let mut found = scenario.detections(MODEL_HASH).unwrap();
+        let mut found = scenario.detections(MODEL_HASH).unwrap().boxes;
         found[3].pixel_box.width_px = f64::NAN;
         let path = folder.detections_path(MODEL_HASH);
         // Our own writer rejects such a number.
