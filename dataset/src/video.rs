@@ -8,6 +8,7 @@
 //! index. Pictures are BT.709, full range, and tagged so.
 
 mod codec;
+mod conversion;
 mod index;
 mod reader;
 mod scaler;
@@ -20,6 +21,7 @@ use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 
 pub use codec::VideoCodec;
+pub use conversion::PicturePart;
 pub use reader::VideoReader;
 pub use writer::VideoWriter;
 

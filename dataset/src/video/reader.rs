@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use ffmpeg_next::codec::{self, threading};
-use ffmpeg_next::format::{self, Pixel};
-use ffmpeg_next::software::scaling::Flags;
-use ffmpeg_next::{Packet, color, decoder, frame, media};
+use ffmpeg_next::{Packet, decoder, format, frame, media};
 
-use super::scaler::{Matrix, Scaler};
+use super::conversion::{Conversion, PicturePart};
 use super::{BYTES_PER_PIXEL, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::limits::PICTURE_SIDE_PX;
@@ -23,9 +21,11 @@ pub struct VideoReader {
     input: format::context::Input,
     stream: usize,
     decoder: decoder::Video,
-    scaler: Option<Scaler>,
+    width_px: u32,
+    height_px: u32,
+    /// The picture that was decoded last.
     coded: frame::Video,
-    rgb: frame::Video,
+    conversion: Conversion,
     time_base: (u32, u32),
     /// From the file's header; 0 if it has none.
     pub(super) frames_announced: u64,
@@ -83,15 +83,15 @@ impl VideoReader {
             format_args!("video {}", path.display()),
             FRAMES_HELD * rgb_bytes,
         )?;
-        let rgb = frame::Video::new(Pixel::RGB24, width_px, height_px);
         Ok(Self {
             path: path.to_owned(),
             input,
             stream: index,
             decoder,
-            scaler: None,
+            width_px,
+            height_px,
             coded: frame::Video::empty(),
-            rgb,
+            conversion: Conversion::default(),
             time_base,
             frames_announced,
             frames_read: 0,
@@ -101,12 +101,12 @@ impl VideoReader {
 
     /// Width of the pictures, pixels.
     pub fn width(&self) -> u32 {
-        self.rgb.width()
+        self.width_px
     }
 
     /// Height of the pictures, pixels.
     pub fn height(&self) -> u32 {
-        self.rgb.height()
+        self.height_px
     }
 
     /// Unit of the timestamps as a fraction of a second: numerator, denominator.
@@ -117,27 +117,43 @@ impl VideoReader {
     /// Decodes the next picture into `rgb` (rows of RGB from top to bottom without gaps) and returns its timestamp, or `None` after
     /// the last picture. A damaged picture, and an end before the declared number of pictures, are errors.
     pub fn next_frame(&mut self, rgb: &mut Vec<u8>) -> Result<Option<i64>> {
-        let Some(pts) = self.decode()? else {
-            return Ok(None);
-        };
-        self.convert()?;
-        let row_bytes = self.width() as usize * BYTES_PER_PIXEL;
-        rgb.clear();
-        rgb.reserve(row_bytes * self.height() as usize);
-        for row in self
-            .rgb
-            .data(0)
-            .chunks_exact(self.rgb.stride(0))
-            .take(self.height() as usize)
-        {
-            rgb.extend_from_slice(&row[..row_bytes]);
+        let pts = self.skip_frame()?;
+        if pts.is_some() {
+            self.convert(rgb)?;
         }
-        Ok(Some(pts))
+        Ok(pts)
     }
 
-    /// Decodes the next picture without returning it: enough to check timestamps and that it can be decoded.
+    /// Decodes the next picture without converting it, and returns its timestamp: enough to check that it can be decoded.
     pub fn skip_frame(&mut self) -> Result<Option<i64>> {
         self.decode()
+    }
+
+    /// The picture that was decoded last, as [`VideoReader::next_frame`] gives it.
+    pub fn convert(&mut self, rgb: &mut Vec<u8>) -> Result<()> {
+        self.check_size()?;
+        let done = self.conversion.whole(&self.coded, rgb);
+        done.map_err(|e| self.fault("convert a picture", e))
+    }
+
+    /// A part of it, for which only that part is converted.
+    pub fn convert_part(&mut self, part: PicturePart, rgb: &mut Vec<u8>) -> Result<()> {
+        self.check_size()?;
+        let done = self.conversion.part(&self.coded, part, rgb);
+        done.map_err(|e| self.fault(format!("convert the part {part:?} of a picture"), e))
+    }
+
+    fn check_size(&self) -> Result<()> {
+        let found = (self.coded.width(), self.coded.height());
+        if found == (self.width_px, self.height_px) {
+            return Ok(());
+        }
+        let cause = format!(
+            "it has {}x{} pixels, the first one {}x{}",
+            found.0, found.1, self.width_px, self.height_px
+        );
+        let last = self.frames_read.saturating_sub(1);
+        Err(self.fault(format!("convert picture {last}"), cause))
     }
 
     fn decode(&mut self) -> Result<Option<i64>> {
@@ -206,32 +222,6 @@ impl VideoReader {
             return Err(self.fault("read it whole", cause));
         }
         Ok(None)
-    }
-
-    fn convert(&mut self) -> Result<()> {
-        if self.scaler.is_none() {
-            let matrix = match self.coded.color_space() {
-                color::Space::BT470BG | color::Space::SMPTE170M => Matrix::Bt601,
-                _ => Matrix::Bt709,
-            };
-            let full_range = self.coded.color_range() == color::Range::JPEG;
-            // Without exact rounding swscale uses a path that is six times faster and off by at most two grey levels.
-            let scaler = Scaler::new(
-                (self.coded.format(), Pixel::RGB24),
-                self.coded.width(),
-                self.coded.height(),
-                Flags::BILINEAR,
-                matrix,
-                full_range,
-            );
-            self.scaler = Some(scaler.map_err(|e| self.fault("prepare the colour conversion", e))?);
-        }
-        match &mut self.scaler {
-            Some(scaler) => scaler
-                .run(&self.coded, &mut self.rgb)
-                .map_err(|e| fault(&self.path, "convert a picture (has its size changed?)", e)),
-            None => Ok(()),
-        }
     }
 
     fn fault(&self, action: impl AsRef<str>, cause: impl std::fmt::Display) -> Error {

@@ -256,6 +256,52 @@ fn lossless_videos_give_back_every_byte() {
 }
 
 #[test]
+fn a_part_of_a_picture_is_the_same_part_of_the_whole_picture() {
+    let part = |left_px, top_px, width_px, height_px| PicturePart {
+        left_px,
+        top_px,
+        width_px,
+        height_px,
+    };
+    let parts = [
+        part(0, 0, WIDTH, HEIGHT),
+        part(0, 0, 32, 16),
+        part(37, 41, 51, 33),
+        part(WIDTH - 64, HEIGHT - 32, 64, 32),
+        part(WIDTH - 1, HEIGHT - 1, 1, 1),
+        part(100, 3, 150, 120),
+    ];
+    for codec in VideoCodec::ALL {
+        let (_folder, path) = temporary();
+        let rate = FrameRate::new(30, 1).unwrap();
+        record(&path, &VideoSettings::of(codec), rate, 2);
+        let mut reader = VideoReader::open(&path).unwrap();
+        let (mut whole, mut found) = (Vec::new(), Vec::new());
+        while reader.next_frame(&mut whole).unwrap().is_some() {
+            for part in parts {
+                reader.convert_part(part, &mut found).unwrap();
+                let rows = part.top_px..part.top_px + part.height_px;
+                let expected: Vec<u8> = rows
+                    .flat_map(|row| {
+                        let at = 3 * (row * WIDTH + part.left_px) as usize;
+                        &whole[at..at + 3 * part.width_px as usize]
+                    })
+                    .copied()
+                    .collect();
+                assert!(found == expected, "{codec:?}: {part:?}");
+            }
+            for outside in [
+                part(WIDTH - 8, 0, 9, 1),
+                part(0, u32::MAX, 8, 8),
+                part(0, 0, 0, 4),
+            ] {
+                assert!(reader.convert_part(outside, &mut found).is_err());
+            }
+        }
+    }
+}
+
+#[test]
 fn every_codec_keeps_timestamps_and_the_number_of_pictures_exactly() {
     for codec in VideoCodec::ALL {
         for (numerator, denominator, ticks) in [(30, 1, 12), (30_000, 1_001, 12), (1, 2, 3)] {
