@@ -1,6 +1,6 @@
 """A corpus: its tables over all scenarios, its cameras, its pictures."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -133,13 +133,14 @@ class Corpus:
 
     def camera(self, scenario: str, view: str) -> Camera:
         """The camera of a view. Each scenario has its own."""
-        calibration = read_json(sealed(self._folder(scenario), "calibration.json"))
-        return Camera.of_calibration(self._named(calibration["cameras"], view, f"view of scenario {scenario}"))
+        cameras = read_json(sealed(self._folder(scenario), "calibration.json"))["cameras"]
+        _refuse_other_than(cameras, view, f"view of scenario {scenario}")
+        return Camera.of_calibration(cameras[view])
 
     def video(self, scenario: str, view: str) -> Video:
         """The pictures of a view, to be read in order or by tick."""
         folder = self._folder(scenario)
-        self._named(self.views_of(scenario), view, f"view of scenario {scenario}")
+        _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
         column = f"pts_{view}"
         timestamps = pl.read_parquet(sealed(folder, "frames.parquet"), columns=[column])[column]
         for ending in (".mp4", ".mov"):
@@ -159,14 +160,8 @@ class Corpus:
             yield from video
 
     def _folder(self, scenario: str) -> Path:
-        return self._named(self._scenarios, scenario, f"complete scenario of {self.path}")
-
-    @staticmethod
-    def _named(choices: Any, name: str, what: str) -> Any:
-        if name in choices:
-            return choices[name] if isinstance(choices, dict) else name
-        some = ", ".join(list(choices)[:5])
-        raise CorpusError(f"{name!r} is no {what}; there are {len(choices)}: {some}{', ...' if len(choices) > 5 else ''}")
+        _refuse_other_than(self._scenarios, scenario, f"complete scenario of {self.path}")
+        return self._scenarios[scenario]
 
     def _long(self, name: str, path_of: Callable[[Path, str], Path], otherwise: str) -> pl.DataFrame:
         paths = {scenario: path_of(folder, name) for scenario, folder in self._scenarios.items()}
@@ -207,3 +202,9 @@ class Corpus:
         """Scenarios of one corpus may have been labelled or made by different versions: a column that one lacks is null there."""
         parts = pl.collect_all(list(tables))
         return pl.concat(parts, how="diagonal_relaxed") if parts else pl.DataFrame()
+
+
+def _refuse_other_than(choices: Collection[str], name: str, what: str) -> None:
+    if name not in choices:
+        some = ", ".join(list(choices)[:5])
+        raise CorpusError(f"{name!r} is no {what}; there are {len(choices)}: {some}{', ...' if len(choices) > 5 else ''}")

@@ -74,7 +74,7 @@ class Video:
     def _rgb(self, frame: VideoFrame) -> Picture:
         # Videos of this project are BT.709 and say so; FFmpeg's converter has to be told.
         source = Colorspace.ITU601 if frame.colorspace in (5, 6) else Colorspace.ITU709
-        return self._reformatter.reformat(frame, format="rgb24", src_colorspace=source).to_ndarray()
+        return np.asarray(self._reformatter.reformat(frame, format="rgb24", src_colorspace=source).to_ndarray(), np.uint8)
 
     def close(self) -> None:
         """Closes the file."""
