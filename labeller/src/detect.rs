@@ -7,9 +7,14 @@
 //! picture and one session, and each scenario in work the surroundings of boxes whose other view is not decoded yet, so memory does not
 //! grow with the corpus.
 
+mod cpu_time;
 mod job;
+mod mode;
 mod pairs;
+mod pictures;
 mod record;
+mod sequence;
+mod view_search;
 
 use std::collections::BTreeMap;
 use std::mem;
@@ -30,7 +35,9 @@ use crate::error::{Error, Result};
 use crate::outcome::{Failure, Progress, Watch};
 use crate::statistics::DetectionCounts;
 use crate::tiling::TilingSettings;
+pub use cpu_time::CpuTime;
 use job::{End, ScenarioJob, ViewJob};
+pub use mode::{Mode, ModeSettings};
 
 /// Digits of a model's hash that name its detections.
 const MODEL_HASH_DIGITS: usize = 16;
@@ -44,6 +51,8 @@ pub struct DetectOptions {
     pub onnx_runtime: Option<PathBuf>,
     /// What counts as a hit. Detections made with other settings are repeated.
     pub settings: TilingSettings,
+    /// Which parts of which pictures are searched; detections made otherwise are repeated, too.
+    pub modes: ModeSettings,
     /// Number of views processed in parallel.
     pub workers: usize,
     /// Threads that a worker's model uses.
@@ -61,6 +70,7 @@ impl Default for DetectOptions {
         Self {
             onnx_runtime: None,
             settings: TilingSettings::default(),
+            modes: ModeSettings::default(),
             workers: cores,
             threads_per_worker: 1,
             batch: 1,
@@ -174,6 +184,7 @@ fn detect_with(
     watch: Watch<'_>,
 ) -> Result<DetectOutcome> {
     options.settings.check()?;
+    options.modes.check()?;
     if options.workers == 0 {
         return Err(Error::Option {
             name: "workers",
@@ -287,7 +298,7 @@ fn work_through(
                 none => Some(none.insert(make()?)),
             };
             let detector = detector.map(|detector| &mut **detector as &mut dyn Detector);
-            view.search(detector, &options.settings, &picture_done, watch.is_stopped);
+            view.search(detector, &picture_done, watch.is_stopped);
         }
         Ok(())
     };

@@ -34,6 +34,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         DetectOptions {
             onnx_runtime: args.onnx_runtime.library.clone(),
             settings: args.search.settings(&corpus)?,
+            modes: args.search.modes(),
             again: args.again,
             ..DetectOptions::default()
         },
@@ -130,8 +131,8 @@ fn print_summary(outcome: &DetectOutcome) {
         outcome.model_hash
     );
     println!(
-        "{} detections in {} pictures",
-        outcome.counts.detections, outcome.counts.pictures
+        "{} detections in {} pictures, {} of them confirmed by others of their track",
+        outcome.counts.detections, outcome.counts.pictures, outcome.counts.confirmed
     );
     if let Some(truth) = &outcome.counts.against_truth {
         if let Some(rate) = truth.detection_rate() {

@@ -8,7 +8,9 @@ use dataset::json_file::read_json;
 use dataset::open_scenario::OpenScenario;
 use serde::{Deserialize, Serialize};
 
-use super::Model;
+use super::cpu_time::CpuTime;
+use super::mode::ModeSettings;
+use super::{DetectOptions, Model};
 use crate::error::Result;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
@@ -26,8 +28,8 @@ pub(super) struct DetectionRecord {
     pub profile_blake3: Option<String>,
     /// Output layout and window size.
     pub detector: String,
-    /// What counted as a hit.
-    pub settings: TilingSettings,
+    #[serde(flatten)]
+    pub searching: Searching,
     /// Version of this software.
     pub dtd: String,
     /// Number of pictures.
@@ -37,11 +39,36 @@ pub(super) struct DetectionRecord {
     /// Pictures without a box; missing in records of earlier versions.
     #[serde(default)]
     pub misses: u64,
+    /// Windows that the model was run on; missing in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub windows: Option<u64>,
+    /// Processor time of the search, with the registration; missing in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu_s: Option<CpuTime>,
     /// Total time of the workers, seconds.
     pub seconds: f64,
     /// How the views were registered; missing if they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationRecord>,
+}
+
+/// How pictures were searched: detections made otherwise are replaced.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Searching {
+    /// What counted as a hit.
+    pub settings: TilingSettings,
+    /// Which parts of which pictures; missing in records of earlier versions, which tracked nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modes: Option<ModeSettings>,
+}
+
+impl Searching {
+    pub(super) fn of(options: &DetectOptions) -> Self {
+        Self {
+            settings: options.settings,
+            modes: Some(options.modes),
+        }
+    }
 }
 
 /// How the views of a scenario were registered.
@@ -75,11 +102,11 @@ impl DetectionRecord {
         detections::record_path(folder, model_hash)
     }
 
-    /// What is there of this model's work with this profile and these settings, made from the scenario's current videos.
+    /// What is there of this model's work with this profile, searched like this, made from the scenario's current videos.
     pub(super) fn standing(
         scenario: &OpenScenario,
         model: &Model,
-        settings: &TilingSettings,
+        searching: &Searching,
     ) -> Result<Standing> {
         if scenario.detections(model.short_hash()).is_err() {
             // Missing, of other videos or damaged: detecting again repairs all of these.
@@ -89,7 +116,7 @@ impl DetectionRecord {
         let record: Self = read_json(&path, "record of detections")?;
         let is_same = record.provenance.model_blake3 == model.blake3
             && record.profile_blake3 == model.profile_blake3
-            && record.settings == *settings;
+            && record.searching == *searching;
         if !is_same {
             return Ok(Standing::Missing);
         }

@@ -147,7 +147,11 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
     )
     .unwrap();
     assert_eq!(
-        (record.model.as_str(), record.settings, record.pictures),
+        (
+            record.model.as_str(),
+            record.searching.settings,
+            record.pictures
+        ),
         ("blobs.onnx", other, 6)
     );
     assert_eq!(
