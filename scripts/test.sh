@@ -9,6 +9,7 @@ bash scripts/setup.sh
 python3 scripts/check_prose.py
 cargo fmt --all --check
 (cd xplane-bridge/plugin && ../../.venv/bin/python -m mypy --strict --cache-dir=/dev/null PI_dtd_bridge.py dtd_bridge)
+(cd python && ../.venv/bin/python -m mypy --strict --cache-dir=/dev/null dtd)
 # Minutes the first time, when it builds its tool.
 bash scripts/supply-chain.sh
 cargo clippy --release --locked --workspace --all-targets -- -D warnings

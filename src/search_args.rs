@@ -3,10 +3,10 @@
 use std::path::Path;
 use std::str::FromStr;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use dataset::corpus::Corpus;
-use labeller::RowBand;
 use labeller::tiling::TilingSettings;
+use labeller::{Mode, ModeSettings, RowBand};
 
 use crate::failure::Failure;
 
@@ -26,6 +26,36 @@ pub(crate) struct SearchArgs {
     /// Pixels by which neighbouring tiles overlap
     #[arg(long, value_name = "N", default_value = "0")]
     overlap: u32,
+    /// Which parts of which pictures to search
+    #[arg(long, value_enum, value_name = "MODE", default_value = "auto")]
+    mode: SearchMode,
+    /// Seconds between searches of whole pictures with --mode tracked or auto
+    #[arg(long, value_name = "SECONDS", default_value = "1")]
+    full_every: f64,
+}
+
+/// How pictures are searched.
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SearchMode {
+    /// Every picture whole
+    Full,
+    /// Small windows around known aircraft; whole pictures from time to time, and if one is lost
+    Tracked,
+    /// Every picture shrunk to the model's usual size, for comparison
+    Scaled,
+    /// Tracked, but a picture whole if an aircraft moves by more than its length from one to the next
+    Auto,
+}
+
+impl From<SearchMode> for Mode {
+    fn from(mode: SearchMode) -> Self {
+        match mode {
+            SearchMode::Full => Self::Full,
+            SearchMode::Tracked => Self::Tracked,
+            SearchMode::Scaled => Self::Scaled,
+            SearchMode::Auto => Self::Auto,
+        }
+    }
 }
 
 /// A choice of rows.
@@ -47,6 +77,14 @@ impl FromStr for Rows {
 }
 
 impl SearchArgs {
+    /// Which parts of which pictures to search.
+    pub(crate) fn modes(&self) -> ModeSettings {
+        ModeSettings {
+            mode: self.mode.into(),
+            full_search_s: self.full_every,
+        }
+    }
+
     /// The settings of a search in this corpus.
     pub(crate) fn settings(&self, corpus: &Corpus) -> Result<TilingSettings, Failure> {
         let rows = match self.rows {

@@ -21,10 +21,12 @@ mod silhouette;
 mod statistics;
 pub mod tiling;
 mod track;
+mod tracking;
 mod truth_box;
 
-pub use detect::{DetectOptions, DetectOutcome, RegistrationCounts, detect_corpus};
-pub use detector::Device;
+pub use detect::{
+    CpuTime, DetectOptions, DetectOutcome, Mode, ModeSettings, RegistrationCounts, detect_corpus,
+};
 pub use error::{Error, Result};
 pub use label::{LabelOutcome, label_corpus};
 pub use outcome::{Failure, Progress, Watch};

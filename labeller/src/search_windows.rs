@@ -73,10 +73,6 @@ fn starts(covered: Range<u32>, tile_px: u32, overlap_px: u32, picture_px: u32) -
 }
 
 /// The whole picture in one window of the usual size, as a detector without tiles sees it.
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "for the comparison with a search without tiles")
-)]
 pub(crate) fn shrunk_picture([width_px, height_px]: [u32; 2], size: WindowSize) -> Window {
     let [most_wide, most_high] = size.usual_px();
     let shrink = width_px

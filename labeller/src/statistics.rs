@@ -14,7 +14,9 @@ pub struct DetectionCounts {
     pub pictures: u64,
     /// Detections in all of them.
     pub detections: u64,
-    /// Comparison with the truth, where there are labels.
+    /// Of these, those that count.
+    pub confirmed: u64,
+    /// Comparison of these with the truth, where there are labels.
     pub against_truth: Option<TruthCounts>,
 }
 
@@ -36,10 +38,12 @@ pub struct TruthCounts {
 impl DetectionCounts {
     /// Counts one scenario. `truth` is `None` if it has no labels.
     pub fn of(pictures: u64, detections: &[Detection], truth: Option<&[TruthBox]>) -> Self {
+        let confirmed: Vec<_> = detections.iter().filter(|found| found.confirmed).collect();
         Self {
             pictures,
             detections: detections.len() as u64,
-            against_truth: truth.map(|truth| TruthCounts::of(detections, truth)),
+            confirmed: confirmed.len() as u64,
+            against_truth: truth.map(|truth| TruthCounts::of(&confirmed, truth)),
         }
     }
 
@@ -47,6 +51,7 @@ impl DetectionCounts {
     pub fn add(&mut self, other: &Self) {
         self.pictures += other.pictures;
         self.detections += other.detections;
+        self.confirmed += other.confirmed;
         if let Some(theirs) = &other.against_truth {
             self.against_truth.get_or_insert_default().add(theirs);
         }
@@ -54,9 +59,9 @@ impl DetectionCounts {
 }
 
 impl TruthCounts {
-    fn of(detections: &[Detection], truth: &[TruthBox]) -> Self {
+    fn of(detections: &[&Detection], truth: &[TruthBox]) -> Self {
         let mut counts = Self::default();
-        let pictured = |detection: &&Detection, real: &TruthBox| {
+        let pictured = |detection: &Detection, real: &TruthBox| {
             detection.tick == real.tick && detection.view == real.view
         };
         // Both tables are in tick order: only rows of the same tick are compared.
@@ -65,15 +70,16 @@ impl TruthCounts {
             let end = detections.partition_point(|detection| detection.tick <= tick);
             &detections[first..end]
         };
-        let mut confirmed = 0;
+        let mut overlapping = 0;
         for real in truth {
             let here = || {
                 of_tick(real.tick)
                     .iter()
+                    .copied()
                     .filter(|detection| pictured(detection, real))
             };
             let overlaps = |detection: &&Detection| detection.pixel_box.iou(&real.pixel_box) > 0.0;
-            confirmed += here().filter(overlaps).count() as u64;
+            overlapping += here().filter(overlaps).count() as u64;
             if real.visible_fraction <= EXPECTED_VISIBLE_FRACTION {
                 continue;
             }
@@ -90,7 +96,7 @@ impl TruthCounts {
                 counts.sum_center_offset_px[1] += offset[1];
             }
         }
-        counts.false_detections = detections.len() as u64 - confirmed;
+        counts.false_detections = detections.len() as u64 - overlapping;
         counts
     }
 
@@ -164,6 +170,10 @@ mod tests {
             seen(1, "left", 100.0, 0.5),
             seen(1, "right", 100.0, 0.5), // no truth there: false
             seen(2, "left", 100.0, 0.5),  // hardly visible: neither expected nor false
+            Detection {
+                confirmed: false, // does not count
+                ..seen(2, "left", 500.0, 0.9)
+            },
         ];
         let counts = DetectionCounts::of(6, &detections, Some(&truth));
         let truth = counts.against_truth.unwrap();
@@ -183,6 +193,7 @@ mod tests {
             (sum.pictures, sum.detections, sum.against_truth),
             (4, 1, None)
         );
+        assert_eq!(sum.confirmed, 1);
         assert_eq!(TruthCounts::default().detection_rate(), None);
     }
 }

@@ -128,12 +128,29 @@ pub struct Sighting {
     pub tile: u32,
 }
 
+/// What a search of a whole picture gives.
+pub(crate) struct Found {
+    /// All aircraft, best first.
+    pub(crate) sightings: Vec<Sighting>,
+    /// How many places the first pass found.
+    pub(crate) hits: usize,
+}
+
 /// Finds all aircraft in a picture, best first.
 pub fn find_aircraft(
     detector: &mut dyn Detector,
     picture: &PictureView<'_>,
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
+    Ok(search_picture(detector, picture, settings)?.sightings)
+}
+
+/// The same, with what the first pass found.
+pub(crate) fn search_picture(
+    detector: &mut dyn Detector,
+    picture: &PictureView<'_>,
+    settings: &TilingSettings,
+) -> Result<Found> {
     let hits = first_pass(detector, picture, settings)?;
     let (size, picture_px) = (
         detector.window_size(),
@@ -149,16 +166,19 @@ pub fn find_aircraft(
         .zip(answers)
         .filter_map(|(hit, boxes)| confirm(hit, boxes))
         .collect();
-    Ok(keep_best(
-        sightings,
-        settings.merge_iou,
-        settings.most_windows,
-        Sighting::scored,
-    ))
+    Ok(Found {
+        sightings: keep_best(
+            sightings,
+            settings.merge_iou,
+            settings.most_windows,
+            Sighting::scored,
+        ),
+        hits: hits.len(),
+    })
 }
 
 impl Sighting {
-    fn of(found: ScoredBox, tile: u32) -> Self {
+    pub(crate) fn of(found: ScoredBox, tile: u32) -> Self {
         Self {
             pixel_box: found.pixel_box,
             score: found.score,
@@ -166,7 +186,7 @@ impl Sighting {
         }
     }
 
-    fn scored(&self) -> ScoredBox {
+    pub(crate) fn scored(&self) -> ScoredBox {
         ScoredBox {
             pixel_box: self.pixel_box,
             score: self.score,

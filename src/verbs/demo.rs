@@ -44,8 +44,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         &corpus,
         &model,
         DetectOptions {
-            onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device,
+            onnx_runtime: args.onnx_runtime.library.clone(),
             ..DetectOptions::default()
         },
     )?;

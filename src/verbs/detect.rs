@@ -32,9 +32,9 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         &corpus,
         &model,
         DetectOptions {
-            onnx_runtime: args.runtime.library.clone(),
-            device: args.runtime.device,
+            onnx_runtime: args.onnx_runtime.library.clone(),
             settings: args.search.settings(&corpus)?,
+            modes: args.search.modes(),
             again: args.again,
             ..DetectOptions::default()
         },
@@ -124,17 +124,15 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
 
 fn print_summary(outcome: &DetectOutcome) {
     println!(
-        "{} searched, {} only registered, {} unchanged; {} on {}: detections/{}.parquet",
+        "{} searched, {} only registered, {} unchanged; detections/{}.parquet",
         count(outcome.detected.len(), "scenario"),
         outcome.registered.len(),
         outcome.unchanged.len(),
-        outcome.model,
-        outcome.device,
         outcome.model_hash
     );
     println!(
-        "{} detections in {} pictures",
-        outcome.counts.detections, outcome.counts.pictures
+        "{} detections in {} pictures, {} of them confirmed by others of their track",
+        outcome.counts.detections, outcome.counts.pictures, outcome.counts.confirmed
     );
     if let Some(truth) = &outcome.counts.against_truth {
         if let Some(rate) = truth.detection_rate() {

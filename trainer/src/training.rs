@@ -140,8 +140,7 @@ pub fn train(
         config: config.clone(),
         summary: RunSummary {
             dtd: env!("CARGO_PKG_VERSION").into(),
-            model: samples.detections.model.clone(),
-            model_hash: samples.detections.hash.clone(),
+            model_hash: samples.model_hash.clone(),
             rig: Some(samples.rig.name.clone()),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,

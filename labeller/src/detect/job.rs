@@ -7,25 +7,28 @@ use std::time::Instant;
 
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::ScenarioFolder;
-use dataset::detections::{self, Detection, Detections, Miss, MissReason, NewTables, SearchMode};
+use dataset::detections::{self, Detections, NewTables};
 use dataset::open_scenario::OpenScenario;
-use dataset::registrations::NoShift;
 use dataset::scenario::ScenarioRecord;
 
+use super::cpu_time::CpuTime;
+use super::mode::ModeSettings;
 use super::pairs::Pairs;
-use super::record::{DetectionRecord, RegistrationRecord, Standing};
+use super::pictures::ViewTicks;
+use super::record::{DetectionRecord, RegistrationRecord, Searching, Standing};
+use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, Model};
-use crate::detector::{Detector, Device, PictureView};
+use crate::detector::Detector;
 use crate::error::{Error, Result};
-use crate::registration::{METHOD, Patch};
-use crate::tiling::{TilingSettings, find_aircraft};
+use crate::registration::METHOD;
+use crate::tiling::TilingSettings;
 
 /// A scenario that is to be searched, or whose detections are to be registered.
 pub(super) struct ScenarioJob {
     scenario: OpenScenario,
     model: Model,
-    settings: TilingSettings,
-    device: Device,
+    tiling: TilingSettings,
+    modes: ModeSettings,
     views: Vec<ViewTicks>,
     /// The record of detections that are there already and only lack their registrations.
     stored: Option<Box<DetectionRecord>>,
@@ -67,14 +70,8 @@ pub(super) enum End {
     Failed(Error),
 }
 
-/// A view and the timestamps that its pictures must have, tick by tick.
-struct ViewTicks {
-    id: String,
-    ticks: Vec<(u32, i64)>,
-}
-
 struct ViewResult {
-    detections: Detections,
+    findings: ViewFindings,
     detector: Option<String>,
     seconds: f64,
 }
@@ -95,7 +92,7 @@ impl ScenarioJob {
         let scenario = folder.open()?;
         let standing = match options.again {
             true => Standing::Missing,
-            false => DetectionRecord::standing(&scenario, model, &options.settings)?,
+            false => DetectionRecord::standing(&scenario, model, &Searching::of(options))?,
         };
         let stored = match standing {
             Standing::Missing => None,
@@ -111,26 +108,13 @@ impl ScenarioJob {
             );
             return Err(Error::scenario(&record.id, message));
         }
-        let ticks_of = |index: usize| {
-            frames
-                .rows
-                .iter()
-                .map(|row| (row.tick, row.views[index].pts))
-                .collect()
-        };
         let pairs = pairs_of(&scenario, &record)?;
-        let views: Vec<_> = (0..)
-            .zip(record.views)
-            .map(|(index, id)| ViewTicks {
-                id,
-                ticks: ticks_of(index),
-            })
-            .collect();
+        let views = ViewTicks::of(&frames);
         Ok(Some(Self {
             scenario,
             model: model.clone(),
-            settings: options.settings,
-            device: options.device,
+            tiling: options.settings,
+            modes: options.modes,
             stored,
             loaded: Mutex::new(None),
             pairs,
@@ -141,6 +125,13 @@ impl ScenarioJob {
             turn: Mutex::new(Turn::NotBegun),
             views,
         }))
+    }
+
+    fn searching(&self) -> Searching {
+        Searching {
+            settings: self.tiling,
+            modes: Some(self.modes),
+        }
     }
 
     pub(super) fn id(&self) -> String {
@@ -190,7 +181,7 @@ impl ScenarioJob {
             return Ok(true);
         }
         let now = self.scenario.folder().open()?;
-        let standing = DetectionRecord::standing(&now, &self.model, &self.settings)?;
+        let standing = DetectionRecord::standing(&now, &self.model, &self.searching())?;
         Ok(match standing {
             Standing::Whole => false,
             Standing::Unregistered(_) => self.only_registers(),
@@ -218,7 +209,7 @@ impl ScenarioJob {
         if let Some(detections) = &*loaded {
             return Ok(detections.clone());
         }
-        let detections = Arc::new(self.scenario.detections(&self.model.name())?);
+        let detections = Arc::new(self.scenario.detections(self.model.short_hash())?);
         *loaded = Some(detections.clone());
         Ok(detections)
     }
@@ -229,13 +220,17 @@ impl ScenarioJob {
         let registered = self.pairs.as_ref();
         let registered = registered.map(|pairs| (pairs.reference(), pairs.finish()));
         let mut detections = Detections::default();
-        let mut seconds = 0.0;
+        let (mut seconds, mut windows) = (0.0, 0);
+        let mut cpu_s = CpuTime::default();
         let mut detector = None;
         let results = std::mem::take(&mut *lock(&self.results));
         for result in results.into_iter().flatten() {
             let searched = result?;
-            detections.boxes.extend(searched.detections.boxes);
-            detections.misses.extend(searched.detections.misses);
+            let found = searched.findings;
+            detections.boxes.extend(found.detections.boxes);
+            detections.misses.extend(found.detections.misses);
+            windows += found.windows;
+            cpu_s += found.cpu_s;
             seconds += searched.seconds;
             detector = searched.detector.or(detector);
         }
@@ -268,15 +263,17 @@ impl ScenarioJob {
                 ..DetectionRecord::clone(made)
             },
             None => DetectionRecord {
+                model: self.model.file_name.clone(),
                 provenance,
-                profile: self.model.profile,
+                profile_blake3: self.model.profile_blake3.clone(),
                 detector: detector.unwrap_or_default(),
-                device: Some(self.device.to_string()),
-                settings: self.settings,
+                searching: self.searching(),
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 pictures: self.views.iter().map(|view| view.ticks.len() as u64).sum(),
                 detections: detections.boxes.len() as u64,
                 misses: detections.misses.len() as u64,
+                windows: Some(windows),
+                cpu_s: Some(cpu_s),
                 seconds,
                 registration,
             },
@@ -289,8 +286,15 @@ impl ScenarioJob {
                 "its videos were replaced while they were searched; run `dtd detect` again";
             return Err(Error::scenario(&id, message));
         }
-        let (source, detector) = (&self.scenario, &self.model.identity);
-        detections::replace(&claim, source, detector, &self.model.name(), tables, record)?;
+        let (source, blake3) = (&self.scenario, &self.model.blake3);
+        detections::replace(
+            &claim,
+            source,
+            blake3,
+            self.model.short_hash(),
+            tables,
+            record,
+        )?;
         Ok(seconds)
     }
 }
@@ -337,7 +341,6 @@ impl ViewJob<'_> {
     pub(super) fn search(
         &self,
         mut detector: Option<&mut (dyn Detector + '_)>,
-        settings: &TilingSettings,
         picture_done: &dyn Fn(),
         is_stopped: &dyn Fn() -> bool,
     ) {
@@ -353,123 +356,35 @@ impl ViewJob<'_> {
             None => self.scenario.loaded(),
         };
         let result = stored.and_then(|stored| {
-            self.detections(
-                |picture, tick| match &mut detector {
-                    Some(detector) => self.found(*detector, picture, tick, settings),
-                    None => Ok(self.of_picture(&stored, tick)),
+            let finder = match &mut detector {
+                Some(detector) => Finder::Model {
+                    detector: &mut **detector,
+                    tiling: &self.scenario.tiling,
+                    modes: &self.scenario.modes,
                 },
-                picture_done,
-                is_stopped,
+                None => Finder::Known(&stored),
+            };
+            search_view(
+                &self.scenario.scenario,
+                self.ticks(),
+                finder,
+                &mut |picture| {
+                    if let Some(pairs) = &self.scenario.pairs {
+                        pairs.take(self.index, picture.tick, picture.patch);
+                    }
+                    picture_done();
+                    match is_stopped() {
+                        true => Err(Error::Stopped),
+                        false => Ok(()),
+                    }
+                },
             )
         });
-        let result = result.map(|detections| ViewResult {
-            detections,
+        let result = result.map(|findings| ViewResult {
+            findings,
             detector: description,
             seconds: started.elapsed().as_secs_f64(),
         });
         self.scenario.take(self.index, result);
     }
-
-    /// What the detector finds in a picture.
-    fn found(
-        &self,
-        detector: &mut dyn Detector,
-        picture: &PictureView<'_>,
-        tick: u32,
-        settings: &TilingSettings,
-    ) -> Result<Detections> {
-        let view = &self.ticks().id;
-        let sightings = find_aircraft(detector, picture, settings)?.into_iter();
-        let boxes: Vec<_> = sightings
-            .map(|seen| Detection::untracked(tick, view, seen.pixel_box, seen.score, seen.tile))
-            .collect();
-        let miss = boxes.is_empty().then(|| Miss {
-            tick,
-            view: view.clone(),
-            mode: SearchMode::Full,
-            reason: MissReason::Nothing,
-        });
-        Ok(Detections {
-            boxes,
-            misses: miss.into_iter().collect(),
-        })
-    }
-
-    /// What was found in a picture earlier.
-    fn of_picture(&self, stored: &Detections, tick: u32) -> Detections {
-        let id = &self.ticks().id;
-        let Detections { boxes, misses } = stored;
-        let first = boxes.partition_point(|found| found.tick < tick);
-        let here = boxes[first..].iter().take_while(|found| found.tick == tick);
-        let boxes = here.filter(|found| found.view == *id).cloned().collect();
-        let first = misses.partition_point(|miss| miss.tick < tick);
-        let here = misses[first..].iter().take_while(|miss| miss.tick == tick);
-        let misses = here.filter(|miss| miss.view == *id).cloned().collect();
-        Detections { boxes, misses }
-    }
-
-    fn detections(
-        &self,
-        mut look: impl FnMut(&PictureView<'_>, u32) -> Result<Detections>,
-        picture_done: &dyn Fn(),
-        is_stopped: &dyn Fn() -> bool,
-    ) -> Result<Detections> {
-        let ViewTicks { id, ticks } = self.ticks();
-        let mut reader = self.scenario.scenario.open_video(id)?;
-        let (width_px, height_px) = (reader.width(), reader.height());
-        let mut rgb = Vec::new();
-        let mut detections = Detections::default();
-        for &(tick, pts) in ticks {
-            let found = reader.next_frame(&mut rgb)?;
-            if found != Some(pts) {
-                let found = found.map_or("the end of the video".into(), |found| {
-                    format!("a picture with timestamp {found}")
-                });
-                return Err(self.fault(format!(
-                    "at tick {tick} expected a picture with timestamp {pts}, found {found}"
-                )));
-            }
-            let picture = PictureView {
-                rgb: &rgb,
-                width_px,
-                height_px,
-            };
-            let found = look(&picture, tick)?;
-            if let Some(pairs) = &self.scenario.pairs {
-                pairs.take(self.index, tick, patch_of(&picture, &found.boxes));
-            }
-            detections.boxes.extend(found.boxes);
-            detections.misses.extend(found.misses);
-            picture_done();
-            if is_stopped() {
-                return Err(Error::Stopped);
-            }
-        }
-        if let Some(pts) = reader.next_frame(&mut rgb)? {
-            return Err(self.fault(format!(
-                "after the last tick there is a picture with timestamp {pts}"
-            )));
-        }
-        Ok(detections)
-    }
-
-    fn fault(&self, message: String) -> Error {
-        Error::scenario(
-            &self.scenario.id(),
-            format!("view {}: {message}", self.ticks().id),
-        )
-    }
-}
-
-/// The surroundings of the best box of a picture: of a confirmed one, if there is any.
-fn patch_of(picture: &PictureView<'_>, boxes: &[Detection]) -> std::result::Result<Patch, NoShift> {
-    let order = |found: &Detection, other: &Detection| {
-        let confirmed = found.confirmed.cmp(&other.confirmed);
-        confirmed.then(found.score.total_cmp(&other.score))
-    };
-    let best = boxes
-        .iter()
-        .max_by(|a, b| order(a, b))
-        .ok_or(NoShift::NoBox)?;
-    Patch::cut(picture, best.pixel_box)
 }

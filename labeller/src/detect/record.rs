@@ -8,8 +8,9 @@ use dataset::json_file::read_json;
 use dataset::open_scenario::OpenScenario;
 use serde::{Deserialize, Serialize};
 
-use super::Model;
-use crate::detector::ModelProfile;
+use super::cpu_time::CpuTime;
+use super::mode::ModeSettings;
+use super::{DetectOptions, Model};
 use crate::error::Result;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
@@ -17,19 +18,18 @@ use crate::tiling::TilingSettings;
 /// Where the detections of one model in one scenario come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct DetectionRecord {
-    /// Which model made them and from what, and the hash of their table.
+    /// File name of the model.
+    pub model: String,
+    /// What they were made from, and the hash of their table.
     #[serde(flatten)]
     pub provenance: Provenance,
-    /// The settings next to the model, whose hash is in the provenance; missing if there were none.
+    /// BLAKE3 hash of the profile next to the model, which defines its input and output; missing if there was none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub profile: Option<ModelProfile>,
+    pub profile_blake3: Option<String>,
     /// Output layout and window size.
     pub detector: String,
-    /// Where the model ran, such as `cpu` or `cuda:0`; missing in earlier corpora.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub device: Option<String>,
-    /// What counted as a hit.
-    pub settings: TilingSettings,
+    #[serde(flatten)]
+    pub searching: Searching,
     /// Version of this software.
     pub dtd: String,
     /// Number of pictures.
@@ -39,11 +39,36 @@ pub(super) struct DetectionRecord {
     /// Pictures without a box; missing in records of earlier versions.
     #[serde(default)]
     pub misses: u64,
+    /// Windows that the model was run on; missing in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub windows: Option<u64>,
+    /// Processor time of the search, with the registration; missing in records of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cpu_s: Option<CpuTime>,
     /// Total time of the workers, seconds.
     pub seconds: f64,
     /// How the views were registered; missing if they were not.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub registration: Option<RegistrationRecord>,
+}
+
+/// How pictures were searched: detections made otherwise are replaced.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(super) struct Searching {
+    /// What counted as a hit.
+    pub settings: TilingSettings,
+    /// Which parts of which pictures; missing in records of earlier versions, which tracked nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub modes: Option<ModeSettings>,
+}
+
+impl Searching {
+    pub(super) fn of(options: &DetectOptions) -> Self {
+        Self {
+            settings: options.settings,
+            modes: Some(options.modes),
+        }
+    }
 }
 
 /// How the views of a scenario were registered.
@@ -73,30 +98,31 @@ pub(super) enum Standing {
 
 impl DetectionRecord {
     /// Path of the record of a model.
-    pub(super) fn path(folder: &ScenarioFolder, model: &str) -> PathBuf {
-        detections::record_path(folder, model)
+    pub(super) fn path(folder: &ScenarioFolder, model_hash: &str) -> PathBuf {
+        detections::record_path(folder, model_hash)
     }
 
-    /// What is there of this model's work with these settings, made from the scenario's current videos.
+    /// What is there of this model's work with this profile, searched like this, made from the scenario's current videos.
     pub(super) fn standing(
         scenario: &OpenScenario,
         model: &Model,
-        settings: &TilingSettings,
+        searching: &Searching,
     ) -> Result<Standing> {
-        if scenario.detections(&model.name()).is_err() {
+        if scenario.detections(model.short_hash()).is_err() {
             // Missing, of other videos or damaged: detecting again repairs all of these.
             return Ok(Standing::Missing);
         }
-        let path = Self::path(scenario.folder(), &model.name());
+        let path = Self::path(scenario.folder(), model.short_hash());
         let record: Self = read_json(&path, "record of detections")?;
-        let made_by = &record.provenance.detector;
-        let is_same = made_by.is_same_content(&model.identity) && record.settings == *settings;
+        let is_same = record.provenance.model_blake3 == model.blake3
+            && record.profile_blake3 == model.profile_blake3
+            && record.searching == *searching;
         if !is_same {
             return Ok(Standing::Missing);
         }
         let method = record.registration.as_ref().map(|made| made.method);
-        let is_registered =
-            method == Some(METHOD) && matches!(scenario.registrations(&model.name()), Ok(Some(_)));
+        let is_registered = method == Some(METHOD)
+            && matches!(scenario.registrations(model.short_hash()), Ok(Some(_)));
         Ok(if is_registered || scenario.record()?.views.len() < 2 {
             Standing::Whole
         } else {

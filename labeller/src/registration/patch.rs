@@ -2,6 +2,7 @@
 
 use dataset::pixel_box::PixelBox;
 use dataset::registrations::NoShift;
+use dataset::video::PicturePart;
 use glam::DVec2;
 
 use super::linear::{Normal, robust_sd};
@@ -33,37 +34,46 @@ pub(crate) struct Patch {
 }
 
 impl Patch {
-    /// Cuts out the surroundings of a box.
+    /// The part of a picture of this width and height that shows the surroundings of a box.
     ///
     /// # Errors
     /// The picture's edge cuts off the aircraft.
-    pub(crate) fn cut(picture: &PictureView<'_>, pixel_box: PixelBox) -> Result<Self, NoShift> {
+    pub(crate) fn part_around(
+        pixel_box: PixelBox,
+        [width_px, height_px]: [u32; 2],
+    ) -> Result<PicturePart, NoShift> {
         let [left, top, right, bottom] = pixel_box.edges();
-        let (width_px, height_px) = (f64::from(picture.width_px), f64::from(picture.height_px));
         let is_inside = left >= EDGE_PX - 0.5
             && top >= EDGE_PX - 0.5
-            && right <= width_px - 0.5 - EDGE_PX
-            && bottom <= height_px - 0.5 - EDGE_PX;
+            && right <= f64::from(width_px) - 0.5 - EDGE_PX
+            && bottom <= f64::from(height_px) - 0.5 - EDGE_PX;
         if !is_inside {
             return Err(NoShift::Edge);
         }
         let longer = pixel_box.width_px.max(pixel_box.height_px);
-        // A power of two, so that the patches of two views can have pixels of the same size.
-        let bin = ((longer / MOST_BOX_PX).ceil() as usize).next_power_of_two();
-        let margin = bin as f64 * MARGIN_PX + MARGIN_PART * longer;
-        let start = |edge: f64| (edge - margin).max(0.0) as usize;
-        let end = |edge: f64, length: u32| ((edge + margin).max(0.0) as usize).min(length as usize);
-        let columns = start(left)..end(right, picture.width_px);
-        let rows = start(top)..end(bottom, picture.height_px);
-        let width = columns.len() / bin;
-        let height = rows.len() / bin;
+        let margin = bin_of(pixel_box) as f64 * MARGIN_PX + MARGIN_PART * longer;
+        let start = |edge: f64| (edge - margin).max(0.0) as u32;
+        let end = |edge: f64, length: u32| ((edge + margin).max(0.0) as u32).min(length);
+        Ok(PicturePart {
+            left_px: start(left),
+            top_px: start(top),
+            width_px: end(right, width_px) - start(left),
+            height_px: end(bottom, height_px) - start(top),
+        })
+    }
+
+    /// The surroundings of a box, from the pixels of that part.
+    pub(crate) fn of(pixels: &PictureView<'_>, part: PicturePart, pixel_box: PixelBox) -> Self {
+        let bin = bin_of(pixel_box);
+        let width = part.width_px as usize / bin;
+        let height = part.height_px as usize / bin;
         let mut luma = Vec::with_capacity(width * height);
         for row in 0..height {
             for column in 0..width {
                 let mut sum = 0.0;
-                for y in rows.start + row * bin..rows.start + (row + 1) * bin {
-                    let line = (y * picture.width_px as usize + columns.start + column * bin) * 3;
-                    sum += picture.rgb[line..line + 3 * bin]
+                for y in row * bin..(row + 1) * bin {
+                    let start = (y * part.width_px as usize + column * bin) * 3;
+                    sum += pixels.rgb[start..start + 3 * bin]
                         .chunks_exact(3)
                         .map(luma_of)
                         .sum::<f64>();
@@ -72,13 +82,13 @@ impl Patch {
             }
         }
         let half = (bin as f64 - 1.0) / 2.0;
-        Ok(Self {
+        Self {
             pixel_box,
-            origin_px: DVec2::new(columns.start as f64, rows.start as f64) + half,
+            origin_px: DVec2::new(f64::from(part.left_px), f64::from(part.top_px)) + half,
             bin,
             width,
             luma,
-        })
+        }
     }
 
     /// Pixels of the picture along a side of a pixel of the patch.
@@ -121,6 +131,13 @@ impl Patch {
             ..*self
         }
     }
+}
+
+/// Pixels of the picture along a side of a pixel of the patch: a power of two, so that the patches of two views can have pixels of the
+/// same size.
+fn bin_of(pixel_box: PixelBox) -> usize {
+    let longer = pixel_box.width_px.max(pixel_box.height_px);
+    ((longer / MOST_BOX_PX).ceil() as usize).next_power_of_two()
 }
 
 /// ITU-R BT.709.

@@ -104,15 +104,24 @@ impl Scene {
     /// The surroundings of a box that is off by so much.
     fn patch(&self, box_off: DVec2) -> Result<Patch, NoShift> {
         let rgb = self.draw();
-        let picture = PictureView {
-            rgb: &rgb,
-            width_px: WIDTH,
-            height_px: HEIGHT,
-        };
         let mut pixel_box = self.box_around();
         pixel_box.cx_px += box_off.x;
         pixel_box.cy_px += box_off.y;
-        Patch::cut(&picture, pixel_box)
+        let part = Patch::part_around(pixel_box, [WIDTH, HEIGHT])?;
+        let rows = part.top_px..part.top_px + part.height_px;
+        let pixels: Vec<u8> = rows
+            .flat_map(|row| {
+                let start = 3 * (row * WIDTH + part.left_px) as usize;
+                &rgb[start..start + 3 * part.width_px as usize]
+            })
+            .copied()
+            .collect();
+        let pixels = PictureView {
+            rgb: &pixels,
+            width_px: part.width_px,
+            height_px: part.height_px,
+        };
+        Ok(Patch::of(&pixels, part, pixel_box))
     }
 }
 

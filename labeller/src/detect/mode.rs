@@ -1,0 +1,57 @@
+//! How the pictures of a view are searched one after another.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// The longest time between searches of whole pictures that can be set, seconds.
+const LONGEST_PERIOD_S: f64 = 3_600.0;
+
+/// How pictures are searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Every picture whole.
+    Full,
+    /// Only around the aircraft that are followed; the whole picture from time to time, and when one of them is lost.
+    Tracked,
+    /// Every picture whole, but made as small as the model's usual input: for comparison.
+    Scaled,
+    /// Tracked, but a picture whole if an aircraft moves by more than its length from one picture to the next.
+    #[default]
+    Auto,
+}
+
+/// How the pictures of a view are searched.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModeSettings {
+    /// How pictures are searched.
+    pub mode: Mode,
+    /// Time between searches of whole pictures if aircraft are followed, seconds.
+    pub full_search_s: f64,
+}
+
+impl Default for ModeSettings {
+    /// An aircraft that enters the picture is found a second later, 70 m closer.
+    fn default() -> Self {
+        Self {
+            mode: Mode::default(),
+            full_search_s: 1.0,
+        }
+    }
+}
+
+impl ModeSettings {
+    /// Checks all ranges.
+    pub fn check(&self) -> Result<()> {
+        if (0.0..=LONGEST_PERIOD_S).contains(&self.full_search_s) {
+            return Ok(());
+        }
+        Err(Error::Option {
+            name: "full_search_s",
+            found: self.full_search_s.to_string(),
+            expected: "a time from 0 to 3600 s",
+        })
+    }
+}

@@ -1,0 +1,179 @@
+//! The pictures of a view, one after another: decoded, and converted as far as they are looked at.
+
+use dataset::frames::Frames;
+use dataset::open_scenario::OpenScenario;
+use dataset::pixel_box::PixelBox;
+use dataset::registrations::NoShift;
+use dataset::units::SimTime;
+use dataset::video::{PicturePart, VideoReader};
+
+use super::cpu_time::{CpuClock, Stage};
+use crate::detector::{PictureView, Window};
+use crate::error::{Error, Result};
+use crate::registration::Patch;
+
+/// A view and its ticks.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct ViewTicks {
+    /// Identifier of the view.
+    pub(crate) id: String,
+    pub(crate) ticks: Vec<ViewTick>,
+}
+
+/// A picture that the video must have.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct ViewTick {
+    pub(crate) tick: u32,
+    pub(crate) time_s: f64,
+    /// Its timestamp in the video.
+    pub(crate) pts: i64,
+}
+
+impl ViewTicks {
+    /// Those of all views of a table.
+    pub(crate) fn of(frames: &Frames) -> Vec<Self> {
+        let views = frames.views.iter().enumerate();
+        views
+            .map(|(index, id)| Self {
+                id: id.clone(),
+                ticks: frames
+                    .rows
+                    .iter()
+                    .map(|row| ViewTick {
+                        tick: row.tick,
+                        time_s: SimTime(row.time_ns).seconds(),
+                        pts: row.views[index].pts,
+                    })
+                    .collect(),
+            })
+            .collect()
+    }
+}
+
+/// The video of a view while it is searched.
+pub(super) struct Pictures<'a> {
+    scenario: String,
+    view: &'a str,
+    clock: &'a CpuClock,
+    reader: VideoReader,
+    /// The whole picture, once it was converted.
+    whole: Vec<u8>,
+    is_converted: bool,
+    part: Vec<u8>,
+}
+
+impl<'a> Pictures<'a> {
+    pub(super) fn open(
+        scenario: &OpenScenario,
+        view: &'a str,
+        clock: &'a CpuClock,
+    ) -> Result<Self> {
+        Ok(Self {
+            scenario: scenario.id(),
+            view,
+            reader: clock.during(Stage::Decode, || scenario.open_video(view))?,
+            clock,
+            whole: Vec::new(),
+            is_converted: false,
+            part: Vec::new(),
+        })
+    }
+
+    /// Width and height, pixels.
+    pub(super) fn size_px(&self) -> [u32; 2] {
+        [self.reader.width(), self.reader.height()]
+    }
+
+    /// Goes on to the picture of a tick.
+    pub(super) fn next(&mut self, expected: &ViewTick) -> Result<()> {
+        self.is_converted = false;
+        let found = self.decode()?;
+        if found == Some(expected.pts) {
+            return Ok(());
+        }
+        let found = found.map_or("the end of the video".into(), |found| {
+            format!("a picture with timestamp {found}")
+        });
+        Err(self.fault(format!(
+            "at tick {} expected a picture with timestamp {}, found {found}; generate the scenario again",
+            expected.tick, expected.pts
+        )))
+    }
+
+    /// After the last tick the video must end.
+    pub(super) fn end(&mut self) -> Result<()> {
+        match self.decode()? {
+            None => Ok(()),
+            Some(pts) => Err(self.fault(format!(
+                "after the last tick there is a picture with timestamp {pts}; generate the scenario again"
+            ))),
+        }
+    }
+
+    fn decode(&mut self) -> Result<Option<i64>> {
+        let (clock, reader) = (self.clock, &mut self.reader);
+        Ok(clock.during(Stage::Decode, || reader.skip_frame())?)
+    }
+
+    /// The whole picture.
+    pub(super) fn whole(&mut self) -> Result<PictureView<'_>> {
+        if !self.is_converted {
+            let (clock, reader) = (self.clock, &mut self.reader);
+            clock.during(Stage::Convert, || reader.convert(&mut self.whole))?;
+            self.is_converted = true;
+        }
+        Ok(PictureView {
+            rgb: &self.whole,
+            width_px: self.reader.width(),
+            height_px: self.reader.height(),
+        })
+    }
+
+    /// The pixels that a window shows, and the same window in them.
+    pub(super) fn behind(&mut self, window: Window) -> Result<(PictureView<'_>, Window)> {
+        let [width_px, height_px] = self.size_px();
+        let shown = |side_px: u32, start_px: u32, picture_px: u32| {
+            let shown_px = side_px.saturating_mul(window.shrink);
+            shown_px.min(picture_px.saturating_sub(start_px))
+        };
+        let part = PicturePart {
+            left_px: window.left_px,
+            top_px: window.top_px,
+            width_px: shown(window.width_px, window.left_px, width_px),
+            height_px: shown(window.height_px, window.top_px, height_px),
+        };
+        let within = Window {
+            left_px: 0,
+            top_px: 0,
+            ..window
+        };
+        Ok((self.part(part)?, within))
+    }
+
+    /// The surroundings of a box.
+    pub(super) fn patch(
+        &mut self,
+        pixel_box: PixelBox,
+    ) -> Result<std::result::Result<Patch, NoShift>> {
+        let part = match Patch::part_around(pixel_box, self.size_px()) {
+            Ok(part) => part,
+            Err(reason) => return Ok(Err(reason)),
+        };
+        let pixels = self.part(part)?;
+        Ok(Ok(Patch::of(&pixels, part, pixel_box)))
+    }
+
+    fn part(&mut self, part: PicturePart) -> Result<PictureView<'_>> {
+        let (clock, reader) = (self.clock, &mut self.reader);
+        clock.during(Stage::Convert, || reader.convert_part(part, &mut self.part))?;
+        Ok(PictureView {
+            rgb: &self.part,
+            width_px: part.width_px,
+            height_px: part.height_px,
+        })
+    }
+
+    fn fault(&self, message: String) -> Error {
+        Error::scenario(&self.scenario, format!("view {}: {message}", self.view))
+    }
+}

@@ -1,0 +1,273 @@
+//! Searches the pictures of a view one after another, each where the ones before it suggest.
+//!
+//! Whole pictures are searched as [`crate::tiling`] says. Between them, an aircraft that is followed gets one window around the place
+//! where it is expected, and nothing else of the picture is converted or searched.
+
+use dataset::detections::{Detection, Detections, Miss, MissReason, SearchMode};
+use dataset::pixel_box::PixelBox;
+
+use super::cpu_time::{CpuClock, Stage};
+use super::mode::{Mode, ModeSettings};
+use super::pictures::{Pictures, ViewTick, ViewTicks};
+use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize, keep_best};
+use crate::error::Result;
+use crate::search_windows::{shrunk_picture, window_around};
+use crate::tiling::{Sighting, TilingSettings, search_picture};
+use crate::tracking::{Expected, Searched, Tracker};
+
+/// After a loss the whole picture is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
+/// in every other picture.
+const LOSS_PART: f64 = 0.25;
+/// A picture that is due within this part of the time since the last one is due now.
+const DUE_PART: f64 = 0.5;
+/// An aircraft that moves further between two pictures, in lengths of its box, is looked for everywhere.
+const MOST_LENGTHS: f64 = 1.0;
+/// A box this close to the border of its window may be cut off there, pixels.
+const BORDER_PX: f64 = 1.5;
+
+/// The pictures of a view while they are searched.
+pub(super) struct Sequence<'a> {
+    view: &'a str,
+    detector: Timed<'a>,
+    tiling: &'a TilingSettings,
+    modes: ModeSettings,
+    tracker: Tracker,
+    /// When the last picture was, and the last one that was searched whole.
+    last_s: Option<f64>,
+    last_full_s: Option<f64>,
+}
+
+/// What was seen in a picture.
+struct Looked {
+    sightings: Vec<Sighting>,
+    mode: SearchMode,
+    /// The tracks that it was searched for, if it was not searched whole.
+    around: Option<Vec<u32>>,
+    /// Why there is nothing, if there is nothing.
+    nothing: MissReason,
+}
+
+impl<'a> Sequence<'a> {
+    pub(super) fn new(
+        detector: &'a mut dyn Detector,
+        clock: &'a CpuClock,
+        tiling: &'a TilingSettings,
+        modes: ModeSettings,
+        view: &'a ViewTicks,
+    ) -> Self {
+        Self {
+            view: &view.id,
+            detector: Timed {
+                detector,
+                clock,
+                windows: 0,
+            },
+            tiling,
+            modes,
+            tracker: Tracker::of_pictures(view.ticks.len()),
+            last_s: None,
+            last_full_s: None,
+        }
+    }
+
+    /// Searches the next picture. Whether its boxes count is not final yet.
+    pub(super) fn look(
+        &mut self,
+        pictures: &mut Pictures<'_>,
+        at: &ViewTick,
+    ) -> Result<Detections> {
+        let since_s = self.last_s.map_or(0.0, |last_s| at.time_s - last_s);
+        self.tracker.advance(since_s);
+        let looked = match self.modes.mode {
+            Mode::Full => self.everywhere(pictures)?,
+            Mode::Scaled => self.shrunk(pictures)?,
+            Mode::Tracked | Mode::Auto => self.where_expected(pictures, at.time_s, since_s)?,
+        };
+        self.last_s = Some(at.time_s);
+        if looked.mode == SearchMode::Full {
+            self.last_full_s = Some(at.time_s);
+        }
+        Ok(self.rows(looked, at))
+    }
+
+    /// Where the aircraft that are followed are expected, or in the whole picture if that is due.
+    fn where_expected(
+        &mut self,
+        pictures: &mut Pictures<'_>,
+        now_s: f64,
+        since_s: f64,
+    ) -> Result<Looked> {
+        let expected = self.tracker.expected(since_s);
+        let is_fast = |expected: &Expected| expected.lengths_moved > MOST_LENGTHS;
+        let is_too_fast = self.modes.mode == Mode::Auto && expected.iter().any(is_fast);
+        let has_passed = |period_s: f64| {
+            self.last_full_s
+                .is_none_or(|last_s| now_s - last_s >= period_s - DUE_PART * since_s)
+        };
+        let may_follow_loss = has_passed(LOSS_PART * self.modes.full_search_s);
+        if is_too_fast || has_passed(self.modes.full_search_s) {
+            return self.everywhere(pictures);
+        }
+        let looked = self.around(pictures, &expected)?;
+        if may_follow_loss && self.tracker.loses_any(&boxes_of(&looked.sightings)) {
+            return self.everywhere(pictures);
+        }
+        Ok(looked)
+    }
+
+    fn everywhere(&mut self, pictures: &mut Pictures<'_>) -> Result<Looked> {
+        let found = search_picture(&mut self.detector, &pictures.whole()?, self.tiling)?;
+        Ok(Looked {
+            sightings: found.sightings,
+            mode: SearchMode::Full,
+            around: None,
+            nothing: match found.hits {
+                0 => MissReason::Nothing,
+                _ => MissReason::Refuted,
+            },
+        })
+    }
+
+    fn shrunk(&mut self, pictures: &mut Pictures<'_>) -> Result<Looked> {
+        let window = shrunk_picture(pictures.size_px(), self.detector.window_size());
+        let picture = pictures.whole()?;
+        let found = self
+            .detector
+            .detect(&picture, &[window], self.tiling.score)?;
+        let sightings = found
+            .into_iter()
+            .flatten()
+            .map(|found| Sighting::of(found, 0));
+        Ok(Looked {
+            sightings: self.best(sightings.collect()),
+            mode: SearchMode::Scaled,
+            around: None,
+            nothing: MissReason::Nothing,
+        })
+    }
+
+    /// In a window for each aircraft that is followed; the most promising ones if there are many.
+    fn around(&mut self, pictures: &mut Pictures<'_>, expected: &[Expected]) -> Result<Looked> {
+        let expected = &expected[..expected.len().min(self.tiling.most_windows)];
+        let mut sightings = Vec::new();
+        for (crop, expected) in (0..).zip(expected) {
+            let picture_px = pictures.size_px();
+            let window =
+                window_around(&expected.pixel_box, picture_px, self.detector.window_size());
+            let (pixels, within) = pictures.behind(window)?;
+            let shown_px = [pixels.width_px, pixels.height_px];
+            let found = self
+                .detector
+                .detect(&pixels, &[within], self.tiling.score)?;
+            let whole = found.into_iter().flatten().map(|found| ScoredBox {
+                pixel_box: PixelBox {
+                    cx_px: found.pixel_box.cx_px + f64::from(window.left_px),
+                    cy_px: found.pixel_box.cy_px + f64::from(window.top_px),
+                    ..found.pixel_box
+                },
+                ..found
+            });
+            let whole =
+                whole.filter(|found| is_whole(&found.pixel_box, window, shown_px, picture_px));
+            sightings.extend(whole.map(|found| Sighting::of(found, crop)));
+        }
+        Ok(Looked {
+            sightings: self.best(sightings),
+            mode: SearchMode::Tracked,
+            nothing: match expected {
+                [] => MissReason::NotSearched,
+                _ => MissReason::Lost,
+            },
+            around: Some(expected.iter().map(|expected| expected.track).collect()),
+        })
+    }
+
+    fn best(&self, sightings: Vec<Sighting>) -> Vec<Sighting> {
+        let (iou, most) = (self.tiling.merge_iou, self.tiling.most_windows);
+        keep_best(sightings, iou, most, Sighting::scored)
+    }
+
+    /// What was seen as rows, with the tracks to which it belongs.
+    fn rows(&mut self, looked: Looked, at: &ViewTick) -> Detections {
+        let searched = match &looked.around {
+            None => Searched::Everywhere,
+            Some(tracks) => Searched::Around(tracks),
+        };
+        let tracks = self.tracker.take(&boxes_of(&looked.sightings), searched);
+        let miss = looked.sightings.is_empty().then(|| Miss {
+            tick: at.tick,
+            view: self.view.to_owned(),
+            mode: looked.mode,
+            reason: looked.nothing,
+        });
+        let row = |(seen, track): (Sighting, u32)| Detection {
+            track: Some(track),
+            mode: looked.mode,
+            confirmed: self.tracker.is_confirmed(track),
+            ..Detection::untracked(at.tick, self.view, seen.pixel_box, seen.score, seen.tile)
+        };
+        Detections {
+            boxes: looked.sightings.into_iter().zip(tracks).map(row).collect(),
+            misses: miss.into_iter().collect(),
+        }
+    }
+
+    /// When all pictures are done: decides which boxes count, and returns the number of windows that were searched.
+    pub(super) fn finish(self, detections: &mut Detections) -> u64 {
+        let counts = self.tracker.finish();
+        for found in &mut detections.boxes {
+            found.confirmed = found.track.is_some_and(|track| counts[track as usize]);
+        }
+        self.detector.windows
+    }
+}
+
+fn boxes_of(sightings: &[Sighting]) -> Vec<PixelBox> {
+    sightings.iter().map(|seen| seen.pixel_box).collect()
+}
+
+/// Whether a box ends inside the pixels that a window shows, or where the picture ends.
+fn is_whole(found: &PixelBox, window: Window, shown_px: [u32; 2], picture_px: [u32; 2]) -> bool {
+    let [left, top, right, bottom] = found.edges();
+    let sides = [
+        (left, right, window.left_px, shown_px[0], picture_px[0]),
+        (top, bottom, window.top_px, shown_px[1], picture_px[1]),
+    ];
+    sides
+        .into_iter()
+        .all(|(first, last, start, length, picture)| {
+            let end = start + length;
+            (start == 0 || first >= f64::from(start) - 0.5 + BORDER_PX)
+                && (end == picture || last <= f64::from(end) - 0.5 - BORDER_PX)
+        })
+}
+
+/// A detector whose time and windows are counted.
+struct Timed<'a> {
+    detector: &'a mut dyn Detector,
+    clock: &'a CpuClock,
+    windows: u64,
+}
+
+impl Detector for Timed<'_> {
+    fn window_size(&self) -> WindowSize {
+        self.detector.window_size()
+    }
+
+    fn detect(
+        &mut self,
+        picture: &PictureView<'_>,
+        windows: &[Window],
+        score_floor: f64,
+    ) -> Result<Vec<Vec<ScoredBox>>> {
+        self.windows += windows.len() as u64;
+        let detector = &mut self.detector;
+        self.clock.during(Stage::Infer, || {
+            detector.detect(picture, windows, score_floor)
+        })
+    }
+
+    fn description(&self) -> String {
+        self.detector.description()
+    }
+}

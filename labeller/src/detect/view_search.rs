@@ -1,0 +1,125 @@
+//! Searches one view of a scenario, from its video to the rows of the table.
+//!
+//! Input: the video of a view, its ticks and a detector. Output: boxes with their tracks, reasons for pictures without any, the
+//! surroundings of the best box of each picture for registration, and what the processor time was spent on. Nothing is written.
+
+use dataset::detections::{Detection, Detections};
+use dataset::open_scenario::OpenScenario;
+use dataset::registrations::NoShift;
+
+use super::cpu_time::{CpuClock, CpuTime};
+use super::mode::ModeSettings;
+use super::pictures::{Pictures, ViewTicks};
+use super::sequence::Sequence;
+use crate::detector::Detector;
+use crate::error::Result;
+use crate::registration::Patch;
+use crate::tiling::TilingSettings;
+
+/// Where the boxes of a view come from.
+pub(crate) enum Finder<'a> {
+    /// A model looks for them.
+    Model {
+        detector: &'a mut dyn Detector,
+        /// What counts as a hit.
+        tiling: &'a TilingSettings,
+        modes: &'a ModeSettings,
+    },
+    /// They are known, and only their surroundings are needed.
+    Known(&'a Detections),
+}
+
+/// A picture that is done.
+pub(crate) struct PictureDone {
+    pub(crate) tick: u32,
+    /// The surroundings of its best box.
+    pub(crate) patch: std::result::Result<Patch, NoShift>,
+}
+
+/// What a view shows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct ViewFindings {
+    pub(crate) detections: Detections,
+    /// Windows that the model was run on.
+    pub(crate) windows: u64,
+    /// Of the calling thread.
+    pub(crate) cpu_s: CpuTime,
+}
+
+/// Searches a view; `picture_done` is called after every picture, and its error ends the search.
+///
+/// # Errors
+/// The video does not have exactly the pictures of these ticks, or the detector fails.
+pub(crate) fn search_view(
+    scenario: &OpenScenario,
+    view: &ViewTicks,
+    finder: Finder<'_>,
+    picture_done: &mut dyn FnMut(PictureDone) -> Result<()>,
+) -> Result<ViewFindings> {
+    let clock = CpuClock::start();
+    let mut pictures = Pictures::open(scenario, &view.id, &clock)?;
+    let mut source = match finder {
+        Finder::Model {
+            detector,
+            tiling,
+            modes,
+        } => {
+            let sequence = Sequence::new(detector, &clock, tiling, *modes, view);
+            Source::Search(Box::new(sequence))
+        }
+        Finder::Known(detections) => Source::Known(detections),
+    };
+    let mut detections = Detections::default();
+    for tick in &view.ticks {
+        pictures.next(tick)?;
+        let found = match &mut source {
+            Source::Search(sequence) => sequence.look(&mut pictures, tick)?,
+            Source::Known(known) => of_picture(known, &view.id, tick.tick),
+        };
+        let patch = match best_of(&found.boxes) {
+            Some(best) => pictures.patch(best.pixel_box)?,
+            None => Err(NoShift::NoBox),
+        };
+        picture_done(PictureDone {
+            tick: tick.tick,
+            patch,
+        })?;
+        detections.boxes.extend(found.boxes);
+        detections.misses.extend(found.misses);
+    }
+    pictures.end()?;
+    let windows = match source {
+        Source::Search(sequence) => sequence.finish(&mut detections),
+        Source::Known(_) => 0,
+    };
+    Ok(ViewFindings {
+        detections,
+        windows,
+        cpu_s: clock.spent(),
+    })
+}
+
+enum Source<'a> {
+    Search(Box<Sequence<'a>>),
+    Known(&'a Detections),
+}
+
+/// What was found in a picture earlier.
+fn of_picture(known: &Detections, view: &str, tick: u32) -> Detections {
+    let Detections { boxes, misses } = known;
+    let first = boxes.partition_point(|found| found.tick < tick);
+    let here = boxes[first..].iter().take_while(|found| found.tick == tick);
+    let boxes = here.filter(|found| found.view == view).cloned().collect();
+    let first = misses.partition_point(|miss| miss.tick < tick);
+    let here = misses[first..].iter().take_while(|miss| miss.tick == tick);
+    let misses = here.filter(|miss| miss.view == view).cloned().collect();
+    Detections { boxes, misses }
+}
+
+/// The box to register: a confirmed one, if there is any, and of these the one with the highest score.
+fn best_of(boxes: &[Detection]) -> Option<&Detection> {
+    boxes.iter().max_by(|a, b| {
+        let confirmed = a.confirmed.cmp(&b.confirmed);
+        confirmed.then(a.score.total_cmp(&b.score))
+    })
+}

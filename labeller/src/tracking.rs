@@ -1,0 +1,289 @@
+//! Which boxes of a view's pictures show the same aircraft, and which tracks are aircraft.
+//!
+//! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, where the aircraft that are
+//! followed are expected next, and, at the end, which tracks count. A track begins with any box that belongs to none; it is confirmed by
+//! [`HITS`] boxes in [`OUTCOMES`] pictures, and then all of its boxes count, the first ones too, because a scenario is written at its end.
+//! The filter is in [`motion`].
+
+mod motion;
+
+use dataset::pixel_box::PixelBox;
+
+use motion::Motion;
+
+/// Boxes that confirm a track...
+const HITS: u32 = 3;
+/// ... within so many pictures in a row in which it was looked for.
+const OUTCOMES: u32 = 5;
+/// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
+/// errors are normal; those of boxes have longer tails.
+const GATE: f64 = 30.0;
+/// A confirmed track ends after so many pictures in a row without a box...
+const MOST_MISSES: u32 = 5;
+/// ... if they also took so long, seconds.
+const LONGEST_GAP_S: f64 = 2.0;
+/// From here on a track that stands still is not an arriving aircraft, seconds.
+const LONGEST_STILL_S: f64 = 60.0;
+/// The middle of a track's last third against that of its first third. An aircraft at 13 NM grows by a tenth in 40 s...
+const LEAST_GROWTH: f64 = 0.05;
+/// ... and one that moves across the picture does so by more than this part of its length.
+const LEAST_MOVED_LENGTHS: f64 = 0.25;
+
+/// Follows the aircraft of one view.
+#[derive(Debug)]
+pub(crate) struct Tracker {
+    /// Boxes that confirm a track.
+    hits: u32,
+    /// In the order of their beginning.
+    followed: Vec<Track>,
+    /// Boxes of all tracks, also of those that ended, by number.
+    histories: Vec<History>,
+    now_s: f64,
+}
+
+/// An aircraft, or what may be one.
+#[derive(Debug)]
+struct Track {
+    number: u32,
+    motion: Motion,
+    /// The pictures in which it was looked for: the last one in the lowest bit, 1 with a box.
+    outcomes: u32,
+    /// How many of these there were.
+    looks: u32,
+    misses: u32,
+    seen_s: f64,
+}
+
+/// What is left of a track for the final decision.
+#[derive(Debug, Default)]
+struct History {
+    /// Enough boxes in a row.
+    is_confirmed: bool,
+    boxes: Vec<(f64, PixelBox)>,
+}
+
+/// An aircraft that is followed, as expected at the time of [`Tracker::advance`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Expected {
+    pub(crate) track: u32,
+    pub(crate) pixel_box: PixelBox,
+    /// How far it moves between two pictures, in lengths of its box.
+    pub(crate) lengths_moved: f64,
+    pub(crate) is_confirmed: bool,
+}
+
+/// Where a picture was searched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Searched<'a> {
+    Everywhere,
+    /// Only where these tracks were expected.
+    Around(&'a [u32]),
+}
+
+impl Tracker {
+    /// For a view with so many pictures: if these are very few, a box in each confirms a track.
+    pub(crate) fn of_pictures(pictures: usize) -> Self {
+        Self {
+            hits: HITS.min(u32::try_from(pictures).unwrap_or(HITS)),
+            followed: Vec::new(),
+            histories: Vec::new(),
+            now_s: 0.0,
+        }
+    }
+
+    /// Goes on to the next picture, so many seconds after the last one.
+    pub(crate) fn advance(&mut self, seconds: f64) {
+        self.now_s += seconds;
+        for track in &mut self.followed {
+            track.motion.advance(seconds);
+        }
+    }
+
+    /// Where the aircraft that are followed are expected: confirmed ones first, then by the beginning of their tracks. `period_s`: time
+    /// between two pictures, seconds.
+    pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
+        let mut expected: Vec<_> = self
+            .followed
+            .iter()
+            .map(|track| Expected {
+                track: track.number,
+                pixel_box: track.motion.expected(),
+                lengths_moved: track.motion.lengths_moved(period_s),
+                is_confirmed: self.is_confirmed(track.number),
+            })
+            .collect();
+        expected.sort_by_key(|expected| !expected.is_confirmed);
+        expected
+    }
+
+    /// Whether one of these boxes is missing: that of an aircraft which is confirmed and was in the picture before.
+    pub(crate) fn loses_any(&self, boxes: &[PixelBox]) -> bool {
+        let matches = self.matches(boxes);
+        let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
+        let mut tracks = self.followed.iter().enumerate();
+        tracks
+            .any(|(at, track)| track.misses == 0 && self.is_confirmed(track.number) && !is_seen(at))
+    }
+
+    /// Takes the boxes that were found at the current time, and returns the tracks that they belong to.
+    pub(crate) fn take(&mut self, boxes: &[PixelBox], searched: Searched<'_>) -> Vec<u32> {
+        let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
+        for (index, at) in self.matches(boxes) {
+            let track = &mut self.followed[at];
+            let seen = boxes[index];
+            track.motion.correct(&seen);
+            track_of[index] = Some(track.number);
+            self.histories[track.number as usize]
+                .boxes
+                .push((self.now_s, seen));
+        }
+        let hits = self.hits;
+        for track in &mut self.followed {
+            let was_found = track_of.contains(&Some(track.number));
+            let was_looked_for = match searched {
+                Searched::Everywhere => true,
+                Searched::Around(tracks) => tracks.contains(&track.number),
+            };
+            if was_found || was_looked_for {
+                track.note(was_found, self.now_s);
+                self.histories[track.number as usize].is_confirmed |= track.has_hits(hits);
+            }
+        }
+        let (histories, now_s) = (&self.histories, self.now_s);
+        self.followed.retain(|track| {
+            let is_confirmed = histories[track.number as usize].is_confirmed;
+            !track.has_ended(is_confirmed, now_s)
+        });
+        let begin = |(index, track): (usize, Option<u32>)| {
+            track.unwrap_or_else(|| self.begin(boxes[index]))
+        };
+        track_of.into_iter().enumerate().map(begin).collect()
+    }
+
+    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others.
+    fn matches(&self, boxes: &[PixelBox]) -> Vec<(usize, usize)> {
+        let mut pairs = Vec::new();
+        for (at, track) in self.followed.iter().enumerate() {
+            for (index, found) in boxes.iter().enumerate() {
+                let distance = track.motion.distance(found);
+                if distance <= GATE {
+                    pairs.push((!self.is_confirmed(track.number), distance, index, at));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+        let mut matches: Vec<(usize, usize)> = Vec::new();
+        for (_, _, index, at) in pairs {
+            if matches
+                .iter()
+                .all(|known| known.0 != index && known.1 != at)
+            {
+                matches.push((index, at));
+            }
+        }
+        matches
+    }
+
+    fn begin(&mut self, seen: PixelBox) -> u32 {
+        let number = self.histories.len() as u32;
+        self.histories.push(History {
+            is_confirmed: self.hits <= 1,
+            boxes: vec![(self.now_s, seen)],
+        });
+        self.followed.push(Track {
+            number,
+            motion: Motion::starting_at(&seen),
+            outcomes: 1,
+            looks: 1,
+            misses: 0,
+            seen_s: self.now_s,
+        });
+        number
+    }
+
+    /// Whether a track has had enough boxes so far.
+    pub(crate) fn is_confirmed(&self, track: u32) -> bool {
+        self.histories[track as usize].is_confirmed
+    }
+
+    /// Whether each track counts, by number, when all pictures are done.
+    pub(crate) fn finish(self) -> Vec<bool> {
+        let counts = |history: History| history.is_confirmed && !history.stands_still();
+        self.histories.into_iter().map(counts).collect()
+    }
+}
+
+impl Track {
+    fn note(&mut self, was_found: bool, now_s: f64) {
+        self.outcomes = self.outcomes << 1 | u32::from(was_found);
+        self.looks = self.looks.saturating_add(1);
+        if was_found {
+            self.misses = 0;
+            self.seen_s = now_s;
+        } else {
+            self.misses += 1;
+        }
+    }
+
+    fn has_hits(&self, hits: u32) -> bool {
+        let last = self.outcomes & ((1 << OUTCOMES) - 1);
+        last.count_ones() >= hits
+    }
+
+    /// Whether it is not looked for any longer.
+    fn has_ended(&self, is_confirmed: bool, now_s: f64) -> bool {
+        match is_confirmed {
+            true => self.misses >= MOST_MISSES && now_s - self.seen_s >= LONGEST_GAP_S,
+            // Too few of its first pictures had a box.
+            false => self.misses > OUTCOMES - HITS || self.looks >= OUTCOMES,
+        }
+    }
+}
+
+impl History {
+    /// Whether this is something like a mast: for a minute it neither moved nor grew.
+    fn stands_still(&self) -> bool {
+        let (Some((first_s, _)), Some((last_s, _))) = (self.boxes.first(), self.boxes.last())
+        else {
+            return false;
+        };
+        if last_s - first_s < LONGEST_STILL_S {
+            return false;
+        }
+        let third_s = (last_s - first_s) / 3.0;
+        let before = mean(
+            self.boxes
+                .iter()
+                .filter(|(at_s, _)| *at_s <= first_s + third_s),
+        );
+        let after = mean(
+            self.boxes
+                .iter()
+                .filter(|(at_s, _)| *at_s >= last_s - third_s),
+        );
+        let moved_px = (after.cx_px - before.cx_px).hypot(after.cy_px - before.cy_px);
+        let growth = after.width_px / before.width_px.max(1.0) - 1.0;
+        moved_px < LEAST_MOVED_LENGTHS * before.width_px && growth.abs() < LEAST_GROWTH
+    }
+}
+
+fn mean<'a>(boxes: impl Iterator<Item = &'a (f64, PixelBox)>) -> PixelBox {
+    let (mut sum, mut count) = ([0.0; 4], 0.0);
+    for (_, seen) in boxes {
+        count += 1.0;
+        let numbers = [seen.cx_px, seen.cy_px, seen.width_px, seen.height_px];
+        sum.iter_mut()
+            .zip(numbers)
+            .for_each(|(sum, number)| *sum += number);
+    }
+    let [cx_px, cy_px, width_px, height_px] = sum.map(|sum| sum / count);
+    PixelBox {
+        cx_px,
+        cy_px,
+        width_px,
+        height_px,
+    }
+}
+
+#[cfg(test)]
+mod tests;

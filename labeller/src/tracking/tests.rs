@@ -1,0 +1,207 @@
+use super::*;
+
+/// A box of this length around a point, a third as high as long.
+fn at(x_px: f64, y_px: f64, length_px: f64) -> PixelBox {
+    PixelBox {
+        cx_px: x_px,
+        cy_px: y_px,
+        width_px: length_px,
+        height_px: length_px / 3.0,
+    }
+}
+
+/// A number from -1 to 1 that looks random: the same for the same arguments.
+fn jitter(seed: u32, step: u32) -> f64 {
+    let mixed =
+        (seed.wrapping_mul(0x9E37_79B9) ^ step.wrapping_mul(0x85EB_CA6B)).wrapping_mul(0xC2B2_AE35);
+    f64::from(mixed ^ mixed >> 15) / f64::from(u32::MAX) * 2.0 - 1.0
+}
+
+fn shaken(exact: PixelBox, seed: u32, step: u32) -> PixelBox {
+    PixelBox {
+        cx_px: exact.cx_px + 0.5 * jitter(seed, step),
+        cy_px: exact.cy_px + 0.5 * jitter(seed + 1, step),
+        width_px: exact.width_px * (1.0 + 0.1 * jitter(seed + 2, step)),
+        height_px: exact.height_px * (1.0 + 0.1 * jitter(seed + 3, step)),
+    }
+}
+
+/// The tracks of the boxes of each picture, and which tracks count.
+fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
+    let mut tracker = Tracker::of_pictures(pictures.len());
+    let tracks = pictures
+        .iter()
+        .map(|boxes| {
+            tracker.advance(period_s);
+            tracker.take(boxes, Searched::Everywhere)
+        })
+        .collect();
+    (tracks, tracker.finish())
+}
+
+/// An approach at 70 m/s, seen by a camera 60 m beside its path with a focal length of 11,000 px, from so many metres.
+fn approach(range_m: f64) -> PixelBox {
+    let px_per_m = 11_000.0 / range_m;
+    at(
+        960.0 + 60.0 * px_per_m,
+        640.0 - 5.0 * px_per_m,
+        35.0 * px_per_m,
+    )
+}
+
+#[test]
+fn an_approach_is_one_track_at_any_picture_rate() {
+    for period_s in [1.0 / 30.0, 0.5, 1.0, 2.0, 1.0 / 0.3] {
+        let pictures: Vec<_> = (0..)
+            .map(|step| (step, 18_520.0 - 70.0 * period_s * f64::from(step)))
+            .take_while(|(_, range_m)| *range_m > 800.0)
+            .map(|(step, range_m)| vec![shaken(approach(range_m), 7, step)])
+            .collect();
+        let (tracks, counts) = track(period_s, &pictures);
+        assert!(
+            tracks.iter().all(|tracks| *tracks == [0]),
+            "every {period_s} s: {tracks:?}"
+        );
+        assert_eq!(counts, [true], "every {period_s} s");
+    }
+}
+
+#[test]
+fn three_boxes_in_five_pictures_confirm_a_track_with_its_first_box() {
+    for (seen, is_confirmed) in [
+        ([1, 0, 1, 0, 1], true),
+        ([1, 1, 1, 0, 0], true),
+        ([1, 1, 0, 0, 0], false),
+        ([1, 0, 0, 0, 0], false),
+        ([1, 0, 0, 1, 0], false),
+    ] {
+        let pictures: Vec<_> = seen
+            .into_iter()
+            .chain([0; 9])
+            .map(|seen| vec![at(100.0, 100.0, 21.0); seen])
+            .collect();
+        let (_, counts) = track(0.1, &pictures);
+        assert_eq!(counts, [is_confirmed], "{seen:?}");
+    }
+}
+
+#[test]
+fn a_view_of_two_pictures_needs_a_box_in_both() {
+    let here = vec![at(100.0, 100.0, 21.0)];
+    assert_eq!(track(1.0, &[here.clone(), here.clone()]).1, [true]);
+    assert_eq!(track(1.0, &[here.clone(), Vec::new()]).1, [false]);
+    assert_eq!(track(1.0, &[here]).1, [true]);
+}
+
+#[test]
+fn boxes_all_over_the_picture_confirm_nothing() {
+    let pictures: Vec<_> = (0..300)
+        .map(|step| {
+            let place = |seed| 960.0 + 950.0 * jitter(seed, step);
+            vec![at(place(1), place(5), 20.0), at(place(9), place(13), 30.0)]
+        })
+        .collect();
+    let (_, counts) = track(1.0 / 30.0, &pictures);
+    let confirmed = counts.iter().filter(|counts| **counts).count();
+    assert!(confirmed == 0, "{confirmed} of {}", counts.len());
+}
+
+#[test]
+fn aircraft_that_cross_keep_their_tracks() {
+    // 100 px/s towards each other on almost the same line; for some pictures they are one box.
+    let pictures: Vec<_> = (0..120)
+        .map(|step| {
+            let way_px = f64::from(step) * 100.0 / 30.0;
+            let one = at(300.0 + way_px, 400.0, 24.0);
+            let other = at(700.0 - way_px, 403.0, 21.0);
+            if one.iou(&other) > 0.3 {
+                return vec![one];
+            }
+            // The order of boxes says nothing.
+            match step % 2 {
+                0 => vec![shaken(one, 3, step), shaken(other, 30, step)],
+                _ => vec![shaken(other, 30, step), shaken(one, 3, step)],
+            }
+        })
+        .collect();
+    let (tracks, counts) = track(1.0 / 30.0, &pictures);
+    for (boxes, tracks) in pictures.iter().zip(&tracks) {
+        for (seen, track) in boxes.iter().zip(tracks) {
+            if boxes.len() == 2 {
+                assert_eq!(*track, u32::from(seen.cy_px > 401.5), "{tracks:?}");
+            }
+        }
+    }
+    assert_eq!(counts, [true, true]);
+}
+
+#[test]
+fn a_gap_of_a_second_does_not_end_a_track_and_one_of_three_does() {
+    for (gap, expected) in [(30, 0), (90, 1)] {
+        let pictures: Vec<_> = (0..60 + gap)
+            .map(|step| {
+                let seen = at(300.0 + f64::from(step), 400.0, 24.0);
+                vec![seen; usize::from(!(30..30 + gap).contains(&step))]
+            })
+            .collect();
+        let (tracks, counts) = track(1.0 / 30.0, &pictures);
+        assert_eq!(*tracks.last().unwrap(), [expected], "after {gap} pictures");
+        assert!(counts.iter().all(|counts| *counts));
+    }
+}
+
+#[test]
+fn a_track_that_was_not_looked_for_does_not_end() {
+    let mut tracker = Tracker::of_pictures(100);
+    for _ in 0..3 {
+        tracker.advance(0.1);
+        tracker.take(&[at(300.0, 400.0, 24.0)], Searched::Everywhere);
+    }
+    for _ in 0..40 {
+        tracker.advance(0.1);
+        tracker.take(&[], Searched::Around(&[]));
+    }
+    assert_eq!(tracker.expected(0.1).len(), 1);
+    for _ in 0..40 {
+        tracker.advance(0.1);
+        tracker.take(&[], Searched::Around(&[0]));
+    }
+    assert_eq!(tracker.expected(0.1), []);
+}
+
+#[test]
+fn a_confirmed_aircraft_that_was_just_seen_is_missed_at_once_and_only_once() {
+    let mut tracker = Tracker::of_pictures(100);
+    let here = at(300.0, 400.0, 24.0);
+    for step in 0..4 {
+        tracker.advance(0.1);
+        assert_eq!(tracker.loses_any(&[]), step == 3);
+        tracker.take(&[here], Searched::Everywhere);
+    }
+    tracker.advance(0.1);
+    assert!(tracker.loses_any(&[at(900.0, 400.0, 24.0)]));
+    assert!(!tracker.loses_any(&[here]));
+    tracker.take(&[], Searched::Everywhere);
+    tracker.advance(0.1);
+    assert!(!tracker.loses_any(&[]));
+}
+
+#[test]
+fn what_stands_still_for_a_minute_is_no_arriving_aircraft() {
+    let pictures = |seconds: u32, seen: fn(f64) -> PixelBox| -> Vec<_> {
+        (0..seconds * 5)
+            .map(|step| vec![shaken(seen(f64::from(step) / 5.0), 11, step)])
+            .collect()
+    };
+    let mast: fn(f64) -> PixelBox = |_| at(900.0, 500.0, 40.0);
+    // Straight towards the camera from 13 NM: it only grows.
+    let head_on: fn(f64) -> PixelBox =
+        |time_s| at(960.0, 600.0, 35.0 * 11_000.0 / (24_000.0 - 70.0 * time_s));
+    assert_eq!(track(0.2, &pictures(70, mast)).1, [false]);
+    assert_eq!(
+        track(0.2, &pictures(50, mast)).1,
+        [true],
+        "too short to know"
+    );
+    assert_eq!(track(0.2, &pictures(70, head_on)).1, [true]);
+}

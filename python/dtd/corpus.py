@@ -1,0 +1,210 @@
+"""A corpus: its tables over all scenarios, its cameras, its pictures."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import polars as pl
+
+from dtd.camera import Camera
+from dtd.files import CorpusError, read_json, recorded, sealed
+from dtd.video import Picture, Video
+
+_PER_VIEW = ("sim_frame_", "pts_", "echo_", "camera_")
+"""Columns of frames.parquet that have one copy for each view begin so and end with the view."""
+
+
+class Corpus:
+    """A folder that `dtd generate` made. Every table has a column `scenario`; other columns are those of docs/dataset.md."""
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        folders = self.path / "scenarios"
+        if not folders.is_dir():
+            raise CorpusError(f"{self.path} is no corpus: it has no folder scenarios/")
+        self._scenarios = {
+            folder.name: folder
+            for folder in sorted(folders.iterdir())
+            if folder.suffix != ".partial" and ((folder / "DONE.json").exists() or (folder / "DONE.json.new").exists())
+        }
+
+    def __repr__(self) -> str:
+        return f"Corpus({str(self.path)!r}): {len(self._scenarios)} scenarios"
+
+    @property
+    def ids(self) -> list[str]:
+        """Identifiers of the complete scenarios, sorted."""
+        return list(self._scenarios)
+
+    @cached_property
+    def _sides(self) -> dict[str, dict[str, str]]:
+        path = self.path / "splits.json"
+        return dict(read_json(path)["scenarios"]) if path.exists() else {}
+
+    def record(self, scenario: str) -> dict[str, Any]:
+        """`scenario.json`: all parameters of a scenario."""
+        return dict(read_json(sealed(self._folder(scenario), "scenario.json")))
+
+    def scenarios(self) -> pl.DataFrame:
+        """One row per scenario: what it is, and its side of the split."""
+        rows = []
+        for scenario in self._scenarios:
+            record = self.record(scenario)
+            rate, conditions, runway = record["frame_rate"], record["conditions"], record["runway"]
+            rows.append(
+                {
+                    "scenario": scenario,
+                    "side": self._sides.get(scenario, {}).get("side"),
+                    "trajectory": record["trajectory"],
+                    "time_of_day": conditions["time_of_day"],
+                    "weather": conditions["weather_name"],
+                    "visibility_m": float(conditions["weather"]["visibility_m"]),
+                    "airport": runway["airport"],
+                    "runway": runway["name"],
+                    "frame_rate": rate["numerator"] / rate["denominator"],
+                    "ticks": record["ticks"],
+                    "rig": record["rig"],
+                    "views": record["views"],
+                }
+            )
+        return pl.DataFrame(rows)
+
+    def ticks(self) -> pl.DataFrame:
+        """One row per scenario and tick: time, pose, and, after `dtd label`, the distance to touchdown."""
+
+        def shared(table: pl.LazyFrame, views: list[str]) -> pl.LazyFrame:
+            names = table.collect_schema().names()
+            endings = tuple(f"_{view}" for view in views)
+            return table.select(name for name in names if not (name.startswith(_PER_VIEW) and name.endswith(endings)))
+
+        return self._together(
+            shared(pl.scan_parquet(sealed(folder, "frames.parquet")), self.views_of(scenario)).select(
+                pl.lit(scenario).alias("scenario"), pl.all()
+            )
+            for scenario, folder in self._scenarios.items()
+        )
+
+    def views(self) -> pl.DataFrame:
+        """One row per scenario, tick and view: the picture's timestamp, the pose and the camera that the simulator reports."""
+
+        def of_view(table: pl.LazyFrame, scenario: str, view: str) -> pl.LazyFrame:
+            ending = f"_{view}"
+            columns = {
+                name: name.removesuffix(ending)
+                for name in table.collect_schema().names()
+                if name.startswith(_PER_VIEW) and name.endswith(ending)
+            }
+            return table.select(
+                pl.lit(scenario).alias("scenario"),
+                pl.lit(view).alias("view"),
+                pl.col("tick"),
+                *(pl.col(name).alias(short) for name, short in columns.items()),
+            )
+
+        return self._together(
+            of_view(pl.scan_parquet(sealed(folder, "frames.parquet")), scenario, view)
+            for scenario, folder in self._scenarios.items()
+            for view in self.views_of(scenario)
+        )
+
+    def boxes(self) -> pl.DataFrame:
+        """The true boxes, after `dtd label`: one row per scenario, tick and view that shows the aircraft."""
+        return self._long("boxes_truth.parquet", sealed, "has no true boxes: run `dtd label` on it first")
+
+    def detections(self, model: str | None = None) -> pl.DataFrame:
+        """What a detector found, after `dtd detect`. `model`: its file name or the start of its hash, if the corpus has several."""
+        return self._of_model("detections", "table_blake3", model)
+
+    def registrations(self, model: str | None = None) -> pl.DataFrame:
+        """Where the aircraft of each view is in the first view, after `dtd detect`."""
+        return self._of_model("registrations", "registrations_blake3", model)
+
+    def predictions(self, run: str | Path) -> pl.DataFrame:
+        """What the estimators of a run say, after `dtd evaluate`: one row per scenario of the test side and tick."""
+        path = sealed(Path(run), "predictions.parquet")
+        if not path.exists():
+            raise CorpusError(f"{run} has no predictions: run `dtd evaluate` on it first")
+        return pl.read_parquet(path)
+
+    def views_of(self, scenario: str) -> list[str]:
+        """The views of a scenario, in their order."""
+        return list(self.record(scenario)["views"])
+
+    def camera(self, scenario: str, view: str) -> Camera:
+        """The camera of a view. Each scenario has its own."""
+        cameras = read_json(sealed(self._folder(scenario), "calibration.json"))["cameras"]
+        _refuse_other_than(cameras, view, f"view of scenario {scenario}")
+        return Camera.of_calibration(cameras[view])
+
+    def video(self, scenario: str, view: str) -> Video:
+        """The pictures of a view, to be read in order or by tick."""
+        folder = self._folder(scenario)
+        _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
+        column = f"pts_{view}"
+        timestamps = pl.read_parquet(sealed(folder, "frames.parquet"), columns=[column])[column]
+        for ending in (".mp4", ".mov"):
+            path = folder / "views" / (view + ending)
+            if path.exists():
+                return Video(path, timestamps.to_numpy())
+        raise CorpusError(f"{folder / 'views'} has no video of view {view}")
+
+    def frame(self, scenario: str, view: str, tick: int) -> Picture:
+        """A single picture: height x width x 3, RGB."""
+        with self.video(scenario, view) as video:
+            return video[tick]
+
+    def frames(self, scenario: str, view: str) -> Iterator[Picture]:
+        """All pictures of a view in order, each decoded once."""
+        with self.video(scenario, view) as video:
+            yield from video
+
+    def _folder(self, scenario: str) -> Path:
+        _refuse_other_than(self._scenarios, scenario, f"complete scenario of {self.path}")
+        return self._scenarios[scenario]
+
+    def _long(self, name: str, path_of: Callable[[Path, str], Path], otherwise: str) -> pl.DataFrame:
+        paths = {scenario: path_of(folder, name) for scenario, folder in self._scenarios.items()}
+        tables = [
+            pl.scan_parquet(path).select(pl.lit(scenario).alias("scenario"), pl.all())
+            for scenario, path in paths.items()
+            if path.exists()
+        ]
+        if not tables:
+            raise CorpusError(f"{self.path} {otherwise}")
+        return self._together(tables)
+
+    def _of_model(self, folder: str, hash_field: str, model: str | None) -> pl.DataFrame:
+        records: dict[str, dict[str, Any]] = {}
+        names: dict[str, str] = {}
+        for scenario, place in self._scenarios.items():
+            for path in sorted((place / "detections").glob("*.json")):
+                record = read_json(path)
+                if hash_field in record and model in (None, path.stem, record["model"], Path(record["model"]).stem):
+                    records.setdefault(path.stem, {})[scenario] = record[hash_field]
+                    names[path.stem] = record["model"]
+        if not records:
+            of_model = f" of model {model}" if model else ""
+            raise CorpusError(f"{self.path} has no {folder}{of_model}: run `dtd detect` on it first")
+        if len(records) > 1:
+            several = ", ".join(f"{names[name]} ({name})" for name in records)
+            raise CorpusError(f"{self.path} has {folder} of several models; choose one: {several}")
+        ((stem, hashes),) = records.items()
+        return self._together(
+            pl.scan_parquet(recorded(self._scenarios[scenario] / folder / f"{stem}.parquet", blake3)).select(
+                pl.lit(scenario).alias("scenario"), pl.all()
+            )
+            for scenario, blake3 in hashes.items()
+        )
+
+    @staticmethod
+    def _together(tables: Iterable[pl.LazyFrame]) -> pl.DataFrame:
+        """Scenarios of one corpus may have been labelled or made by different versions: a column that one lacks is null there."""
+        parts = pl.collect_all(list(tables))
+        return pl.concat(parts, how="diagonal_relaxed") if parts else pl.DataFrame()
+
+
+def _refuse_other_than(choices: Collection[str], name: str, what: str) -> None:
+    if name not in choices:
+        some = ", ".join(list(choices)[:5])
+        raise CorpusError(f"{name!r} is no {what}; there are {len(choices)}: {some}{', ...' if len(choices) > 5 else ''}")

@@ -1,0 +1,93 @@
+"""The pictures of a view."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import av
+import numpy as np
+import numpy.typing as npt
+from av.video.frame import VideoFrame
+from av.video.reformatter import Colorspace, VideoReformatter
+
+from dtd.files import CorpusError
+
+Picture = npt.NDArray[np.uint8]
+
+
+class Video:
+    """A view's video. Pictures are arrays of height x width x 3, RGB, 8 bits; picture k belongs to tick k.
+
+    Reading in order decodes each picture once; a jump decodes from the key frame before it.
+    """
+
+    def __init__(self, path: Path, timestamps: npt.ArrayLike) -> None:
+        """`timestamps`: the `pts` of every tick."""
+        self.path = path
+        self._pts = np.asarray(timestamps, np.int64)
+        self._tick_of = {int(pts): tick for tick, pts in enumerate(self._pts)}
+        self._container = av.open(str(path))
+        self._stream = self._container.streams.video[0]
+        self._stream.thread_type = "AUTO"
+        self._reformatter = VideoReformatter()
+        self._decoder: Iterator[VideoFrame] | None = None
+        self._next_tick = 0
+
+    def __len__(self) -> int:
+        """Number of pictures."""
+        return len(self._pts)
+
+    def __iter__(self) -> Iterator[Picture]:
+        """All pictures, from the first."""
+        for tick in range(len(self)):
+            yield self[tick]
+
+    def __getitem__(self, tick: int) -> Picture:
+        """The picture of a tick."""
+        if not 0 <= tick < len(self):
+            raise IndexError(f"{self.path} has the ticks 0 to {len(self) - 1}, not {tick}")
+        wanted = int(self._pts[tick])
+        if self._decoder is None or tick < self._next_tick or self._is_far(tick):
+            self._container.seek(wanted, stream=self._stream, backward=True, any_frame=False)
+            self._decoder = self._container.decode(self._stream)
+        for frame in self._decoder:
+            at = self._tick_of.get(frame.pts) if frame.pts is not None else None
+            if at is None:
+                raise CorpusError(f"{self.path} has a picture with timestamp {frame.pts}, which belongs to no tick")
+            self._next_tick = at + 1
+            if at == tick:
+                return self._rgb(frame)
+            if at > tick:
+                break
+        self._decoder = None
+        raise CorpusError(f"{self.path} has no picture of tick {tick} (timestamp {wanted})")
+
+    def _is_far(self, tick: int) -> bool:
+        """Whether a key frame lies between the last picture and this one, as far as the container knows."""
+        first, last = int(self._pts[self._next_tick]), int(self._pts[tick])
+        if last - first <= 0:
+            return False
+        entry = self._stream.index_entries.search_timestamp(last, backward=True, any_frame=False)
+        return entry >= 0 and self._stream.index_entries[entry].timestamp > first
+
+    def _rgb(self, frame: VideoFrame) -> Picture:
+        # Videos of this project are BT.709 and say so; FFmpeg's converter has to be told.
+        source = Colorspace.ITU601 if frame.colorspace in (5, 6) else Colorspace.ITU709
+        return np.asarray(self._reformatter.reformat(frame, format="rgb24", src_colorspace=source).to_ndarray(), np.uint8)
+
+    def close(self) -> None:
+        """Closes the file."""
+        self._decoder = None
+        self._container.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        value: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
