@@ -67,8 +67,7 @@ impl Detector for BlobFinder {
 }
 
 fn blobs_in(picture: &PictureView<'_>, window: Window) -> Vec<ScoredBox> {
-    assert_eq!(window.shrink, 1, "blobs in tests are small");
-    let end = |start: u32, side: u32, length: u32| (start + side).min(length);
+    let end = |start: u32, side: u32, length: u32| (start + side * window.shrink).min(length);
     let rows = window.top_px..end(window.top_px, window.height_px, picture.height_px);
     let green =
         |column: u32, row: u32| picture.rgb[((row * picture.width_px + column) * 3 + 1) as usize];

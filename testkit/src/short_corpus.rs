@@ -1,4 +1,4 @@
-//! Corpora of three ticks a scenario: down the glide path of Changi 02L in front of the cameras of the default rig, without labels.
+//! Corpora of few ticks a scenario: down the glide path of Changi 02L in front of the cameras of the default rig, without labels.
 
 use std::fs;
 use std::path::Path;
@@ -18,7 +18,7 @@ use crate::scenario::{self, record, stamp};
 
 /// Remaining distance at tick 0, metres.
 pub const START_M: f64 = 9_260.0;
-/// Displacement between two ticks, metres.
+/// Displacement in a second, metres.
 const STEP_M: f64 = 70.0;
 const TICKS: u32 = 3;
 const RATE: FrameRate = FrameRate {
@@ -44,32 +44,55 @@ pub fn write_with_videos(
 ) -> Corpus {
     let corpus = Corpus::create(root).unwrap();
     for id in ids {
-        let folder = corpus.partial_scenario(id);
-        fs::create_dir_all(folder.root().join("views")).unwrap();
-        record(id, RATE, TICKS)
-            .write(&folder.record_path())
-            .unwrap();
-        Calibration::from_poses(wide_baseline(&changi_02l()), width_px, height_px)
-            .write(&folder.calibration_path())
-            .unwrap();
-        frames().write(&folder.frames_path()).unwrap();
-        for view in VIEWS {
-            let Some(paint) = paint else { continue };
-            let path = folder.video_path(view);
-            let mut writer =
-                VideoWriter::create(&path, &VideoSettings::default(), width_px, height_px, RATE)
-                    .unwrap();
-            let mut rgb = vec![0; (width_px * height_px * 3) as usize];
-            for tick in 0..TICKS {
-                paint(view, tick, &mut rgb);
-                writer.write(&rgb).unwrap();
-            }
-            writer.finish().unwrap();
-        }
-        seal_folder(folder.root(), "config").unwrap();
-        commit_folder(folder.root(), corpus.scenario(id).root()).unwrap();
+        write_scenario(&corpus, id, [width_px, height_px], (RATE, TICKS), paint);
     }
     corpus
+}
+
+/// A corpus of one committed scenario with so many ticks at this rate, and pictures of this size.
+pub fn write_flight(
+    root: &Path,
+    id: &str,
+    size_px: [u32; 2],
+    rate: FrameRate,
+    ticks: u32,
+    paint: Painter<'_>,
+) -> Corpus {
+    let corpus = Corpus::create(root).unwrap();
+    write_scenario(&corpus, id, size_px, (rate, ticks), Some(paint));
+    corpus
+}
+
+fn write_scenario(
+    corpus: &Corpus,
+    id: &str,
+    [width_px, height_px]: [u32; 2],
+    (rate, ticks): (FrameRate, u32),
+    paint: Option<Painter<'_>>,
+) {
+    let folder = corpus.partial_scenario(id);
+    fs::create_dir_all(folder.root().join("views")).unwrap();
+    record(id, rate, ticks)
+        .write(&folder.record_path())
+        .unwrap();
+    Calibration::from_poses(wide_baseline(&changi_02l()), width_px, height_px)
+        .write(&folder.calibration_path())
+        .unwrap();
+    frames(rate, ticks).write(&folder.frames_path()).unwrap();
+    for view in VIEWS {
+        let Some(paint) = paint else { continue };
+        let path = folder.video_path(view);
+        let settings = VideoSettings::default();
+        let mut writer = VideoWriter::create(&path, &settings, width_px, height_px, rate).unwrap();
+        let mut rgb = vec![0; (width_px * height_px * 3) as usize];
+        for tick in 0..ticks {
+            paint(view, tick, &mut rgb);
+            writer.write(&rgb).unwrap();
+        }
+        writer.finish().unwrap();
+    }
+    seal_folder(folder.root(), "config").unwrap();
+    commit_folder(folder.root(), corpus.scenario(id).root()).unwrap();
 }
 
 /// A tick, one a second, without views.
@@ -77,10 +100,11 @@ pub fn frame(tick: u32, pose: Pose) -> TickRow {
     scenario::frame(tick, RATE, pose)
 }
 
-fn frames() -> Frames {
+fn frames(rate: FrameRate, ticks: u32) -> Frames {
     let row = |tick: u32| {
-        let bare = frame(tick, on_glide_path(START_M - STEP_M * f64::from(tick), 0.0));
-        let views = VIEWS.map(|view| stamp(u64::from(tick) + 100, &bare, RATE, placed(view)));
+        let flown_m = STEP_M * rate.time_of_tick(tick).seconds();
+        let bare = scenario::frame(tick, rate, on_glide_path(START_M - flown_m, 0.0));
+        let views = VIEWS.map(|view| stamp(u64::from(tick) + 100, &bare, rate, placed(view)));
         TickRow {
             views: views.to_vec(),
             ..bare
@@ -88,6 +112,6 @@ fn frames() -> Frames {
     };
     Frames {
         views: VIEWS.map(str::to_owned).to_vec(),
-        rows: (0..TICKS).map(row).collect(),
+        rows: (0..ticks).map(row).collect(),
     }
 }

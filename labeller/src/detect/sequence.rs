@@ -271,3 +271,6 @@ impl Detector for Timed<'_> {
         self.detector.description()
     }
 }
+
+#[cfg(test)]
+mod tests;

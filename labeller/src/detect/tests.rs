@@ -582,3 +582,5 @@ fn two_runs_share_the_scenarios_and_both_end_when_all_are_searched() {
     assert_eq!(searched, ids);
     assert_eq!(first.unchanged.len() + second.unchanged.len(), ids.len());
 }
+
+mod bad_videos;

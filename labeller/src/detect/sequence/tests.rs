@@ -1,0 +1,180 @@
+use dataset::corpus::Corpus;
+use dataset::frame_rate::FrameRate;
+use testkit::short_corpus;
+
+use super::super::view_search::{Finder, ViewFindings, search_view};
+use super::*;
+use crate::blob_finder::{BlobFinder, paint_blob};
+
+const WIDTH: u32 = 1280;
+const HEIGHT: u32 = 768;
+const LIVE: FrameRate = FrameRate {
+    numerator: 30,
+    denominator: 1,
+};
+const EACH_SECOND: FrameRate = FrameRate {
+    numerator: 1,
+    denominator: 1,
+};
+
+/// Where a blob is at a tick, if it is there: its left-most column and top-most row.
+type Path = fn(u32) -> Option<[u32; 2]>;
+
+/// 24 x 8 pixels.
+fn blob([left, top]: [u32; 2]) -> PixelBox {
+    let [left, top] = [left, top].map(|edge| f64::from(edge) - 0.5);
+    PixelBox::from_edges(left, top, left + 24.0, top + 8.0)
+}
+
+fn flight(root: &std::path::Path, rate: FrameRate, ticks: u32, paths: &[Path]) -> Corpus {
+    let paint = |_: &str, tick: u32, rgb: &mut [u8]| {
+        rgb.fill(20);
+        for place in paths.iter().filter_map(|path| path(tick)) {
+            paint_blob(rgb, WIDTH, &blob(place));
+        }
+    };
+    short_corpus::write_flight(root, "0001-a", [WIDTH, HEIGHT], rate, ticks, &paint)
+}
+
+fn search(
+    corpus: &Corpus,
+    finder: &mut BlobFinder,
+    mode: Mode,
+    full_search_s: f64,
+) -> ViewFindings {
+    let scenario = corpus.scenario("0001-a").open().unwrap();
+    let view = ViewTicks::of(&scenario.frames().unwrap()).remove(0);
+    let tiling = TilingSettings::default();
+    let modes = ModeSettings {
+        mode,
+        full_search_s,
+    };
+    let finder = Finder::Model {
+        detector: finder,
+        tiling: &tiling,
+        modes: &modes,
+    };
+    search_view(&scenario, &view, finder, &mut |_| Ok(())).unwrap()
+}
+
+/// How each picture was searched: `f`ull, `t`racked or `s`caled; a capital if it has no box.
+fn modes_of(findings: &ViewFindings, ticks: u32) -> String {
+    let Detections { boxes, misses } = &findings.detections;
+    let letter = |mode: SearchMode| mode.word().chars().next().unwrap();
+    let of_tick = |tick: u32| {
+        let found = boxes.iter().find(|found| found.tick == tick);
+        let miss = misses.iter().find(|miss| miss.tick == tick);
+        match (found, miss) {
+            (Some(found), None) => letter(found.mode),
+            (None, Some(miss)) => letter(miss.mode).to_ascii_uppercase(),
+            (found, miss) => panic!("tick {tick} has {found:?} and {miss:?}"),
+        }
+    };
+    (0..ticks).map(of_tick).collect()
+}
+
+#[test]
+fn tracked_finds_the_boxes_of_full_in_a_fraction_of_the_windows() {
+    let temporary = tempfile::tempdir().unwrap();
+    let paths: [Path; 2] = [
+        |tick| Some([100 + 2 * tick, 200]),
+        |tick| Some([900 - 3 * tick, 500 + tick]),
+    ];
+    let corpus = flight(temporary.path(), LIVE, 45, &paths);
+    for mut finder in [BlobFinder::default(), BlobFinder::of_any_size()] {
+        let full = search(&corpus, &mut finder, Mode::Full, 1.0);
+        let first_windows = full.windows - 2 * 45;
+        let tracked = search(&corpus, &mut finder, Mode::Tracked, 1.0);
+        assert_eq!(modes_of(&full, 45), "f".repeat(45));
+        let once_a_second = format!("f{}f{}", "t".repeat(29), "t".repeat(14));
+        assert_eq!(modes_of(&tracked, 45), once_a_second);
+        assert_eq!(tracked.windows, 2 * 45 + first_windows * 2 / 45);
+        let boxes = |findings: &ViewFindings| {
+            let mut boxes: Vec<_> = findings.detections.boxes.clone();
+            boxes.sort_by_key(|found| (found.tick, found.track));
+            let row =
+                |found: Detection| (found.tick, found.track, found.pixel_box, found.confirmed);
+            boxes.into_iter().map(row).collect::<Vec<_>>()
+        };
+        assert_eq!(boxes(&tracked), boxes(&full));
+        assert!(full.detections.boxes.iter().all(|found| found.confirmed));
+    }
+}
+
+#[test]
+fn an_aircraft_that_is_lost_is_looked_for_everywhere_at_once() {
+    let temporary = tempfile::tempdir().unwrap();
+    let jumps: Path = |tick| Some(if tick < 20 { [100, 200] } else { [900, 600] });
+    let corpus = flight(temporary.path(), LIVE, 28, &[jumps]);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Tracked, 1.0);
+    let expected = format!("f{}f{}", "t".repeat(19), "t".repeat(7));
+    assert_eq!(modes_of(&found, 28), expected);
+    let tracks: Vec<_> = found
+        .detections
+        .boxes
+        .iter()
+        .map(|found| found.track)
+        .collect();
+    assert_eq!(tracks, [[Some(0)].repeat(20), [Some(1)].repeat(8)].concat());
+}
+
+#[test]
+fn an_aircraft_that_is_gone_is_lost_and_an_empty_view_is_searched_at_the_period_only() {
+    let temporary = tempfile::tempdir().unwrap();
+    let goes: Path = |tick| (tick < 5).then_some([100 + tick, 200]);
+    let corpus = flight(temporary.path(), LIVE, 100, &[goes]);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
+    // The whole picture was searched less than a quarter of a second before it went.
+    let expected: String = (0..100)
+        .map(|tick| match (tick % 30, tick < 5) {
+            (0, true) => 'f',
+            (0, false) => 'F',
+            (_, true) => 't',
+            (_, false) => 'T',
+        })
+        .collect();
+    assert_eq!(modes_of(&found, 100), expected);
+    let reason = |tick: u32| {
+        let misses = &found.detections.misses;
+        misses.iter().find(|miss| miss.tick == tick).unwrap().reason
+    };
+    assert_eq!(reason(15), MissReason::Lost);
+    assert_eq!(reason(30), MissReason::Nothing);
+    assert_eq!(reason(99), MissReason::NotSearched);
+}
+
+#[test]
+fn auto_searches_the_whole_picture_while_an_aircraft_moves_by_more_than_its_length() {
+    let temporary = tempfile::tempdir().unwrap();
+    let brakes: Path = |tick| {
+        let fast = tick.min(8);
+        Some([100 + 60 * fast + 4 * (tick - fast), 300])
+    };
+    let corpus = flight(temporary.path(), EACH_SECOND, 20, &[brakes]);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 100.0);
+    let modes = modes_of(&found, 20);
+    assert!(modes.ends_with("ttttt"), "{modes}");
+    // Nothing is known of the motion of an aircraft that was seen once.
+    assert!(modes[2..8].chars().all(|mode| mode == 'f'), "{modes}");
+    assert!(found.detections.boxes.iter().all(|found| found.confirmed));
+}
+
+#[test]
+fn scaled_searches_every_picture_once_in_one_window() {
+    let temporary = tempfile::tempdir().unwrap();
+    let still: Path = |_| Some([100, 200]);
+    let corpus = flight(temporary.path(), LIVE, 5, &[still]);
+    let found = search(&corpus, &mut BlobFinder::of_any_size(), Mode::Scaled, 1.0);
+    assert_eq!((modes_of(&found, 5), found.windows), ("sssss".into(), 5));
+}
+
+#[test]
+fn the_time_of_a_search_is_told_apart_by_stage() {
+    let temporary = tempfile::tempdir().unwrap();
+    let still: Path = |_| Some([100, 200]);
+    let corpus = flight(temporary.path(), LIVE, 5, &[still]);
+    let cpu_s = search(&corpus, &mut BlobFinder::default(), Mode::Full, 1.0).cpu_s;
+    for part_s in [cpu_s.decode, cpu_s.convert, cpu_s.infer, cpu_s.rest] {
+        assert!(part_s > 0.0, "{cpu_s:?}");
+    }
+}
