@@ -52,6 +52,7 @@ pub(crate) const DETECT: &str = "\
 Examples:
   dtd detect corpus
   dtd detect corpus --model detector.onnx
+  dtd detect corpus --mode full          every picture whole, at several times the cost (docs/tracks.md)
 
 Environment:
   ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
