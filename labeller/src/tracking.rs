@@ -67,7 +67,7 @@ struct History {
 pub(crate) struct Expected {
     pub(crate) track: u32,
     pub(crate) pixel_box: PixelBox,
-    /// How far it moves between two pictures, in lengths of its box.
+    /// How far it may move between two pictures, in lengths of its box.
     pub(crate) lengths_moved: f64,
     pub(crate) is_confirmed: bool,
 }

@@ -28,7 +28,7 @@ pub enum Mode {
 pub struct ModeSettings {
     /// How pictures are searched.
     pub mode: Mode,
-    /// Time between searches of whole pictures if aircraft are followed, seconds.
+    /// Time between searches of whole pictures, seconds; longer at low picture rates while an aircraft is followed.
     pub full_search_s: f64,
 }
 

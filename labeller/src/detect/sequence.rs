@@ -18,9 +18,11 @@ use crate::tracking::{Expected, Searched, Tracker};
 /// After a loss the whole picture is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
 /// in every other picture.
 const LOSS_PART: f64 = 0.25;
+/// While an aircraft is followed, at least so many pictures lie between two that are searched whole without need.
+const LEAST_PERIOD: f64 = 5.0;
 /// A picture that is due within this part of the time since the last one is due now.
 const DUE_PART: f64 = 0.5;
-/// An aircraft that moves further between two pictures, in lengths of its box, is looked for everywhere.
+/// An aircraft that may move further between two pictures, in lengths of its box, is looked for everywhere.
 const MOST_LENGTHS: f64 = 1.0;
 /// A box this close to the border of its window may be cut off there, pixels.
 const BORDER_PX: f64 = 1.5;
@@ -105,7 +107,11 @@ impl<'a> Sequence<'a> {
                 .is_none_or(|last_s| now_s - last_s >= period_s - DUE_PART * since_s)
         };
         let may_follow_loss = has_passed(LOSS_PART * self.modes.full_search_s);
-        if is_too_fast || has_passed(self.modes.full_search_s) {
+        let period_s = match expected.iter().any(|expected| expected.is_confirmed) {
+            true => self.modes.full_search_s.max(LEAST_PERIOD * since_s),
+            false => self.modes.full_search_s,
+        };
+        if is_too_fast || has_passed(period_s) {
             return self.everywhere(pictures);
         }
         let looked = self.around(pictures, &expected)?;

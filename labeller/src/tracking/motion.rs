@@ -107,10 +107,12 @@ impl Motion {
         }
     }
 
-    /// How far the centre moves in so many seconds, in lengths of the box.
+    /// How far the centre may move in so many seconds, in lengths of the box: two standard deviations more than expected.
     pub(super) fn lengths_moved(&self, seconds: f64) -> f64 {
-        let speed = self.numbers[0].rate.hypot(self.numbers[1].rate);
-        speed * seconds / length_px(&self.expected())
+        let [right, down, ..] = &self.numbers;
+        let expected = right.rate.hypot(down.rate);
+        let error = right.rate_variance.max(down.rate_variance).sqrt();
+        (expected + 2.0 * error) * seconds / length_px(&self.expected())
     }
 
     /// Squared Mahalanobis distance of a box from the expected one: about 4 for a box of this aircraft.

@@ -154,8 +154,18 @@ fn auto_searches_the_whole_picture_while_an_aircraft_moves_by_more_than_its_leng
     let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 100.0);
     let modes = modes_of(&found, 20);
     assert!(modes.ends_with("ttttt"), "{modes}");
-    // Nothing is known of the motion of an aircraft that was seen once.
-    assert!(modes[2..8].chars().all(|mode| mode == 'f'), "{modes}");
+    assert!(modes[..8].chars().all(|mode| mode == 'f'), "{modes}");
+    assert!(found.detections.boxes.iter().all(|found| found.confirmed));
+}
+
+#[test]
+fn at_one_picture_a_second_every_fifth_is_searched_whole_while_a_slow_aircraft_is_followed() {
+    let temporary = tempfile::tempdir().unwrap();
+    let slow: Path = |tick| Some([100 + 4 * tick, 300]);
+    let corpus = flight(temporary.path(), EACH_SECOND, 16, &[slow]);
+    let found = search(&corpus, &mut BlobFinder::default(), Mode::Auto, 1.0);
+    // The motion of an aircraft that was seen once is not known, and it is not confirmed before the third picture.
+    assert_eq!(modes_of(&found, 16), "fffttttfttttfttt");
     assert!(found.detections.boxes.iter().all(|found| found.confirmed));
 }
 
