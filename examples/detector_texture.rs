@@ -18,7 +18,7 @@ use detector_training::corpus_samples::{JudgedFrame, read_frames, videos};
 use detector_training::evaluation::{Evaluation, Spread, judge};
 use detector_training::grid::ScoredBox;
 use detector_training::picture::contrast;
-use labeller::detector::{OrtDetector, OrtOptions, PictureView};
+use labeller::detector::{Device, OrtDetector, OrtOptions, PictureView};
 use labeller::tiling::{TilingSettings, find_aircraft};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -93,6 +93,7 @@ fn search_all(
 ) -> Result<Vec<Vec<ScoredBox>>, Box<dyn Error>> {
     let options = OrtOptions {
         library: None,
+        device: Device::CPU,
         threads: std::thread::available_parallelism().map_or(1, usize::from),
         batch: 1,
     };

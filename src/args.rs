@@ -13,6 +13,7 @@ use clap_complete::Shell;
 use dataset::memory::Bytes;
 use generator::generate::Simulators;
 use generator::shard::Shard;
+use labeller::Device;
 use mock_xplane::quirks::Quirks;
 use mock_xplane::server::Faults;
 use store::{CorpusLocation, StoreUrl};
@@ -321,15 +322,15 @@ pub(crate) struct DetectArgs {
     /// Folder of the corpus
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
-    /// The detector, an ONNX file with a YOLO-like output [default: the one that ships]
+    /// The detector, an ONNX file of a YOLO model [default: the one that ships]
     ///
-    /// The one that ships is for pictures of the stand-in.
+    /// The one that ships is for pictures of the stand-in. Which models work, and the settings next to them: docs/detectors.md.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
     #[command(flatten)]
-    pub(crate) onnx_runtime: OnnxRuntimeArg,
+    pub(crate) runtime: RuntimeArgs,
     /// Detect again even if this model's detections exist
     #[arg(long)]
     pub(crate) again: bool,
@@ -338,13 +339,19 @@ pub(crate) struct DetectArgs {
     pub(crate) json: bool,
 }
 
+/// How a model runs.
 #[derive(Debug, ClapArgs)]
-pub(crate) struct OnnxRuntimeArg {
+pub(crate) struct RuntimeArgs {
     /// ONNX Runtime's library, an absolute path
     ///
     /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
     #[arg(long = "onnx-runtime", value_name = "FILE")]
     pub(crate) library: Option<PathBuf>,
+    /// Where the model runs: cpu, cuda, tensorrt, openvino, coreml or directml, and :N for the N-th one
+    ///
+    /// All but cpu need a build of ONNX Runtime that has them (docs/detectors.md).
+    #[arg(long, value_name = "DEVICE", default_value = "cpu")]
+    pub(crate) device: Device,
 }
 
 #[derive(Debug, ClapArgs)]
@@ -365,8 +372,8 @@ pub(crate) struct TrainArgs {
     /// All resulting settings are saved in RUN/config.json.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
-    /// Model whose detections to train on, by its hash, if the corpus has several
-    #[arg(long, value_name = "HASH")]
+    /// Model whose detections to train on, by its file name or hash, if the corpus has several
+    #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
     /// Seed of weights and batches
     #[arg(long, value_name = "N")]
@@ -605,7 +612,7 @@ pub(crate) struct DemoArgs {
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
     #[command(flatten)]
-    pub(crate) onnx_runtime: OnnxRuntimeArg,
+    pub(crate) runtime: RuntimeArgs,
     /// Folder for the corpus and the run
     #[arg(long, value_name = "FOLDER", default_value = "target/demo", value_parser = output())]
     pub(crate) out: PathBuf,

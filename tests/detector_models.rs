@@ -1,17 +1,25 @@
-//! `dtd detect` with hostile models and libraries: every output shape, windows and batches that exceed any memory, NaN, and
-//! libraries that another user could have planted.
+//! `dtd detect` with the models of others: every output layout, other tasks and contradicting settings; and with hostile ones: windows
+//! and batches that exceed any memory, NaN, and libraries that another user could have planted.
+
+#[path = "detector_models/layouts.rs"]
+mod layouts;
+#[path = "detector_models/model.rs"]
+mod model;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
-use detector_training::onnx::{
-    AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
-    StringStringEntryProto, TensorProto, ValueInfoProto,
+use dataset::corpus::Corpus;
+use dataset::detections::{self, Detection};
+use detector_training::onnx::Dimension;
+use layouts::{
+    CORNERS, HIDDEN, PICTURE_PX, SCORE, cells, columns_with, efficient_nms, final_rows,
+    objects_row, of_any_size, rows_with,
 };
-use prost::Message;
-use testkit::command::{Dtd, said, text};
+use model::{Answer, Model, open, windows_of};
+use testkit::command::{Dtd, json, said, text};
 use testkit::files::copy_folder;
 use testkit::sweep::SmallSweep;
 use testkit::{repository, skipped};
@@ -82,91 +90,29 @@ fn corpus(folder: &Path) -> PathBuf {
     copy
 }
 
-fn node(op_type: &str, inputs: &[&str], outputs: &[&str]) -> NodeProto {
-    NodeProto {
-        op_type: op_type.into(),
-        input: inputs.iter().map(ToString::to_string).collect(),
-        output: outputs.iter().map(ToString::to_string).collect(),
-        ..NodeProto::default()
-    }
+/// Runs `dtd detect` in a copy of the corpus.
+trait Detect {
+    /// In a folder of its own.
+    fn detect(&self) -> Output;
+
+    /// In `folder`, with more arguments.
+    fn detect_in(&self, folder: &Path, more: &[&str]) -> Output;
 }
 
-/// A model that answers every picture with the same number everywhere, in one shape. It takes windows of `input`.
-struct Constant<'a> {
-    input: [Dimension; 4],
-    /// Of the output; 0 where the model adopts the actual size.
-    shape: &'a [i64],
-    number: f32,
-    profile: Option<&'a str>,
-}
-
-fn open(name: &str) -> Dimension {
-    Dimension::Named(name.into())
-}
-
-/// Any number of windows of that size.
-fn windows_of(size_px: i64) -> [Dimension; 4] {
-    [
-        open("batch"),
-        Dimension::Fixed(3),
-        Dimension::Fixed(size_px),
-        Dimension::Fixed(size_px),
-    ]
-}
-
-impl Constant<'_> {
-    fn write(&self, path: &Path) {
-        // The input must be used: its sum times 0 is added.
-        let expand = [
-            node("ReduceMax", &["pictures"], &["largest"]),
-            node("Mul", &["largest", "zero"], &["nothing"]),
-            node("Add", &["nothing", "number"], &["filled"]),
-            node("Expand", &["filled", "shape"], &["boxes"]),
-        ];
-        let mut expand = expand.to_vec();
-        expand[0].attribute = vec![AttributeProto::int("keepdims", 0)];
-        // Lengths that the file leaves open, so that only running the model reveals them.
-        let rank: Vec<Dimension> = (0..self.shape.len())
-            .map(|at| open(&format!("length{at}")))
-            .collect();
-        let graph = GraphProto {
-            name: "constant".into(),
-            node: expand,
-            initializer: vec![
-                TensorProto::floats("zero", &[1], &[0.0]),
-                TensorProto::floats("number", &[1], &[self.number]),
-                TensorProto::integers("shape", self.shape),
-            ],
-            input: vec![ValueInfoProto::floats("pictures", &self.input)],
-            output: vec![ValueInfoProto::floats("boxes", &rank)],
-        };
-        let model = ModelProto {
-            ir_version: 8,
-            graph: Some(graph),
-            opset_import: vec![OperatorSetIdProto {
-                domain: String::new(),
-                version: 17,
-            }],
-            metadata_props: self
-                .profile
-                .iter()
-                .map(|profile| StringStringEntryProto {
-                    key: "dtd_profile".into(),
-                    value: (*profile).into(),
-                })
-                .collect(),
-            ..ModelProto::default()
-        };
-        fs::write(path, model.encode_to_vec()).unwrap();
-    }
-
+impl Detect for Model<'_> {
     fn detect(&self) -> Output {
         let folder = tempfile::tempdir().unwrap();
-        let model = folder.path().join("model.onnx");
+        self.detect_in(folder.path(), &[])
+    }
+
+    /// In a copy of the corpus in `folder`.
+    fn detect_in(&self, folder: &Path, more: &[&str]) -> Output {
+        let model = folder.join("model.onnx");
         self.write(&model);
         dtd()
-            .args(["detect", text(&corpus(folder.path())), "--json"])
+            .args(["detect", text(&corpus(folder)), "--json"])
             .args(["--model", text(&model)])
+            .args(more)
             .output()
             .unwrap()
     }
@@ -174,52 +120,185 @@ impl Constant<'_> {
 
 #[test]
 fn empty_answers_of_every_layout_are_no_detections() {
-    for (shape, profile) in [
-        (&[1, 0, 6][..], None),
-        (&[0, 7], None),
-        (&[1, 84, 0], Some(r#"{"layout": "columns"}"#)),
-        (&[1, 0, 85], Some(r#"{"layout": "anchor-rows"}"#)),
-        (&[1, 0, 6], Some(r#"{"layout": "corners"}"#)),
-    ] {
-        let output = Constant {
-            input: windows_of(64),
-            shape,
-            number: 0.0,
-            profile,
-        }
-        .detect();
+    let none: [(&[i64], &[(&str, &str)]); 7] = [
+        (&[1, 0, 6], &[]),
+        (&[0, 7], &[]),
+        (&[1, 84, 0], &[("dtd_profile", r#"{"layout": "columns"}"#)]),
+        (
+            &[1, 0, 85],
+            &[("dtd_profile", r#"{"layout": "anchor-rows"}"#)],
+        ),
+        (&[1, 0, 6], &[("dtd_profile", r#"{"layout": "corners"}"#)]),
+        (&[1, 0, 6], &[("dtd_profile", r#"{"layout": "rows"}"#)]),
+        (
+            &[1, 0, 6],
+            &[("task", "detect"), ("names", "{0: 'airplane'}")],
+        ),
+    ];
+    for (shape, metadata) in none {
+        let model = Model::of(vec![Answer::constant(shape, 0.0)]).with_metadata(metadata);
+        let output = model.detect();
         assert_eq!(
             output.status.code(),
             Some(0),
             "{shape:?}: {}",
             said(&output)
         );
-        let outcome: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(outcome["counts"]["detections"], 0, "{shape:?}");
+        assert_eq!(json(&output)["counts"]["detections"], 0, "{shape:?}");
     }
 }
 
 #[test]
 fn a_hundred_thousand_boxes_end() {
-    let output = Constant {
-        input: windows_of(64),
-        shape: &[1, 100_000, 6],
-        // Overlapping boxes of 30 px, all with full score.
-        number: 30.0,
-        profile: None,
-    }
-    .detect();
+    // Overlapping boxes of 30 px, all with full score.
+    let output = Model::of(vec![Answer::constant(&[1, 100_000, 6], 30.0)]).detect();
     assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+}
+
+/// That each picture has the hidden box and no other, with this middle.
+fn assert_found(case: &str, output: &Output, corpus: &Path, middle: [f64; 2]) {
+    assert_eq!(output.status.code(), Some(0), "{case}: {}", said(output));
+    let outcome = json(output);
+    let hash = outcome["model_hash"].as_str().unwrap();
+    let mut pictures = 0;
+    for scenario in Corpus::open(corpus).unwrap().scenarios().unwrap() {
+        let scenario = scenario.open().unwrap();
+        let found = scenario.detections(hash).unwrap().boxes;
+        assert_eq!(
+            found.len() as u64,
+            scenario.record().unwrap().pictures(),
+            "{case}"
+        );
+        pictures += found.len();
+        for Detection {
+            pixel_box, score, ..
+        } in found
+        {
+            let [cx_px, cy_px] = middle;
+            let errors = [
+                pixel_box.cx_px - cx_px,
+                pixel_box.cy_px - cy_px,
+                pixel_box.width_px - f64::from(HIDDEN[2]),
+                pixel_box.height_px - f64::from(HIDDEN[3]),
+                score - f64::from(SCORE),
+            ];
+            assert!(
+                errors.iter().all(|error| error.abs() < 1e-3),
+                "{case}: {pixel_box:?} {score}"
+            );
+        }
+    }
+    assert!(pictures > 0, "{case}");
+}
+
+#[test]
+fn every_layout_of_a_wide_model_gives_the_aircraft_at_its_place() {
+    let plain = cells(&[8, 16, 32]);
+    let hidden = |classes, class| objects_row(HIDDEN, classes, class);
+    let yolox = {
+        // Stride 16 starts after 12 x 8 cells; cell (2, 1) of its 6 x 4 starts at 32, 16.
+        let [cx, cy, width, height] = HIDDEN;
+        let relative = [
+            (cx - 32.0) / 16.0,
+            (cy - 16.0) / 16.0,
+            (width / 16.0).ln(),
+            (height / 16.0).ln(),
+        ];
+        let row = objects_row(relative, 80, 4);
+        rows_with(plain, cells(&[8]) + 6 + 2, &row)
+    };
+    let end_to_end = {
+        let row = |class: f32| [&[0.0][..], &CORNERS, &[class, SCORE]].concat();
+        Answer::floats("output", &[2, 7], [row(4.0), row(0.0)].concat())
+    };
+    let ultralytics = |names| [("task", "detect"), ("stride", "32"), ("names", names)];
+    let planes = ultralytics("{0: 'drone', 1: 'plane', 2: 'bird'}");
+    let airplanes = ultralytics(r#"{0: "drone", 1: "airplane"}"#);
+    let coco = [("stride", "32"), ("names", "['person', 'airplane']")];
+    let corner = [40.0, 30.0];
+    let settings = "layout = 'rows'\naircraft_class = 2\nbox_origin = 'pixel-corner'\n";
+    let cases: [(&str, Model<'_>, [f64; 2]); 13] = [
+        (
+            "v5, v7",
+            Model::of(vec![rows_with(3 * plain, 50, &hidden(80, 4))]),
+            corner,
+        ),
+        (
+            "v5, one class",
+            Model::of(vec![rows_with(3 * plain, 50, &hidden(1, 0))]),
+            corner,
+        ),
+        (
+            "v5, named",
+            Model::of(vec![rows_with(3 * plain, 50, &hidden(2, 1))]).with_metadata(&coco),
+            corner,
+        ),
+        ("v7 end to end", Model::of(vec![end_to_end]), corner),
+        ("efficient nms", Model::of(efficient_nms()), corner),
+        (
+            "v8, v11",
+            Model::of(vec![columns_with(plain, 80, 4)]),
+            corner,
+        ),
+        (
+            "v8, one class",
+            Model::of(vec![columns_with(plain, 1, 0)]),
+            corner,
+        ),
+        (
+            "v11, named",
+            Model::of(vec![columns_with(plain, 3, 1)]).with_metadata(&planes),
+            corner,
+        ),
+        ("v10, v26", Model::of(vec![final_rows(300, 4.0)]), corner),
+        (
+            "v11 with suppression",
+            Model::of(vec![final_rows(100, 1.0)]).with_metadata(&airplanes),
+            corner,
+        ),
+        ("yolox", Model::of(vec![yolox]), corner),
+        (
+            "ours",
+            Model::of(vec![rows_with(cells(&[8]), 50, &hidden(1, 0))]),
+            [40.5, 30.5],
+        ),
+        (
+            "settings",
+            Model::of(vec![rows_with(50, 7, &hidden(3, 2))]).with_settings(settings),
+            corner,
+        ),
+    ];
+    let [width, height] = PICTURE_PX.map(|side_px| Dimension::Fixed(side_px as i64));
+    for (case, model, middle) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let input = [
+            Dimension::Fixed(1),
+            Dimension::Fixed(3),
+            height.clone(),
+            width.clone(),
+        ];
+        let output = model.with_input(input).detect_in(folder.path(), &[]);
+        assert_found(case, &output, &folder.path().join("corpus"), middle);
+    }
+}
+
+#[test]
+fn a_model_of_any_size_is_told_by_its_open_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("any.onnx");
+    fs::write(&model, of_any_size()).unwrap();
+    let corpus = corpus(folder.path());
+    let output = dtd()
+        .args(["detect", text(&corpus), "--json", "--model", text(&model)])
+        .output()
+        .unwrap();
+    assert_found("any", &output, &corpus, [40.0, 30.0]);
 }
 
 #[test]
 fn what_no_detector_takes_or_answers_is_bad_input_that_names_it() {
-    let usual = || Constant {
-        input: windows_of(64),
-        shape: &[1, 10, 6],
-        number: 0.0,
-        profile: None,
-    };
+    let constant = |shape: &[i64], number| Model::of(vec![Answer::constant(shape, number)]);
+    let usual = || constant(&[1, 10, 6], 0.0);
     let fixed_batch = |batch| {
         let mut input = windows_of(64);
         input[0] = Dimension::Fixed(batch);
@@ -229,77 +308,216 @@ fn what_no_detector_takes_or_answers_is_bad_input_that_names_it() {
         let mut input = windows_of(64);
         input[2] = open("side");
         input[3] = open("side");
-        input
+        usual().with_input(input)
     };
-    let cases = [
+    let profile = |text| [("dtd_profile", text)];
+    let (none, huge) = (
+        profile(r#"{"input": {"size_px": 0}}"#),
+        profile(r#"{"input": {"size_px": 20000}}"#),
+    );
+    let black = profile(r#"{"input": {"scale": 0.0}}"#);
+    let cases: [(Model<'_>, &[&str]); 8] = [
         (
-            Constant {
-                input: windows_of(20_000),
-                ..usual()
-            },
-            "windows of 20000 px, expected 32 to 4096",
+            usual().with_input(windows_of(20_000)),
+            &["windows of 20000 px, expected 32 to 4096"],
         ),
         (
-            Constant {
-                input: fixed_batch(1_000_000_000),
-                ..usual()
-            },
-            "takes 1000000000 windows",
+            usual().with_input(fixed_batch(1_000_000_000)),
+            &["takes 1000000000 windows"],
+        ),
+        (open_size().with_metadata(&none), &["input.size_px = 0"]),
+        (open_size().with_metadata(&huge), &["input.size_px = 20000"]),
+        (
+            usual().with_metadata(&black),
+            &["input.scale", "dtd_profile"],
         ),
         (
-            Constant {
-                input: open_size(),
-                profile: Some(r#"{"input": {"size_px": 0}}"#),
-                ..usual()
-            },
-            "input.size_px = 0",
+            constant(&[1, 10, 6], f32::NAN),
+            &["output \"boxes\" is NaN at [0, 0, 0] of [1, 10, 6]"],
         ),
         (
-            Constant {
-                input: open_size(),
-                profile: Some(r#"{"input": {"size_px": 20000}}"#),
-                ..usual()
-            },
-            "input.size_px = 20000",
+            constant(&[1, 10], 0.0),
+            &[
+                "\"pictures\" Tensor<f32>",
+                "\"boxes\" Tensor<f32>(1, 10)",
+                "model.onnx.toml",
+            ],
+        ),
+        (constant(&[0, 10, 6], 0.0), &["has the shape [0, 10, 6]"]),
+    ];
+    for (model, words) in cases {
+        assert_refused(&model, words);
+    }
+}
+
+/// Bad input, with these words, and nothing written.
+fn assert_refused(model: &Model<'_>, words: &[&str]) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = model.detect_in(folder.path(), &[]);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+    for word in words.iter().chain(&["model.onnx"]) {
+        assert!(said.contains(word), "{word} in {said}");
+    }
+    for scenario in fs::read_dir(folder.path().join("corpus/scenarios")).unwrap() {
+        assert!(!scenario.unwrap().path().join("detections").exists());
+    }
+}
+
+#[test]
+fn a_model_of_another_task_is_bad_input_that_says_so() {
+    let columns = |classes| columns_with(84, classes, 0);
+    let task = |task| [("task", task), ("names", "{0: 'airplane'}")];
+    let (segment, pose, classify) = (task("segment"), task("pose"), task("classify"));
+    let names = [("names", "{0: 'airplane'}")];
+    let masks = || Answer::floats("output1", &[1, 2, 4, 4], vec![0.0; 32]);
+    let cases: [(Model<'_>, &[&str]); 6] = [
+        (
+            Model::of(vec![columns(33), masks()]).with_metadata(&segment),
+            &["task \"segment\"", "expected one for \"detect\""],
         ),
         (
-            Constant {
-                profile: Some(r#"{"input": {"scale": 0.0}}"#),
-                ..usual()
-            },
-            "input.scale",
+            Model::of(vec![columns(52)]).with_metadata(&pose),
+            &["task \"pose\""],
         ),
         (
-            Constant {
-                number: f32::NAN,
-                ..usual()
-            },
-            "output \"boxes\" is NaN at [0, 0, 0] of [1, 10, 6]",
+            Model::of(vec![Answer::constant(&[1, 1000], 0.0)]).with_metadata(&classify),
+            &["task \"classify\""],
+        ),
+        // The same without the word.
+        (
+            Model::of(vec![columns(33), masks()]),
+            &[
+                "segmentation",
+                "\"output0\" Tensor<f32>(1, 37, 84)",
+                "\"output1\"",
+            ],
         ),
         (
-            Constant {
-                shape: &[1, 10],
-                ..usual()
-            },
-            "output \"boxes\" has the shape [1, 10]",
+            Model::of(vec![columns(52)]).with_metadata(&names),
+            &["lists 1 class", "52 classes"],
         ),
         (
-            Constant {
-                shape: &[0, 10, 6],
-                ..usual()
-            },
-            "has the shape [0, 10, 6]",
+            Model::of(vec![Answer::constant(&[1, 1000], 0.0)]),
+            &["a classifier"],
         ),
     ];
-    for (model, expected) in cases {
-        let output = model.detect();
-        let said = said(&output);
-        assert_eq!(output.status.code(), Some(2), "{expected}: {said}");
+    for (model, words) in cases {
+        assert_refused(&model, words);
+    }
+}
+
+#[test]
+fn settings_that_contradict_the_model_are_refused_with_both_sides() {
+    let model = || Model::of(vec![columns_with(84, 3, 1)]);
+    let cases: [(&str, &[&str]); 6] = [
+        (
+            "[input]\nsize_px = 416\n",
+            &["input.size_px = 416", "windows of 64x64 px"],
+        ),
+        ("aircraft_class = 3\n", &["aircraft_class = 3", "3 classes"]),
+        (
+            "layout = 'batch-corners'\n",
+            &[
+                "layout = \"batch-corners\"",
+                "[boxes, 7]",
+                "Tensor<f32>(1, 7, 84)",
+            ],
+        ),
+        (
+            "layout = 'efficient-nms'\n",
+            &["layout = \"efficient-nms\"", "four outputs"],
+        ),
+        ("", &["3 classes", "aircraft_class"]),
+        (
+            "aircraft_clas = 1\n",
+            &[
+                "model.onnx.toml:1:1",
+                "aircraft_clas",
+                "aircraft_class",
+                "^",
+            ],
+        ),
+    ];
+    for (settings, words) in cases {
+        assert_refused(&model().with_settings(settings), words);
+    }
+}
+
+#[test]
+fn detections_are_told_apart_by_model_and_settings_and_verify_accepts_both() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = |class| Model::of(vec![columns_with(84, 80, class)]);
+    let bare = model(4).detect_in(folder.path(), &[]);
+    let hash = blake3::hash(&model(4).onnx()).to_string();
+    let outcome = json(&bare);
+    assert_eq!(outcome["model_hash"], hash[..16], "{}", said(&bare));
+    assert_eq!(outcome["model"], "model.onnx");
+    let path = folder.path().join("model.onnx");
+    let corpus = folder.path().join("corpus");
+    let detect = |settings: &str| {
+        fs::write(path.with_extension("onnx.toml"), settings).unwrap();
+        let output = dtd()
+            .args(["detect", text(&corpus), "--json", "--model", text(&path)])
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        json(&output)
+    };
+    let unchanged = detect("# nothing yet\n");
+    assert_eq!(unchanged["model_hash"], hash[..16]);
+    assert_eq!(unchanged["detected"].as_array().unwrap().len(), 0);
+    let other = detect("aircraft_class = 5\n");
+    assert_ne!(other["model_hash"], hash[..16]);
+    assert_eq!(other["counts"]["detections"], 0);
+    let verified = dtd().args(["verify", text(&corpus)]).output().unwrap();
+    assert_eq!(verified.status.code(), Some(0), "{}", said(&verified));
+    // Which of them is meant has to be said.
+    let train = dtd()
+        .args(["train", text(&corpus), "--quick", "--out"])
+        .arg(folder.path().join("run"))
+        .args(["--detections", "model.onnx"])
+        .output()
+        .unwrap();
+    assert_eq!(train.status.code(), Some(2), "{}", said(&train));
+    for name in [&outcome, &other] {
+        let listed = format!("model.onnx ({})", name["model_hash"].as_str().unwrap());
+        assert!(said(&train).contains(&listed), "{}", said(&train));
+    }
+}
+
+#[test]
+fn the_device_is_recorded_and_one_that_the_library_lacks_is_bad_input_that_says_where_to_get_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = Model::of(vec![columns_with(84, 80, 4)]);
+    // No build for Linux has it.
+    let lacking = model.detect_in(folder.path(), &["--device", "directml:1"]);
+    assert_eq!(lacking.status.code(), Some(2), "{}", said(&lacking));
+    for word in [
+        "directml:1",
+        "has only cpu",
+        "onnxruntime-directml",
+        "--onnx-runtime",
+        "ORT_DYLIB_PATH",
+    ] {
         assert!(
-            said.contains(expected) && said.contains("model.onnx"),
-            "{said}"
+            said(&lacking).contains(word),
+            "{word} in {}",
+            said(&lacking)
         );
     }
+    let unknown = model.detect_in(folder.path(), &["--device", "gpu"]);
+    assert_eq!(unknown.status.code(), Some(2), "{}", said(&unknown));
+    assert!(said(&unknown).contains("cuda"), "{}", said(&unknown));
+    let output = model.detect_in(folder.path(), &["--device", "cpu"]);
+    let outcome = json(&output);
+    assert_eq!(outcome["device"], "cpu", "{}", said(&output));
+    let hash = outcome["model_hash"].as_str().unwrap();
+    let corpus = Corpus::open(&folder.path().join("corpus")).unwrap();
+    let first = corpus.scenarios().unwrap().remove(0);
+    let record = fs::read(detections::record_path(&first, hash)).unwrap();
+    let record: serde_json::Value = serde_json::from_slice(&record).unwrap();
+    assert_eq!(record["device"], "cpu");
 }
 
 #[test]

@@ -16,6 +16,7 @@ use std::time::{Duration, Instant, SystemTime};
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::Corpus;
 use dataset::detections::{self, Detection, NewTables};
+use dataset::model_identity::ModelIdentity;
 use dataset::pixel_box::PixelBox;
 use s3_server::{S3Server, Way};
 use serde_json::Value;
@@ -593,10 +594,15 @@ fn detect(corpus: &Path, score: f64) -> PathBuf {
         height_px: 2.0,
     };
     let view = source.record().unwrap().views[0].clone();
-    let (model, hash) = ("abc", format!("abc{}", "0".repeat(61)));
+    let model = "abc";
+    let detector = ModelIdentity {
+        model: None,
+        model_blake3: format!("{model}{}", "0".repeat(61)),
+        profile_blake3: None,
+    };
     let found = vec![Detection::untracked(0, view, pixel_box, score, 0)].into();
     let tables = NewTables::unregistered(&found);
-    detections::replace(&claim, &source, &hash, model, tables, |provenance| {
+    detections::replace(&claim, &source, &detector, model, tables, |provenance| {
         provenance
     })
     .unwrap();

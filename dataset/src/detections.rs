@@ -1,9 +1,10 @@
 //! `detections/` and `registrations/`: what a model detected in the videos of a scenario, and where the same aircraft is in two views.
 //!
-//! They are not sealed: each model has its own. `detections/<model>.json` records what made the table next to it, from which videos,
-//! and the hashes of that table and of `registrations/<model>.parquet`, if there is one, so a reader can check that they belong
-//! together ([`Provenance`]). They change together like the files of a seal: each table is written as `<model>.parquet.new`, the
-//! record takes effect, and readers look for the tables by their hashes under both names.
+//! They are not sealed: each model with its settings has its own. `detections/<model>.json`, where `<model>` is the start of the hash of
+//! both ([`ModelIdentity`]), records what made the table next to it, from which videos, and the hashes of that table and of
+//! `registrations/<model>.parquet`, if there is one, so a reader can check that they belong together ([`Provenance`]). They change
+//! together like the files of a seal: each table is written as `<model>.parquet.new`, the record takes effect, and readers look for the
+//! tables by their hashes under both names.
 
 mod table;
 
@@ -17,6 +18,7 @@ use crate::claim::Claim;
 use crate::corpus::ScenarioFolder;
 use crate::error::{Error, Result};
 use crate::json_file::write_json;
+use crate::model_identity::{ModelIdentity, NamedDetections};
 use crate::new_file::{clear_leftovers, sync};
 use crate::open_scenario::OpenScenario;
 use crate::outside_file::{self, FileKind};
@@ -38,8 +40,9 @@ pub const REGISTRATIONS: &str = "registrations";
 /// The part of the record of detections that every reader needs.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// BLAKE3 hash of the model file.
-    pub model_blake3: String,
+    /// What made them.
+    #[serde(flatten)]
+    pub detector: ModelIdentity,
     /// Hash of the scenario's parameters, as in its seal.
     pub config_hash: String,
     /// BLAKE3 hashes of the searched videos, by view, as in the manifest.
@@ -106,6 +109,15 @@ pub fn models_of(folder: &ScenarioFolder) -> Result<Vec<String>> {
 pub fn provenance(folder: &ScenarioFolder, model: &str) -> Result<Option<Provenance>> {
     let record = record(folder, model)?;
     record.map(|bytes| parse(&bytes, folder, model)).transpose()
+}
+
+/// The detections of this name as people tell them apart. The model is missing if the record cannot be read.
+pub fn named(folder: &ScenarioFolder, name: &str) -> NamedDetections {
+    let provenance = provenance(folder, name).ok().flatten();
+    NamedDetections {
+        model: provenance.and_then(|provenance| provenance.detector.model),
+        hash: name.to_owned(),
+    }
 }
 
 /// The table of a model's detections. `is_source` checks whether they were made from the current files.
@@ -206,7 +218,7 @@ impl<'a> NewTables<'a> {
 pub fn replace<R: Serialize>(
     _claim: &Claim,
     source: &OpenScenario,
-    model_blake3: &str,
+    detector: &ModelIdentity,
     model: &str,
     tables: NewTables<'_>,
     record: impl FnOnce(Provenance) -> R,
@@ -234,7 +246,7 @@ pub fn replace<R: Serialize>(
         renames.push((new, beside.clone()));
     }
     let provenance = Provenance {
-        model_blake3: model_blake3.to_owned(),
+        detector: detector.clone(),
         config_hash: source.seal().config_hash.clone(),
         videos_blake3: source.videos_blake3(),
         table_blake3: hash_file(&renames[0].0)?,
@@ -285,18 +297,21 @@ fn parse(bytes: &[u8], folder: &ScenarioFolder, model: &str) -> Result<Provenanc
             format!("does not say what its table was made from ({error}); run `dtd detect` on the corpus with that model again"),
         )
     })?;
-    let hash = &provenance.model_blake3;
-    let is_hash = hash.len() == blake3::OUT_LEN * 2
-        && hash
-            .bytes()
-            .all(|digit| matches!(digit, b'0'..=b'9' | b'a'..=b'f'));
-    if !is_hash || model.is_empty() || !hash.starts_with(model) {
+    let detector = &provenance.detector;
+    if !detector.has_name(model) {
+        let hash = &detector.model_blake3;
+        let found = match &detector.profile_blake3 {
+            None => {
+                format!("has the model_blake3 {hash:?}, expected 64 hexadecimal digits that begin")
+            }
+            Some(profile) => format!(
+                "has the model_blake3 {hash:?} and the profile_blake3 {profile:?}, expected 64 hexadecimal digits each, whose hash begins"
+            ),
+        };
+        let advice = "remove it and run `dtd detect` on the corpus with that model again";
         return Err(Error::corpus(
             &record_path(folder, model),
-            format!(
-                "has the model_blake3 {hash:?}, expected 64 hexadecimal digits that begin with {model}, its name; run `dtd detect` on the \
-                 corpus with that model again"
-            ),
+            format!("{found} with {model}, its name; {advice}"),
         ));
     }
     Ok(provenance)

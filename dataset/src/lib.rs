@@ -25,6 +25,7 @@ pub mod imaging;
 pub mod json_file;
 pub mod limits;
 pub mod memory;
+pub mod model_identity;
 pub mod new_file;
 pub mod open_scenario;
 mod others_decoder;

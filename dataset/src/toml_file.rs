@@ -78,11 +78,12 @@ impl<'a> TomlFile<'a> {
 
 /// The parser's message without the names of Rust's types, which are Greek to the authors of files.
 fn in_words_of_toml(message: &str) -> String {
-    const WORDS: [(&str, &str); 4] = [
+    const WORDS: [(&str, &str); 5] = [
         ("u64", "a whole number from 0"),
         ("u32", "a whole number from 0"),
         ("usize", "a whole number from 0"),
         ("f64", "a number"),
+        ("f32", "a number"),
     ];
     let words = WORDS.iter().find_map(|(name, words)| {
         let found = message.strip_suffix(name)?.strip_suffix("expected ")?;

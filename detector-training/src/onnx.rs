@@ -136,7 +136,7 @@ impl AttributeProto {
     }
 
     /// Numbers.
-    pub(crate) fn ints(name: &str, values: &[i64]) -> Self {
+    pub fn ints(name: &str, values: &[i64]) -> Self {
         Self {
             name: name.into(),
             ints: values.to_vec(),

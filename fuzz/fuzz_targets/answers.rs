@@ -15,7 +15,7 @@ struct Made {
     numbers: Vec<f32>,
     windows: u8,
     window_px: [u16; 2],
-    class: Option<u8>,
+    class: u8,
     corner: bool,
     /// In 255ths.
     floor: u8,
@@ -30,6 +30,7 @@ fuzz_target!(|made: Made| detector::decode(&made));
 #[allow(dead_code, reason = "only the decoders are called")]
 mod detector {
     mod answer;
+    mod efficient_nms;
     mod layout;
     mod model_file;
     mod profile;
@@ -37,18 +38,20 @@ mod detector {
 
     use super::Made;
     use answer::{Answer, numbers_of};
+    use efficient_nms::NmsAnswer;
     use layout::{Decoding, Layout};
-    use profile::{BoxOrigin, ModelProfile};
+    use profile::BoxOrigin;
 
     /// More would be slow and teach nothing.
     const MOST_NUMBERS: usize = 1 << 16;
-    const LAYOUTS: [Layout; 6] = [
+    const LAYOUTS: [Layout; 7] = [
         Layout::Rows,
         Layout::AnchorRows,
         Layout::Yolox,
         Layout::Columns,
         Layout::Corners,
         Layout::BatchCorners,
+        Layout::EfficientNms,
     ];
 
     /// As in the labeller.
@@ -58,16 +61,39 @@ mod detector {
         pub score: f64,
     }
 
+    /// The same numbers as four outputs: joined to one, or refused.
+    fn join(batch: usize, boxes: usize, numbers: &[f32]) {
+        let of = |count: usize| -> Vec<f32> {
+            let endless = numbers.iter().chain([&1.0]).copied().cycle();
+            endless.take(count).collect()
+        };
+        let (counts, scores, corners) = (of(batch), of(batch * boxes), of(batch * boxes * 4));
+        let (each, room) = ([batch, boxes], [batch, boxes, 4]);
+        let answers = [
+            Answer::new(&each[..1], &counts),
+            Answer::new(&room, &corners),
+            Answer::new(&each, &scores),
+        ];
+        if let [Ok(counts), Ok(corners), Ok(scores)] = answers {
+            let classes = scores;
+            let nms = NmsAnswer {
+                counts,
+                corners,
+                scores,
+                classes,
+            };
+            if let Ok((shape, joined)) = nms.joined() {
+                assert_eq!(shape.iter().product::<usize>(), joined.len());
+            }
+        }
+    }
+
     pub(super) fn decode(made: &Made) {
         let shape: Vec<usize> = made.shape.iter().map(|side| usize::from(*side)).collect();
         let window_px = made.window_px.map(u32::from);
-        let profile = ModelProfile {
-            aircraft_class: made.class.map(usize::from),
-            box_origin: made.corner.then_some(BoxOrigin::PixelCorner),
-            ..ModelProfile::default()
-        };
         let said = LAYOUTS.get(usize::from(made.layout)).copied();
-        let Some(layout) = said.or_else(|| Layout::of_shape(&shape, window_px)) else {
+        let Some(layout) = said.or_else(|| Layout::of_shape(&shape, window_px, made.corner))
+        else {
             return;
         };
         let count = match numbers_of(&shape) {
@@ -81,10 +107,17 @@ mod detector {
         };
         let decoding = Decoding {
             layout,
-            profile: &profile,
+            class: made.class.into(),
+            origin: match made.corner {
+                true => BoxOrigin::PixelCorner,
+                false => layout.usual_origin(),
+            },
             window_px,
             score_floor: f64::from(made.floor) / 255.0,
         };
+        if let &[batch, boxes, _] = &shape[..] {
+            join(batch.min(8), boxes.min(64), &made.numbers);
+        }
         let windows = usize::from(made.windows % 8);
         let Ok(found) = decoding.decode(answer, windows) else {
             return;

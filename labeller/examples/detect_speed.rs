@@ -7,7 +7,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use labeller::detector::{Detector, OrtDetector, OrtOptions, PictureView};
+use labeller::detector::{Detector, Device, OrtDetector, OrtOptions, PictureView};
 use labeller::tiling::{TilingSettings, find_aircraft};
 
 /// Pictures per worker.
@@ -32,6 +32,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                     Path::new(model),
                     &OrtOptions {
                         library,
+                        device: Device::CPU,
                         threads,
                         batch,
                     },

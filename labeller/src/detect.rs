@@ -1,7 +1,7 @@
 //! Runs a detector over the videos of a corpus.
 //!
 //! Input: the videos and timestamps of committed scenarios, and a model. Output: `detections/<model>.parquet` and next to it
-//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the model's hash; with several views also
+//! `<model>.json` ([`DetectionRecord`]), where `<model>` is the start of the hash of model and settings; with several views also
 //! `registrations/<model>.parquet`, measured from the same decoded pictures. Several views are decoded and searched in parallel, and a
 //! scenario is written as soon as its last view is done. A scenario that another process searches is left to it. Each worker holds one
 //! picture and one session, and each scenario in work the surroundings of boxes whose other view is not decoded yet, so memory does not
@@ -26,11 +26,12 @@ use std::time::Duration;
 
 use dataset::claim::Claimed;
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::model_identity::ModelIdentity;
 use dataset::open_scenario::OpenScenario;
 use dataset::registrations::Registration;
 use serde::Serialize;
 
-use crate::detector::{Detector, ModelFile, OrtDetector, OrtOptions};
+use crate::detector::{Detector, Device, ModelFile, ModelProfile, OrtDetector, OrtOptions};
 use crate::error::{Error, Result};
 use crate::outcome::{Failure, Progress, Watch};
 use crate::statistics::DetectionCounts;
@@ -39,8 +40,6 @@ pub use cpu_time::CpuTime;
 use job::{End, ScenarioJob, ViewJob};
 pub use mode::{Mode, ModeSettings};
 
-/// Digits of a model's hash that name its detections.
-const MODEL_HASH_DIGITS: usize = 16;
 /// How often a scenario that another process searches is looked at.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
 
@@ -49,6 +48,8 @@ const POLL_INTERVAL: Duration = Duration::from_millis(200);
 pub struct DetectOptions {
     /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own.
     pub onnx_runtime: Option<PathBuf>,
+    /// Where the model runs. Detections made elsewhere count as the same.
+    pub device: Device,
     /// What counts as a hit. Detections made with other settings are repeated.
     pub settings: TilingSettings,
     /// Which parts of which pictures are searched; detections made otherwise are repeated, too.
@@ -69,6 +70,7 @@ impl Default for DetectOptions {
         let cores = thread::available_parallelism().map_or(1, usize::from);
         Self {
             onnx_runtime: None,
+            device: Device::CPU,
             settings: TilingSettings::default(),
             modes: ModeSettings::default(),
             workers: cores,
@@ -82,8 +84,12 @@ impl Default for DetectOptions {
 /// The result for the scenarios of a corpus.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct DetectOutcome {
-    /// Name of the detections: the first 16 digits of the model's BLAKE3 hash.
+    /// File name of the model.
+    pub model: String,
+    /// Name of the detections: the first 16 digits of the BLAKE3 hash of the model and the settings next to it.
     pub model_hash: String,
+    /// Where the model ran.
+    pub device: Device,
     /// Scenarios that were searched.
     pub detected: Vec<String>,
     /// Scenarios that had detections of this model with these settings; their views were registered now.
@@ -128,27 +134,24 @@ impl RegistrationCounts {
 }
 
 /// The model used for detection.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 struct Model {
-    file_name: String,
-    blake3: String,
-    /// Hash of the profile next to it, if there is one.
-    profile_blake3: Option<String>,
+    identity: ModelIdentity,
+    /// The settings next to it, if there are any.
+    profile: Option<ModelProfile>,
 }
 
 impl Model {
     fn of(file: &ModelFile) -> Self {
-        let hash = |bytes: &Vec<u8>| blake3::hash(bytes).to_string();
-        let file_name = file.path.file_name().unwrap_or_default();
         Self {
-            file_name: file_name.to_string_lossy().into_owned(),
-            blake3: hash(&file.onnx),
-            profile_blake3: file.profile.as_ref().map(hash),
+            identity: file.identity(),
+            profile: file.profile.filter(|profile| profile.blake3().is_some()),
         }
     }
 
-    fn short_hash(&self) -> &str {
-        &self.blake3[..MODEL_HASH_DIGITS.min(self.blake3.len())]
+    /// Name of its detections.
+    fn name(&self) -> String {
+        self.identity.name()
     }
 }
 
@@ -165,6 +168,7 @@ pub fn detect_corpus(
 ) -> Result<DetectOutcome> {
     let ort = OrtOptions {
         library: options.onnx_runtime.clone(),
+        device: options.device,
         threads: options.threads_per_worker,
         batch: options.batch,
     };
@@ -193,7 +197,9 @@ fn detect_with(
         });
     }
     let mut outcome = DetectOutcome {
-        model_hash: model.short_hash().to_owned(),
+        model: model.identity.model.clone().unwrap_or_default(),
+        model_hash: model.name(),
+        device: options.device,
         ..Default::default()
     };
     let mut pending = corpus.scenarios()?;
@@ -247,8 +253,8 @@ fn detect_with(
     let done = [&outcome.detected, &outcome.registered, &outcome.unchanged];
     for id in done.into_iter().flatten() {
         let scenario = corpus.scenario(id).open()?;
-        outcome.counts.add(&count(&scenario, model.short_hash())?);
-        let registrations = scenario.registrations(model.short_hash())?;
+        outcome.counts.add(&count(&scenario, &outcome.model_hash)?);
+        let registrations = scenario.registrations(&outcome.model_hash)?;
         outcome
             .registrations
             .add(registrations.as_deref().unwrap_or_default());

@@ -3,18 +3,25 @@
 //! The real one runs an ONNX model ([`OrtDetector`]); tests use a finder of bright blobs behind the same trait. A window is as
 //! large as the model's input, which may be of one size or any; `crate::tiling` chooses the windows.
 
+mod aircraft_class;
 mod answer;
+mod device;
+mod efficient_nms;
 mod input;
 mod layout;
+mod metadata;
 mod model_file;
 mod onnx_runtime;
 mod ort_detector;
+mod ort_output;
+mod outputs;
 mod profile;
 mod suppression;
 mod window;
 
 use dataset::pixel_box::PixelBox;
 
+pub use device::{Device, UnknownDevice};
 pub use input::WindowSize;
 pub use layout::Layout;
 pub use model_file::ModelFile;

@@ -27,6 +27,7 @@ mod truth_box;
 pub use detect::{
     CpuTime, DetectOptions, DetectOutcome, Mode, ModeSettings, RegistrationCounts, detect_corpus,
 };
+pub use detector::Device;
 pub use error::{Error, Result};
 pub use label::{LabelOutcome, label_corpus};
 pub use outcome::{Failure, Progress, Watch};

@@ -44,7 +44,8 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         &corpus,
         &model,
         DetectOptions {
-            onnx_runtime: args.onnx_runtime.library.clone(),
+            onnx_runtime: args.runtime.library.clone(),
+            device: args.runtime.device,
             ..DetectOptions::default()
         },
     )?;

@@ -32,7 +32,8 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         &corpus,
         &model,
         DetectOptions {
-            onnx_runtime: args.onnx_runtime.library.clone(),
+            onnx_runtime: args.runtime.library.clone(),
+            device: args.runtime.device,
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(),
             again: args.again,
@@ -124,10 +125,12 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
 
 fn print_summary(outcome: &DetectOutcome) {
     println!(
-        "{} searched, {} only registered, {} unchanged; detections/{}.parquet",
+        "{} searched, {} only registered, {} unchanged; {} on {}: detections/{}.parquet",
         count(outcome.detected.len(), "scenario"),
         outcome.registered.len(),
         outcome.unchanged.len(),
+        outcome.model,
+        outcome.device,
         outcome.model_hash
     );
     println!(

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use dataset::claim::{Claim, Claimed};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::detections::{self, Detection, NewTables};
+use dataset::model_identity::ModelIdentity;
 use dataset::pixel_box::PixelBox;
 use dataset::seal::{self, DONE, MANIFEST, seal_folder};
 use object_store::ObjectStoreExt;
@@ -315,14 +316,18 @@ fn detection(score: f64) -> Detection {
 /// Gives a claimed scenario this detection as its only one.
 fn write_detection(claim: &Claim, folder: &ScenarioFolder, detection: Detection) {
     let source = folder.open().unwrap();
-    let hash = format!("abc{}", "0".repeat(61));
+    let detector = ModelIdentity {
+        model: None,
+        model_blake3: format!("abc{}", "0".repeat(61)),
+        profile_blake3: None,
+    };
     let record = |provenance| provenance;
     let tables = NewTables {
         detections: &vec![detection].into(),
         // The scenario has one view; a table without rows travels like any other.
         registrations: Some(&[]),
     };
-    detections::replace(claim, &source, &hash, "abc", tables, record).unwrap();
+    detections::replace(claim, &source, &detector, "abc", tables, record).unwrap();
 }
 
 /// Gives the scenario a detection with this score.

@@ -18,6 +18,7 @@ use dataset::error::{Error, Result};
 use dataset::frame_rate::FrameRate;
 use dataset::frames::{Frames, TickLabels, TickRow};
 use dataset::imaging::Imaging;
+use dataset::model_identity::ModelIdentity;
 use dataset::pixel_box::PixelBox;
 use dataset::pose::{Controls, Pose};
 use dataset::runway::{Runway, RunwayCoordinates};
@@ -33,11 +34,22 @@ use crate::changi_02l;
 use crate::rig::wide_baseline;
 use crate::scenario::{calm, frame, record, stamp};
 
+/// Its file name.
+pub const MODEL_FILE: &str = "synthetic.onnx";
 /// Name under which the detections are stored.
 pub const MODEL_HASH: &str = "53796e7468657469630000000000000000000000000000000000000000000000";
 const SPAN_M: f64 = 35.8;
 const HEIGHT_M: f64 = 12.5;
 const SPEED_MPS: f64 = 72.0;
+
+/// The detector that the detections are said to be from.
+pub fn model() -> ModelIdentity {
+    ModelIdentity {
+        model: Some(MODEL_FILE.into()),
+        model_blake3: MODEL_HASH.into(),
+        profile_blake3: None,
+    }
+}
 
 /// What to make.
 #[derive(Debug, Clone, PartialEq)]
@@ -147,7 +159,7 @@ impl SyntheticCorpus {
         detections::replace(
             &folder.claim()?,
             &source,
-            MODEL_HASH,
+            &model(),
             MODEL_HASH,
             NewTables::unregistered(&detections),
             |made| made,

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 pub struct TrainConfig {
     /// Seed of all random choices: initial weights, batches, augmentation. 0 is an ordinary seed.
     pub seed: u64,
-    /// Hash of the detection model whose boxes are used. Optional if the corpus has detections of one model only.
+    /// File name or hash of the detection model whose boxes are used. Optional if the corpus has detections of one model only.
     pub model_hash: Option<String>,
     /// Minimum distance to the touchdown target for training, nautical miles.
     pub min_dtd_nm: f64,

@@ -9,8 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::camera::Camera;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::detections::{Detection, models_of};
+use dataset::detections::{Detection, models_of, named};
 use dataset::geodesy::Geodetic;
+use dataset::model_identity::NamedDetections;
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::PixelBox;
 use dataset::plan::PlannedScenarios;
@@ -103,8 +104,8 @@ pub(crate) struct Samples {
     pub views: Vec<String>,
     /// The cameras that they belong to.
     pub rig: Rig,
-    /// Hash of the detection model.
-    pub model_hash: String,
+    /// The detections that the boxes are from.
+    pub detections: NamedDetections,
     /// The scenarios, sorted by identifier.
     pub scenarios: Vec<ScenarioSummary>,
     /// Scenarios of the split that are not in the corpus (yet).
@@ -115,20 +116,16 @@ pub(crate) struct Samples {
 
 impl Samples {
     /// Reads the samples of a corpus.
-    pub(crate) fn read(
-        corpus: &Corpus,
-        model_hash: Option<&str>,
-        range: DistanceRange,
-    ) -> Result<Self> {
+    pub(crate) fn read(corpus: &Corpus, asked: Option<&str>, range: DistanceRange) -> Result<Self> {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
-        let model_hash = choose_model(corpus, &folders, model_hash)?;
+        let detections = choose_detections(corpus, &folders, asked)?;
         let rig = Rig::of(corpus, &folders)?;
         let mut found = Self {
             views: rig.cameras.keys().cloned().collect(),
             rig,
-            model_hash,
+            detections,
             scenarios: Vec::new(),
             absent_scenarios: absent(&splits, &folders),
             samples: Vec::new(),
@@ -164,7 +161,7 @@ impl Samples {
             .iter()
             .map(|(view, entry)| (view.clone(), entry.camera()))
             .collect();
-        let detections = scenario.detections(&self.model_hash)?;
+        let detections = scenario.detections(&self.detections.hash)?;
         let detections: Vec<_> = detections.into_confirmed().collect();
         if let Some(Detection { view, .. }) = detections
             .iter()
@@ -308,26 +305,43 @@ fn best_detections(
         .collect()
 }
 
-/// The requested model, or the only one that there is.
-fn choose_model(
+/// The requested detections, by the model's file name or by hash, or the only ones that there are.
+fn choose_detections(
     corpus: &Corpus,
     folders: &[ScenarioFolder],
     asked: Option<&str>,
-) -> Result<String> {
-    let mut found = BTreeSet::new();
+) -> Result<NamedDetections> {
+    let mut found = BTreeMap::new();
     for folder in folders {
-        found.extend(models_of(folder)?);
+        for hash in models_of(folder)? {
+            let detections = found
+                .entry(hash)
+                .or_insert_with_key(|hash| named(folder, hash));
+            if detections.model.is_none() {
+                // The record in another scenario may be undamaged.
+                *detections = named(folder, &detections.hash);
+            }
+        }
     }
-    let listed = found.iter().cloned().collect::<Vec<_>>().join(", ");
-    let fault = match asked.map(str::to_owned) {
-        Some(asked) if found.contains(&asked) => return Ok(asked),
-        Some(asked) if found.is_empty() => CorpusFault::NoDetectionsOf(asked),
-        Some(asked) => CorpusFault::OtherDetections { asked, listed },
-        None if found.len() == 1 => return Ok(listed),
-        None if found.is_empty() => CorpusFault::NoDetections,
-        None => CorpusFault::SeveralModels(listed),
+    let is_meant =
+        |detections: &&NamedDetections| asked.is_none_or(|asked| detections.is_meant_by(asked));
+    let meant: Vec<_> = found.values().filter(is_meant).collect();
+    let fault = match (meant.as_slice(), asked.map(str::to_owned)) {
+        ([one], _) => return Ok((*one).clone()),
+        ([], Some(asked)) if found.is_empty() => CorpusFault::NoDetectionsOf(asked),
+        ([], Some(asked)) => CorpusFault::OtherDetections {
+            asked,
+            listed: listed(found.values()),
+        },
+        ([], None) => CorpusFault::NoDetections,
+        (several, _) => CorpusFault::SeveralModels(listed(several.iter().copied())),
     };
     Err(Error::corpus(corpus.root(), fault))
+}
+
+fn listed<'a>(detections: impl Iterator<Item = &'a NamedDetections>) -> String {
+    let shown: Vec<_> = detections.map(ToString::to_string).collect();
+    shown.join(", ")
 }
 
 #[cfg(test)]
@@ -335,13 +349,14 @@ mod edited_files;
 
 #[cfg(test)]
 mod tests {
-    use std::fs;
     use std::path::Path;
 
+    use dataset::detections::{self, NewTables};
+    use dataset::model_identity::ModelIdentity;
     use dataset::seal::seal_folder;
 
     use super::*;
-    use testkit::synthetic::{MODEL_HASH, SyntheticCorpus};
+    use testkit::synthetic::{MODEL_FILE, MODEL_HASH, SyntheticCorpus};
 
     const ALL: DistanceRange = DistanceRange {
         min_nm: 0.0,
@@ -453,27 +468,68 @@ mod tests {
         );
     }
 
+    /// A corpus with the detections of the synthetic model, and of another one in its first scenario.
+    fn of_two_models(folder: &Path, other: &ModelIdentity) -> Corpus {
+        let corpus = SyntheticCorpus::tiny().write(folder).unwrap();
+        let first = corpus.scenarios().unwrap().remove(0);
+        let source = first.open().unwrap();
+        let found = source.detections(MODEL_HASH).unwrap();
+        let tables = NewTables::unregistered(&found);
+        let claim = first.claim().unwrap();
+        detections::replace(&claim, &source, other, &other.name(), tables, |made| made).unwrap();
+        corpus
+    }
+
     #[test]
-    fn several_models_without_a_choice_are_listed() {
+    fn of_several_models_one_is_chosen_by_hash_or_by_file_name() {
         let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let first = &corpus.scenarios().unwrap()[0];
-        fs::copy(
-            first.detections_path(MODEL_HASH),
-            first.detections_path("other"),
-        )
-        .unwrap();
-        let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
-        let listed = format!("{MODEL_HASH}, other");
+        let other = ModelIdentity {
+            model: Some("other.onnx".into()),
+            model_blake3: "0f".repeat(32),
+            profile_blake3: None,
+        };
+        let corpus = of_two_models(folder.path(), &other);
+        let asked = |asked: Option<&str>| {
+            let read = Samples::read(&corpus, asked, ALL);
+            read.map(|samples| samples.detections.hash)
+                .map_err(|error| error.to_string())
+        };
+        let listed = format!("other.onnx ({}), {MODEL_FILE} ({MODEL_HASH})", other.name());
+        let message = asked(None).unwrap_err();
         assert!(message.contains(&listed), "{message}");
-        assert!(Samples::read(&corpus, Some(MODEL_HASH), ALL).is_ok());
-        let message = Samples::read(&corpus, Some("third"), ALL)
-            .unwrap_err()
-            .to_string();
+        for name in [MODEL_HASH, MODEL_FILE] {
+            assert_eq!(asked(Some(name)).as_deref(), Ok(MODEL_HASH));
+        }
+        let message = asked(Some("third.onnx")).unwrap_err();
         assert!(
-            message.contains("third") && message.contains(&listed),
+            message.contains("third.onnx") && message.contains(&listed),
             "{message}"
         );
+        let chosen = |name: &str| {
+            let folders = corpus.scenarios().unwrap();
+            let chosen = choose_detections(&corpus, &folders, Some(name));
+            chosen.map(|detections| detections.hash).unwrap()
+        };
+        assert_eq!(chosen("other.onnx"), other.name());
+        assert_eq!(chosen(&other.name()), other.name());
+    }
+
+    #[test]
+    fn a_file_name_of_two_models_is_no_choice_and_both_are_listed_by_hash() {
+        let folder = tempfile::tempdir().unwrap();
+        let other = ModelIdentity {
+            model: Some(MODEL_FILE.into()),
+            model_blake3: MODEL_HASH.into(),
+            profile_blake3: Some("a".repeat(64)),
+        };
+        let corpus = of_two_models(folder.path(), &other);
+        let message = Samples::read(&corpus, Some(MODEL_FILE), ALL);
+        let message = message.unwrap_err().to_string();
+        for hash in [MODEL_HASH, &other.name()] {
+            let listed = format!("{MODEL_FILE} ({hash})");
+            assert!(message.contains(&listed), "{message}");
+        }
+        assert!(Samples::read(&corpus, Some(MODEL_HASH), ALL).is_ok());
     }
 
     #[test]

@@ -31,7 +31,10 @@ use crate::triangulation::CentreOffset;
 pub(crate) struct RunSummary {
     /// Version of this software.
     pub dtd: String,
-    /// Hash of the detection model whose boxes were used for training.
+    /// File name of the detection model whose boxes were used for training; missing in earlier runs.
+    #[serde(default)]
+    pub model: Option<String>,
+    /// Name of its detections, the start of the hash of the model and the settings next to it.
     pub model_hash: String,
     /// Name of the rig; missing in runs from before jittered cameras.
     #[serde(default)]

@@ -140,7 +140,8 @@ pub fn train(
         config: config.clone(),
         summary: RunSummary {
             dtd: env!("CARGO_PKG_VERSION").into(),
-            model_hash: samples.model_hash.clone(),
+            model: samples.detections.model.clone(),
+            model_hash: samples.detections.hash.clone(),
             rig: Some(samples.rig.name.clone()),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,

@@ -11,7 +11,7 @@ use dataset::json_file::read_json;
 use dataset::pixel_box::PixelBox;
 use dataset::progress::Silent;
 use dataset::splits::{Side, Splits};
-use testkit::synthetic::{MODEL_HASH, SyntheticCorpus};
+use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
 };
@@ -228,7 +228,7 @@ fn with_boxes(corpus: &Corpus, side: Side, change: impl Fn(PixelBox) -> PixelBox
         replace(
             &claim,
             &scenario,
-            MODEL_HASH,
+            &model(),
             MODEL_HASH,
             NewTables::unregistered(&detections),
             |made| made,

@@ -8,6 +8,7 @@ use crate::detections::{Detection, Detections, Miss, MissReason, NewTables, Sear
 use crate::frame_rate::FrameRate;
 use crate::frames::{Frames, TickLabels, TickRow, ViewStamp};
 use crate::json_file::{read_json, write_json};
+use crate::model_identity::ModelIdentity;
 use crate::pixel_box::{PixelBox, TruthBox, truth_box_columns, write_truth_boxes};
 use crate::plan::PlannedCamera;
 use crate::pose::{Controls, Pose};
@@ -571,6 +572,15 @@ fn registration() -> Registration {
     }
 }
 
+/// The model `aaaa`, without settings.
+fn aaaa() -> ModelIdentity {
+    ModelIdentity {
+        model: None,
+        model_blake3: "a".repeat(64),
+        profile_blake3: None,
+    }
+}
+
 /// An example with registrations of the model `aaaa`, without detections, and this in their record.
 fn registered(rows: &[Registration], said: serde_json::Value) -> Example {
     let example = Example::new();
@@ -581,8 +591,8 @@ fn registered(rows: &[Registration], said: serde_json::Value) -> Example {
         detections: &Detections::default(),
         registrations: Some(rows),
     };
-    let hash = "a".repeat(64);
-    crate::detections::replace(&claim, &source, &hash, "aaaa", tables, |provenance| {
+    let detector = aaaa();
+    crate::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
         let mut made = serde_json::to_value(provenance).unwrap();
         made["registration"] = said;
         made
@@ -733,9 +743,9 @@ fn with_detections(found: &Detections, record: serde_json::Value) -> String {
     let folder = example.scenario();
     let source = folder.open().unwrap();
     let claim = folder.claim().unwrap();
-    let hash = "a".repeat(64);
+    let detector = aaaa();
     let tables = NewTables::unregistered(found);
-    crate::detections::replace(&claim, &source, &hash, "aaaa", tables, |provenance| {
+    crate::detections::replace(&claim, &source, &detector, "aaaa", tables, |provenance| {
         let mut made = serde_json::to_value(provenance).unwrap();
         let fields = record.as_object().unwrap().clone();
         made.as_object_mut().unwrap().extend(fields);
@@ -785,6 +795,10 @@ fn counts_settings_and_models_that_cannot_be_are_found_in_records_of_detections(
         (
             serde_json::json!({"model_blake3": "b".repeat(64)}),
             "begin with aaaa",
+        ),
+        (
+            serde_json::json!({"profile_blake3": "a".repeat(64)}),
+            "whose hash begins with aaaa",
         ),
     ] {
         let findings = with_detections(&found, record);

@@ -18,7 +18,7 @@ use super::pictures::ViewTicks;
 use super::record::{DetectionRecord, RegistrationRecord, Searching, Standing};
 use super::view_search::{Finder, ViewFindings, search_view};
 use super::{DetectOptions, Model};
-use crate::detector::Detector;
+use crate::detector::{Detector, Device};
 use crate::error::{Error, Result};
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
@@ -29,6 +29,7 @@ pub(super) struct ScenarioJob {
     model: Model,
     tiling: TilingSettings,
     modes: ModeSettings,
+    device: Device,
     views: Vec<ViewTicks>,
     /// The record of detections that are there already and only lack their registrations.
     stored: Option<Box<DetectionRecord>>,
@@ -115,6 +116,7 @@ impl ScenarioJob {
             model: model.clone(),
             tiling: options.settings,
             modes: options.modes,
+            device: options.device,
             stored,
             loaded: Mutex::new(None),
             pairs,
@@ -209,7 +211,7 @@ impl ScenarioJob {
         if let Some(detections) = &*loaded {
             return Ok(detections.clone());
         }
-        let detections = Arc::new(self.scenario.detections(self.model.short_hash())?);
+        let detections = Arc::new(self.scenario.detections(&self.model.name())?);
         *loaded = Some(detections.clone());
         Ok(detections)
     }
@@ -263,10 +265,10 @@ impl ScenarioJob {
                 ..DetectionRecord::clone(made)
             },
             None => DetectionRecord {
-                model: self.model.file_name.clone(),
                 provenance,
-                profile_blake3: self.model.profile_blake3.clone(),
+                profile: self.model.profile,
                 detector: detector.unwrap_or_default(),
+                device: Some(self.device.to_string()),
                 searching: self.searching(),
                 dtd: env!("CARGO_PKG_VERSION").into(),
                 pictures: self.views.iter().map(|view| view.ticks.len() as u64).sum(),
@@ -286,15 +288,8 @@ impl ScenarioJob {
                 "its videos were replaced while they were searched; run `dtd detect` again";
             return Err(Error::scenario(&id, message));
         }
-        let (source, blake3) = (&self.scenario, &self.model.blake3);
-        detections::replace(
-            &claim,
-            source,
-            blake3,
-            self.model.short_hash(),
-            tables,
-            record,
-        )?;
+        let (source, detector) = (&self.scenario, &self.model.identity);
+        detections::replace(&claim, source, detector, &self.model.name(), tables, record)?;
         Ok(seconds)
     }
 }

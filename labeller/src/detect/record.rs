@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::cpu_time::CpuTime;
 use super::mode::ModeSettings;
 use super::{DetectOptions, Model};
+use crate::detector::ModelProfile;
 use crate::error::Result;
 use crate::registration::METHOD;
 use crate::tiling::TilingSettings;
@@ -18,16 +19,17 @@ use crate::tiling::TilingSettings;
 /// Where the detections of one model in one scenario come from.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct DetectionRecord {
-    /// File name of the model.
-    pub model: String,
-    /// What they were made from, and the hash of their table.
+    /// Which model made them and from what, and the hash of their table.
     #[serde(flatten)]
     pub provenance: Provenance,
-    /// BLAKE3 hash of the profile next to the model, which defines its input and output; missing if there was none.
+    /// The settings next to the model, whose hash is in the provenance; missing if there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub profile_blake3: Option<String>,
+    pub profile: Option<ModelProfile>,
     /// Output layout and window size.
     pub detector: String,
+    /// Where the model ran, such as `cpu` or `cuda:0`; missing in earlier corpora.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub device: Option<String>,
     #[serde(flatten)]
     pub searching: Searching,
     /// Version of this software.
@@ -98,31 +100,30 @@ pub(super) enum Standing {
 
 impl DetectionRecord {
     /// Path of the record of a model.
-    pub(super) fn path(folder: &ScenarioFolder, model_hash: &str) -> PathBuf {
-        detections::record_path(folder, model_hash)
+    pub(super) fn path(folder: &ScenarioFolder, model: &str) -> PathBuf {
+        detections::record_path(folder, model)
     }
 
-    /// What is there of this model's work with this profile, searched like this, made from the scenario's current videos.
+    /// What is there of this model's work, searched like this, made from the scenario's current videos.
     pub(super) fn standing(
         scenario: &OpenScenario,
         model: &Model,
         searching: &Searching,
     ) -> Result<Standing> {
-        if scenario.detections(model.short_hash()).is_err() {
+        if scenario.detections(&model.name()).is_err() {
             // Missing, of other videos or damaged: detecting again repairs all of these.
             return Ok(Standing::Missing);
         }
-        let path = Self::path(scenario.folder(), model.short_hash());
+        let path = Self::path(scenario.folder(), &model.name());
         let record: Self = read_json(&path, "record of detections")?;
-        let is_same = record.provenance.model_blake3 == model.blake3
-            && record.profile_blake3 == model.profile_blake3
-            && record.searching == *searching;
+        let made_by = &record.provenance.detector;
+        let is_same = made_by.is_same_content(&model.identity) && record.searching == *searching;
         if !is_same {
             return Ok(Standing::Missing);
         }
         let method = record.registration.as_ref().map(|made| made.method);
-        let is_registered = method == Some(METHOD)
-            && matches!(scenario.registrations(model.short_hash()), Ok(Some(_)));
+        let is_registered =
+            method == Some(METHOD) && matches!(scenario.registrations(&model.name()), Ok(Some(_)));
         Ok(if is_registered || scenario.record()?.views.len() < 2 {
             Standing::Whole
         } else {

@@ -24,9 +24,12 @@ const HEIGHT: u32 = 768;
 
 fn model() -> Model {
     Model {
-        file_name: "blobs.onnx".into(),
-        blake3: MODEL.repeat(4),
-        profile_blake3: None,
+        identity: ModelIdentity {
+            model: Some("blobs.onnx".into()),
+            model_blake3: MODEL.repeat(4),
+            profile_blake3: None,
+        },
+        profile: None,
     }
 }
 
@@ -148,11 +151,12 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
     .unwrap();
     assert_eq!(
         (
-            record.model.as_str(),
+            record.provenance.detector.model.as_deref(),
+            record.device.as_deref(),
             record.searching.settings,
             record.pictures
         ),
-        ("blobs.onnx", other, 6)
+        (Some("blobs.onnx"), Some("cpu"), other, 6)
     );
     assert_eq!(
         detect(
@@ -170,28 +174,51 @@ fn a_second_run_does_nothing_until_settings_change_or_it_is_asked_again() {
 }
 
 #[test]
-fn another_profile_is_another_way_to_ask_so_the_model_is_asked_again() {
+fn the_same_model_with_other_settings_has_detections_of_its_own() {
     let temporary = tempfile::tempdir().unwrap();
     let corpus = corpus(temporary.path(), &["0001-a"]);
-    detect(&corpus, &two_workers());
-    let file = |profile: &str| ModelFile {
-        path: "blobs.onnx".into(),
-        onnx: b"blobs".to_vec(),
-        profile: Some(profile.as_bytes().to_vec()),
+    let with = |scale: Option<f32>| {
+        let mut profile = ModelProfile::default();
+        profile.input.scale = scale;
+        Model::of(&ModelFile {
+            path: "blobs.onnx".into(),
+            onnx: b"blobs".to_vec(),
+            profile: Some(profile),
+        })
     };
-    let [one, other] = ["{}", r#"{"input": {"scale": 1.0}}"#].map(|profile| Model {
-        blake3: model().blake3,
-        ..Model::of(&file(profile))
+    let [empty, one, other] = [None, Some(1.0), Some(0.5)].map(with);
+    let model = Model::of(&ModelFile {
+        path: "renamed.onnx".into(),
+        onnx: b"blobs".to_vec(),
+        profile: None,
     });
     let make = || Ok(Box::new(BlobFinder::default()) as Box<dyn Detector>);
     let searched = |model: &Model| {
         let outcome = detect_with(&corpus, model, &make, &two_workers(), ON).unwrap();
-        outcome.detected.len()
+        (outcome.detected.len(), outcome.model_hash)
     };
+    let hash = blake3::hash(b"blobs").to_string();
+    assert_eq!(searched(&empty), (1, hash[..16].to_owned()), "no settings");
+    assert_eq!(searched(&model).0, 0, "the same content");
+    let names = [&one, &other].map(|model| {
+        let (searched, name) = searched(model);
+        assert_eq!(searched, 1);
+        name
+    });
+    assert!(names[0] != names[1] && !names.contains(&hash[..16].to_owned()));
     assert_eq!(
-        [&one, &one, &other, &other, &model()].map(searched),
-        [1, 0, 1, 0, 1]
+        [&empty, &one, &other].map(|model| searched(model).0),
+        [0; 3]
     );
+    let folder = corpus.scenario("0001-a");
+    let record = |name: &str| -> DetectionRecord {
+        read_json(&DetectionRecord::path(&folder, name), "record").unwrap()
+    };
+    assert_eq!(record(&names[0]).profile, one.profile);
+    assert_eq!(record(&hash[..16]).profile, None);
+    let mut all = [names[0].clone(), names[1].clone(), hash[..16].to_owned()];
+    all.sort();
+    assert_eq!(dataset::detections::models_of(&folder).unwrap(), all);
 }
 
 #[test]
@@ -219,9 +246,9 @@ fn detections_of_no_picture_of_the_scenario_are_refused_and_made_again() {
             ..record
         };
         let claim = folder.claim().unwrap();
-        let hash = &model().blake3;
+        let detector = &model().identity;
         let tables = NewTables::unregistered(&found);
-        dataset::detections::replace(&claim, &scenario, hash, MODEL, tables, made).unwrap();
+        dataset::detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
         drop(claim);
         let message = stored(&folder).unwrap_err();
         assert!(message.contains(words), "{message}");
@@ -244,7 +271,7 @@ fn a_record_whose_model_is_not_the_one_of_its_name_is_refused() {
         detect(&corpus, &two_workers());
         let path = DetectionRecord::path(&folder, MODEL);
         let mut record: DetectionRecord = read_json(&path, "record").unwrap();
-        record.provenance.model_blake3 = hash.into();
+        record.provenance.detector.model_blake3 = hash.into();
         dataset::json_file::write_json(&path, &record).unwrap();
         let message = stored(&folder).unwrap_err();
         assert!(message.contains("begin with 0123456789abcdef"), "{message}");
@@ -472,8 +499,8 @@ fn detections_of_earlier_versions_are_registered_without_detecting_again() {
     };
     let tables = NewTables::unregistered(&found);
     let (claim, scenario) = (folder.claim().unwrap(), folder.open().unwrap());
-    let hash = &model().blake3;
-    dataset::detections::replace(&claim, &scenario, hash, MODEL, tables, made).unwrap();
+    let detector = &model().identity;
+    dataset::detections::replace(&claim, &scenario, detector, MODEL, tables, made).unwrap();
     drop(claim);
     assert_eq!(folder.open().unwrap().registrations(MODEL).unwrap(), None);
     let outcome = detect_without(&corpus);

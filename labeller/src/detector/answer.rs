@@ -29,19 +29,17 @@ pub(super) enum AnswerFault {
         place: Vec<usize>,
         shape: Vec<usize>,
     },
-    #[error(
-        "has the shape {shape:?}, expected {expected} for {windows} windows (layout {layout:?})"
-    )]
+    #[error("has the shape {shape:?}, expected {expected} for {windows} windows (layout {layout})")]
     Misfit {
         shape: Vec<usize>,
         expected: &'static str,
         windows: usize,
         layout: Layout,
     },
-    #[error(
-        "has {classes} classes; say in the model's profile which one is the aircraft, e.g. {{\"aircraft_class\": 4}}"
-    )]
-    UnknownClass { classes: usize },
+    #[error("has {classes} classes, expected more than {class}, the number of the aircraft")]
+    FewClasses { classes: usize, class: usize },
+    #[error("counts {found} boxes in a window, expected 0 to {most}")]
+    Count { found: f32, most: usize },
     #[error("has a box of window {found}, expected 0 to {most}")]
     NoSuchWindow { found: f32, most: usize },
 }

@@ -95,8 +95,6 @@ pub(super) struct Input {
 pub(super) enum InputFault {
     #[error("has {found} inputs, expected one")]
     Inputs { found: usize },
-    #[error("has {found} outputs, expected one; export it with its grid")]
-    Outputs { found: usize },
     #[error("input {name:?} is {found}, expected floats of the shape [batch, 3, height, width]")]
     Form { name: String, found: String },
     #[error(
@@ -104,9 +102,15 @@ pub(super) enum InputFault {
     )]
     WindowSize { name: String, found: i64 },
     #[error(
-        "its profile says input.size_px = {found}, expected {LEAST_WINDOW_PX} to {MOST_WINDOW_PX}"
+        "its settings say input.size_px = {found}, expected {LEAST_WINDOW_PX} to {MOST_WINDOW_PX}"
     )]
     ProfileSize { found: u32 },
+    #[error("its settings say input.size_px = {said}, but input {name:?} takes only {size}")]
+    OtherSize {
+        said: u32,
+        name: String,
+        size: WindowSize,
+    },
     #[error("input {name:?} takes {batch} {size} in a run, expected at most {most}")]
     BatchSize {
         name: String,
@@ -123,32 +127,35 @@ pub(super) enum InputFault {
 }
 
 impl Input {
-    /// Of a loaded model, with at most `batch` windows per run if it leaves that open.
+    /// Of a loaded model, with at most `batch` windows per run if it leaves that open, and sides that are multiples of `stride_px` if it
+    /// leaves them open and its metadata says so.
     pub(super) fn of(
         session: &Session,
         profile: &ModelProfile,
+        stride_px: Option<u32>,
         batch: usize,
     ) -> Result<Self, InputFault> {
         let [input] = session.inputs() else {
             let found = session.inputs().len();
             return Err(InputFault::Inputs { found });
         };
-        let [output] = session.outputs() else {
-            let found = session.outputs().len();
-            return Err(InputFault::Outputs { found });
-        };
-        if let ValueType::Tensor { shape, .. } = output.dtype() {
-            check_output(output.name(), shape)?;
+        for output in session.outputs() {
+            if let ValueType::Tensor { shape, .. } = output.dtype() {
+                check_output(output.name(), shape)?;
+            }
         }
         match input.dtype() {
             ValueType::Tensor {
                 ty: TensorElementType::Float32,
                 shape,
                 ..
-            } => Self::of_shape(input.name(), shape, profile.input.size_px, batch)?.in_memory(),
+            } => {
+                let said_px = profile.input.size_px;
+                Self::of_shape(input.name(), shape, said_px, stride_px, batch)?.in_memory()
+            }
             other => Err(InputFault::Form {
                 name: input.name().to_owned(),
-                found: format!("{other:?}"),
+                found: other.to_string(),
             }),
         }
     }
@@ -158,6 +165,7 @@ impl Input {
         name: &str,
         shape: &[i64],
         size_of_profile_px: Option<u32>,
+        stride_px: Option<u32>,
         batch: usize,
     ) -> Result<Self, InputFault> {
         let name = || name.to_owned();
@@ -189,7 +197,7 @@ impl Input {
         };
         let size = match (width < 0, height < 0, size_of_profile_px) {
             (true, true, None) => WindowSize::Any {
-                multiple_px: STRIDE_PX,
+                multiple_px: stride_px.unwrap_or(STRIDE_PX).max(STRIDE_PX),
             },
             (true, true, Some(side_px)) => WindowSize::square(side_px),
             // A single open side is as long as the other.
@@ -200,6 +208,15 @@ impl Input {
                 height_px: fixed(height)?,
             },
         };
+        if let Some(said) = size_of_profile_px
+            && size != WindowSize::square(said)
+        {
+            return Err(InputFault::OtherSize {
+                said,
+                name: name(),
+                size,
+            });
+        }
         let most = most_windows(size.usual_px());
         let batch = match usize::try_from(fixed_batch) {
             Err(_) => Batch::UpTo(batch.clamp(1, most)),
@@ -276,7 +293,7 @@ mod tests {
     use super::*;
 
     fn of(shape: &[i64], size_of_profile_px: Option<u32>) -> Result<Input, InputFault> {
-        Input::of_shape("pictures", shape, size_of_profile_px, 6)
+        Input::of_shape("pictures", shape, size_of_profile_px, None, 6)
     }
 
     #[test]
@@ -304,7 +321,7 @@ mod tests {
 
     #[test]
     fn windows_and_batches_that_cannot_be_are_refused_before_memory_is_taken() {
-        let cases: [(&[i64], Option<u32>, &str); 10] = [
+        let cases: [(&[i64], Option<u32>, &str); 13] = [
             (&[1, 3, 0, 0], None, "windows of 0 px, expected 32 to 4096"),
             (&[1, 3, 20_000, 20_000], None, "windows of 20000 px"),
             (&[1, 3, 1 << 33, 1 << 33], None, "windows of 8589934592 px"),
@@ -317,6 +334,21 @@ mod tests {
             ),
             (&[0, 3, 640, 640], None, "takes 0 windows"),
             (&[1, 3, 640, 20], None, "windows of 20 px"),
+            (
+                &[1, 3, 640, 640],
+                Some(416),
+                "input.size_px = 416, but input \"pictures\" takes only windows of 640x640 px",
+            ),
+            (
+                &[1, 3, 384, 640],
+                Some(640),
+                "takes only windows of 640x384 px",
+            ),
+            (
+                &[1, 3, -1, 640],
+                Some(320),
+                "takes only windows of 640x640 px",
+            ),
             (&[1, 1, 640, 640], None, "[1, 1, 640, 640]"),
             (&[], None, "[batch, 3, height, width]"),
         ];

@@ -6,20 +6,27 @@
 //! | [`Layout::AnchorRows`] | `[B, 3 * cells, 5 + classes]` | the same with any classes: YOLOv5 and v7 exported with their grid |
 //! | [`Layout::Yolox`] | `[B, cells, 5 + classes]` | centre and size relative to the cell, undecoded: YOLOX |
 //! | [`Layout::Columns`] | `[B, 4 + classes, N]` | a column cx, cy, w, h in px, class scores: YOLOv8, v11 |
-//! | [`Layout::Corners`] | `[B, 300, 6]` | x0, y0, x1, y1 in px, score, class: YOLOv10, v26 |
+//! | [`Layout::Corners`] | `[B, 300, 6]` | x0, y0, x1, y1 in px, score, class: YOLOv10, v26; others with their suppression |
 //! | [`Layout::BatchCorners`] | `[K, 7]` | window, x0, y0, x1, y1 in px, class, score: YOLOv7 end to end |
+//! | [`Layout::EfficientNms`] | four outputs | counts, corners in px, scores, classes: exports for TensorRT (`efficient_nms.rs`) |
 //!
-//! `cells` is the number of cells of the grids of strides 8, 16 and 32. A model whose shape is misleading declares its layout in
-//! its [`ModelProfile`](super::ModelProfile).
+//! `cells` is the number of cells of the grids of strides 8, 16 and 32, and of 64 in YOLOv5 and v7 for large pictures. A model whose
+//! shape is misleading declares its layout in its [`ModelProfile`](super::ModelProfile). `docs/detectors.md` says more of each.
+
+use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
 use super::ScoredBox;
 use super::answer::{Answer, AnswerFault};
-use super::profile::{BoxOrigin, ModelProfile};
+use super::profile::BoxOrigin;
 use dataset::pixel_box::PixelBox;
 
 const STRIDES: [usize; 3] = [8, 16, 32];
+/// Those of models for pictures of 1,280 pixels.
+const STRIDES_OF_LARGE: [usize; 4] = [8, 16, 32, 64];
+/// The stride of this project's own detector.
+const OWN_STRIDE: usize = 8;
 /// Boxes that end-to-end YOLO models return per picture.
 const END_TO_END_BOXES: usize = 300;
 
@@ -39,12 +46,17 @@ pub enum Layout {
     Corners,
     /// Final boxes of a whole batch: YOLOv7 end to end.
     BatchCorners,
+    /// Final boxes in four outputs: exports for TensorRT.
+    EfficientNms,
 }
 
 /// What decoding needs besides the numbers.
-pub(super) struct Decoding<'a> {
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Decoding {
     pub(super) layout: Layout,
-    pub(super) profile: &'a ModelProfile,
+    /// Number of the aircraft among the classes.
+    pub(super) class: usize,
+    pub(super) origin: BoxOrigin,
     /// Width and height.
     pub(super) window_px: [u32; 2],
     pub(super) score_floor: f64,
@@ -55,23 +67,78 @@ fn grid([width_px, height_px]: [u32; 2], stride: usize) -> [usize; 2] {
     [width_px, height_px].map(|side_px| side_px as usize / stride)
 }
 
-fn cells(window_px: [u32; 2]) -> usize {
+fn cells(window_px: [u32; 2], strides: &[usize]) -> usize {
     let of_stride = |&stride| grid(window_px, stride).iter().product::<usize>();
-    STRIDES.iter().map(of_stride).sum()
+    strides.iter().map(of_stride).sum()
+}
+
+impl fmt::Display for Layout {
+    /// As in the settings.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.serialize(f)
+    }
 }
 
 impl Layout {
-    /// The layout that a shape belongs to, if any, for windows of this width and height.
-    pub fn of_shape(shape: &[usize], window_px: [u32; 2]) -> Option<Self> {
+    /// The layout that the shape of a single output belongs to, if any, for windows of this width and height. `has_objectness` is
+    /// false if the candidates are known to have none.
+    pub fn of_shape(shape: &[usize], window_px: [u32; 2], has_objectness: bool) -> Option<Self> {
+        let plain = cells(window_px, &STRIDES);
+        let of_anchors = [STRIDES.as_slice(), &STRIDES_OF_LARGE];
+        let of_anchors = of_anchors.map(|strides| 3 * cells(window_px, strides));
         match *shape {
             [_, 7] => Some(Self::BatchCorners),
-            [_, rows, columns] if columns > rows && rows >= 5 => Some(Self::Columns),
-            [_, END_TO_END_BOXES, 6] => Some(Self::Corners),
-            [_, rows, columns] if rows == 3 * cells(window_px) && columns >= 6 => {
+            // As many as were found.
+            [_, 0, 6] => Some(Self::Corners),
+            [_, _, 6] if !has_objectness => Some(Self::Corners),
+            [_, rows, columns] if columns == plain && rows >= 5 => Some(Self::Columns),
+            [_, rows, columns] if of_anchors.contains(&rows) && columns >= 6 => {
                 Some(Self::AnchorRows)
             }
-            [_, rows, columns] if rows == cells(window_px) && columns >= 6 => Some(Self::Yolox),
+            [_, rows, columns] if rows == plain && columns >= 6 => Some(Self::Yolox),
+            [_, rows, 6] if rows == cells(window_px, &[OWN_STRIDE]) => Some(Self::Rows),
+            [_, END_TO_END_BOXES, 6] => Some(Self::Corners),
+            [_, rows, columns] if columns > rows && rows >= 5 => Some(Self::Columns),
             [_, _, 6] => Some(Self::Rows),
+            _ => None,
+        }
+    }
+
+    /// Whether an output of this shape can have this layout.
+    pub(super) fn fits(self, shape: &[usize], window_px: [u32; 2]) -> bool {
+        match (self, shape) {
+            (Self::BatchCorners, &[_, columns]) => columns == 7,
+            (Self::Rows | Self::AnchorRows, &[_, _, columns]) => columns >= 6,
+            (Self::Yolox, &[_, rows, columns]) => {
+                rows == cells(window_px, &STRIDES) && columns >= 6
+            }
+            (Self::Columns, &[_, rows, _]) => rows >= 5,
+            (Self::Corners | Self::EfficientNms, &[_, _, columns]) => columns == 6,
+            _ => false,
+        }
+    }
+
+    /// The shapes that have this layout, in words.
+    pub(super) fn shape(self) -> &'static str {
+        match self {
+            Self::Rows | Self::AnchorRows => "[batch, candidates, 5 + classes]",
+            Self::Yolox => "[batch, cells of strides 8, 16 and 32, 5 + classes]",
+            Self::Columns => "[batch, 4 + classes, candidates]",
+            Self::Corners => "[batch, boxes, 6]",
+            Self::BatchCorners => "[boxes, 7]",
+            Self::EfficientNms => {
+                "four outputs: counts [batch, 1], corners [batch, boxes, 4], scores and classes [batch, boxes]"
+            }
+        }
+    }
+
+    /// The number of classes that an output of this shape tells apart; `None` if it does not say.
+    pub(super) fn classes(self, shape: &[usize]) -> Option<usize> {
+        match (self, shape) {
+            (Self::Rows | Self::AnchorRows | Self::Yolox, &[_, _, columns]) => {
+                columns.checked_sub(5)
+            }
+            (Self::Columns, &[_, rows, _]) => rows.checked_sub(4),
             _ => None,
         }
     }
@@ -85,7 +152,7 @@ impl Layout {
     }
 }
 
-impl Decoding<'_> {
+impl Decoding {
     /// Boxes of each of `windows` windows. A window without a candidate has none.
     pub(super) fn decode(
         &self,
@@ -99,74 +166,55 @@ impl Decoding<'_> {
             windows,
             layout: self.layout,
         };
-        if self.layout == Layout::BatchCorners {
-            return match shape {
-                [_, 7] => self.batch_corners(answer.numbers(), windows),
-                _ => Err(misfit("[boxes, 7]")),
-            };
+        if !self.layout.fits(shape, self.window_px) {
+            return Err(misfit(self.layout.shape()));
         }
-        let &[batch, rows, columns] = shape else {
+        if self.layout == Layout::BatchCorners {
+            return self.batch_corners(answer.numbers(), windows);
+        }
+        let &[batch, _, columns] = shape else {
             return Err(misfit("three dimensions"));
         };
         if batch < windows {
             return Err(misfit("an answer for each window"));
         }
-        let per_window = answer.of_windows(windows).into_iter();
-        Ok(match self.layout {
-            Layout::Columns if rows >= 5 => {
-                let class = self.aircraft_class(rows - 4)?;
-                per_window
-                    .map(|answer| self.columns(answer, columns, class))
-                    .collect()
+        if let Some(classes) = self.layout.classes(shape)
+            && self.class >= classes
+        {
+            return Err(AnswerFault::FewClasses {
+                classes,
+                class: self.class,
+            });
+        }
+        let boxes = |of_window: &[f32]| match self.layout {
+            Layout::Columns => self.columns(of_window, columns),
+            Layout::Yolox => self.yolox(of_window, columns),
+            Layout::Rows | Layout::AnchorRows => self.rows(of_window, columns),
+            Layout::Corners | Layout::BatchCorners | Layout::EfficientNms => {
+                self.corners(of_window)
             }
-            Layout::Columns => return Err(misfit("[batch, 4 + classes, candidates]")),
-            Layout::Corners if columns == 6 => {
-                per_window.map(|answer| self.corners(answer)).collect()
-            }
-            Layout::Corners => return Err(misfit("[batch, boxes, 6]")),
-            Layout::Yolox if columns >= 6 && rows == cells(self.window_px) => {
-                let class = self.aircraft_class(columns - 5)?;
-                per_window
-                    .map(|answer| self.yolox(answer, columns, class))
-                    .collect()
-            }
-            Layout::Yolox => return Err(misfit("[batch, cells, 5 + classes]")),
-            Layout::Rows | Layout::AnchorRows if columns >= 6 => {
-                let class = self.aircraft_class(columns - 5)?;
-                per_window
-                    .map(|answer| self.rows(answer, columns, class))
-                    .collect()
-            }
-            Layout::Rows | Layout::AnchorRows | Layout::BatchCorners => {
-                return Err(misfit("[batch, candidates, 5 + classes]"));
-            }
-        })
+        };
+        Ok(answer.of_windows(windows).into_iter().map(boxes).collect())
     }
 
-    fn aircraft_class(&self, classes: usize) -> Result<usize, AnswerFault> {
-        self.profile
-            .aircraft_class(classes)
-            .ok_or(AnswerFault::UnknownClass { classes })
-    }
-
-    fn rows(&self, answer: &[f32], columns: usize, class: usize) -> Vec<ScoredBox> {
-        let scored =
-            |row: &[f32]| self.centred([row[0], row[1], row[2], row[3]], row[4] * row[5 + class]);
+    fn rows(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
+        let score = |row: &[f32]| row[4] * row[5 + self.class];
+        let scored = |row: &[f32]| self.centred([row[0], row[1], row[2], row[3]], score(row));
         answer.chunks_exact(columns).filter_map(scored).collect()
     }
 
-    fn columns(&self, answer: &[f32], candidates: usize, class: usize) -> Vec<ScoredBox> {
+    fn columns(&self, answer: &[f32], candidates: usize) -> Vec<ScoredBox> {
         let value = |field: usize, candidate: usize| answer[field * candidates + candidate];
         let scored = |k: usize| {
             self.centred(
                 [0, 1, 2, 3].map(|field| value(field, k)),
-                value(4 + class, k),
+                value(4 + self.class, k),
             )
         };
         (0..candidates).filter_map(scored).collect()
     }
 
-    fn yolox(&self, answer: &[f32], columns: usize, class: usize) -> Vec<ScoredBox> {
+    fn yolox(&self, answer: &[f32], columns: usize) -> Vec<ScoredBox> {
         let places = STRIDES.into_iter().flat_map(|stride| {
             let [columns, rows] = grid(self.window_px, stride);
             (0..columns * rows).map(move |cell| {
@@ -182,7 +230,7 @@ impl Decoding<'_> {
             let size = [row[2].exp() * stride, row[3].exp() * stride];
             self.centred(
                 [centre[0], centre[1], size[0], size[1]],
-                row[4] * row[5 + class],
+                row[4] * row[5 + self.class],
             )
         };
         answer
@@ -193,9 +241,8 @@ impl Decoding<'_> {
     }
 
     fn corners(&self, answer: &[f32]) -> Vec<ScoredBox> {
-        let aircraft = self.profile.aircraft_class_or_coco() as f32;
         let scored = |row: &[f32]| {
-            (row[5] == aircraft)
+            (row[5] == self.class as f32)
                 .then(|| self.cornered(&row[..4], row[4]))
                 .flatten()
         };
@@ -207,7 +254,6 @@ impl Decoding<'_> {
         numbers: &[f32],
         windows: usize,
     ) -> Result<Vec<Vec<ScoredBox>>, AnswerFault> {
-        let aircraft = self.profile.aircraft_class_or_coco() as f32;
         let mut found = vec![Vec::new(); windows];
         for row in numbers.chunks_exact(7) {
             let window = row[0];
@@ -220,7 +266,7 @@ impl Decoding<'_> {
             }
             // Windows beyond the requested ones only fill a fixed batch: they are empty.
             if let Some(boxes) = found.get_mut(window as usize)
-                && row[5] == aircraft
+                && row[5] == self.class as f32
             {
                 boxes.extend(self.cornered(&row[1..5], row[6]));
             }
@@ -241,11 +287,7 @@ impl Decoding<'_> {
             return None;
         }
         let [cx, cy, width_px, height_px] = numbers.map(f64::from);
-        let to_pixel_centre = match self
-            .profile
-            .box_origin
-            .unwrap_or(self.layout.usual_origin())
-        {
+        let to_pixel_centre = match self.origin {
             BoxOrigin::PixelCenter => 0.0,
             BoxOrigin::PixelCorner => -0.5,
         };

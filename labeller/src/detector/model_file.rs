@@ -1,25 +1,27 @@
-//! A model and its profile, read once: every session is made from the bytes that were hashed for the record, even if the files
+//! A model and its settings, read once: every session is made from the bytes that were hashed for the record, even if the files
 //! change in the meantime.
 
 use std::path::{Path, PathBuf};
 
+use dataset::model_identity::ModelIdentity;
 use dataset::outside_file::{self, FileKind};
 
+use super::profile::ModelProfile;
 use crate::error::{Error, Result};
 
 /// The content of a model's files.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct ModelFile {
     /// Its path.
     pub path: PathBuf,
     /// The ONNX file.
     pub onnx: Vec<u8>,
-    /// `<model file name>.json`, if there is one.
-    pub profile: Option<Vec<u8>>,
+    /// The settings in `<model file name>.toml`, if there is one.
+    pub profile: Option<ModelProfile>,
 }
 
 impl ModelFile {
-    /// Reads a model and its profile.
+    /// Reads a model and the settings next to it.
     pub fn read(path: &Path) -> Result<Self> {
         if !path.is_file() {
             return Err(Error::model(path, "is not there; expected an ONNX file"));
@@ -27,8 +29,8 @@ impl ModelFile {
         let fault = |error: dataset::Error| Error::model(path, error);
         let onnx = outside_file::read(path, FileKind::MODEL).map_err(fault)?;
         let beside = Self::profile_path(path);
-        let profile = match outside_file::read(&beside, FileKind::json("model profile")) {
-            Ok(profile) => Some(profile),
+        let profile = match outside_file::read_text(&beside, FileKind::SETTINGS) {
+            Ok(text) => Some(ModelProfile::parse(&text, &beside, path)?),
             Err(error) if error.is_not_found() => None,
             Err(error) => return Err(fault(error)),
         };
@@ -39,10 +41,20 @@ impl ModelFile {
         })
     }
 
-    /// Path of a model's profile.
+    /// What its detections are told apart by.
+    pub fn identity(&self) -> ModelIdentity {
+        let file_name = self.path.file_name().unwrap_or_default();
+        ModelIdentity {
+            model: Some(file_name.to_string_lossy().into_owned()),
+            model_blake3: blake3::hash(&self.onnx).to_string(),
+            profile_blake3: self.profile.and_then(|profile| profile.blake3()),
+        }
+    }
+
+    /// Path of a model's settings.
     pub(super) fn profile_path(model: &Path) -> PathBuf {
         let mut beside = model.as_os_str().to_owned();
-        beside.push(".json");
+        beside.push(".toml");
         beside.into()
     }
 }

@@ -15,6 +15,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 
 use ort::environment::Environment;
 
+use super::device::Device;
 use crate::error::{Error, Result};
 
 /// Environment variable that disables ONNX Runtime's telemetry when it is `1`. Set it before loading the library.
@@ -75,16 +76,49 @@ pub enum LibraryError {
         /// The loader's error.
         message: String,
     },
+    /// It was built without the execution provider of the requested device.
+    #[error(
+        "{} cannot run a model on {device}: it has only {available}; {advice}; name its library with --onnx-runtime or {PATH_VARIABLE}", library.display()
+    )]
+    NoProvider {
+        /// What was requested.
+        device: Device,
+        /// The library.
+        library: PathBuf,
+        /// Devices that it has.
+        available: String,
+        /// Which builds have it.
+        advice: &'static str,
+    },
+    /// The execution provider of the requested device does not start.
+    #[error("{} cannot run a model on {device}: {message}; {advice}", library.display())]
+    ProviderFails {
+        /// What was requested.
+        device: Device,
+        /// The library.
+        library: PathBuf,
+        /// ONNX Runtime's error.
+        message: String,
+        /// What it needs.
+        advice: &'static str,
+    },
 }
 
-/// The environment in which all sessions run. `chosen` applies to the first call, which loads the library.
-pub(super) fn environment(chosen: Option<&Path>) -> Result<&'static Environment> {
-    static STARTED: OnceLock<Environment> = OnceLock::new();
+/// ONNX Runtime, loaded and started.
+pub(super) struct Runtime {
+    pub(super) environment: Environment,
+    /// Where it was loaded from.
+    pub(super) library: PathBuf,
+}
+
+/// The library and the environment in which all sessions run. `chosen` applies to the first call, which loads the library.
+pub(super) fn runtime(chosen: Option<&Path>) -> Result<&'static Runtime> {
+    static STARTED: OnceLock<Runtime> = OnceLock::new();
     static STARTING: Mutex<()> = Mutex::new(());
     // ONNX Runtime allows one environment per process: two threads must not start it at the same time.
     let _guard = STARTING.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(environment) = STARTED.get() {
-        return Ok(environment);
+    if let Some(runtime) = STARTED.get() {
+        return Ok(runtime);
     }
     if env::var_os(NO_TELEMETRY_VARIABLE).as_deref() != Some(OsStr::new("1")) {
         return Err(Error::Runtime(LibraryError::WouldReport));
@@ -103,7 +137,10 @@ pub(super) fn environment(chosen: Option<&Path>) -> Result<&'static Environment>
         .build()
         .map_err(|error| broken(&error))?;
     tracing::debug!(library = %library.display(), "ONNX Runtime started");
-    Ok(STARTED.get_or_init(|| environment))
+    Ok(STARTED.get_or_init(|| Runtime {
+        environment,
+        library,
+    }))
 }
 
 /// Path of the library, with all links resolved.

@@ -2,16 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use ort::session::Session;
 use ort::session::builder::GraphOptimizationLevel;
+use ort::session::{Session, SessionOutputs};
 use ort::value::TensorRef;
 
-use super::answer::{Answer, AnswerFault};
+use super::aircraft_class::Classes;
+use super::device::Device;
 use super::input::{Batch, CHANNELS, Input, WindowSize, most_windows, numbers_in};
 use super::layout::{Decoding, Layout};
+use super::metadata::ModelMetadata;
 use super::model_file::ModelFile;
 use super::onnx_runtime;
-use super::profile::{METADATA_KEY, ModelProfile};
+use super::ort_output::{ReadFault, boxes_in, forms_of, inputs_in_words, outputs_in_words};
+use super::outputs::{BoxOutputs, Expected};
+use super::profile::ModelProfile;
 use super::window::{PictureView, Window};
 use super::{Detector, ScoredBox};
 use crate::error::{Error, Result};
@@ -21,14 +25,16 @@ use crate::error::{Error, Result};
 const EXTERNAL_WEIGHTS: &str = "session.model_external_initializers_file_folder_path";
 const NOWHERE: &str = "/dev/null";
 
-/// A window that tells whether a model takes any size: small, and not square.
-const PROBE_PX: [u32; 2] = [160, 128];
+/// A window that tells whether a model takes any size: small, and not square. In units of what its sides must be multiples of.
+const PROBE_MULTIPLES: [u32; 2] = [5, 4];
 
 /// Options for running a model.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OrtOptions {
     /// ONNX Runtime's library; `None` means `ORT_DYLIB_PATH`, else the installation's own. Applies to the first model of a process.
     pub library: Option<PathBuf>,
+    /// Where the model runs.
+    pub device: Device,
     /// Threads within one run.
     pub threads: usize,
     /// Maximum number of windows per run; a model with a fixed batch uses its own number.
@@ -40,11 +46,20 @@ pub struct OrtDetector {
     path: PathBuf,
     session: Session,
     profile: ModelProfile,
-    layout: Layout,
+    metadata: ModelMetadata,
     input: Input,
-    output: String,
+    output: Output,
     /// The windows of one run, reused.
     planes: Vec<f32>,
+}
+
+/// How a model answers.
+#[derive(Debug, Clone, Copy)]
+struct Output {
+    boxes: BoxOutputs,
+    layout: Layout,
+    /// Number of the aircraft among the classes.
+    class: usize,
 }
 
 impl OrtDetector {
@@ -56,11 +71,12 @@ impl OrtDetector {
     /// Loads a model, runs it once on an empty window and finds out how it answers.
     pub fn of(model: &ModelFile, options: &OrtOptions) -> Result<Self> {
         let path = model.path.as_path();
-        let environment = onnx_runtime::environment(options.library.as_deref())?;
+        let runtime = onnx_runtime::runtime(options.library.as_deref())?;
+        let providers = options.device.providers(runtime)?;
         let fault = |e: &dyn std::fmt::Display| {
             Error::model(path, format!("ONNX Runtime cannot load it: {e}"))
         };
-        let mut builder = Session::builder(environment)
+        let mut builder = Session::builder(&runtime.environment)
             .map_err(|e| fault(&e))?
             .with_optimization_level(GraphOptimizationLevel::All)
             .map_err(|e| fault(&e))?
@@ -70,30 +86,42 @@ impl OrtDetector {
             .with_intra_op_spinning(false)
             .map_err(|e| fault(&e))?
             .with_config_entry(EXTERNAL_WEIGHTS, NOWHERE)
-            .map_err(|e| fault(&e))?;
+            .map_err(|e| fault(&e))?
+            .with_memory_pattern(options.device.takes_memory_pattern())
+            .map_err(|e| fault(&e))?
+            .with_execution_providers(providers)
+            .map_err(|e| options.device.fails(runtime, &e))?;
         let session = builder
             .commit_from_memory(&model.onnx)
             .map_err(|e| fault(&e))?;
-        let metadata = session
-            .metadata()
-            .ok()
-            .and_then(|metadata| metadata.custom(METADATA_KEY));
-        let profile = ModelProfile::find(model, metadata)?;
-        let input = Input::of(&session, &profile, options.batch)
-            .map_err(|fault| Error::model(path, fault))?;
-        let output = session.outputs()[0].name().to_owned();
+        let metadata = metadata_of(&session);
+        if let Some(task) = metadata.other_task() {
+            let message = format!(
+                "is a model for the task {task:?} by its metadata, expected one for \"detect\"; export a detector"
+            );
+            return Err(Error::model(path, message));
+        }
+        let profile = ModelProfile::find(model, metadata.profile.as_deref())?;
+        let input =
+            Input::of(&session, &profile, metadata.stride_px, options.batch).map_err(|fault| {
+                Error::model(path, format!("{fault}; {}", inputs_in_words(&session)))
+            })?;
         let mut detector = Self {
             path: path.to_owned(),
             session,
             profile,
-            layout: Layout::Rows,
+            metadata,
             input,
-            output,
+            output: Output {
+                boxes: BoxOutputs::One(0),
+                layout: Layout::Rows,
+                class: 0,
+            },
             planes: Vec::new(),
         };
-        if let WindowSize::Any { .. } = input.size {
+        if let WindowSize::Any { multiple_px } = input.size {
             // Lengths may be open although the grid inside is not.
-            match detector.probe(PROBE_PX) {
+            match detector.probe(PROBE_MULTIPLES.map(|multiples| multiples * multiple_px)) {
                 Ok(()) => return Ok(detector),
                 Err(_) => detector.input = input.of_usual_size(),
             }
@@ -102,33 +130,77 @@ impl OrtDetector {
         Ok(detector)
     }
 
-    /// Runs the model on blank windows of a size, finds out its output layout (from the profile, else from the shape of the output),
-    /// and reads the output, so that a mismatch shows before the first picture.
+    /// Runs the model on blank windows of a size, finds out how it answers (from the settings, else from names and shapes of its
+    /// outputs), and reads the answer, so that a mismatch shows before the first picture.
     fn probe(&mut self, size_px: [u32; 2]) -> Result<()> {
         let windows = match self.input.batch {
             Batch::Exactly(windows) => windows,
             Batch::UpTo(_) => 1,
         };
         self.planes.resize(windows * numbers_in(size_px), 0.0);
-        let shape = self.run(windows, size_px, |answer| Ok(answer.shape().to_vec()))?;
-        let said = self.profile.layout;
-        self.layout = said.or_else(|| Layout::of_shape(&shape, size_px)).ok_or_else(|| {
-            self.fault(format!(
-                "output {:?} has the shape {shape:?}, which is none of the known layouts (see docs of `Layout`); \
-                 name one in {}.json, or export the model with its grid",
-                self.output,
-                self.path.display()
-            ))
-        })?;
-        let profile = self.profile;
-        let decoding = Decoding {
-            layout: self.layout,
-            profile: &profile,
+        let inputs = inputs_in_words(&self.session);
+        let expected = Expected {
+            said: self.profile.layout,
             window_px: size_px,
-            score_floor: 1.0,
+            has_objectness: !self.metadata.is_by_ultralytics(),
+            settings: ModelFile::profile_path(&self.path).display().to_string(),
         };
-        self.run(windows, size_px, |answer| decoding.decode(answer, windows))?;
+        let said = self.profile.aircraft_class;
+        let names = self.metadata.names.clone();
+        self.output = self.run(windows, size_px, |outputs| {
+            let forms = forms_of(outputs);
+            let shapes = || format!("{inputs}; {}", outputs_in_words(outputs));
+            let (boxes, layout) = BoxOutputs::of(&forms, &expected).map_err(|fault| {
+                let shapes = shapes();
+                ReadFault::Outputs { fault, shapes }
+            })?;
+            let count = match boxes {
+                BoxOutputs::One(index) => layout.classes(&forms[index].shape),
+                BoxOutputs::EfficientNms(_) => None,
+            };
+            let classes = Classes {
+                said,
+                names: names.as_ref(),
+                count,
+            };
+            let class = classes.aircraft().map_err(|fault| {
+                let shapes = shapes();
+                ReadFault::Classes { fault, shapes }
+            })?;
+            Ok(Output {
+                boxes,
+                layout,
+                class,
+            })
+        })?;
+        self.boxes_in(windows, windows, size_px, 1.0)?;
         Ok(())
+    }
+
+    /// Runs the model on the first `run` windows in `planes`, which all have this width and height, and reads the boxes in the first
+    /// `windows` of them.
+    fn boxes_in(
+        &mut self,
+        run: usize,
+        windows: usize,
+        size_px: [u32; 2],
+        score_floor: f64,
+    ) -> Result<Vec<Vec<ScoredBox>>> {
+        let Output {
+            boxes,
+            layout,
+            class,
+        } = self.output;
+        let decoding = Decoding {
+            layout,
+            class,
+            origin: self.profile.origin(layout),
+            window_px: size_px,
+            score_floor,
+        };
+        self.run(run, size_px, |outputs| {
+            boxes_in(outputs, boxes, &decoding, windows)
+        })
     }
 
     /// Runs the model on the first `windows` windows in `planes`, which all have this width and height.
@@ -136,7 +208,7 @@ impl OrtDetector {
         &mut self,
         windows: usize,
         size_px: [u32; 2],
-        read: impl FnOnce(Answer<'_>) -> std::result::Result<T, AnswerFault>,
+        read: impl FnOnce(&SessionOutputs<'_>) -> std::result::Result<T, ReadFault>,
     ) -> Result<T> {
         let path = &self.path;
         let fault = |e: ort::Error| Error::model(path, format!("ONNX Runtime cannot run it: {e}"));
@@ -145,19 +217,14 @@ impl OrtDetector {
         let input = TensorRef::from_array_view(([windows, CHANNELS, height, width], numbers))
             .map_err(fault)?;
         let outputs = self.session.run(ort::inputs![input]).map_err(fault)?;
-        let (shape, numbers) = outputs[0].try_extract_tensor::<f32>().map_err(fault)?;
-        let shape: Vec<usize> = shape
-            .iter()
-            .map(|size| usize::try_from(*size).unwrap_or(0))
-            .collect();
-        Answer::new(&shape, numbers)
-            .and_then(read)
-            .map_err(|fault| Error::model(path, format!("output {:?} {fault}", self.output)))
+        read(&outputs).map_err(|fault| Error::model(path, fault))
     }
+}
 
-    fn fault(&self, message: impl ToString) -> Error {
-        Error::model(&self.path, message)
-    }
+/// What its exporter wrote into a model.
+fn metadata_of(session: &Session) -> ModelMetadata {
+    let metadata = session.metadata().ok();
+    ModelMetadata::of(|key| metadata.as_ref()?.custom(key))
 }
 
 impl Detector for OrtDetector {
@@ -172,8 +239,8 @@ impl Detector for OrtDetector {
         score_floor: f64,
     ) -> Result<Vec<Vec<ScoredBox>>> {
         let (order, scale) = (
-            self.profile.order(self.layout),
-            self.profile.scale(self.layout),
+            self.profile.order(self.output.layout),
+            self.profile.scale(self.output.layout),
         );
         let mut found = Vec::with_capacity(windows.len());
         let size_of = |window: &Window| [window.width_px, window.height_px];
@@ -195,16 +262,7 @@ impl Detector for OrtDetector {
                 for (window, planes) in some.iter().zip(self.planes.chunks_exact_mut(numbers)) {
                     window.write_planes(picture, order, scale, planes);
                 }
-                let profile = self.profile;
-                let decoding = Decoding {
-                    layout: self.layout,
-                    profile: &profile,
-                    window_px: size_px,
-                    score_floor,
-                };
-                let boxes = self.run(in_run, size_px, |answer| {
-                    decoding.decode(answer, some.len())
-                })?;
+                let boxes = self.boxes_in(in_run, some.len(), size_px, score_floor)?;
                 let in_picture = some.iter().zip(boxes).map(|(window, boxes)| {
                     let of_window = boxes.into_iter();
                     of_window.map(|found| window.to_picture(found)).collect()
@@ -216,7 +274,8 @@ impl Detector for OrtDetector {
     }
 
     fn description(&self) -> String {
-        format!("{:?}, {}", self.layout, self.input.size)
+        let Output { layout, class, .. } = self.output;
+        format!("{layout}, class {class}, {}", self.input.size)
     }
 }
 
@@ -226,6 +285,7 @@ mod tests {
 
     const OPTIONS: OrtOptions = OrtOptions {
         library: None,
+        device: Device::CPU,
         threads: 1,
         batch: 6,
     };
@@ -252,7 +312,7 @@ mod tests {
         };
         let mut detector = OrtDetector::load(&path, &OPTIONS).unwrap();
         assert_eq!(
-            (detector.layout, detector.window_size()),
+            (detector.output.layout, detector.window_size()),
             (Layout::Yolox, WindowSize::square(416))
         );
         let rgb = vec![120; 900 * 500 * 3];

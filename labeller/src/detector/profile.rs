@@ -1,23 +1,31 @@
-//! The input format of a model and the meaning of its output, where the shapes do not tell.
+//! Settings of a model: the format of its input and the meaning of its output, where shapes and metadata do not tell.
 //!
-//! Taken from the first of: a file `<model file name>.json` next to the model (`aircraft.onnx.json`), the model's own metadata
-//! property `dtd_profile` (the same JSON as text), the defaults for its layout. For example:
+//! Taken from the first of: a file `<model file name>.toml` next to the model (`aircraft.onnx.toml`), the model's own metadata
+//! property `dtd_profile` (the same as JSON text, for programs that export models), the defaults for its layout. For example:
 //!
-//! ```json
-//! {"input": {"order": "bgr", "scale": 1.0, "size_px": 416}, "layout": "yolox", "aircraft_class": 4}
+//! ```toml
+//! layout = "yolox"
+//! aircraft_class = 4
+//!
+//! [input]
+//! order = "bgr"
+//! scale = 1.0
+//! size_px = 416
 //! ```
+//!
+//! `docs/detectors.md` describes every key.
 
-use dataset::json_file::parse_json;
+use std::path::Path;
+
+use dataset::toml_file::TomlFile;
 use serde::{Deserialize, Serialize};
 
 use super::layout::Layout;
 use super::model_file::ModelFile;
 use crate::error::{Error, Result};
 
-/// Name of the metadata property of a model that contains its profile.
+/// Name of the metadata property of a model that contains its settings.
 pub(super) const METADATA_KEY: &str = "dtd_profile";
-/// Index of `airplane` among the 80 classes of COCO.
-const COCO_AIRPLANE: usize = 4;
 
 /// Order of the channels of a model's input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -39,18 +47,23 @@ pub enum BoxOrigin {
     PixelCorner,
 }
 
-/// Optional declarations about a model. Missing ones follow from its shapes and its layout.
+/// Optional declarations about a model. Missing ones follow from its shapes, its metadata and its layout.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct ModelProfile {
-    /// The input.
-    pub input: InputProfile,
     /// The output; default [`Layout::of_shape`].
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub layout: Option<Layout>,
-    /// Index of the aircraft among the model's classes; default 0 of 1 class or 4 of COCO's 80.
+    /// Number of the aircraft among the model's classes, from 0; default by the names in the model's metadata, else 0 of 1 class or 4
+    /// of COCO's 80.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub aircraft_class: Option<usize>,
     /// Origin of the boxes; default [`Layout::usual_origin`].
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub box_origin: Option<BoxOrigin>,
+    /// The input.
+    #[serde(skip_serializing_if = "InputProfile::is_empty")]
+    pub input: InputProfile,
 }
 
 /// The input of a model.
@@ -58,38 +71,78 @@ pub struct ModelProfile {
 #[serde(deny_unknown_fields, default)]
 pub struct InputProfile {
     /// Order of the channels; default RGB, for YOLOX BGR.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub order: Option<ChannelOrder>,
     /// Factor on the 8-bit values; default 1/255, for YOLOX 1.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f32>,
     /// Window size, pixels, if the model leaves it open; default 640.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub size_px: Option<u32>,
 }
 
+impl InputProfile {
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// A setting that no model can have.
+struct BadSetting {
+    key: &'static str,
+    message: String,
+}
+
 impl ModelProfile {
-    /// The profile of a model: from the file next to it, else from its metadata, else empty.
-    pub(super) fn find(file: &ModelFile, metadata: Option<String>) -> Result<Self> {
-        let model = file.path.as_path();
-        let (profile, from) = if let Some(text) = &file.profile {
-            let beside = ModelFile::profile_path(model);
-            let read = parse_json::<Self>(text, &beside, "model profile");
-            let profile = read.map_err(|error| Error::model(model, error))?;
-            (profile, beside.display().to_string())
-        } else if let Some(text) = metadata {
-            let from = format!("its metadata property {METADATA_KEY}");
-            let profile = serde_json::from_str(&text)
-                .map_err(|e| Error::model(model, format!("{from} is not a profile: {e}")))?;
-            (profile, from)
-        } else {
+    /// Reads the settings in a file next to a model.
+    pub(super) fn parse(text: &str, path: &Path, model: &Path) -> Result<Self> {
+        let file = TomlFile::new(path, text);
+        let profile: Self = file.parse().map_err(|error| Error::model(model, error))?;
+        match profile.check() {
+            Ok(()) => Ok(profile),
+            Err(BadSetting { key, message }) => {
+                Err(Error::model(model, file.rejected(key, &message)))
+            }
+        }
+    }
+
+    /// The settings of a model: from the file next to it, else from its metadata, else none.
+    pub(super) fn find(file: &ModelFile, metadata: Option<&str>) -> Result<Self> {
+        if let Some(profile) = file.profile {
+            return Ok(profile);
+        }
+        let Some(text) = metadata else {
             return Ok(Self::default());
         };
-        match profile.input.scale {
-            // Not a number, too.
-            Some(scale) if !(scale.is_finite() && scale > 0.0) => Err(Error::model(
-                model,
-                format!("{from} says input.scale = {scale}, expected a finite number above zero"),
-            )),
-            _ => Ok(profile),
+        let fault = |message: String| {
+            let message = format!("its metadata property {METADATA_KEY} {message}");
+            Error::model(&file.path, message)
+        };
+        let profile: Self = serde_json::from_str(text)
+            .map_err(|error| fault(format!("has no settings: {error}")))?;
+        match profile.check() {
+            Ok(()) => Ok(profile),
+            Err(BadSetting { message, .. }) => Err(fault(format!("says {message}"))),
         }
+    }
+
+    fn check(&self) -> std::result::Result<(), BadSetting> {
+        match self.input.scale {
+            // Not a number, too.
+            Some(scale) if !(scale.is_finite() && scale > 0.0) => Err(BadSetting {
+                key: "input.scale",
+                message: format!("input.scale = {scale}, expected a finite number above zero"),
+            }),
+            _ => Ok(()),
+        }
+    }
+
+    /// BLAKE3 hash of the settings; `None` if there are none. Comments and the order of keys do not change it.
+    pub fn blake3(&self) -> Option<String> {
+        (*self != Self::default()).then(|| {
+            let text = serde_json::json!(self).to_string();
+            blake3::hash(text.as_bytes()).to_string()
+        })
     }
 
     /// Order of the channels for a layout.
@@ -110,21 +163,9 @@ impl ModelProfile {
         })
     }
 
-    /// Index of the aircraft among `classes`; `None` if it is ambiguous.
-    pub(super) fn aircraft_class(&self, classes: usize) -> Option<usize> {
-        let usual = match classes {
-            1 => Some(0),
-            80 => Some(COCO_AIRPLANE),
-            _ => None,
-        };
-        self.aircraft_class
-            .or(usual)
-            .filter(|class| *class < classes)
-    }
-
-    /// Class number of the aircraft in an output that gives class numbers without the number of classes.
-    pub(super) fn aircraft_class_or_coco(&self) -> usize {
-        self.aircraft_class.unwrap_or(COCO_AIRPLANE)
+    /// Origin of the boxes for a layout.
+    pub(super) fn origin(&self, layout: Layout) -> BoxOrigin {
+        self.box_origin.unwrap_or(layout.usual_origin())
     }
 }
 
@@ -132,64 +173,104 @@ impl ModelProfile {
 mod tests {
     use super::*;
 
+    const BESIDE: &str = "net.onnx.toml";
+
+    fn parse(text: &str) -> Result<ModelProfile> {
+        ModelProfile::parse(text, Path::new(BESIDE), Path::new("net.onnx"))
+    }
+
     fn model(profile: Option<&str>) -> ModelFile {
         ModelFile {
             path: "net.onnx".into(),
             onnx: Vec::new(),
-            profile: profile.map(|text| text.as_bytes().to_vec()),
+            profile: profile.map(|text| parse(text).unwrap()),
         }
     }
 
     #[test]
-    fn a_file_beside_the_model_goes_before_its_metadata_and_unknown_keys_are_refused() {
-        let metadata = Some(r#"{"input": {"scale": 1.0}}"#.to_owned());
-        assert_eq!(
-            ModelProfile::find(&model(None), metadata.clone())
-                .unwrap()
-                .scale(Layout::Rows),
-            1.0
-        );
-        let beside = model(Some(r#"{"input": {"scale": 0.5, "order": "bgr"}}"#));
-        let profile = ModelProfile::find(&beside, metadata).unwrap();
+    fn a_file_beside_the_model_goes_before_its_metadata() {
+        let metadata = Some(r#"{"input": {"scale": 1.0}}"#);
+        let found = |beside| ModelProfile::find(&model(beside), metadata).unwrap();
+        assert_eq!(found(None).scale(Layout::Rows), 1.0);
+        let profile = found(Some("input = {scale = 0.5, order = 'bgr'}"));
         assert_eq!(
             (profile.scale(Layout::Rows), profile.order(Layout::Rows)),
             (0.5, ChannelOrder::Bgr)
         );
-        let unknown = model(Some(r#"{"colour": "bgr"}"#));
-        let message = format!("{}", ModelProfile::find(&unknown, None).unwrap_err());
-        assert!(
-            message.contains("net.onnx.json") && message.contains("colour"),
-            "{message}"
+        assert_eq!(
+            ModelProfile::find(&model(None), None).unwrap(),
+            ModelProfile::default()
         );
     }
 
     #[test]
-    fn a_scale_that_spoils_every_picture_is_refused() {
-        for scale in ["0.0", "-1.0"] {
-            let metadata = Some(format!(r#"{{"input": {{"scale": {scale}}}}}"#));
-            let found = ModelProfile::find(&model(None), metadata);
-            let said = found.unwrap_err().to_string();
+    fn a_mistake_in_the_file_is_shown_in_its_line_with_what_is_known() {
+        for (text, place, words) in [
+            (
+                "layout = 'yolox'\ncolour = 'bgr'\n",
+                ":2:1",
+                ["colour", "aircraft_class"],
+            ),
+            ("[input]\nsize = 416\n", ":2:1", ["size", "size_px"]),
+            ("layout = 'yolo99'\n", ":1:10", ["yolo99", "yolox"]),
+            (
+                "aircraft_class = -1\n",
+                ":1:18",
+                ["-1", "a whole number from 0"],
+            ),
+            ("[input]\nscale = 'one'\n", ":2:9", ["one", "a number"]),
+            (
+                "[input]\nscale = 0\n",
+                ":2:9",
+                ["input.scale = 0", "above zero"],
+            ),
+            (
+                "[input]\nscale = nan\n",
+                ":2:9",
+                ["input.scale = NaN", "above zero"],
+            ),
+        ] {
+            let said = parse(text).unwrap_err().to_string();
+            for word in ["net.onnx", &format!("{BESIDE}{place}"), "^"]
+                .iter()
+                .chain(&words)
+            {
+                assert!(said.contains(word), "{word} in {said}");
+            }
+        }
+    }
+
+    #[test]
+    fn metadata_that_has_no_settings_is_named() {
+        for (text, word) in [
+            (r#"{"colour": "bgr"}"#, "colour"),
+            (r#"{"input": {"scale": -1.0}}"#, "input.scale = -1"),
+            ("layout = 'yolox'", "has no settings"),
+        ] {
+            let said = ModelProfile::find(&model(None), Some(text));
+            let said = said.unwrap_err().to_string();
             assert!(
-                said.contains("net.onnx") && said.contains("input.scale"),
+                said.contains(word) && said.contains("net.onnx") && said.contains(METADATA_KEY),
                 "{said}"
             );
         }
     }
 
     #[test]
-    fn the_aircraft_is_the_only_class_or_cocos_airplane_or_has_to_be_named() {
-        let nothing_said = ModelProfile::default();
-        assert_eq!(
-            [1, 80, 7].map(|classes| nothing_said.aircraft_class(classes)),
-            [Some(0), Some(4), None]
-        );
-        let said = ModelProfile {
-            aircraft_class: Some(6),
-            ..Default::default()
-        };
-        assert_eq!(
-            [7, 3].map(|classes| said.aircraft_class(classes)),
-            [Some(6), None]
-        );
+    fn the_hash_is_of_the_settings_and_not_of_their_text() {
+        let hash = |text: &str| parse(text).unwrap().blake3();
+        assert_eq!([hash(""), hash("# none yet\n[input]\n")], [None, None]);
+        let one = hash("aircraft_class = 4\n[input]\nscale = 1\n");
+        let same = hash("# of COCO\ninput.scale = 1.0\naircraft_class = 4\n");
+        assert!(one.is_some() && one == same, "{one:?} {same:?}");
+        let others = [
+            "aircraft_class = 5\n[input]\nscale = 1\n",
+            "aircraft_class = 4\n",
+            "[input]\nscale = 1\n",
+            "layout = 'rows'\naircraft_class = 4\n[input]\nscale = 1\n",
+        ];
+        for other in others {
+            assert_ne!(hash(other), one, "{other}");
+        }
     }
 }

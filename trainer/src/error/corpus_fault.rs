@@ -61,10 +61,10 @@ pub enum CorpusFault {
     #[error("has no detections of model {0}; run `dtd detect` first")]
     NoDetectionsOf(String),
     /// No boxes of the requested detector, but of others.
-    #[error("has no detections of model {asked}; there are detections of {listed}")]
+    #[error("has no detections of model {asked}; there are those of {listed}")]
     OtherDetections { asked: String, listed: String },
     /// Boxes of several detectors, and none was requested.
-    #[error("has detections of several models, name one of them: {0}")]
+    #[error("has detections of several models, name one of them by its file or hash: {0}")]
     SeveralModels(String),
     /// Boxes of an unknown view.
     #[error("has detections of view {0}, which calibration.json does not list")]

@@ -1,39 +1,50 @@
 use super::*;
 
 const WINDOW_PX: [u32; 2] = [640; 2];
+/// Number of `airplane` among the classes of COCO.
+const COCO_AIRPLANE: usize = 4;
 
 /// The box that every test puts into an output, in corner-origin pixels, and its score.
 const HIDDEN: [f32; 4] = [100.5, 50.5, 20.0, 8.0];
 const SCORE: f32 = 0.75;
 
-fn decode(
-    shape: &[usize],
-    data: &[f32],
-    windows: usize,
-    profile: ModelProfile,
-) -> Vec<Vec<ScoredBox>> {
-    let layout = profile
-        .layout
-        .or(Layout::of_shape(shape, WINDOW_PX))
-        .unwrap();
-    let decoding = Decoding {
+/// Settings that replace what follows from the shape.
+#[derive(Default)]
+struct Said {
+    layout: Option<Layout>,
+    class: Option<usize>,
+    origin: Option<BoxOrigin>,
+}
+
+fn decoding(layout: Layout, class: usize) -> Decoding {
+    Decoding {
         layout,
-        profile: &profile,
+        class,
+        origin: layout.usual_origin(),
         window_px: WINDOW_PX,
         score_floor: 0.5,
+    }
+}
+
+fn decode(shape: &[usize], data: &[f32], windows: usize, said: Said) -> Vec<Vec<ScoredBox>> {
+    let of_shape = Layout::of_shape(shape, WINDOW_PX, true);
+    let layout = said.layout.or(of_shape).unwrap();
+    let class = match layout.classes(shape) {
+        Some(1) => 0,
+        _ => COCO_AIRPLANE,
+    };
+    let decoding = decoding(layout, said.class.unwrap_or(class));
+    let decoding = Decoding {
+        origin: said.origin.unwrap_or(decoding.origin),
+        ..decoding
     };
     let answer = Answer::new(shape, data).unwrap();
     decoding.decode(answer, windows).unwrap()
 }
 
 fn fault(layout: Layout, shape: &[usize], data: &[f32], windows: usize) -> String {
-    let decoding = Decoding {
-        layout,
-        profile: &ModelProfile::default(),
-        window_px: WINDOW_PX,
-        score_floor: 0.5,
-    };
     let answer = Answer::new(shape, data).unwrap();
+    let decoding = decoding(layout, 0);
     decoding.decode(answer, windows).unwrap_err().to_string()
 }
 
@@ -54,27 +65,49 @@ fn assert_hidden_box(found: &[ScoredBox], cx_px: f64, cy_px: f64) {
 }
 
 #[test]
-fn layouts_are_told_apart_by_rank_and_sizes() {
-    let cases: [(&[usize], Option<Layout>); 11] = [
-        (&[6, 6_400, 6], Some(Layout::Rows)),
-        (&[1, 25_200, 85], Some(Layout::AnchorRows)),
-        (&[1, 25_200, 6], Some(Layout::AnchorRows)),
-        (&[1, 8_400, 85], Some(Layout::Yolox)),
-        (&[1, 84, 8_400], Some(Layout::Columns)),
-        (&[1, 5, 8_400], Some(Layout::Columns)),
-        (&[1, 300, 6], Some(Layout::Corners)),
-        (&[12, 7], Some(Layout::BatchCorners)),
-        (&[1, 3, 80, 80, 85], None),
-        (&[1, 100, 85], None),
-        (&[1, 1_000], None),
+fn layouts_are_told_apart_by_rank_and_sizes_whatever_the_window() {
+    let square = [640, 640];
+    let cases: [(&[usize], [u32; 2], Option<Layout>); 25] = [
+        (&[6, 6_400, 6], square, Some(Layout::Rows)),
+        (&[1, 25_200, 85], square, Some(Layout::AnchorRows)),
+        (&[1, 25_200, 6], square, Some(Layout::AnchorRows)),
+        (&[1, 8_400, 85], square, Some(Layout::Yolox)),
+        (&[1, 8_400, 6], square, Some(Layout::Yolox)),
+        (&[1, 84, 8_400], square, Some(Layout::Columns)),
+        (&[1, 5, 8_400], square, Some(Layout::Columns)),
+        (&[1, 84, 34_000], square, Some(Layout::Columns)),
+        (&[1, 300, 6], square, Some(Layout::Corners)),
+        (&[1, 0, 6], square, Some(Layout::Corners)),
+        (&[12, 7], square, Some(Layout::BatchCorners)),
+        (&[0, 7], square, Some(Layout::BatchCorners)),
+        (&[1, 3, 80, 80, 85], square, None),
+        (&[1, 100, 85], square, None),
+        (&[1, 1_000], square, None),
+        // Wide and narrow windows, and small ones, which have fewer candidates than numbers of a candidate.
+        (&[1, 5_040, 85], [640, 384], Some(Layout::Yolox)),
+        (&[1, 15_120, 85], [640, 384], Some(Layout::AnchorRows)),
+        (&[1, 84, 5_040], [384, 640], Some(Layout::Columns)),
+        (&[1, 3_840, 6], [640, 384], Some(Layout::Rows)),
+        (&[1, 102_000, 85], [1280, 1280], Some(Layout::AnchorRows)),
+        (&[1, 3_549, 85], [416, 416], Some(Layout::Yolox)),
+        (&[1, 84, 85], [64, 64], Some(Layout::Yolox)),
+        (&[1, 84, 84], [64, 64], Some(Layout::Columns)),
+        (&[1, 63, 85], [32, 32], Some(Layout::AnchorRows)),
+        (&[1, 300, 6], [160, 120], Some(Layout::Rows)),
     ];
-    for (shape, layout) in cases {
-        assert_eq!(Layout::of_shape(shape, WINDOW_PX), layout, "{shape:?}");
+    for (shape, window_px, layout) in cases {
+        let found = Layout::of_shape(shape, window_px, true);
+        assert_eq!(found, layout, "{shape:?} {window_px:?}");
     }
-    assert_eq!(
-        Layout::of_shape(&[1, 3_549, 85], [416; 2]),
-        Some(Layout::Yolox)
-    );
+    let without_objectness = |shape: &[usize]| Layout::of_shape(shape, square, false);
+    for shape in [&[1, 100, 6][..], &[1, 8_400, 6], &[1, 300, 6]] {
+        assert_eq!(
+            without_objectness(shape),
+            Some(Layout::Corners),
+            "{shape:?}"
+        );
+    }
+    assert_eq!(without_objectness(&[1, 6, 8_400]), Some(Layout::Columns));
 }
 
 #[test]
@@ -84,7 +117,7 @@ fn rows_of_this_projects_detector_count_from_pixel_centres() {
     let at = (6_400 + 17) * 6;
     data[at..at + 4].copy_from_slice(&HIDDEN);
     data[at + 4..at + 6].copy_from_slice(&[1.0, SCORE]);
-    let found = decode(&[2, 6_400, 6], &data, 2, ModelProfile::default());
+    let found = decode(&[2, 6_400, 6], &data, 2, Said::default());
     assert_eq!(found[0], []);
     assert_hidden_box(&found[1], 100.5, 50.5);
 }
@@ -97,7 +130,7 @@ fn anchor_rows_of_coco_models_give_the_airplane_and_lose_half_a_pixel() {
         data[row * 85 + 4] = 1.0;
         data[row * 85 + class] = SCORE;
     }
-    let found = decode(&[1, 25_200, 85], &data, 1, ModelProfile::default());
+    let found = decode(&[1, 25_200, 85], &data, 1, Said::default());
     assert_hidden_box(&found[0], 100.0, 50.0);
 }
 
@@ -115,8 +148,26 @@ fn yolox_rows_are_decoded_with_their_cells_and_strides() {
     data[row * 85..row * 85 + 4].copy_from_slice(&relative);
     data[row * 85 + 4] = 1.0;
     data[row * 85 + 5 + 4] = SCORE;
-    let found = decode(&[1, 8_400, 85], &data, 1, ModelProfile::default());
+    let found = decode(&[1, 8_400, 85], &data, 1, Said::default());
     assert_hidden_box(&found[0], 100.0, 50.0);
+}
+
+#[test]
+fn yolox_cells_of_a_wide_window_are_counted_along_its_own_rows() {
+    let window_px = [640, 384];
+    // Stride 32 starts after 80 x 48 and 40 x 24 cells; cell (19, 11) of its 20 x 12, the last one, covers 608 to 640 and 352 to 384.
+    let row = 80 * 48 + 40 * 24 + 11 * 20 + 19;
+    let mut data = vec![0.0; 5_040 * 6];
+    let relative = [0.5, 0.25, (20.0_f32 / 32.0).ln(), (8.0_f32 / 32.0).ln()];
+    data[row * 6..row * 6 + 4].copy_from_slice(&relative);
+    data[row * 6 + 4..row * 6 + 6].copy_from_slice(&[1.0, SCORE]);
+    let wide = Decoding {
+        window_px,
+        ..decoding(Layout::Yolox, 0)
+    };
+    let answer = Answer::new(&[1, 5_040, 6], &data).unwrap();
+    let found = wide.decode(answer, 1).unwrap();
+    assert_hidden_box(&found[0], 624.0 - 0.5, 360.0 - 0.5);
 }
 
 #[test]
@@ -126,7 +177,7 @@ fn columns_have_no_objectness() {
         data[field * 8_400 + 123] = value;
     }
     data[(4 + 4) * 8_400 + 123] = SCORE;
-    let found = decode(&[1, 84, 8_400], &data, 1, ModelProfile::default());
+    let found = decode(&[1, 84, 8_400], &data, 1, Said::default());
     assert_hidden_box(&found[0], 100.0, 50.0);
 }
 
@@ -139,7 +190,7 @@ fn final_boxes_by_corners_are_filtered_by_class() {
         data[row * 6 + 4..row * 6 + 6].copy_from_slice(&[SCORE, class]);
     }
     assert_hidden_box(
-        &decode(&[1, 300, 6], &data, 1, ModelProfile::default())[0],
+        &decode(&[1, 300, 6], &data, 1, Said::default())[0],
         100.0,
         50.0,
     );
@@ -148,22 +199,22 @@ fn final_boxes_by_corners_are_filtered_by_class() {
         [1.0, 90.5, 46.5, 110.5, 54.5, 4.0, SCORE],
         [9.0, 90.5, 46.5, 110.5, 54.5, 4.0, SCORE],
     ];
-    let found = decode(&[2, 7], rows.as_flattened(), 2, ModelProfile::default());
+    let found = decode(&[2, 7], rows.as_flattened(), 2, Said::default());
     assert_eq!(found[0], []);
     assert_hidden_box(&found[1], 100.0, 50.0);
 }
 
 #[test]
-fn a_profile_decides_where_the_shape_misleads() {
-    let profile = ModelProfile {
+fn the_layout_class_and_origin_of_the_settings_replace_those_of_the_shape() {
+    let said = Said {
         layout: Some(Layout::Rows),
-        box_origin: Some(BoxOrigin::PixelCorner),
-        ..Default::default()
+        class: Some(0),
+        origin: Some(BoxOrigin::PixelCorner),
     };
     let mut data = vec![0.0; 300 * 6];
     data[..4].copy_from_slice(&HIDDEN);
     data[4..6].copy_from_slice(&[SCORE, 1.0]);
-    assert_hidden_box(&decode(&[1, 300, 6], &data, 1, profile)[0], 100.0, 50.0);
+    assert_hidden_box(&decode(&[1, 300, 6], &data, 1, said)[0], 100.0, 50.0);
 }
 
 #[test]
@@ -171,37 +222,29 @@ fn boxes_without_a_size_or_with_an_endless_one_are_none() {
     let mut data = vec![0.0; 8_400 * 6];
     // A size that overflows when decoded, and a negative one.
     data[..6].copy_from_slice(&[1.0, 1.0, 100.0, 1.0, 1.0, 1.0]);
-    assert_eq!(
-        decode(&[1, 8_400, 6], &data, 1, ModelProfile::default()),
-        [vec![]]
-    );
+    assert_eq!(decode(&[1, 8_400, 6], &data, 1, Said::default()), [vec![]]);
     let data = [1.0, 1.0, -3.0, 1.0, 1.0, 1.0];
-    assert_eq!(
-        decode(&[1, 1, 6], &data, 1, ModelProfile::default()),
-        [vec![]]
-    );
+    assert_eq!(decode(&[1, 1, 6], &data, 1, Said::default()), [vec![]]);
 }
 
 #[test]
 fn an_empty_answer_is_no_detection_in_any_layout() {
-    let cases: [(&[usize], Layout); 6] = [
+    let cases: [(&[usize], Layout); 7] = [
         (&[2, 0, 6], Layout::Rows),
         (&[2, 0, 6], Layout::AnchorRows),
         (&[2, 0, 6], Layout::Corners),
+        (&[2, 0, 6], Layout::EfficientNms),
         (&[2, 84, 0], Layout::Columns),
         (&[0, 7], Layout::BatchCorners),
         (&[2, 0, 85], Layout::Rows),
     ];
     for (shape, layout) in cases {
-        let profile = ModelProfile {
+        let said = Said {
             layout: Some(layout),
-            ..Default::default()
+            class: Some(0),
+            ..Said::default()
         };
-        assert_eq!(
-            decode(shape, &[], 2, profile),
-            [vec![], vec![]],
-            "{shape:?}"
-        );
+        assert_eq!(decode(shape, &[], 2, said), [vec![], vec![]], "{shape:?}");
     }
 }
 
@@ -210,21 +253,21 @@ fn shapes_that_do_not_fit_are_refused_with_what_was_expected() {
     let cases: [(Layout, &[usize], &str); 8] = [
         (Layout::Rows, &[1, 0, 6], "an answer for each window"),
         (Layout::Rows, &[2, 0, 5], "[batch, candidates, 5 + classes]"),
-        (Layout::Rows, &[], "three dimensions"),
+        (Layout::Rows, &[], "[batch, candidates, 5 + classes]"),
         (
             Layout::Columns,
             &[2, 4, 0],
             "[batch, 4 + classes, candidates]",
         ),
         (Layout::Corners, &[2, 0, 7], "[batch, boxes, 6]"),
-        (Layout::Yolox, &[2, 0, 85], "[batch, cells, 5 + classes]"),
+        (Layout::Yolox, &[2, 0, 85], "[batch, cells of strides"),
         (Layout::BatchCorners, &[0, 6], "[boxes, 7]"),
         (Layout::Rows, &[0, 0, 6], "an answer for each window"),
     ];
     for (layout, shape, expected) in cases {
         let numbers = if shape.is_empty() { vec![0.0] } else { vec![] };
         let said = fault(layout, shape, &numbers, 2);
-        for word in [expected, &format!("{shape:?}"), &format!("{layout:?}")] {
+        for word in [expected, &format!("{shape:?}"), &layout.to_string()] {
             assert!(said.contains(word), "{word} in {said}");
         }
     }
@@ -240,10 +283,8 @@ fn a_box_of_a_window_that_cannot_be_is_refused() {
 }
 
 #[test]
-fn an_unknown_number_of_classes_asks_for_the_aircraft() {
-    let said = fault(Layout::Columns, &[1, 11, 8_400], &vec![0.0; 11 * 8_400], 1);
-    assert!(
-        said.contains("7 classes") && said.contains("aircraft_class"),
-        "{said}"
-    );
+fn fewer_classes_than_when_the_model_was_loaded_are_refused() {
+    let answer = Answer::new(&[1, 5, 0], &[]).unwrap();
+    let said = decoding(Layout::Columns, 4).decode(answer, 1).unwrap_err();
+    assert!(said.to_string().contains("1 classes"), "{said}");
 }

@@ -1,0 +1,285 @@
+//! Where a model runs: on the processor, or on an accelerator through one of ONNX Runtime's execution providers.
+//!
+//! Only what the loaded library was built with can be asked for, and then it is used or the run fails: nothing falls back to the
+//! processor in silence. Operators that an accelerator lacks run on the processor, as ONNX Runtime assigns them.
+
+use std::fmt;
+use std::str::FromStr;
+
+use ort::ep::{self, ExecutionProvider, ExecutionProviderDispatch};
+use serde::{Serialize, Serializer};
+
+use super::onnx_runtime::{LibraryError, Runtime};
+use crate::error::{Error, Result};
+
+/// A processor or an accelerator, e.g. `cpu` or `cuda:1`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Device {
+    provider: Provider,
+    /// Which one of several; `None` is the provider's choice, usually the first.
+    number: Option<u16>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+enum Provider {
+    #[default]
+    Cpu,
+    Cuda,
+    TensorRt,
+    OpenVino,
+    CoreMl,
+    DirectMl,
+}
+
+/// What a provider is called, and where to get a library that has it.
+struct Facts {
+    word: &'static str,
+    /// Whether several of its devices are numbered.
+    is_numbered: bool,
+    advice: &'static str,
+}
+
+impl Provider {
+    const ALL: [Self; 6] = [
+        Self::Cpu,
+        Self::Cuda,
+        Self::TensorRt,
+        Self::OpenVino,
+        Self::CoreMl,
+        Self::DirectMl,
+    ];
+
+    const fn facts(self) -> Facts {
+        match self {
+            Self::Cpu => Facts {
+                word: "cpu",
+                is_numbered: false,
+                advice: "every build of ONNX Runtime has it",
+            },
+            Self::Cuda => Facts {
+                word: "cuda",
+                is_numbered: true,
+                advice: "the Python package onnxruntime-gpu has it, and needs NVIDIA's CUDA and cuDNN libraries in the versions that it \
+                         names",
+            },
+            Self::TensorRt => Facts {
+                word: "tensorrt",
+                is_numbered: true,
+                advice: "the Python package onnxruntime-gpu has it, and needs NVIDIA's CUDA, cuDNN and TensorRT libraries in the versions \
+                         that it names",
+            },
+            Self::OpenVino => Facts {
+                word: "openvino",
+                is_numbered: true,
+                advice: "the Python package onnxruntime-openvino has it",
+            },
+            Self::CoreMl => Facts {
+                word: "coreml",
+                is_numbered: false,
+                advice: "builds of ONNX Runtime for macOS have it",
+            },
+            Self::DirectMl => Facts {
+                word: "directml",
+                is_numbered: true,
+                advice: "only builds of ONNX Runtime for Windows have it, such as the Python package onnxruntime-directml",
+            },
+        }
+    }
+
+    /// Whether the loaded library was built with it.
+    fn is_available(self) -> bool {
+        let found = match self {
+            Self::Cpu => return true,
+            Self::Cuda => ep::CUDA::is_available(),
+            Self::TensorRt => ep::TensorRT::is_available(),
+            Self::OpenVino => ep::OpenVINO::is_available(),
+            Self::CoreMl => ep::CoreML::is_available(),
+            Self::DirectMl => ep::DirectML::is_available(),
+        };
+        found.unwrap_or(false)
+    }
+}
+
+impl Device {
+    /// The processor.
+    pub const CPU: Self = Self {
+        provider: Provider::Cpu,
+        number: None,
+    };
+
+    /// What a session is given besides the processor, in the order of preference.
+    pub(super) fn providers(self, runtime: &Runtime) -> Result<Vec<ExecutionProviderDispatch>> {
+        if !self.provider.is_available() {
+            let available = Provider::ALL.into_iter();
+            let available = available.filter(|provider| provider.is_available());
+            let available: Vec<_> = available.map(|provider| provider.facts().word).collect();
+            return Err(Error::Runtime(LibraryError::NoProvider {
+                device: self,
+                library: runtime.library.clone(),
+                available: available.join(", "),
+                advice: self.provider.facts().advice,
+            }));
+        }
+        let number = self.number.map(i32::from);
+        let cuda = || {
+            let cuda = ep::CUDA::default();
+            let cuda = match number {
+                Some(number) => cuda.with_device_id(number),
+                None => cuda,
+            };
+            cuda.build()
+        };
+        let providers = match self.provider {
+            Provider::Cpu => vec![],
+            Provider::Cuda => vec![cuda()],
+            Provider::TensorRt => {
+                let tensorrt = ep::TensorRT::default();
+                let tensorrt = match number {
+                    Some(number) => tensorrt.with_device_id(number),
+                    None => tensorrt,
+                };
+                // CUDA runs the operators that TensorRT lacks.
+                vec![tensorrt.build(), cuda()]
+            }
+            Provider::OpenVino => {
+                let openvino = ep::OpenVINO::default();
+                let openvino = match number {
+                    Some(number) => openvino.with_device_type(format!("GPU.{number}")),
+                    None => openvino,
+                };
+                vec![openvino.build()]
+            }
+            Provider::CoreMl => vec![ep::CoreML::default().build()],
+            Provider::DirectMl => {
+                let directml = ep::DirectML::default();
+                let directml = match number {
+                    Some(number) => directml.with_device_id(number),
+                    None => directml,
+                };
+                vec![directml.build()]
+            }
+        };
+        let providers = providers.into_iter();
+        Ok(providers
+            .map(ExecutionProviderDispatch::error_on_failure)
+            .collect())
+    }
+
+    /// Whether a session may plan its memory ahead. DirectML manages its own.
+    pub(super) fn takes_memory_pattern(self) -> bool {
+        self.provider != Provider::DirectMl
+    }
+
+    /// The error of a provider that the library has but that does not start.
+    pub(super) fn fails(self, runtime: &Runtime, error: &dyn fmt::Display) -> Error {
+        Error::Runtime(LibraryError::ProviderFails {
+            device: self,
+            library: runtime.library.clone(),
+            message: error.to_string(),
+            advice: self.provider.facts().advice,
+        })
+    }
+}
+
+impl fmt::Display for Device {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.provider.facts().word)?;
+        self.number.map_or(Ok(()), |number| write!(f, ":{number}"))
+    }
+}
+
+impl Serialize for Device {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+/// A text that names no device.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum UnknownDevice {
+    /// No provider is called so.
+    #[error(
+        "expected cpu, cuda, tensorrt, openvino, coreml or directml, and :N for the N-th one, e.g. cuda:1"
+    )]
+    Provider,
+    /// The part after the colon.
+    #[error("{found:?} is no number of a device, expected 0 to {most}", most = u16::MAX)]
+    Number {
+        /// That part.
+        found: String,
+    },
+    /// The provider has one device.
+    #[error("{word} takes no number")]
+    Unnumbered {
+        /// The provider.
+        word: &'static str,
+    },
+}
+
+impl FromStr for Device {
+    type Err = UnknownDevice;
+
+    fn from_str(text: &str) -> std::result::Result<Self, UnknownDevice> {
+        let (word, number) = match text.split_once(':') {
+            Some((word, number)) => (word, Some(number)),
+            None => (text, None),
+        };
+        let provider = Provider::ALL
+            .into_iter()
+            .find(|provider| provider.facts().word == word)
+            .ok_or(UnknownDevice::Provider)?;
+        let Facts {
+            word, is_numbered, ..
+        } = provider.facts();
+        let number = number.map(|found| {
+            if !is_numbered {
+                return Err(UnknownDevice::Unnumbered { word });
+            }
+            found.parse().map_err(|_| UnknownDevice::Number {
+                found: found.to_owned(),
+            })
+        });
+        Ok(Self {
+            provider,
+            number: number.transpose()?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_is_read_as_it_is_written() {
+        for text in [
+            "cpu",
+            "cuda",
+            "cuda:0",
+            "cuda:1",
+            "tensorrt:2",
+            "openvino",
+            "coreml",
+            "directml:3",
+        ] {
+            assert_eq!(text.parse::<Device>().unwrap().to_string(), text);
+        }
+        assert_eq!(Device::default().to_string(), "cpu");
+    }
+
+    #[test]
+    fn what_is_no_device_is_refused_with_what_is_one() {
+        for (text, words) in [
+            ("gpu", "expected cpu, cuda, tensorrt"),
+            ("CUDA", "expected cpu, cuda, tensorrt"),
+            ("", "expected cpu"),
+            ("cuda:", "\"\" is no number"),
+            ("cuda:-1", "\"-1\" is no number"),
+            ("cuda:65536", "0 to 65535"),
+            ("cpu:0", "cpu takes no number"),
+        ] {
+            let said = text.parse::<Device>().unwrap_err().to_string();
+            assert!(said.contains(words), "{text}: {said}");
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! What the program that exported a model wrote into it: ONNX metadata properties.
+//!
+//! Ultralytics writes `task` (`detect`, `segment`, ...), `names` (the classes, as Python prints a dictionary), `stride` and more;
+//! YOLOv5's exporter `names` and `stride`; those of YOLOv7 and YOLOX nothing. A model of this project, or one that its author has
+//! edited, may have settings in `dtd_profile`.
+
+use std::collections::BTreeMap;
+use std::iter::Peekable;
+use std::str::Chars;
+
+use super::profile::METADATA_KEY;
+
+/// The task of a model that boxes objects.
+const DETECTION: &str = "detect";
+/// Far above the strides of any detector, pixels.
+const MOST_STRIDE_PX: u32 = 1_024;
+
+/// The metadata of a model, as far as it is used.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub(super) struct ModelMetadata {
+    /// Settings, as JSON text.
+    pub(super) profile: Option<String>,
+    /// Names of the classes by their numbers.
+    pub(super) names: Option<BTreeMap<usize, String>>,
+    /// What the model is for, of a model by Ultralytics.
+    pub(super) task: Option<String>,
+    /// What the sides of its input must be multiples of, pixels.
+    pub(super) stride_px: Option<u32>,
+}
+
+impl ModelMetadata {
+    /// Of a model with these properties.
+    pub(super) fn of(property: impl Fn(&str) -> Option<String>) -> Self {
+        let names = property("names").and_then(|text| {
+            let names = parse_names(&text);
+            if names.is_none() {
+                tracing::warn!("the model's metadata property names is not understood: {text:?}");
+            }
+            names
+        });
+        Self {
+            profile: property(METADATA_KEY),
+            names,
+            task: property("task"),
+            stride_px: property("stride")
+                .and_then(|text| text.trim().parse().ok())
+                .filter(|stride_px| (1..=MOST_STRIDE_PX).contains(stride_px)),
+        }
+    }
+
+    /// The task, if it is another one than boxing objects.
+    pub(super) fn other_task(&self) -> Option<&str> {
+        self.task.as_deref().filter(|task| *task != DETECTION)
+    }
+
+    /// Whether Ultralytics exported it. Its models have no objectness, so rows of six numbers are final boxes.
+    pub(super) fn is_by_ultralytics(&self) -> bool {
+        self.task.is_some()
+    }
+}
+
+/// The names in `{0: 'person', 1: "pilot's seat"}` or `['person', 'seat']`, as Python prints them, or in the same as JSON.
+fn parse_names(text: &str) -> Option<BTreeMap<usize, String>> {
+    let mut literal = Literal(text.trim().chars().peekable());
+    let names = match literal.next()? {
+        '{' => literal.items('}', |literal, _| {
+            let key = match literal.peek()? {
+                '\'' | '"' => literal.string()?,
+                _ => literal.digits(),
+            };
+            literal.expect(':')?;
+            Some((key.parse().ok()?, literal.string()?))
+        }),
+        '[' => literal.items(']', |literal, index| Some((index, literal.string()?))),
+        _ => None,
+    }?;
+    (literal.peek().is_none() && !names.is_empty()).then_some(names)
+}
+
+/// A literal of Python or JSON, read from left to right. Spaces between its parts are skipped.
+struct Literal<'a>(Peekable<Chars<'a>>);
+
+impl Literal<'_> {
+    fn peek(&mut self) -> Option<char> {
+        while self.0.next_if(|sign| sign.is_whitespace()).is_some() {}
+        self.0.peek().copied()
+    }
+
+    fn next(&mut self) -> Option<char> {
+        self.peek()?;
+        self.0.next()
+    }
+
+    fn expect(&mut self, sign: char) -> Option<()> {
+        (self.next()? == sign).then_some(())
+    }
+
+    /// Items up to the closing bracket, which may follow a comma.
+    fn items(
+        &mut self,
+        closing: char,
+        item: impl Fn(&mut Self, usize) -> Option<(usize, String)>,
+    ) -> Option<BTreeMap<usize, String>> {
+        let mut found = BTreeMap::new();
+        while self.peek()? != closing {
+            let (key, name) = item(self, found.len())?;
+            found.insert(key, name);
+            if self.peek()? != closing {
+                self.expect(',')?;
+            }
+        }
+        self.next()?;
+        Some(found)
+    }
+
+    fn digits(&mut self) -> String {
+        let mut digits = String::new();
+        while let Some(digit) = self.0.next_if(char::is_ascii_digit) {
+            digits.push(digit);
+        }
+        digits
+    }
+
+    fn string(&mut self) -> Option<String> {
+        let quote = self.next().filter(|sign| matches!(sign, '\'' | '"'))?;
+        let mut text = String::new();
+        loop {
+            match self.0.next()? {
+                '\\' => text.push(self.0.next()?),
+                sign if sign == quote => return Some(text),
+                sign => text.push(sign),
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(text: &str) -> Option<Vec<(usize, String)>> {
+        parse_names(text).map(|names| names.into_iter().collect())
+    }
+
+    #[test]
+    fn names_are_read_as_python_or_json_writes_them() {
+        let expected = [(0, "person"), (4, "pilot's seat"), (5, "say \"plane\"")];
+        let expected: Vec<_> = expected.map(|(key, name)| (key, name.to_owned())).into();
+        for text in [
+            r#"{0: 'person', 4: "pilot's seat", 5: 'say "plane"'}"#,
+            r#"{"0": "person", "4": "pilot's seat", "5": "say \"plane\""}"#,
+            " {5:'say \"plane\"',4:'pilot\\'s seat',\n0:'person',} ",
+        ] {
+            assert_eq!(names(text).as_ref(), Some(&expected), "{text}");
+        }
+        let listed = names("['bird', \"kite\"]").unwrap();
+        assert_eq!(listed, [(0, "bird".into()), (1, "kite".into())]);
+    }
+
+    #[test]
+    fn what_is_no_list_of_names_is_none_at_every_length() {
+        let text = r#"{0: 'person', 4: "pilot's seat"}"#;
+        for end in 0..text.len() {
+            assert_eq!(names(&text[..end]), None, "{}", &text[..end]);
+        }
+        for text in [
+            "{}",
+            "[]",
+            "{0: 1}",
+            "{a: 'b'}",
+            "{-1: 'b'}",
+            "person",
+            "['a'] x",
+            "['a' 'b']",
+        ] {
+            assert_eq!(names(text), None, "{text}");
+        }
+    }
+
+    #[test]
+    fn only_detection_is_a_task_for_boxes() {
+        let of = |task: Option<&str>| {
+            ModelMetadata::of(|key| task.filter(|_| key == "task").map(str::to_owned))
+        };
+        assert_eq!(of(None).other_task(), None);
+        assert_eq!(of(Some("detect")).other_task(), None);
+        assert_eq!(of(Some("segment")).other_task(), Some("segment"));
+        assert!(of(Some("detect")).is_by_ultralytics() && !of(None).is_by_ultralytics());
+    }
+}

@@ -1,0 +1,154 @@
+//! What a run of ONNX Runtime gave: the forms of its outputs, and the boxes in them.
+
+use std::borrow::Cow;
+
+use ort::session::{Session, SessionOutputs};
+use ort::value::{TensorElementType, ValueType};
+
+use super::ScoredBox;
+use super::aircraft_class::ClassFault;
+use super::answer::{Answer, AnswerFault};
+use super::efficient_nms::{NmsAnswer, OutputForm};
+use super::layout::Decoding;
+use super::outputs::{BoxOutputs, OutputsFault};
+
+/// Why the outputs of a run cannot be read. The caller names the model.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub(super) enum ReadFault {
+    #[error("output {name:?} {fault}")]
+    Answer { name: String, fault: AnswerFault },
+    #[error(
+        "output {name:?} is {found}, expected numbers of f32 (i32 or i64 for counts and classes); export it without half precision"
+    )]
+    Type { name: String, found: String },
+    #[error("{fault}; {shapes}")]
+    Outputs { fault: OutputsFault, shapes: String },
+    #[error("{fault}; {shapes}")]
+    Classes { fault: ClassFault, shapes: String },
+}
+
+/// Names, types and shapes of a model's inputs, for people.
+pub(super) fn inputs_in_words(session: &Session) -> String {
+    let inputs = session.inputs().iter();
+    let inputs: Vec<_> = inputs
+        .map(|input| format!("{:?} {}", input.name(), input.dtype()))
+        .collect();
+    format!("inputs {}", inputs.join(", "))
+}
+
+/// The same of the outputs of a run.
+pub(super) fn outputs_in_words(outputs: &SessionOutputs<'_>) -> String {
+    let outputs: Vec<_> = outputs
+        .iter()
+        .map(|(name, value)| format!("{name:?} {}", value.dtype()))
+        .collect();
+    format!("outputs {}", outputs.join(", "))
+}
+
+/// What tells the outputs of a run apart.
+pub(super) fn forms_of(outputs: &SessionOutputs<'_>) -> Vec<OutputForm> {
+    let form = |(name, value): (&str, ort::value::ValueRef<'_>)| {
+        let (holds_integers, shape) = match value.dtype() {
+            ValueType::Tensor { ty, shape, .. } => (is_integer(*ty), sizes(shape)),
+            // Told apart from boxes by its rank.
+            _ => (false, Vec::new()),
+        };
+        OutputForm {
+            name: name.to_owned(),
+            holds_integers,
+            shape,
+        }
+    };
+    outputs.iter().map(form).collect()
+}
+
+/// The boxes of the first `windows` windows of a run.
+pub(super) fn boxes_in(
+    outputs: &SessionOutputs<'_>,
+    at: BoxOutputs,
+    decoding: &Decoding,
+    windows: usize,
+) -> Result<Vec<Vec<ScoredBox>>, ReadFault> {
+    match at {
+        BoxOutputs::One(index) => {
+            let output = Output::of(outputs, index)?;
+            let boxes = decoding.decode(output.answer()?, windows);
+            boxes.map_err(|fault| output.fault(fault))
+        }
+        BoxOutputs::EfficientNms(at) => {
+            let counts = Output::of(outputs, at.counts)?;
+            let corners = Output::of(outputs, at.corners)?;
+            let scores = Output::of(outputs, at.scores)?;
+            let classes = Output::of(outputs, at.classes)?;
+            let answer = NmsAnswer {
+                counts: counts.answer()?,
+                corners: corners.answer()?,
+                scores: scores.answer()?,
+                classes: classes.answer()?,
+            };
+            let joined = answer.joined();
+            let (shape, numbers) = joined.map_err(|fault| counts.fault(fault))?;
+            let boxes =
+                Answer::new(&shape, &numbers).and_then(|answer| decoding.decode(answer, windows));
+            boxes.map_err(|fault| corners.fault(fault))
+        }
+    }
+}
+
+/// One output.
+struct Output<'a> {
+    name: &'a str,
+    shape: Vec<usize>,
+    numbers: Cow<'a, [f32]>,
+}
+
+impl<'a> Output<'a> {
+    fn of(outputs: &'a SessionOutputs<'_>, index: usize) -> Result<Self, ReadFault> {
+        let name = outputs.keys().nth(index).unwrap_or_default();
+        let value = &outputs[index];
+        let other = || ReadFault::Type {
+            name: name.to_owned(),
+            found: value.dtype().to_string(),
+        };
+        let ValueType::Tensor { ty, shape, .. } = value.dtype() else {
+            return Err(other());
+        };
+        let numbers = match ty {
+            TensorElementType::Float32 => value
+                .try_extract_tensor::<f32>()
+                .map(|(_, numbers)| Cow::Borrowed(numbers)),
+            TensorElementType::Int32 => value
+                .try_extract_tensor::<i32>()
+                .map(|(_, numbers)| numbers.iter().map(|&number| number as f32).collect()),
+            TensorElementType::Int64 => value
+                .try_extract_tensor::<i64>()
+                .map(|(_, numbers)| numbers.iter().map(|&number| number as f32).collect()),
+            _ => return Err(other()),
+        };
+        Ok(Self {
+            name,
+            shape: sizes(shape),
+            numbers: numbers.map_err(|_| other())?,
+        })
+    }
+
+    fn answer(&self) -> Result<Answer<'_>, ReadFault> {
+        Answer::new(&self.shape, &self.numbers).map_err(|fault| self.fault(fault))
+    }
+
+    fn fault(&self, fault: AnswerFault) -> ReadFault {
+        ReadFault::Answer {
+            name: self.name.to_owned(),
+            fault,
+        }
+    }
+}
+
+fn is_integer(ty: TensorElementType) -> bool {
+    matches!(ty, TensorElementType::Int32 | TensorElementType::Int64)
+}
+
+fn sizes(shape: &[i64]) -> Vec<usize> {
+    let size = |&length: &i64| usize::try_from(length).unwrap_or(0);
+    shape.iter().map(size).collect()
+}

@@ -1,0 +1,209 @@
+//! Which of a model's outputs hold the boxes, and in which layout: found out from the names, types and shapes of actual outputs.
+
+use super::efficient_nms::{NmsOutputs, OutputForm};
+use super::layout::Layout;
+
+/// Dimensions of the raw heads that some exporters of YOLOv5 and v7 leave as further outputs.
+const HEAD_RANK: usize = 5;
+/// Dimensions of masks.
+const MASK_RANK: usize = 4;
+
+/// The outputs with the boxes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum BoxOutputs {
+    /// The one with this index.
+    One(usize),
+    /// Four that belong together.
+    EfficientNms(NmsOutputs),
+}
+
+/// Why no output can be read.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub(super) enum OutputsFault {
+    #[error(
+        "its outputs have none of the known layouts{hint}; name a layout in {settings}, or export the model with decoded boxes (docs/detectors.md)"
+    )]
+    Unknown {
+        hint: &'static str,
+        settings: String,
+    },
+    #[error("its settings say layout = \"{said}\", which is {}, but no output is so for windows of {width_px}x{height_px} px", said.shape())]
+    Contradiction {
+        said: Layout,
+        width_px: u32,
+        height_px: u32,
+    },
+    #[error("its outputs {} all have the layout {layout}, expected one; export it without the others", names.join(", "))]
+    Several { names: Vec<String>, layout: Layout },
+}
+
+/// What is known of a model before its outputs.
+pub(super) struct Expected {
+    /// The settings' layout.
+    pub(super) said: Option<Layout>,
+    /// Width and height.
+    pub(super) window_px: [u32; 2],
+    /// False if the candidates are known to have none.
+    pub(super) has_objectness: bool,
+    /// Path of the file for settings.
+    pub(super) settings: String,
+}
+
+impl BoxOutputs {
+    /// Finds them.
+    pub(super) fn of(
+        outputs: &[OutputForm],
+        expected: &Expected,
+    ) -> Result<(Self, Layout), OutputsFault> {
+        let &Expected {
+            said,
+            window_px,
+            has_objectness,
+            ..
+        } = expected;
+        let is_said = |layout| said.is_none_or(|said| said == layout);
+        if is_said(Layout::EfficientNms)
+            && let Some(found) = NmsOutputs::of(outputs)
+        {
+            return Ok((Self::EfficientNms(found), Layout::EfficientNms));
+        }
+        let layout_of = |output: &OutputForm| {
+            let layout = match said {
+                Some(Layout::EfficientNms) => None,
+                Some(said) => said.fits(&output.shape, window_px).then_some(said),
+                None => Layout::of_shape(&output.shape, window_px, has_objectness),
+            };
+            layout.filter(|_| !output.holds_integers)
+        };
+        let found: Vec<_> = outputs
+            .iter()
+            .enumerate()
+            .filter_map(|(index, output)| Some((index, layout_of(output)?)))
+            .collect();
+        // Beside boxes, masks or landmarks mean another task; raw heads, the same boxes again.
+        let is_other =
+            |output: &OutputForm| output.shape.len() != HEAD_RANK && layout_of(output).is_none();
+        match found[..] {
+            [(index, layout)] if said.is_some() || !outputs.iter().any(is_other) => {
+                Ok((Self::One(index), layout))
+            }
+            [(_, layout), _, ..] => Err(OutputsFault::Several {
+                names: found
+                    .iter()
+                    .map(|&(index, _)| outputs[index].name.clone())
+                    .collect(),
+                layout,
+            }),
+            _ => Err(match said {
+                Some(said) => OutputsFault::Contradiction {
+                    said,
+                    width_px: window_px[0],
+                    height_px: window_px[1],
+                },
+                None => OutputsFault::Unknown {
+                    hint: hint_of(outputs),
+                    settings: expected.settings.clone(),
+                },
+            }),
+        }
+    }
+}
+
+/// What outputs of no known layout look like.
+fn hint_of(outputs: &[OutputForm]) -> &'static str {
+    let ranks = || outputs.iter().map(|output| output.shape.len());
+    match outputs {
+        [output] if output.shape.len() == 2 => {
+            ", but a single row of numbers, as those of a classifier"
+        }
+        _ if ranks().any(|rank| rank == HEAD_RANK) => ", but undecoded heads, one for each stride",
+        _ if outputs.len() > 1 && ranks().any(|rank| rank == MASK_RANK) => {
+            ", but masks or maps, as those of a model for segmentation"
+        }
+        _ => "",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn form(name: &str, shape: &[usize]) -> OutputForm {
+        OutputForm {
+            name: name.into(),
+            holds_integers: false,
+            shape: shape.to_vec(),
+        }
+    }
+
+    fn found(said: Option<Layout>, outputs: &[OutputForm]) -> Result<(BoxOutputs, Layout), String> {
+        let expected = Expected {
+            said,
+            window_px: [640, 640],
+            has_objectness: true,
+            settings: "net.onnx.toml".into(),
+        };
+        BoxOutputs::of(outputs, &expected).map_err(|fault| fault.to_string())
+    }
+
+    #[test]
+    fn the_decoded_output_is_taken_and_raw_heads_beside_it_are_not() {
+        let decoded = form("output", &[1, 25_200, 85]);
+        let heads = [80, 40, 20].map(|side| form("head", &[1, 3, side, side, 85]));
+        let all = [&heads[..1], &[decoded.clone()], &heads[1..]].concat();
+        assert_eq!(
+            found(None, &all),
+            Ok((BoxOutputs::One(1), Layout::AnchorRows))
+        );
+        let said = found(None, &heads).unwrap_err();
+        assert!(
+            said.contains("undecoded heads") && said.contains("net.onnx.toml"),
+            "{said}"
+        );
+    }
+
+    #[test]
+    fn outputs_of_other_tasks_are_refused_with_what_they_look_like() {
+        let columns = form("output0", &[1, 116, 8_400]);
+        for (outputs, word) in [
+            (
+                vec![columns.clone(), form("output1", &[1, 32, 160, 160])],
+                "segmentation",
+            ),
+            (vec![form("probabilities", &[1, 1_000])], "a classifier"),
+            (
+                vec![form("depth", &[1, 1, 640, 640])],
+                "none of the known layouts",
+            ),
+            (
+                vec![form("boxes", &[1, 900, 4]), form("logits", &[1, 900, 91])],
+                "none of the known",
+            ),
+        ] {
+            let said = found(None, &outputs).unwrap_err();
+            assert!(said.contains(word), "{word} in {said}");
+        }
+    }
+
+    #[test]
+    fn settings_choose_among_outputs_and_must_fit_one() {
+        let columns = form("boxes", &[1, 84, 8_400]);
+        let other = form("features", &[1, 512]);
+        let both = [columns.clone(), other];
+        assert!(found(None, &both).is_err());
+        assert_eq!(
+            found(Some(Layout::Columns), &both),
+            Ok((BoxOutputs::One(0), Layout::Columns))
+        );
+        for layout in [Layout::Yolox, Layout::BatchCorners, Layout::EfficientNms] {
+            let said = found(Some(layout), &[columns.clone()]).unwrap_err();
+            for word in [layout.to_string().as_str(), layout.shape(), "640x640"] {
+                assert!(said.contains(word), "{word} in {said}");
+            }
+        }
+        for settings in [None, Some(Layout::Columns)] {
+            let said = found(settings, &[columns.clone(), columns.clone()]);
+            assert!(said.unwrap_err().contains("boxes, boxes"));
+        }
+    }
+}

@@ -1,0 +1,105 @@
+//! The same box in the outputs of every kind of detector.
+
+use detector_training::onnx::{AttributeProto, Dimension, GraphProto, TensorProto, ValueInfoProto};
+
+use crate::model::{Answer, encoded, node, open};
+
+/// Pictures of the corpus, pixels.
+pub(crate) const PICTURE_PX: [usize; 2] = [96, 64];
+/// The box in every answer, from the picture's corner, and its score.
+pub(crate) const HIDDEN: [f32; 4] = [40.5, 30.5, 20.0, 8.0];
+pub(crate) const CORNERS: [f32; 4] = [30.5, 26.5, 50.5, 34.5];
+pub(crate) const SCORE: f32 = 0.75;
+
+/// Cells of such a picture.
+pub(crate) fn cells(strides: &[usize]) -> usize {
+    let of_stride = |&stride: &usize| {
+        PICTURE_PX
+            .map(|side_px| side_px / stride)
+            .iter()
+            .product::<usize>()
+    };
+    strides.iter().map(of_stride).sum()
+}
+
+/// Zeros but for one row.
+pub(crate) fn rows_with(rows: usize, at: usize, row: &[f32]) -> Answer {
+    let mut numbers = vec![0.0; rows * row.len()];
+    numbers[at * row.len()..(at + 1) * row.len()].copy_from_slice(row);
+    Answer::floats("output", &[1, rows as i64, row.len() as i64], numbers)
+}
+
+/// A row of box, objectness and classes.
+pub(crate) fn objects_row(shape: [f32; 4], classes: usize, class: usize) -> Vec<f32> {
+    let mut row = [&shape[..], &[1.0], &vec![0.0; classes]].concat();
+    row[5 + class] = SCORE;
+    row
+}
+
+/// A column of box and classes among empty ones.
+pub(crate) fn columns_with(columns: usize, classes: usize, class: usize) -> Answer {
+    let mut numbers = vec![0.0; columns * (4 + classes)];
+    for (field, value) in HIDDEN.into_iter().enumerate() {
+        numbers[field * columns + 9] = value;
+    }
+    numbers[(4 + class) * columns + 9] = SCORE;
+    Answer::floats("output0", &[1, 4 + classes as i64, columns as i64], numbers)
+}
+
+/// Final boxes, of which the others have another class.
+pub(crate) fn final_rows(rows: usize, class: f32) -> Answer {
+    let row = |class: f32| [&CORNERS[..], &[SCORE, class]].concat();
+    let mut numbers = [row(class), row(class + 1.0)].concat();
+    numbers.resize(rows * 6, 0.0);
+    Answer::floats("output0", &[1, rows as i64, 6], numbers)
+}
+
+/// The four outputs of exports for TensorRT: another class, the aircraft, and a box past their number.
+pub(crate) fn efficient_nms() -> Vec<Answer> {
+    vec![
+        Answer::integers("num_dets", &[1, 1], vec![2]),
+        Answer::floats("det_boxes", &[1, 3, 4], [CORNERS; 3].concat()),
+        Answer::floats("det_scores", &[1, 3], vec![0.9, SCORE, 1.0]),
+        Answer::integers("det_classes", &[1, 3], vec![0, 4, 4]),
+    ]
+}
+
+/// A model of windows of any size: a convolution that answers each cell of 8 px with the box.
+pub(crate) fn of_any_size() -> Vec<u8> {
+    let fields = [HIDDEN[0], HIDDEN[1], HIDDEN[2], HIDDEN[3], SCORE];
+    let channels = fields.len() as i64;
+    let mut nodes = vec![
+        node("Conv", &["pictures", "weights", "fields"], &["map"]),
+        node("Reshape", &["map", "shape"], &["output0"]),
+    ];
+    nodes[0].attribute = vec![AttributeProto::ints("strides", &[8, 8])];
+    let sides = ["batch", "height", "width"].map(open);
+    let [batch, height, width] = &sides;
+    let graph = GraphProto {
+        name: "any".into(),
+        node: nodes,
+        initializer: vec![
+            TensorProto::floats(
+                "weights",
+                &[channels, 3, 8, 8],
+                &vec![0.0; 3 * 8 * 8 * fields.len()],
+            ),
+            TensorProto::floats("fields", &[channels], &fields),
+            TensorProto::integers("shape", &[0, channels, -1]),
+        ],
+        input: vec![ValueInfoProto::floats(
+            "pictures",
+            &[
+                batch.clone(),
+                Dimension::Fixed(3),
+                height.clone(),
+                width.clone(),
+            ],
+        )],
+        output: vec![ValueInfoProto::floats(
+            "output0",
+            &[batch.clone(), Dimension::Fixed(channels), open("cells")],
+        )],
+    };
+    encoded(graph, &[])
+}
