@@ -110,7 +110,7 @@ impl Detect for Model<'_> {
         let model = folder.join("model.onnx");
         self.write(&model);
         dtd()
-            .args(["detect", text(&corpus(folder)), "--json"])
+            .args(["detect", text(&corpus(folder)), "--json", "--mode", "full"])
             .args(["--model", text(&model)])
             .args(more)
             .output()
@@ -289,7 +289,8 @@ fn a_model_of_any_size_is_told_by_its_open_sides() {
     fs::write(&model, of_any_size()).unwrap();
     let corpus = corpus(folder.path());
     let output = dtd()
-        .args(["detect", text(&corpus), "--json", "--model", text(&model)])
+        .args(["detect", text(&corpus), "--json", "--mode", "full"])
+        .args(["--model", text(&model)])
         .output()
         .unwrap();
     assert_found("any", &output, &corpus, [40.0, 30.0]);
@@ -458,7 +459,8 @@ fn detections_are_told_apart_by_model_and_settings_and_verify_accepts_both() {
     let detect = |settings: &str| {
         fs::write(path.with_extension("onnx.toml"), settings).unwrap();
         let output = dtd()
-            .args(["detect", text(&corpus), "--json", "--model", text(&path)])
+            .args(["detect", text(&corpus), "--json", "--mode", "full"])
+            .args(["--model", text(&path)])
             .output()
             .unwrap();
         assert_eq!(output.status.code(), Some(0), "{}", said(&output));

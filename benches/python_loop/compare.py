@@ -1,0 +1,89 @@
+"""Runs `dtd detect` and search.py in turn on the same videos and prints their rates as a table. See benches/python_loop.sh.
+
+    compare.py DTD CORPUS [MODEL.onnx]
+
+The first scenario is searched, all of its views. SAHI gets a few pictures of each: it is slow.
+"""
+
+import json
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROUNDS = 3
+SAHI_PICTURES = 20
+ALL = 1_000_000
+HERE = Path(__file__).parent
+
+
+def copied(corpus, folder):
+    """A copy of the corpus with its first scenario only, and that scenario's videos."""
+    copy = folder / "corpus"
+    (copy / "scenarios").mkdir(parents=True)
+    for entry in corpus.iterdir():
+        if entry.is_file():
+            shutil.copy(entry, copy)
+    first = min(entry for entry in (corpus / "scenarios").iterdir() if (entry / "DONE.json").is_file())
+    scenario = copy / "scenarios" / first.name
+    shutil.copytree(first, scenario, ignore=shutil.ignore_patterns("detections", "registrations"))
+    return copy, sorted((scenario / "views").iterdir())
+
+
+def python(way, model, videos, most):
+    run = subprocess.run(
+        [sys.executable, HERE / "search.py", way, model, str(most), *videos], check=True, capture_output=True, text=True
+    )
+    spent = json.loads(run.stdout)
+    return spent["pictures"], spent["boxes"], spent["seconds"], spent["cpu_seconds"]
+
+
+def detect(dtd, corpus, model, mode):
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    began = time.perf_counter()
+    run = subprocess.run(
+        [dtd, "detect", corpus, "--model", model, "--mode", mode, "--again", "--json"],
+        check=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+    )
+    seconds = time.perf_counter() - began
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    cpu = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    counts = json.loads(run.stdout)["counts"]
+    return counts["pictures"], counts["detections"], seconds, cpu
+
+
+def main():
+    dtd, corpus = sys.argv[1], Path(sys.argv[2])
+    model = sys.argv[3] if len(sys.argv) > 3 else str(HERE.parent.parent / "models/aircraft.onnx")
+    os.environ["ORT_DISABLE_TELEMETRY"] = "1"
+    with tempfile.TemporaryDirectory() as folder:
+        copy, videos = copied(corpus, Path(folder))
+        ways = {
+            "Python, the same windows": lambda: python("plain", model, videos, ALL),
+            "Python, SAHI's slices": lambda: python("sahi", model, videos, SAHI_PICTURES),
+            "dtd detect --mode full": lambda: detect(dtd, copy, model, "full"),
+            "dtd detect --mode tracked": lambda: detect(dtd, copy, model, "tracked"),
+        }
+        best = {}
+        for _ in range(ROUNDS):
+            for name, way in ways.items():
+                pictures, boxes, seconds, cpu = way()
+                rate, cpu_ms = pictures / seconds, 1000 * cpu / pictures
+                old_rate, old_cpu_ms, _ = best.get(name, (0, float("inf"), 0))
+                best[name] = (max(rate, old_rate), min(cpu_ms, old_cpu_ms), boxes / pictures)
+    plain = best["Python, the same windows"]
+    print(f"{len(videos)} views, {ROUNDS} rounds, best of each; {Path(model).name}")
+    print("| | pictures/s | CPU ms a picture | boxes a picture | pictures/s, ratio to the plain loop | CPU, ratio |")
+    print("|---|---|---|---|---|---|")
+    for name, (rate, cpu_ms, boxes) in best.items():
+        print(f"| {name} | {rate:.1f} | {cpu_ms:.1f} | {boxes:.2f} | {rate / plain[0]:.2f} | {plain[1] / cpu_ms:.2f} |")
+
+
+main()
