@@ -55,6 +55,7 @@ static BASE: LazyLock<Tiny> = LazyLock::new(|| {
         ),
         (format!("{data}/tape/session.mcap"), "session.mcap"),
         (tiny::MODEL.to_owned(), "model.onnx"),
+        (tiny::MODEL.to_owned(), "set.onnx"),
     ];
     for (from, to) in copies {
         fs::copy(from, base.path(to)).unwrap();
@@ -62,13 +63,23 @@ static BASE: LazyLock<Tiny> = LazyLock::new(|| {
     let recorded = fs::read_to_string(base.path("sweep.toml")).unwrap();
     let recorded = format!("{recorded}\n[[recorded]]\nfiles = \"flights/*.csv\"\n");
     fs::write(base.path("recorded.toml"), recorded).unwrap();
-    fs::write(base.path("model.onnx.json"), r#"{"input": {"order": "rgb", "scale": 0.00392156862745098}, "layout": "rows", "aircraft_class": 0, "box_origin": "pixel-center"}"#).unwrap();
+    fs::write(base.path("set.onnx.toml"), SETTINGS).unwrap();
     fs::write(base.path("outside"), OUTSIDE).unwrap();
     let output = run(&base, "push over").expect("it ends");
     assert!(output.status.success(), "{}", said(&output));
     base
 });
 
+/// What the model does without them, too.
+const SETTINGS: &str = r#"
+layout = "rows"
+aircraft_class = 0
+box_origin = "pixel-center"
+
+[input]
+order = "rgb"
+scale = 0.00392156862745098
+"#;
 const OUTSIDE: &str = "somebody else's file\n";
 
 fn run(tiny: &Tiny, verb: &str) -> Option<Output> {

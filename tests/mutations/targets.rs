@@ -1,7 +1,7 @@
 //! What is changed, which verbs read it, and the required outcome.
 
 /// Arguments of a verb, with `{store}` for the URL of an object store.
-pub(super) const VERBS: [(&str, &str); 15] = [
+pub(super) const VERBS: [(&str, &str); 16] = [
     ("plan", "plan sweep.toml --json"),
     ("plan recorded", "plan recorded.toml --json"),
     ("against", "plan sweep.toml --against corpus --json"),
@@ -12,6 +12,7 @@ pub(super) const VERBS: [(&str, &str); 15] = [
         "detect again",
         "detect corpus --model model.onnx --again --json",
     ),
+    ("detect set", "detect corpus --model set.onnx --json"),
     ("quick", "verify corpus --quick --json"),
     ("verify", "verify corpus --json"),
     (
@@ -83,7 +84,7 @@ pub(super) const TARGETS: [Target; 30] = [
     Target { file: "training.toml", form: Form::Toml, guard: Guard::Free, verbs: &["train"] },
     Target { file: "training.toml", form: Form::Toml, guard: Guard::Free, verbs: &["train"] },
     Target { file: "model.onnx", form: Form::Bytes, guard: Guard::Free, verbs: &["detect", "detect again"] },
-    Target { file: "model.onnx.json", form: Form::Json, guard: Guard::Free, verbs: &["detect again"] },
+    Target { file: "set.onnx.toml", form: Form::Toml, guard: Guard::Free, verbs: &["detect set"] },
     Target { file: "session.mcap", form: Form::Bytes, guard: Guard::Free, verbs: &["tape"] },
     Target { file: "corpus/plan.json", form: Form::Json, guard: Guard::Checked, verbs: &["against", "quick", "push over", "generate"] },
     Target { file: "corpus/splits.json", form: Form::Json, guard: Guard::Checked, verbs: &["train", "evaluate", "quick", "push over", "generate"] },
