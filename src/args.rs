@@ -23,7 +23,7 @@ use xplane_bridge::pixels::PixelChoice;
 use xplane_tape::FramesKept;
 
 use crate::help;
-use crate::search_args::SearchArgs;
+use crate::search_args::{SearchArgs, SearchMode};
 
 /// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to touchdown
 /// (DTD), and trains and evaluates estimators of that distance.
@@ -106,6 +106,9 @@ pub(crate) enum Verb {
     /// Evaluate a run on the held-out trajectories: metrics.json, report.html
     #[command(after_help = help::EVALUATE)]
     Evaluate(EvaluateArgs),
+    /// Evaluate a detector: range, recall, false alarms, accuracy, cost; resumes
+    #[command(after_help = help::EVALUATE_DETECTOR)]
+    EvaluateDetector(EvaluateDetectorArgs),
     /// Check that a corpus is complete and synchronised, and name every fault
     #[command(after_help = help::VERIFY)]
     Verify(VerifyArgs),
@@ -327,6 +330,9 @@ pub(crate) struct DetectArgs {
     /// The one that ships is for pictures of the stand-in. Which models work, and the settings next to them: docs/detectors.md.
     #[arg(long, value_name = "M.onnx")]
     pub(crate) model: Option<PathBuf>,
+    /// Which parts of which pictures to search
+    #[arg(long, value_enum, value_name = "MODE", default_value = "auto")]
+    pub(crate) mode: SearchMode,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
     #[command(flatten)]
@@ -392,6 +398,35 @@ pub(crate) struct EvaluateArgs {
     #[arg(long, value_name = "CORPUS", value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Print the metrics as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct EvaluateDetectorArgs {
+    /// Folder of a labelled corpus; nothing is written to it
+    #[arg(value_parser = folder())]
+    pub(crate) corpus: PathBuf,
+    /// Folder for evaluation.json and report.html, and for what was found so far
+    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    pub(crate) out: PathBuf,
+    /// The detector, an ONNX file of a YOLO model [default: the one that ships]
+    #[arg(long, value_name = "M.onnx")]
+    pub(crate) model: Option<PathBuf>,
+    /// How to search; all of them are compared
+    #[arg(
+        long,
+        value_enum,
+        value_name = "MODES",
+        value_delimiter = ',',
+        default_value = "full,scaled,tracked"
+    )]
+    pub(crate) mode: Vec<SearchMode>,
+    #[command(flatten)]
+    pub(crate) search: SearchArgs,
+    #[command(flatten)]
+    pub(crate) runtime: RuntimeArgs,
+    /// Print the figures as JSON
     #[arg(long)]
     pub(crate) json: bool,
 }

@@ -13,7 +13,8 @@ const GROUPS: &[(&str, &[&str])] = &[
             "plan", "generate", "label", "detect", "verify", "push", "fetch", "schema",
         ],
     ),
-    ("Estimators", &["train", "evaluate", "train-detector"]),
+    ("Estimators", &["train", "evaluate"]),
+    ("Detectors", &["train-detector", "evaluate-detector"]),
     (
         "Simulators",
         &["doctor", "install-plugin", "record", "mock-xplane"],
@@ -65,6 +66,14 @@ Examples:
 pub(crate) const EVALUATE: &str = "\
 Example:
   dtd evaluate run --corpus corpus            writes run/metrics.json and run/report.html";
+
+pub(crate) const EVALUATE_DETECTOR: &str = "\
+Examples:
+  dtd evaluate-detector corpus --out judged
+  dtd evaluate-detector corpus --out judged --model detector.onnx --mode full,tracked
+
+Environment:
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
 
 pub(crate) const VERIFY: &str = "\
 Examples:

@@ -26,17 +26,14 @@ pub(crate) struct SearchArgs {
     /// Pixels by which neighbouring tiles overlap
     #[arg(long, value_name = "N", default_value = "0")]
     overlap: u32,
-    /// Which parts of which pictures to search
-    #[arg(long, value_enum, value_name = "MODE", default_value = "auto")]
-    mode: SearchMode,
     /// Seconds between searches of whole pictures with --mode tracked or auto
     #[arg(long, value_name = "SECONDS", default_value = "1")]
     full_every: f64,
 }
 
 /// How pictures are searched.
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum SearchMode {
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum SearchMode {
     /// Every picture whole
     Full,
     /// Small windows around known aircraft; whole pictures from time to time, and if one is lost
@@ -78,9 +75,9 @@ impl FromStr for Rows {
 
 impl SearchArgs {
     /// Which parts of which pictures to search.
-    pub(crate) fn modes(&self) -> ModeSettings {
+    pub(crate) fn modes(&self, mode: SearchMode) -> ModeSettings {
         ModeSettings {
-            mode: self.mode.into(),
+            mode: mode.into(),
             full_search_s: self.full_every,
         }
     }

@@ -8,6 +8,7 @@ mod demo;
 mod detect;
 mod doctor;
 mod evaluate;
+mod evaluate_detector;
 mod examples;
 mod fetch;
 mod generate;
@@ -48,6 +49,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Detect(args) => detect::run(&args),
         Verb::Train(args) => train::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::EvaluateDetector(args) => evaluate_detector::run(&args),
         Verb::Verify(args) => verify::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),

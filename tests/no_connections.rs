@@ -125,12 +125,13 @@ fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
     };
     let store = format!("file://{}", tiny.path("store").display());
     let training = "training.toml";
-    let verbs: [&[&str]; 11] = [
+    let verbs: [&[&str]; 12] = [
         &["schema"],
         &["plan", "sweep.toml", "--against", "corpus"],
         &["generate", "sweep.toml", "--out", "again"],
         &["label", "again"],
         &["detect", "again", "--model", tiny::MODEL],
+        &["evaluate-detector", "corpus", "--out", "judged"],
         &["verify", "corpus"],
         &["train", "corpus", "--out", "another", "--config", training],
         &["evaluate", "run", "--corpus", "corpus"],

@@ -13,6 +13,7 @@ mod mode;
 mod pairs;
 mod pictures;
 mod record;
+mod scenario_search;
 mod sequence;
 mod view_search;
 
@@ -39,6 +40,7 @@ use crate::tiling::TilingSettings;
 pub use cpu_time::CpuTime;
 use job::{End, ScenarioJob, ViewJob};
 pub use mode::{Mode, ModeSettings};
+pub use scenario_search::{Findings, Searcher};
 
 /// How often a scenario that another process searches is looked at.
 const POLL_INTERVAL: Duration = Duration::from_millis(200);
@@ -77,6 +79,31 @@ impl Default for DetectOptions {
             threads_per_worker: 1,
             batch: 1,
             again: false,
+        }
+    }
+}
+
+impl DetectOptions {
+    fn check(&self) -> Result<()> {
+        self.settings.check()?;
+        self.modes.check()?;
+        if self.workers == 0 {
+            return Err(Error::Option {
+                name: "workers",
+                found: "0".into(),
+                expected: "at least 1",
+            });
+        }
+        Ok(())
+    }
+
+    /// How the model runs.
+    fn ort(&self) -> OrtOptions {
+        OrtOptions {
+            library: self.onnx_runtime.clone(),
+            device: self.device,
+            threads: self.threads_per_worker,
+            batch: self.batch,
         }
     }
 }
@@ -166,12 +193,7 @@ pub fn detect_corpus(
     options: &DetectOptions,
     watch: Watch<'_>,
 ) -> Result<DetectOutcome> {
-    let ort = OrtOptions {
-        library: options.onnx_runtime.clone(),
-        device: options.device,
-        threads: options.threads_per_worker,
-        batch: options.batch,
-    };
+    let ort = options.ort();
     // First of all: the caller must learn that a model does not load, even if there is nothing to do.
     let file = ModelFile::read(model_path)?;
     drop(OrtDetector::of(&file, &ort)?);
@@ -187,15 +209,7 @@ fn detect_with(
     options: &DetectOptions,
     watch: Watch<'_>,
 ) -> Result<DetectOutcome> {
-    options.settings.check()?;
-    options.modes.check()?;
-    if options.workers == 0 {
-        return Err(Error::Option {
-            name: "workers",
-            found: "0".into(),
-            expected: "at least 1",
-        });
-    }
+    options.check()?;
     let mut outcome = DetectOutcome {
         model: model.identity.model.clone().unwrap_or_default(),
         model_hash: model.name(),

@@ -3,7 +3,7 @@
 //! Input: committed scenarios of a corpus. Output: labels ([`label_corpus`]: geodesic labels in `frames.parquet`, projected truth
 //! in `boxes_truth.parquet`) and detections ([`detect_corpus`]: `detections/<model>.parquet`, and where the aircraft of one view is in
 //! another, `registrations/<model>.parquet`). Labels come from poses and cameras alone, detections from decoded pixels alone;
-//! `statistics` compares the two.
+//! [`matching`] and `statistics` compare the two.
 
 #![forbid(unsafe_code)]
 
@@ -13,6 +13,7 @@ mod detect;
 pub mod detector;
 mod error;
 mod label;
+pub mod matching;
 mod outcome;
 mod registration;
 mod row_band;
@@ -25,7 +26,8 @@ mod tracking;
 mod truth_box;
 
 pub use detect::{
-    CpuTime, DetectOptions, DetectOutcome, Mode, ModeSettings, RegistrationCounts, detect_corpus,
+    CpuTime, DetectOptions, DetectOutcome, Findings, Mode, ModeSettings, RegistrationCounts,
+    Searcher, detect_corpus,
 };
 pub use detector::Device;
 pub use error::{Error, Result};

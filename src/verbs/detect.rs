@@ -35,7 +35,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             onnx_runtime: args.runtime.library.clone(),
             device: args.runtime.device,
             settings: args.search.settings(&corpus)?,
-            modes: args.search.modes(),
+            modes: args.search.modes(args.mode),
             again: args.again,
             ..DetectOptions::default()
         },

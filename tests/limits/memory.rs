@@ -13,11 +13,12 @@ const TOO_LONG: Duration = Duration::from_secs(300);
 fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
     let tiny = Tiny::made().copy();
     let store = format!("file://{}", tiny.path("store").display());
-    let verbs: [&[&str]; 12] = [
+    let verbs: [&[&str]; 13] = [
         &["plan", "sweep.toml", "--against", "corpus"],
         &["generate", "sweep.toml", "--out", "again"],
         &["label", "again"],
         &["detect", "again", "--model", tiny::MODEL],
+        &["evaluate-detector", "corpus", "--out", "judged"],
         &["verify", "corpus"],
         &[
             "train",

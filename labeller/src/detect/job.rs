@@ -11,7 +11,6 @@ use dataset::detections::{self, Detections, NewTables};
 use dataset::open_scenario::OpenScenario;
 use dataset::scenario::ScenarioRecord;
 
-use super::cpu_time::CpuTime;
 use super::mode::ModeSettings;
 use super::pairs::Pairs;
 use super::pictures::ViewTicks;
@@ -221,24 +220,21 @@ impl ScenarioJob {
         // First of all: nothing may wait any longer, also after a failure.
         let registered = self.pairs.as_ref();
         let registered = registered.map(|pairs| (pairs.reference(), pairs.finish()));
-        let mut detections = Detections::default();
-        let (mut seconds, mut windows) = (0.0, 0);
-        let mut cpu_s = CpuTime::default();
+        let mut views = Vec::new();
+        let mut seconds = 0.0;
         let mut detector = None;
         let results = std::mem::take(&mut *lock(&self.results));
         for result in results.into_iter().flatten() {
             let searched = result?;
-            let found = searched.findings;
-            detections.boxes.extend(found.detections.boxes);
-            detections.misses.extend(found.detections.misses);
-            windows += found.windows;
-            cpu_s += found.cpu_s;
+            views.push(searched.findings);
             seconds += searched.seconds;
             detector = searched.detector.or(detector);
         }
-        // By tick; views keep their order within a tick, and boxes theirs (best first) within a view.
-        detections.boxes.sort_by_key(|found| found.tick);
-        detections.misses.sort_by_key(|miss| miss.tick);
+        let ViewFindings {
+            detections,
+            windows,
+            cpu_s,
+        } = ViewFindings::together(views);
         let registration = registered
             .as_ref()
             .map(|(reference, done)| RegistrationRecord {
@@ -295,7 +291,7 @@ impl ScenarioJob {
 }
 
 /// The registrations to make; `None` with one view.
-fn pairs_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Option<Pairs>> {
+pub(super) fn pairs_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Option<Pairs>> {
     if record.views.len() < 2 {
         return Ok(None);
     }
@@ -312,7 +308,7 @@ fn pairs_of(scenario: &OpenScenario, record: &ScenarioRecord) -> Result<Option<P
     Ok(Some(Pairs::new(views)))
 }
 
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 

@@ -46,6 +46,22 @@ pub(crate) struct ViewFindings {
     pub(crate) cpu_s: CpuTime,
 }
 
+impl ViewFindings {
+    /// Those of all views of a scenario, by tick; views keep their order within a tick, and boxes theirs (best first) within a view.
+    pub(super) fn together(views: impl IntoIterator<Item = Self>) -> Self {
+        let mut all = Self::default();
+        for view in views {
+            all.detections.boxes.extend(view.detections.boxes);
+            all.detections.misses.extend(view.detections.misses);
+            all.windows += view.windows;
+            all.cpu_s += view.cpu_s;
+        }
+        all.detections.boxes.sort_by_key(|found| found.tick);
+        all.detections.misses.sort_by_key(|miss| miss.tick);
+        all
+    }
+}
+
 /// Searches a view; `picture_done` is called after every picture, and its error ends the search.
 ///
 /// # Errors

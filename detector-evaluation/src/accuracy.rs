@@ -1,0 +1,337 @@
+//! How exact the boxes are, and how exactly the shift between two views is known, by distance.
+//!
+//! Errors are found minus true, pixels, of the best box of each aircraft in sight. Distance comes from the disparity, the horizontal
+//! shift between two views: once from the centres of two boxes, once as registered. Its truth is a point of the aircraft that both views
+//! see, projected into both: what is visible of it from ahead is in front of its centre of gravity.
+
+use std::collections::BTreeMap;
+
+use dataset::open_scenario::OpenScenario;
+use dataset::registrations::Registration;
+use dataset::spread::Spread;
+use glam::{DVec2, DVec3};
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+use crate::outcome::{Outcome, Searched};
+use crate::picture::Sight;
+use crate::recall::OVERALL_NM;
+
+/// From the centre of gravity to what is visible: takes most of the bias out of pictures of the stand-in, at all distances.
+const VISIBLE_AHEAD_M: f64 = 3.3;
+/// Width of the bins of distance, nautical miles.
+const BIN_NM: f64 = 1.0;
+
+/// Errors in a bin of distances, or over all from 1 to 10 NM.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct BoxErrors {
+    /// Smallest distance to touchdown, nautical miles, included.
+    pub from_nm: f64,
+    /// Largest distance, excluded.
+    pub to_nm: f64,
+    /// Number of boxes.
+    pub boxes: u64,
+    /// Centre, right.
+    pub cx_px: Option<Spread>,
+    /// Centre, down.
+    pub cy_px: Option<Spread>,
+    /// Width.
+    pub width_px: Option<Spread>,
+    /// Height.
+    pub height_px: Option<Spread>,
+}
+
+/// Errors of the disparity in a bin of distances, or over all from 1 to 10 NM.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct DisparityErrors {
+    /// Smallest distance to touchdown, nautical miles, included.
+    pub from_nm: f64,
+    /// Largest distance, excluded.
+    pub to_nm: f64,
+    /// Ticks at which both views found the aircraft.
+    pub pairs: u64,
+    /// Of these, those with a registered shift.
+    pub registered: u64,
+    /// The others, by reason.
+    pub unregistered: BTreeMap<String, u64>,
+    /// From the centres of the boxes.
+    pub boxes_px: Option<Spread>,
+    /// Registered.
+    pub registered_px: Option<Spread>,
+    /// Robust standard deviations of both, in order, where each mile has its own bias.
+    pub deviation_about_bias_px: [Option<f64>; 2],
+    /// Registered, over the stated standard deviation: a deviation of 1 if that is honest.
+    pub registered_over_stated: Option<Spread>,
+}
+
+/// Errors of one mode.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct AccuracyTally {
+    boxes: Vec<BoxError>,
+    pairs: Vec<Pair>,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct BoxError {
+    distance_nm: f32,
+    /// Centre right, centre down, width, height.
+    error_px: [f32; 4],
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Pair {
+    distance_nm: f32,
+    boxes_px: f32,
+    /// Error, and the stated standard deviation; or why there is none.
+    registered_px: std::result::Result<[f32; 2], &'static str>,
+}
+
+impl AccuracyTally {
+    /// Counts the pictures of a scenario.
+    pub(crate) fn count(
+        &mut self,
+        scenario: &OpenScenario,
+        searched: &[Searched<'_>],
+        registrations: &[Registration],
+    ) -> Result<()> {
+        let record = scenario.record()?;
+        let mut centres = BTreeMap::new();
+        for searched in searched {
+            let picture = searched.picture;
+            let (Some(truth), Some(Outcome::Found(hit))) = (&picture.truth, searched.outcome())
+            else {
+                continue;
+            };
+            if picture.sight != Sight::InSight || picture.distance_nm < 0.0 {
+                continue;
+            }
+            let (found, real) = (hit.pixel_box, truth.pixel_box);
+            self.boxes.push(BoxError {
+                distance_nm: picture.distance_nm as f32,
+                error_px: [
+                    found.cx_px - real.cx_px,
+                    found.cy_px - real.cy_px,
+                    found.width_px - real.width_px,
+                    found.height_px - real.height_px,
+                ]
+                .map(|error| error as f32),
+            });
+            let view = record.views[picture.view].as_str();
+            let centre = DVec2::new(found.cx_px, found.cy_px);
+            centres.insert((picture.tick, view), (centre, picture.distance_nm));
+        }
+        let calibration = scenario.calibration()?;
+        let frames = scenario.frames()?;
+        for registration in registrations {
+            let views = [registration.reference.as_str(), registration.view.as_str()];
+            let [Some((from, distance_nm)), Some((to, _))] =
+                views.map(|view| centres.get(&(registration.tick, view)))
+            else {
+                continue;
+            };
+            let pose = &frames.rows[registration.tick as usize].pose;
+            let place_m =
+                pose.position().to_ecef() + pose.ecef_from_body() * DVec3::X * VISIBLE_AHEAD_M;
+            let mut projected = [DVec2::ZERO; 2];
+            for (view, at) in views.into_iter().zip(&mut projected) {
+                let camera = calibration.cameras.get(view);
+                let seen = camera.and_then(|camera| camera.camera().project(place_m));
+                *at = seen.ok_or_else(|| Error::Projection {
+                    scenario: record.id.clone(),
+                    view: view.to_owned(),
+                    tick: registration.tick,
+                })?;
+            }
+            let truth_px = projected[1].x - projected[0].x;
+            self.pairs.push(Pair {
+                distance_nm: *distance_nm as f32,
+                boxes_px: (to.x - from.x - truth_px) as f32,
+                registered_px: match registration.result {
+                    Ok(shift) => Ok([(shift.dx_px - truth_px) as f32, shift.sd_x_px as f32]),
+                    Err(reason) => Err(reason.word()),
+                },
+            });
+        }
+        Ok(())
+    }
+
+    /// Errors of boxes from 1 to 10 NM.
+    pub(crate) fn boxes(&self) -> BoxErrors {
+        self.boxes_in(OVERALL_NM)
+    }
+
+    /// Errors of boxes, mile by mile.
+    pub(crate) fn boxes_by_nm(&self) -> Vec<BoxErrors> {
+        let distances = self.boxes.iter().map(|error| error.distance_nm);
+        bins(distances)
+            .map(|bin| self.boxes_in(bin))
+            .filter(|bin| bin.boxes > 0)
+            .collect()
+    }
+
+    /// Errors of the disparity from 1 to 10 NM.
+    pub(crate) fn disparity(&self) -> DisparityErrors {
+        self.disparity_in(OVERALL_NM)
+    }
+
+    /// Errors of the disparity, mile by mile.
+    pub(crate) fn disparity_by_nm(&self) -> Vec<DisparityErrors> {
+        let distances = self.pairs.iter().map(|pair| pair.distance_nm);
+        bins(distances)
+            .map(|bin| self.disparity_in(bin))
+            .filter(|bin| bin.pairs > 0)
+            .collect()
+    }
+
+    fn boxes_in(&self, [from_nm, to_nm]: [f64; 2]) -> BoxErrors {
+        let here = || {
+            self.boxes
+                .iter()
+                .filter(move |error| is_in(error.distance_nm, [from_nm, to_nm]))
+        };
+        let spread = |which: usize| {
+            Spread::of(
+                here()
+                    .map(|error| f64::from(error.error_px[which]))
+                    .collect(),
+            )
+        };
+        BoxErrors {
+            from_nm,
+            to_nm,
+            boxes: here().count() as u64,
+            cx_px: spread(0),
+            cy_px: spread(1),
+            width_px: spread(2),
+            height_px: spread(3),
+        }
+    }
+
+    fn disparity_in(&self, [from_nm, to_nm]: [f64; 2]) -> DisparityErrors {
+        let here = || {
+            self.pairs
+                .iter()
+                .filter(move |pair| is_in(pair.distance_nm, [from_nm, to_nm]))
+        };
+        let registered: Vec<[f64; 2]> = here()
+            .filter_map(|pair| Some(pair.registered_px.ok()?.map(f64::from)))
+            .collect();
+        let mut unregistered: BTreeMap<String, u64> = BTreeMap::new();
+        for reason in here().filter_map(|pair| pair.registered_px.err()) {
+            *unregistered.entry(reason.into()).or_default() += 1;
+        }
+        let boxes = || here().map(|pair| (pair.distance_nm, f64::from(pair.boxes_px)));
+        let shifts = here().filter_map(|pair| {
+            let [error, _] = pair.registered_px.ok()?;
+            Some((pair.distance_nm, f64::from(error)))
+        });
+        let deviation_about_bias_px = [
+            deviation_about_bias(boxes().collect()),
+            deviation_about_bias(shifts.collect()),
+        ];
+        let spread_of =
+            |value: fn(&[f64; 2]) -> f64| Spread::of(registered.iter().map(value).collect());
+        DisparityErrors {
+            from_nm,
+            to_nm,
+            pairs: here().count() as u64,
+            registered: registered.len() as u64,
+            unregistered,
+            boxes_px: Spread::of(boxes().map(|(_, error)| error).collect()),
+            deviation_about_bias_px,
+            registered_px: spread_of(|[error, _]| *error),
+            registered_over_stated: spread_of(|[error, stated]| error / stated),
+        }
+    }
+}
+
+/// Robust standard deviation of errors at their distances, each about the median of its mile.
+fn deviation_about_bias(errors: Vec<(f32, f64)>) -> Option<f64> {
+    let mut miles: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
+    for (distance_nm, error) in errors {
+        let mile = (f64::from(distance_nm) / BIN_NM).floor() as i64;
+        miles.entry(mile).or_default().push(error);
+    }
+    let about_bias = miles.into_values().flat_map(|errors| {
+        let bias = Spread::of(errors.clone()).map_or(0.0, |spread| spread.median);
+        errors.into_iter().map(move |error| error - bias)
+    });
+    Spread::of(about_bias.collect()).map(|spread| spread.deviation)
+}
+
+fn is_in(distance_nm: f32, [from_nm, to_nm]: [f64; 2]) -> bool {
+    (from_nm..to_nm).contains(&f64::from(distance_nm))
+}
+
+/// Bins from 0 to the farthest distance.
+fn bins(distances_nm: impl Iterator<Item = f32>) -> impl Iterator<Item = [f64; 2]> {
+    let farthest_nm = distances_nm.fold(0.0, f32::max);
+    (0..=(f64::from(farthest_nm) / BIN_NM) as u32)
+        .map(|bin| [f64::from(bin), f64::from(bin + 1)].map(|edge| edge * BIN_NM))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_are_sorted_into_miles_and_summed_up_from_1_to_10() {
+        let error = |distance_nm: f32, px: f32| BoxError {
+            distance_nm,
+            error_px: [px, 0.0, 0.0, 0.0],
+        };
+        let tally = AccuracyTally {
+            boxes: vec![
+                error(0.5, 9.0),
+                error(5.0, 1.0),
+                error(5.5, 2.0),
+                error(5.9, 6.0),
+                error(12.0, 7.0),
+            ],
+            pairs: Vec::new(),
+        };
+        let bins: Vec<_> = tally
+            .boxes_by_nm()
+            .iter()
+            .map(|bin| (bin.from_nm, bin.boxes, bin.cx_px.unwrap().median))
+            .collect();
+        assert_eq!(bins, [(0.0, 1, 9.0), (5.0, 3, 2.0), (12.0, 1, 7.0)]);
+        let overall = tally.boxes();
+        assert_eq!(
+            (overall.boxes, overall.cx_px.unwrap().deviation),
+            (3, 1.4826)
+        );
+    }
+
+    #[test]
+    fn pairs_without_a_shift_are_counted_by_their_reason() {
+        let pair = |registered_px| Pair {
+            distance_nm: 4.5,
+            boxes_px: 0.5,
+            registered_px,
+        };
+        let tally = AccuracyTally {
+            boxes: Vec::new(),
+            pairs: vec![
+                pair(Ok([0.1, 0.05])),
+                pair(Ok([0.3, 0.1])),
+                pair(Err("faint")),
+            ],
+        };
+        let errors = tally.disparity();
+        assert_eq!((errors.pairs, errors.registered), (3, 2));
+        assert_eq!(errors.unregistered["faint"], 1);
+        assert_eq!(errors.boxes_px.unwrap().median, 0.5);
+        let over = errors.registered_over_stated.unwrap().median;
+        assert!((over - 3.0).abs() < 1e-6, "{over}");
+    }
+
+    #[test]
+    fn a_bias_that_changes_from_mile_to_mile_is_left_out_of_the_deviation_about_it() {
+        let errors = [1.0, 2.0, 3.0].map(|error| (4.5, error));
+        let farther = [11.0, 12.0, 13.0].map(|error| (5.5, error));
+        let both = errors.into_iter().chain(farther).collect();
+        assert_eq!(deviation_about_bias(both), Some(1.4826));
+        assert_eq!(deviation_about_bias(Vec::new()), None);
+    }
+}

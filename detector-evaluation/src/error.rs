@@ -1,0 +1,58 @@
+//! What can go wrong in an evaluation.
+
+use std::path::PathBuf;
+
+/// An error of this crate.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A corpus cannot be read, or a result not written.
+    #[error(transparent)]
+    Dataset(#[from] dataset::Error),
+    /// The videos cannot be searched.
+    #[error(transparent)]
+    Search(#[from] labeller::Error),
+    /// The report cannot be made.
+    #[error(transparent)]
+    Report(#[from] report_page::Error),
+    /// A picture of the report cannot be made.
+    #[error("report: cannot encode a crop: {0}")]
+    Crop(image::ImageError),
+    /// Nothing to compare.
+    #[error("no mode is given; expected at least one")]
+    NoMode,
+    /// There is no truth to compare with.
+    #[error("scenario {0} has no labels; run `dtd label` on the corpus first")]
+    Unlabelled(String),
+    /// Boxes where the calibration sees nothing.
+    #[error(
+        "scenario {scenario}: both views found the aircraft at tick {tick}, but calibration.json has it behind the camera of view {view}, \
+         or lacks that camera; label the corpus again"
+    )]
+    Projection {
+        /// The scenario.
+        scenario: String,
+        /// The view.
+        view: String,
+        /// The tick.
+        tick: u32,
+    },
+    /// The folder for the results cannot be used.
+    #[error("{}: {message}", path.display())]
+    Out {
+        /// The folder.
+        path: PathBuf,
+        /// What is wrong with it, and what to do.
+        message: String,
+    },
+    /// Another process writes there.
+    #[error("{}: {holder} evaluates into it; try again when that has ended", path.display())]
+    Held {
+        /// The folder.
+        path: PathBuf,
+        /// Who.
+        holder: String,
+    },
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;

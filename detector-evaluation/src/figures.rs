@@ -1,0 +1,326 @@
+//! `evaluation.json`: all figures of a detector on a corpus.
+//!
+//! Its keys `modes.*.max_range_nm`, `effective_range_nm`, `recall_by_nm`, `false_alarms_per_hour` and `cpu_ms_per_picture`, and
+//! `registration.disparity_sd_px` and `by_nm`, are the summary; everything else is the detail behind it. Ranges are those in the
+//! clearest weather, recall is that of the weathers in which the air hides the aircraft nowhere; both are named.
+
+use std::collections::BTreeMap;
+
+use dataset::model_identity::ModelIdentity;
+use dataset::open_scenario::OpenScenario;
+use labeller::{CpuTime, Failure, Findings};
+use serde::Serialize;
+
+use crate::accuracy::{AccuracyTally, BoxErrors, DisparityErrors};
+use crate::average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};
+use crate::error::Result;
+use crate::false_alarms::{AlarmTally, FalseAlarms};
+use crate::outcome::Searched;
+use crate::picture::Sight;
+use crate::recall::{Condition, Counts, NotExpected, Range, Recall, RecallBin, RecallTally};
+
+/// The whole file.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Evaluation {
+    /// Version of this software.
+    pub dtd: String,
+    /// The detector.
+    pub model: EvaluatedModel,
+    /// Scenarios that were searched.
+    pub scenarios: Vec<String>,
+    /// Scenarios that could not be searched. They are in no figure.
+    pub failed: Vec<Failure>,
+    /// The weather that ranges are of: that with the longest visibility.
+    pub range_weather: Option<String>,
+    /// The weathers that `recall` and `recall_by_nm` are of: those that hide the aircraft nowhere; all, if each does.
+    pub recall_weathers: Vec<String>,
+    /// By name of the mode.
+    pub modes: BTreeMap<String, ModeFigures>,
+    /// How exactly two views are registered, of the first mode; null with one view.
+    pub registration: Option<RegistrationFigures>,
+}
+
+/// The detector that was evaluated.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct EvaluatedModel {
+    /// File and hashes.
+    #[serde(flatten)]
+    pub identity: ModelIdentity,
+    /// Where it ran.
+    pub device: String,
+}
+
+/// Figures of a mode of searching.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ModeFigures {
+    /// Ranges in [`Evaluation::range_weather`].
+    #[serde(flatten)]
+    pub range: Range,
+    /// In [`Evaluation::recall_weathers`], the aircraft in sight.
+    pub recall_by_nm: Vec<RecallBin>,
+    /// The same from 1 to 10 NM.
+    pub recall: Recall,
+    /// False confirmed tracks an hour and view.
+    pub false_alarms_per_hour: Option<f64>,
+    /// Processor time a picture, decoding included.
+    pub cpu_ms_per_picture: Option<f64>,
+    /// Its parts.
+    pub cpu_ms_by_stage: Option<StageCost>,
+    /// All pictures, each counted once.
+    pub pictures: PictureFigures,
+    /// By name of the weather.
+    pub by_weather: BTreeMap<String, ConditionFigures>,
+    /// By local time.
+    pub by_time: BTreeMap<String, ConditionFigures>,
+    /// All weathers.
+    pub false_alarms: FalseAlarms,
+    /// Errors of the boxes from 1 to 10 NM.
+    pub boxes: BoxErrors,
+    /// Mile by mile.
+    pub boxes_by_nm: Vec<BoxErrors>,
+    /// Errors of the disparity from 1 to 10 NM.
+    pub disparity: DisparityErrors,
+    /// Mile by mile.
+    pub disparity_by_nm: Vec<DisparityErrors>,
+    /// Average precision, COCO's way.
+    pub average_precision: AveragePrecision,
+}
+
+/// Processor time a picture by stage, milliseconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
+pub struct StageCost {
+    /// Decoding the video.
+    pub decode: f64,
+    /// Conversion to RGB.
+    pub convert: f64,
+    /// The model.
+    pub infer: f64,
+    /// Everything else: cutting windows, merging boxes, tracks, registration.
+    pub rest: f64,
+}
+
+/// All pictures of a mode: `total` is the sum of all other numbers but `found`, `confirmed` and `missed` of each part.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct PictureFigures {
+    /// Pictures of all scenarios and views.
+    pub total: u64,
+    /// Nothing to find.
+    pub not_expected: NotExpected,
+    /// The aircraft is there, by what is in the way.
+    #[serde(flatten)]
+    pub expected: SightCounts,
+}
+
+/// The aircraft is in the frame, by what is in the way.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize)]
+pub struct SightCounts {
+    /// Nothing that hides it.
+    pub in_sight: Counts,
+    /// Haze or fog: less than 2 % of the contrast remains.
+    pub hidden_by_haze: Counts,
+    /// It flies in or above clouds, which may hide it.
+    pub maybe_hidden_by_cloud: Counts,
+}
+
+/// Figures in a weather or at a time.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ConditionFigures {
+    /// The aircraft in sight, from 1 to 10 NM.
+    pub recall: Recall,
+    /// By distance.
+    pub recall_by_nm: Vec<RecallBin>,
+    /// At all distances, by what is in the way.
+    #[serde(flatten)]
+    pub expected: SightCounts,
+    /// Ranges; only by weather.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub range: Option<Range>,
+    /// False alarms; only by weather.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub false_alarms: Option<FalseAlarms>,
+}
+
+/// How exactly two views are registered.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct RegistrationFigures {
+    /// Robust standard deviation of the error of the registered disparity from 1 to 10 NM.
+    pub disparity_sd_px: Option<f64>,
+    /// The same from the centres of boxes.
+    pub boxes_disparity_sd_px: Option<f64>,
+    /// Mile by mile.
+    pub by_nm: Vec<RegistrationBin>,
+}
+
+/// A mile of [`RegistrationFigures`].
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct RegistrationBin {
+    /// Smallest distance to touchdown, nautical miles, included.
+    pub from_nm: f64,
+    /// Largest distance, excluded.
+    pub to_nm: f64,
+    /// Ticks at which both views found the aircraft.
+    pub pairs: u64,
+    /// Of these, those with a registered shift.
+    pub registered: u64,
+    /// Robust standard deviation of the error of the registered disparity.
+    pub disparity_sd_px: Option<f64>,
+    /// The same from the centres of boxes.
+    pub boxes_disparity_sd_px: Option<f64>,
+}
+
+/// All that is counted of one mode.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Tally {
+    recall: RecallTally,
+    alarms: AlarmTally,
+    accuracy: AccuracyTally,
+    precision: PrecisionTally,
+    cpu_s: CpuTime,
+}
+
+impl Tally {
+    /// Counts the pictures of a scenario.
+    pub(crate) fn count(
+        &mut self,
+        scenario: &OpenScenario,
+        searched: &[Searched<'_>],
+        findings: &Findings,
+    ) -> Result<()> {
+        let record = scenario.record()?;
+        let conditions = &record.conditions;
+        let (weather, time_of_day) = (&conditions.weather_name, &conditions.time_of_day);
+        self.recall.count(weather, time_of_day, searched);
+        self.alarms
+            .count(weather, record.frame_rate.period_s(), searched);
+        self.accuracy
+            .count(scenario, searched, &findings.registrations)?;
+        for searched in searched {
+            let picture = searched.picture;
+            let truth = picture.truth.as_ref().map(|truth| TrueAircraft {
+                pixel_box: truth.pixel_box,
+                is_ignored: picture.expected().is_none() || picture.sight != Sight::InSight,
+            });
+            let boxes: Vec<_> = searched
+                .boxes
+                .iter()
+                .map(|found| (found.pixel_box, found.score))
+                .collect();
+            self.precision.count(truth, &boxes);
+        }
+        self.cpu_s += findings.cpu_s;
+        Ok(())
+    }
+
+    /// The weathers in which the air hides the aircraft nowhere.
+    pub(crate) fn open_weathers(&self) -> Vec<String> {
+        self.recall.open_weathers()
+    }
+
+    /// All figures.
+    pub(crate) fn figures(
+        self,
+        range_weather: Option<&String>,
+        recall_weathers: &[String],
+    ) -> ModeFigures {
+        let recall = &self.recall;
+        let is_open = |at: &Condition<'_>| recall_weathers.iter().any(|name| name == at.weather);
+        let pictures = recall.pictures();
+        let cost = (pictures > 0).then(|| StageCost::of(&self.cpu_s, pictures));
+        let false_alarms = self.alarms.of(|_| true);
+        let by_weather = recall.weathers().map(|name| {
+            let mut figures = condition(recall, |at| at.weather == name);
+            figures.range = Some(recall.range(std::slice::from_ref(name)));
+            figures.false_alarms = Some(self.alarms.of(|weather| weather == name));
+            (name.clone(), figures)
+        });
+        let by_time = recall.times().into_iter().map(|time| {
+            let figures = condition(recall, |at| at.time_of_day == time);
+            (time, figures)
+        });
+        let range_weather: Vec<String> = range_weather.into_iter().cloned().collect();
+        ModeFigures {
+            range: recall.range(&range_weather),
+            recall_by_nm: recall.by_distance(is_open),
+            recall: recall.overall(is_open),
+            false_alarms_per_hour: false_alarms.confirmed_tracks_per_hour,
+            cpu_ms_per_picture: cost.map(|cost| cost.total()),
+            cpu_ms_by_stage: cost,
+            pictures: PictureFigures {
+                total: pictures,
+                not_expected: recall.not_expected(),
+                expected: SightCounts::of(recall.by_sight(|_| true)),
+            },
+            by_weather: by_weather.collect(),
+            by_time: by_time.collect(),
+            false_alarms,
+            boxes: self.accuracy.boxes(),
+            boxes_by_nm: self.accuracy.boxes_by_nm(),
+            disparity: self.accuracy.disparity(),
+            disparity_by_nm: self.accuracy.disparity_by_nm(),
+            average_precision: self.precision.figures(),
+        }
+    }
+}
+
+fn condition(
+    recall: &RecallTally,
+    wanted: impl Fn(&Condition<'_>) -> bool + Copy,
+) -> ConditionFigures {
+    ConditionFigures {
+        recall: recall.overall(wanted),
+        recall_by_nm: recall.by_distance(wanted),
+        expected: SightCounts::of(recall.by_sight(wanted)),
+        range: None,
+        false_alarms: None,
+    }
+}
+
+impl SightCounts {
+    fn of(mut counts: BTreeMap<Sight, Counts>) -> Self {
+        let mut of = |sight: Sight| counts.remove(&sight).unwrap_or_default();
+        Self {
+            in_sight: of(Sight::InSight),
+            hidden_by_haze: of(Sight::Haze),
+            maybe_hidden_by_cloud: of(Sight::Cloud),
+        }
+    }
+}
+
+impl StageCost {
+    /// All stages together.
+    pub fn total(&self) -> f64 {
+        self.decode + self.convert + self.infer + self.rest
+    }
+
+    fn of(cpu_s: &CpuTime, pictures: u64) -> Self {
+        let ms = |seconds: f64| 1e3 * seconds / pictures as f64;
+        Self {
+            decode: ms(cpu_s.decode),
+            convert: ms(cpu_s.convert),
+            infer: ms(cpu_s.infer),
+            rest: ms(cpu_s.rest),
+        }
+    }
+}
+
+impl RegistrationFigures {
+    /// Those of a mode; `None` if there were no pairs of views.
+    pub(crate) fn of(mode: &ModeFigures) -> Option<Self> {
+        let deviation =
+            |spread: Option<dataset::spread::Spread>| spread.map(|spread| spread.deviation);
+        let bin = |errors: &DisparityErrors| RegistrationBin {
+            from_nm: errors.from_nm,
+            to_nm: errors.to_nm,
+            pairs: errors.pairs,
+            registered: errors.registered,
+            disparity_sd_px: deviation(errors.registered_px),
+            boxes_disparity_sd_px: deviation(errors.boxes_px),
+        };
+        let overall = bin(&mode.disparity);
+        (!mode.disparity_by_nm.is_empty()).then(|| Self {
+            disparity_sd_px: overall.disparity_sd_px,
+            boxes_disparity_sd_px: overall.boxes_disparity_sd_px,
+            by_nm: mode.disparity_by_nm.iter().map(bin).collect(),
+        })
+    }
+}

@@ -1,0 +1,38 @@
+//! How far, how surely and how exactly a detector finds the aircraft of a labelled corpus.
+//!
+//! Input: a labelled corpus and a model. Output: [`Evaluation`] (`evaluation.json`) and a report page. The videos are searched by the code
+//! of `dtd detect`, once in each mode; every picture ends up as found, missed for a reason, or not expected, and is counted once. From
+//! the counts follow recall and ranges as in the paper's table 2, from the boxes their errors, those of the disparity between
+//! two views, and COCO's average precision.
+
+#![forbid(unsafe_code)]
+
+mod accuracy;
+mod average_precision;
+mod error;
+mod evaluation;
+mod example;
+mod false_alarms;
+mod figures;
+mod mode;
+mod outcome;
+mod picture;
+mod recall;
+mod report;
+#[cfg(test)]
+mod samples;
+mod search_store;
+mod wilson;
+
+pub use accuracy::{BoxErrors, DisparityErrors};
+pub use average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};
+pub use error::{Error, Result};
+pub use evaluation::{Ended, EvaluationOptions, evaluate_detector};
+pub use false_alarms::{AlarmCounts, FalseAlarms};
+pub use figures::{
+    ConditionFigures, EvaluatedModel, Evaluation, ModeFigures, PictureFigures, RegistrationBin,
+    RegistrationFigures, SightCounts, StageCost,
+};
+pub use mode::EvaluatedMode;
+pub use recall::{Counts, NotExpected, Range, Recall, RecallBin};
+pub use search_store::REPORT;

@@ -1,0 +1,218 @@
+//! What was found so far, so that an evaluation that was interrupted is resumed.
+//!
+//! ```text
+//! OUT/
+//!   evaluation.json  report.html
+//!   searched/<mode>/<scenario>.parquet                 detections, as in a corpus
+//!   searched/<mode>/<scenario>.registrations.parquet   with several views
+//!   searched/<mode>/<scenario>.json                    what they were made from; written last
+//! ```
+//!
+//! A table counts if its record names its hash, and the search and the videos that it would be made from now.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
+
+use dataset::claim::{Claim, Claimed};
+use dataset::corpus::own_folder_around;
+use dataset::detections::{parse_detections, write_detections};
+use dataset::json_file::{read_json, write_json};
+use dataset::open_scenario::OpenScenario;
+use dataset::outside_file::{self, FileKind};
+use dataset::registrations::{parse_registrations, write_registrations};
+use labeller::{CpuTime, Findings};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::mode::EvaluatedMode;
+
+const SEARCHED: &str = "searched";
+const CLAIM: &str = "claim";
+/// All figures.
+pub(crate) const EVALUATION: &str = "evaluation.json";
+/// The page.
+pub const REPORT: &str = "report.html";
+/// Foreign files that a message names.
+const MOST_NAMED: usize = 3;
+
+/// The folder of an evaluation, held until this is dropped.
+pub(crate) struct SearchStore {
+    root: PathBuf,
+    _claim: Claim,
+}
+
+/// `<scenario>.json`.
+#[derive(Serialize, Deserialize, PartialEq)]
+struct Record {
+    /// Hash of model, settings and version.
+    search: String,
+    config_hash: String,
+    videos_blake3: BTreeMap<String, String>,
+    cpu_s: CpuTime,
+    detections_blake3: String,
+    registrations_blake3: String,
+}
+
+impl SearchStore {
+    /// Takes a folder for an evaluation: a new or empty one, or one that has held an evaluation.
+    pub(crate) fn take(root: &Path) -> Result<Self> {
+        let refused = |message: String| Error::Out {
+            path: root.to_owned(),
+            message,
+        };
+        if let Some(own) =
+            own_folder_around(&std::path::absolute(root).map_err(dataset::Error::io("find", root))?)
+        {
+            return Err(refused(format!(
+                "is inside {}, where only the corpus' own files belong; name another folder",
+                own.display()
+            )));
+        }
+        if let Some(strangers) = strangers(root)? {
+            return Err(refused(format!(
+                "is no folder of an evaluation: it contains {strangers}; name a new folder"
+            )));
+        }
+        let searched = root.join(SEARCHED);
+        fs::create_dir_all(&searched)
+            .map_err(|error| refused(format!("cannot be made: {error}; name another folder")))?;
+        match Claim::take_in(&searched, CLAIM)? {
+            Claimed::Mine(claim) => Ok(Self {
+                root: root.to_owned(),
+                _claim: claim,
+            }),
+            Claimed::Theirs(holder) => Err(Error::Held {
+                path: root.to_owned(),
+                holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+            }),
+        }
+    }
+
+    /// What this search found in a scenario earlier.
+    pub(crate) fn load(
+        &self,
+        mode: EvaluatedMode,
+        search: &str,
+        scenario: &OpenScenario,
+    ) -> Result<Option<Findings>> {
+        let pictures = scenario.record()?.pictures();
+        let [record, detections, registrations] = self.paths(mode, &scenario.id());
+        let Ok(record) = read_json::<Record>(&record, "record of a search") else {
+            return Ok(None);
+        };
+        let is_current = record.search == search
+            && record.config_hash == scenario.seal().config_hash
+            && record.videos_blake3 == scenario.videos_blake3();
+        let table = |path: &Path, blake3: &str| {
+            let content = outside_file::read(path, FileKind::TABLE).ok()?;
+            (blake3::hash(&content).to_string() == blake3).then_some(content)
+        };
+        let tables = is_current
+            .then(|| {
+                let found = table(&detections, &record.detections_blake3)?;
+                Some((found, table(&registrations, &record.registrations_blake3)?))
+            })
+            .flatten();
+        let Some((found, registered)) = tables else {
+            return Ok(None);
+        };
+        Ok(Some(Findings {
+            detections: parse_detections(found, &detections, pictures)?,
+            registrations: parse_registrations(registered, &registrations, pictures)?,
+            cpu_s: record.cpu_s,
+        }))
+    }
+
+    /// Keeps what was found.
+    pub(crate) fn keep(
+        &self,
+        mode: EvaluatedMode,
+        search: &str,
+        scenario: &OpenScenario,
+        findings: &Findings,
+    ) -> Result<()> {
+        let [record, detections, registrations] = self.paths(mode, &scenario.id());
+        let folder = self.root.join(SEARCHED).join(mode.key());
+        fs::create_dir_all(&folder).map_err(dataset::Error::io("create", &folder))?;
+        write_detections(&detections, &findings.detections)?;
+        write_registrations(&registrations, &findings.registrations)?;
+        let hash = dataset::seal::hash_file;
+        let made = Record {
+            search: search.to_owned(),
+            config_hash: scenario.seal().config_hash.clone(),
+            videos_blake3: scenario.videos_blake3(),
+            cpu_s: findings.cpu_s,
+            detections_blake3: hash(&detections)?,
+            registrations_blake3: hash(&registrations)?,
+        };
+        Ok(write_json(&record, &made)?)
+    }
+
+    /// Path of a file of the results.
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
+        self.root.join(name)
+    }
+
+    fn paths(&self, mode: EvaluatedMode, scenario: &str) -> [PathBuf; 3] {
+        let folder = self.root.join(SEARCHED).join(mode.key());
+        ["json", "parquet", "registrations.parquet"]
+            .map(|ending| folder.join(format!("{scenario}.{ending}")))
+    }
+}
+
+/// Names of what does not belong into the folder of an evaluation.
+fn strangers(root: &Path) -> Result<Option<String>> {
+    let entries = match fs::read_dir(root) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+        Err(error) => return Err(dataset::Error::io("list", root)(error).into()),
+    };
+    let mut names = Vec::new();
+    for entry in entries {
+        let name = entry.map_err(dataset::Error::io("list", root))?.file_name();
+        let name = name.to_string_lossy().into_owned();
+        let is_own = [SEARCHED, EVALUATION, REPORT].contains(&name.as_str());
+        if !is_own && !name.starts_with('.') {
+            names.push(name);
+        }
+    }
+    names.sort();
+    let more = names.len().saturating_sub(MOST_NAMED);
+    names.truncate(MOST_NAMED);
+    if more > 0 {
+        names.push(format!("and {more} more"));
+    }
+    Ok((!names.is_empty()).then(|| names.join(", ")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_of_others_is_refused_and_left_alone() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        drop(SearchStore::take(&out).unwrap());
+        fs::write(out.join(EVALUATION), "{}").unwrap();
+        drop(SearchStore::take(&out).unwrap());
+        fs::write(out.join("thesis.tex"), "").unwrap();
+        let error = SearchStore::take(&out).err().unwrap().to_string();
+        assert!(error.contains("contains thesis.tex"), "{error}");
+        let file = folder.path().join("file");
+        fs::write(&file, "").unwrap();
+        assert!(SearchStore::take(&file).is_err());
+    }
+
+    #[test]
+    fn two_evaluations_into_one_folder_exclude_each_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let held = SearchStore::take(folder.path()).unwrap();
+        let error = SearchStore::take(folder.path()).err().unwrap();
+        assert!(matches!(error, Error::Held { .. }), "{error}");
+        drop(held);
+        SearchStore::take(folder.path()).unwrap();
+    }
+}

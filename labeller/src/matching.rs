@@ -1,0 +1,55 @@
+//! When a detected box is the aircraft.
+
+use dataset::pixel_box::{PixelBox, TruthBox};
+
+/// A detector is expected to find the aircraft if more than this part of it is in the picture.
+const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
+/// A box that overlaps the true one by at least this much (intersection over union) has found it. Low, because an aircraft at 10 NM
+/// is 7 pixels high, and a box that is one pixel off is still useful.
+pub const HIT_IOU: f64 = 0.25;
+
+/// A detected box, compared with the true one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Match {
+    /// The aircraft was found.
+    Hit,
+    /// The box touches the aircraft, but says neither where it is nor how large: no hit, and no false alarm.
+    Loose,
+    /// Something else.
+    Elsewhere,
+}
+
+impl Match {
+    /// Compares a detected box with the true one.
+    pub fn of(found: &PixelBox, truth: &PixelBox) -> Self {
+        match found.iou(truth) {
+            iou if iou >= HIT_IOU => Self::Hit,
+            iou if iou > 0.0 => Self::Loose,
+            _ => Self::Elsewhere,
+        }
+    }
+}
+
+/// Whether a detector is expected to find this aircraft: most of it is in the picture.
+pub fn is_expected(truth: &TruthBox) -> bool {
+    truth.visible_fraction > EXPECTED_VISIBLE_FRACTION
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_that_only_touches_the_aircraft_is_no_hit_and_no_false_alarm() {
+        let truth = PixelBox::from_edges(100.0, 100.0, 120.0, 107.0);
+        let found = |left: f64, width: f64| PixelBox::from_edges(left, 100.0, left + width, 107.0);
+        for (found, expected) in [
+            (found(103.0, 20.0), Match::Hit),
+            (found(115.0, 20.0), Match::Loose),
+            (found(20.0, 200.0), Match::Loose),
+            (found(121.0, 20.0), Match::Elsewhere),
+        ] {
+            assert_eq!(Match::of(&found, &truth), expected, "{found:?}");
+        }
+    }
+}

@@ -1,0 +1,173 @@
+//! `dtd evaluate-detector`: how far, how surely and how exactly a detector finds the aircraft of a labelled corpus.
+
+use std::time::Instant;
+
+use detector_evaluation::{
+    Ended, Error, EvaluatedMode, Evaluation, EvaluationOptions, ModeFigures, evaluate_detector,
+};
+use generator::generate::Cancel;
+use labeller::{DetectOptions, Mode, Progress, Watch};
+
+use super::Outcome;
+use super::detect::refuse_other_models;
+use super::open_corpus::open_filled_corpus;
+use super::output::{count, finish, print_json, print_table};
+use crate::args::EvaluateDetectorArgs;
+use crate::failure::{Ending, Failure};
+use crate::progress::Bar;
+use crate::search_args::SearchMode;
+use crate::shipped::Shipped;
+use crate::signals;
+
+/// Runs the verb.
+pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
+    let began = Instant::now();
+    let corpus = open_filled_corpus(&args.corpus)?;
+    let shipped;
+    let model = match &args.model {
+        Some(model) => model.clone(),
+        None => {
+            shipped = Shipped::unpack()?;
+            shipped.detector()
+        }
+    };
+    refuse_other_models(&model)?;
+    let options = EvaluationOptions {
+        model,
+        detect: DetectOptions {
+            onnx_runtime: args.runtime.library.clone(),
+            device: args.runtime.device,
+            settings: args.search.settings(&corpus)?,
+            modes: args.search.modes(SearchMode::Full),
+            ..DetectOptions::default()
+        },
+        modes: args
+            .mode
+            .iter()
+            .map(|mode| Mode::from(*mode).into())
+            .collect(),
+        out: args.out.clone(),
+    };
+    let bar = Bar::new("evaluate", "pictures", None);
+    let cancel = Cancel::default();
+    let stoppable = signals::in_good_order(&cancel);
+    let watch = Watch {
+        progress: &|at: Progress| {
+            bar.set_total(at.total);
+            bar.set_done(at.done);
+        },
+        is_stopped: &|| cancel.is_cancelled(),
+    };
+    let ended = evaluate_detector(&corpus, &options, watch);
+    drop(stoppable);
+    let evaluation = match ended.map_err(failure_of)? {
+        Ended::Done(evaluation) => evaluation,
+        Ended::Stopped { searched, left } => {
+            eprintln!(
+                "interrupted: {} searched, {left} to go; run the same command again to resume",
+                count(searched, "scenario")
+            );
+            return Ok(Ending::Interrupted);
+        }
+    };
+    for failure in &evaluation.failed {
+        bar.say(&format!(
+            "scenario {} was not searched: {}",
+            failure.id, failure.reason
+        ));
+    }
+    bar.finish();
+    if args.json {
+        print_json(&evaluation)?;
+    } else {
+        print_summary(&evaluation);
+    }
+    let report = args.out.join(detector_evaluation::REPORT);
+    finish(
+        "evaluate-detector",
+        began,
+        &format!("open {}", report.display()),
+    );
+    Ok(match evaluation.failed.is_empty() {
+        true => Ending::Done,
+        false => Ending::Losses,
+    })
+}
+
+/// An error that the caller must fix, or one of the machine.
+fn failure_of(error: Error) -> Failure {
+    match error {
+        Error::Dataset(cause) => Failure::of_corpus(cause),
+        Error::Held { .. } => Failure::TryAgain(error.into()),
+        Error::Out { .. } | Error::NoMode | Error::Unlabelled(_) | Error::Projection { .. } => {
+            Failure::bad_input(error)
+        }
+        Error::Search(
+            labeller::Error::Model { .. }
+            | labeller::Error::Runtime(_)
+            | labeller::Error::Option { .. },
+        ) => Failure::bad_input(error),
+        error => error.into(),
+    }
+}
+
+fn print_summary(evaluation: &Evaluation) {
+    let heading = [
+        "search",
+        "max NM",
+        "effective NM",
+        "recall %",
+        "confirmed %",
+        "false boxes/h",
+        "false tracks/h",
+        "centre SD px",
+        "disparity SD px",
+        "AP",
+        "CPU ms",
+    ];
+    let modes = EvaluatedMode::ALL
+        .into_iter()
+        .filter_map(|mode| Some((mode, evaluation.modes.get(mode.key())?)));
+    let rows: Vec<_> = modes.map(|(mode, figures)| row(mode, figures)).collect();
+    print_table(&heading, &rows);
+    if let Some(weather) = &evaluation.range_weather {
+        println!("ranges in weather {weather}");
+    }
+    println!(
+        "recall from 1 to 10 NM in {}",
+        evaluation.recall_weathers.join(", ")
+    );
+    let Some(figures) = evaluation.modes.values().next() else {
+        return;
+    };
+    let expected = &figures.pictures.expected;
+    println!(
+        "{} pictures: {} show the aircraft in sight, {} beyond the visibility, {} in or above clouds",
+        figures.pictures.total,
+        expected.in_sight.expected,
+        expected.hidden_by_haze.expected,
+        expected.maybe_hidden_by_cloud.expected
+    );
+}
+
+fn row(mode: EvaluatedMode, figures: &ModeFigures) -> Vec<String> {
+    let number = |value: Option<f64>, decimals: usize| {
+        value.map_or_else(|| "-".into(), |value| format!("{value:.decimals$}"))
+    };
+    let percent = |share: Option<f64>| number(share.map(|share| 100.0 * share), 2);
+    let deviation =
+        |spread: Option<dataset::spread::Spread>| number(spread.map(|s| s.deviation), 3);
+    vec![
+        mode.title().to_lowercase(),
+        number(figures.range.max_range_nm, 2),
+        number(figures.range.effective_range_nm, 2),
+        percent(figures.recall.recall),
+        percent(figures.recall.confirmed_recall),
+        number(figures.false_alarms.boxes_per_hour, 0),
+        number(figures.false_alarms_per_hour, 1),
+        deviation(figures.boxes.cx_px),
+        deviation(figures.disparity.registered_px),
+        number(figures.average_precision.ap, 3),
+        number(figures.cpu_ms_per_picture, 1),
+    ]
+}
