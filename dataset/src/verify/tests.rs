@@ -817,7 +817,7 @@ fn a_reason_for_no_box_beside_a_box_or_of_no_picture_is_found() {
             0,
             "tick 0 of the view has the reason \"nothing\" for no box, and other rows too",
         ),
-        (99, "is 99, expected below 10"),
+        (99, "tick: is 99, expected below 5"),
     ] {
         let found = Detections {
             boxes: vec![detection()],
