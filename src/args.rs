@@ -12,7 +12,6 @@ use clap::{
 use clap_complete::Shell;
 use dataset::memory::Bytes;
 use generator::generate::Simulators;
-use generator::shard::Shard;
 use labeller::Device;
 use mock_xplane::quirks::Quirks;
 use mock_xplane::server::Faults;
@@ -24,6 +23,7 @@ use xplane_tape::FramesKept;
 
 use crate::help;
 use crate::search_args::{SearchArgs, SearchMode};
+use crate::shard_arg::ShardArg;
 
 /// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to touchdown
 /// (DTD), and trains and evaluates estimators of that distance.
@@ -223,12 +223,8 @@ pub(crate) struct GenerateArgs {
     /// Record only these scenarios (identifiers as `dtd plan` prints them), separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     pub(crate) only: Vec<String>,
-    /// Record only shard I, from 0, of N; shards may write into one corpus at the same time
-    ///
-    /// Each gets its share of every weather. The default is that of Slurm's job array (SLURM_ARRAY_TASK_ID) or of a Kubernetes Indexed
-    /// Job (JOB_COMPLETION_INDEX and DTD_SHARDS), else everything.
-    #[arg(long, value_name = "I/N")]
-    pub(crate) shard: Option<Shard>,
+    #[command(flatten)]
+    pub(crate) shard: ShardArg,
     /// How long to wait for a simulator or an object store that stopped answering
     ///
     /// Recording then continues without that simulator; without the store it ends.
@@ -335,6 +331,8 @@ pub(crate) struct DetectArgs {
     pub(crate) mode: SearchMode,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
+    #[command(flatten)]
+    pub(crate) shard: ShardArg,
     #[command(flatten)]
     pub(crate) runtime: RuntimeArgs,
     /// Detect again even if this model's detections exist

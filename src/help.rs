@@ -53,10 +53,12 @@ pub(crate) const DETECT: &str = "\
 Examples:
   dtd detect corpus
   dtd detect corpus --model detector.onnx
+  dtd detect corpus --shard 0/4          a quarter of the scenarios, on each of four machines
   dtd detect corpus --mode full          every picture whole, at several times the cost (docs/tracks.md)
 
 Environment:
-  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it
+  SLURM_ARRAY_TASK_ID, JOB_COMPLETION_INDEX with DTD_SHARDS: the default of --shard";
 
 pub(crate) const TRAIN: &str = "\
 Examples:

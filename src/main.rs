@@ -9,6 +9,7 @@ mod logging;
 mod plain;
 mod progress;
 mod search_args;
+mod shard_arg;
 mod shipped;
 mod signals;
 mod telemetry;

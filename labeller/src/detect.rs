@@ -17,7 +17,7 @@ mod scenario_search;
 mod sequence;
 mod view_search;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::mem;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -62,6 +62,8 @@ pub struct DetectOptions {
     pub threads_per_worker: usize,
     /// Maximum number of windows per run of the model.
     pub batch: usize,
+    /// Search only these scenarios; `None`: all.
+    pub only: Option<BTreeSet<String>>,
     /// Detect again even if this model's detections with these settings exist.
     pub again: bool,
 }
@@ -78,6 +80,7 @@ impl Default for DetectOptions {
             workers: cores,
             threads_per_worker: 1,
             batch: 1,
+            only: None,
             again: false,
         }
     }
@@ -217,6 +220,9 @@ fn detect_with(
         ..Default::default()
     };
     let mut pending = corpus.scenarios()?;
+    if let Some(only) = &options.only {
+        pending.retain(|folder| only.contains(&folder.id()));
+    }
     while !pending.is_empty() {
         let mut jobs = Vec::new();
         for folder in mem::take(&mut pending) {

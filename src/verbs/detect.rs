@@ -1,10 +1,13 @@
 //! `dtd detect`: finds the aircraft in the decoded videos, and registers the views with each other.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
+use dataset::plan::Plan;
 use generator::generate::Cancel;
+use generator::shard::Shard;
 use labeller::{DetectOptions, DetectOutcome, Progress, RegistrationCounts, Watch, detect_corpus};
 
 use super::Outcome;
@@ -36,6 +39,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             device: args.runtime.device,
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(args.mode),
+            only: of_shard(&corpus, args.shard.or_of_environment("detect")?)?,
             again: args.again,
             ..DetectOptions::default()
         },
@@ -59,6 +63,16 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     } else {
         Ending::Losses
     })
+}
+
+/// The scenarios of a shard, by its part of the plan; `None`: all.
+fn of_shard(corpus: &Corpus, shard: Shard) -> Result<Option<BTreeSet<String>>, Failure> {
+    if shard.is_whole() {
+        return Ok(None);
+    }
+    let plan = Plan::read(&corpus.plan_path()).map_err(Failure::of_corpus)?;
+    let part = shard.part_of(&plan.scenarios);
+    Ok(Some(part.map(|scenario| scenario.id.clone()).collect()))
 }
 
 /// The ending of a run that was stopped; says what is left.

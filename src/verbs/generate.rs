@@ -37,7 +37,7 @@ pub(crate) fn run(args: &GenerateArgs) -> Outcome {
         simulators: args.sim.clone(),
         pixels: args.pixels,
         only: args.only.clone(),
-        shard: shard(args)?,
+        shard: args.shard.or_of_environment("generate")?,
         patience: Patience {
             simulator: patience,
             store: patience,
@@ -103,21 +103,6 @@ fn place(args: &GenerateArgs) -> Result<(PathBuf, Option<Remote>), Failure> {
             Ok((stage, Some(remote)))
         }
     }
-}
-
-/// The requested part of the plan, or the one named by the scheduler's environment.
-fn shard(args: &GenerateArgs) -> Result<Shard, Failure> {
-    if let Some(shard) = args.shard {
-        return Ok(shard);
-    }
-    let found = Shard::from_environment(|name| env::var(name).ok());
-    Ok(match found.map_err(Failure::bad_input)? {
-        Some((shard, variable)) => {
-            eprintln!("generate: shard {shard}, from {variable}");
-            shard
-        }
-        None => Shard::WHOLE,
-    })
 }
 
 /// Options to record all of a sweep.

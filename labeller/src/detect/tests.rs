@@ -610,4 +610,21 @@ fn two_runs_share_the_scenarios_and_both_end_when_all_are_searched() {
     assert_eq!(first.unchanged.len() + second.unchanged.len(), ids.len());
 }
 
+#[test]
+fn a_part_of_the_scenarios_leaves_the_others_to_other_runs() {
+    let temporary = tempfile::tempdir().unwrap();
+    let corpus = corpus(temporary.path(), &["0001-a", "0002-b"]);
+    let part = DetectOptions {
+        only: Some(["0002-b".to_owned()].into()),
+        ..two_workers()
+    };
+    assert_eq!(detect(&corpus, &part).detected, ["0002-b"]);
+    assert!(stored(&corpus.scenario("0001-a")).is_err());
+    let rest = detect(&corpus, &two_workers());
+    assert_eq!(
+        (rest.detected, rest.unchanged),
+        (vec!["0001-a".into()], vec!["0002-b".into()])
+    );
+}
+
 mod bad_videos;
