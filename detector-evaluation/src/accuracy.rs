@@ -21,6 +21,8 @@ use crate::recall::OVERALL_NM;
 const VISIBLE_AHEAD_M: f64 = 3.3;
 /// Width of the bins of distance, nautical miles.
 const BIN_NM: f64 = 1.0;
+/// Upper ends of the bins of true width, pixels; the last bin is open.
+const WIDTH_BINS_PX: [f64; 5] = [20.0, 30.0, 50.0, 90.0, f64::INFINITY];
 
 /// Errors in a bin of distances, or over all from 1 to 10 NM.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -64,16 +66,39 @@ pub struct DisparityErrors {
     pub registered_over_stated: Option<Spread>,
 }
 
+/// Aircraft of similar width, in sight and before touchdown.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct WidthFigures {
+    /// Largest width of the true box, pixels; null in the last bin.
+    pub width_up_to_px: Option<f64>,
+    /// Pictures in which it is expected.
+    pub expected: u64,
+    /// Those in which it was found.
+    pub found: u64,
+    /// Centre, right.
+    pub cx_px: Option<Spread>,
+    /// Centre, down.
+    pub cy_px: Option<Spread>,
+    /// Width.
+    pub width_px: Option<Spread>,
+    /// Height.
+    pub height_px: Option<Spread>,
+}
+
 /// Errors of one mode.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct AccuracyTally {
     boxes: Vec<BoxError>,
     pairs: Vec<Pair>,
+    /// Aircraft to be found, by width.
+    expected: [u64; WIDTH_BINS_PX.len()],
 }
 
 #[derive(Debug, Clone, Copy)]
 struct BoxError {
     distance_nm: f32,
+    /// Index of the true width.
+    width_bin: usize,
     /// Centre right, centre down, width, height.
     error_px: [f32; 4],
 }
@@ -98,16 +123,21 @@ impl AccuracyTally {
         let mut centres = BTreeMap::new();
         for searched in searched {
             let picture = searched.picture;
-            let (Some(truth), Some(Outcome::Found(hit))) = (&picture.truth, searched.outcome())
-            else {
+            let (Some(truth), Some(outcome)) = (&picture.truth, searched.outcome()) else {
                 continue;
             };
             if picture.sight != Sight::InSight || picture.distance_nm < 0.0 {
                 continue;
             }
+            let width_bin = width_bin(truth.pixel_box.width_px);
+            self.expected[width_bin] += 1;
+            let Outcome::Found(hit) = outcome else {
+                continue;
+            };
             let (found, real) = (hit.pixel_box, truth.pixel_box);
             self.boxes.push(BoxError {
                 distance_nm: picture.distance_nm as f32,
+                width_bin,
                 error_px: [
                     found.cx_px - real.cx_px,
                     found.cy_px - real.cy_px,
@@ -167,6 +197,34 @@ impl AccuracyTally {
             .map(|bin| self.boxes_in(bin))
             .filter(|bin| bin.boxes > 0)
             .collect()
+    }
+
+    /// All aircraft by width.
+    pub(crate) fn by_width(&self) -> Vec<WidthFigures> {
+        let bin = |(index, up_to): (usize, f64)| {
+            let here = || {
+                self.boxes
+                    .iter()
+                    .filter(move |error| error.width_bin == index)
+            };
+            let spread = |which: usize| {
+                Spread::of(
+                    here()
+                        .map(|error| f64::from(error.error_px[which]))
+                        .collect(),
+                )
+            };
+            WidthFigures {
+                width_up_to_px: up_to.is_finite().then_some(up_to),
+                expected: self.expected[index],
+                found: here().count() as u64,
+                cx_px: spread(0),
+                cy_px: spread(1),
+                width_px: spread(2),
+                height_px: spread(3),
+            }
+        };
+        WIDTH_BINS_PX.into_iter().enumerate().map(bin).collect()
     }
 
     /// Errors of the disparity from 1 to 10 NM.
@@ -259,6 +317,12 @@ fn deviation_about_bias(errors: Vec<(f32, f64)>) -> Option<f64> {
     Spread::of(about_bias.collect()).map(|spread| spread.deviation)
 }
 
+fn width_bin(width_px: f64) -> usize {
+    WIDTH_BINS_PX
+        .partition_point(|up_to| *up_to < width_px)
+        .min(WIDTH_BINS_PX.len() - 1)
+}
+
 fn is_in(distance_nm: f32, [from_nm, to_nm]: [f64; 2]) -> bool {
     (from_nm..to_nm).contains(&f64::from(distance_nm))
 }
@@ -278,6 +342,7 @@ mod tests {
     fn errors_are_sorted_into_miles_and_summed_up_from_1_to_10() {
         let error = |distance_nm: f32, px: f32| BoxError {
             distance_nm,
+            width_bin: width_bin(f64::from(px) * 10.0),
             error_px: [px, 0.0, 0.0, 0.0],
         };
         let tally = AccuracyTally {
@@ -289,6 +354,7 @@ mod tests {
                 error(12.0, 7.0),
             ],
             pairs: Vec::new(),
+            expected: [3, 0, 0, 4, 0],
         };
         let bins: Vec<_> = tally
             .boxes_by_nm()
@@ -301,6 +367,15 @@ mod tests {
             (overall.boxes, overall.cx_px.unwrap().deviation),
             (3, 1.4826)
         );
+        // 10 and 20 px wide; 60, 70 and 90.
+        let widths: Vec<_> = tally
+            .by_width()
+            .iter()
+            .map(|bin| (bin.width_up_to_px, bin.expected, bin.found))
+            .collect();
+        assert_eq!(widths[0], (Some(20.0), 3, 2));
+        assert_eq!(widths[3], (Some(90.0), 4, 3));
+        assert_eq!(widths[4], (None, 0, 0));
     }
 
     #[test]
@@ -311,12 +386,12 @@ mod tests {
             registered_px,
         };
         let tally = AccuracyTally {
-            boxes: Vec::new(),
             pairs: vec![
                 pair(Ok([0.1, 0.05])),
                 pair(Ok([0.3, 0.1])),
                 pair(Err("faint")),
             ],
+            ..AccuracyTally::default()
         };
         let errors = tally.disparity();
         assert_eq!((errors.pairs, errors.registered), (3, 2));

@@ -117,13 +117,13 @@ fn labelled(corpus: &Corpus) -> Result<Vec<(String, u64)>> {
     let mut ids = Vec::new();
     for folder in corpus.scenarios()? {
         // One that cannot be opened is reported when it is its turn.
-        let pictures = match folder.open() {
-            Ok(scenario) => {
-                if scenario.truth_boxes_if_labelled()?.is_none() {
-                    return Err(Error::Unlabelled(folder.id()));
-                }
-                scenario.record()?.pictures()
-            }
+        let truth = folder.open().and_then(|scenario| {
+            let is_labelled = scenario.truth_boxes_if_labelled()?.is_some();
+            Ok((is_labelled, scenario.record()?.pictures()))
+        });
+        let pictures = match truth {
+            Ok((true, pictures)) => pictures,
+            Ok((false, _)) => return Err(Error::Unlabelled(folder.id())),
             Err(_) => 0,
         };
         ids.push((folder.id(), pictures));

@@ -11,7 +11,7 @@ use dataset::open_scenario::OpenScenario;
 use labeller::{CpuTime, Failure, Findings};
 use serde::Serialize;
 
-use crate::accuracy::{AccuracyTally, BoxErrors, DisparityErrors};
+use crate::accuracy::{AccuracyTally, BoxErrors, DisparityErrors, WidthFigures};
 use crate::average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};
 use crate::error::Result;
 use crate::false_alarms::{AlarmTally, FalseAlarms};
@@ -78,6 +78,8 @@ pub struct ModeFigures {
     pub boxes: BoxErrors,
     /// Mile by mile.
     pub boxes_by_nm: Vec<BoxErrors>,
+    /// By width of the true box.
+    pub by_width: Vec<WidthFigures>,
     /// Errors of the disparity from 1 to 10 NM.
     pub disparity: DisparityErrors,
     /// Mile by mile.
@@ -255,6 +257,7 @@ impl Tally {
             false_alarms,
             boxes: self.accuracy.boxes(),
             boxes_by_nm: self.accuracy.boxes_by_nm(),
+            by_width: self.accuracy.by_width(),
             disparity: self.accuracy.disparity(),
             disparity_by_nm: self.accuracy.disparity_by_nm(),
             average_precision: self.precision.figures(),

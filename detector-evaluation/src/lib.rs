@@ -24,7 +24,7 @@ mod samples;
 mod search_store;
 mod wilson;
 
-pub use accuracy::{BoxErrors, DisparityErrors};
+pub use accuracy::{BoxErrors, DisparityErrors, WidthFigures};
 pub use average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};
 pub use error::{Error, Result};
 pub use evaluation::{Ended, EvaluationOptions, evaluate_detector};

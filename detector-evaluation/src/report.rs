@@ -257,6 +257,15 @@ fn conditions((mode, figures): &(EvaluatedMode, &ModeFigures)) -> Conditions {
 struct Accuracy {
     title: &'static str,
     rows: Vec<AccuracyRow>,
+    widths: Vec<WidthRow>,
+}
+
+#[derive(Serialize)]
+struct WidthRow {
+    width: String,
+    expected: u64,
+    recall: String,
+    errors: [String; 4],
 }
 
 #[derive(Serialize)]
@@ -291,9 +300,25 @@ fn accuracy((mode, figures): &(EvaluatedMode, &ModeFigures)) -> Accuracy {
             spread(disparity.and_then(|bin| bin.registered_px)),
         ],
     });
+    let mut from_px = 0.0;
+    let widths = figures.by_width.iter().map(|bin| {
+        let width = match bin.width_up_to_px {
+            Some(to_px) => format!("{from_px:.0} to {to_px:.0} px wide"),
+            None => format!("above {from_px:.0} px wide"),
+        };
+        from_px = bin.width_up_to_px.unwrap_or(from_px);
+        let share = (bin.expected > 0).then(|| bin.found as f64 / bin.expected as f64);
+        WidthRow {
+            width,
+            expected: bin.expected,
+            recall: percent(share),
+            errors: [bin.cx_px, bin.cy_px, bin.width_px, bin.height_px].map(spread),
+        }
+    });
     Accuracy {
         title: mode.title(),
         rows: rows.collect(),
+        widths: widths.collect(),
     }
 }
 

@@ -157,3 +157,72 @@ pub(super) fn search_scenario(
         cpu_s,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use dataset::pixel_box::PixelBox;
+    use testkit::files::contents;
+    use testkit::short_corpus;
+
+    use super::super::{ModelIdentity, detect_with};
+    use super::*;
+    use crate::blob_finder::{BlobFinder, paint_blob};
+    use crate::detect::{Mode, ModeSettings};
+    use crate::outcome::Watch;
+
+    const MODEL: &str = "0123456789abcdef";
+    const WIDTH: u32 = 1280;
+
+    fn make() -> Result<Box<dyn Detector>> {
+        Ok(Box::new(BlobFinder::default()))
+    }
+
+    #[test]
+    fn a_search_finds_in_every_mode_what_detect_writes_and_writes_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let paint = |view: &str, tick: u32, rgb: &mut [u8]| {
+            rgb.fill(20);
+            let left = if view == "left" { 100.0 } else { 630.0 } + 8.0 * f64::from(tick);
+            let blob = PixelBox::from_edges(left - 0.5, 199.5, left + 15.5, 207.5);
+            paint_blob(rgb, WIDTH, &blob);
+        };
+        let corpus =
+            short_corpus::write_with_videos(folder.path(), &["0001-a"], WIDTH, 768, Some(&paint));
+        let model = Model {
+            identity: ModelIdentity {
+                model: Some("blobs.onnx".into()),
+                model_blake3: MODEL.repeat(4),
+                profile_blake3: None,
+            },
+            profile: None,
+        };
+        for mode in [Mode::Full, Mode::Tracked] {
+            let options = DetectOptions {
+                modes: ModeSettings {
+                    mode,
+                    ..ModeSettings::default()
+                },
+                workers: 2,
+                ..DetectOptions::default()
+            };
+            let watch = Watch {
+                progress: &|_| {},
+                is_stopped: &|| false,
+            };
+            let written = detect_with(&corpus, &model, &make, &options, watch).unwrap();
+            assert_eq!(written.detected, ["0001-a"]);
+            let before = contents(folder.path());
+            let scenario = corpus.scenario("0001-a").open().unwrap();
+            let found = search_scenario(&scenario, &make, &options, &|| {}, &|| false).unwrap();
+            assert_eq!(found.detections, scenario.detections(MODEL).unwrap());
+            assert_eq!(
+                Some(found.registrations),
+                scenario.registrations(MODEL).unwrap()
+            );
+            assert!(found.cpu_s.total() > 0.0);
+            assert!(before == contents(folder.path()), "something was written");
+            let stopped = search_scenario(&scenario, &make, &options, &|| {}, &|| true);
+            assert!(matches!(stopped, Err(Error::Stopped)));
+        }
+    }
+}
