@@ -165,6 +165,14 @@ fn coarse(template: &Template<'_>, view: &Cleaned) -> Option<DVec2> {
     let size = DVec2::new(template.columns.len() as f64, template.rows.len() as f64);
     // Every pixel of a small aircraft, and about as many of a large one.
     let stride = (template.len() as f64 / COARSE_PIXELS).sqrt().ceil() as usize;
+    let some_rows = || template.rows.clone().step_by(stride);
+    let some: Vec<f64> = some_rows()
+        .flat_map(|row| {
+            let columns = template.columns.clone().step_by(stride);
+            columns.map(move |column| template.reference.at(column, row))
+        })
+        .collect();
+    let likeness = Likeness::with(&some);
     let mut best = None;
     for j in -reach..=reach {
         for i in -reach..=reach {
@@ -177,17 +185,11 @@ fn coarse(template: &Template<'_>, view: &Cleaned) -> Option<DVec2> {
                 continue;
             }
             let (left, top) = (corner.x as usize, corner.y as usize);
-            let rows = (0..template.rows.len()).step_by(stride);
-            let values = rows.flat_map(|row| {
-                let columns = (0..template.columns.len()).step_by(stride);
-                columns.map(move |column| {
-                    let value = template
-                        .reference
-                        .at(template.columns.start + column, template.rows.start + row);
-                    (value, view.at(left + column, top + row))
-                })
+            let lines = (0..template.rows.len()).step_by(stride).map(|row| {
+                let line = &view.line(top + row)[left..left + template.columns.len()];
+                line.iter().step_by(stride)
             });
-            let likeness = pearson(values);
+            let likeness = likeness.of(lines);
             if best.is_none_or(|(most, _)| likeness > most) {
                 best = Some((likeness, to + fraction));
             }
@@ -305,6 +307,45 @@ fn growth(pairs: &[Pair], weights: &[f64], gain: f64, offset: f64) -> f64 {
     }
     let fitted = normal.solve().map_or(0.0, |step| -step[4]);
     fitted.clamp(-0.5, 0.5)
+}
+
+/// The correlation of many pictures with the same one, whose own sums are taken once.
+struct Likeness<'a> {
+    values: &'a [f64],
+    sum: f64,
+    spread: f64,
+}
+
+impl<'a> Likeness<'a> {
+    fn with(values: &'a [f64]) -> Self {
+        let (count, sum) = (values.len() as f64, values.iter().sum::<f64>());
+        let squares: f64 = values.iter().map(|value| value * value).sum();
+        Self {
+            values,
+            sum,
+            spread: count * squares - sum * sum,
+        }
+    }
+
+    /// Of a picture with as many pixels, line by line; 0 if one of the two is constant.
+    fn of<'b>(&self, lines: impl Iterator<Item = impl Iterator<Item = &'b f64>>) -> f64 {
+        let (mut b, mut bb, mut ab) = (0.0, 0.0, 0.0);
+        let mut values = self.values.iter();
+        for line in lines {
+            for (y, x) in line.zip(&mut values) {
+                b += y;
+                bb += y * y;
+                ab += x * y;
+            }
+        }
+        let n = self.values.len() as f64;
+        let spread = self.spread * (n * bb - b * b);
+        if spread > 0.0 {
+            (n * ab - self.sum * b) / spread.sqrt()
+        } else {
+            0.0
+        }
+    }
 }
 
 fn correlation(pairs: &[Pair]) -> f64 {

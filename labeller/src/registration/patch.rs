@@ -220,6 +220,11 @@ impl Cleaned {
         self.values[row * self.width + column]
     }
 
+    /// A row of pixels.
+    pub(super) fn line(&self, row: usize) -> &[f64] {
+        &self.values[row * self.width..(row + 1) * self.width]
+    }
+
     fn remove_background(&mut self) -> Result<(), NoShift> {
         let half = self.size / 2.0 + GLOW_PX + GLOW_PART * self.size.x;
         let scale = half.x;
@@ -240,20 +245,22 @@ impl Cleaned {
         let value = |terms: [f64; 6], fitted: &[f64; 6]| -> f64 {
             terms.iter().zip(fitted).map(|(a, b)| a * b).sum()
         };
+        let shown: Vec<_> = ring
+            .iter()
+            .map(|index| (terms(*index), self.values[*index]))
+            .collect();
         let mut fitted = [0.0; 6];
         let mut sd = f64::INFINITY;
         for _ in 0..ROUNDS {
             let mut normal = Normal::<6>::new();
-            for index in &ring {
-                let row = terms(*index);
-                let misfit = (self.values[*index] - value(row, &fitted)) / (2.0 * sd);
-                normal.add(&row, self.values[*index], 1.0 / (1.0 + misfit * misfit));
+            for (row, shown) in &shown {
+                let misfit = (shown - value(*row, &fitted)) / (2.0 * sd);
+                normal.add(row, *shown, 1.0 / (1.0 + misfit * misfit));
             }
             fitted = normal.solve().ok_or(NoShift::Edge)?;
-            let misfits = ring.iter();
-            sd =
-                robust_sd(misfits.map(|index| self.values[*index] - value(terms(*index), &fitted)))
-                    .max(LEAST_NOISE);
+            let misfits = shown.iter();
+            sd = robust_sd(misfits.map(|(row, shown)| shown - value(*row, &fitted)))
+                .max(LEAST_NOISE);
         }
         let clean: Vec<f64> = (0..self.values.len())
             .map(|index| self.values[index] - value(terms(index), &fitted))
@@ -327,25 +334,33 @@ fn blurred(values: &[f64], width: usize) -> Vec<f64> {
     }
     let sum: f64 = kernel.iter().sum();
     let kernel = kernel.map(|weight| weight / sum);
-    let height = values.len() / width;
-    let along = |values: &[f64], length: usize, index: &dyn Fn(usize) -> usize, at: usize| {
-        let taps = kernel.iter().enumerate();
-        taps.map(|(k, weight)| {
-            let tap = (at + k).saturating_sub(REACH).min(length - 1);
-            weight * values[index(tap)]
-        })
-        .sum::<f64>()
-    };
-    let mut rows = Vec::with_capacity(values.len());
-    for row in 0..height {
-        for column in 0..width {
-            rows.push(along(values, width, &|tap| row * width + tap, column));
-        }
+    let mut lines: Vec<Vec<f64>> = Vec::with_capacity(values.len() / width);
+    let mut longer = Vec::with_capacity(width + 2 * REACH);
+    for line in values.chunks_exact(width) {
+        longer.clear();
+        longer.extend([line[0]; REACH]);
+        longer.extend_from_slice(line);
+        longer.extend([line[width - 1]; REACH]);
+        let sums = longer.windows(kernel.len());
+        lines.push(
+            sums.map(|taps| {
+                taps.iter()
+                    .zip(kernel)
+                    .map(|(value, weight)| weight * value)
+                    .sum()
+            })
+            .collect(),
+        );
     }
     let mut both = Vec::with_capacity(values.len());
-    for row in 0..height {
-        for column in 0..width {
-            both.push(along(&rows, height, &|tap| tap * width + column, row));
+    for row in 0..lines.len() {
+        let start = both.len();
+        both.resize(start + width, 0.0);
+        for (k, weight) in kernel.iter().enumerate() {
+            let line = &lines[(row + k).saturating_sub(REACH).min(lines.len() - 1)];
+            for (sum, value) in both[start..].iter_mut().zip(line) {
+                *sum += weight * value;
+            }
         }
     }
     both
