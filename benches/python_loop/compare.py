@@ -79,7 +79,7 @@ def main():
                 old_rate, old_cpu_ms, _ = best.get(name, (0, float("inf"), 0))
                 best[name] = (max(rate, old_rate), min(cpu_ms, old_cpu_ms), boxes / pictures)
     plain = best["Python, the same windows"]
-    print(f"{len(videos)} views, {ROUNDS} rounds, best of each; {Path(model).name}")
+    print(f"{len(videos)} views, best of {ROUNDS} rounds each; {Path(model).name}")
     print("| | pictures/s | CPU ms a picture | boxes a picture | pictures/s, ratio to the plain loop | CPU, ratio |")
     print("|---|---|---|---|---|---|")
     for name, (rate, cpu_ms, boxes) in best.items():
