@@ -208,7 +208,23 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
         );
     }
     let report = fs::read_to_string(run.join("report.html")).unwrap();
-    assert!(report.contains("<svg"), "no plot");
+    for (name, figures) in metrics["estimators"].as_object().unwrap() {
+        let [mape, sd] = ["mape_pct", "sd_pct"].map(|key| figures["dual"][key].as_f64().unwrap());
+        assert!(0.0 < mape && 0.0 < sd, "{name}: {figures}");
+        let row = report
+            .split("<tr")
+            .find(|row| row.contains(&format!("<code>{name}</code>")));
+        let row = row.unwrap_or_else(|| panic!("no row of {name} in the report"));
+        for cell in [
+            format!(">{mape:.2}<"),
+            format!(">{sd:.2}<"),
+            ">66<".to_owned(),
+        ] {
+            assert!(row.contains(&cell), "{name}: no {cell} in {row}");
+        }
+    }
+    assert_eq!(report.matches("<svg").count(), 3, "plots");
+    assert!(report.matches("<rect").count() > 20, "empty plots");
     // The name of SVG's vocabulary is no address: nothing is loaded from it.
     let report = report.replace("http://www.w3.org/2000/svg", "");
     for words in ["http:", "https:", "=\"//", "<link", "@import"] {

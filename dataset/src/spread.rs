@@ -37,6 +37,15 @@ impl Spread {
     }
 }
 
+/// Robust standard deviation of errors whose mean is known to be zero: 1.4826 times the median of their sizes; 0 if there are none.
+pub fn deviation_from_zero(errors: impl Iterator<Item = f64>) -> f64 {
+    let mut sizes: Vec<f64> = errors.map(f64::abs).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    MAD_TO_SD * median(&mut sizes)
+}
+
 /// The upper median of at least one value.
 fn median(values: &mut [f64]) -> f64 {
     let middle = values.len() / 2;
@@ -53,5 +62,12 @@ mod tests {
         assert_eq!(spread.median, 0.1);
         assert!(spread.deviation < 0.2 && spread.rms > 40.0, "{spread:?}");
         assert_eq!(Spread::of(Vec::new()), None);
+    }
+
+    #[test]
+    fn errors_about_zero_have_a_deviation_that_one_slip_hardly_moves() {
+        let deviation = deviation_from_zero([-0.1, 0.2, 100.0, -0.2, 0.1].into_iter());
+        assert!((deviation - 0.2 * MAD_TO_SD).abs() < 1e-12, "{deviation}");
+        assert_eq!(deviation_from_zero(std::iter::empty()), 0.0);
     }
 }

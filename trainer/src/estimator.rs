@@ -102,7 +102,7 @@ impl Estimator {
             Self::PaperLstm => [
                 "paper_lstm",
                 "Calibration networks + LSTM",
-                "the paper's method; its networks see boxes only, never the cameras",
+                "the paper's networks; they see boxes only, but mixed training samples are computed with the cameras",
             ],
             Self::Triangulation => [
                 "triangulation",
@@ -128,8 +128,15 @@ impl Estimator {
         Description { name, title, how }
     }
 
-    /// Distances to touchdown in the order of the samples, metres; `None` where it has no answer.
+    /// Distances to touchdown in the order of the samples, metres, all finite; `None` where it has no answer.
     pub(crate) fn predict(self, task: &Task) -> Vec<Option<f64>> {
+        let answers = self.answers(task).into_iter();
+        answers
+            .map(|answer| answer.filter(|distance_m| distance_m.is_finite()))
+            .collect()
+    }
+
+    fn answers(self, task: &Task) -> Vec<Option<f64>> {
         let (networks, baselines) = (&task.run.networks, &task.run.baselines);
         match self {
             Self::PaperLstm => task.metres(paper_lstm::predict(

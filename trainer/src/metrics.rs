@@ -1,7 +1,8 @@
 //! `metrics.json`: percentage errors on the test side.
 //!
 //! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all samples, not n - 1). *Dual* are
-//! the samples that two or more views saw, *combination* those that at least one saw. Figures that cannot be computed are `null`.
+//! the samples that two or more views saw, *combination* those that at least one saw. Answers that are not finite are
+//! no answers. Figures over no answer are `null`, all others are numbers.
 
 use std::collections::BTreeMap;
 
@@ -134,28 +135,28 @@ impl ErrorFigures {
             .into_iter()
             .filter_map(|outcome| outcome.signed_error_pct().map(f64::abs))
             .collect();
-        if errors.is_empty() {
-            return Self {
-                mape_pct: None,
-                sd_pct: None,
-                samples: 0,
-            };
-        }
-        let count = errors.len() as f64;
-        let mean = errors.iter().sum::<f64>() / count;
-        let variance = errors
-            .iter()
-            .map(|error| (error - mean).powi(2))
-            .sum::<f64>()
-            / count;
-        // For extremely large errors even the mean is not finite.
-        let finite = |value: f64| Some(value).filter(|value| value.is_finite());
         Self {
-            mape_pct: finite(mean),
-            sd_pct: finite(variance.sqrt()),
+            mape_pct: mean(&errors),
+            sd_pct: deviation(&errors),
             samples: errors.len(),
         }
     }
+}
+
+/// Mean of finite numbers: finite, because nothing is added before it is divided; `None` if there are none.
+fn mean(numbers: &[f64]) -> Option<f64> {
+    let count = numbers.len() as f64;
+    let sum = numbers.iter().map(|number| number / count).sum();
+    (!numbers.is_empty()).then_some(sum)
+}
+
+/// Their standard deviation, finite as well: only parts of the largest distance from the mean are squared.
+fn deviation(numbers: &[f64]) -> Option<f64> {
+    let mean = mean(numbers)?;
+    let from_mean: Vec<f64> = numbers.iter().map(|number| (number - mean).abs()).collect();
+    let largest = from_mean.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+    let squares: Vec<f64> = from_mean.iter().map(|x| (x / largest).powi(2)).collect();
+    Some(largest * self::mean(&squares)?.sqrt())
 }
 
 impl SplitFigures {
@@ -313,14 +314,22 @@ mod tests {
 
     #[test]
     fn answers_beyond_all_measure_are_no_numbers_and_end_nothing() {
-        let answers = [f64::INFINITY, f64::NAN, 1e308, -1e308, 1e300];
-        let outcomes = answers.map(|answer| outcome(2_000.0, Some(answer), 2, "clear"));
+        let answers = [f64::INFINITY, f64::NAN, 3e307, -3e307, 1e300];
+        let outcomes = answers.map(|answer| outcome(20.0, Some(answer), 2, "clear"));
         let metrics = EstimatorMetrics::of(&outcomes, 1.0);
         let json = serde_json::to_string(&metrics).unwrap();
         let read: EstimatorMetrics = serde_json::from_str(&json).unwrap();
         assert_eq!(read, metrics);
-        assert_eq!(metrics.overall.all.samples, 3, "those that are numbers");
-        assert_eq!(metrics.overall.all.sd_pct, None, "too large to be one");
+        let ErrorFigures {
+            mape_pct,
+            sd_pct,
+            samples,
+        } = metrics.overall.all;
+        assert_eq!(samples, 3, "those that are numbers");
+        assert!(
+            mape_pct.unwrap().is_finite() && sd_pct.unwrap().is_finite(),
+            "samples without figures: {json}"
+        );
     }
 
     #[test]

@@ -4,13 +4,14 @@
 //! of gravity: tail and gear shift it up or down by a part of the box's size, and a detector may have a constant bias. Both are
 //! corrected by a fit on the training side: per view and axis, `offset = constant + part * size`.
 //!
-//! A detector also finds things other than aircraft: rays through boxes of different things do not meet, and then there is no
-//! answer either.
+//! A detector also finds things other than aircraft: rays through boxes of different things do not meet. Then the largest group of rays
+//! that do meet gives the answer; with two views there is none.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;
 use dataset::pixel_box::PixelBox;
-use glam::{DMat3, DVec2, DVec3};
+use dataset::rays::{Ray, meeting_point_m};
+use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
 use crate::samples::{Sample, ScenarioSummary};
@@ -71,53 +72,46 @@ fn weighted_line(rows: &[[f64; 2]]) -> Option<(f64, f64)> {
     Some((constant, mean_ratio - constant * mean_inverse))
 }
 
-/// The point with the smallest sum of squared distances to rays `(origin, unit direction)`, weighted by the inverse square of the
-/// distance along them, which makes it the smallest sum of squared angles. `None` for fewer than two rays or parallel ones.
-pub(crate) fn nearest_point(rays: &[(DVec3, DVec3)]) -> Option<DVec3> {
-    let &[(reference, _), _, ..] = rays else {
-        return None;
-    };
-    let mut weights = vec![1.0; rays.len()];
-    let mut point = None;
-    for _ in 0..3 {
-        let mut normal = DMat3::ZERO;
-        let mut right = DVec3::ZERO;
-        for (&(origin, direction), &weight) in rays.iter().zip(&weights) {
-            let across = DMat3::IDENTITY
-                - DMat3::from_cols(
-                    direction * direction.x,
-                    direction * direction.y,
-                    direction * direction.z,
-                );
-            normal += across * weight;
-            // Relative to the first camera: ECEF coordinates themselves would waste seven digits.
-            right += across * (origin - reference) * weight;
-        }
-        let trace = normal.x_axis.x + normal.y_axis.y + normal.z_axis.z;
-        if normal.determinant().abs() <= 1e-14 * trace.powi(3) {
-            return None;
-        }
-        let found = reference + normal.inverse() * right;
-        let nearest = rays
-            .iter()
-            .map(|(origin, _)| origin.distance(found))
-            .fold(f64::INFINITY, f64::min);
-        for (weight, (origin, _)) in weights.iter_mut().zip(rays) {
-            *weight = (nearest / origin.distance(found)).powi(2);
-        }
-        point = Some(found);
-    }
-    point
+/// Where rays of one aircraft meet; `None` if one of them passes the others too far off.
+fn common_point_m(rays: &[Ray]) -> Option<DVec3> {
+    let point_m = meeting_point_m(rays)?;
+    let meets = |ray: &Ray| ray.off_m(point_m) <= MEET_WITHIN_M / 2.0;
+    rays.iter().all(meets).then_some(point_m)
 }
 
-/// Distance to touchdown of a sample, metres; `None` if fewer than two views saw it, or if they did not see the same object.
+/// Which rays are of one aircraft: all of them, or else the largest group that meets. `None` if no two meet, or if two different groups
+/// are equally large: nothing says then which of them is right.
+fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
+    if common_point_m(rays).is_some() {
+        return Some((0..rays.len()).collect());
+    }
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for first in 0..rays.len() {
+        for second in first + 1..rays.len() {
+            let Some(point_m) = common_point_m(&[rays[first], rays[second]]) else {
+                continue;
+            };
+            let meets =
+                |ray: &Ray| ray.along_m(point_m) > 0.0 && ray.off_m(point_m) <= MEET_WITHIN_M / 2.0;
+            let group: Vec<usize> = (0..rays.len()).filter(|&i| meets(&rays[i])).collect();
+            if !groups.contains(&group) {
+                groups.push(group);
+            }
+        }
+    }
+    let largest = groups.iter().map(Vec::len).max()?;
+    groups.retain(|group| group.len() == largest);
+    (groups.len() == 1).then(|| groups.remove(0))
+}
+
+/// Distance to touchdown of a sample, metres; `None` unless two views or more saw the same object.
 pub(crate) fn predict(
     offsets: &[CentreOffset],
     cameras: &[Camera],
     sample: &Sample,
     touchdown: Geodetic,
 ) -> Option<f64> {
-    let seen: Vec<(&Camera, DVec2)> = sample
+    let mut seen: Vec<(&Camera, DVec2)> = sample
         .boxes
         .iter()
         .zip(cameras.iter().zip(offsets))
@@ -125,26 +119,24 @@ pub(crate) fn predict(
             Some((camera, offset.centre_of_gravity_px(seen.as_ref()?)))
         })
         .collect();
-    let along = |ray: &dyn Fn(&Camera, DVec2) -> DVec3| -> Vec<(DVec3, DVec3)> {
-        seen.iter()
-            .map(|(camera, pixel)| (camera.center_ecef_m, ray(camera, *pixel)))
-            .collect()
-    };
-    let mut rays = along(&|camera, pixel| camera.ray(pixel));
-    let mut point = nearest_point(&rays)?;
+    let mut rays: Vec<Ray> = seen
+        .iter()
+        .map(|(camera, pixel)| Ray::through(camera, *pixel))
+        .collect();
+    let agreeing = of_one_aircraft(&rays)?;
+    (seen, rays) = agreeing.iter().map(|&i| (seen[i], rays[i])).unzip();
+    let mut point_m = meeting_point_m(&rays)?;
     if cameras.iter().any(|camera| camera.refraction.is_some()) {
         // The correction for refraction depends on the distance, for which the first solution is accurate enough.
-        rays = along(&|camera, pixel| camera.ray_to(pixel, camera.center_ecef_m.distance(point)));
-        point = nearest_point(&rays)?;
+        for (ray, (camera, pixel)) in rays.iter_mut().zip(seen) {
+            ray.direction = camera.ray_to(pixel, camera.center_ecef_m.distance(point_m));
+        }
+        point_m = common_point_m(&rays)?;
     }
-    let passes_by_m =
-        |&(origin, direction): &(DVec3, DVec3)| (point - origin).cross(direction).length();
-    let meet = rays.iter().map(passes_by_m).fold(0.0, f64::max) <= MEET_WITHIN_M / 2.0;
-    meet.then(|| {
-        Geodetic::from_ecef(point)
-            .lat_lon()
-            .distance_m(touchdown.lat_lon())
-    })
+    let distance_m = Geodetic::from_ecef(point_m)
+        .lat_lon()
+        .distance_m(touchdown.lat_lon());
+    Some(distance_m)
 }
 
 #[cfg(test)]
@@ -315,26 +307,49 @@ mod tests {
         assert_eq!(answer(&samples), None);
     }
 
+    /// Rays of masts that stand side by side, metres apart, to places of the aircraft.
+    fn rays(seen: &[(f64, [f64; 3])]) -> Vec<Ray> {
+        let ray = |&(right_m, place): &(f64, [f64; 3])| {
+            let origin_m = DVec3::new(right_m, 0.0, 0.0);
+            Ray {
+                origin_m,
+                direction: (DVec3::from(place) - origin_m).normalize(),
+            }
+        };
+        seen.iter().map(ray).collect()
+    }
+
+    const AIRCRAFT: [f64; 3] = [20.0, 9_000.0, 500.0];
+
     #[test]
-    fn parallel_rays_meet_nowhere() {
-        let direction = DVec3::new(0.0, 0.6, 0.8);
-        assert_eq!(
-            nearest_point(&[(DVec3::ZERO, direction), (DVec3::X, direction)]),
-            None
-        );
-        assert_eq!(nearest_point(&[(DVec3::ZERO, direction)]), None);
+    fn of_three_views_one_that_saw_something_else_is_left_out() {
+        let elsewhere = [-700.0, 9_000.0, 100.0];
+        for wrong in 0..3 {
+            let mut seen = [-300.0, 0.0, 300.0].map(|right_m| (right_m, AIRCRAFT));
+            seen[wrong].1 = elsewhere;
+            let right: Vec<_> = (0..3).filter(|&view| view != wrong).collect();
+            assert_eq!(of_one_aircraft(&rays(&seen)), Some(right));
+        }
+        let all = rays(&[(-300.0, AIRCRAFT), (0.0, AIRCRAFT), (300.0, AIRCRAFT)]);
+        assert_eq!(of_one_aircraft(&all), Some(vec![0, 1, 2]));
     }
 
     #[test]
-    fn skew_rays_meet_halfway_when_both_origins_are_equally_far() {
-        let rays = [
-            (DVec3::new(-10.0, 0.0, 0.0), DVec3::X),
-            (DVec3::new(0.0, -10.0, 2.0), DVec3::Y),
+    fn where_nothing_says_which_views_are_right_there_is_no_answer() {
+        // Level with the aircraft, so that its ray meets each of the others, at two places.
+        let level = [-100.0, 9_000.0, 500.0];
+        let seen = rays(&[(-300.0, AIRCRAFT), (0.0, AIRCRAFT), (300.0, level)]);
+        assert_eq!(of_one_aircraft(&seen), None);
+        let two = rays(&[(-300.0, AIRCRAFT), (300.0, [0.0, 9_000.0, 100.0])]);
+        assert_eq!(of_one_aircraft(&two), None);
+    }
+
+    #[test]
+    fn rays_that_part_are_of_no_aircraft_though_their_lines_meet_behind_the_cameras() {
+        let apart = [
+            (-300.0, [-600.0, 9_000.0, 0.0]),
+            (300.0, [600.0, 9_000.0, 0.0]),
         ];
-        let point = nearest_point(&rays).unwrap();
-        assert!(
-            point.abs_diff_eq(DVec3::new(0.0, 0.0, 1.0), 1e-9),
-            "{point}"
-        );
+        assert_eq!(of_one_aircraft(&rays(&apart)), None);
     }
 }

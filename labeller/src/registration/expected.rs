@@ -1,6 +1,7 @@
 //! How the aircraft in one view should differ from that in another, by the cameras: the part of the difference that is not shift.
 
 use dataset::camera::Camera;
+use dataset::rays::{self, Ray};
 use glam::{DMat2, DVec2, DVec3};
 
 /// Rays that meet closer than this meet nowhere: the boxes are not of one aircraft.
@@ -34,7 +35,7 @@ impl Expected {
         view_px: DVec2,
     ) -> Self {
         let derived = || {
-            let place_m = meeting_point(reference, view, reference_px, view_px)?;
+            let place_m = meeting_point_m(reference, view, reference_px, view_px)?;
             let [right, down, forward] =
                 [DVec3::X, DVec3::Y, DVec3::Z].map(|axis| reference.ecef_from_camera * axis);
             let move_of = |camera: &Camera, by: DVec3| {
@@ -61,23 +62,18 @@ impl Expected {
     }
 }
 
-/// The point closest to both lines of sight.
-fn meeting_point(
+/// Where both lines of sight meet, at a plausible range from both cameras.
+fn meeting_point_m(
     reference: &Camera,
     view: &Camera,
     reference_px: DVec2,
     view_px: DVec2,
 ) -> Option<DVec3> {
-    let (a, b) = (reference.ray(reference_px), view.ray(view_px));
-    let between = view.center_ecef_m - reference.center_ecef_m;
-    let cos = a.dot(b);
-    let sin2 = 1.0 - cos * cos;
-    let along_a = (between.dot(a) - cos * between.dot(b)) / sin2;
-    let along_b = (cos * between.dot(a) - between.dot(b)) / sin2;
-    let ranges = LEAST_RANGE_M..=MOST_RANGE_M;
-    (ranges.contains(&along_a) && ranges.contains(&along_b)).then(|| {
-        let on_a = reference.center_ecef_m + along_a * a;
-        let on_b = view.center_ecef_m + along_b * b;
-        (on_a + on_b) / 2.0
-    })
+    let rays = [
+        Ray::through(reference, reference_px),
+        Ray::through(view, view_px),
+    ];
+    let point_m = rays::meeting_point_m(&rays)?;
+    let plausible = |ray: &Ray| (LEAST_RANGE_M..=MOST_RANGE_M).contains(&ray.along_m(point_m));
+    rays.iter().all(plausible).then_some(point_m)
 }
