@@ -182,7 +182,7 @@ fn the_detector_finds_the_aircraft_and_the_estimators_learn_its_distance() {
     ]);
     let evaluated = DTD.run(&["evaluate", text(&run), "--corpus", text(&corpus), "--json"]);
     let progress = String::from_utf8_lossy(&evaluated.stderr);
-    let all_done = "evaluate: 5/5 steps";
+    let all_done = "evaluate: 6/6 steps";
     assert!(progress.contains(all_done), "{progress}");
     let metrics = json(&evaluated);
     let written: Value =

@@ -34,13 +34,18 @@ impl NormalEquations {
         }
     }
 
-    /// Keeps the unknowns small where the rows do not determine them: adds this part of the mean diagonal element to each.
-    pub fn add_ridge(&mut self, part: f64) {
+    /// Mean of the diagonal elements: the scale of the matrix.
+    pub fn mean_diagonal(&self) -> f64 {
         let unknowns = self.right.len();
-        let diagonal = (0..unknowns).map(|i| i * unknowns + i);
-        let mean = diagonal.clone().map(|at| self.matrix[at]).sum::<f64>() / unknowns as f64;
-        for at in diagonal {
-            self.matrix[at] += part * mean;
+        let sum: f64 = self.matrix.iter().step_by(unknowns + 1).sum();
+        sum / unknowns as f64
+    }
+
+    /// Adds a ridge, which keeps the unknowns small where the rows do not determine them.
+    pub fn add_to_diagonal(&mut self, ridge: f64) {
+        let unknowns = self.right.len();
+        for element in self.matrix.iter_mut().step_by(unknowns + 1) {
+            *element += ridge;
         }
     }
 
@@ -144,7 +149,7 @@ mod tests {
             normal.add(&[x, 3.0 * x], x, 1.0);
         }
         assert_eq!(normal.solve(), None, "one unknown is three times the other");
-        normal.add_ridge(1e-9);
+        normal.add_to_diagonal(1e-9 * normal.mean_diagonal());
         let [a, b] = normal.solve_for().unwrap();
         assert!((a + 3.0 * b - 1.0).abs() < 1e-6, "{a} {b}");
         normal.add(&[f64::NAN, 1.0], 1.0, 1.0);

@@ -10,12 +10,13 @@ use crate::error::{DrawingError, Error, Result};
 
 const WIDTH: u32 = 960;
 /// Colours of series; distinguishable for colour-blind readers (Okabe and Ito).
-pub const COLOURS: [RGBColor; 5] = [
+pub const COLOURS: [RGBColor; 6] = [
     RGBColor(0, 114, 178),
     RGBColor(0, 158, 115),
     RGBColor(204, 121, 167),
     RGBColor(230, 159, 0),
     RGBColor(213, 94, 0),
+    RGBColor(86, 180, 233),
 ];
 /// Colour of the grid and of frames.
 pub const GRID: RGBColor = RGBColor(226, 229, 233);

@@ -21,6 +21,7 @@ use dataset::imaging::Imaging;
 use dataset::model_identity::ModelIdentity;
 use dataset::pixel_box::PixelBox;
 use dataset::pose::{Controls, Pose};
+use dataset::registrations::{NoShift, Registration, Shift};
 use dataset::runway::{Runway, RunwayCoordinates};
 use dataset::scenario::{ScenarioRecord, Versions};
 use dataset::seal::seal_folder;
@@ -66,6 +67,8 @@ pub struct SyntheticCorpus {
     pub centre_noise_px: f64,
     /// Standard deviation of width and height, pixels.
     pub size_noise_px: f64,
+    /// Standard deviation of the shifts between the views, pixels; `None` for views that are not registered.
+    pub shift_noise_px: Option<f64>,
     /// Chance that a view misses the aircraft at a tick.
     pub miss_ratio: f64,
     /// Every scenario's cameras are turned by up to this much to either side, degrees.
@@ -89,6 +92,7 @@ impl SyntheticCorpus {
             },
             centre_noise_px: 0.4,
             size_noise_px: 0.8,
+            shift_noise_px: None,
             miss_ratio: 0.08,
             turned_deg: 0.0,
             imaging: Imaging::default(),
@@ -155,13 +159,19 @@ impl SyntheticCorpus {
             .write(&folder.record_path())?;
         seal_folder(folder.root(), "synthetic")?;
         let detections = self.detect(&frames, &calibration, &mut random);
+        let registrations = self
+            .shift_noise_px
+            .map(|noise_px| register(&frames, &calibration, &detections, noise_px, &mut random));
         let source = folder.open()?;
         detections::replace(
             &folder.claim()?,
             &source,
             &model(),
             MODEL_HASH,
-            NewTables::unregistered(&detections),
+            NewTables {
+                detections: &detections,
+                registrations: registrations.as_deref(),
+            },
             |made| made,
         )
     }
@@ -309,6 +319,52 @@ pub fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
         width_px: SPAN_M * px_per_m,
         height_px: HEIGHT_M * px_per_m,
     }
+}
+
+/// Where the aircraft of each view is in the first, for views that both have a box.
+fn register(
+    frames: &Frames,
+    calibration: &Calibration,
+    detections: &Detections,
+    noise_px: f64,
+    random: &mut ChaCha12Rng,
+) -> Vec<Registration> {
+    let mut found = Vec::new();
+    let mut views = calibration.cameras.iter();
+    let (reference, first) = views.next().expect("a rig has cameras");
+    let first = first.camera();
+    for (view, entry) in views {
+        let camera = entry.camera();
+        for row in &frames.rows {
+            let seen = |view: &String| {
+                let mut boxes = detections.boxes.iter();
+                boxes.find(|seen| seen.tick == row.tick && seen.view == *view)
+            };
+            let mut shift = || {
+                let (in_reference, _) = (seen(reference)?, seen(view)?);
+                let ecef_m = row.pose.position().to_ecef();
+                let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
+                Some(Shift {
+                    x_px: in_reference.pixel_box.cx_px,
+                    y_px: in_reference.pixel_box.cy_px,
+                    dx_px: exact.x + noise_px * normal(random),
+                    dy_px: exact.y + noise_px * normal(random),
+                    sd_x_px: noise_px.max(0.01),
+                    sd_y_px: noise_px.max(0.01),
+                    scale: 1.0,
+                    gain: 1.0,
+                    correlation: 0.9,
+                })
+            };
+            found.push(Registration {
+                tick: row.tick,
+                view: view.clone(),
+                reference: reference.clone(),
+                result: shift().ok_or(NoShift::NoBox),
+            });
+        }
+    }
+    found
 }
 
 /// Whether a box is completely in the picture, and far enough from its edge for a detector that places an edge within 2 pixels.

@@ -16,6 +16,8 @@ use crate::{paper_lstm, pinhole, triangulation};
 pub(crate) enum Estimator {
     /// Calibration networks, then an LSTM over the views.
     PaperLstm,
+    /// Least squares of the inverse range.
+    InverseRange,
     /// The point nearest to the rays through the boxes.
     Triangulation,
     /// A network per view that sees the whole box.
@@ -83,8 +85,9 @@ impl<'a> Task<'a> {
 
 impl Estimator {
     /// All of them, in the order of tables, plots and columns.
-    pub(crate) const ALL: [Self; 5] = [
+    pub(crate) const ALL: [Self; 6] = [
         Self::PaperLstm,
+        Self::InverseRange,
         Self::Triangulation,
         Self::MonoNetworkBox,
         Self::MonoNetwork,
@@ -103,6 +106,11 @@ impl Estimator {
                 "paper_lstm",
                 "Calibration networks + LSTM",
                 "the paper's networks; they see boxes only, but mixed training samples are computed with the cameras",
+            ],
+            Self::InverseRange => [
+                "inverse_range",
+                "Inverse range",
+                "least squares on the places in all views, registered with each other; learned from labels, without the cameras",
             ],
             Self::Triangulation => [
                 "triangulation",
@@ -146,6 +154,7 @@ impl Estimator {
                 task.run.config.loss,
                 &Device::flex(),
             )),
+            Self::InverseRange => task.each(|s| baselines.inverse_range.predict(s)),
             Self::MonoNetwork => task.mono(MonoInputs::Size),
             Self::MonoNetworkBox => task.mono(MonoInputs::Box),
             Self::MonoPinhole => task.each(|s| pinhole::predict(&baselines.pinholes, s)),
@@ -167,11 +176,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_and_their_order_are_those_of_earlier_files() {
+    fn names_are_those_in_files() {
         assert_eq!(
             Estimator::ALL.map(Estimator::name),
             [
                 "paper_lstm",
+                "inverse_range",
                 "triangulation",
                 "mono_network_box",
                 "mono_network",

@@ -43,7 +43,8 @@ impl HeadRefit {
 
     /// The layer that solves them; `None` if there is no solution (no samples, or values that are not finite).
     pub(crate) fn solve(mut self, device: &Device) -> Option<Linear> {
-        self.normal.add_ridge(RIDGE);
+        self.normal
+            .add_to_diagonal(RIDGE * self.normal.mean_diagonal());
         let solution = self.normal.solve()?;
         let values: Vec<f32> = solution.iter().map(|&value| value as f32).collect();
         let (weight, bias) = values.split_at(self.inputs);

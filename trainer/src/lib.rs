@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! samples -> normalisation -> (trajectory_mixing) -> calibration_training -> paper_lstm --+
-//!       \-> mono_network, pinhole, triangulation (baselines) -----------------------------+-> evaluation -> metrics, report
+//!       \-> inverse_range; mono_network, pinhole, triangulation (baselines) --------------+-> evaluation -> metrics, report
 //! ```
 //!
 //! The method is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
@@ -21,9 +21,11 @@ mod estimator;
 mod evaluation;
 mod gap_balance;
 mod head_refit;
+mod inverse_range;
 mod lstm;
 mod memory;
 mod metrics;
+mod minimum;
 mod mono_network;
 mod normalisation;
 mod paper_lstm;
@@ -41,6 +43,7 @@ mod trajectory_mixing;
 mod triangulation;
 mod trusted_boxes;
 mod view_dropout;
+mod view_shift;
 
 pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, Result, RunFault};

@@ -7,6 +7,7 @@ use crate::config::{Optimisation, TrainConfig};
 use crate::error::{Error, Result};
 use crate::normalisation::BOX_FEATURES;
 use crate::samples::Sample;
+use crate::view_shift::ViewShift;
 
 /// A number of a network, bytes.
 const NUMBER: u64 = 4;
@@ -79,8 +80,9 @@ fn data(config: &TrainConfig, views: u64, samples: SampleCounts) -> Part {
     // Single-view and joint samples.
     let learned = 2 * training.max(filled);
     let boxes = views * size_of::<Option<dataset::pixel_box::PixelBox>>() as u64;
+    let shifts = views * size_of::<Option<ViewShift>>() as u64;
     let encoded = views * (BOX_FEATURES as u64 * NUMBER + 1) + NUMBER;
-    let bytes_each = size_of::<Sample>() as u64 + boxes + encoded;
+    let bytes_each = size_of::<Sample>() as u64 + boxes + shifts + encoded;
     let judged = (samples.judged as u64).saturating_mul(bytes_each);
     Part {
         setting: format!("augmentation.fill_up_to_samples {filled}"),

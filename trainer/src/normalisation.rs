@@ -90,15 +90,12 @@ impl Normalisation {
                 ranges[view].is_some_and(|range| is_inlier(&range, seen, other_cameras))
             }
         };
-        Sample {
-            boxes: sample
-                .boxes
-                .iter()
-                .enumerate()
+        let boxes = sample.boxes.iter().enumerate();
+        sample.with_boxes(
+            boxes
                 .map(|(view, seen)| seen.filter(|seen| believed(view, seen)))
                 .collect(),
-            ..*sample
-        }
+        )
     }
 
     /// The features of a box in one view.
@@ -158,6 +155,7 @@ mod tests {
                 }),
                 None,
             ],
+            shifts: vec![None; 2],
         }
     }
 

@@ -11,6 +11,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::minimum::Search;
 use crate::samples::Sample;
 
 /// Maximum distance of a camera behind the touchdown target, unless the training side reaches farther, metres.
@@ -44,11 +45,13 @@ impl Pinhole {
             return None;
         }
         // The camera is behind the nearest position, and not farther behind the target than an approach is long.
-        let setback_m = lowest(
-            -nearest_m,
-            farthest_m.max(FARTHEST_SETBACK_M),
-            |setback_m| scatter(&seen, setback_m),
-        );
+        let search = Search {
+            from: -nearest_m,
+            to: farthest_m.max(FARTHEST_SETBACK_M),
+            parts: 40,
+            rounds: 10,
+        };
+        let setback_m = search.lowest(|setback_m| scatter(&seen, setback_m));
         Some(Self {
             focal_times_span_px_m: log_median(&seen, setback_m).exp(),
             setback_m,
@@ -88,24 +91,6 @@ fn scatter(seen: &[Seen], setback_m: f64) -> f64 {
     let median = log_median(seen, setback_m);
     let apart = |s: &Seen| (s.log_width_times_range(setback_m) - median).abs();
     seen.iter().map(apart).sum::<f64>() / seen.len() as f64
-}
-
-/// Minimum of a function between two ends (exclusive): the best of many places, then again between its neighbours.
-fn lowest(from: f64, to: f64, function: impl Fn(f64) -> f64) -> f64 {
-    const PLACES: u32 = 40;
-    const ROUNDS: u32 = 10;
-    let (mut from, mut to) = (from, to);
-    let mut best = f64::midpoint(from, to);
-    for _ in 0..ROUNDS {
-        let step = (to - from) / f64::from(PLACES);
-        let places = (1..PLACES).map(|i| from + step * f64::from(i));
-        best = places
-            .map(|place| (function(place), place))
-            .min_by(|a, b| a.0.total_cmp(&b.0))
-            .map_or(best, |(_, place)| place);
-        (from, to) = (best - step, best + step);
-    }
-    best
 }
 
 /// Mean over the views that saw the sample and were fitted, metres.
@@ -153,6 +138,7 @@ mod tests {
                 }),
                 None,
             ],
+            shifts: vec![None; 2],
         }
     }
 

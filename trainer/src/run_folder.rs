@@ -5,7 +5,7 @@
 //!   config.json         settings of the training
 //!   run.json            what it was trained on, with which cameras, by which version
 //!   normalisation.json  offset and scale of the features
-//!   baselines.json      the fitted formulas: pinholes and centre offsets
+//!   baselines.json      the fitted formulas: pinholes, centre offsets, inverse range
 //!   weights.safetensors all networks
 //!   convergence.json    errors on the validation side over both stages
 //!   replaces.json       which run was in its place when it was made

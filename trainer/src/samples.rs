@@ -1,6 +1,7 @@
 //! From a corpus to samples: one per tick at which at least one view saw the aircraft.
 //!
-//! Input: `splits.json`, and per scenario its record, calibration, labelled ticks and one model's detections. Boxes cut off by the
+//! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections and their registrations. Boxes
+//! cut off by the
 //! picture's edge are ignored (see [`crate::trusted_boxes`]); of the others of a view at a tick the one with the highest score
 //! counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed scenario
 //! that is missing from the split is an error.
@@ -15,6 +16,7 @@ use dataset::model_identity::NamedDetections;
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::PixelBox;
 use dataset::plan::PlannedScenarios;
+use dataset::registrations::Registration;
 use dataset::runway::Runway;
 use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
@@ -22,11 +24,13 @@ use dataset::units::METERS_PER_NAUTICAL_MILE;
 use crate::error::{CorpusFault, Error, Result};
 use crate::rig::Rig;
 use crate::trusted_boxes::{holds_aircraft, is_whole};
+use crate::view_shift::ViewShift;
 
 /// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
 pub(crate) const FARTHEST_NM: f64 = 10_800.0;
 
-const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
+/// The same in metres.
+pub(crate) const FARTHEST_M: f64 = FARTHEST_NM * METERS_PER_NAUTICAL_MILE;
 
 /// Which ticks become samples, by distance to touchdown.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -63,9 +67,26 @@ pub(crate) struct Sample {
     pub position: Geodetic,
     /// What each view saw, in the order of [`Samples::views`].
     pub boxes: Vec<Option<PixelBox>>,
+    /// Where the aircraft of each view is by registration, in the same order.
+    pub shifts: Vec<Option<ViewShift>>,
 }
 
 impl Sample {
+    /// The same tick with only some of its boxes; a shift goes with its box.
+    pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
+        let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
+            seen.is_some() && boxes[shift.reference].is_some()
+        };
+        let shifts = self.shifts.iter().zip(&boxes);
+        Self {
+            shifts: shifts
+                .map(|(shift, seen)| shift.filter(|shift| kept(shift, seen)))
+                .collect(),
+            boxes,
+            ..*self
+        }
+    }
+
     /// Number of views that saw the aircraft.
     pub(crate) fn detections(&self) -> usize {
         self.boxes.iter().flatten().count()
@@ -170,6 +191,13 @@ impl Samples {
             return Err(refused(CorpusFault::UnknownView(view.clone())));
         }
         let mut detections = best_detections(detections, &cameras);
+        let registrations = scenario
+            .registrations(&self.detections.hash)?
+            .unwrap_or_default();
+        let mut registrations: BTreeMap<(u32, String), Registration> = registrations
+            .into_iter()
+            .map(|registration| ((registration.tick, registration.view.clone()), registration))
+            .collect();
         let mut summary = ScenarioSummary {
             id: folder.id(),
             trajectory: record.trajectory,
@@ -213,7 +241,15 @@ impl Samples {
                 *count += usize::from(seen.is_some());
             }
             if boxes.iter().any(Option::is_some) {
+                let shift = |(view, seen): (&String, &Option<PixelBox>)| {
+                    let registration = registrations.remove(&(row.tick, view.clone()))?;
+                    let shift = registration.result.ok()?;
+                    let reference = self.views.binary_search(&registration.reference).ok()?;
+                    let in_reference = boxes[reference].as_ref()?;
+                    ViewShift::between((reference, in_reference), seen.as_ref()?, &shift)
+                };
                 self.samples.push(Sample {
+                    shifts: self.views.iter().zip(&boxes).map(shift).collect(),
                     scenario: self.scenarios.len(),
                     tick: row.tick,
                     time_ns: row.time_ns,
@@ -253,7 +289,7 @@ impl Samples {
                     })
                     .collect();
                 let any = boxes.iter().any(Option::is_some);
-                any.then_some(Sample { boxes, ..*sample })
+                any.then(|| sample.with_boxes(boxes))
             })
             .collect()
     }

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
 use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
+use crate::inverse_range::InverseRange;
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
@@ -81,6 +82,9 @@ pub(crate) struct Baselines {
     pub pinholes: Vec<Option<Pinhole>>,
     /// `triangulation`, per view.
     pub centre_offsets: Vec<CentreOffset>,
+    /// `inverse_range`; runs of earlier versions have none.
+    #[serde(default)]
+    pub inverse_range: InverseRange,
 }
 
 /// All networks of a run.
@@ -144,6 +148,15 @@ fn check_numbers(
     if let Some(fault) = std::mem::take(check).first() {
         return Err(sealed.refused(RunFolder::NORMALISATION, RunFault::OutOfLimits(fault)));
     }
+    for place in baselines.inverse_range.offsets_px() {
+        check.number("inverse_range offset_px", place, limits::BOX_PLACE_PX);
+    }
+    for scale in baselines.inverse_range.scales_px() {
+        check.number("inverse_range scale_px", scale, limits::FEATURE_SCALE_PX);
+    }
+    if let Some(fault) = std::mem::take(check).first() {
+        return Err(sealed.refused(RunFolder::BASELINES, RunFault::OutOfLimits(fault)));
+    }
     let pinholes = baselines.pinholes.iter().flatten();
     let mut formulas = pinholes
         .flat_map(|pinhole| [pinhole.focal_times_span_px_m, pinhole.setback_m])
@@ -151,7 +164,8 @@ fn check_numbers(
             let [right, down] = offset.constant_px;
             let [of_width, of_height] = offset.part_of_size;
             [right, down, of_width, of_height]
-        }));
+        }))
+        .chain(baselines.inverse_range.constants());
     // NaN is not below.
     if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
     {
@@ -257,6 +271,10 @@ impl TrainedRun {
         if views == 0 || lengths.iter().any(|&length| length != views) {
             let fault = RunFault::Lengths { views, lengths };
             return Err(sealed.refused(RunFolder::NORMALISATION, fault));
+        }
+        if !baselines.inverse_range.is_of(views) {
+            let fault = RunFault::InverseRange { views };
+            return Err(sealed.refused(RunFolder::BASELINES, fault));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
         let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();

@@ -14,6 +14,7 @@ use crate::calibration_training::train_calibration;
 use crate::config::TrainConfig;
 use crate::encoded::Encoded;
 use crate::error::{CorpusFault, Error, Result};
+use crate::inverse_range::InverseRange;
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
@@ -231,5 +232,6 @@ fn baselines(samples: &Samples, training: &[&Sample]) -> Baselines {
         centre_offsets: (0..samples.views.len())
             .map(|view| CentreOffset::fit(view, &samples.scenarios, training))
             .collect(),
+        inverse_range: InverseRange::fit(samples.views.len(), training),
     }
 }

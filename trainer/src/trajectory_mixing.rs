@@ -152,6 +152,7 @@ fn moved(
         along_track_m,
         cross_track_m,
         position,
+        shifts: vec![None; boxes.len()],
         boxes,
         ..*sample
     })

@@ -3,6 +3,7 @@
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
+use std::process::Command;
 
 use dataset::columns::Table;
 use dataset::corpus::Corpus;
@@ -12,6 +13,7 @@ use dataset::pixel_box::PixelBox;
 use dataset::progress::Silent;
 use dataset::splits::{Side, Splits};
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
+use testkit::{program_of_venv, repository};
 use trainer::config::{
     AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
 };
@@ -243,6 +245,50 @@ fn few_steps() -> TrainConfig {
     config.estimator.optimisation.steps = 40;
     config.mono.optimisation.steps = 20;
     config
+}
+
+#[test]
+fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus {
+        shift_noise_px: Some(0.05),
+        ..SyntheticCorpus::tiny()
+    }
+    .write(&folder.path().join("corpus"))
+    .unwrap();
+    let out = folder.path().join("run");
+    let run = train(&corpus, &out, &few_steps(), &mut Silent).unwrap().run;
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let judged = Command::new(program_of_venv("python"))
+        .arg(repository().join("tests/judges/inverse_range.py"))
+        .args([corpus.root(), run.root()])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&judged.stderr);
+    assert!(judged.status.success(), "{said}");
+    let judged: serde_json::Value = serde_json::from_slice(&judged.stdout).unwrap();
+    println!("{judged}");
+    // Both views registered, both from boxes, each alone.
+    let fits = judged["fits"].as_array().unwrap();
+    assert_eq!(fits.len(), 4, "{judged}");
+    for fit in fits {
+        for (key, most) in [("apart", 1e-5), ("deviation_apart", 0.1)] {
+            assert!(fit[key].as_f64().unwrap() < most, "{key}: {fit}");
+        }
+    }
+    let answered = metrics.estimators["inverse_range"].overall.all.samples;
+    assert_eq!(judged["predictions"].as_u64().unwrap(), answered as u64);
+    assert!(
+        judged["predictions_apart"].as_f64().unwrap() < 1e-9,
+        "{judged}"
+    );
+    let dual = |name: &str| metrics.estimators[name].overall.dual.mape_pct.unwrap();
+    assert!(
+        dual("inverse_range") < dual("triangulation"),
+        "{} {}",
+        dual("inverse_range"),
+        dual("triangulation")
+    );
 }
 
 /// A speck that no aircraft on these approaches ever was, yet completely in the picture.

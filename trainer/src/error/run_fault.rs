@@ -63,6 +63,11 @@ pub enum RunFault {
         "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each"
     )]
     Lengths { views: usize, lengths: [usize; 5] },
+    /// The fits of `inverse_range` are not of its views.
+    #[error(
+        "inverse_range has a fit of other views than the {views} of the run, or with another number of coefficients; train again"
+    )]
+    InverseRange { views: usize },
     /// A number that makes every answer meaningless.
     #[error("{0}; train again")]
     OutOfLimits(FieldOutOfLimits),

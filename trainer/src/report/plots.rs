@@ -360,6 +360,7 @@ mod tests {
                 altitude_msl_m: 100.0,
             },
             boxes: vec![None],
+            shifts: vec![None],
         }
     }
 

@@ -1,0 +1,225 @@
+//! The inverse range as a quadratic of the aircraft's places in the views: a formula that learns the cameras from labelled flights.
+//!
+//! For cameras that look up the approach from a distance `s` behind the touchdown target, `1 / (d + s)` is nearly linear in pixels, and
+//! quadratics take up the rest: lens, aim, flight paths beside and below the usual one. So `s` is searched, and for each `s` the
+//! coefficients are a linear least-squares problem. Residuals are relative errors of the distance. They count by Huber's loss
+//! ("Robust estimation of a location parameter", 1964), so that a few wrong labels or shifts hardly matter; it is convex, so the
+//! solution is one.
+//!
+//! Each set of views has fits of its own, because a missing view leaves no formula to the others: one from the boxes, and, with two
+//! views or more, one from their registered shifts ([`crate::view_shift`]). At a tick the most precise fit applies whose views all saw
+//! the aircraft. Neither training nor prediction reads the calibration; registered shifts were measured with its help, which tells
+//! scale and rotation between two views.
+
+mod robust_fit;
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use crate::minimum::Search;
+use crate::samples::{FARTHEST_M, Sample};
+use crate::view_shift::Places;
+
+use robust_fit::{Rows, Scales, Solution, coordinates, dot, normalise, terms_of, write_terms};
+
+/// Ticks per coefficient below which there is no fit.
+const TICKS_PER_COEFFICIENT: usize = 3;
+/// Sets of more views have no fit of their own, because the number of coefficients grows with the square; pairs of them have.
+const MOST_VIEWS: usize = 4;
+/// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
+const FARTHEST_SETBACK_M: f64 = 20_000.0;
+/// Moves of residuals that end an iteration, in deviations: while `s` is searched, and for the coefficients.
+const ROUGHLY: f64 = 1e-2;
+const EXACTLY: f64 = 1e-6;
+/// Ticks by which `s` is chosen; more do not change it.
+const TICKS_OF_SEARCH: usize = 2_000;
+
+/// The fits of all sets of views, the most precise first.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+pub(crate) struct InverseRange {
+    fits: Vec<Fit>,
+}
+
+/// Views whose places a formula is about.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct ViewSet {
+    /// Their indices, ascending.
+    views: Vec<usize>,
+    /// Whether the places are registered; else they are the boxes' centres.
+    registered: bool,
+}
+
+/// The formula of one set of views.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+struct Fit {
+    /// What it needs.
+    #[serde(flatten)]
+    set: ViewSet,
+    /// `s`: distance of the cameras behind the touchdown target, metres.
+    setback_m: f64,
+    /// Means of the places, right and down by view, pixels.
+    offset_px: Vec<f64>,
+    /// Their standard deviations, pixels.
+    scale_px: Vec<f64>,
+    /// Of 1, the normalised places, and their products (first with itself and all after it, second with itself, ...); 1/m.
+    coefficients_per_m: Vec<f64>,
+    /// Standard deviation of the relative error on the training side, robust, and corrected for the number of coefficients.
+    deviation: f64,
+}
+
+impl InverseRange {
+    /// Fits all sets of views that saw the aircraft together often enough on the training side, and each view alone.
+    pub(crate) fn fit(views: usize, training: &[&Sample]) -> Self {
+        let sets = sets_of_views(views, training).into_iter();
+        let sets = sets.flat_map(|views| {
+            [false, true].map(|registered| ViewSet {
+                views: views.clone(),
+                registered,
+            })
+        });
+        let mut fits: Vec<Fit> = sets.filter_map(|set| Fit::of(set, training)).collect();
+        fits.sort_by(|a, b| a.deviation.total_cmp(&b.deviation));
+        Self { fits }
+    }
+
+    /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the most precise one has no distance
+    /// for such places.
+    pub(crate) fn predict(&self, sample: &Sample) -> Option<f64> {
+        let mut applicable =
+            (self.fits.iter()).filter_map(|fit| Some((fit, fit.set.places(sample)?)));
+        let (fit, places) = applicable.next()?;
+        fit.distance_m(&places)
+    }
+
+    /// Whether each fit is of some of this many views and has as many numbers as these need.
+    pub(crate) fn is_of(&self, views: usize) -> bool {
+        self.fits.iter().all(|fit| {
+            let set = &fit.set.views;
+            let coordinates = 2 * set.len();
+            set.last().is_some_and(|&last| last < views)
+                && set.windows(2).all(|pair| pair[0] < pair[1])
+                && fit.offset_px.len() == coordinates
+                && fit.scale_px.len() == coordinates
+                && fit.coefficients_per_m.len() == terms_of(coordinates)
+        })
+    }
+
+    /// Means of places, pixels.
+    pub(crate) fn offsets_px(&self) -> impl Iterator<Item = f64> {
+        self.fits
+            .iter()
+            .flat_map(|fit| fit.offset_px.iter().copied())
+    }
+
+    /// Standard deviations of places, pixels.
+    pub(crate) fn scales_px(&self) -> impl Iterator<Item = f64> {
+        self.fits
+            .iter()
+            .flat_map(|fit| fit.scale_px.iter().copied())
+    }
+
+    /// The other numbers of the formulas.
+    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
+        self.fits.iter().flat_map(|fit| {
+            let others = [fit.setback_m, fit.deviation];
+            others
+                .into_iter()
+                .chain(fit.coefficients_per_m.iter().copied())
+        })
+    }
+}
+
+/// Each view alone, the sets of views that saw the aircraft together, and the pairs of sets that are too large.
+fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
+    let mut sets: BTreeSet<Vec<usize>> = (0..views).map(|view| vec![view]).collect();
+    let seen = |sample: &&Sample| -> Vec<usize> {
+        (0..views)
+            .filter(|&view| sample.boxes[view].is_some())
+            .collect()
+    };
+    let together: BTreeSet<Vec<usize>> = training.iter().map(seen).collect();
+    for set in together {
+        if set.len() <= MOST_VIEWS {
+            sets.insert(set);
+            continue;
+        }
+        for (index, &first) in set.iter().enumerate() {
+            sets.extend(set[index + 1..].iter().map(|&second| vec![first, second]));
+        }
+    }
+    sets.remove(&Vec::new());
+    sets
+}
+
+impl ViewSet {
+    fn places(&self, sample: &Sample) -> Option<Places> {
+        match self.registered {
+            true => Places::registered(sample, &self.views),
+            false => Places::of_boxes(sample, &self.views),
+        }
+    }
+}
+
+impl Fit {
+    /// `None` if there are too few ticks.
+    fn of(set: ViewSet, training: &[&Sample]) -> Option<Self> {
+        let mut rows = Rows::new(set.views.len());
+        for sample in training {
+            if let Some(places) = set.places(sample) {
+                rows.push(&places, sample.dtd_m);
+            }
+        }
+        let terms = terms_of(rows.width);
+        if rows.len() < TICKS_PER_COEFFICIENT * terms {
+            return None;
+        }
+        let Scales {
+            offset_px,
+            scale_px,
+        } = Scales::of(&rows.coordinates, rows.width);
+        for row in rows.coordinates.chunks_exact_mut(rows.width) {
+            normalise(row, &offset_px, &scale_px);
+        }
+        let distances_m = || rows.distances_m.iter().copied();
+        let (nearest_m, farthest_m) = (
+            distances_m().reduce(f64::min)?,
+            distances_m().reduce(f64::max)?,
+        );
+        let some = rows.thinned(rows.len().div_ceil(TICKS_OF_SEARCH));
+        let search = Search {
+            from: -nearest_m,
+            to: farthest_m.max(FARTHEST_SETBACK_M),
+            parts: 20,
+            rounds: 5,
+        };
+        let setback_m = search.lowest(|setback_m| {
+            let size = |solution: Solution| solution.residuals.iter().map(|r| r.abs()).sum();
+            some.solve(setback_m, ROUGHLY).map_or(f64::INFINITY, size)
+        });
+        let solution = rows.solve(setback_m, EXACTLY)?;
+        let freedom = (rows.len() as f64 / (rows.len() - terms) as f64).sqrt();
+        Some(Self {
+            set,
+            setback_m,
+            offset_px,
+            scale_px,
+            coefficients_per_m: solution.coefficients_per_m,
+            deviation: solution.deviation * freedom,
+        })
+    }
+
+    fn distance_m(&self, places: &Places) -> Option<f64> {
+        let mut coordinates = coordinates(places);
+        normalise(&mut coordinates, &self.offset_px, &self.scale_px);
+        let mut terms = Vec::new();
+        write_terms(&coordinates, &mut terms);
+        let inverse_range_per_m = dot(&terms, &self.coefficients_per_m);
+        let distance_m = inverse_range_per_m.recip() - self.setback_m;
+        (inverse_range_per_m > 0.0 && (0.0..=FARTHEST_M).contains(&distance_m))
+            .then_some(distance_m)
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,167 @@
+//! Fits to boxes from geometry.
+
+use super::*;
+use crate::samples::{DistanceRange, Samples};
+use dataset::splits::Side;
+use testkit::synthetic::SyntheticCorpus;
+
+fn read(corpus: &SyntheticCorpus) -> Samples {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = corpus.write(folder.path()).unwrap();
+    let range = DistanceRange {
+        min_nm: 0.05,
+        max_nm: None,
+    };
+    Samples::read(&corpus, None, range).unwrap()
+}
+
+fn registered() -> SyntheticCorpus {
+    SyntheticCorpus {
+        shift_noise_px: Some(0.05),
+        ..SyntheticCorpus::tiny()
+    }
+}
+
+fn fit(samples: &Samples, training: &[&Sample]) -> InverseRange {
+    InverseRange::fit(samples.views.len(), training)
+}
+
+/// Mean and largest error beyond 1 NM, percent, of those test samples that are answered; and how many these are.
+fn errors_pct<'a>(
+    fitted: &InverseRange,
+    test: impl IntoIterator<Item = &'a Sample>,
+) -> (f64, f64, usize) {
+    let beyond = test.into_iter().filter(|sample| sample.dtd_m > 1_852.0);
+    let error = |sample: &Sample| {
+        let distance_m = fitted.predict(sample)?;
+        Some((distance_m / sample.dtd_m - 1.0).abs() * 100.0)
+    };
+    let errors: Vec<f64> = beyond.filter_map(error).collect();
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    (
+        mean,
+        errors.iter().copied().fold(0.0, f64::max),
+        errors.len(),
+    )
+}
+
+fn seen_by(sample: &Sample, views: &[usize]) -> Sample {
+    let boxes = sample.boxes.iter().enumerate();
+    sample.with_boxes(
+        boxes
+            .map(|(view, seen)| seen.filter(|_| views.contains(&view)))
+            .collect(),
+    )
+}
+
+#[test]
+fn registered_shifts_give_several_times_the_precision_of_boxes_and_both_beat_one_view() {
+    let samples = read(&registered());
+    let fitted = fit(&samples, &samples.of_side(Side::Train));
+    let test: Vec<&Sample> = samples.of_side(Side::Test);
+    let both: Vec<&Sample> = test
+        .iter()
+        .copied()
+        .filter(|s| s.detections() == 2)
+        .collect();
+    let (shifts, worst, count) = errors_pct(&fitted, both.iter().copied());
+    let without_shifts: Vec<Sample> = both
+        .iter()
+        .map(|sample| Sample {
+            shifts: vec![None; 2],
+            ..(*sample).clone()
+        })
+        .collect();
+    let (boxes, _, box_count) = errors_pct(&fitted, &without_shifts);
+    let alone: Vec<Sample> = both.iter().map(|sample| seen_by(sample, &[1])).collect();
+    let (one_view, _, one_count) = errors_pct(&fitted, &alone);
+    println!(
+        "{shifts:.4} % (at most {worst:.3} %), boxes {boxes:.4} %, one view {one_view:.3} %; {count} ticks"
+    );
+    assert!(count > 50 && box_count == count && one_count == count);
+    assert!(shifts < 0.03 && worst < 0.2, "{shifts} {worst}");
+    assert!(boxes > 2.0 * shifts && boxes < 0.15, "{boxes}");
+    assert!(one_view > 2.0 * boxes && one_view < 5.0, "{one_view}");
+}
+
+#[test]
+fn the_cameras_stand_where_the_search_finds_them() {
+    let samples = read(&registered());
+    let fitted = fit(&samples, &samples.of_side(Side::Train));
+    let best = &fitted.fits[0];
+    assert!(best.set.registered && best.set.views == [0, 1]);
+    // The rig's masts are 1,500 m behind the target.
+    assert!(
+        (best.setback_m - 1_500.0).abs() < 100.0,
+        "{}",
+        best.setback_m
+    );
+}
+
+#[test]
+fn flights_on_one_line_do_not_make_it_explode_beside_that_line() {
+    let samples = read(&registered());
+    let training = samples.of_side(Side::Train);
+    for scenario in 0..4 {
+        let one: Vec<&Sample> = training
+            .iter()
+            .copied()
+            .filter(|sample| sample.scenario == scenario)
+            .collect();
+        let fitted = fit(&samples, &one);
+        let both = |sample: &&Sample| sample.detections() == 2;
+        let test = samples.of_side(Side::Test).into_iter().filter(both);
+        let (mean, worst, _) = errors_pct(&fitted, test);
+        println!("one flight: {mean:.3} %, at most {worst:.2} %");
+        assert!(mean < 0.5, "{mean}");
+    }
+}
+
+#[test]
+fn a_few_ticks_that_are_far_off_hardly_move_it() {
+    let samples = read(&registered());
+    let mut training: Vec<Sample> = samples.of_side(Side::Train).into_iter().cloned().collect();
+    for sample in training.iter_mut().step_by(25) {
+        sample.dtd_m *= 1.1;
+    }
+    let fitted = fit(&samples, &training.iter().collect::<Vec<_>>());
+    let both = |sample: &&Sample| sample.detections() == 2;
+    let test = samples.of_side(Side::Test).into_iter().filter(both);
+    let (mean, _, _) = errors_pct(&fitted, test);
+    assert!(mean < 0.05, "{mean} % with 4 % of the labels 10 % off");
+}
+
+#[test]
+fn without_enough_ticks_there_is_no_fit_and_no_answer() {
+    let samples = read(&registered());
+    let training = samples.of_side(Side::Train);
+    let both = |sample: &&&Sample| sample.detections() == 2;
+    let few: Vec<&Sample> = training.iter().filter(both).copied().take(20).collect();
+    let fitted = fit(&samples, &few);
+    // Enough for each view alone, not for both.
+    assert_eq!(fitted.fits.len(), 2);
+    assert!(fitted.fits.iter().all(|fit| fit.set.views.len() == 1));
+    assert!(fitted.predict(few[3]).is_some(), "the better of both views");
+    assert_eq!(fitted.predict(&seen_by(few[3], &[])), None);
+    let none = fit(&samples, &few[..5]);
+    assert_eq!(none, InverseRange::default());
+    assert_eq!(none.predict(few[3]), None);
+}
+
+#[test]
+fn places_that_no_distance_fits_have_no_answer() {
+    let samples = read(&registered());
+    let fitted = fit(&samples, &samples.of_side(Side::Train));
+    let both = |sample: &&Sample| sample.detections() == 2;
+    let mut sample = samples
+        .of_side(Side::Test)
+        .into_iter()
+        .find(both)
+        .unwrap()
+        .clone();
+    sample.shifts = vec![None; 2];
+    // The views have parted: nothing in front of both cameras looks like that.
+    sample.boxes[0].as_mut().unwrap().cx_px -= 900.0;
+    sample.boxes[1].as_mut().unwrap().cx_px += 900.0;
+    assert_eq!(fitted.predict(&sample), None);
+}
