@@ -1,6 +1,6 @@
 //! How well a detector finds aircraft before texture: a labelled corpus as it is, and the same frames with noise added.
 //!
-//! `cargo run --release --example detector_texture -- CORPUS MODEL.onnx [FRAMES]`, with `ORT_DISABLE_TELEMETRY=1` and
+//! `cargo run --release --example detector_texture -- CORPUS MODEL.onnx [FRAMES [SCORE]]`, with `ORT_DISABLE_TELEMETRY=1` and
 //! `ORT_DYLIB_PATH=$PWD/target/lib/dtd/libonnxruntime.so` in the environment. CORPUS must be one that the model was not trained on. The
 //! search is that of `dtd detect`; frames, visibility and errors are those of `dtd train-detector`'s report.
 //!
@@ -38,9 +38,13 @@ const NOISES: [(&str, Option<[f32; 2]>); 4] = [
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [corpus, model, rest @ ..] = arguments.as_slice() else {
-        return Err("expected CORPUS MODEL.onnx [FRAMES]".into());
+        return Err("expected CORPUS MODEL.onnx [FRAMES [SCORE]]".into());
     };
     let count = rest.first().map_or(Ok(USUAL_FRAMES), |text| text.parse())?;
+    let mut settings = TilingSettings::default();
+    if let Some(score) = rest.get(1) {
+        settings.score = score.parse()?;
+    }
     let corpus = Corpus::open(Path::new(corpus))?;
     let videos = videos(&corpus, &[Side::Train, Side::Validation, Side::Test])?;
     let frames = read_frames(&videos, count)?;
@@ -49,7 +53,6 @@ fn main() -> Result<(), Box<dyn Error>> {
         truth.is_some_and(|truth| contrast(&frame.picture, &truth.pixel_box) >= PLAIN_CONTRAST)
     };
     let is_plain: Vec<bool> = frames.iter().map(plain).collect();
-    let settings = TilingSettings::default();
 
     println!(
         "| {} frames | recall | recall, contrast of {PLAIN_CONTRAST} levels | false boxes a frame |",
