@@ -132,7 +132,7 @@ impl TableWriter {
     }
 
     /// Adds a column of unsigned 32-bit integers that may be missing.
-    pub(crate) fn optional_u32(
+    pub fn optional_u32(
         self,
         name: &str,
         values: impl IntoIterator<Item = Option<u32>>,
@@ -164,7 +164,7 @@ impl TableWriter {
     }
 
     /// Adds a column of strings that may be missing.
-    pub(crate) fn optional_text<S: AsRef<str>>(
+    pub fn optional_text<S: AsRef<str>>(
         self,
         name: &str,
         values: impl IntoIterator<Item = Option<S>>,
@@ -377,7 +377,7 @@ impl Table {
     }
 
     /// A column of strings that may be missing.
-    pub(crate) fn optional_text(&self, column: &str) -> Result<Vec<Option<String>>> {
+    pub fn optional_text(&self, column: &str) -> Result<Vec<Option<String>>> {
         let mut values = Vec::with_capacity(self.rows());
         for array in self.arrays(column)? {
             let typed = array.as_any().downcast_ref::<DictionaryArray<Int32Type>>();

@@ -15,10 +15,10 @@ const MOST_ROWS: u64 = 1_000_000;
 enum Column {
     Floats(Vec<Option<f64>>),
     Signed(Vec<i64>),
-    Small(Vec<u32>),
+    Small(Vec<Option<u32>>),
     Large(Vec<u64>),
     Flags(Vec<bool>),
-    Words(Vec<String>),
+    Words(Vec<Option<String>>),
 }
 
 /// Changes a table on disk. Returns what was done.
@@ -38,7 +38,7 @@ pub(super) fn mutate(path: &Path, random: &mut ChaCha12Rng) -> String {
         }
         1 => {
             let rows = length(&columns[index].1);
-            columns[index].1 = Column::Words(vec!["word".into(); rows]);
+            columns[index].1 = Column::Words(vec![Some("word".into()); rows]);
             format!("column {name} holds words")
         }
         2 => {
@@ -77,10 +77,16 @@ pub(super) fn mutate(path: &Path, random: &mut ChaCha12Rng) -> String {
                 }
                 Column::Floats(values) => table.optional_f64(&name, values),
                 Column::Signed(values) => table.i64(&name, values),
-                Column::Small(values) => table.u32(&name, values),
+                Column::Small(values) if values.iter().all(Option::is_some) => {
+                    table.u32(&name, values.into_iter().flatten())
+                }
+                Column::Small(values) => table.optional_u32(&name, values),
                 Column::Large(values) => table.u64(&name, values),
                 Column::Flags(values) => table.bool(&name, values),
-                Column::Words(values) => table.text(&name, values),
+                Column::Words(values) if values.iter().all(Option::is_some) => {
+                    table.text(&name, values.into_iter().flatten())
+                }
+                Column::Words(values) => table.optional_text(&name, values),
             });
     std::fs::remove_file(path).unwrap();
     table.write(path).unwrap();
@@ -132,8 +138,10 @@ fn value(name: &str, column: &mut Column, row: usize, random: &mut ChaCha12Rng) 
             values[row].to_string()
         }
         Column::Small(values) => {
-            values[row] = *pick(&[0, 1, u32::MAX, values[row].wrapping_add(1)], random);
-            values[row].to_string()
+            let next = values[row].unwrap_or(0).wrapping_add(1);
+            let new = *pick(&[0, 1, u32::MAX, next], random);
+            values[row] = Some(new);
+            new.to_string()
         }
         Column::Large(values) => {
             values[row] = *pick(&[0, 1, u64::MAX, values[row].wrapping_add(1)], random);
@@ -144,8 +152,9 @@ fn value(name: &str, column: &mut Column, row: usize, random: &mut ChaCha12Rng) 
             values[row].to_string()
         }
         Column::Words(values) => {
-            values[row] = (*pick(&text::STRANGE_WORDS, random)).into();
-            format!("{:?}", values[row])
+            let new = *pick(&text::STRANGE_WORDS, random);
+            values[row] = Some(new.into());
+            format!("{new:?}")
         }
     };
     format!("{name} of row {row} = {shown}")
@@ -157,11 +166,11 @@ fn read(path: &Path) -> Vec<(String, Column)> {
     let column = |name: String| {
         let column = table.optional_f64(&name).map(Column::Floats);
         let column = column.or_else(|_| table.i64(&name).map(Column::Signed));
-        let column = column.or_else(|_| table.u32(&name).map(Column::Small));
+        let column = column.or_else(|_| table.optional_u32(&name).map(Column::Small));
         let column = column.or_else(|_| table.u64(&name).map(Column::Large));
         let column = column.or_else(|_| table.bool(&name).map(Column::Flags));
         let column = column
-            .or_else(|_| table.text(&name).map(Column::Words))
+            .or_else(|_| table.optional_text(&name).map(Column::Words))
             .unwrap();
         (name, column)
     };
