@@ -132,11 +132,7 @@ impl TableWriter {
     }
 
     /// Adds a column of unsigned 32-bit integers that may be missing.
-    pub fn optional_u32(
-        self,
-        name: &str,
-        values: impl IntoIterator<Item = Option<u32>>,
-    ) -> Self {
+    pub fn optional_u32(self, name: &str, values: impl IntoIterator<Item = Option<u32>>) -> Self {
         self.push(
             name,
             true,

@@ -47,7 +47,7 @@ impl Default for TilingSettings {
     fn default() -> Self {
         Self {
             tile_score: 0.15,
-            score: 0.3,
+            score: 0.4,
             merge_iou: 0.3,
             most_windows: 6,
             tile_px: None,

@@ -223,6 +223,8 @@ impl Answer {
                             | HttpErrorKind::Request
                             | HttpErrorKind::Timeout
                             | HttpErrorKind::Interrupted
+                            // A pooled connection that closed before it was used: "connection was not ready".
+                            | HttpErrorKind::Unknown
                     )
                 }),
             from_own_machine: causes(error)

@@ -160,8 +160,8 @@ fn places_that_no_distance_fits_have_no_answer() {
         .unwrap()
         .clone();
     sample.shifts = vec![None; 2];
-    // The views have parted: nothing in front of both cameras looks like that.
-    sample.boxes[0].as_mut().unwrap().cx_px -= 900.0;
-    sample.boxes[1].as_mut().unwrap().cx_px += 900.0;
+    // Closer, the left view has it further left and the right view further right. This would be beyond infinity.
+    sample.boxes[0].as_mut().unwrap().cx_px += 900.0;
+    sample.boxes[1].as_mut().unwrap().cx_px -= 900.0;
     assert_eq!(fitted.predict(&sample), None);
 }
