@@ -120,7 +120,8 @@ impl Detect for Model<'_> {
 
 #[test]
 fn empty_answers_of_every_layout_are_no_detections() {
-    let none: [(&[i64], &[(&str, &str)]); 7] = [
+    type ShapeAndMetadata<'a> = (&'a [i64], &'a [(&'a str, &'a str)]);
+    let none: [ShapeAndMetadata<'_>; 7] = [
         (&[1, 0, 6], &[]),
         (&[0, 7], &[]),
         (&[1, 84, 0], &[("dtd_profile", r#"{"layout": "columns"}"#)]),

@@ -126,7 +126,7 @@ impl AccuracyTally {
             let (Some(truth), Some(outcome)) = (&picture.truth, searched.outcome()) else {
                 continue;
             };
-            if picture.sight != Sight::InSight || picture.distance_nm < 0.0 {
+            if picture.sight != Sight::Open || picture.distance_nm < 0.0 {
                 continue;
             }
             let width_bin = width_bin(truth.pixel_box.width_px);

@@ -107,7 +107,7 @@ impl Candidates {
                         mile,
                     ));
                 }
-                Some(Outcome::Missed(reason)) if picture.sight == Sight::InSight => {
+                Some(Outcome::Missed(reason)) if picture.sight == Sight::Open => {
                     let nearest = searched.boxes.first().map(|found| found.pixel_box);
                     let (note, rank) = (reason.to_owned(), picture.distance_nm.abs());
                     self.take(candidate(Kind::Miss, nearest, note, rank, mile));

@@ -200,7 +200,7 @@ impl Tally {
             let picture = searched.picture;
             let truth = picture.truth.as_ref().map(|truth| TrueAircraft {
                 pixel_box: truth.pixel_box,
-                is_ignored: picture.expected().is_none() || picture.sight != Sight::InSight,
+                is_ignored: picture.expected().is_none() || picture.sight != Sight::Open,
             });
             let boxes: Vec<_> = searched
                 .boxes
@@ -282,7 +282,7 @@ impl SightCounts {
     fn of(mut counts: BTreeMap<Sight, Counts>) -> Self {
         let mut of = |sight: Sight| counts.remove(&sight).unwrap_or_default();
         Self {
-            in_sight: of(Sight::InSight),
+            in_sight: of(Sight::Open),
             hidden_by_haze: of(Sight::Haze),
             maybe_hidden_by_cloud: of(Sight::Cloud),
         }

@@ -36,7 +36,8 @@ pub(crate) struct Picture {
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Sight {
     /// Air that one can see through.
-    InSight,
+    #[serde(rename = "in_sight")]
+    Open,
     /// Haze or fog: the aircraft is beyond the visibility.
     Haze,
     /// Perhaps a cloud: the aircraft is not below all of them.
@@ -84,7 +85,7 @@ pub(crate) fn pictures_of(scenario: &OpenScenario) -> Result<Vec<Picture>> {
                 truth,
                 sight: match is_below_clouds {
                     _ if transmission < LEAST_TRANSMISSION => Sight::Haze,
-                    true => Sight::InSight,
+                    true => Sight::Open,
                     false => Sight::Cloud,
                 },
             });

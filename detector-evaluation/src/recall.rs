@@ -122,7 +122,7 @@ impl RecallTally {
             };
             let counts = self.groups.entry(group).or_default();
             counts.expected += 1;
-            if picture.sight == Sight::InSight {
+            if picture.sight == Sight::Open {
                 farther(&mut farthest[1], picture.distance_nm);
             }
             match outcome {
@@ -168,7 +168,7 @@ impl RecallTally {
         let hides = |weather: &String| {
             self.groups
                 .keys()
-                .any(|group| group.weather == *weather && group.sight != Sight::InSight)
+                .any(|group| group.weather == *weather && group.sight != Sight::Open)
         };
         let open: Vec<_> = self.weathers().filter(|weather| !hides(weather)).collect();
         match open.is_empty() {
@@ -244,7 +244,7 @@ impl RecallTally {
     fn bins(&self, wanted: impl Fn(&Condition<'_>) -> bool) -> BTreeMap<i64, Counts> {
         let mut bins: BTreeMap<_, Counts> = BTreeMap::new();
         for (group, counts) in &self.groups {
-            if group.sight == Sight::InSight && wanted(&Condition::of(group)) {
+            if group.sight == Sight::Open && wanted(&Condition::of(group)) {
                 *bins.entry(group.bin).or_default() += counts;
             }
         }
@@ -364,7 +364,7 @@ mod tests {
         };
         assert_eq!(of(Sight::Haze), (1, 1));
         assert_eq!(of(Sight::Cloud), (1, 0));
-        assert_eq!(of(Sight::InSight), (796, 2));
+        assert_eq!(of(Sight::Open), (796, 2));
         let bins = tally.by_distance(ALL);
         assert_eq!((bins[0].from_nm, bins[0].recall.counts.expected), (-0.5, 1));
         let in_bins: u64 = bins.iter().map(|bin| bin.recall.counts.expected).sum();

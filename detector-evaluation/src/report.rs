@@ -37,7 +37,9 @@ pub(crate) fn page(
         .flat_map(|figures| figures.by_weather.values())
         .map(|figures| Line::of_recall(&figures.recall_by_nm))
         .collect();
-    let weather_names = first.map(|figures| figures.by_weather.keys().cloned().collect());
+    let weather_names: Vec<String> = first
+        .map(|figures| figures.by_weather.keys().cloned().collect())
+        .unwrap_or_default();
     let centres: Vec<Line> = modes
         .iter()
         .map(|(_, figures)| centre_line(figures))
@@ -53,7 +55,7 @@ pub(crate) fn page(
             accuracy => value(modes.iter().map(accuracy).collect::<Vec<_>>()),
             bin_nm => BIN_NM,
             modes_legend => value(legend(modes.iter().map(|(mode, _)| mode.title().to_owned()))),
-            weathers_legend => value(legend(weather_names.unwrap_or_else(Vec::new).into_iter())),
+            weathers_legend => value(legend(weather_names.into_iter())),
             disparity_legend => value(legend(["boxes", "registered"].map(str::to_owned).into_iter())),
             recall_chart => drawn(charts::recall(&recall)?),
             weather_chart => drawn(charts::recall(&weathers)?),

@@ -29,7 +29,7 @@ pub(crate) fn picture(tick: u32, view: usize, distance_nm: f64) -> Picture {
             truncation: 0.0,
             transmission: 0.5,
         }),
-        sight: Sight::InSight,
+        sight: Sight::Open,
     }
 }
 

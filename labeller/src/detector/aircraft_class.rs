@@ -148,7 +148,8 @@ mod tests {
 
     #[test]
     fn classes_that_contradict_each_other_or_hide_the_aircraft_are_refused_with_both_sides() {
-        let cases: [(Option<usize>, &[&str], Option<usize>, &[&str]); 6] = [
+        type Case<'a> = (Option<usize>, &'a [&'a str], Option<usize>, &'a [&'a str]);
+        let cases: [Case<'_>; 6] = [
             (Some(6), &[], Some(3), &["aircraft_class = 6", "3 classes"]),
             (Some(1), &["A320"], None, &["aircraft_class = 1", "1 class"]),
             (None, &["a", "b"], Some(80), &["2 classes", "80 classes"]),

@@ -150,7 +150,7 @@ mod tests {
     fn the_decoded_output_is_taken_and_raw_heads_beside_it_are_not() {
         let decoded = form("output", &[1, 25_200, 85]);
         let heads = [80, 40, 20].map(|side| form("head", &[1, 3, side, side, 85]));
-        let all = [&heads[..1], &[decoded.clone()], &heads[1..]].concat();
+        let all = [&heads[..1], std::slice::from_ref(&decoded), &heads[1..]].concat();
         assert_eq!(
             found(None, &all),
             Ok((BoxOutputs::One(1), Layout::AnchorRows))
@@ -196,7 +196,7 @@ mod tests {
             Ok((BoxOutputs::One(0), Layout::Columns))
         );
         for layout in [Layout::Yolox, Layout::BatchCorners, Layout::EfficientNms] {
-            let said = found(Some(layout), &[columns.clone()]).unwrap_err();
+            let said = found(Some(layout), std::slice::from_ref(&columns)).unwrap_err();
             for word in [layout.to_string().as_str(), layout.shape(), "640x640"] {
                 assert!(said.contains(word), "{word} in {said}");
             }
