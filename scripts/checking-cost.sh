@@ -36,7 +36,7 @@ for number in range(rounds):
         shutil.rmtree(run, ignore_errors=True)
         shutil.copytree(work / "unlabelled", place)
         took["label"][name].append(cpu_s(dtd, "label", place))
-        took["train"][name].append(cpu_s(dtd, "train", work / "corpus", "--out", run, "--config", "tests/data/quick_training.toml"))
+        took["train"][name].append(cpu_s(dtd, "train", work / "corpus", "--out", run, "--quick"))
         took["evaluate"][name].append(cpu_s(dtd, "evaluate", run, "--corpus", work / "corpus"))
 print("processor seconds, medians of", rounds, "rounds")
 total = {"old": 0.0, "new": 0.0}

@@ -10,10 +10,13 @@ const GROUPS: &[(&str, &[&str])] = &[
     (
         "Corpora",
         &[
-            "plan", "generate", "label", "detect", "verify", "push", "fetch", "schema",
+            "plan", "generate", "label", "detect", "verify", "export", "push", "fetch", "schema",
         ],
     ),
-    ("Estimators", &["train", "evaluate"]),
+    (
+        "Estimators",
+        &["train", "refit", "evaluate", "predict", "export-estimators"],
+    ),
     ("Detectors", &["train-detector", "evaluate-detector"]),
     (
         "Simulators",
@@ -63,11 +66,28 @@ Environment:
 pub(crate) const TRAIN: &str = "\
 Examples:
   dtd train corpus --out run --quick
-  dtd train corpus --out run --config TRAIN.toml --seed 1";
+  dtd train corpus --out run --config TRAIN.toml --seed 1
+  dtd train corpus --out run --leave-out weather=stormy";
+
+pub(crate) const REFIT: &str = "\
+Example:
+  dtd refit run --corpus moved --view left --out run2";
 
 pub(crate) const EVALUATE: &str = "\
+Examples:
+  dtd evaluate run --corpus corpus            writes run/metrics.json and run/report.html
+  dtd evaluate run --corpus other --side all --out judged    flights that no training saw";
+
+pub(crate) const EXPORT_ESTIMATORS: &str = "\
 Example:
-  dtd evaluate run --corpus corpus            writes run/metrics.json and run/report.html";
+  dtd export-estimators run --out models      models/paper_lstm.onnx, ..., models/MODEL_CARD.md
+
+Environment:
+  ORT_DYLIB_PATH        ONNX Runtime's library, unless --onnx-runtime names it";
+
+pub(crate) const PREDICT: &str = "\
+Example:
+  dtd predict run corpus --out distances.parquet";
 
 pub(crate) const EVALUATE_DETECTOR: &str = "\
 Examples:
@@ -95,6 +115,11 @@ Example:
 pub(crate) const FETCH: &str = "\
 Example:
   dtd fetch s3://bucket/corpus --out corpus --only 1200-clear-r1";
+
+pub(crate) const EXPORT: &str = "\
+Examples:
+  dtd export corpus --to coco --out coco-folder
+  dtd export corpus --to yolo --out yolo-folder --every 10 --pictures jpeg";
 
 pub(crate) const DOCTOR: &str = "\
 Examples:

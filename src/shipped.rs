@@ -54,6 +54,35 @@ impl Shipped {
     }
 }
 
+/// A detector: the one that was asked for, or the one that ships.
+pub(crate) struct Detector {
+    path: PathBuf,
+    /// Holds its folder.
+    _shipped: Option<Shipped>,
+}
+
+impl Detector {
+    /// The detector at this path; `None`: the one that ships.
+    pub(crate) fn chosen(asked: Option<&Path>) -> dataset::Result<Self> {
+        if let Some(path) = asked {
+            return Ok(Self {
+                path: path.to_owned(),
+                _shipped: None,
+            });
+        }
+        let shipped = Shipped::unpack()?;
+        Ok(Self {
+            path: shipped.detector(),
+            _shipped: Some(shipped),
+        })
+    }
+
+    /// Its file.
+    pub(crate) fn path(&self) -> &Path {
+        &self.path
+    }
+}
+
 /// Writes all files into a folder. Existing ones stay as they are.
 pub(crate) fn write(folder: &Path) -> dataset::Result<Vec<PathBuf>> {
     let mut written = Vec::new();

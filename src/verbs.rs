@@ -10,6 +10,8 @@ mod doctor;
 mod evaluate;
 mod evaluate_detector;
 mod examples;
+mod export;
+mod export_estimators;
 mod fetch;
 mod generate;
 mod install_plugin;
@@ -20,8 +22,10 @@ mod object_store;
 mod open_corpus;
 mod output;
 mod plan;
+mod predict;
 mod push;
 mod record;
+mod refit;
 mod schema;
 mod stdin_ended;
 mod train;
@@ -48,8 +52,12 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::Label(args) => label::run(&args),
         Verb::Detect(args) => detect::run(&args),
         Verb::Train(args) => train::run(&args),
+        Verb::Refit(args) => refit::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
+        Verb::Predict(args) => predict::run(&args),
+        Verb::ExportEstimators(args) => export_estimators::run(&args),
         Verb::EvaluateDetector(args) => evaluate_detector::run(&args),
+        Verb::Export(args) => export::run(&args),
         Verb::Verify(args) => verify::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),

@@ -54,7 +54,7 @@ fn pycocotools(pictures: &[Pictured]) -> Value {
     write("detections.json", &json!(detections));
     let output = Command::new(program_of_venv("python"))
         .arg(repository().join("tests/judges/coco_ap.py"))
-        .arg(folder.path())
+        .args(["ground_truth.json", "detections.json"].map(|name| folder.path().join(name)))
         .output()
         .unwrap();
     assert!(output.status.success(), "{}", said(&output));

@@ -13,12 +13,12 @@ use std::sync::OnceLock;
 
 use dataset::corpus::Corpus;
 use dataset::detections::{self, Detection};
-use detector_training::onnx::Dimension;
 use layouts::{
     CORNERS, HIDDEN, PICTURE_PX, SCORE, cells, columns_with, efficient_nms, final_rows,
     objects_row, of_any_size, rows_with,
 };
 use model::{Answer, Model, open, windows_of};
+use onnx_graph::proto::Dimension;
 use testkit::command::{Dtd, json, said, text};
 use testkit::files::copy_folder;
 use testkit::sweep::SmallSweep;

@@ -125,7 +125,7 @@ fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
     };
     let store = format!("file://{}", tiny.path("store").display());
     let training = "training.toml";
-    let verbs: [&[&str]; 12] = [
+    let verbs: [&[&str]; 13] = [
         &["schema"],
         &["plan", "sweep.toml", "--against", "corpus"],
         &["generate", "sweep.toml", "--out", "again"],
@@ -135,6 +135,7 @@ fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
         &["verify", "corpus"],
         &["train", "corpus", "--out", "another", "--config", training],
         &["evaluate", "run", "--corpus", "corpus"],
+        &["export-estimators", "run", "--out", "models"],
         &["push", "corpus", &store],
         &["fetch", &store, "--out", "fetched"],
         &[

@@ -137,7 +137,8 @@ impl CameraEntry {
         bad_lens.map(|bad_lens| bad_lens.to_string())
     }
 
-    fn check(&self, check: &mut Check) {
+    /// Checks for numbers outside their limits.
+    pub fn check(&self, check: &mut Check) {
         for (name, side_px) in [("width_px", self.width_px), ("height_px", self.height_px)] {
             check.number(name, side_px, limits::PICTURE_SIDE_PX);
         }

@@ -90,6 +90,15 @@ impl Camera {
         (point.z > 0.0).then(|| self.pixel_of(point))
     }
 
+    /// Whether an ECEF point is in the picture.
+    pub fn shows(&self, ecef_m: DVec3) -> bool {
+        // Pixel (0, 0) covers -0.5 to 0.5.
+        let inside =
+            |place_px: f64, size_px: u32| (-0.5..f64::from(size_px) - 0.5).contains(&place_px);
+        self.project(ecef_m)
+            .is_some_and(|at| inside(at.x, self.width_px) && inside(at.y, self.height_px))
+    }
+
     /// Where a point in camera axes falls; it must be in front of the camera.
     pub fn pixel_of(&self, camera_m: DVec3) -> DVec2 {
         match self.distortion {

@@ -6,6 +6,7 @@
 //! together like the files of a seal: each table is written as `<model>.parquet.new`, the record takes effect, and readers look for the
 //! tables by their hashes under both names.
 
+mod choice;
 mod table;
 
 use std::collections::BTreeMap;
@@ -27,6 +28,7 @@ use crate::registrations::{Registration, write_registrations};
 use crate::seal::{SealedFile, hash_file, with_new_suffix};
 use crate::sealed::{ATTEMPTS, Found, find};
 
+pub use choice::{NoChoice, choose};
 pub use table::{
     Detection, Detections, Miss, MissReason, SearchMode, parse_detections, write_detections,
 };

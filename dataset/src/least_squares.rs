@@ -51,7 +51,7 @@ impl NormalEquations {
 
     /// The unknowns with the least sum of weighted squares; `None` if the rows do not determine them, or are not finite.
     pub fn solve(&self) -> Option<Vec<f64>> {
-        let factor = Factor::of(self.matrix.clone(), self.right.len())?;
+        let factor = CholeskyFactor::of(self.matrix.clone(), self.right.len())?;
         factor.solve(self.right.clone())
     }
 
@@ -63,7 +63,7 @@ impl NormalEquations {
     /// The inverse of the matrix, row by row: the covariance of the unknowns, but for the variance of the values.
     pub fn inverse(&self) -> Option<Vec<Vec<f64>>> {
         let unknowns = self.right.len();
-        let factor = Factor::of(self.matrix.clone(), unknowns)?;
+        let factor = CholeskyFactor::of(self.matrix.clone(), unknowns)?;
         // Row for column: the inverse is symmetric, too.
         let row = |k: usize| {
             let mut unit = vec![0.0; unknowns];
@@ -75,14 +75,15 @@ impl NormalEquations {
 }
 
 /// Cholesky's factor R of a matrix `R^T R`, in its upper triangle.
-struct Factor {
+#[derive(Debug, Clone)]
+pub struct CholeskyFactor {
     matrix: Vec<f64>,
     unknowns: usize,
 }
 
-impl Factor {
-    /// `None` if the matrix is not positive definite.
-    fn of(mut matrix: Vec<f64>, unknowns: usize) -> Option<Self> {
+impl CholeskyFactor {
+    /// Of a symmetric matrix, row by row, of which only the upper triangle is read; `None` if it is not positive definite.
+    pub fn of(mut matrix: Vec<f64>, unknowns: usize) -> Option<Self> {
         let n = unknowns;
         for i in 0..n {
             let diagonal = matrix[i * n + i];
@@ -104,7 +105,8 @@ impl Factor {
         Some(Self { matrix, unknowns })
     }
 
-    fn solve(&self, mut x: Vec<f64>) -> Option<Vec<f64>> {
+    /// The vector that the matrix takes to `x`; `None` if it is not finite.
+    pub fn solve(&self, mut x: Vec<f64>) -> Option<Vec<f64>> {
         let n = self.unknowns;
         for i in 0..n {
             let known: f64 = (0..i).map(|k| self.matrix[k * n + i] * x[k]).sum();

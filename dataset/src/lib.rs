@@ -43,11 +43,13 @@ pub mod runway;
 pub mod scenario;
 pub mod seal;
 pub mod sealed;
+pub mod sight;
 pub mod splits;
 pub mod spread;
 pub mod toml_file;
 pub mod units;
 pub mod verify;
 pub mod video;
+pub mod workers;
 
 pub use error::{Error, Result};

@@ -226,7 +226,7 @@ pub const HFOV_DEG: Limits = Limits::new(0.1, 150.0, "a field of view in degrees
 /// Width or height of a picture.
 pub const PICTURE_SIDE_PX: Limits = Limits::new(64.0, 8_192.0, "a size of a picture in pixels");
 /// Intrinsics.
-pub(crate) const FOCAL_LENGTH_PX: Limits = Limits::new(1.0, 1e8, "a focal length in pixels");
+pub const FOCAL_LENGTH_PX: Limits = Limits::new(1.0, 1e8, "a focal length in pixels");
 /// Intrinsics.
 pub(crate) const PRINCIPAL_POINT_PX: Limits = Limits::new(-8_192.0, 16_384.0, "a place in pixels");
 /// An element of a rotation matrix.

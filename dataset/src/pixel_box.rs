@@ -12,6 +12,9 @@ use crate::error::Result;
 use crate::limits::{self, Limits};
 use crate::memory;
 
+/// A detector is expected to find the aircraft if more than this part of it is in the picture.
+const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
+
 /// An axis-parallel box, pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PixelBox {
@@ -101,6 +104,13 @@ pub struct TruthBox {
     pub truncation: f64,
     /// Share of contrast that remains at this distance, `exp(-3.912 * range / visibility)`, 0 to 1.
     pub transmission: f64,
+}
+
+impl TruthBox {
+    /// Whether a detector is expected to find this aircraft: most of it is in the picture.
+    pub fn is_expected(&self) -> bool {
+        self.visible_fraction > EXPECTED_VISIBLE_FRACTION
+    }
 }
 
 /// Writes `boxes_truth.parquet`.

@@ -15,9 +15,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::calibration::CameraEntry;
+use crate::corpus::Corpus;
 use crate::error::{Error, Result};
+use crate::imaging::Imaging;
 use crate::json_file::{parse_json, write_atomically};
 use crate::outside_file::{self, FileKind};
+use crate::own_path::own_path;
 use crate::runway::Runway;
 use crate::video::VideoSettings;
 
@@ -66,6 +70,36 @@ pub struct Common {
     pub video: VideoSettings,
 }
 
+/// The part of a plan that plans of all versions have.
+#[derive(Deserialize)]
+struct Version {
+    plan_version: Option<u32>,
+}
+
+impl Version {
+    fn of(text: &[u8], path: &Path) -> Result<u32> {
+        let form: Self = parse_json(text, path, WHAT)?;
+        Ok(form.plan_version.unwrap_or(1))
+    }
+}
+
+impl Common {
+    /// The cameras of the rig with their identifiers: where they are meant to stand and to look, with their lenses, in straight light. What
+    /// a scenario's placement errors, aims and air make of them is in its calibration.
+    pub fn cameras(&self) -> Vec<(String, CameraEntry)> {
+        let camera = |camera: &PlannedCamera| {
+            let imaging = Imaging {
+                distortion: camera.distortion,
+                ..Imaging::default()
+            };
+            let jitter = Jitter::default();
+            let entry = camera.calibrated(&self.runway, self.picture, None, &jitter, &imaging);
+            (camera.id.clone(), entry)
+        };
+        self.cameras.iter().map(camera).collect()
+    }
+}
+
 impl Plan {
     /// The plan of these scenarios.
     pub fn new(corpus: String, common: Common, scenarios: Vec<PlannedScenario>) -> Self {
@@ -78,6 +112,23 @@ impl Plan {
         }
     }
 
+    /// The plan of a corpus; `None` if it has none, or one of an earlier version.
+    ///
+    /// # Errors
+    /// It cannot be read, or is not a plan.
+    pub fn of_corpus(corpus: &Corpus) -> Result<Option<Self>> {
+        let path = own_path(corpus.root(), Corpus::PLAN)?;
+        let text = match outside_file::read(&path, FileKind::PLAN.unlinked()) {
+            Ok(text) => text,
+            Err(error) if error.is_not_found() => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        match Version::of(&text, &path)? {
+            PLAN_VERSION => Self::parse(&text, &path).map(Some),
+            _ => Ok(None),
+        }
+    }
+
     /// Reads a `plan.json`.
     pub fn read(path: &Path) -> Result<Self> {
         let text = outside_file::read(path, FileKind::PLAN.unlinked())?;
@@ -86,12 +137,7 @@ impl Plan {
 
     /// Reads the text of a `plan.json`; messages name it as `path`.
     pub fn parse(text: &[u8], path: &Path) -> Result<Self> {
-        #[derive(Deserialize)]
-        struct Form {
-            plan_version: Option<u32>,
-        }
-        let form: Form = parse_json(text, path, WHAT)?;
-        let found = form.plan_version.unwrap_or(1);
+        let found = Version::of(text, path)?;
         if found != PLAN_VERSION {
             return Err(Error::corpus(
                 path,

@@ -14,8 +14,8 @@ use serde::Serialize;
 
 use crate::error::{Error, Result};
 use crate::outcome::{Outcome, Searched};
-use crate::picture::Sight;
 use crate::recall::OVERALL_NM;
+use dataset::sight::Sight;
 
 /// From the centre of gravity to what is visible: takes most of the bias out of pictures of the stand-in, at all distances.
 const VISIBLE_AHEAD_M: f64 = 3.3;

@@ -15,7 +15,7 @@ use image::{ImageFormat, RgbImage};
 
 use crate::error::{Error, Result};
 use crate::outcome::{Outcome, Searched};
-use crate::picture::Sight;
+use dataset::sight::Sight;
 
 /// Examples of each kind and mode.
 const SHOWN: usize = 8;

@@ -16,8 +16,8 @@ use crate::average_precision::{AveragePrecision, PrecisionTally, TrueAircraft};
 use crate::error::Result;
 use crate::false_alarms::{AlarmTally, FalseAlarms};
 use crate::outcome::Searched;
-use crate::picture::Sight;
 use crate::recall::{Condition, Counts, NotExpected, Range, Recall, RecallBin, RecallTally};
+use dataset::sight::Sight;
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize)]

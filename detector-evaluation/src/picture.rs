@@ -1,21 +1,13 @@
 //! The pictures of a scenario, and whether a detector can be expected to find the aircraft in each.
-//!
-//! Haze leaves `exp(-3.912 r / V)` of an aircraft's contrast at the distance r (`transmission` in `boxes_truth.parquet`). Where that is
-//! less than 2 %, which is what the visibility V is defined by, nobody can see it. Clouds hide it where it flies in or above them: what
-//! exactly they cover is not stored, so all pictures from the base of the lowest layer upwards are told apart.
 
 use std::collections::HashMap;
 
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::TruthBox;
+use dataset::sight::{CloudBase, Sight};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
-use labeller::matching::is_expected;
-use serde::Serialize;
 
 use crate::error::{Error, Result};
-
-/// Contrast that remains over the visibility.
-const LEAST_TRANSMISSION: f64 = 0.02;
 
 /// One picture: a view at a tick.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,23 +23,10 @@ pub(crate) struct Picture {
     pub(crate) sight: Sight,
 }
 
-/// What is between the camera and the aircraft.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Sight {
-    /// Air that one can see through.
-    #[serde(rename = "in_sight")]
-    Open,
-    /// Haze or fog: the aircraft is beyond the visibility.
-    Haze,
-    /// Perhaps a cloud: the aircraft is not below all of them.
-    Cloud,
-}
-
 impl Picture {
     /// The aircraft that a detector is expected to find, hidden or not: most of it is in the picture.
     pub(crate) fn expected(&self) -> Option<&TruthBox> {
-        self.truth.as_ref().filter(|truth| is_expected(truth))
+        self.truth.as_ref().filter(|truth| truth.is_expected())
     }
 }
 
@@ -60,9 +39,7 @@ pub(crate) fn pictures_of(scenario: &OpenScenario) -> Result<Vec<Picture>> {
         .into_iter()
         .map(|truth| ((truth.tick, truth.view.clone()), truth))
         .collect();
-    let clouds = &record.conditions.weather.clouds;
-    let bases = clouds.iter().filter(|layer| layer.cover_ratio > 0.0);
-    let lowest_base_m = bases.map(|layer| layer.base_msl_m).reduce(f64::min);
+    let cloud_base = CloudBase::of(&record.conditions.weather);
     let mut pictures = Vec::with_capacity(frames.rows.len() * record.views.len());
     for row in &frames.rows {
         let labels = row
@@ -74,7 +51,6 @@ pub(crate) fn pictures_of(scenario: &OpenScenario) -> Result<Vec<Picture>> {
         } else {
             1.0
         };
-        let is_below_clouds = lowest_base_m.is_none_or(|base_m| row.pose.altitude_msl_m < base_m);
         for (view, id) in record.views.iter().enumerate() {
             let truth = truth.remove(&(row.tick, id.clone()));
             let transmission = truth.as_ref().map_or(1.0, |truth| truth.transmission);
@@ -83,11 +59,7 @@ pub(crate) fn pictures_of(scenario: &OpenScenario) -> Result<Vec<Picture>> {
                 view,
                 distance_nm: past * labels.dtd_m / METERS_PER_NAUTICAL_MILE,
                 truth,
-                sight: match is_below_clouds {
-                    _ if transmission < LEAST_TRANSMISSION => Sight::Haze,
-                    true => Sight::Open,
-                    false => Sight::Cloud,
-                },
+                sight: cloud_base.sight(row.pose.altitude_msl_m, transmission),
             });
         }
     }

@@ -8,8 +8,8 @@ use std::ops::AddAssign;
 use serde::Serialize;
 
 use crate::outcome::{Outcome, Searched};
-use crate::picture::Sight;
 use crate::wilson;
+use dataset::sight::Sight;
 
 /// Width of the bins of distance, nautical miles.
 pub(crate) const BIN_NM: f64 = 0.5;

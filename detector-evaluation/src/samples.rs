@@ -3,7 +3,8 @@
 use dataset::detections::Detection;
 use dataset::pixel_box::{PixelBox, TruthBox};
 
-use crate::picture::{Picture, Sight};
+use crate::picture::Picture;
+use dataset::sight::Sight;
 
 pub(crate) fn at(cx_px: f64) -> PixelBox {
     PixelBox {

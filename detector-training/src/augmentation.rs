@@ -30,6 +30,8 @@ const EDGE_WIDTH_PX: RangeInclusive<f32> = 0.7..=6.0;
 const EDGE_WANDERS_PX: RangeInclusive<f32> = 1.0..=12.0;
 /// Share of noisy crops whose colours have a noise of their own; in the others it is in the luma alone, as in a decoded video.
 const COLOUR_NOISE_SHARE: f64 = 0.3;
+/// How far around a box its sky is measured, pixels.
+const LIGHT_MARGIN_PX: f64 = 3.0;
 /// Levels, pixels and stretches above this are a mistake.
 const MOST: f32 = 255.0;
 
@@ -39,6 +41,9 @@ const MOST: f32 = 255.0;
 pub struct Augmentation {
     /// Share of crops that keep the corpus's background, sharpness and noise: what the detector must not unlearn.
     pub plain_share: f64,
+    /// Weight of the box of a crop that does not, relative to one that does: behind texture and noise an edge is partly a guess, and
+    /// its large errors would outweigh the tenths of a pixel that can be learned.
+    pub varied_box_weight: f32,
     /// Share of the other crops with texture. Without any of it the aircraft is never before a cloud of X-Plane.
     pub texture_share: f64,
     /// Largest root mean square of the texture, grey levels. Weak textures are more frequent than strong ones.
@@ -55,6 +60,11 @@ pub struct Augmentation {
     pub paint_share: f64,
     /// Largest shift of red, green or blue of the paint, grey levels.
     pub largest_paint_levels: f32,
+    /// Share whose aircraft shows no lights: nothing on it is brighter than the sky around it; where it is known which pixels are
+    /// aircraft.
+    pub unlit_share: f64,
+    /// Share of resampled crops whose pixels are points of the picture and not means, as without antialiasing.
+    pub aliased_share: f64,
     /// Share with the edge of a cloud.
     pub cloud_edge_share: f64,
     /// Largest step of brightness at the edge, grey levels.
@@ -85,6 +95,7 @@ impl Default for Augmentation {
     fn default() -> Self {
         Self {
             plain_share: 0.35,
+            varied_box_weight: 0.3,
             texture_share: 0.7,
             largest_texture_levels: 20.0,
             smallest_feature_px: 2.0,
@@ -93,6 +104,8 @@ impl Default for Augmentation {
             texture_over_share: 0.3,
             paint_share: 0.3,
             largest_paint_levels: 80.0,
+            unlit_share: 0.15,
+            aliased_share: 0.2,
             cloud_edge_share: 0.2,
             largest_cloud_edge_levels: 60.0,
             gradient_share: 0.3,
@@ -114,6 +127,7 @@ impl Augmentation {
     pub fn none() -> Self {
         Self {
             plain_share: 1.0,
+            aliased_share: 0.0,
             ..Self::default()
         }
     }
@@ -128,6 +142,12 @@ impl Augmentation {
                 self.texture_over_share,
             ),
             ("training.augmentation.paint_share", self.paint_share),
+            ("training.augmentation.unlit_share", self.unlit_share),
+            ("training.augmentation.aliased_share", self.aliased_share),
+            (
+                "training.augmentation.varied_box_weight",
+                f64::from(self.varied_box_weight),
+            ),
             (
                 "training.augmentation.cloud_edge_share",
                 self.cloud_edge_share,
@@ -210,7 +230,7 @@ impl Augmentation {
     }
 
     /// Varies a crop. `cover` holds how much of each pixel is aircraft; empty without one, or if it is not known: then everything
-    /// lies over it. An aircraft that cannot be seen afterwards becomes invisible; its box stays.
+    /// lies over it. An aircraft that cannot be seen afterwards becomes invisible; its box stays. Returns whether the crop is varied.
     pub(crate) fn apply(
         &self,
         pixels: &mut [f32],
@@ -218,9 +238,14 @@ impl Augmentation {
         cover: &[f32],
         truth: Option<&mut CropTruth>,
         rng: &mut impl Rng,
-    ) {
+    ) -> bool {
         if rng.random_bool(self.plain_share) {
-            return;
+            return false;
+        }
+        if let Some(truth) = truth.as_deref().filter(|truth| truth.visible)
+            && rng.random_bool(self.unlit_share)
+        {
+            put_out_lights(pixels, side_px, cover, truth);
         }
         if let Some(truth) = truth.as_deref().filter(|truth| truth.visible)
             && rng.random_bool(self.paint_share)
@@ -261,6 +286,7 @@ impl Augmentation {
             blur(pixels, side_px, deviation_px);
         }
         add_noise(pixels, noise, colour_noise, tint, rng);
+        true
     }
 
     /// Paints the aircraft in a random colour, unless that would hide it.
@@ -336,6 +362,36 @@ impl Augmentation {
             veil,
             structures,
         }
+    }
+}
+
+/// Darkens what is aircraft to the mean of the sky around it, unless that would hide it.
+fn put_out_lights(pixels: &mut [f32], side_px: usize, cover: &[f32], truth: &CropTruth) {
+    let [left, top, right, bottom] = truth.pixel_box.edges();
+    let around = |at: usize, low: f64, high: f64| {
+        (low - LIGHT_MARGIN_PX..=high + LIGHT_MARGIN_PX).contains(&(at as f64))
+    };
+    let (mut sky, mut count) = ([0.0_f32; 3], 0.0_f32);
+    for (place, pixel) in pixels.chunks_exact(3).enumerate() {
+        let near = around(place % side_px, left, right) && around(place / side_px, top, bottom);
+        if near && cover.get(place).is_some_and(|&cover| cover == 0.0) {
+            for (sum, value) in sky.iter_mut().zip(pixel) {
+                *sum += value;
+            }
+            count += 1.0;
+        }
+    }
+    if count == 0.0 {
+        return;
+    }
+    let original = pixels.to_vec();
+    for (pixel, cover) in pixels.chunks_exact_mut(3).zip(cover) {
+        for (value, sky) in pixel.iter_mut().zip(sky) {
+            *value += cover * ((sky / count).min(*value) - *value);
+        }
+    }
+    if !Strength::in_crop(pixels, side_px, &truth.pixel_box).stands_out() {
+        pixels.copy_from_slice(&original);
     }
 }
 
@@ -486,6 +542,7 @@ mod tests {
             plain_share: 0.0,
             texture_share: 0.0,
             paint_share: 0.0,
+            unlit_share: 0.0,
             cloud_edge_share: 0.0,
             gradient_share: 0.0,
             structure_share: 0.0,
@@ -541,6 +598,32 @@ mod tests {
             }
             assert!(on > 20.0 * LEVEL, "{on}");
         }
+    }
+
+    #[test]
+    fn without_lights_nothing_on_the_aircraft_is_brighter_than_its_sky_and_it_stays_visible() {
+        let unlit = Augmentation {
+            unlit_share: 1.0,
+            ..nothing()
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(27);
+        let lamp = 3 * (30 * SIDE + 30)..3 * (30 * SIDE + 34);
+        let (dark, cover, truth) = crop(60.0);
+        let mut before = dark.clone();
+        before[lamp.clone()].fill(1.0);
+        let (mut pixels, mut after) = (before.clone(), truth);
+        unlit.apply(&mut pixels, SIDE, &cover, Some(&mut after), &mut rng);
+        let sky = dark[3 * (23 * SIDE + 32)];
+        assert!(pixels[lamp.clone()].iter().all(|&value| value < sky + 0.02));
+        assert_eq!(pixels[..lamp.start], before[..lamp.start]);
+        assert!(after.visible);
+
+        // Nothing but the lamps shows in front of a sky of its own colour: it would be hidden, and stays as it is.
+        let mut night = crop(0.0).0;
+        night[lamp].fill(1.0);
+        let mut pixels = night.clone();
+        unlit.apply(&mut pixels, SIDE, &cover, Some(&mut after), &mut rng);
+        assert_eq!(pixels, night);
     }
 
     #[test]

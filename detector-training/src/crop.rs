@@ -20,6 +20,8 @@ const RESAMPLED_SHARE: f64 = 0.5;
 const SCALE_RANGE: std::ops::Range<f64> = 0.7..1.2;
 /// How far outside a crop the centre of an aircraft may be, pixels of the picture.
 const BEYOND_PX: f64 = 4.0;
+/// How often a background crop lies at an edge of the picture, where the network sees less than elsewhere.
+const EDGE_SHARE: f64 = 0.15;
 /// Share of crops that get noise, and its largest deviation (of a range of 1).
 const NOISY_SHARE: f64 = 0.3;
 const LARGEST_NOISE: f32 = 1.5 / 255.0;
@@ -63,7 +65,11 @@ impl Placement {
                     (center + BEYOND_PX).clamp(0.0, most),
                 )
             });
-            let at = low + (high - low) * rng.random::<f64>();
+            let part = match near {
+                None if rng.random_bool(EDGE_SHARE) => f64::from(u8::from(rng.random_bool(0.5))),
+                _ => rng.random::<f64>(),
+            };
+            let at = low + (high - low) * part;
             if resampled { at } else { at.round() }
         };
         Self {
@@ -89,11 +95,12 @@ impl Placement {
         }
     }
 
-    /// The crop's pixels, interpolated bilinearly.
-    pub fn cut(&self, picture: &TrainingPicture, side_px: usize) -> Vec<f32> {
+    /// The crop's pixels: interpolated bilinearly, or the nearest of the picture if `aliased`.
+    pub fn cut(&self, picture: &TrainingPicture, side_px: usize, aliased: bool) -> Vec<f32> {
         let mut out = Vec::with_capacity(side_px * side_px * 3);
         let sample = |start: f64, index: usize, length: usize| {
             let at = (start + self.scale * index as f64).clamp(0.0, length as f64 - 1.0);
+            let at = if aliased { at.round() } else { at };
             let low = (at.floor() as usize).min(length - 1);
             (low, (low + 1).min(length - 1), (at - low as f64) as f32)
         };
@@ -131,15 +138,16 @@ impl Placement {
     }
 }
 
-/// A random crop and its aircraft.
+/// A random crop, its aircraft, and whether it was varied beyond light.
 pub(crate) fn random_crop(
     picture: &TrainingPicture,
     placement: &Placement,
     side_px: usize,
     augmentation: &Augmentation,
     rng: &mut impl Rng,
-) -> (Vec<f32>, Option<CropTruth>) {
-    let mut pixels = placement.cut(picture, side_px);
+) -> (Vec<f32>, Option<CropTruth>, bool) {
+    let aliased = rng.random_bool(augmentation.aliased_share);
+    let mut pixels = placement.cut(picture, side_px, aliased);
     let mut truth = picture.aircraft.map(|truth| CropTruth {
         pixel_box: placement.box_in_crop(&truth.pixel_box, side_px),
         ..truth
@@ -149,8 +157,8 @@ pub(crate) fn random_crop(
         .as_ref()
         .map_or_else(Vec::new, |cover| placement.cut_cover(cover, side_px));
     vary_light(&mut pixels, rng);
-    augmentation.apply(&mut pixels, side_px, &cover, truth.as_mut(), rng);
-    (pixels, truth)
+    let varied = augmentation.apply(&mut pixels, side_px, &cover, truth.as_mut(), rng);
+    (pixels, truth, varied)
 }
 
 /// Contrast, brightness, tint and noise.
@@ -222,7 +230,7 @@ mod tests {
                 scale,
                 mirrored,
             };
-            let pixels = placement.cut(&picture, 48);
+            let pixels = placement.cut(&picture, 48, false);
             let (center, width) = measured(&pixels, 48);
             let expected = placement.box_in_crop(&truth.pixel_box, 48);
             assert!(
@@ -234,6 +242,42 @@ mod tests {
                 "{width} {expected:?}"
             );
         }
+    }
+
+    #[test]
+    fn an_aliased_crop_holds_values_of_the_picture_alone() {
+        let (picture, truth) = sky_with_bar(30.0);
+        let placement = Placement {
+            left_px: 31.37,
+            top_px: 10.2,
+            scale: 0.71,
+            mirrored: true,
+        };
+        let levels = |aliased: bool| {
+            let pixels = placement.cut(&picture, 48, aliased);
+            let (center, _) = measured(&pixels, 48);
+            let expected = placement.box_in_crop(&truth.pixel_box, 48).cx_px;
+            assert!((center - expected).abs() < 0.5, "{center} {expected}");
+            let of_picture = |value: f32| {
+                let level = 255.0 * value;
+                (level - level.round()).abs() < 1e-3
+            };
+            pixels.into_iter().all(of_picture)
+        };
+        assert!(levels(true));
+        assert!(!levels(false), "interpolation makes values in between");
+    }
+
+    #[test]
+    fn a_background_crop_lies_at_an_edge_of_its_picture_now_and_then() {
+        let (mut picture, _) = sky_with_bar(30.0);
+        picture.aircraft = None;
+        let mut rng = ChaCha8Rng::seed_from_u64(5);
+        let bottom = (0..1000)
+            .map(|_| Placement::random(&picture, None, 24, &mut rng))
+            .filter(|place| place.top_px + place.scale * 23.0 > picture.height_px as f64 - 1.5)
+            .count();
+        assert!((50..150).contains(&bottom), "{bottom}");
     }
 
     #[test]

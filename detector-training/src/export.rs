@@ -9,30 +9,24 @@
 //! The decoding of `grid` is part of the graph.
 
 use burn::tensor::Tensor;
-use prost::Message;
+use onnx_graph::proto::{AttributeProto, Dimension, FLOAT, ModelProto, ValueInfoProto};
+use onnx_graph::{Graph, ModelTexts};
 
 use super::convolution::Convolution;
 use super::grid::{
     ANCHOR_PX, LARGEST_LOG_SIZE, LARGEST_LOGIT, NEIGHBOURHOOD, STRIDE_PX, cell_center_px,
 };
 use super::network::{NORMALISATION_FLOOR, Network};
-use super::onnx::{
-    AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
-    StringStringEntryProto, TensorProto, ValueInfoProto,
-};
 use super::patches::PATCH_SIDE_PX;
-
-const IR_VERSION: i64 = 8;
-const OPSET_VERSION: i64 = 13;
 
 /// Bytes of the ONNX model.
 pub fn onnx_bytes(network: &Network) -> Vec<u8> {
-    model(network).encode_to_vec()
+    model(network).bytes()
 }
 
 /// The ONNX model.
 pub fn model(network: &Network) -> ModelProto {
-    let mut graph = Graph::default();
+    let mut graph = Layers::default();
     let map = graph.stem(network);
     let map = graph.rectified(&network.down_8, &map);
     let fine = graph.normalised(&network.at_8, &network.strength_8, &map);
@@ -52,51 +46,13 @@ pub fn model(network: &Network) -> ModelProto {
     graph.into_model()
 }
 
-/// A graph that grows node by node; values are identified by their names.
+/// The graph of the detector, layer by layer.
 #[derive(Default)]
-struct Graph {
-    nodes: Vec<NodeProto>,
-    constants: Vec<TensorProto>,
+struct Layers {
+    graph: Graph,
 }
 
-impl Graph {
-    fn node(&mut self, operator: &str, inputs: &[&str], attributes: Vec<AttributeProto>) -> String {
-        let output = format!("{}_{}", operator.to_lowercase(), self.nodes.len());
-        self.nodes.push(NodeProto {
-            input: inputs.iter().map(|&name| name.to_owned()).collect(),
-            output: vec![output.clone()],
-            name: output.clone(),
-            op_type: operator.into(),
-            attribute: attributes,
-        });
-        output
-    }
-
-    fn floats(&mut self, dims: &[i64], values: &[f32]) -> String {
-        let name = format!("constant_{}", self.constants.len());
-        self.constants
-            .push(TensorProto::floats(&name, dims, values));
-        name
-    }
-
-    fn number(&mut self, value: f64) -> String {
-        self.floats(&[], &[value as f32])
-    }
-
-    fn integers(&mut self, values: &[i64]) -> String {
-        let name = format!("constant_{}", self.constants.len());
-        self.constants.push(TensorProto::integers(&name, values));
-        name
-    }
-
-    fn integer(&mut self, value: i64) -> String {
-        let name = self.integers(&[value]);
-        if let Some(constant) = self.constants.last_mut() {
-            constant.dims.clear();
-        }
-        name
-    }
-
+impl Layers {
     fn stem(&mut self, network: &Network) -> String {
         let side = PATCH_SIDE_PX as i64;
         let weight = self.kernel(network.stem_weight(), PATCH_SIDE_PX);
@@ -105,8 +61,10 @@ impl Graph {
             AttributeProto::ints("kernel_shape", &[side, side]),
             AttributeProto::ints("strides", &[side, side]),
         ];
-        let map = self.node("Conv", &["images", &weight, &bias], attributes);
-        self.node("Relu", &[&map], vec![])
+        let map = self
+            .graph
+            .node("Conv", &["images", &weight, &bias], attributes);
+        self.graph.node("Relu", &[&map], vec![])
     }
 
     fn convolution(&mut self, layer: &Convolution, map: &str) -> String {
@@ -118,131 +76,127 @@ impl Graph {
             AttributeProto::ints("strides", &[stride, stride]),
             AttributeProto::ints("pads", &[side / 2; 4]),
         ];
-        self.node("Conv", &[map, &weight, &bias], attributes)
+        self.graph.node("Conv", &[map, &weight, &bias], attributes)
     }
 
     fn rectified(&mut self, layer: &Convolution, map: &str) -> String {
         let map = self.convolution(layer, map);
-        self.node("Relu", &[&map], vec![])
+        self.graph.node("Relu", &[&map], vec![])
     }
 
     /// A layer over a map `[.., channels, ..]` divided by its mean, plus one over the logarithm of that mean.
     fn normalised(&mut self, layer: &Convolution, of_strength: &Convolution, map: &str) -> String {
         let channels = layer.weight.dims()[0] / layer.kernel.pow(2);
         // The mean over channels as a 1x1 convolution, with the floor as its bias: ONNX Runtime keeps its blocked layout then.
-        let weight = self.floats(
+        let weight = self.graph.floats(
             &[1, channels as i64, 1, 1],
             &vec![1.0 / channels as f32; channels],
         );
-        let floor = self.floats(&[1], &[NORMALISATION_FLOOR]);
-        let mean = self.node(
+        let floor = self.graph.floats(&[1], &[NORMALISATION_FLOOR]);
+        let mean = self.graph.node(
             "Conv",
             &[map, &weight, &floor],
             vec![AttributeProto::ints("kernel_shape", &[1, 1])],
         );
-        let shape = self.node("Div", &[map, &mean], vec![]);
+        let shape = self.graph.node("Div", &[map, &mean], vec![]);
         let shape = self.convolution(layer, &shape);
-        let floor = self.number(f64::from(NORMALISATION_FLOOR));
-        let strength = self.node("Div", &[&mean, &floor], vec![]);
-        let strength = self.node("Log", &[&strength], vec![]);
+        let floor = self.graph.number(f64::from(NORMALISATION_FLOOR));
+        let strength = self.graph.node("Div", &[&mean, &floor], vec![]);
+        let strength = self.graph.node("Log", &[&strength], vec![]);
         let strength = self.convolution(of_strength, &strength);
-        let sum = self.node("Add", &[&shape, &strength], vec![]);
-        self.node("Relu", &[&sum], vec![])
+        let sum = self.graph.node("Add", &[&shape, &strength], vec![]);
+        self.graph.node("Relu", &[&sum], vec![])
     }
 
     fn upsampled_onto(&mut self, lateral: &Convolution, coarse: &str, finer: &str) -> String {
         let map = self.rectified(lateral, coarse);
-        let scales = self.floats(&[4], &[1.0, 1.0, 2.0, 2.0]);
+        let scales = self.graph.floats(&[4], &[1.0, 1.0, 2.0, 2.0]);
         let attributes = vec![
             AttributeProto::text("mode", "nearest"),
             AttributeProto::text("nearest_mode", "floor"),
             AttributeProto::text("coordinate_transformation_mode", "asymmetric"),
         ];
-        let map = self.node("Resize", &[&map, "", &scales], attributes);
-        self.node("Add", &[&map, finer], vec![])
+        let map = self.graph.node("Resize", &[&map, "", &scales], attributes);
+        self.graph.node("Add", &[&map, finer], vec![])
     }
 
     /// Equivalent of `grid::peaks`, for all cells at once.
     fn decode(&mut self, raw: &str) {
         let logit = self.channels(raw, 0..1);
-        let (least, most) = (self.number(-LARGEST_LOGIT), self.number(LARGEST_LOGIT));
-        let logit = self.node("Clip", &[&logit, &least, &most], vec![]);
-        let score = self.node("Sigmoid", &[&logit], vec![]);
+        let (least, most) = (
+            self.graph.number(-LARGEST_LOGIT),
+            self.graph.number(LARGEST_LOGIT),
+        );
+        let logit = self.graph.node("Clip", &[&logit, &least, &most], vec![]);
+        let score = self.graph.node("Sigmoid", &[&logit], vec![]);
 
         let offset = self.channels(raw, 1..3);
-        let stride = self.number(STRIDE_PX as f64);
-        let offset = self.node("Mul", &[&offset, &stride], vec![]);
+        let stride = self.graph.number(STRIDE_PX as f64);
+        let offset = self.graph.node("Mul", &[&offset, &stride], vec![]);
         let centers = self.centers(&score);
-        let center = self.node("Add", &[&offset, &centers], vec![]);
+        let center = self.graph.node("Add", &[&offset, &centers], vec![]);
 
         let size = self.channels(raw, 3..5);
         let (least, most) = (
-            self.number(-LARGEST_LOG_SIZE),
-            self.number(LARGEST_LOG_SIZE),
+            self.graph.number(-LARGEST_LOG_SIZE),
+            self.graph.number(LARGEST_LOG_SIZE),
         );
-        let size = self.node("Clip", &[&size, &least, &most], vec![]);
-        let size = self.node("Exp", &[&size], vec![]);
-        let anchor = self.floats(&[1, 2, 1, 1], &ANCHOR_PX.map(|px| px as f32));
-        let size = self.node("Mul", &[&size, &anchor], vec![]);
+        let size = self.graph.node("Clip", &[&size, &least, &most], vec![]);
+        let size = self.graph.node("Exp", &[&size], vec![]);
+        let anchor = self
+            .graph
+            .floats(&[1, 2, 1, 1], &ANCHOR_PX.map(|px| px as f32));
+        let size = self.graph.node("Mul", &[&size, &anchor], vec![]);
 
-        let boxes = self.concat(&[&center, &size], 1);
-        let weighted = self.node("Mul", &[&boxes, &score], vec![]);
+        let boxes = self.graph.concat(&[&center, &size], 1);
+        let weighted = self.graph.node("Mul", &[&boxes, &score], vec![]);
         let sum = self.pool("AveragePool", &weighted);
         let weight = self.pool("AveragePool", &score);
-        let mean = self.node("Div", &[&sum, &weight], vec![]);
+        let mean = self.graph.node("Div", &[&sum, &weight], vec![]);
 
         let largest = self.pool("MaxPool", &score);
-        let below = self.node("Less", &[&score, &largest], vec![]);
-        let peak = self.node("Not", &[&below], vec![]);
-        let peak = self.node(
-            "Cast",
-            &[&peak],
-            vec![AttributeProto::int("to", super::onnx::FLOAT.into())],
-        );
+        let below = self.graph.node("Less", &[&score, &largest], vec![]);
+        let peak = self.graph.node("Not", &[&below], vec![]);
+        let peak = self.graph.cast(&peak, FLOAT);
 
-        let rows = self.concat(&[&mean, &score, &peak], 1);
-        let shape = self.integers(&[0, 6, -1]);
-        let rows = self.node("Reshape", &[&rows, &shape], vec![]);
-        self.node(
+        let rows = self.graph.concat(&[&mean, &score, &peak], 1);
+        let shape = self.graph.integers(&[0, 6, -1]);
+        let rows = self.graph.node("Reshape", &[&rows, &shape], vec![]);
+        self.graph.node(
             "Transpose",
             &[&rows],
             vec![AttributeProto::ints("perm", &[0, 2, 1])],
         );
-        if let Some(last) = self.nodes.last_mut() {
-            last.output = vec!["output".into()];
-        }
+        self.graph.name_last("output");
     }
 
     /// Centres of all cells of a map of one channel, pixels: `[batch, 2, rows, columns]`, right and down. Counted in the graph, so that
     /// the input may have any size.
     fn centers(&mut self, map: &str) -> String {
         let (stride, before_first) = (
-            self.number(STRIDE_PX as f64),
-            self.number(cell_center_px(0) - STRIDE_PX as f64),
+            self.graph.number(STRIDE_PX as f64),
+            self.graph.number(cell_center_px(0) - STRIDE_PX as f64),
         );
-        let (nothing, one) = (self.number(0.0), self.number(1.0));
-        let zeros = self.node("Mul", &[map, &nothing], vec![]);
-        let ones = self.node("Add", &[&zeros, &one], vec![]);
+        let (nothing, one) = (self.graph.number(0.0), self.graph.number(1.0));
+        let zeros = self.graph.node("Mul", &[map, &nothing], vec![]);
+        let ones = self.graph.node("Add", &[&zeros, &one], vec![]);
         let [right, down] = [3, 2].map(|axis| {
-            let axis = self.integer(axis);
-            let count = self.node("CumSum", &[&ones, &axis], vec![]);
-            let pixels = self.node("Mul", &[&count, &stride], vec![]);
-            self.node("Add", &[&pixels, &before_first], vec![])
+            let axis = self.graph.integer(axis);
+            let count = self.graph.node("CumSum", &[&ones, &axis], vec![]);
+            let pixels = self.graph.node("Mul", &[&count, &stride], vec![]);
+            self.graph.node("Add", &[&pixels, &before_first], vec![])
         });
-        self.concat(&[&right, &down], 1)
+        self.graph.concat(&[&right, &down], 1)
     }
 
     fn channels(&mut self, map: &str, range: std::ops::Range<i64>) -> String {
         let (start, end, axis) = (
-            self.integers(&[range.start]),
-            self.integers(&[range.end]),
-            self.integers(&[1]),
+            self.graph.integers(&[range.start]),
+            self.graph.integers(&[range.end]),
+            self.graph.integers(&[1]),
         );
-        self.node("Slice", &[map, &start, &end, &axis], vec![])
-    }
-
-    fn concat(&mut self, parts: &[&str], axis: i64) -> String {
-        self.node("Concat", parts, vec![AttributeProto::int("axis", axis)])
+        self.graph
+            .node("Slice", &[map, &start, &end, &axis], vec![])
     }
 
     fn pool(&mut self, operator: &str, map: &str) -> String {
@@ -251,7 +205,7 @@ impl Graph {
             AttributeProto::ints("kernel_shape", &[side, side]),
             AttributeProto::ints("pads", &[pad; 4]),
         ];
-        self.node(operator, &[map], attributes)
+        self.graph.node(operator, &[map], attributes)
     }
 
     /// A weight `[kernel * kernel * channels_in, channels_out]` in ONNX's layout: `[channels_out, channels_in, kernel, kernel]`.
@@ -263,12 +217,12 @@ impl Graph {
             .permute([3, 2, 0, 1]);
         let dims = [channels_out, channels_in, side, side].map(|length| length as i64);
         let values = values_of(weight);
-        self.floats(&dims, &values)
+        self.graph.floats(&dims, &values)
     }
 
     fn vector(&mut self, bias: Tensor<1>) -> String {
         let values = values_of(bias);
-        self.floats(&[values.len() as i64], &values)
+        self.graph.floats(&[values.len() as i64], &values)
     }
 
     fn into_model(self) -> ModelProto {
@@ -288,28 +242,16 @@ impl Graph {
                 "cx, cy, width, height in input pixels, pixel (0, 0) is the centre of the top-left pixel; objectness; peak",
             ),
         ];
-        ModelProto {
-            ir_version: IR_VERSION,
-            producer_name: "dtd".into(),
-            producer_version: env!("CARGO_PKG_VERSION").into(),
-            graph: Some(GraphProto {
-                node: self.nodes,
-                name: "aircraft".into(),
-                initializer: self.constants,
-                input: vec![ValueInfoProto::floats("images", &input)],
-                output: vec![ValueInfoProto::floats("output", &output)],
-            }),
-            opset_import: vec![OperatorSetIdProto {
-                domain: String::new(),
-                version: OPSET_VERSION,
-            }],
-            metadata_props: words
-                .map(|(key, value)| StringStringEntryProto {
-                    key: key.into(),
-                    value: value.into(),
-                })
-                .to_vec(),
-        }
+        let texts = ModelTexts {
+            name: "aircraft",
+            version: env!("CARGO_PKG_VERSION"),
+            metadata: &words,
+        };
+        self.graph.into_model(
+            vec![ValueInfoProto::floats("images", &input)],
+            vec![ValueInfoProto::floats("output", &output)],
+            texts,
+        )
     }
 }
 
@@ -327,17 +269,9 @@ mod tests {
     use std::collections::HashSet;
 
     #[test]
-    fn the_bytes_parse_back_to_the_model() {
-        let model = model(&Network::new(&Device::flex(), 5));
-        assert_eq!(
-            ModelProto::decode(model.encode_to_vec().as_slice()).unwrap(),
-            model
-        );
-        assert!(
-            model.encoded_len() < 4_000_000,
-            "{} bytes",
-            model.encoded_len()
-        );
+    fn the_model_is_small() {
+        let bytes = onnx_bytes(&Network::new(&Device::flex(), 5)).len();
+        assert!(bytes < 4_000_000, "{bytes} bytes");
     }
 
     #[test]
@@ -365,9 +299,10 @@ mod tests {
     #[test]
     fn kernels_are_reordered_and_not_just_reshaped() {
         let network = Network::new(&Device::flex(), 5);
-        let mut graph = Graph::default();
-        graph.kernel(network.down_8.weight.val(), 3);
-        let (dims, raw) = (&graph.constants[0].dims, &graph.constants[0].raw_data);
+        let mut layers = Layers::default();
+        layers.kernel(network.down_8.weight.val(), 3);
+        let (_, constants) = layers.graph.parts();
+        let (dims, raw) = (&constants[0].dims, &constants[0].raw_data);
         assert_eq!(dims, &[32, 32, 3, 3]);
         let ours = values_of(network.down_8.weight.val());
         let (ky, kx, ci, co) = (2, 1, 7, 11);

@@ -6,7 +6,7 @@
 //!
 //! `network` and `convolution` compute, `grid` defines the meaning of the numbers, `targets` and `loss` what they should be;
 //! `picture`, `cover`, `crop`, `augmentation` (with `texture` and `structures`), `samples` and `corpus_samples` feed `training`, which
-//! may `start` from a model; `evaluation` measures; `export` and `onnx` write the model.
+//! may `start` from a model; `evaluation` measures; `export` writes the model.
 
 #![forbid(unsafe_code)]
 
@@ -23,7 +23,6 @@ pub mod export;
 pub mod grid;
 pub mod loss;
 pub mod network;
-pub mod onnx;
 pub mod patches;
 pub mod picture;
 pub mod samples;

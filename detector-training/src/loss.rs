@@ -10,7 +10,7 @@ use super::convolution::FeatureMap;
 use super::targets::Targets;
 
 /// Weight of the box relative to the objectness.
-const BOX_IMPORTANCE: f32 = 0.5;
+const BOX_IMPORTANCE: f32 = 1.0;
 
 /// The parts of the loss as tensors of one element.
 #[derive(Debug, Clone)]

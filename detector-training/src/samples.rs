@@ -169,10 +169,15 @@ impl Samples {
                     (&self.backgrounds[place.picture], place.placement)
                 }
             };
-            let (pixels, truth) = random_crop(picture, &placement, side, augmentation, rng);
+            let (pixels, truth, varied) = random_crop(picture, &placement, side, augmentation, rng);
             batch.pictures.fill(index, &pixels);
             if let Some(truth) = truth {
                 batch.targets.add(index, &truth);
+                if varied {
+                    batch
+                        .targets
+                        .weigh_boxes(index, augmentation.varied_box_weight);
+                }
             }
         }
         batch

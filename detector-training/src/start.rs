@@ -8,12 +8,12 @@ use std::path::Path;
 use burn::module::Param;
 use burn::tensor::{Device, Tensor, TensorData};
 use dataset::outside_file::{self, FileKind};
+use onnx_graph::proto::{ModelProto, TensorProto};
 use prost::Message;
 
 use crate::convolution::Convolution;
 use crate::error::{Error, Result};
 use crate::network::{INPUT_GAIN, Network};
-use crate::onnx::{ModelProto, TensorProto};
 
 /// Layers that models of all versions have, in the order of the graph: the first, then those of [`layers`].
 const LAYERS: usize = 13;

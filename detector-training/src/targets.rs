@@ -114,6 +114,14 @@ impl Targets {
         }
     }
 
+    /// Multiplies the weight of the box of crop `index`.
+    pub(crate) fn weigh_boxes(&mut self, index: usize, factor: f32) {
+        let values = 4 * self.cells_across * self.cells_down;
+        for weight in &mut self.number_weight[index * values..][..values] {
+            *weight *= factor;
+        }
+    }
+
     /// Part of the box inside the crop, squared: from a cut target the whole box can only be guessed.
     fn inner_part(&self, pixel_box: &PixelBox) -> f64 {
         let size = [self.cells_across, self.cells_down].map(|cells| (cells * STRIDE_PX) as u32);
@@ -178,6 +186,19 @@ mod tests {
             "the other crop stays empty"
         );
         assert_eq!(targets.positives, 1);
+    }
+
+    #[test]
+    fn boxes_of_one_crop_are_weighed_without_those_of_its_neighbours() {
+        let mut targets = Targets::new(2, 64, 128);
+        targets.add(0, &SEEN);
+        targets.add(1, &SEEN);
+        let before = targets.number_weight.clone();
+        targets.weigh_boxes(1, 0.25);
+        let half = before.len() / 2;
+        assert_eq!(targets.number_weight[..half], before[..half]);
+        let weighed: Vec<f32> = before[half..].iter().map(|weight| 0.25 * weight).collect();
+        assert_eq!(targets.number_weight[half..], weighed);
     }
 
     #[test]

@@ -30,6 +30,7 @@ use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::model_identity::ModelIdentity;
 use dataset::open_scenario::OpenScenario;
 use dataset::registrations::Registration;
+use dataset::workers;
 use serde::Serialize;
 
 use crate::detector::{Detector, Device, ModelFile, ModelProfile, OrtDetector, OrtOptions};
@@ -328,18 +329,7 @@ fn work_through(
         }
         Ok(())
     };
-    thread::scope(|scope| {
-        let workers: Vec<_> = (1..options.workers.min(views.len()))
-            .map(|_| scope.spawn(work))
-            .collect();
-        let mine = work();
-        workers
-            .into_iter()
-            .fold(mine, |result, worker| match worker.join() {
-                Ok(theirs) => result.and(theirs),
-                Err(panic) => std::panic::resume_unwind(panic),
-            })
-    })
+    workers::share(options.workers.min(views.len()), work)
 }
 
 fn count(scenario: &OpenScenario, model_hash: &str) -> Result<DetectionCounts> {

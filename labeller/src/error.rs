@@ -48,6 +48,15 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
+    /// Whether a file or an option of the caller's is at fault: a file that is not a detector, or not a library, will not become one
+    /// on a retry.
+    pub fn is_bad_input(&self) -> bool {
+        matches!(
+            self,
+            Self::Model { .. } | Self::Runtime(_) | Self::Option { .. }
+        )
+    }
+
     pub(crate) fn scenario(id: &str, message: impl ToString) -> Self {
         Self::Scenario {
             id: id.to_owned(),

@@ -1,9 +1,7 @@
 //! When a detected box is the aircraft.
 
-use dataset::pixel_box::{PixelBox, TruthBox};
+use dataset::pixel_box::PixelBox;
 
-/// A detector is expected to find the aircraft if more than this part of it is in the picture.
-const EXPECTED_VISIBLE_FRACTION: f64 = 0.5;
 /// A box that overlaps the true one by at least this much (intersection over union) has found it. Low, because an aircraft at 10 NM
 /// is 7 pixels high, and a box that is one pixel off is still useful.
 pub const HIT_IOU: f64 = 0.25;
@@ -28,11 +26,6 @@ impl Match {
             _ => Self::Elsewhere,
         }
     }
-}
-
-/// Whether a detector is expected to find this aircraft: most of it is in the picture.
-pub fn is_expected(truth: &TruthBox) -> bool {
-    truth.visible_fraction > EXPECTED_VISIBLE_FRACTION
 }
 
 #[cfg(test)]

@@ -95,6 +95,44 @@ impl FromStr for RowBand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::label::label_corpus;
+    use dataset::splits::{Assignment, Splits};
+    use testkit::short_corpus;
+
+    #[test]
+    fn the_band_of_the_training_side_holds_its_boxes_and_nothing_is_known_from_the_test_side() {
+        let temporary = tempfile::tempdir().unwrap();
+        let corpus = short_corpus::write(temporary.path(), &["0001-a"]);
+        let put_on = |side| {
+            let assignment = Assignment {
+                side,
+                trajectory: "t".into(),
+            };
+            let splits = Splits::new([("0001-a".to_owned(), assignment)].into()).unwrap();
+            splits.write(&corpus.splits_path()).unwrap();
+        };
+        put_on(Side::Train);
+        assert_eq!(
+            RowBand::of_training_side(&corpus).unwrap(),
+            None,
+            "no labels"
+        );
+
+        label_corpus(&corpus, &|_| {}).unwrap();
+        let band = RowBand::of_training_side(&corpus).unwrap().unwrap();
+        let scenario = corpus.scenario("0001-a").open().unwrap();
+        let boxes = scenario.truth_boxes_if_labelled().unwrap().unwrap();
+        let edges = boxes.iter().map(|real| real.pixel_box.edges());
+        let (top, bottom) = edges.fold((f64::MAX, f64::MIN), |(top, bottom), edges| {
+            (top.min(edges[1]), bottom.max(edges[3]))
+        });
+        assert!(f64::from(band.top_px) < top && bottom < f64::from(band.bottom_px));
+        let height = f64::from(band.bottom_px - band.top_px);
+        assert!(height < 1.2 * (bottom - top) + 2.0, "{band} {top} {bottom}");
+
+        put_on(Side::Test);
+        assert_eq!(RowBand::of_training_side(&corpus).unwrap(), None);
+    }
 
     #[test]
     fn a_band_is_written_as_it_is_read_and_one_without_rows_is_refused() {

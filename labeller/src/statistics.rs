@@ -4,7 +4,7 @@ use dataset::detections::Detection;
 use dataset::pixel_box::TruthBox;
 use serde::Serialize;
 
-use crate::matching::{Match, is_expected};
+use crate::matching::Match;
 
 /// Counts over pictures. One picture is one view at one tick.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
@@ -81,7 +81,7 @@ impl TruthCounts {
                 |detection: &&Detection| Match::of(&detection.pixel_box, &real.pixel_box);
             let touching = here().filter(|found| compared(found) != Match::Elsewhere);
             touching_some += touching.count() as u64;
-            if !is_expected(real) {
+            if !real.is_expected() {
                 continue;
             }
             counts.expected += 1;

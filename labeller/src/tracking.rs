@@ -13,15 +13,20 @@ use motion::Motion;
 
 /// Boxes that confirm a track...
 const HITS: u32 = 3;
-/// ... within so many pictures in a row in which it was looked for.
+/// ... within this number of consecutive pictures in which it was looked for.
 const OUTCOMES: u32 = 5;
 /// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
 /// errors are normal; those of boxes have longer tails.
 const GATE: f64 = 30.0;
-/// A confirmed track ends after so many pictures in a row without a box...
+/// A confirmed track ends after this number of consecutive pictures without a box...
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
 const LONGEST_GAP_S: f64 = 2.0;
+/// A track that lasted shorter than this is no aircraft, seconds: at 30 pictures a second a patch of cloud looks like one for three of
+/// them, and is still there in the next ones.
+const SHORTEST_S: f64 = 2.0;
+/// In a video that is shorter, this part of it is enough.
+const SHORTEST_PART: f64 = 0.5;
 /// From here on a track that stands still is not an arriving aircraft, seconds.
 const LONGEST_STILL_S: f64 = 60.0;
 /// The middle of a track's last third against that of its first third. An aircraft at 13 NM grows by a tenth in 40 s...
@@ -38,6 +43,8 @@ pub(crate) struct Tracker {
     followed: Vec<Track>,
     /// Boxes of all tracks, also of those that ended, by number.
     histories: Vec<History>,
+    /// When the first picture was.
+    began_s: Option<f64>,
     now_s: f64,
 }
 
@@ -81,19 +88,21 @@ pub(crate) enum Searched<'a> {
 }
 
 impl Tracker {
-    /// For a view with so many pictures: if these are very few, a box in each confirms a track.
+    /// For a view with this number of pictures. If it has fewer than [`HITS`], a box in each confirms a track.
     pub(crate) fn of_pictures(pictures: usize) -> Self {
         Self {
             hits: HITS.min(u32::try_from(pictures).unwrap_or(HITS)),
             followed: Vec::new(),
             histories: Vec::new(),
+            began_s: None,
             now_s: 0.0,
         }
     }
 
-    /// Goes on to the next picture, so many seconds after the last one.
+    /// Goes on to the next picture, `seconds` after the last one.
     pub(crate) fn advance(&mut self, seconds: f64) {
         self.now_s += seconds;
+        self.began_s.get_or_insert(self.now_s);
         for track in &mut self.followed {
             track.motion.advance(seconds);
         }
@@ -208,7 +217,11 @@ impl Tracker {
 
     /// Whether each track counts, by number, when all pictures are done.
     pub(crate) fn finish(self) -> Vec<bool> {
-        let counts = |history: History| history.is_confirmed && !history.stands_still();
+        let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
+        let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);
+        let counts = |history: History| {
+            history.is_confirmed && history.lasted_s() >= shortest_s && !history.stands_still()
+        };
         self.histories.into_iter().map(counts).collect()
     }
 }
@@ -241,16 +254,21 @@ impl Track {
 }
 
 impl History {
+    fn lasted_s(&self) -> f64 {
+        match (self.boxes.first(), self.boxes.last()) {
+            (Some((first_s, _)), Some((last_s, _))) => last_s - first_s,
+            _ => 0.0,
+        }
+    }
+
     /// Whether this is something like a mast: for a minute it neither moved nor grew.
     fn stands_still(&self) -> bool {
-        let (Some((first_s, _)), Some((last_s, _))) = (self.boxes.first(), self.boxes.last())
-        else {
-            return false;
-        };
-        if last_s - first_s < LONGEST_STILL_S {
+        let lasted_s = self.lasted_s();
+        if lasted_s < LONGEST_STILL_S {
             return false;
         }
-        let third_s = (last_s - first_s) / 3.0;
+        let (first_s, last_s) = (self.boxes[0].0, self.boxes[0].0 + lasted_s);
+        let third_s = lasted_s / 3.0;
         let before = mean(
             self.boxes
                 .iter()

@@ -8,7 +8,7 @@ use dataset::corpus::Corpus;
 use generator::generate::SimulatorTarget;
 use generator::sweep::Sweep;
 use labeller::{DetectOptions, DetectOutcome};
-use trainer::{Metrics, RunFolder, TrainConfig};
+use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig};
 
 use super::Outcome;
 use super::detect::{detect, interrupted, refuse_other_models};
@@ -61,7 +61,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         ..TrainConfig::demo()
     };
     let trained = train(&corpus, &folder.run(), &config)?;
-    let metrics = evaluate(trained.run.root(), &corpus)?;
+    let metrics = evaluate(trained.run.root(), &corpus, &EvaluationConfig::default())?;
     print_result(&corpus, &detected, &metrics, &trained.run)?;
     Ok(Ending::Done)
 }

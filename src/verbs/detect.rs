@@ -16,24 +16,17 @@ use super::output::{count, finish, print_json};
 use crate::args::DetectArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
-use crate::shipped::Shipped;
+use crate::shipped::Detector;
 use crate::signals;
 
 /// Runs the verb.
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
     let began = Instant::now();
     let corpus = open_filled_corpus(&args.corpus)?;
-    let shipped;
-    let model = match &args.model {
-        Some(model) => model.clone(),
-        None => {
-            shipped = Shipped::unpack()?;
-            shipped.detector()
-        }
-    };
+    let model = Detector::chosen(args.model.as_deref())?;
     let outcome = detect(
         &corpus,
-        &model,
+        model.path(),
         DetectOptions {
             onnx_runtime: args.runtime.library.clone(),
             device: args.runtime.device,
@@ -110,12 +103,9 @@ pub(crate) fn detect(
     };
     let outcome = detect_corpus(corpus, model, &options, watch);
     drop(stoppable);
-    let outcome = outcome.map_err(|error| match error {
-        // A file that is not a detector, or not a library, will not become one on a retry.
-        labeller::Error::Model { .. }
-        | labeller::Error::Runtime(_)
-        | labeller::Error::Option { .. } => Failure::bad_input(error),
-        error => error.into(),
+    let outcome = outcome.map_err(|error| match error.is_bad_input() {
+        true => Failure::bad_input(error),
+        false => error.into(),
     })?;
     for failure in &outcome.failed {
         bar.say(&format!(

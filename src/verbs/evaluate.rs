@@ -3,40 +3,45 @@
 use std::path::Path;
 
 use dataset::corpus::Corpus;
-use trainer::{EvaluationConfig, Metrics, RunFolder};
+use trainer::{EvaluationConfig, JudgedSide, Metrics, RunFolder};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
 use super::output::{count, print_json, print_table};
 use super::train::{Bars, failure_of};
-use crate::args::EvaluateArgs;
+use crate::args::{EvaluateArgs, SideArg};
 use crate::failure::{Ending, Failure};
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateArgs) -> Outcome {
     let corpus = open_corpus(&args.corpus)?;
-    let metrics = evaluate(&args.run, &corpus)?;
+    let config = EvaluationConfig {
+        side: match args.side {
+            SideArg::Test => JudgedSide::Test,
+            SideArg::All => JudgedSide::All,
+        },
+        detections: args.detections.clone(),
+        out: args.out.clone(),
+    };
+    let metrics = evaluate(&args.run, &corpus, &config)?;
     if args.json {
         print_json(&metrics)?;
     } else {
         print_metrics(&metrics);
-        println!(
-            "report: {}",
-            RunFolder::at(&args.run).report_path().display()
-        );
+        let results = RunFolder::at(args.out.as_ref().unwrap_or(&args.run));
+        println!("report: {}", results.report_path().display());
     }
     Ok(Ending::Done)
 }
 
 /// Evaluates a run.
-pub(crate) fn evaluate(run: &Path, corpus: &Corpus) -> Result<Metrics, Failure> {
-    trainer::evaluate(
-        &RunFolder::at(run),
-        corpus,
-        &EvaluationConfig::default(),
-        &mut Bars::of("evaluate"),
-    )
-    .map_err(failure_of)
+pub(crate) fn evaluate(
+    run: &Path,
+    corpus: &Corpus,
+    config: &EvaluationConfig,
+) -> Result<Metrics, Failure> {
+    let bars = &mut Bars::of("evaluate");
+    trainer::evaluate(&RunFolder::at(run), corpus, config, bars).map_err(failure_of)
 }
 
 /// Prints the errors of each estimator.
@@ -45,14 +50,17 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
         .estimators
         .iter()
         .map(|(name, figures)| {
-            let [combination, dual] = [&figures.overall.combination, &figures.overall.dual];
+            let [all, dual] = [&figures.overall.all, &figures.overall.dual];
             vec![
-                name.clone(),
-                percent(combination.mape_pct),
-                percent(combination.sd_pct),
-                combination.samples.to_string(),
+                match name.as_str() {
+                    "triangulation" => format!("{name} (oracle: true cameras)"),
+                    _ => name.clone(),
+                },
+                percent(all.mape_pct),
+                percent(all.median_pct),
+                percent(all.p95_pct),
+                percent(all.coverage.map(|coverage| 100.0 * coverage)),
                 percent(dual.mape_pct),
-                percent(dual.sd_pct),
                 dual.samples.to_string(),
             ]
         })
@@ -60,11 +68,11 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
     let heading = [
         "estimator",
         "MAPE %",
-        "SD %",
-        "samples",
-        "both views: MAPE %",
-        "SD %",
-        "samples",
+        "median %",
+        "95 % below",
+        "coverage %",
+        "two views: MAPE %",
+        "ticks",
     ];
     print_table(&heading, &rows);
     let test = &metrics.split.test;
@@ -72,8 +80,13 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
         1 => "1 held-out trajectory".to_owned(),
         many => format!("{many} held-out trajectories"),
     };
-    let samples = count(test.samples, "sample");
-    println!("on {trajectories}, {samples} seen by at least one view");
+    let ticks = &metrics.ticks;
+    println!(
+        "on {trajectories}: {} with the aircraft there, {} seen by at least one view, {} hidden by fog",
+        count(ticks.there, "tick"),
+        ticks.seen,
+        ticks.hidden_by_fog
+    );
     match metrics.disbelieved_boxes {
         0 => {}
         1 => println!("1 box was ignored: no training box has such a position or size"),

@@ -16,24 +16,17 @@ use crate::args::EvaluateDetectorArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 use crate::search_args::SearchMode;
-use crate::shipped::Shipped;
+use crate::shipped::Detector;
 use crate::signals;
 
 /// Runs the verb.
 pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
     let began = Instant::now();
     let corpus = open_filled_corpus(&args.corpus)?;
-    let shipped;
-    let model = match &args.model {
-        Some(model) => model.clone(),
-        None => {
-            shipped = Shipped::unpack()?;
-            shipped.detector()
-        }
-    };
-    refuse_other_models(&model)?;
+    let model = Detector::chosen(args.model.as_deref())?;
+    refuse_other_models(model.path())?;
     let options = EvaluationOptions {
-        model,
+        model: model.path().to_owned(),
         detect: DetectOptions {
             onnx_runtime: args.runtime.library.clone(),
             device: args.runtime.device,
@@ -102,11 +95,7 @@ fn failure_of(error: Error) -> Failure {
         Error::Out { .. } | Error::NoMode | Error::Unlabelled(_) | Error::Projection { .. } => {
             Failure::bad_input(error)
         }
-        Error::Search(
-            labeller::Error::Model { .. }
-            | labeller::Error::Runtime(_)
-            | labeller::Error::Option { .. },
-        ) => Failure::bad_input(error),
+        Error::Search(ref cause) if cause.is_bad_input() => Failure::bad_input(error),
         error => error.into(),
     }
 }

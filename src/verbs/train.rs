@@ -8,7 +8,7 @@ use dataset::outside_file::{self, FileKind};
 use dataset::progress::Progress;
 use dataset::toml_file::TomlFile;
 use serde::Serialize;
-use trainer::{TrainConfig, TrainOutcome};
+use trainer::{Choice, TrainConfig, TrainOutcome};
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
@@ -22,6 +22,7 @@ use crate::progress::Bar;
 struct Trained<'a> {
     run: &'a Path,
     validation_mape_pct: f64,
+    choice: &'a Choice,
 }
 
 /// Runs the verb.
@@ -34,6 +35,7 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
         print_json(&Trained {
             run,
             validation_mape_pct: outcome.validation_mape_pct,
+            choice: &outcome.choice,
         })?;
     } else {
         println!(
@@ -41,6 +43,10 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
             run.display(),
             outcome.validation_mape_pct
         );
+        let Choice {
+            estimator, reason, ..
+        } = &outcome.choice;
+        println!("recommended: {estimator}: {reason}");
     }
     let next = format!(
         "dtd evaluate {} --corpus {}",
@@ -115,6 +121,9 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
     }
     if args.detections.is_some() {
         config.model_hash.clone_from(&args.detections);
+    }
+    if args.leave_out.is_some() {
+        config.leave_out.clone_from(&args.leave_out);
     }
     Ok(config)
 }

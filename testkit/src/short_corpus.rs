@@ -49,7 +49,7 @@ pub fn write_with_videos(
     corpus
 }
 
-/// A corpus of one committed scenario with so many ticks at this rate, and pictures of this size.
+/// A corpus of one committed scenario with this number of ticks at this rate, and pictures of this size.
 pub fn write_flight(
     root: &Path,
     id: &str,

@@ -43,13 +43,24 @@ const SPAN_M: f64 = 35.8;
 const HEIGHT_M: f64 = 12.5;
 const SPEED_MPS: f64 = 72.0;
 
-/// The detector that the detections are said to be from.
+/// The detector that the records name as the source of the detections.
 pub fn model() -> ModelIdentity {
     ModelIdentity {
         model: Some(MODEL_FILE.into()),
         model_blake3: MODEL_HASH.into(),
         profile_blake3: None,
     }
+}
+
+/// A camera that no longer is as in the rig.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Changed {
+    /// Its view.
+    pub view: &'static str,
+    /// Turn to the right, degrees.
+    pub turned_deg: f64,
+    /// Focal length in parts of the rig's.
+    pub zoom: f64,
 }
 
 /// What to make.
@@ -73,6 +84,8 @@ pub struct SyntheticCorpus {
     pub miss_ratio: f64,
     /// Every scenario's cameras are turned by up to this much to either side, degrees.
     pub turned_deg: f64,
+    /// A camera that is not as in the rig, in all scenarios.
+    pub changed: Option<Changed>,
     /// Lens and air of all cameras.
     pub imaging: Imaging,
     /// Seed.
@@ -95,6 +108,7 @@ impl SyntheticCorpus {
             shift_noise_px: None,
             miss_ratio: 0.08,
             turned_deg: 0.0,
+            changed: None,
             imaging: Imaging::default(),
             seed: 0,
         }
@@ -182,6 +196,11 @@ impl SyntheticCorpus {
         let part = 2.0 * number as f64 / (count - 1).max(1) as f64 - 1.0;
         let rig = wide_baseline(runway).map(|(id, mut placed)| {
             placed.pose.heading_true_deg += part * self.turned_deg;
+            if let Some(changed) = self.changed.filter(|changed| changed.view == id) {
+                placed.pose.heading_true_deg += changed.turned_deg;
+                let half = (placed.hfov_deg.to_radians() / 2.0).tan() / changed.zoom;
+                placed.hfov_deg = 2.0 * half.atan().to_degrees();
+            }
             (id, placed)
         });
         let mut calibration = Calibration::from_poses(rig, 1920, 1280);

@@ -1,6 +1,6 @@
 //! The same box in the outputs of every kind of detector.
 
-use detector_training::onnx::{AttributeProto, Dimension, GraphProto, TensorProto, ValueInfoProto};
+use onnx_graph::proto::{AttributeProto, Dimension, GraphProto, TensorProto, ValueInfoProto};
 
 use crate::model::{Answer, encoded, node, open};
 
@@ -46,7 +46,7 @@ pub(crate) fn columns_with(columns: usize, classes: usize, class: usize) -> Answ
     Answer::floats("output0", &[1, 4 + classes as i64, columns as i64], numbers)
 }
 
-/// Final boxes, of which the others have another class.
+/// Final boxes: one of the given class, the others of another.
 pub(crate) fn final_rows(rows: usize, class: f32) -> Answer {
     let row = |class: f32| [&CORNERS[..], &[SCORE, class]].concat();
     let mut numbers = [row(class), row(class + 1.0)].concat();

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use detector_training::onnx::{
+use onnx_graph::proto::{
     AttributeProto, Dimension, GraphProto, ModelProto, NodeProto, OperatorSetIdProto,
     StringStringEntryProto, TensorProto, ValueInfoProto,
 };

@@ -1,21 +1,19 @@
 """Average precision as pycocotools computes it.
 
-Usage: python coco_ap.py FOLDER     of ground_truth.json and detections.json in COCO's format; prints JSON, null where pycocotools says -1
+Usage: python coco_ap.py TRUTH.json DETECTIONS.json     in COCO's format; prints JSON, null where pycocotools says -1
 """
 
 import contextlib
 import io
 import json
-import pathlib
 import sys
 
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
-folder = pathlib.Path(sys.argv[1])
 with contextlib.redirect_stdout(io.StringIO()):
-    truth = COCO(str(folder / "ground_truth.json"))
-    found = truth.loadRes(str(folder / "detections.json"))
+    truth = COCO(sys.argv[1])
+    found = truth.loadRes(sys.argv[2])
     evaluation = COCOeval(truth, found, "bbox")
     evaluation.evaluate()
     evaluation.accumulate()

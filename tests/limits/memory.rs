@@ -13,7 +13,7 @@ const TOO_LONG: Duration = Duration::from_secs(300);
 fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
     let tiny = Tiny::made().copy();
     let store = format!("file://{}", tiny.path("store").display());
-    let verbs: [&[&str]; 13] = [
+    let verbs: [&[&str]; 14] = [
         &["plan", "sweep.toml", "--against", "corpus"],
         &["generate", "sweep.toml", "--out", "again"],
         &["label", "again"],
@@ -29,6 +29,7 @@ fn every_verb_works_in_two_gibibytes_or_says_what_it_needs() {
             "training.toml",
         ],
         &["evaluate", "run", "--corpus", "corpus"],
+        &["export-estimators", "run", "--out", "models"],
         &[
             "train-detector",
             "corpus",

@@ -1,10 +1,14 @@
-//! All settings of a training, with the paper's sizes as defaults. Saved as `config.json` next to the results.
+//! All settings of a training. The defaults are the paper's method; [`PaperDeviation`] names what other values change about it. Saved as
+//! `config.json` next to the results.
 
 mod check;
+mod paper_deviation;
 
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
+
+pub use paper_deviation::PaperDeviation;
 
 /// Settings of [`crate::train`]. Unknown keys are rejected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -18,8 +22,13 @@ pub struct TrainConfig {
     pub min_dtd_nm: f64,
     /// Maximum distance to the touchdown target for training, nautical miles.
     pub max_dtd_nm: Option<f64>,
-    /// What the networks minimise.
+    /// `weather=NAME` or `time=HH:MM`: scenarios of this weather or time are the test side, whatever the split, and train nothing.
+    pub leave_out: Option<String>,
+    /// What the networks minimise; the mean squared error of the distance in the paper.
     pub loss: Loss,
+    /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
+    /// Formulas are always fitted to boxes that contain it.
+    pub only_true_boxes: bool,
     /// Additional training samples from geometry.
     pub augmentation: AugmentationConfig,
     /// Stage one: calibration networks and their shared head.
@@ -28,6 +37,8 @@ pub struct TrainConfig {
     pub estimator: EstimatorConfig,
     /// The monoscopic baseline networks.
     pub mono: MonoConfig,
+    /// How well the cameras are known before `self_calibrated` is fitted.
+    pub self_calibration: SelfCalibrationConfig,
 }
 
 impl Default for TrainConfig {
@@ -37,11 +48,14 @@ impl Default for TrainConfig {
             model_hash: None,
             min_dtd_nm: 0.05,
             max_dtd_nm: None,
-            loss: Loss::Logarithmic,
+            leave_out: None,
+            loss: Loss::Squared,
+            only_true_boxes: false,
             augmentation: AugmentationConfig::default(),
             calibration: CalibrationConfig::default(),
             estimator: EstimatorConfig::default(),
             mono: MonoConfig::default(),
+            self_calibration: SelfCalibrationConfig::default(),
         }
     }
 }
@@ -104,8 +118,8 @@ impl Loss {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AugmentationConfig {
-    /// Mixed samples are added up to this number of training samples; 0 turns mixing off. A corpus with more samples, such as the
-    /// full sweep, gets none.
+    /// Mixed samples, computed with the true cameras, are added up to this number of training samples; 0, as in the paper, for none. A
+    /// corpus with more samples gets none.
     pub fill_up_to_samples: usize,
     /// How far a mixture may extrapolate beyond the two trajectories that it mixes, in parts of their separation. A single view
     /// cannot distinguish range from lateral deviation and has to guess by typical flights, so this should stay small.
@@ -122,7 +136,7 @@ pub struct AugmentationConfig {
 impl Default for AugmentationConfig {
     fn default() -> Self {
         Self {
-            fill_up_to_samples: 40_000,
+            fill_up_to_samples: 0,
             extrapolation: 0.3,
             extrapolation_together: 4.0,
             deviation_together_m: 30.0,
@@ -143,7 +157,7 @@ pub struct Optimisation {
     pub learning_rate: f64,
 }
 
-/// Settings of stage one. The paper trains full batches for at most 225 000 epochs; here a step is a mini-batch.
+/// Settings of stage one. The paper trains at most 225 000 epochs; here a step is a mini-batch.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrationConfig {
@@ -153,15 +167,18 @@ pub struct CalibrationConfig {
     pub features: usize,
     /// Hidden layers of the shared auxiliary head.
     pub head_hidden: Vec<usize>,
+    /// Whether each calibration network has a linear path beside its layers, which keeps the positions apart from the sizes; the paper's
+    /// has none.
+    pub linear_path: bool,
     /// Mini-batches and learning rate.
     pub optimisation: Optimisation,
     /// Steps between two entries of the convergence log; each is an evaluation on the validation side.
     pub log_every: usize,
-    /// `Min` of Algorithm 1: steps before the set of optimised views may change (again).
+    /// `Min` of Algorithm 1: steps before the set of optimised views may change (again); 1500 in the paper.
     pub min_steps: usize,
-    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, percentage points of MAPE.
+    /// Threshold of Algorithm 1 for a plateau: spread of a view's last logged errors, percentage points of MAPE; 0.01 in the paper.
     pub plateau_threshold_pct: f64,
-    /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE.
+    /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
 }
 
@@ -171,15 +188,16 @@ impl Default for CalibrationConfig {
             hidden: vec![128, 128],
             features: 256,
             head_hidden: vec![128],
+            linear_path: false,
             optimisation: Optimisation {
-                steps: 3_000,
+                steps: 10_000,
                 batch_size: 256,
                 learning_rate: 2e-3,
             },
             log_every: 50,
-            min_steps: 500,
-            plateau_threshold_pct: 0.1,
-            gap_threshold_pct: 0.25,
+            min_steps: 1_500,
+            plateau_threshold_pct: 0.01,
+            gap_threshold_pct: 0.01,
         }
     }
 }
@@ -197,13 +215,13 @@ pub struct EstimatorConfig {
     /// Steps between two entries of the convergence log.
     pub log_every: usize,
     /// Share of the steps, from the first on, in which all batches use all views; after it, views are dropped at random. Averaging
-    /// the views' own answers is a plateau on which single-view batches keep the network; it must first learn what two views say
-    /// together. 0 drops views from the first step on, as in the paper.
+    /// the views' own answers is a plateau on which single-view batches keep the network; with this it first learns what two views say
+    /// together. 0, as in the paper, drops views from the first step on.
     pub together_first: f64,
-    /// Weight of the loss of a single-view batch, relative to one of all views. A single view's error has a floor that training
-    /// cannot remove, ten times that of two views; at equal weights it drowns them out. 1 is the paper's.
+    /// Weight of the loss of a single-view batch, relative to one of all views; 1 in the paper. A single view's error has a floor that
+    /// training cannot remove, ten times that of two views; at equal weights it drowns them out.
     pub alone_weight: f64,
-    /// Whether the last linear layer is solved in closed form after the last step (see [`crate::head_refit`]).
+    /// Whether the last linear layer is solved in closed form after the last step (see [`crate::head_refit`]); not in the paper.
     pub refit_head: bool,
 }
 
@@ -218,9 +236,9 @@ impl Default for EstimatorConfig {
                 learning_rate: 1e-3,
             },
             log_every: 250,
-            together_first: 0.5,
-            alone_weight: 0.02,
-            refit_head: true,
+            together_first: 0.0,
+            alone_weight: 1.0,
+            refit_head: false,
         }
     }
 }
@@ -248,6 +266,28 @@ impl Default for MonoConfig {
     }
 }
 
+/// How far the cameras may be from the rig of the plan: standard deviations of the prior of `self_calibrated`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct SelfCalibrationConfig {
+    /// Of the position along each axis, metres.
+    pub position_sd_m: f64,
+    /// Of pan, tilt and roll, degrees.
+    pub turn_sd_deg: f64,
+    /// Of the focal length, percent.
+    pub focal_sd_pct: f64,
+}
+
+impl Default for SelfCalibrationConfig {
+    fn default() -> Self {
+        Self {
+            position_sd_m: 2.0,
+            turn_sd_deg: 5.0,
+            focal_sd_pct: 20.0,
+        }
+    }
+}
+
 impl TrainConfig {
     /// The same method with narrower layers and fewer steps: about a minute and a half on two cores, for a dozen scenarios.
     pub fn demo() -> Self {
@@ -262,7 +302,6 @@ impl TrainConfig {
                 features: 64,
                 head_hidden: vec![64],
                 optimisation: narrow(1_500, 3e-3),
-                log_every: 50,
                 min_steps: 300,
                 ..CalibrationConfig::default()
             },
@@ -270,7 +309,6 @@ impl TrainConfig {
                 lstm: vec![96, 96],
                 head_hidden: vec![96],
                 optimisation: narrow(9_000, 2e-3),
-                together_first: 0.6,
                 ..EstimatorConfig::default()
             },
             mono: MonoConfig {

@@ -7,8 +7,12 @@ use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::leaky_relu;
 use burn::tensor::{Device, Tensor, TensorData};
+use onnx_graph::Graph;
+use onnx_graph::proto::AttributeProto;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
+
+use crate::encoded::numbers;
 
 /// Slope of LeakyReLU below zero, as in PyTorch.
 pub(crate) const LEAKY_SLOPE: f64 = 0.01;
@@ -32,6 +36,21 @@ pub(crate) fn linear(
     Linear {
         weight: Param::from_data(weight, device),
         bias: Some(Param::from_data(bias, device)),
+    }
+}
+
+/// A linear layer in an ONNX graph.
+pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> String {
+    let dims = layer.weight.dims().map(|length| length as i64);
+    let weight = graph.floats(&dims, &numbers(layer.weight.val()));
+    let product = graph.plain("MatMul", &[input, &weight]);
+    match &layer.bias {
+        None => product,
+        Some(bias) => {
+            let bias = numbers(bias.val().unsqueeze());
+            let bias = graph.floats(&[bias.len() as i64], &bias);
+            graph.plain("Add", &[&product, &bias])
+        }
     }
 }
 
@@ -75,6 +94,17 @@ impl Dense {
     /// Number of inputs of the last layer.
     pub(crate) fn last_inputs(&self) -> usize {
         self.last().weight.val().dims()[0]
+    }
+
+    /// The same as [`Dense::forward`] in an ONNX graph.
+    pub(crate) fn to_onnx(&self, graph: &mut Graph, input: &str) -> String {
+        let before_last = &self.layers[..self.layers.len() - 1];
+        let hidden = before_last.iter().fold(input.to_owned(), |value, layer| {
+            let value = linear_to_onnx(layer, graph, &value);
+            let slope = AttributeProto::float("alpha", LEAKY_SLOPE as f32);
+            graph.node("LeakyRelu", &[&value], vec![slope])
+        });
+        linear_to_onnx(self.last(), graph, &hidden)
     }
 
     fn last(&self) -> &Linear {

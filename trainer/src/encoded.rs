@@ -6,7 +6,7 @@ use rand_chacha::ChaCha12Rng;
 
 use crate::config::Loss;
 use crate::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
-use crate::samples::Sample;
+use crate::samples::{Observation, Sample};
 
 /// Normalised features and true distances of many samples.
 pub(crate) struct Encoded {
@@ -14,6 +14,7 @@ pub(crate) struct Encoded {
     /// Sample-major, view-minor; zeros where a view saw nothing.
     features: Vec<[f32; BOX_FEATURES]>,
     seen: Vec<bool>,
+    /// Of samples; observations have none.
     distances: Vec<f32>,
 }
 
@@ -23,20 +24,9 @@ impl Encoded {
         samples: impl IntoIterator<Item = &'a Sample>,
         normalisation: &Normalisation,
     ) -> Self {
-        let views = normalisation.views.len();
-        let mut encoded = Self {
-            views,
-            features: Vec::new(),
-            seen: Vec::new(),
-            distances: Vec::new(),
-        };
+        let mut encoded = Self::empty(normalisation);
         for sample in samples {
-            for (view, pixel_box) in sample.boxes.iter().enumerate() {
-                encoded.seen.push(pixel_box.is_some());
-                encoded.features.push(
-                    pixel_box.map_or([0.0; BOX_FEATURES], |b| normalisation.features(view, &b)),
-                );
-            }
+            encoded.push(sample, normalisation);
             encoded
                 .distances
                 .push((sample.dtd_m / TARGET_UNIT_M) as f32);
@@ -44,9 +34,38 @@ impl Encoded {
         encoded
     }
 
+    /// Encodes observations in their order, to predict: there are no distances.
+    pub(crate) fn of_observations(
+        observations: &[Observation],
+        normalisation: &Normalisation,
+    ) -> Self {
+        let mut encoded = Self::empty(normalisation);
+        for observed in observations {
+            encoded.push(observed, normalisation);
+        }
+        encoded
+    }
+
+    fn empty(normalisation: &Normalisation) -> Self {
+        Self {
+            views: normalisation.views.len(),
+            features: Vec::new(),
+            seen: Vec::new(),
+            distances: Vec::new(),
+        }
+    }
+
+    fn push(&mut self, observed: &Observation, normalisation: &Normalisation) {
+        for (view, pixel_box) in observed.boxes.iter().enumerate() {
+            self.seen.push(pixel_box.is_some());
+            self.features
+                .push(pixel_box.map_or([0.0; BOX_FEATURES], |b| normalisation.features(view, &b)));
+        }
+    }
+
     /// Number of samples.
     pub(crate) fn len(&self) -> usize {
-        self.distances.len()
+        self.seen.len() / self.views
     }
 
     /// Number of views.

@@ -21,7 +21,7 @@ pub enum Error {
         /// Folder of the corpus, or of one of its scenarios.
         path: PathBuf,
         /// What is wrong with it.
-        fault: CorpusFault,
+        fault: Box<CorpusFault>,
     },
     /// An invalid setting.
     #[error("configuration: {setting} is {found}, expected {expected}")]
@@ -103,7 +103,7 @@ impl Error {
     pub(crate) fn corpus(path: &Path, fault: CorpusFault) -> Self {
         Self::Corpus {
             path: path.to_owned(),
-            fault,
+            fault: Box::new(fault),
         }
     }
 

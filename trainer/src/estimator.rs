@@ -1,13 +1,17 @@
 //! The estimators of distance to touchdown: the one list of their names, their words in the report, and their answers.
 //!
-//! One more estimator is one more variant: whatever it lacks, the compiler names.
+//! One more estimator is one more variant: whatever it lacks, the compiler names. It gets whole flights of observations, without the
+//! truth, and gives a distance or no answer per tick. Views are removed from the observations before it sees them.
 
 use burn::tensor::Device;
+use onnx_graph::proto::ModelProto;
 
 use crate::encoded::Encoded;
+use crate::flight_filter::{Estimate, Knowing};
 use crate::mono_network::MonoInputs;
 use crate::normalisation::TARGET_UNIT_M;
-use crate::samples::{Sample, ScenarioSummary};
+use crate::onnx::EstimatorGraph;
+use crate::samples::{Observation, ScenarioSummary};
 use crate::trained_run::TrainedRun;
 use crate::{paper_lstm, pinhole, triangulation};
 
@@ -18,6 +22,12 @@ pub(crate) enum Estimator {
     PaperLstm,
     /// Least squares of the inverse range.
     InverseRange,
+    /// The same over the ticks so far.
+    InverseRangeFiltered,
+    /// The same over all ticks of the flight.
+    InverseRangeSmoothed,
+    /// The point that cameras agree on that were fitted to the training flights.
+    SelfCalibrated,
     /// The point nearest to the rays through the boxes.
     Triangulation,
     /// A network per view that sees the whole box.
@@ -38,35 +48,37 @@ pub(crate) struct Description {
     pub(crate) how: &'static str,
 }
 
-/// Samples to estimate, and what a training learned.
+/// Flights to estimate, and what a training learned.
 pub(crate) struct Task<'a> {
     run: &'a TrainedRun,
     scenarios: &'a [ScenarioSummary],
-    samples: &'a [&'a Sample],
+    observations: &'a [Observation],
     encoded: Encoded,
 }
 
 impl<'a> Task<'a> {
-    /// `scenarios` are those that the samples refer to.
+    /// `scenarios` are those that the observations refer to. Observations are whole flights, one after the other: every tick in the
+    /// order of time, also those at which no view saw the aircraft.
     pub(crate) fn new(
         run: &'a TrainedRun,
         scenarios: &'a [ScenarioSummary],
-        samples: &'a [&'a Sample],
+        observations: &'a [Observation],
     ) -> Self {
         Self {
             run,
             scenarios,
-            samples,
-            encoded: Encoded::new(samples.iter().copied(), &run.normalisation),
+            observations,
+            encoded: Encoded::of_observations(observations, &run.normalisation),
         }
     }
 
     /// A network's answers in metres. It always returns something, even without any box.
     fn metres(&self, units: Vec<f32>) -> Vec<Option<f64>> {
-        let metres = |(unit, sample): (f32, &&Sample)| {
-            (sample.detections() > 0).then(|| f64::from(unit) * TARGET_UNIT_M)
+        let metres = |(unit, observed): (f32, &Observation)| {
+            (observed.detections() > 0).then(|| f64::from(unit) * TARGET_UNIT_M)
         };
-        units.into_iter().zip(self.samples).map(metres).collect()
+        let answers = units.into_iter().zip(self.observations);
+        answers.map(metres).collect()
     }
 
     fn mono(&self, inputs: MonoInputs) -> Vec<Option<f64>> {
@@ -78,16 +90,20 @@ impl<'a> Task<'a> {
         self.metres(networks.predict(inputs, &self.encoded, loss, &Device::flex()))
     }
 
-    fn each(&self, formula: impl Fn(&Sample) -> Option<f64>) -> Vec<Option<f64>> {
-        self.samples.iter().map(|sample| formula(sample)).collect()
+    /// The answers of an estimator that needs one tick at a time.
+    fn each(&self, formula: impl Fn(&Observation) -> Option<f64>) -> Vec<Option<f64>> {
+        self.observations.iter().map(formula).collect()
     }
 }
 
 impl Estimator {
     /// All of them, in the order of tables, plots and columns.
-    pub(crate) const ALL: [Self; 6] = [
+    pub(crate) const ALL: [Self; 9] = [
         Self::PaperLstm,
         Self::InverseRange,
+        Self::InverseRangeFiltered,
+        Self::InverseRangeSmoothed,
+        Self::SelfCalibrated,
         Self::Triangulation,
         Self::MonoNetworkBox,
         Self::MonoNetwork,
@@ -105,17 +121,32 @@ impl Estimator {
             Self::PaperLstm => [
                 "paper_lstm",
                 "Calibration networks + LSTM",
-                "the paper's networks; they see boxes only, but mixed training samples are computed with the cameras",
+                "calibration networks and an LSTM over the views; learned from boxes and labels",
             ],
             Self::InverseRange => [
                 "inverse_range",
                 "Inverse range",
-                "least squares on the places in all views, registered with each other; learned from labels, without the cameras",
+                "least squares on the places in all views, registered with each other; learned from labels; not told where the cameras are",
+            ],
+            Self::InverseRangeFiltered => [
+                "inverse_range_filtered",
+                "Inverse range, filtered",
+                "a Kalman filter over the ticks so far; views may be missing",
+            ],
+            Self::InverseRangeSmoothed => [
+                "inverse_range_smoothed",
+                "Inverse range, smoothed",
+                "the filter and back again, so that later ticks count as well; not possible while the aircraft flies",
+            ],
+            Self::SelfCalibrated => [
+                "self_calibrated",
+                "Self-calibrated triangulation",
+                "geometry with cameras fitted to the training flights, from the rig as planned; needs two views",
             ],
             Self::Triangulation => [
                 "triangulation",
-                "Triangulation",
-                "geometry with the known cameras; needs two views",
+                "Triangulation (oracle)",
+                "geometry with the true cameras of each scenario, which no other estimator gets; needs two views",
             ],
             Self::MonoNetworkBox => [
                 "mono_network_box",
@@ -136,12 +167,48 @@ impl Estimator {
         Description { name, title, how }
     }
 
-    /// Distances to touchdown in the order of the samples, metres, all finite; `None` where it has no answer.
+    /// Distances to touchdown in the order of the observations, metres, all finite; `None` where it has no answer.
     pub(crate) fn predict(self, task: &Task) -> Vec<Option<f64>> {
         let answers = self.answers(task).into_iter();
         answers
             .map(|answer| answer.filter(|distance_m| distance_m.is_finite()))
             .collect()
+    }
+
+    /// The same as an ONNX model, which takes boxes in pixels; `None` for an estimator that needs the cameras, or ticks before.
+    pub(crate) fn to_onnx(self, run: &TrainedRun) -> Option<ModelProto> {
+        let (networks, baselines, loss) = (&run.networks, &run.baselines, run.config.loss);
+        let graph = &mut EstimatorGraph::new(&run.normalisation);
+        let metres = match self {
+            Self::PaperLstm => networks
+                .estimator
+                .to_onnx(&networks.calibration, loss, graph),
+            Self::InverseRange => baselines.inverse_range.to_onnx(graph),
+            Self::MonoNetwork => networks.mono_size.to_onnx(MonoInputs::Size, loss, graph),
+            Self::MonoNetworkBox => networks.mono_box.to_onnx(MonoInputs::Box, loss, graph),
+            Self::MonoPinhole => pinhole::to_onnx(&baselines.pinholes, graph),
+            Self::Triangulation
+            | Self::SelfCalibrated
+            | Self::InverseRangeFiltered
+            | Self::InverseRangeSmoothed => return None,
+        };
+        Some(graph.model(&metres, self))
+    }
+
+    /// Distances, speeds and times with intervals, in the order of the observations; `None` from an estimator that has none.
+    pub(crate) fn estimates(self, task: &Task) -> Option<Vec<Option<Estimate>>> {
+        let knowing = match self {
+            Self::InverseRangeFiltered => Knowing::Past,
+            Self::InverseRangeSmoothed => Knowing::All,
+            _ => return None,
+        };
+        let baselines = &task.run.baselines;
+        let flights = task.observations.chunk_by(|a, b| a.scenario == b.scenario);
+        let estimates = flights.flat_map(|flight| match &baselines.flight_filter {
+            Some(filter) => filter.predict(&baselines.inverse_range, flight, knowing),
+            None => vec![None; flight.len()],
+        });
+        Some(estimates.collect())
     }
 
     fn answers(self, task: &Task) -> Vec<Option<f64>> {
@@ -155,15 +222,25 @@ impl Estimator {
                 &Device::flex(),
             )),
             Self::InverseRange => task.each(|s| baselines.inverse_range.predict(s)),
+            Self::InverseRangeFiltered | Self::InverseRangeSmoothed => {
+                Estimate::distances_m(&self.estimates(task).unwrap_or_default())
+            }
+            Self::SelfCalibrated => match &baselines.self_calibrated {
+                None => vec![None; task.observations.len()],
+                Some(fitted) => {
+                    let locator = fitted.locator();
+                    task.each(|s| locator.distance_m(s, &task.scenarios[s.scenario]))
+                }
+            },
             Self::MonoNetwork => task.mono(MonoInputs::Size),
             Self::MonoNetworkBox => task.mono(MonoInputs::Box),
             Self::MonoPinhole => task.each(|s| pinhole::predict(&baselines.pinholes, s)),
-            Self::Triangulation => task.each(|sample| {
-                let scenario = &task.scenarios[sample.scenario];
+            Self::Triangulation => task.each(|observed| {
+                let scenario = &task.scenarios[observed.scenario];
                 triangulation::predict(
                     &baselines.centre_offsets,
                     &scenario.cameras,
-                    sample,
+                    observed,
                     scenario.touchdown,
                 )
             }),
@@ -182,6 +259,9 @@ mod tests {
             [
                 "paper_lstm",
                 "inverse_range",
+                "inverse_range_filtered",
+                "inverse_range_smoothed",
+                "self_calibrated",
                 "triangulation",
                 "mono_network_box",
                 "mono_network",

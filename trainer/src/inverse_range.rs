@@ -8,9 +8,11 @@
 //!
 //! Each set of views has fits of its own, because a missing view leaves no formula to the others: one from the boxes, and, with two
 //! views or more, one from their registered shifts ([`crate::view_shift`]). At a tick the most precise fit applies whose views all saw
-//! the aircraft. Neither training nor prediction reads the calibration; registered shifts were measured with its help, which tells
-//! scale and rotation between two views.
+//! the aircraft. Prediction does not read the calibration; training does only to leave out boxes that do not hold the aircraft, and
+//! registered shifts were measured with its help, which tells scale and rotation between two views.
 
+mod measurement;
+mod onnx;
 mod robust_fit;
 
 use std::collections::BTreeSet;
@@ -18,9 +20,10 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::minimum::Search;
-use crate::samples::{FARTHEST_M, Sample};
+use crate::samples::{FARTHEST_M, Observation, Sample};
 use crate::view_shift::Places;
 
+pub(crate) use measurement::{Measurement, scale_m};
 use robust_fit::{Rows, Scales, Solution, coordinates, dot, normalise, terms_of, write_terms};
 
 /// Ticks per coefficient below which there is no fit.
@@ -71,8 +74,33 @@ struct Fit {
 impl InverseRange {
     /// Fits all sets of views that saw the aircraft together often enough on the training side, and each view alone.
     pub(crate) fn fit(views: usize, training: &[&Sample]) -> Self {
-        let sets = sets_of_views(views, training).into_iter();
-        let sets = sets.flat_map(|views| {
+        Self::fit_sets(sets_of_views(views, training), training)
+    }
+
+    /// The same fits in the same order, those of sets that contain this view fitted again to other samples; `None` if these are too few for
+    /// one of them.
+    pub(crate) fn with_view_refitted(&self, view: usize, samples: &[&Sample]) -> Option<Self> {
+        let refitted = |fit: &Fit| match fit.set.views.contains(&view) {
+            true => Fit::of(fit.set.clone(), samples),
+            false => Some(fit.clone()),
+        };
+        let fits = self.fits.iter().map(refitted).collect::<Option<_>>()?;
+        Some(Self { fits })
+    }
+
+    /// The fits that do without this view.
+    pub(crate) fn without(&self, view: usize) -> Self {
+        let others = self
+            .fits
+            .iter()
+            .filter(|fit| !fit.set.views.contains(&view));
+        Self {
+            fits: others.cloned().collect(),
+        }
+    }
+
+    fn fit_sets(sets: BTreeSet<Vec<usize>>, training: &[&Sample]) -> Self {
+        let sets = sets.into_iter().flat_map(|views| {
             [false, true].map(|registered| ViewSet {
                 views: views.clone(),
                 registered,
@@ -85,9 +113,9 @@ impl InverseRange {
 
     /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the most precise one has no distance
     /// for such places.
-    pub(crate) fn predict(&self, sample: &Sample) -> Option<f64> {
+    pub(crate) fn predict(&self, observed: &Observation) -> Option<f64> {
         let mut applicable =
-            (self.fits.iter()).filter_map(|fit| Some((fit, fit.set.places(sample)?)));
+            (self.fits.iter()).filter_map(|fit| Some((fit, fit.set.places(observed)?)));
         let (fit, places) = applicable.next()?;
         fit.distance_m(&places)
     }
@@ -153,33 +181,35 @@ fn sets_of_views(views: usize, training: &[&Sample]) -> BTreeSet<Vec<usize>> {
 }
 
 impl ViewSet {
-    fn places(&self, sample: &Sample) -> Option<Places> {
+    fn places(&self, observed: &Observation) -> Option<Places> {
         match self.registered {
-            true => Places::registered(sample, &self.views),
-            false => Places::of_boxes(sample, &self.views),
+            true => Places::registered(observed, &self.views),
+            false => Places::of_boxes(observed, &self.views),
         }
+    }
+
+    /// The ticks at which all views saw the aircraft, their places normalised.
+    fn rows(&self, training: &[&Sample]) -> (Rows, Scales) {
+        let mut rows = Rows::new(self.views.len());
+        for sample in training {
+            if let Some(places) = self.places(sample) {
+                rows.push(&places, sample.dtd_m);
+            }
+        }
+        let scales = Scales::of(&rows.coordinates, rows.width);
+        for row in rows.coordinates.chunks_exact_mut(rows.width) {
+            normalise(row, &scales.offset_px, &scales.scale_px);
+        }
+        (rows, scales)
     }
 }
 
 impl Fit {
     /// `None` if there are too few ticks.
     fn of(set: ViewSet, training: &[&Sample]) -> Option<Self> {
-        let mut rows = Rows::new(set.views.len());
-        for sample in training {
-            if let Some(places) = set.places(sample) {
-                rows.push(&places, sample.dtd_m);
-            }
-        }
-        let terms = terms_of(rows.width);
-        if rows.len() < TICKS_PER_COEFFICIENT * terms {
+        let (rows, scales) = set.rows(training);
+        if rows.len() < TICKS_PER_COEFFICIENT * terms_of(rows.width) {
             return None;
-        }
-        let Scales {
-            offset_px,
-            scale_px,
-        } = Scales::of(&rows.coordinates, rows.width);
-        for row in rows.coordinates.chunks_exact_mut(rows.width) {
-            normalise(row, &offset_px, &scale_px);
         }
         let distances_m = || rows.distances_m.iter().copied();
         let (nearest_m, farthest_m) = (
@@ -197,13 +227,19 @@ impl Fit {
             let size = |solution: Solution| solution.residuals.iter().map(|r| r.abs()).sum();
             some.solve(setback_m, ROUGHLY).map_or(f64::INFINITY, size)
         });
+        Self::at(set, setback_m, &rows, scales)
+    }
+
+    /// The fit with the cameras at this distance behind the target.
+    fn at(set: ViewSet, setback_m: f64, rows: &Rows, scales: Scales) -> Option<Self> {
         let solution = rows.solve(setback_m, EXACTLY)?;
-        let freedom = (rows.len() as f64 / (rows.len() - terms) as f64).sqrt();
+        let free = rows.len().saturating_sub(terms_of(rows.width)).max(1);
+        let freedom = (rows.len() as f64 / free as f64).sqrt();
         Some(Self {
             set,
             setback_m,
-            offset_px,
-            scale_px,
+            offset_px: scales.offset_px,
+            scale_px: scales.scale_px,
             coefficients_per_m: solution.coefficients_per_m,
             deviation: solution.deviation * freedom,
         })

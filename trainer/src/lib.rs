@@ -4,38 +4,51 @@
 //!
 //! ```text
 //! samples -> normalisation -> (trajectory_mixing) -> calibration_training -> paper_lstm --+
-//!       \-> inverse_range; mono_network, pinhole, triangulation (baselines) --------------+-> evaluation -> metrics, report
+//!       |-> mono_network, pinhole, triangulation (baselines) -----------------------------+
+//!       |-> self_calibration (choice) ----------------------------------------------------+
+//!       \-> inverse_range -> flight_filter -----------------------------------------------+-> evaluation -> metrics, report
 //! ```
 //!
-//! The method is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
-//! paper leaves a choice open, the module states the choice and the reason.
+//! `paper_lstm` is the paper's: a calibration network per camera with a shared auxiliary head, then an LSTM over the views. Where the
+//! paper leaves a choice open, the module states the choice and the reason; settings that deviate from it are named
+//! ([`config::PaperDeviation`]).
 
 #![forbid(unsafe_code)]
 
 mod calibration_training;
+mod choice;
 pub mod config;
 mod dense;
 mod encoded;
 mod error;
 mod estimator;
 mod evaluation;
+mod evaluation_rules;
+mod fitted_camera;
+mod flight_filter;
 mod gap_balance;
 mod head_refit;
 mod inverse_range;
+mod lateral_spread;
+mod leave_out;
 mod lstm;
 mod memory;
 mod metrics;
 mod minimum;
 mod mono_network;
 mod normalisation;
+mod onnx;
 mod paper_lstm;
 mod pinhole;
+mod prediction;
+mod refit;
 mod report;
 mod rig;
 mod run_folder;
 mod run_place;
 mod samples;
 mod sealed_run;
+mod self_calibration;
 mod trained_run;
 mod training;
 mod training_loop;
@@ -43,11 +56,17 @@ mod trajectory_mixing;
 mod triangulation;
 mod trusted_boxes;
 mod view_dropout;
+mod view_removal;
 mod view_shift;
 
+pub use choice::Choice;
 pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, Result, RunFault};
-pub use evaluation::{EvaluationConfig, evaluate};
+pub use evaluation::{EvaluationConfig, JudgedSide, evaluate};
+pub use evaluation_rules::EvaluationRules;
 pub use metrics::Metrics;
+pub use onnx::{Agreement, ExportedModel, ExportedRun, Probes, TOLERANCE, export};
+pub use prediction::{Predicted, predict};
+pub use refit::{MOST_APPROACHES, Refit, RefitConfig, refit};
 pub use run_folder::RunFolder;
 pub use training::{TrainOutcome, train};

@@ -8,9 +8,10 @@ use burn::module::Module;
 use burn::nn::Linear;
 use burn::tensor::activation::sigmoid;
 use burn::tensor::{Device, Tensor};
+use onnx_graph::Graph;
 use rand_chacha::ChaCha12Rng;
 
-use crate::dense::linear;
+use crate::dense::{linear, linear_to_onnx};
 
 /// One gate: the input part (with bias) and the part from the last output.
 #[derive(Module, Debug)]
@@ -37,6 +38,19 @@ impl Gate {
         let sum = self.input.forward(input);
         match hidden {
             Some(hidden) => sum + self.hidden.forward(hidden),
+            None => sum,
+        }
+    }
+}
+
+impl Gate {
+    fn to_onnx(&self, graph: &mut Graph, input: &str, hidden: Option<&str>) -> String {
+        let sum = linear_to_onnx(&self.input, graph, input);
+        match hidden {
+            Some(hidden) => {
+                let from_hidden = linear_to_onnx(&self.hidden, graph, hidden);
+                graph.plain("Add", &[&sum, &from_hidden])
+            }
             None => sum,
         }
     }
@@ -96,6 +110,56 @@ impl Layer {
     }
 }
 
+/// Output and cell of a layer in an ONNX graph.
+#[derive(Clone)]
+struct OnnxState {
+    hidden: String,
+    cell: String,
+}
+
+impl Layer {
+    /// The same as [`Layer::step`] in an ONNX graph.
+    fn to_onnx(
+        &self,
+        graph: &mut Graph,
+        input: &str,
+        state: Option<OnnxState>,
+        present: &str,
+    ) -> OnnxState {
+        let last = state.as_ref().map(|state| state.hidden.as_str());
+        let mut gate = |gate: &Gate, function: &str| {
+            let sum = gate.to_onnx(graph, input, last);
+            graph.plain(function, &[&sum])
+        };
+        let write_gate = gate(&self.input_gate, "Sigmoid");
+        let candidate = gate(&self.cell_gate, "Tanh");
+        let forget = state.is_some().then(|| gate(&self.forget_gate, "Sigmoid"));
+        let output = gate(&self.output_gate, "Sigmoid");
+        let write = graph.plain("Mul", &[&write_gate, &candidate]);
+        let cell = match (&state, &forget) {
+            (Some(state), Some(forget)) => {
+                let kept = graph.plain("Mul", &[forget, &state.cell]);
+                graph.plain("Add", &[&write, &kept])
+            }
+            _ => write,
+        };
+        let shown = graph.plain("Tanh", &[&cell]);
+        let hidden = graph.plain("Mul", &[&output, &shown]);
+        let mut kept = |new: &str, old: Option<&str>| match old {
+            None => graph.plain("Mul", &[new, present]),
+            Some(old) => {
+                let change = graph.plain("Sub", &[new, old]);
+                let change = graph.plain("Mul", &[&change, present]);
+                graph.plain("Add", &[old, &change])
+            }
+        };
+        OnnxState {
+            hidden: kept(&hidden, state.as_ref().map(|state| state.hidden.as_str())),
+            cell: kept(&cell, state.as_ref().map(|state| state.cell.as_str())),
+        }
+    }
+}
+
 fn tanh(x: Tensor<2>) -> Tensor<2> {
     sigmoid(x.mul_scalar(2.0)).mul_scalar(2.0).sub_scalar(1.0)
 }
@@ -147,6 +211,21 @@ impl StackedLstm {
             output = Some(value);
         }
         output.expect("a sequence has at least one view")
+    }
+
+    /// The same in an ONNX graph, of the features of each view and its presence, 1 or 0.
+    pub(crate) fn to_onnx(&self, graph: &mut Graph, views: &[[String; 2]]) -> String {
+        let mut states: Vec<Option<OnnxState>> = vec![None; self.layers.len()];
+        let mut output = String::new();
+        for [features, present] in views {
+            output.clone_from(features);
+            for (layer, state) in self.layers.iter().zip(&mut states) {
+                let new = layer.to_onnx(graph, &output, state.take(), present);
+                output.clone_from(&new.hidden);
+                *state = Some(new);
+            }
+        }
+        output
     }
 }
 

@@ -77,15 +77,22 @@ fn check_against(
 fn data(config: &TrainConfig, views: u64, samples: SampleCounts) -> Part {
     let training = samples.training as u64;
     let filled = config.augmentation.fill_up_to_samples as u64;
-    // Single-view and joint samples.
-    let learned = 2 * training.max(filled);
+    // Single-view and joint samples, or the recorded ones for both.
+    let learned = match filled > training {
+        true => 2 * filled,
+        false => training,
+    };
     let boxes = views * size_of::<Option<dataset::pixel_box::PixelBox>>() as u64;
     let shifts = views * size_of::<Option<ViewShift>>() as u64;
     let encoded = views * (BOX_FEATURES as u64 * NUMBER + 1) + NUMBER;
     let bytes_each = size_of::<Sample>() as u64 + boxes + shifts + encoded;
     let judged = (samples.judged as u64).saturating_mul(bytes_each);
+    let setting = match filled > training {
+        true => format!("augmentation.fill_up_to_samples {filled}"),
+        false => format!("the corpus, with {training} samples on the training side,"),
+    };
     Part {
-        setting: format!("augmentation.fill_up_to_samples {filled}"),
+        setting,
         bytes: learned.saturating_mul(bytes_each).saturating_add(judged),
     }
 }
@@ -98,7 +105,11 @@ fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [TrainingS
     let calibration_units = [sum(&c.hidden), features, sum(&c.head_hidden)]
         .into_iter()
         .fold(0, u64::saturating_add);
-    let per_view = dense(boxes, &c.hidden, features).saturating_add(boxes.saturating_mul(features));
+    let linear_path = match c.linear_path {
+        true => boxes.saturating_mul(features),
+        false => 0,
+    };
+    let per_view = dense(boxes, &c.hidden, features).saturating_add(linear_path);
     let calibration = stage(
         "calibration",
         (&c.hidden, c.features, &c.head_hidden),

@@ -1,30 +1,31 @@
-//! `metrics.json`: percentage errors on the test side.
+//! `metrics.json`: how an evaluation judged, what it judged, and the figures of every estimator.
 //!
-//! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all samples, not n - 1). *Dual* are
-//! the samples that two or more views saw, *combination* those that at least one saw. Answers that are not finite are
-//! no answers. Figures over no answer are `null`, all others are numbers.
+//! `PE = |predicted - true| / true * 100`; MAPE is its mean and SD its standard deviation (over all answers, not n - 1). *Dual* are
+//! the ticks at which two or more views saw the aircraft, *combination* those at which at least one did. Answers that are not finite are
+//! no answers. A tick without an answer counts against coverage. Figures over no answer are `null`, all others are numbers.
+
+mod bootstrap;
+mod figures;
+mod stated_intervals;
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::config::PaperDeviation;
 use crate::estimator::Estimator;
+use crate::evaluation::Judged;
+use crate::evaluation_rules::EvaluationRules;
+use crate::flight_filter::Estimate;
 
-/// Mean and spread of the percentage error over some samples.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct ErrorFigures {
-    /// Mean absolute percentage error.
-    pub mape_pct: Option<f64>,
-    /// Standard deviation of the percentage error.
-    pub sd_pct: Option<f64>,
-    /// Number of samples for which there was a prediction.
-    pub samples: usize,
-}
+pub(crate) use bootstrap::Intervals;
+pub(crate) use figures::ErrorFigures;
+pub(crate) use stated_intervals::StatedIntervals;
 
-/// Figures with and without the samples that only one view saw.
+/// Figures with and without the ticks that only one view saw, or none.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct SplitFigures {
-    /// All samples: the same as `combination`.
+    /// All ticks at which the aircraft is there.
     #[serde(flatten)]
     pub all: ErrorFigures,
     /// Two or more views saw the aircraft.
@@ -45,18 +46,54 @@ pub struct DistanceBin {
     pub figures: ErrorFigures,
 }
 
+/// Figures of one flight.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlightFigures {
+    /// Scenario.
+    pub scenario: String,
+    /// The trajectory that it flies.
+    pub trajectory: String,
+    /// The figures.
+    #[serde(flatten)]
+    pub figures: ErrorFigures,
+}
+
+/// Figures while views fail.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct RemovedFigures {
+    /// Of all ticks.
+    #[serde(flatten)]
+    pub all: ErrorFigures,
+    /// Of the ticks at which a view was removed.
+    pub removed: ErrorFigures,
+    /// Intervals of the figures of all ticks.
+    pub intervals: Option<Intervals>,
+    /// The intervals that the estimator states, if it states any.
+    pub stated_intervals: Option<StatedIntervals>,
+}
+
 /// All figures of one estimator.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct EstimatorMetrics {
     /// Over everything.
     #[serde(flatten)]
     pub overall: SplitFigures,
+    /// Intervals of the figures over everything.
+    pub intervals: Option<Intervals>,
+    /// The intervals that the estimator states, if it states any.
+    pub stated_intervals: Option<StatedIntervals>,
+    /// Over the ticks that every estimator with any answer has answered.
+    pub common: ErrorFigures,
+    /// By removal of views.
+    pub views_removed: BTreeMap<String, RemovedFigures>,
     /// By name of the weather.
     pub by_weather: BTreeMap<String, SplitFigures>,
     /// By local time.
     pub by_time: BTreeMap<String, SplitFigures>,
     /// By distance, without gaps.
     pub by_distance_nm: Vec<DistanceBin>,
+    /// By scenario.
+    pub by_flight: Vec<FlightFigures>,
 }
 
 /// One side of the split in numbers.
@@ -81,43 +118,79 @@ pub struct SplitSummary {
     pub validation: SideCount,
     /// For all figures.
     pub test: SideCount,
-    /// Smallest distance to touchdown that was evaluated, nautical miles.
-    pub min_dtd_nm: f64,
-    /// Largest distance to touchdown that was evaluated, nautical miles.
-    pub max_dtd_nm: Option<f64>,
+}
+
+/// The judged ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TickCounts {
+    /// The aircraft is there: the ticks that coverage is of.
+    pub there: usize,
+    /// Of these, fog hides it in every picture.
+    pub hidden_by_fog: usize,
+    /// Of these, at least one view has a box that counts.
+    pub seen: usize,
+    /// Every estimator with any answer has answered.
+    pub common: usize,
 }
 
 /// The whole file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
+    /// How it was judged.
+    pub rules: EvaluationRules,
+    /// What was judged.
+    pub judged: Judged,
     /// The split.
     pub split: SplitSummary,
-    /// Boxes of the test side that were ignored because the training side has none at such a position or of such a size.
-    #[serde(default)]
+    /// The judged ticks.
+    pub ticks: TickCounts,
+    /// Boxes at these ticks that were ignored because the training side has none at such a position or of such a size.
     pub disbelieved_boxes: usize,
+    /// Pictures of these ticks in which the detector found only boxes that the picture's edge cuts off, which are ignored.
+    pub cut_off_boxes: usize,
+    /// What the training of `paper_lstm` did otherwise than the paper, by its settings; missing in earlier evaluations.
+    #[serde(default)]
+    pub deviations_from_paper: Vec<PaperDeviation>,
     /// Figures by name of the estimator.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }
 
-/// One prediction with what is needed to group it.
+/// One judged tick and what an estimator answered, with what is needed to group it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Outcome<'a> {
     /// Truth, metres.
     pub dtd_m: f64,
     /// Prediction, metres, if there was one.
     pub predicted_m: Option<f64>,
+    /// Ends of its 90 % interval, metres, if the estimator states one.
+    pub interval_m: Option<[f64; 2]>,
     /// Number of views that saw the aircraft.
     pub detections: usize,
+    /// Whether fog hides the aircraft.
+    pub is_hidden: bool,
+    /// Whether a view was removed.
+    pub is_removed: bool,
+    /// Identifier of the scenario.
+    pub scenario: &'a str,
+    /// The trajectory that it flies.
+    pub trajectory: &'a str,
+    /// What that trajectory is, whatever it is called.
+    pub flight: &'a str,
     /// Name of the weather.
     pub weather: &'a str,
     /// Local time.
     pub time_of_day: &'a str,
 }
 
-/// All predictions of one estimator, in the order of the evaluated samples.
+/// All answers of one estimator, in the order of the judged ticks.
 pub(crate) struct EstimatorOutcomes<'a> {
     pub estimator: Estimator,
+    /// With all observations.
     pub outcomes: Vec<Outcome<'a>>,
+    /// What else it knows with all observations, at the same ticks; `None` of an estimator that answers with a distance alone.
+    pub estimates: Option<Vec<Option<Estimate>>>,
+    /// With some views removed, by the name of the removal.
+    pub views_removed: BTreeMap<String, Vec<Outcome<'a>>>,
 }
 
 impl Outcome<'_> {
@@ -126,59 +199,57 @@ impl Outcome<'_> {
         let error_pct = (self.predicted_m? - self.dtd_m) / self.dtd_m * 100.0;
         Some(error_pct).filter(|error| error.is_finite())
     }
-}
 
-impl ErrorFigures {
-    /// Figures of some outcomes.
-    pub(crate) fn of<'a>(outcomes: impl IntoIterator<Item = &'a Outcome<'a>>) -> Self {
-        let errors: Vec<f64> = outcomes
-            .into_iter()
-            .filter_map(|outcome| outcome.signed_error_pct().map(f64::abs))
-            .collect();
-        Self {
-            mape_pct: mean(&errors),
-            sd_pct: deviation(&errors),
-            samples: errors.len(),
-        }
+    /// Absolute error, metres.
+    fn error_m(&self) -> Option<f64> {
+        Some((self.predicted_m? - self.dtd_m).abs())
     }
-}
-
-/// Mean of finite numbers: finite, because nothing is added before it is divided; `None` if there are none.
-fn mean(numbers: &[f64]) -> Option<f64> {
-    let count = numbers.len() as f64;
-    let sum = numbers.iter().map(|number| number / count).sum();
-    (!numbers.is_empty()).then_some(sum)
-}
-
-/// Their standard deviation, finite as well: only parts of the largest distance from the mean are squared.
-fn deviation(numbers: &[f64]) -> Option<f64> {
-    let mean = mean(numbers)?;
-    let from_mean: Vec<f64> = numbers.iter().map(|number| (number - mean).abs()).collect();
-    let largest = from_mean.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
-    let squares: Vec<f64> = from_mean.iter().map(|x| (x / largest).powi(2)).collect();
-    Some(largest * self::mean(&squares)?.sqrt())
 }
 
 impl SplitFigures {
     fn of(outcomes: &[&Outcome]) -> Self {
-        let combination = ErrorFigures::of(outcomes.iter().copied());
-        let dual = ErrorFigures::of(
-            outcomes
-                .iter()
-                .copied()
-                .filter(|outcome| outcome.detections >= 2),
-        );
+        let seen_by = |least: usize| {
+            let outcomes = outcomes.iter().copied();
+            ErrorFigures::of(outcomes.filter(|outcome| outcome.detections >= least))
+        };
         Self {
-            all: combination,
-            dual,
-            combination,
+            all: seen_by(0),
+            dual: seen_by(2),
+            combination: seen_by(1),
         }
     }
 }
 
+impl RemovedFigures {
+    fn of(outcomes: &[Outcome], rules: &EvaluationRules) -> Self {
+        Self {
+            all: ErrorFigures::of(outcomes),
+            removed: ErrorFigures::of(outcomes.iter().filter(|outcome| outcome.is_removed)),
+            intervals: Intervals::of(outcomes, &rules.bootstrap),
+            stated_intervals: StatedIntervals::of(outcomes),
+        }
+    }
+}
+
+/// Which ticks every estimator with any answer has answered.
+pub(crate) fn common_ticks(all: &[EstimatorOutcomes]) -> Vec<bool> {
+    let is_answered = |outcome: &Outcome| outcome.signed_error_pct().is_some();
+    let answering = all
+        .iter()
+        .filter(|one| one.outcomes.iter().any(is_answered));
+    let ticks = all.first().map_or(0, |one| one.outcomes.len());
+    let none = vec![answering.clone().next().is_some(); ticks];
+    answering.fold(none, |common, one| {
+        let outcomes = one.outcomes.iter().map(is_answered);
+        common.iter().zip(outcomes).map(|(&a, b)| a && b).collect()
+    })
+}
+
 impl EstimatorMetrics {
-    /// All figures of one estimator; distance bins of `bin_nm` cover everything between the nearest and the farthest outcome.
-    pub(crate) fn of(outcomes: &[Outcome], bin_nm: f64) -> Self {
+    /// All figures of one estimator; `common` are the ticks that all have answered. Distance bins cover everything between the nearest
+    /// and the farthest outcome.
+    pub(crate) fn of(of: &EstimatorOutcomes, common: &[bool], rules: &EvaluationRules) -> Self {
+        let outcomes = &of.outcomes;
         let by = |name: fn(&Outcome) -> String| {
             let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
             for outcome in outcomes {
@@ -189,16 +260,32 @@ impl EstimatorMetrics {
                 .map(|(name, group)| (name, SplitFigures::of(&group)))
                 .collect()
         };
+        let removed = of.views_removed.iter();
+        let shared = outcomes.iter().zip(common).filter(|(_, common)| **common);
         Self {
             overall: SplitFigures::of(&outcomes.iter().collect::<Vec<_>>()),
+            intervals: Intervals::of(outcomes, &rules.bootstrap),
+            stated_intervals: StatedIntervals::of(outcomes),
+            common: ErrorFigures::of(shared.map(|(outcome, _)| outcome)),
+            views_removed: removed
+                .map(|(name, outcomes)| (name.clone(), RemovedFigures::of(outcomes, rules)))
+                .collect(),
             by_weather: by(|outcome| outcome.weather.to_owned()),
             by_time: by(|outcome| outcome.time_of_day.to_owned()),
-            by_distance_nm: distance_bins(outcomes, bin_nm)
+            by_distance_nm: distance_bins(outcomes, rules.distance_bin_nm)
                 .into_iter()
                 .map(|([from_nm, to_nm], inside)| DistanceBin {
                     from_nm,
                     to_nm,
                     figures: ErrorFigures::of(inside),
+                })
+                .collect(),
+            by_flight: outcomes
+                .chunk_by(|a, b| a.scenario == b.scenario)
+                .map(|flight| FlightFigures {
+                    scenario: flight[0].scenario.to_owned(),
+                    trajectory: flight[0].trajectory.to_owned(),
+                    figures: ErrorFigures::of(flight),
                 })
                 .collect(),
         }
@@ -238,6 +325,26 @@ pub(crate) fn distance_bins<'a>(
 }
 
 #[cfg(test)]
+impl Outcome<'_> {
+    /// An answer at a tick that two views saw.
+    pub(crate) fn of_answer(dtd_m: f64, predicted_m: Option<f64>) -> Self {
+        Self {
+            dtd_m,
+            predicted_m,
+            interval_m: None,
+            detections: 2,
+            is_hidden: false,
+            is_removed: false,
+            scenario: "0000",
+            trajectory: "a",
+            flight: "a",
+            weather: "clear",
+            time_of_day: "08:00",
+        }
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -248,12 +355,21 @@ mod tests {
         weather: &str,
     ) -> Outcome<'_> {
         Outcome {
-            dtd_m,
-            predicted_m,
             detections,
             weather,
-            time_of_day: "08:00",
+            ..Outcome::of_answer(dtd_m, predicted_m)
         }
+    }
+
+    fn judged(outcomes: &[Outcome<'static>]) -> EstimatorMetrics {
+        let of = EstimatorOutcomes {
+            estimator: Estimator::PaperLstm,
+            outcomes: outcomes.to_vec(),
+            estimates: None,
+            views_removed: BTreeMap::new(),
+        };
+        let common = common_ticks(std::slice::from_ref(&of));
+        EstimatorMetrics::of(&of, &common, &EvaluationRules::current())
     }
 
     #[test]
@@ -265,7 +381,7 @@ mod tests {
             outcome(10_000.0, Some(9_800.0), 2, "foggy"),
             outcome(10_000.0, None, 1, "foggy"),
         ];
-        let metrics = EstimatorMetrics::of(&outcomes, 1.0);
+        let metrics = judged(&outcomes);
         let all = metrics.overall.combination;
         assert_eq!(all.samples, 3);
         assert!((all.mape_pct.unwrap() - 2.0).abs() < 1e-9);
@@ -276,6 +392,12 @@ mod tests {
         assert!((metrics.by_weather["clear"].combination.mape_pct.unwrap() - 2.0).abs() < 1e-9);
         assert_eq!(metrics.by_weather["clear"].dual.samples, 1);
         assert_eq!(metrics.by_time["08:00"].combination.samples, 3);
+        assert_eq!((all.ticks, all.coverage), (4, Some(0.75)));
+        assert!((all.median_pct.unwrap() - 2.0).abs() < 1e-9);
+        assert!((all.p95_pct.unwrap() - 3.0).abs() < 1e-9);
+        // Off by 10, 60 and 200 m.
+        assert!((all.mae_m.unwrap() - 90.0).abs() < 1e-9);
+        assert!((all.p95_m.unwrap() - 200.0).abs() < 1e-9);
     }
 
     #[test]
@@ -284,7 +406,7 @@ mod tests {
             outcome(1_000.0, Some(1_000.0), 2, "clear"),
             outcome(4_000.0, Some(4_040.0), 2, "clear"),
         ];
-        let bins = EstimatorMetrics::of(&outcomes, 1.0).by_distance_nm;
+        let bins = judged(&outcomes).by_distance_nm;
         let bounds: Vec<_> = bins
             .iter()
             .map(|bin| (bin.from_nm, bin.to_nm, bin.figures.samples))
@@ -316,7 +438,7 @@ mod tests {
     fn answers_beyond_all_measure_are_no_numbers_and_end_nothing() {
         let answers = [f64::INFINITY, f64::NAN, 3e307, -3e307, 1e300];
         let outcomes = answers.map(|answer| outcome(20.0, Some(answer), 2, "clear"));
-        let metrics = EstimatorMetrics::of(&outcomes, 1.0);
+        let metrics = judged(&outcomes);
         let json = serde_json::to_string(&metrics).unwrap();
         let read: EstimatorMetrics = serde_json::from_str(&json).unwrap();
         assert_eq!(read, metrics);
@@ -324,6 +446,7 @@ mod tests {
             mape_pct,
             sd_pct,
             samples,
+            ..
         } = metrics.overall.all;
         assert_eq!(samples, 3, "those that are numbers");
         assert!(
@@ -334,7 +457,7 @@ mod tests {
 
     #[test]
     fn what_is_missing_is_null_in_json_and_never_zero() {
-        let metrics = EstimatorMetrics::of(&[outcome(1_000.0, None, 1, "clear")], 1.0);
+        let metrics = judged(&[outcome(1_000.0, None, 1, "clear")]);
         let json = serde_json::to_value(&metrics).unwrap();
         assert!(
             json["mape_pct"].is_null() && json["dual"]["sd_pct"].is_null(),
@@ -346,5 +469,52 @@ mod tests {
             serde_json::from_value::<EstimatorMetrics>(json).unwrap(),
             metrics
         );
+    }
+
+    #[test]
+    fn a_tick_without_an_answer_counts_against_coverage_and_fog_is_told_apart() {
+        let hidden = Outcome {
+            is_hidden: true,
+            ..outcome(2_000.0, None, 0, "foggy")
+        };
+        let outcomes = [
+            outcome(2_000.0, Some(2_020.0), 2, "foggy"),
+            outcome(2_000.0, None, 0, "foggy"),
+            outcome(2_000.0, Some(f64::NAN), 1, "foggy"),
+            hidden,
+        ];
+        let SplitFigures {
+            all,
+            dual,
+            combination,
+        } = judged(&outcomes).overall;
+        assert_eq!((all.samples, all.ticks, all.coverage), (1, 4, Some(0.25)));
+        assert_eq!(all.coverage_in_sight, Some(1.0 / 3.0));
+        assert!((all.mape_pct.unwrap() - 1.0).abs() < 1e-9);
+        assert_eq!((dual.ticks, dual.coverage), (1, Some(1.0)));
+        assert_eq!((combination.ticks, combination.coverage), (2, Some(0.5)));
+    }
+
+    #[test]
+    fn common_ticks_are_those_of_all_estimators_that_answer_at_all() {
+        let answers = |answers: [Option<f64>; 3]| EstimatorOutcomes {
+            estimator: Estimator::PaperLstm,
+            outcomes: answers
+                .map(|answer| outcome(1_000.0, answer, 2, "clear"))
+                .into(),
+            estimates: None,
+            views_removed: BTreeMap::new(),
+        };
+        let [first, second] = [
+            [Some(1_010.0), None, Some(1_020.0)],
+            [None, Some(1.0), Some(1.0)],
+        ];
+        let all = [answers(first), answers(second), answers([None; 3])];
+        assert_eq!(common_ticks(&all), [false, false, true]);
+        let rules = EvaluationRules::current();
+        let of_first = EstimatorMetrics::of(&all[0], &common_ticks(&all), &rules);
+        assert_eq!((of_first.common.samples, of_first.common.ticks), (1, 1));
+        assert!((of_first.common.mape_pct.unwrap() - 2.0).abs() < 1e-9);
+        assert_eq!(common_ticks(&[answers([None; 3])]), [false; 3]);
     }
 }

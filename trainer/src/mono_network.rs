@@ -11,6 +11,7 @@ use crate::dense::{Dense, widths};
 use crate::encoded::{Encoded, draw, numbers};
 use crate::error::Result;
 use crate::normalisation::BOX_FEATURES;
+use crate::onnx::EstimatorGraph;
 use crate::training_loop::{Setup, Task, learn};
 use dataset::progress::Progress;
 
@@ -115,6 +116,34 @@ impl MonoNetworks {
             }
         }
         sums
+    }
+}
+
+impl MonoNetworks {
+    /// The mean in metres, in an ONNX graph.
+    pub(crate) fn to_onnx(
+        &self,
+        inputs: MonoInputs,
+        loss: Loss,
+        graph: &mut EstimatorGraph,
+    ) -> String {
+        let (mut distances, mut presences) = (Vec::new(), Vec::new());
+        for (view, network) in self.views.iter().enumerate() {
+            let features = graph.features(view);
+            let features = graph.some_of(&features, inputs.first_feature()..BOX_FEATURES);
+            let predicted = network.to_onnx(&mut graph.graph, &features);
+            let distance = graph.distance(predicted, loss);
+            let present = graph.presence(view);
+            distances.push(graph.graph.plain("Mul", &[&distance, &present]));
+            presences.push(present);
+        }
+        let mut sum = |values: &[String]| {
+            let values: Vec<&str> = values.iter().map(String::as_str).collect();
+            graph.graph.plain("Sum", &values)
+        };
+        let (sum, count) = (sum(&distances), sum(&presences));
+        let mean = graph.graph.plain("Div", &[&sum, &count]);
+        graph.metres(&mean)
     }
 }
 

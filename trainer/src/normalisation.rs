@@ -1,16 +1,18 @@
 //! Box features in the networks' form: centre and size, shifted and scaled per camera.
 //!
-//! Offsets and scales are mean and standard deviation over the training side only, so that nothing of validation or test leaks in.
+//! Offsets and scales are mean and standard deviation over what the networks learn from, so that nothing of validation or test leaks in.
 //! Distances are in units of 10 NM.
 //!
-//! The training side also determines which boxes are outliers: far from any box of the training side, or of a very different size.
-//! An estimator can ignore such a box without knowing the truth.
+//! The training side also determines which boxes are outliers: far from any box that contains the aircraft there, or of a very different
+//! size. An estimator can ignore such a box without knowing the truth.
 
+use dataset::camera::Camera;
 use dataset::pixel_box::PixelBox;
 use dataset::units::METERS_PER_NAUTICAL_MILE;
+use glam::DVec2;
 use serde::{Deserialize, Serialize};
 
-use crate::samples::Sample;
+use crate::samples::{Observation, Sample};
 
 /// The networks' unit of distance, metres.
 pub(crate) const TARGET_UNIT_M: f64 = 10.0 * METERS_PER_NAUTICAL_MILE;
@@ -32,16 +34,19 @@ pub(crate) struct Normalisation {
     pub range_px: Option<Vec<Option<[[f64; 2]; BOX_FEATURES]>>>,
 }
 
+/// A distance at which aircraft are seen, metres.
+const FAR_M: f64 = 10_000.0;
 /// How far outside the range of the training side a box's centre may be, in parts of the range's extent.
 const BEYOND: f64 = 0.25;
 /// How much smaller or larger than any box of the training side a box may be.
 const OTHER_SIZE: f64 = 2.0;
 
 impl Normalisation {
-    /// Fits offsets and scales. A view that never saw anything keeps offset 0 and scale 1.
-    pub(crate) fn fit(views: &[String], training: &[&Sample]) -> Self {
+    /// Fits offsets and scales to what the networks learn from, and ranges to samples whose boxes contain the aircraft. A view that never
+    /// saw anything keeps offset 0 and scale 1.
+    pub(crate) fn fit(views: &[String], learned: &[&Sample], true_boxes: &[&Sample]) -> Self {
         let statistics = |view: usize| {
-            let rows: Vec<_> = training
+            let rows: Vec<_> = learned
                 .iter()
                 .filter_map(|s| s.boxes[view].map(|b| features_px(&b)))
                 .collect();
@@ -63,7 +68,7 @@ impl Normalisation {
             (offset, scale)
         };
         let range = |view: usize| {
-            let mut seen = training.iter().filter_map(|s| s.boxes[view]);
+            let mut seen = true_boxes.iter().filter_map(|s| s.boxes[view]);
             let first = features_px(&seen.next()?).map(|value| [value; 2]);
             Some(seen.fold(first, |range, pixel_box| {
                 let features = features_px(&pixel_box);
@@ -81,21 +86,98 @@ impl Normalisation {
         }
     }
 
-    /// The sample without the boxes that are unlike any of the training side: in size, and also in position unless the cameras
+    /// The observation without the boxes that are unlike any of the training side: in size, and also in position unless the cameras
     /// differ from those of the training side (`other_cameras`).
-    pub(crate) fn without_outliers(&self, sample: &Sample, other_cameras: bool) -> Sample {
-        let believed = |view: usize, seen: &PixelBox| match &self.range_px {
-            None => true,
-            Some(ranges) => {
-                ranges[view].is_some_and(|range| is_inlier(&range, seen, other_cameras))
-            }
+    pub(crate) fn without_outliers(
+        &self,
+        observed: &Observation,
+        other_cameras: bool,
+    ) -> Observation {
+        let believed = |view: usize, seen: &PixelBox| {
+            let ranges = self.believed_px(view).into_iter().enumerate();
+            ranges
+                .zip(features_px(seen))
+                .all(|((feature, [least, most]), value)| {
+                    let is_place = feature < 2;
+                    (is_place && other_cameras && least <= most) || (least..=most).contains(&value)
+                })
         };
-        let boxes = sample.boxes.iter().enumerate();
-        sample.with_boxes(
+        let boxes = observed.boxes.iter().enumerate();
+        observed.with_boxes(
             boxes
                 .map(|(view, seen)| seen.filter(|seen| believed(view, seen)))
                 .collect(),
         )
+    }
+
+    /// Smallest and largest centre x, centre y, width and height of a view's boxes that are like those of the training side, pixels. The
+    /// smallest is above the largest in a view that never saw anything.
+    pub(crate) fn believed_px(&self, view: usize) -> [[f64; 2]; BOX_FEATURES] {
+        let Some(ranges) = &self.range_px else {
+            return [[f64::NEG_INFINITY, f64::INFINITY]; BOX_FEATURES];
+        };
+        let Some(range) = ranges[view] else {
+            return [[f64::INFINITY, f64::NEG_INFINITY]; BOX_FEATURES];
+        };
+        std::array::from_fn(|feature| {
+            let [smallest, largest] = range[feature];
+            let is_place = feature < 2;
+            if is_place {
+                let margin = BEYOND * (largest - smallest);
+                [smallest - margin, largest + margin]
+            } else {
+                [smallest / OTHER_SIZE, largest * OTHER_SIZE]
+            }
+        })
+    }
+
+    /// The same for a view whose camera is now `new` instead of `old`: a box in the new picture has the features that the old camera would
+    /// have given it, but for perspective. `None` if the new camera looks elsewhere.
+    pub(crate) fn moved(&self, view: usize, old: &Camera, new: &Camera) -> Option<Self> {
+        let place = |px: [f64; 2]| {
+            let far_m = old.center_ecef_m + old.ray(DVec2::from_array(px)) * FAR_M;
+            new.project(far_m).map(|place| place.to_array())
+        };
+        let zoom = new.focal_px / old.focal_px;
+        let [x, y, width, height] = self.offset_px[view];
+        let [new_x, new_y] = place([x, y])?;
+        let mut moved = self.clone();
+        moved.offset_px[view] = [new_x, new_y, zoom * width, zoom * height];
+        moved.scale_px[view] = self.scale_px[view].map(|scale| zoom * scale);
+        if let Some(range) = moved
+            .range_px
+            .as_mut()
+            .and_then(|ranges| ranges[view].as_mut())
+        {
+            let [[left, right], [top, bottom], width, height] = *range;
+            let corners = [[left, top], [left, bottom], [right, top], [right, bottom]];
+            let corners: Vec<[f64; 2]> = corners.into_iter().map(place).collect::<Option<_>>()?;
+            let [horizontal, vertical] = [0, 1].map(|axis| {
+                let values = || corners.iter().map(|corner| corner[axis]);
+                [
+                    values().fold(f64::INFINITY, f64::min),
+                    values().fold(f64::NEG_INFINITY, f64::max),
+                ]
+            });
+            *range = [
+                horizontal,
+                vertical,
+                width.map(|px| zoom * px),
+                height.map(|px| zoom * px),
+            ];
+        }
+        Some(moved)
+    }
+
+    /// The same with one view's numbers from another.
+    pub(crate) fn with_view_of(&self, view: usize, other: &Self) -> Self {
+        let mut changed = self.clone();
+        changed.offset_px[view] = other.offset_px[view];
+        changed.scale_px[view] = other.scale_px[view];
+        if let (Some(ranges), Some(others)) = (&mut changed.range_px, &other.range_px) {
+            ranges[view] = others[view];
+        }
+        changed
     }
 
     /// The features of a box in one view.
@@ -107,23 +189,6 @@ impl Normalisation {
     }
 }
 
-fn is_inlier(range: &[[f64; 2]; BOX_FEATURES], seen: &PixelBox, anywhere: bool) -> bool {
-    features_px(seen).iter().zip(range).enumerate().all(
-        |(feature, (&value, &[smallest, largest]))| {
-            let is_place = feature < 2;
-            let allowed = if is_place && anywhere {
-                return true;
-            } else if is_place {
-                let margin = BEYOND * (largest - smallest);
-                smallest - margin..=largest + margin
-            } else {
-                smallest / OTHER_SIZE..=largest * OTHER_SIZE
-            };
-            allowed.contains(&value)
-        },
-    )
-}
-
 fn features_px(b: &PixelBox) -> [f64; BOX_FEATURES] {
     [b.cx_px, b.cy_px, b.width_px, b.height_px]
 }
@@ -131,37 +196,21 @@ fn features_px(b: &PixelBox) -> [f64; BOX_FEATURES] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::geodesy::Geodetic;
 
     fn sample(cx_px: f64, width_px: f64) -> Sample {
-        Sample {
-            scenario: 0,
-            tick: 0,
-            time_ns: 0,
-            dtd_m: 1.0,
-            along_track_m: 1.0,
-            cross_track_m: 0.0,
-            position: Geodetic {
-                latitude_deg: 0.0,
-                longitude_deg: 0.0,
-                altitude_msl_m: 0.0,
-            },
-            boxes: vec![
-                Some(PixelBox {
-                    cx_px,
-                    cy_px: 7.0,
-                    width_px,
-                    height_px: 2.0,
-                }),
-                None,
-            ],
-            shifts: vec![None; 2],
-        }
+        let seen = PixelBox {
+            cx_px,
+            cy_px: 7.0,
+            width_px,
+            height_px: 2.0,
+        };
+        Sample::of_boxes(1.0, vec![Some(seen), None])
     }
 
     fn fitted(samples: &[Sample]) -> Normalisation {
         let views = ["left".to_owned(), "right".to_owned()];
-        Normalisation::fit(&views, &samples.iter().collect::<Vec<_>>())
+        let all: Vec<_> = samples.iter().collect();
+        Normalisation::fit(&views, &all, &all)
     }
 
     #[test]
@@ -180,7 +229,7 @@ mod tests {
             "another size"
         );
         let mut blind = sample(200.0, 20.0);
-        blind.boxes.swap(0, 1);
+        blind.observed.boxes.swap(0, 1);
         assert_eq!(
             normalisation.without_outliers(&blind, false).detections(),
             0,
@@ -217,5 +266,54 @@ mod tests {
             [1.0, 0.0, 1.0, 0.0]
         );
         assert_eq!(normalisation.scale_px[1], [1.0; 4], "a blind view");
+    }
+
+    #[test]
+    fn a_moved_camera_gives_the_features_that_the_old_one_gave() {
+        let mut placed = testkit::rig::placed("left");
+        let old = Camera::from_pose(&placed, 1920, 1280);
+        placed.pose.heading_true_deg += 2.0;
+        placed.hfov_deg /= 1.1;
+        let new = Camera::from_pose(&placed, 1920, 1280);
+        let normalisation = Normalisation {
+            views: vec!["left".into()],
+            offset_px: vec![[1_400.0, 600.0, 60.0, 20.0]],
+            scale_px: vec![[250.0, 40.0, 30.0, 10.0]],
+            range_px: Some(vec![Some([
+                [900.0, 1_850.0],
+                [400.0, 700.0],
+                [30.0, 300.0],
+                [9.0, 90.0],
+            ])]),
+        };
+        let moved = normalisation.moved(0, &old, &new).unwrap();
+        for (x_px, y_px) in [(1_750.0, 560.0), (1_400.0, 600.0), (1_000.0, 650.0)] {
+            let at_m = old.center_ecef_m + old.ray(DVec2::new(x_px, y_px)) * 9_000.0;
+            let seen = |camera: &Camera, zoom: f64| {
+                let place = camera.project(at_m).unwrap();
+                PixelBox {
+                    cx_px: place.x,
+                    cy_px: place.y,
+                    width_px: 50.0 * zoom,
+                    height_px: 15.0 * zoom,
+                }
+            };
+            let zoom = new.focal_px / old.focal_px;
+            let before = normalisation.features(0, &seen(&old, 1.0));
+            let after = moved.features(0, &seen(&new, zoom));
+            for (before, after) in before.iter().zip(after) {
+                assert!((before - after).abs() < 0.03, "{before} {after}");
+            }
+            let believed = |seen: PixelBox| {
+                let sample = Sample::of_boxes(9_000.0, vec![Some(seen)]);
+                moved.without_outliers(&sample, false).detections()
+            };
+            assert_eq!(believed(seen(&new, zoom)), 1);
+            assert_eq!(believed(seen(&new, 20.0 * zoom)), 0);
+        }
+        let mut back = placed;
+        back.pose.heading_true_deg += 180.0;
+        let back = Camera::from_pose(&back, 1920, 1280);
+        assert_eq!(normalisation.moved(0, &old, &back), None);
     }
 }

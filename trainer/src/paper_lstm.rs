@@ -16,6 +16,7 @@ use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::error::Result;
 use crate::head_refit::HeadRefit;
 use crate::lstm::{StackedLstm, ViewFeatures};
+use crate::onnx::EstimatorGraph;
 use crate::training_loop::{Setup, Task, learn};
 use crate::view_dropout::{BatchKind, ViewDropout, ViewSelection};
 use dataset::progress::Progress;
@@ -45,6 +46,26 @@ impl PaperLstm {
     /// Distances in the coordinate of the loss, `[batch, 1]`.
     pub(crate) fn forward(&self, views: &[ViewFeatures]) -> Tensor<2> {
         self.head.forward(self.lstm.forward(views))
+    }
+
+    /// The distance in metres, with these calibration networks, in an ONNX graph.
+    pub(crate) fn to_onnx(
+        &self,
+        calibration: &CalibrationNetworks,
+        loss: Loss,
+        graph: &mut EstimatorGraph,
+    ) -> String {
+        let views: Vec<[String; 2]> = (0..graph.views())
+            .map(|view| {
+                let boxes = graph.features(view);
+                let features = calibration.features_to_onnx(&mut graph.graph, view, &boxes);
+                [features, graph.presence(view)]
+            })
+            .collect();
+        let last = self.lstm.to_onnx(&mut graph.graph, &views);
+        let predicted = self.head.to_onnx(&mut graph.graph, &last);
+        let distance = graph.distance(predicted, loss);
+        graph.metres(&distance)
     }
 }
 

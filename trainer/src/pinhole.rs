@@ -9,10 +9,12 @@
 //! far off, a few boxes among many hardly move a median; under least squares of the predicted distance, in which the width is a
 //! divisor, one box of a few pixels outweighs a thousand.
 
+use onnx_graph::proto::DOUBLE;
 use serde::{Deserialize, Serialize};
 
 use crate::minimum::Search;
-use crate::samples::Sample;
+use crate::onnx::{BOXES, EstimatorGraph};
+use crate::samples::{Observation, Sample};
 
 /// Maximum distance of a camera behind the touchdown target, unless the training side reaches farther, metres.
 const FARTHEST_SETBACK_M: f64 = 20_000.0;
@@ -94,10 +96,10 @@ fn scatter(seen: &[Seen], setback_m: f64) -> f64 {
 }
 
 /// Mean over the views that saw the sample and were fitted, metres.
-pub(crate) fn predict(pinholes: &[Option<Pinhole>], sample: &Sample) -> Option<f64> {
+pub(crate) fn predict(pinholes: &[Option<Pinhole>], observed: &Observation) -> Option<f64> {
     let distances: Vec<f64> = pinholes
         .iter()
-        .zip(&sample.boxes)
+        .zip(&observed.boxes)
         .filter_map(|(pinhole, seen)| {
             Some(
                 pinhole
@@ -109,37 +111,55 @@ pub(crate) fn predict(pinholes: &[Option<Pinhole>], sample: &Sample) -> Option<f
     (!distances.is_empty()).then(|| distances.iter().sum::<f64>() / distances.len() as f64)
 }
 
+/// The same in an ONNX graph.
+pub(crate) fn to_onnx(pinholes: &[Option<Pinhole>], graph: &mut EstimatorGraph) -> String {
+    /// Column of the width of a box.
+    const WIDTH: usize = 2;
+    let (nothing, none) = (graph.graph.double(0.0), graph.graph.double(f64::NAN));
+    // Nothing of nothing is none.
+    let (mut distances, mut counts) = (vec![nothing.clone()], vec![nothing.clone()]);
+    for (view, pinhole) in pinholes.iter().enumerate() {
+        let Some(pinhole) = pinhole else { continue };
+        let seen_box = graph.of_view(BOXES, view);
+        let width = graph.some_of(&seen_box, [WIDTH].into_iter());
+        let seen = graph.seen_by(view);
+        let wide = graph.graph.plain("Greater", &[&width, &nothing]);
+        let counts_here = graph.graph.plain("And", &[&seen, &wide]);
+        let focal_times_span = graph.graph.double(pinhole.focal_times_span_px_m);
+        let setback = graph.graph.double(pinhole.setback_m);
+        let range = graph.graph.plain("Div", &[&focal_times_span, &width]);
+        let distance = graph.graph.plain("Sub", &[&range, &setback]);
+        distances.push(
+            graph
+                .graph
+                .plain("Where", &[&counts_here, &distance, &nothing]),
+        );
+        counts.push(graph.graph.cast(&counts_here, DOUBLE));
+    }
+    let mut sum = |values: &[String]| {
+        let values: Vec<&str> = values.iter().map(String::as_str).collect();
+        graph.graph.plain("Sum", &values)
+    };
+    let (sum, count) = (sum(&distances), sum(&counts));
+    let mean = graph.graph.plain("Div", &[&sum, &count]);
+    let any = graph.graph.plain("Greater", &[&count, &nothing]);
+    graph.graph.plain("Where", &[&any, &mean, &none])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::geodesy::Geodetic;
     use dataset::pixel_box::PixelBox;
 
     fn sample(dtd_m: f64) -> Sample {
         let width_px = 390_000.0 / (dtd_m + 1_500.0);
-        Sample {
-            scenario: 0,
-            tick: 0,
-            time_ns: 0,
-            dtd_m,
-            along_track_m: dtd_m,
-            cross_track_m: 0.0,
-            position: Geodetic {
-                latitude_deg: 0.0,
-                longitude_deg: 0.0,
-                altitude_msl_m: 0.0,
-            },
-            boxes: vec![
-                Some(PixelBox {
-                    cx_px: 0.0,
-                    cy_px: 0.0,
-                    width_px,
-                    height_px: 1.0,
-                }),
-                None,
-            ],
-            shifts: vec![None; 2],
-        }
+        let seen = PixelBox {
+            cx_px: 0.0,
+            cy_px: 0.0,
+            width_px,
+            height_px: 1.0,
+        };
+        Sample::of_boxes(dtd_m, vec![Some(seen), None])
     }
 
     #[test]
@@ -159,7 +179,10 @@ mod tests {
     fn a_few_narrow_and_wide_boxes_of_something_else_leave_the_formula_as_it_is() {
         let mut samples: Vec<_> = (1..=60).map(|i| sample(300.0 * f64::from(i))).collect();
         for (far_off, width_px) in [(3, 3.0), (20, 4.0), (40, 900.0), (55, 3.0)] {
-            samples[far_off].boxes[0].as_mut().unwrap().width_px = width_px;
+            samples[far_off].observed.boxes[0]
+                .as_mut()
+                .unwrap()
+                .width_px = width_px;
         }
         let fitted = Pinhole::fit(0, &samples.iter().collect::<Vec<_>>()).unwrap();
         assert!(

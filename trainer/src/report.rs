@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::error::Result;
 use crate::metrics::{EstimatorOutcomes, Metrics};
 use crate::run_folder::RunFolder;
-use crate::samples::{Sample, Samples};
+use crate::samples::{DistanceRange, Sample, Samples};
 use crate::trained_run::TrainedRun;
 
 const TEMPLATE: &str = include_str!("report/report.html");
@@ -33,16 +33,27 @@ struct ScenarioRow<'a> {
     detected_pct: Vec<String>,
 }
 
+/// What an evaluation found, and what it was made from.
+pub(crate) struct Results<'a> {
+    pub trained: &'a TrainedRun,
+    pub samples: &'a Samples,
+    /// The ticks that count, in the order of the outcomes.
+    pub judged: &'a [&'a Sample],
+    pub shown: &'a [EstimatorOutcomes<'a>],
+    pub metrics: &'a Metrics,
+}
+
 /// Writes the report of an evaluation.
-pub(crate) fn write(
-    run: &RunFolder,
-    trained: &TrainedRun,
-    samples: &Samples,
-    test: &[&Sample],
-    shown: &[EstimatorOutcomes],
-    metrics: &Metrics,
-    bin_nm: f64,
-) -> Result<()> {
+pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
+    let Results {
+        trained,
+        samples,
+        judged: test,
+        shown,
+        metrics,
+    } = *results;
+    let rules = &metrics.rules;
+    let seen = ticks_seen(samples, rules.range());
     let flown = tables::best_covered_scenario(samples, test);
     let page = render(
         TEMPLATE,
@@ -50,19 +61,25 @@ pub(crate) fn write(
             headline => value(tables::headline(metrics)),
             legend => value(legend(shown)),
             conditions => value(tables::conditions(metrics)),
-            scenarios => value(scenario_rows(samples)),
+            scenarios => value(scenario_rows(samples, &seen)),
             views => value(&samples.views),
-            detected_total => value(detected_total(samples)),
+            detected_total => value(detected_total(samples, &seen)),
             split => value(&metrics.split),
+            rules => value(rules),
+            judged => value(&metrics.judged),
+            ticks => value(metrics.ticks),
+            disbelieved => metrics.disbelieved_boxes,
+            cut_off => metrics.cut_off_boxes,
+            removed => value(tables::removed(metrics)),
+            flights => value(tables::flights(metrics)),
             model => samples.detections.model.as_deref(),
             model_hash => samples.detections.hash.as_str(),
             absent => samples.absent_scenarios.len(),
             summary => value(&trained.summary),
             loss => value(trained.config.loss),
             version => env!("CARGO_PKG_VERSION"),
-            max_dtd => value(metrics.split.max_dtd_nm),
             flown => value(flown.map(|index| &samples.scenarios[index].id)),
-            boxes_plot => drawn(plots::errors_by_distance(shown, bin_nm)?),
+            boxes_plot => drawn(plots::errors_by_distance(shown, rules.distance_bin_nm)?),
             convergence_plot => drawn(plots::convergence(&trained.convergence)?),
             flight_plot => match flown {
                 Some(index) => drawn(plots::flight(shown, test, index)?),
@@ -88,18 +105,38 @@ fn legend(shown: &[EstimatorOutcomes]) -> Vec<LegendEntry> {
     shown.iter().enumerate().map(entry).collect()
 }
 
-fn scenario_rows(samples: &Samples) -> Vec<ScenarioRow<'_>> {
-    let row = |scenario: &crate::samples::ScenarioSummary| -> Vec<String> {
-        scenario
-            .detected_ticks
-            .iter()
-            .map(|&seen| percent(seen, scenario.ticks))
-            .collect()
+/// Ticks of a scenario within the judged distances.
+#[derive(Clone, Default)]
+struct TicksSeen {
+    all: usize,
+    /// Those at which each view saw the aircraft.
+    by_view: Vec<usize>,
+}
+
+fn ticks_seen(samples: &Samples, range: DistanceRange) -> Vec<TicksSeen> {
+    let none = TicksSeen {
+        all: 0,
+        by_view: vec![0; samples.views.len()],
     };
+    let mut seen = vec![none; samples.scenarios.len()];
+    for sample in &samples.samples {
+        if range.contains(sample.dtd_m) {
+            let TicksSeen { all, by_view } = &mut seen[sample.scenario];
+            *all += 1;
+            for (count, found) in by_view.iter_mut().zip(&sample.boxes) {
+                *count += usize::from(found.is_some());
+            }
+        }
+    }
+    seen
+}
+
+fn scenario_rows<'a>(samples: &'a Samples, seen: &[TicksSeen]) -> Vec<ScenarioRow<'a>> {
     samples
         .scenarios
         .iter()
-        .map(|scenario| ScenarioRow {
+        .zip(seen)
+        .map(|(scenario, seen)| ScenarioRow {
             id: &scenario.id,
             trajectory: &scenario.trajectory,
             side: match scenario.side {
@@ -110,29 +147,21 @@ fn scenario_rows(samples: &Samples) -> Vec<ScenarioRow<'_>> {
             .into(),
             weather: &scenario.weather,
             time_of_day: &scenario.time_of_day,
-            ticks: scenario.ticks,
-            detected_pct: row(scenario),
+            ticks: seen.all,
+            detected_pct: seen
+                .by_view
+                .iter()
+                .map(|&count| percent(count, seen.all))
+                .collect(),
         })
         .collect()
 }
 
-fn detected_total(samples: &Samples) -> Vec<String> {
-    let ticks = samples
-        .scenarios
-        .iter()
-        .map(|scenario| scenario.ticks)
-        .sum();
+fn detected_total(samples: &Samples, seen: &[TicksSeen]) -> Vec<String> {
+    let ticks = seen.iter().map(|scenario| scenario.all).sum();
+    let by_view = |view: usize| seen.iter().map(|scenario| scenario.by_view[view]).sum();
     (0..samples.views.len())
-        .map(|view| {
-            percent(
-                samples
-                    .scenarios
-                    .iter()
-                    .map(|scenario| scenario.detected_ticks[view])
-                    .sum(),
-                ticks,
-            )
-        })
+        .map(|view| percent(by_view(view), ticks))
         .collect()
 }
 

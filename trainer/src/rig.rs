@@ -1,9 +1,11 @@
 //! The rig whose pictures a corpus has. A network learns one rig.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::calibration::CameraEntry;
 use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::plan::Plan;
+use serde_json::{Map, Value};
 
 use crate::error::{CorpusFault, Error, Result, RigKind};
 
@@ -17,6 +19,10 @@ pub(crate) struct Rig {
     pub name: String,
     /// The cameras of the first scenario.
     pub cameras: Cameras,
+    /// The cameras as planned, before scenarios misplace or aim them; those of the first scenario in a corpus without a plan.
+    pub nominal: Cameras,
+    /// Whether these are from a plan.
+    pub is_planned: bool,
     /// Whether the cameras of other scenarios differ: jittered or turned.
     pub cameras_vary: bool,
 }
@@ -25,6 +31,8 @@ impl Rig {
     /// The rig of these scenarios. Its cameras may be misplaced or turned from scenario to scenario (each scenario's calibration has
     /// them), but other views, other picture sizes or another rig are an error.
     pub(crate) fn of(corpus: &Corpus, folders: &[ScenarioFolder]) -> Result<Self> {
+        let plan = Plan::of_corpus(corpus)?;
+        let planned = plan.map(|plan| plan.common.cameras().into_iter().collect::<Cameras>());
         let mut first: Option<(Self, String)> = None;
         for folder in folders {
             let refused = |fault| Err(Error::corpus(folder.root(), fault));
@@ -37,8 +45,12 @@ impl Rig {
                 return refused(CorpusFault::BadCamera { view, fault });
             }
             let Some((common, id)) = &mut first else {
+                let is_same_form = |planned: &Cameras| form(planned) == form(&cameras);
+                let planned = planned.clone().filter(is_same_form);
                 let common = Self {
                     name,
+                    is_planned: planned.is_some(),
+                    nominal: planned.unwrap_or_else(|| cameras.clone()),
                     cameras,
                     cameras_vary: false,
                 };
@@ -70,6 +82,64 @@ pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     let form =
         |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
     cameras.iter().map(form).collect()
+}
+
+/// At most so many differences are named.
+const MOST_DIFFERENCES: usize = 8;
+
+/// What differs between two rigs, each as its name and cameras: path of the value, here and there.
+pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Vec<String> {
+    let mut found = Vec::new();
+    if here.0 != there.0 {
+        found.push(format!("rig {} and {}", here.0, there.0));
+    }
+    let views: BTreeSet<&String> = here.1.keys().chain(there.1.keys()).collect();
+    for view in views {
+        let camera = |cameras: &Cameras| {
+            let entry = cameras.get(view)?;
+            let sound = CameraEntry {
+                degradation: None,
+                ..entry.clone()
+            };
+            serde_json::to_value(sound).ok()
+        };
+        match (camera(here.1), camera(there.1)) {
+            (Some(here), Some(there)) => collect(view, &here, &there, &mut found),
+            (here, _) => {
+                let [has, lacks] = match here {
+                    Some(_) => ["here", "there"],
+                    None => ["there", "here"],
+                };
+                found.push(format!("camera {view} {has}, none {lacks}"));
+            }
+        }
+    }
+    let more = found.len().saturating_sub(MOST_DIFFERENCES);
+    found.truncate(MOST_DIFFERENCES);
+    if more > 0 {
+        found.push(format!("and {more} more"));
+    }
+    found
+}
+
+fn collect(path: &str, here: &Value, there: &Value, found: &mut Vec<String>) {
+    match (here, there) {
+        (Value::Object(a), Value::Object(b)) => {
+            let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
+            for key in keys {
+                let of = |object: &Map<String, Value>| object.get(key).cloned();
+                let [here, there] = [of(a), of(b)].map(Option::unwrap_or_default);
+                collect(&format!("{path}.{key}"), &here, &there, found);
+            }
+        }
+        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
+            for (index, (here, there)) in a.iter().zip(b).enumerate() {
+                collect(&format!("{path}[{index}]"), here, there, found);
+            }
+        }
+        _ if here != there => found.push(format!("{path} {here} and {there}")),
+        _ => {}
+    }
 }
 
 /// Whether all cameras have the same places and optics, however degraded their pictures are.

@@ -49,6 +49,24 @@ impl RunPlace {
         Self::take_if(run, |_| true)
     }
 
+    /// Takes a location in which there is nothing yet, for results that belong to no run's folder.
+    pub(crate) fn take_vacant(folder: &Path) -> Result<Self> {
+        let refused = |fault| Err(Error::run(folder, fault));
+        if !is_vacant(folder) {
+            return refused(RunFault::Occupied);
+        }
+        let place = Self::take(&RunFolder::at(folder))?;
+        let around = parent_of(&place.run).join(RunFolder::SUMMARY);
+        if around.is_file() {
+            return refused(RunFault::InRun);
+        }
+        match is_vacant(&place.run) {
+            true => Ok(place),
+            // Completed just now, after a kill.
+            false => refused(RunFault::Occupied),
+        }
+    }
+
     /// Takes the location of an existing run.
     pub(crate) fn take_existing(run: &RunFolder) -> Result<Self> {
         let root = run.root();

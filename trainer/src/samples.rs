@@ -1,16 +1,19 @@
-//! From a corpus to samples: one per tick at which at least one view saw the aircraft.
+//! From a corpus to samples: one per tick before touchdown, seen or not.
 //!
 //! Input: `splits.json`, and per scenario its record, calibration, labelled ticks, one model's detections and their registrations. Boxes
-//! cut off by the
-//! picture's edge are ignored (see [`crate::trusted_boxes`]); of the others of a view at a tick the one with the highest score
-//! counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed scenario
+//! cut off by the picture's edge are ignored (see [`crate::trusted_boxes`]); of the others of a view at a tick the one with the highest
+//! score counts. Ticks past the touchdown target are ignored, because the distance to touchdown grows again there. A committed scenario
 //! that is missing from the split is an error.
+
+mod sample;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::camera::Camera;
+use dataset::conditions::transmission;
 use dataset::corpus::{Corpus, ScenarioFolder};
-use dataset::detections::{Detection, models_of, named};
+use dataset::detections::{Detection, NoChoice, choose};
+use dataset::frames::{Frames, TickRow};
 use dataset::geodesy::Geodetic;
 use dataset::model_identity::NamedDetections;
 use dataset::open_scenario::OpenScenario;
@@ -18,6 +21,7 @@ use dataset::pixel_box::PixelBox;
 use dataset::plan::PlannedScenarios;
 use dataset::registrations::Registration;
 use dataset::runway::Runway;
+use dataset::scenario::{Flight, ScenarioRecord};
 use dataset::splits::{Side, Splits};
 use dataset::units::METERS_PER_NAUTICAL_MILE;
 
@@ -25,6 +29,8 @@ use crate::error::{CorpusFault, Error, Result};
 use crate::rig::Rig;
 use crate::trusted_boxes::{holds_aircraft, is_whole};
 use crate::view_shift::ViewShift;
+
+pub(crate) use sample::{Observation, Sample};
 
 /// Maximum distance from a runway on Earth: half of its circumference, nautical miles.
 pub(crate) const FARTHEST_NM: f64 = 10_800.0;
@@ -42,54 +48,15 @@ pub(crate) struct DistanceRange {
 }
 
 impl DistanceRange {
-    fn contains(&self, dtd_m: f64) -> bool {
+    /// Everything before touchdown.
+    pub(crate) const ALL: Self = Self {
+        min_nm: 0.0,
+        max_nm: None,
+    };
+
+    pub(crate) fn contains(&self, dtd_m: f64) -> bool {
         let dtd_nm = dtd_m / METERS_PER_NAUTICAL_MILE;
         dtd_nm >= self.min_nm && self.max_nm.is_none_or(|max_nm| dtd_nm <= max_nm)
-    }
-}
-
-/// One tick seen by at least one view.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Sample {
-    /// Index into [`Samples::scenarios`].
-    pub scenario: usize,
-    /// Tick within the scenario.
-    pub tick: u32,
-    /// Time since the scenario's first tick, nanoseconds.
-    pub time_ns: i64,
-    /// True distance to touchdown, metres.
-    pub dtd_m: f64,
-    /// True distance along the course, metres.
-    pub along_track_m: f64,
-    /// True offset right of the course, metres.
-    pub cross_track_m: f64,
-    /// True position of the centre of gravity.
-    pub position: Geodetic,
-    /// What each view saw, in the order of [`Samples::views`].
-    pub boxes: Vec<Option<PixelBox>>,
-    /// Where the aircraft of each view is by registration, in the same order.
-    pub shifts: Vec<Option<ViewShift>>,
-}
-
-impl Sample {
-    /// The same tick with only some of its boxes; a shift goes with its box.
-    pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
-        let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
-            seen.is_some() && boxes[shift.reference].is_some()
-        };
-        let shifts = self.shifts.iter().zip(&boxes);
-        Self {
-            shifts: shifts
-                .map(|(shift, seen)| shift.filter(|shift| kept(shift, seen)))
-                .collect(),
-            boxes,
-            ..*self
-        }
-    }
-
-    /// Number of views that saw the aircraft.
-    pub(crate) fn detections(&self) -> usize {
-        self.boxes.iter().flatten().count()
     }
 }
 
@@ -100,6 +67,10 @@ pub(crate) struct ScenarioSummary {
     pub id: String,
     /// Trajectory that it flies.
     pub trajectory: String,
+    /// What that trajectory is, whatever it is called (see [`flight_of`]).
+    pub flight: String,
+    /// Hash of the manifest that the scenario is sealed with.
+    pub manifest_blake3: String,
     /// Side of the split.
     pub side: Side,
     /// Name of the weather.
@@ -112,10 +83,6 @@ pub(crate) struct ScenarioSummary {
     pub touchdown: Geodetic,
     /// Its cameras, in the order of the views, as placed in this scenario.
     pub cameras: Vec<Camera>,
-    /// Ticks within the distance range, seen or not.
-    pub ticks: usize,
-    /// Ticks within the distance range at which each view saw the aircraft, in the order of the views.
-    pub detected_ticks: Vec<usize>,
 }
 
 /// All samples of a corpus.
@@ -131,7 +98,7 @@ pub(crate) struct Samples {
     pub scenarios: Vec<ScenarioSummary>,
     /// Scenarios of the split that are not in the corpus (yet).
     pub absent_scenarios: Vec<String>,
-    /// The samples, by scenario and tick.
+    /// The samples, by scenario and tick: all ticks of a flight within the range, also those that no view saw.
     pub samples: Vec<Sample>,
 }
 
@@ -141,22 +108,87 @@ impl Samples {
         let splits = corpus.splits()?;
         let planned = PlannedScenarios::read(corpus)?;
         let folders = corpus.scenarios()?;
-        let detections = choose_detections(corpus, &folders, asked)?;
-        let rig = Rig::of(corpus, &folders)?;
-        let mut found = Self {
-            views: rig.cameras.keys().cloned().collect(),
-            rig,
-            detections,
-            scenarios: Vec::new(),
-            absent_scenarios: absent(&splits, &folders),
-            samples: Vec::new(),
-        };
+        let mut found = Self::empty(corpus, &folders, asked)?;
+        found.absent_scenarios = absent(&splits, &folders);
         for folder in &folders {
             let scenario = folder.open()?;
             planned.check(&scenario.id(), &scenario.seal().config_hash)?;
             found.add_scenario(&scenario, &splits, range)?;
         }
+        found.refuse_flights_on_two_sides(corpus)?;
         Ok(found)
+    }
+
+    /// The flights of a corpus, with all of their ticks. It needs neither labels nor a split: there are no samples, and sides mean nothing.
+    pub(crate) fn without_truth(
+        corpus: &Corpus,
+        asked: Option<&str>,
+    ) -> Result<(Self, Vec<Observation>)> {
+        let planned = PlannedScenarios::read(corpus)?;
+        let folders = corpus.scenarios()?;
+        let mut found = Self::empty(corpus, &folders, asked)?;
+        let mut flights = Vec::new();
+        for folder in &folders {
+            let scenario = folder.open()?;
+            planned.check(&scenario.id(), &scenario.seal().config_hash)?;
+            let record = scenario.record()?;
+            let (summary, _, observations) = found.observe(&scenario, record, Side::Test)?;
+            found.scenarios.push(summary);
+            flights.extend(observations);
+        }
+        Ok((found, flights))
+    }
+
+    fn empty(corpus: &Corpus, folders: &[ScenarioFolder], asked: Option<&str>) -> Result<Self> {
+        let detections = choose_detections(corpus, folders, asked)?;
+        let rig = Rig::of(corpus, folders)?;
+        Ok(Self {
+            views: rig.cameras.keys().cloned().collect(),
+            rig,
+            detections,
+            scenarios: Vec::new(),
+            absent_scenarios: Vec::new(),
+            samples: Vec::new(),
+        })
+    }
+
+    /// Drops scenarios with their samples.
+    pub(crate) fn retain_scenarios(&mut self, is_kept: impl Fn(&ScenarioSummary) -> bool) {
+        let mut kept = 0;
+        let places: Vec<Option<usize>> = (self.scenarios.iter())
+            .map(|scenario| {
+                is_kept(scenario).then(|| {
+                    kept += 1;
+                    kept - 1
+                })
+            })
+            .collect();
+        self.samples
+            .retain_mut(|sample| match places[sample.scenario] {
+                Some(place) => {
+                    sample.observed.scenario = place;
+                    true
+                }
+                None => false,
+            });
+        self.scenarios.retain(is_kept);
+    }
+
+    /// A copy of a trajectory under another name would be tested by what it was trained on.
+    fn refuse_flights_on_two_sides(&self, corpus: &Corpus) -> Result<()> {
+        let mut first: BTreeMap<&str, &ScenarioSummary> = BTreeMap::new();
+        for scenario in &self.scenarios {
+            let one = *first.entry(&scenario.flight).or_insert(scenario);
+            if one.side != scenario.side {
+                let described = |s: &ScenarioSummary| (s.id.clone(), s.trajectory.clone(), s.side);
+                let fault = CorpusFault::FlightOnTwoSides {
+                    one: described(one),
+                    other: described(scenario),
+                };
+                return Err(Error::corpus(corpus.root(), fault));
+            }
+        }
+        Ok(())
     }
 
     fn add_scenario(
@@ -176,41 +208,9 @@ impl Samples {
                 split: assignment.trajectory.clone(),
             }));
         }
-        let cameras: BTreeMap<String, Camera> = scenario
-            .calibration()?
-            .cameras
-            .iter()
-            .map(|(view, entry)| (view.clone(), entry.camera()))
-            .collect();
-        let detections = scenario.detections(&self.detections.hash)?;
-        let detections: Vec<_> = detections.into_confirmed().collect();
-        if let Some(Detection { view, .. }) = detections
-            .iter()
-            .find(|detection| !self.views.contains(&detection.view))
-        {
-            return Err(refused(CorpusFault::UnknownView(view.clone())));
-        }
-        let mut detections = best_detections(detections, &cameras);
-        let registrations = scenario
-            .registrations(&self.detections.hash)?
-            .unwrap_or_default();
-        let mut registrations: BTreeMap<(u32, String), Registration> = registrations
-            .into_iter()
-            .map(|registration| ((registration.tick, registration.view.clone()), registration))
-            .collect();
-        let mut summary = ScenarioSummary {
-            id: folder.id(),
-            trajectory: record.trajectory,
-            side: assignment.side,
-            weather: record.conditions.weather_name,
-            time_of_day: record.conditions.time_of_day,
-            runway: record.runway,
-            touchdown: record.touchdown,
-            cameras: cameras.into_values().collect(),
-            ticks: 0,
-            detected_ticks: vec![0; self.views.len()],
-        };
-        for row in scenario.frames()?.rows {
+        let visibility_m = record.conditions.weather.visibility_m;
+        let (summary, frames, observations) = self.observe(scenario, record, assignment.side)?;
+        for (row, observed) in frames.rows.into_iter().zip(observations) {
             let labels = (row.labels).ok_or_else(|| refused(CorpusFault::NoLabels))?;
             for (column, value) in [
                 ("dtd_m", labels.dtd_m),
@@ -231,46 +231,112 @@ impl Samples {
             if labels.along_track_m <= 0.0 || !range.contains(labels.dtd_m) {
                 continue;
             }
-            summary.ticks += 1;
-            let boxes: Vec<_> = self
-                .views
-                .iter()
-                .map(|view| detections.remove(&(row.tick, view.clone())))
-                .collect();
-            for (count, seen) in summary.detected_ticks.iter_mut().zip(&boxes) {
-                *count += usize::from(seen.is_some());
-            }
-            if boxes.iter().any(Option::is_some) {
-                let shift = |(view, seen): (&String, &Option<PixelBox>)| {
-                    let registration = registrations.remove(&(row.tick, view.clone()))?;
-                    let shift = registration.result.ok()?;
-                    let reference = self.views.binary_search(&registration.reference).ok()?;
-                    let in_reference = boxes[reference].as_ref()?;
-                    ViewShift::between((reference, in_reference), seen.as_ref()?, &shift)
-                };
-                self.samples.push(Sample {
-                    shifts: self.views.iter().zip(&boxes).map(shift).collect(),
-                    scenario: self.scenarios.len(),
-                    tick: row.tick,
-                    time_ns: row.time_ns,
-                    dtd_m: labels.dtd_m,
-                    along_track_m: labels.along_track_m,
-                    cross_track_m: labels.cross_track_m,
-                    position: row.pose.position(),
-                    boxes,
-                });
-            }
+            let position = row.pose.position();
+            self.samples.push(Sample {
+                observed,
+                dtd_m: labels.dtd_m,
+                along_track_m: labels.along_track_m,
+                cross_track_m: labels.cross_track_m,
+                position,
+                transmission: best_transmission(&summary.cameras, position, visibility_m),
+            });
         }
         self.scenarios.push(summary);
         Ok(())
     }
 
-    /// The samples of one side of the split.
+    /// What is known about the next scenario, its ticks, and what the cameras saw at each.
+    fn observe(
+        &self,
+        scenario: &OpenScenario,
+        record: ScenarioRecord,
+        side: Side,
+    ) -> Result<(ScenarioSummary, Frames, Vec<Observation>)> {
+        let folder = scenario.folder();
+        let cameras: BTreeMap<String, Camera> = scenario
+            .calibration()?
+            .cameras
+            .iter()
+            .map(|(view, entry)| (view.clone(), entry.camera()))
+            .collect();
+        let detections = scenario.detections(&self.detections.hash)?;
+        let detections: Vec<_> = detections.into_confirmed().collect();
+        if let Some(Detection { view, .. }) = detections
+            .iter()
+            .find(|detection| !self.views.contains(&detection.view))
+        {
+            let fault = CorpusFault::UnknownView(view.clone());
+            return Err(Error::corpus(folder.root(), fault));
+        }
+        let mut detections = best_detections(detections, &cameras);
+        let registrations = scenario
+            .registrations(&self.detections.hash)?
+            .unwrap_or_default();
+        let mut registrations: BTreeMap<(u32, String), Registration> = registrations
+            .into_iter()
+            .map(|registration| ((registration.tick, registration.view.clone()), registration))
+            .collect();
+        let frames = scenario.frames()?;
+        let summary = ScenarioSummary {
+            id: folder.id(),
+            flight: flight_of(&record.flight, &frames),
+            manifest_blake3: scenario.seal().manifest_blake3.clone(),
+            trajectory: record.trajectory,
+            side,
+            weather: record.conditions.weather_name,
+            time_of_day: record.conditions.time_of_day,
+            runway: record.runway,
+            touchdown: record.touchdown,
+            cameras: cameras.into_values().collect(),
+        };
+        let observe = |row: &TickRow| {
+            let found: Vec<_> = self
+                .views
+                .iter()
+                .map(|view| detections.remove(&(row.tick, view.clone())))
+                .collect();
+            let boxes: Vec<_> = found.iter().map(|found| (*found)?.whole()).collect();
+            let shift = |(view, seen): (&String, &Option<PixelBox>)| {
+                let registration = registrations.remove(&(row.tick, view.clone()))?;
+                let shift = registration.result.ok()?;
+                let reference = self.views.binary_search(&registration.reference).ok()?;
+                let in_reference = boxes[reference].as_ref()?;
+                ViewShift::between((reference, in_reference), seen.as_ref()?, &shift)
+            };
+            Observation {
+                shifts: self.views.iter().zip(&boxes).map(shift).collect(),
+                scenario: self.scenarios.len(),
+                tick: row.tick,
+                time_ns: row.time_ns,
+                cut_off: (found.iter().flatten())
+                    .filter(|found| found.whole().is_none())
+                    .count(),
+                boxes,
+            }
+        };
+        let observations = frames.rows.iter().map(observe).collect();
+        Ok((summary, frames, observations))
+    }
+
+    /// The samples of one side of the split that at least one view saw.
     pub(crate) fn of_side(&self, side: Side) -> Vec<&Sample> {
+        self.ticks_of_side(side)
+            .filter(|sample| sample.detections() > 0)
+            .collect()
+    }
+
+    /// Puts all scenarios on the test side.
+    pub(crate) fn test_all(&mut self) {
+        for scenario in &mut self.scenarios {
+            scenario.side = Side::Test;
+        }
+    }
+
+    /// All ticks of one side of the split, seen or not, flight by flight in the order of time.
+    pub(crate) fn ticks_of_side(&self, side: Side) -> impl Iterator<Item = &Sample> {
         self.samples
             .iter()
-            .filter(|sample| self.scenarios[sample.scenario].side == side)
-            .collect()
+            .filter(move |sample| self.scenarios[sample.scenario].side == side)
     }
 
     /// The samples of one side with only those boxes that contain the aircraft. This uses the truth, so it is for training;
@@ -289,9 +355,20 @@ impl Samples {
                     })
                     .collect();
                 let any = boxes.iter().any(Option::is_some);
-                any.then(|| sample.with_boxes(boxes))
+                any.then(|| sample.with(sample.observed.with_boxes(boxes)))
             })
             .collect()
+    }
+
+    /// What is flown on one side of the split.
+    pub(crate) fn flights(&self, side: Side) -> BTreeSet<String> {
+        let scenarios = self.scenarios.iter().filter(|s| s.side == side);
+        scenarios.map(|s| s.flight.clone()).collect()
+    }
+
+    /// Number of scenarios on one side of the split.
+    pub(crate) fn scenario_count(&self, side: Side) -> usize {
+        self.scenarios.iter().filter(|s| s.side == side).count()
     }
 
     /// The trajectories of one side of the split.
@@ -314,12 +391,53 @@ fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
         .collect()
 }
 
-/// The whole box with the highest score per tick and view.
+/// What a trajectory is, whatever it is called: the hash of the recording that it replays, or of the flown path. Live flights of two
+/// sweeps may share a name, and copies of a recording may have several.
+fn flight_of(flight: &Flight, frames: &Frames) -> String {
+    match flight {
+        Flight::Recorded { blake3, .. } => blake3.clone(),
+        Flight::Live => {
+            let mut path = blake3::Hasher::new();
+            for row in &frames.rows {
+                path.update(&row.time_ns.to_le_bytes());
+                let Geodetic {
+                    latitude_deg,
+                    longitude_deg,
+                    altitude_msl_m,
+                } = row.pose.position();
+                for number in [latitude_deg, longitude_deg, altitude_msl_m] {
+                    path.update(&number.to_le_bytes());
+                }
+            }
+            path.finalize().to_string()
+        }
+    }
+}
+
+/// What a detector found in one picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Found {
+    /// The whole box with the highest score.
+    Whole { score: f64, pixel_box: PixelBox },
+    /// Only boxes that the picture's edge cuts off.
+    CutOff,
+}
+
+impl Found {
+    fn whole(self) -> Option<PixelBox> {
+        match self {
+            Self::Whole { pixel_box, .. } => Some(pixel_box),
+            Self::CutOff => None,
+        }
+    }
+}
+
+/// What was found per tick and view.
 fn best_detections(
     detections: Vec<Detection>,
     cameras: &BTreeMap<String, Camera>,
-) -> BTreeMap<(u32, String), PixelBox> {
-    let mut best: BTreeMap<(u32, String), (f64, PixelBox)> = BTreeMap::new();
+) -> BTreeMap<(u32, String), Found> {
+    let mut best: BTreeMap<(u32, String), Found> = BTreeMap::new();
     for Detection {
         tick,
         view,
@@ -328,17 +446,27 @@ fn best_detections(
         ..
     } in detections
     {
-        if !is_whole(&pixel_box, &cameras[&view]) {
-            continue;
-        }
-        let entry = best.entry((tick, view)).or_insert((score, pixel_box));
-        if score > entry.0 {
-            *entry = (score, pixel_box);
+        let is_whole = is_whole(&pixel_box, &cameras[&view]);
+        let entry = best.entry((tick, view)).or_insert(Found::CutOff);
+        let is_better = match *entry {
+            Found::Whole { score: other, .. } => score > other,
+            Found::CutOff => true,
+        };
+        if is_whole && is_better {
+            *entry = Found::Whole { score, pixel_box };
         }
     }
-    best.into_iter()
-        .map(|(key, (_, pixel_box))| (key, pixel_box))
-        .collect()
+    best
+}
+
+/// Share of contrast that remains over the distance to the nearest camera whose picture contains the aircraft.
+fn best_transmission(cameras: &[Camera], position: Geodetic, visibility_m: f64) -> Option<f64> {
+    let aircraft_m = position.to_ecef();
+    cameras
+        .iter()
+        .filter(|camera| camera.shows(aircraft_m))
+        .map(|camera| transmission(camera.center_ecef_m.distance(aircraft_m), visibility_m))
+        .reduce(f64::max)
 }
 
 /// The requested detections, by the model's file name or by hash, or the only ones that there are.
@@ -347,235 +475,21 @@ fn choose_detections(
     folders: &[ScenarioFolder],
     asked: Option<&str>,
 ) -> Result<NamedDetections> {
-    let mut found = BTreeMap::new();
-    for folder in folders {
-        for hash in models_of(folder)? {
-            let detections = found
-                .entry(hash)
-                .or_insert_with_key(|hash| named(folder, hash));
-            if detections.model.is_none() {
-                // The record in another scenario may be undamaged.
-                *detections = named(folder, &detections.hash);
-            }
-        }
-    }
-    let is_meant =
-        |detections: &&NamedDetections| asked.is_none_or(|asked| detections.is_meant_by(asked));
-    let meant: Vec<_> = found.values().filter(is_meant).collect();
-    let fault = match (meant.as_slice(), asked.map(str::to_owned)) {
-        ([one], _) => return Ok((*one).clone()),
-        ([], Some(asked)) if found.is_empty() => CorpusFault::NoDetectionsOf(asked),
-        ([], Some(asked)) => CorpusFault::OtherDetections {
-            asked,
-            listed: listed(found.values()),
+    let fault = match (choose(folders, asked)?, asked.map(str::to_owned)) {
+        (Ok(chosen), _) => return Ok(chosen),
+        (Err(NoChoice::None), Some(asked)) => CorpusFault::NoDetectionsOf(asked),
+        (Err(NoChoice::None), None) => CorpusFault::NoDetections,
+        (Err(NoChoice::Others(listed)), asked) => CorpusFault::OtherDetections {
+            asked: asked.unwrap_or_default(),
+            listed,
         },
-        ([], None) => CorpusFault::NoDetections,
-        (several, _) => CorpusFault::SeveralModels(listed(several.iter().copied())),
+        (Err(NoChoice::Several(listed)), _) => CorpusFault::SeveralModels(listed),
     };
     Err(Error::corpus(corpus.root(), fault))
-}
-
-fn listed<'a>(detections: impl Iterator<Item = &'a NamedDetections>) -> String {
-    let shown: Vec<_> = detections.map(ToString::to_string).collect();
-    shown.join(", ")
 }
 
 #[cfg(test)]
 mod edited_files;
 
 #[cfg(test)]
-mod tests {
-    use std::path::Path;
-
-    use dataset::detections::{self, NewTables};
-    use dataset::model_identity::ModelIdentity;
-    use dataset::seal::seal_folder;
-
-    use super::*;
-    use testkit::synthetic::{MODEL_FILE, MODEL_HASH, SyntheticCorpus};
-
-    const ALL: DistanceRange = DistanceRange {
-        min_nm: 0.0,
-        max_nm: None,
-    };
-
-    fn read(folder: &Path, corpus: &SyntheticCorpus) -> Samples {
-        Samples::read(&corpus.write(folder).unwrap(), None, ALL).unwrap()
-    }
-
-    fn detection(score: f64, cx_px: f64) -> Detection {
-        let pixel_box = PixelBox {
-            cx_px,
-            cy_px: 600.0,
-            width_px: 40.0,
-            height_px: 12.0,
-        };
-        Detection::untracked(4, "left", pixel_box, score, 0)
-    }
-
-    #[test]
-    fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score() {
-        let folder = tempfile::tempdir().unwrap();
-        let samples = read(folder.path(), &SyntheticCorpus::tiny());
-        let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
-        let cut = detection(0.9, 19.0);
-        let best = best_detections(vec![cut.clone(), detection(0.4, 200.0)], &cameras);
-        assert_eq!(best[&(4, "left".to_owned())].cx_px, 200.0);
-        assert!(best_detections(vec![cut], &cameras).is_empty());
-    }
-
-    #[test]
-    fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
-        let folder = tempfile::tempdir().unwrap();
-        let mut samples = read(folder.path(), &SyntheticCorpus::tiny());
-        let undisturbed = samples.with_true_boxes(Side::Train);
-        let recorded: Vec<_> = samples.of_side(Side::Train).into_iter().cloned().collect();
-        assert_eq!(undisturbed, recorded, "nothing to leave out yet");
-        // A view that saw nothing now sees something else.
-        let mut added = 0;
-        for sample in &mut samples.samples {
-            for seen in sample.boxes.iter_mut().filter(|seen| seen.is_none()) {
-                *seen = Some(detection(0.9, 60.0).pixel_box);
-                added += 1;
-            }
-        }
-        assert!(added > 10, "{added}");
-        assert_eq!(samples.with_true_boxes(Side::Train), undisturbed);
-    }
-
-    #[test]
-    fn of_several_whole_boxes_the_one_with_the_best_score_counts() {
-        let folder = tempfile::tempdir().unwrap();
-        let samples = read(folder.path(), &SyntheticCorpus::tiny());
-        let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
-        let best = best_detections(
-            vec![
-                detection(0.5, 100.0),
-                detection(0.9, 200.0),
-                detection(0.7, 300.0),
-            ],
-            &cameras,
-        );
-        assert_eq!(best[&(4, "left".to_owned())].cx_px, 200.0);
-    }
-
-    #[test]
-    fn a_tick_becomes_a_sample_if_any_view_saw_it() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            miss_ratio: 0.5,
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let samples = Samples::read(&corpus, None, ALL).unwrap();
-        let ticks: usize = samples.scenarios.iter().map(|s| s.ticks).sum();
-        let seen = samples.samples.len() as f64 / ticks as f64;
-        assert!(
-            (seen - 0.75).abs() < 0.08,
-            "half of each view missed at random leaves 3/4, found {seen}"
-        );
-        assert!(samples.samples.iter().all(|s| s.detections() >= 1));
-    }
-
-    #[test]
-    fn every_scenario_keeps_its_own_cameras_and_another_rig_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            turned_deg: 0.3,
-            ..SyntheticCorpus::tiny()
-        }
-        .write(folder.path())
-        .unwrap();
-        let samples = Samples::read(&corpus, None, ALL).unwrap();
-        assert!(samples.rig.cameras_vary);
-        let [first, second] = [0, 1].map(|scenario| samples.scenarios[scenario].cameras[0]);
-        assert_ne!(first.ecef_from_camera, second.ecef_from_camera);
-
-        let other = corpus.scenarios().unwrap().remove(1);
-        let mut record = other.open().unwrap().record().unwrap();
-        record.rig = "another".into();
-        record.write(&other.record_path()).unwrap();
-        seal_folder(other.root(), "synthetic").unwrap();
-        let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
-        assert!(
-            message.contains("rig another") && message.contains("one rig"),
-            "{message}"
-        );
-    }
-
-    /// A corpus with the detections of the synthetic model, and of another one in its first scenario.
-    fn of_two_models(folder: &Path, other: &ModelIdentity) -> Corpus {
-        let corpus = SyntheticCorpus::tiny().write(folder).unwrap();
-        let first = corpus.scenarios().unwrap().remove(0);
-        let source = first.open().unwrap();
-        let found = source.detections(MODEL_HASH).unwrap();
-        let tables = NewTables::unregistered(&found);
-        let claim = first.claim().unwrap();
-        detections::replace(&claim, &source, other, &other.name(), tables, |made| made).unwrap();
-        corpus
-    }
-
-    #[test]
-    fn of_several_models_one_is_chosen_by_hash_or_by_file_name() {
-        let folder = tempfile::tempdir().unwrap();
-        let other = ModelIdentity {
-            model: Some("other.onnx".into()),
-            model_blake3: "0f".repeat(32),
-            profile_blake3: None,
-        };
-        let corpus = of_two_models(folder.path(), &other);
-        let asked = |asked: Option<&str>| {
-            let read = Samples::read(&corpus, asked, ALL);
-            read.map(|samples| samples.detections.hash)
-                .map_err(|error| error.to_string())
-        };
-        let listed = format!("other.onnx ({}), {MODEL_FILE} ({MODEL_HASH})", other.name());
-        let message = asked(None).unwrap_err();
-        assert!(message.contains(&listed), "{message}");
-        for name in [MODEL_HASH, MODEL_FILE] {
-            assert_eq!(asked(Some(name)).as_deref(), Ok(MODEL_HASH));
-        }
-        let message = asked(Some("third.onnx")).unwrap_err();
-        assert!(
-            message.contains("third.onnx") && message.contains(&listed),
-            "{message}"
-        );
-        let chosen = |name: &str| {
-            let folders = corpus.scenarios().unwrap();
-            let chosen = choose_detections(&corpus, &folders, Some(name));
-            chosen.map(|detections| detections.hash).unwrap()
-        };
-        assert_eq!(chosen("other.onnx"), other.name());
-        assert_eq!(chosen(&other.name()), other.name());
-    }
-
-    #[test]
-    fn a_file_name_of_two_models_is_no_choice_and_both_are_listed_by_hash() {
-        let folder = tempfile::tempdir().unwrap();
-        let other = ModelIdentity {
-            model: Some(MODEL_FILE.into()),
-            model_blake3: MODEL_HASH.into(),
-            profile_blake3: Some("a".repeat(64)),
-        };
-        let corpus = of_two_models(folder.path(), &other);
-        let message = Samples::read(&corpus, Some(MODEL_FILE), ALL);
-        let message = message.unwrap_err().to_string();
-        for hash in [MODEL_HASH, &other.name()] {
-            let listed = format!("{MODEL_FILE} ({hash})");
-            assert!(message.contains(&listed), "{message}");
-        }
-        assert!(Samples::read(&corpus, Some(MODEL_HASH), ALL).is_ok());
-    }
-
-    #[test]
-    fn a_trajectory_that_the_split_names_differently_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
-        let mut splits = Splits::read(&corpus.splits_path()).unwrap();
-        splits.scenarios.first_entry().unwrap().get_mut().trajectory = "renamed".into();
-        splits.write(&corpus.splits_path()).unwrap();
-        let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
-        assert!(message.contains("renamed"), "{message}");
-    }
-}
+mod tests;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use dataset::json_file::write_unsynced;
+use dataset::json_file::{parse_json, write_unsynced};
 use dataset::outside_file::{self, FileKind};
 use dataset::sealed::Sealed;
 use serde::de::DeserializeOwned;
@@ -17,6 +17,7 @@ const RUN_FILE: FileKind = FileKind::new("file of a run", 4 << 30).unlinked();
 /// The sealed files of a training, in memory.
 pub(crate) struct SealedRun {
     root: PathBuf,
+    seal: Sealed,
     /// Hash of the settings.
     pub(crate) config_hash: String,
     files: BTreeMap<&'static str, Vec<u8>>,
@@ -43,6 +44,7 @@ impl SealedRun {
         Ok(Self {
             root: root.to_owned(),
             config_hash: seal.seal().config_hash.clone(),
+            seal,
             files,
         })
     }
@@ -72,6 +74,25 @@ impl SealedRun {
                 source,
             })
         })
+    }
+
+    /// A result of an evaluation beside them; `None` if it is not there or was edited.
+    pub(crate) fn result<T: DeserializeOwned>(
+        &self,
+        name: &'static str,
+        what: &'static str,
+    ) -> Result<Option<T>> {
+        let path = self.root.join(name);
+        let bytes = match outside_file::read(&path, RUN_FILE) {
+            Ok(bytes) => bytes,
+            Err(error) if error.is_not_found() => return Ok(None),
+            Err(error) => return Err(error.into()),
+        };
+        let hash = blake3::hash(&bytes).to_string();
+        if self.seal.hash_of(name) != Some(&hash) {
+            return Ok(None);
+        }
+        Ok(Some(parse_json(&bytes, &path, what)?))
     }
 
     /// An error in one of the files.

@@ -13,18 +13,23 @@ use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
+use crate::choice::Choice;
 use crate::config::TrainConfig;
 use crate::error::{Error, Result, RunFault};
+use crate::flight_filter::FlightFilter;
 use crate::inverse_range::InverseRange;
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
 use crate::paper_lstm::{EstimatorLogEntry, PaperLstm};
 use crate::pinhole::Pinhole;
+use crate::refit::Refit;
 use crate::rig::Cameras;
 use crate::run_folder::RunFolder;
 use crate::run_place::RunPlace;
+use crate::samples::ScenarioSummary;
 use crate::sealed_run::SealedRun;
+use crate::self_calibration::SelfCalibrated;
 use crate::triangulation::CentreOffset;
 
 /// The inputs of a training (`run.json`).
@@ -49,17 +54,50 @@ pub(crate) struct RunSummary {
     pub training_trajectories: BTreeSet<String>,
     /// Trajectories on the validation side.
     pub validation_trajectories: BTreeSet<String>,
-    /// Samples on the training side, as recorded.
+    /// What these trajectories are, whatever they are called; missing in earlier runs.
+    #[serde(default)]
+    pub training_flights: BTreeSet<String>,
+    /// The same of the validation side.
+    #[serde(default)]
+    pub validation_flights: BTreeSet<String>,
+    /// Scenarios on the training side; 0 in earlier runs.
+    #[serde(default)]
+    pub training_scenarios: usize,
+    /// Scenarios on the validation side; 0 in earlier runs.
+    #[serde(default)]
+    pub validation_scenarios: usize,
+    /// Samples on the training side that the networks learned from, as recorded.
     pub training_samples: usize,
-    /// Boxes of the training side that do not contain the aircraft and were ignored.
+    /// Boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them unless the
+    /// settings remove them.
     #[serde(default)]
     pub false_training_boxes: usize,
     /// Samples that were mixed from them.
     pub mixed_samples: usize,
     /// Samples on the validation side.
     pub validation_samples: usize,
+    /// The recommended estimator; missing in runs of earlier versions.
+    #[serde(default)]
+    pub choice: Option<Choice>,
+    /// Views that were fitted again after the training, in order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub refits: Vec<Refit>,
     /// Wall-clock time of the training, seconds.
     pub training_s: f64,
+}
+
+impl RunSummary {
+    /// Whether a flight was used for training or its decisions. Runs of earlier versions know flights by name only.
+    pub(crate) fn knows(&self, scenario: &ScenarioSummary) -> bool {
+        match self.training_flights.is_empty() {
+            true => [&self.training_trajectories, &self.validation_trajectories]
+                .iter()
+                .any(|names| names.contains(&scenario.trajectory)),
+            false => [&self.training_flights, &self.validation_flights]
+                .iter()
+                .any(|flights| flights.contains(&scenario.flight)),
+        }
+    }
 }
 
 /// Both convergence logs (`convergence.json`).
@@ -85,6 +123,12 @@ pub(crate) struct Baselines {
     /// `inverse_range`; runs of earlier versions have none.
     #[serde(default)]
     pub inverse_range: InverseRange,
+    /// `self_calibrated`; `null` if fewer than two views saw the aircraft often enough, and in runs of earlier versions.
+    #[serde(default)]
+    pub self_calibrated: Option<SelfCalibrated>,
+    /// `inverse_range_filtered` and `inverse_range_smoothed`; runs of earlier versions have none.
+    #[serde(default)]
+    pub flight_filter: Option<FlightFilter>,
 }
 
 /// All networks of a run.
@@ -154,6 +198,9 @@ fn check_numbers(
     for scale in baselines.inverse_range.scales_px() {
         check.number("inverse_range scale_px", scale, limits::FEATURE_SCALE_PX);
     }
+    if let Some(fitted) = &baselines.self_calibrated {
+        check.part("self_calibrated", |check| fitted.check(check));
+    }
     if let Some(fault) = std::mem::take(check).first() {
         return Err(sealed.refused(RunFolder::BASELINES, RunFault::OutOfLimits(fault)));
     }
@@ -165,7 +212,9 @@ fn check_numbers(
             let [of_width, of_height] = offset.part_of_size;
             [right, down, of_width, of_height]
         }))
-        .chain(baselines.inverse_range.constants());
+        .chain(baselines.inverse_range.constants())
+        .chain((baselines.self_calibrated.iter()).flat_map(SelfCalibrated::constants))
+        .chain((baselines.flight_filter.iter()).flat_map(FlightFilter::constants));
     // NaN is not below.
     if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
     {
@@ -242,7 +291,7 @@ impl TrainedRun {
 
     /// All networks in the format of Safetensors. The same numbers give the same bytes: with several entries, the library writes
     /// the metadata in an order that varies between processes.
-    fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
+    pub(crate) fn weights(&self, folder: &RunFolder) -> Result<Vec<u8>> {
         let failed = |error| Error::run(&folder.weights_path(), RunFault::NotWritten(error));
         let mut store = SafetensorsStore::from_bytes(None)
             .clear_metadata()
@@ -276,11 +325,24 @@ impl TrainedRun {
             let fault = RunFault::InverseRange { views };
             return Err(sealed.refused(RunFolder::BASELINES, fault));
         }
+        let fitted = baselines.self_calibrated.as_ref();
+        if fitted.is_some_and(|fitted| !fitted.is_of(views)) {
+            let fault = RunFault::FittedCameras { views };
+            return Err(sealed.refused(RunFolder::BASELINES, fault));
+        }
+        let is_of_fits = |filter: &FlightFilter| filter.is_of(&baselines.inverse_range);
+        if !baselines.flight_filter.as_ref().is_none_or(is_of_fits) {
+            return Err(sealed.refused(RunFolder::BASELINES, RunFault::FlightFilter));
+        }
         let mut networks = Networks::untrained(views, &config, &Device::flex());
         let weights = sealed.bytes(RunFolder::WEIGHTS).to_vec();
-        networks
+        let loaded = networks
             .load_from(&mut SafetensorsStore::from_bytes(Some(weights)))
             .map_err(|error| sealed.refused(RunFolder::WEIGHTS, RunFault::OtherNetworks(error)))?;
+        if !loaded.unused.is_empty() {
+            let fault = RunFault::UnknownWeights(loaded.unused);
+            return Err(sealed.refused(RunFolder::WEIGHTS, fault));
+        }
         check_numbers(sealed, &normalisation, &baselines, &networks)?;
         Ok(Self {
             summary: sealed.json(RunFolder::SUMMARY, "run summary")?,

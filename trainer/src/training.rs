@@ -11,9 +11,12 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
 use crate::calibration_training::train_calibration;
+use crate::choice::Choice;
 use crate::config::TrainConfig;
 use crate::encoded::Encoded;
 use crate::error::{CorpusFault, Error, Result};
+use crate::evaluation::split_again;
+use crate::flight_filter::FlightFilter;
 use crate::inverse_range::InverseRange;
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
@@ -23,6 +26,7 @@ use crate::pinhole::Pinhole;
 use crate::run_folder::RunFolder;
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
+use crate::self_calibration::SelfCalibrated;
 use crate::trained_run::{Baselines, Convergence, Networks, RunSummary, TrainedRun};
 use crate::training_loop::Setup;
 use crate::trajectory_mixing::{Corridor, mix};
@@ -36,6 +40,8 @@ pub struct TrainOutcome {
     pub run: RunFolder,
     /// Error of `paper_lstm` on the validation side at the end, percent.
     pub validation_mape_pct: f64,
+    /// The recommended estimator.
+    pub choice: Choice,
 }
 
 /// Independent random streams, so that changing one part of a training leaves the others' draws alone.
@@ -71,18 +77,24 @@ pub fn train(
         min_nm: config.min_dtd_nm,
         max_nm: config.max_dtd_nm,
     };
-    let samples = Samples::read(corpus, config.model_hash.as_deref(), range)?;
+    let mut samples = Samples::read(corpus, config.model_hash.as_deref(), range)?;
+    split_again(corpus, &mut samples, config.leave_out.as_deref())?;
     let recorded = side_with_samples(corpus, &samples, Side::Train)?;
-    let trusted = samples.with_true_boxes(Side::Train);
-    let training: Vec<&Sample> = trusted.iter().collect();
-    if training.is_empty() {
+    let true_boxes = samples.with_true_boxes(Side::Train);
+    let true_boxes: Vec<&Sample> = true_boxes.iter().collect();
+    if true_boxes.is_empty() {
         let samples = recorded.len();
         let fault = CorpusFault::NoTrueBoxes { samples };
         return Err(Error::corpus(corpus.root(), fault));
     }
     let boxes = |samples: &[&Sample]| samples.iter().map(|s| s.detections()).sum::<usize>();
-    let false_training_boxes = boxes(&recorded) - boxes(&training);
-    let normalisation = Normalisation::fit(&samples.views, &training);
+    let false_training_boxes = boxes(&recorded) - boxes(&true_boxes);
+    // What the networks learn from; formulas are fitted to true boxes, because one of another object outweighs thousands there.
+    let training = match config.only_true_boxes {
+        true => true_boxes.clone(),
+        false => recorded,
+    };
+    let normalisation = Normalisation::fit(&samples.views, &training, &true_boxes);
     let recorded = side_with_samples(corpus, &samples, Side::Validation)?;
     let validation = usual_samples(&normalisation, &recorded);
     if validation.is_empty() {
@@ -97,10 +109,10 @@ pub fn train(
     memory::check(config, samples.views.len(), counts)?;
     let [mixed, mixed_together] = mixed_samples(&samples, &training, config);
     let encoded = Encoded::new(training.iter().copied().chain(&mixed), &normalisation);
-    let encoded_together = Encoded::new(
-        training.iter().copied().chain(&mixed_together),
-        &normalisation,
-    );
+    let encoded_together = (!mixed_together.is_empty()).then(|| {
+        let together = training.iter().copied().chain(&mixed_together);
+        Encoded::new(together, &normalisation)
+    });
     let encoded_validation = Encoded::new(&validation, &normalisation);
 
     let setup = |stream: Stream| Setup {
@@ -120,7 +132,7 @@ pub fn train(
         &calibration,
         &EstimatorSamples {
             alone: &encoded,
-            together: &encoded_together,
+            together: encoded_together.as_ref().unwrap_or(&encoded),
             validation: &encoded_validation,
         },
         &config.estimator,
@@ -137,6 +149,8 @@ pub fn train(
     let validation_mape_pct = estimator_log
         .last()
         .map_or(f64::NAN, |entry| entry.validation_mape_pct);
+    let baselines = baselines(&samples, &true_boxes, &validation, config);
+    let choice = Choice::of(&baselines, &true_boxes);
     let run = TrainedRun {
         config: config.clone(),
         summary: RunSummary {
@@ -148,13 +162,19 @@ pub fn train(
             cameras_vary: samples.rig.cameras_vary,
             training_trajectories: samples.trajectories(Side::Train),
             validation_trajectories: samples.trajectories(Side::Validation),
+            training_flights: samples.flights(Side::Train),
+            validation_flights: samples.flights(Side::Validation),
+            training_scenarios: samples.scenario_count(Side::Train),
+            validation_scenarios: samples.scenario_count(Side::Validation),
             training_samples: training.len(),
             false_training_boxes,
             mixed_samples: mixed.len() + mixed_together.len(),
             validation_samples: validation.len(),
             training_s: started.elapsed().as_secs_f64(),
+            choice: Some(choice.clone()),
+            refits: Vec::new(),
         },
-        baselines: baselines(&samples, &training),
+        baselines,
         convergence: Convergence {
             views: samples.views.clone(),
             calibration: calibration_log,
@@ -173,6 +193,7 @@ pub fn train(
     Ok(TrainOutcome {
         run: folder,
         validation_mape_pct,
+        choice,
     })
 }
 
@@ -183,7 +204,7 @@ fn side_with_samples<'a>(
 ) -> Result<Vec<&'a Sample>> {
     let found = samples.of_side(side);
     if found.is_empty() {
-        let scenarios = samples.scenarios.iter().filter(|s| s.side == side).count();
+        let scenarios = samples.scenario_count(side);
         let fault = CorpusFault::NoSamples { side, scenarios };
         return Err(Error::corpus(corpus.root(), fault));
     }
@@ -194,7 +215,7 @@ fn side_with_samples<'a>(
 fn usual_samples(normalisation: &Normalisation, samples: &[&Sample]) -> Vec<Sample> {
     samples
         .iter()
-        .map(|sample| normalisation.without_outliers(sample, false))
+        .map(|sample| sample.with(normalisation.without_outliers(sample, false)))
         .filter(|sample| sample.detections() > 0)
         .collect()
 }
@@ -223,15 +244,36 @@ fn mixed_samples(
     .map(|corridor| mix(training, &samples.scenarios, corridor, count, random))
 }
 
-fn baselines(samples: &Samples, training: &[&Sample]) -> Baselines {
+fn baselines(
+    samples: &Samples,
+    training: &[&Sample],
+    validation: &[Sample],
+    config: &TrainConfig,
+) -> Baselines {
+    let inverse_range = InverseRange::fit(samples.views.len(), training);
+    let validation: Vec<&Sample> = validation.iter().collect();
+    let scenarios = &samples.scenarios;
     Baselines {
         views: samples.views.clone(),
         pinholes: (0..samples.views.len())
             .map(|view| Pinhole::fit(view, training))
             .collect(),
         centre_offsets: (0..samples.views.len())
-            .map(|view| CentreOffset::fit(view, &samples.scenarios, training))
+            .map(|view| CentreOffset::fit(view, scenarios, training))
             .collect(),
-        inverse_range: InverseRange::fit(samples.views.len(), training),
+        self_calibrated: SelfCalibrated::fit(
+            &samples.rig.nominal,
+            &samples.scenarios,
+            // As recorded: which boxes hold the aircraft is what the calibration would say.
+            &samples.of_side(Side::Train),
+            &config.self_calibration,
+        ),
+        flight_filter: Some(FlightFilter::fit(
+            &inverse_range,
+            scenarios,
+            training,
+            &validation,
+        )),
+        inverse_range,
     }
 }

@@ -16,7 +16,7 @@ use dataset::runway::RunwayCoordinates;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
-use crate::samples::{Sample, ScenarioSummary};
+use crate::samples::{Observation, Sample, ScenarioSummary};
 use crate::trusted_boxes::is_whole;
 
 /// Position of a trajectory across the course, as a function of the distance along it.
@@ -143,6 +143,11 @@ fn moved(
         .map(|(seen, camera)| moved_box(seen.as_ref()?, camera, sample.position, position))
         .collect();
     boxes.iter().any(Option::is_some).then(|| Sample {
+        observed: Observation {
+            shifts: vec![None; boxes.len()],
+            boxes,
+            ..sample.observed
+        },
         dtd_m: RunwayCoordinates::of(
             position,
             scenario.touchdown,
@@ -152,8 +157,6 @@ fn moved(
         along_track_m,
         cross_track_m,
         position,
-        shifts: vec![None; boxes.len()],
-        boxes,
         ..*sample
     })
 }

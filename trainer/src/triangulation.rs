@@ -14,7 +14,7 @@ use dataset::rays::{Ray, meeting_point_m};
 use glam::{DVec2, DVec3};
 use serde::{Deserialize, Serialize};
 
-use crate::samples::{Sample, ScenarioSummary};
+use crate::samples::{Observation, Sample, ScenarioSummary};
 use crate::trusted_boxes::centre_and_size;
 
 /// Rays that pass each other farther than this are not of one aircraft, metres: its length.
@@ -81,7 +81,7 @@ fn common_point_m(rays: &[Ray]) -> Option<DVec3> {
 
 /// Which rays are of one aircraft: all of them, or else the largest group that meets. `None` if no two meet, or if two different groups
 /// are equally large: nothing says then which of them is right.
-fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
+pub(crate) fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
     if common_point_m(rays).is_some() {
         return Some((0..rays.len()).collect());
     }
@@ -108,10 +108,10 @@ fn of_one_aircraft(rays: &[Ray]) -> Option<Vec<usize>> {
 pub(crate) fn predict(
     offsets: &[CentreOffset],
     cameras: &[Camera],
-    sample: &Sample,
+    observed: &Observation,
     touchdown: Geodetic,
 ) -> Option<f64> {
-    let mut seen: Vec<(&Camera, DVec2)> = sample
+    let mut seen: Vec<(&Camera, DVec2)> = observed
         .boxes
         .iter()
         .zip(cameras.iter().zip(offsets))
@@ -293,7 +293,7 @@ mod tests {
             .filter(|sample| both(sample))
             .take(3)
         {
-            let elsewhere = sample.boxes[1].as_mut().unwrap();
+            let elsewhere = sample.observed.boxes[1].as_mut().unwrap();
             elsewhere.cx_px += 300.0;
             elsewhere.cy_px += 200.0;
         }

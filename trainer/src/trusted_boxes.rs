@@ -1,4 +1,4 @@
-//! Which of a detector's boxes are used for training, and which are no measurement at all.
+//! Which of a detector's boxes formulas are fitted to, and which are no measurement at all.
 //!
 //! A detector also reports boxes of other objects, and of parts of an aircraft that leaves the picture. A few of them in thousands
 //! ruin a least-squares fit: such a box is wrong by hundreds of percent where a true one is wrong by one. Two rules keep them out,
@@ -6,7 +6,8 @@
 //!
 //! - **Whole** needs no truth and applies to all sides: a box that touches the picture's edge is cut off there, so neither its
 //!   centre nor its size is the aircraft's.
-//! - **Contains the aircraft** needs the truth, so it applies to the training side only.
+//! - **Contains the aircraft** needs the truth, so it applies to the training side only, and there to the formulas and to the ranges of
+//!   [`crate::normalisation`]; to the networks only if the settings say so, because the paper's learn from what the detector found.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;

@@ -103,7 +103,7 @@ mod tests {
         let all: Vec<_> = samples.samples.iter().collect();
         let encoded = Encoded::new(
             all.iter().copied(),
-            &Normalisation::fit(&samples.views, &all),
+            &Normalisation::fit(&samples.views, &all, &all),
         );
         let dropout = ViewDropout::new(&encoded, &encoded);
         let mut random = ChaCha12Rng::seed_from_u64(0);

@@ -7,7 +7,7 @@ use dataset::pixel_box::PixelBox;
 use dataset::registrations::Shift;
 use glam::DVec2;
 
-use crate::samples::Sample;
+use crate::samples::Observation;
 use crate::trusted_boxes::centre_and_size;
 
 /// Where the aircraft is in a view, minus where it is in the reference view.
@@ -55,8 +55,8 @@ pub(crate) struct Places {
 
 impl Places {
     /// The centres of the boxes; `None` if one of the views saw nothing.
-    pub(crate) fn of_boxes(sample: &Sample, views: &[usize]) -> Option<Self> {
-        let centre = |&view: &usize| Some(centre_and_size(sample.boxes[view].as_ref()?).0);
+    pub(crate) fn of_boxes(observed: &Observation, views: &[usize]) -> Option<Self> {
+        let centre = |&view: &usize| Some(centre_and_size(observed.boxes[view].as_ref()?).0);
         Some(Self {
             centres_px: views.iter().map(centre).collect::<Option<_>>()?,
             sd_px: None,
@@ -65,17 +65,17 @@ impl Places {
 
     /// Places whose differences are the registered shifts and whose mean is that of the boxes; `None` if the views are not registered with
     /// one of them.
-    pub(crate) fn registered(sample: &Sample, views: &[usize]) -> Option<Self> {
-        let boxes = Self::of_boxes(sample, views)?;
+    pub(crate) fn registered(observed: &Observation, views: &[usize]) -> Option<Self> {
+        let boxes = Self::of_boxes(observed, views)?;
         let reference = views
             .iter()
-            .find_map(|&v| Some(sample.shifts[v]?.reference))?;
+            .find_map(|&v| Some(observed.shifts[v]?.reference))?;
         if !views.contains(&reference) {
             return None;
         }
         let shift = |&view: &usize| match view == reference {
             true => Some((DVec2::ZERO, None)),
-            false => sample.shifts[view]
+            false => observed.shifts[view]
                 .filter(|shift| shift.reference == reference)
                 .map(|shift| (shift.shift_px, Some(shift.sd_px.length_squared() / 2.0))),
         };
@@ -103,7 +103,7 @@ impl Places {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use dataset::geodesy::Geodetic;
+    use crate::samples::Sample;
 
     fn box_at(cx_px: f64, cy_px: f64) -> PixelBox {
         PixelBox {
@@ -129,21 +129,10 @@ mod tests {
     }
 
     fn sample(shifts: Vec<Option<ViewShift>>) -> Sample {
-        Sample {
-            scenario: 0,
-            tick: 0,
-            time_ns: 0,
-            dtd_m: 1.0,
-            along_track_m: 1.0,
-            cross_track_m: 0.0,
-            position: Geodetic {
-                latitude_deg: 0.0,
-                longitude_deg: 0.0,
-                altitude_msl_m: 0.0,
-            },
-            boxes: vec![Some(box_at(500.0, 600.0)), Some(box_at(401.0, 603.0)), None],
-            shifts,
-        }
+        let boxes = vec![Some(box_at(500.0, 600.0)), Some(box_at(401.0, 603.0)), None];
+        let mut sample = Sample::of_boxes(1.0, boxes);
+        sample.observed.shifts = shifts;
+        sample
     }
 
     #[test]

@@ -15,7 +15,7 @@ use dataset::splits::{Side, Splits};
 use testkit::synthetic::{MODEL_HASH, SyntheticCorpus, model};
 use testkit::{program_of_venv, repository};
 use trainer::config::{
-    AugmentationConfig, CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation,
+    CalibrationConfig, EstimatorConfig, Loss, MonoConfig, Optimisation, PaperDeviation,
 };
 use trainer::{EvaluationConfig, Metrics, RunFolder, TrainConfig, evaluate, train};
 
@@ -27,10 +27,6 @@ fn small() -> TrainConfig {
         learning_rate,
     };
     TrainConfig {
-        augmentation: AugmentationConfig {
-            fill_up_to_samples: 4_000,
-            ..AugmentationConfig::default()
-        },
         calibration: CalibrationConfig {
             hidden: vec![32, 32],
             features: 32,
@@ -74,7 +70,7 @@ fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
 
     // A constant predictor is off by tens of percent; so is one that has learned from the wrong view.
     assert!(
-        mape(&metrics, "paper_lstm") < 4.0,
+        mape(&metrics, "paper_lstm") < 8.0,
         "{}",
         mape(&metrics, "paper_lstm")
     );
@@ -100,11 +96,13 @@ fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
 
     // The figures are those of the stored predictions.
     let stored = table.optional_f64("paper_lstm_dtd_m").unwrap();
-    let errors = stored
+    let errors: Vec<f64> = stored
         .iter()
         .zip(&truth)
-        .map(|(p, t)| (p.unwrap() - t).abs() / t * 100.0);
-    assert!((errors.sum::<f64>() / truth.len() as f64 - mape(&metrics, "paper_lstm")).abs() < 1e-9);
+        .filter_map(|(p, t)| Some(((*p)? - t).abs() / t * 100.0))
+        .collect();
+    let stored_pct = errors.iter().sum::<f64>() / errors.len() as f64;
+    assert!((stored_pct - mape(&metrics, "paper_lstm")).abs() < 1e-9);
     let detections = table.u32("detections").unwrap();
     let triangulated = table.optional_f64("triangulation_dtd_m").unwrap();
     assert!(
@@ -127,8 +125,15 @@ fn a_tiny_training_predicts_held_out_trajectories_and_leaves_a_whole_run() {
             .values()
             .all(|w| w["dual"]["mape_pct"].is_number())
     );
+    assert_eq!(metrics.deviations_from_paper, [PaperDeviation::LayerWidths]);
     let report = fs::read_to_string(run.report_path()).unwrap();
-    for needed in ["paper_lstm", "<svg", "A held-out approach", "Convergence"] {
+    for needed in [
+        "paper_lstm",
+        "deviates from the paper in: layer widths<",
+        "<svg",
+        "A held-out approach",
+        "Convergence",
+    ] {
         assert!(report.contains(needed), "{needed}");
     }
     let rest = report.replace("http://www.w3.org/2000/svg", "");
@@ -248,6 +253,63 @@ fn few_steps() -> TrainConfig {
 }
 
 #[test]
+fn a_training_that_leaves_the_paper_s_method_names_in_what() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny()
+        .write(&folder.path().join("corpus"))
+        .unwrap();
+    with_boxes(&corpus, Side::Train, |seen| PixelBox {
+        // Those of the last mile or so are of something else.
+        cy_px: seen.cy_px + if seen.width_px > 100.0 { 200.0 } else { 0.0 },
+        ..seen
+    });
+    let run = |name: &str, config: &TrainConfig| {
+        let out = folder.path().join(name);
+        let run = train(&corpus, &out, config, &mut Silent).unwrap().run;
+        let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+        let summary: serde_json::Value = read_json(&out.join("run.json"), "summary").unwrap();
+        let report = fs::read_to_string(run.report_path()).unwrap();
+        (metrics.deviations_from_paper, summary, report)
+    };
+    let (_, plain, _) = run("plain", &few_steps());
+    let mut config = few_steps();
+    config.loss = Loss::Logarithmic;
+    config.only_true_boxes = true;
+    config.augmentation.fill_up_to_samples = 4_000;
+    config.calibration.linear_path = true;
+    config.calibration.gap_threshold_pct = 0.25;
+    config.estimator.alone_weight = 0.02;
+    config.estimator.refit_head = true;
+    let (deviations, altered, report) = run("altered", &config);
+    let expected = [
+        PaperDeviation::Loss,
+        PaperDeviation::MixedSamples,
+        PaperDeviation::OnlyTrueBoxes,
+        PaperDeviation::LinearPath,
+        PaperDeviation::AlgorithmThresholds,
+        PaperDeviation::ViewDropout,
+        PaperDeviation::RefitHead,
+        PaperDeviation::LayerWidths,
+    ];
+    assert_eq!(deviations, expected);
+    for words in [
+        "deviates from the paper in: loss, training samples mixed with the true cameras",
+        "with the true cameras. Networks minimise the <em>logarithmic</em> loss",
+    ] {
+        assert!(report.contains(words), "no {words:?} in the report");
+    }
+    assert_eq!(plain["mixed_samples"], 0);
+    assert!(altered["mixed_samples"].as_u64().unwrap() > 1_000);
+    let false_boxes = plain["false_training_boxes"].as_u64().unwrap();
+    assert!(false_boxes > 0 && plain["false_training_boxes"] == altered["false_training_boxes"]);
+    let samples = |summary: &serde_json::Value| summary["training_samples"].as_u64().unwrap();
+    assert!(
+        samples(&plain) > samples(&altered),
+        "false boxes are learned from unless the settings remove them: {plain} {altered}"
+    );
+}
+
+#[test]
 fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = SyntheticCorpus {
@@ -289,6 +351,51 @@ fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
         dual("inverse_range"),
         dual("triangulation")
     );
+}
+
+#[test]
+fn filters_answer_where_a_view_was_removed_and_state_intervals() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus {
+        shift_noise_px: Some(0.05),
+        ..SyntheticCorpus::tiny()
+    }
+    .write(&folder.path().join("corpus"))
+    .unwrap();
+    let out = folder.path().join("run");
+    let run = train(&corpus, &out, &few_steps(), &mut Silent).unwrap().run;
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let of = |name: &str| &metrics.estimators[name];
+    let removed = |name: &str| {
+        of(name).views_removed["random_15_pct"]
+            .removed
+            .mape_pct
+            .unwrap()
+    };
+    let table = Table::read(&run.predictions_path(), u64::MAX).unwrap();
+    for name in ["inverse_range_filtered", "inverse_range_smoothed"] {
+        let [filter, per_tick] = [name, "inverse_range"].map(|name| of(name).overall.all);
+        assert!(
+            filter.samples >= per_tick.samples,
+            "{name}: {filter:?} {per_tick:?}"
+        );
+        let [with_filter, without] = [name, "inverse_range"].map(removed);
+        assert!(
+            with_filter < 0.5 * without,
+            "{name}: {with_filter} {without}"
+        );
+        let stated = of(name).stated_intervals.unwrap();
+        assert!(
+            stated.held > 0.6 && stated.width_pct < 1.0,
+            "{name}: {stated:?}"
+        );
+        for column in ["dtd_m_sd", "ground_speed_mps", "time_to_touchdown_s_from"] {
+            let numbers = table.optional_f64(&format!("{name}_{column}")).unwrap();
+            let answered = numbers.iter().flatten().count();
+            assert_eq!(answered, filter.samples, "{name}_{column}");
+        }
+    }
+    assert_eq!(of("inverse_range").stated_intervals, None);
 }
 
 /// A speck that no aircraft on these approaches ever was, yet completely in the picture.

@@ -28,6 +28,7 @@ pub fn expand(sweep: &Sweep) -> Plan {
         video: sweep.video.clone(),
     };
     let hasher = ConfigHasher::new(&common);
+    let trajectories = recorded_trajectories(sweep);
     let flown: Vec<Vec<Flown<'_>>> = sweep
         .recorded
         .iter()
@@ -36,6 +37,7 @@ pub fn expand(sweep: &Sweep) -> Plan {
             recordings
                 .map(|recording| Flown {
                     recording,
+                    trajectory: &trajectories[recording.blake3.as_str()],
                     along_course: recording.trajectory.along_course(&sweep.runway),
                 })
                 .collect()
@@ -59,9 +61,25 @@ pub fn is_seeded_by(plan: &Plan, master: u64) -> bool {
     scenarios.all(|scenario| scenario.seed == seed::of_scenario(master, &scenario.id))
 }
 
+/// Names of trajectories by the hash of the recording. Copies of a recording have the name of the first one: they are one trajectory.
+fn recorded_trajectories(sweep: &Sweep) -> BTreeMap<&str, String> {
+    let mut names = BTreeMap::new();
+    let recordings = sweep
+        .recorded
+        .iter()
+        .flat_map(|flights| &flights.recordings);
+    for recording in recordings {
+        names
+            .entry(recording.blake3.as_str())
+            .or_insert_with(|| recording.trajectory_id());
+    }
+    names
+}
+
 /// A recording, relative to the runway of the sweep.
 struct Flown<'a> {
     recording: &'a Recording,
+    trajectory: &'a str,
     along_course: AlongCourse<'a>,
 }
 
@@ -88,6 +106,7 @@ fn decide(
         Some(Flown {
             recording,
             along_course,
+            ..
         }) => {
             // The sweep has checked that every recording reaches the runway.
             let ticks = along_course
@@ -126,7 +145,7 @@ fn decide(
         weather,
         seed,
         flight: recording.map_or("live".into(), |recording| recording.file.clone()),
-        trajectory: recording.map_or_else(|| format!("live-{id}"), Recording::trajectory_id),
+        trajectory: flown.map_or_else(|| format!("live-{id}"), |flown| flown.trajectory.to_owned()),
         ticks,
         config_hash: hasher.config_hash(&id, seed, &parameters),
         parameters,

@@ -306,6 +306,11 @@ fn with_recordings(folder: &Path) -> Sweep {
             if name == "a.csv" { 3_030.0 } else { 2_500.0 },
         );
     }
+    with_rule(folder)
+}
+
+/// A sweep that flies all recordings of a folder in fog.
+fn with_rule(folder: &Path) -> Sweep {
     let rule = "\n[[recorded]]\nfiles = \"*.csv\"\nweathers = [\"foggy\"]\n";
     Sweep::parse(&folder.join("sweep.toml"), folder, format!("{SMALL}{rule}")).unwrap()
 }
@@ -326,6 +331,22 @@ fn the_repeats_of_a_condition_fly_recordings_in_turn_where_the_rule_fits() {
     assert!(plan.scenarios[5].parameters.live.is_none());
     // 3,030 m at 75 m/s are 40.4 s: tick 0, 20 ticks of two seconds, and the first one past the target.
     assert_eq!(plan.scenarios[5].ticks, 22);
+}
+
+#[test]
+fn a_renamed_copy_of_a_recording_is_the_same_trajectory() {
+    let folder = tempfile::tempdir().unwrap();
+    with_recordings(folder.path());
+    std::fs::copy(folder.path().join("a.csv"), folder.path().join("b.csv")).unwrap();
+    let plan = expand(&with_rule(folder.path()));
+    let recorded = || plan.scenarios.iter().filter(|s| s.flight != "live");
+    let files: BTreeSet<&str> = recorded().map(|s| s.flight.as_str()).collect();
+    let same: BTreeSet<&str> = recorded().map(|s| s.trajectory.as_str()).collect();
+    assert!(files.len() == 2 && same.len() == 1, "{files:?} {same:?}");
+    assert!(
+        same.iter().all(|name| name.starts_with("recorded-a-")),
+        "{same:?}"
+    );
 }
 
 #[test]

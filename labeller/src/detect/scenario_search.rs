@@ -5,12 +5,12 @@
 use std::path::Path;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::thread;
 
 use dataset::detections::Detections;
 use dataset::model_identity::ModelIdentity;
 use dataset::open_scenario::OpenScenario;
 use dataset::registrations::Registration;
+use dataset::workers;
 
 use super::cpu_time::CpuTime;
 use super::job::{lock, pairs_of};
@@ -134,17 +134,7 @@ pub(super) fn search_scenario(
             *lock(&results[index]) = Some(findings);
         }
     };
-    thread::scope(|scope| {
-        let workers = 1..options.workers.min(views.len());
-        let workers: Vec<_> = workers.map(|_| scope.spawn(work)).collect();
-        let mine = work();
-        workers
-            .into_iter()
-            .fold(mine, |result, worker| match worker.join() {
-                Ok(theirs) => result.and(theirs),
-                Err(panic) => std::panic::resume_unwind(panic),
-            })
-    })?;
+    workers::share(options.workers.min(views.len()), work)?;
     let found = results.iter().filter_map(|result| lock(result).take());
     let ViewFindings {
         detections, cpu_s, ..

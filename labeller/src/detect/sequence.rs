@@ -18,7 +18,7 @@ use crate::tracking::{Expected, Searched, Tracker};
 /// After a loss the whole picture is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
 /// in every other picture.
 const LOSS_PART: f64 = 0.25;
-/// While an aircraft is followed, at least so many pictures lie between two that are searched whole without need.
+/// While an aircraft is followed, the shortest time between two periodic searches of whole pictures, in pictures.
 const LEAST_PERIOD: f64 = 5.0;
 /// A picture that is due within this part of the time since the last one is due now.
 const DUE_PART: f64 = 0.5;

@@ -36,7 +36,7 @@ struct Filtered {
     rate_variance: f64,
 }
 
-/// A standard deviation of so many pixels and lengths, squared.
+/// The square of a standard deviation that is the sum of a part in pixels and one in lengths of the box.
 fn variance((px, lengths): (f64, f64), length_px: f64) -> f64 {
     (px + lengths * length_px).powi(2)
 }
@@ -107,7 +107,7 @@ impl Motion {
         }
     }
 
-    /// How far the centre may move in so many seconds, in lengths of the box: two standard deviations more than expected.
+    /// How far the centre may move in `seconds`, in lengths of the box: two standard deviations more than expected.
     pub(super) fn lengths_moved(&self, seconds: f64) -> f64 {
         let [right, down, ..] = &self.numbers;
         let expected = right.rate.hypot(down.rate);

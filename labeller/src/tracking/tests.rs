@@ -39,7 +39,7 @@ fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>
     (tracks, tracker.finish())
 }
 
-/// An approach at 70 m/s, seen by a camera 60 m beside its path with a focal length of 11,000 px, from so many metres.
+/// An approach at 70 m/s, seen by a camera 60 m beside its path with a focal length of 11,000 px, at this range.
 fn approach(range_m: f64) -> PixelBox {
     let px_per_m = 11_000.0 / range_m;
     at(
@@ -47,6 +47,26 @@ fn approach(range_m: f64) -> PixelBox {
         640.0 - 5.0 * px_per_m,
         35.0 * px_per_m,
     )
+}
+
+#[test]
+fn what_looks_like_an_aircraft_for_a_second_is_none_at_any_picture_rate() {
+    for (period_s, pictures, counts_if) in [
+        (1.0 / 30.0, 30, false),
+        (1.0 / 30.0, 90, true),
+        (1.0, 3, true),
+    ] {
+        let mut all: Vec<Vec<PixelBox>> = vec![Vec::new(); 300];
+        for (step, boxes) in (0..).zip(&mut all[100..100 + pictures]) {
+            boxes.push(shaken(
+                at(780.0 + 3.0 * f64::from(step), 470.0, 17.0),
+                3,
+                step,
+            ));
+        }
+        let (_, counts) = track(period_s, &all);
+        assert_eq!(counts, [counts_if], "{pictures} pictures of {period_s} s");
+    }
 }
 
 #[test]
@@ -80,7 +100,7 @@ fn three_boxes_in_five_pictures_confirm_a_track_with_its_first_box() {
             .chain([0; 9])
             .map(|seen| vec![at(100.0, 100.0, 21.0); seen])
             .collect();
-        let (_, counts) = track(0.1, &pictures);
+        let (_, counts) = track(1.0, &pictures);
         assert_eq!(counts, [is_confirmed], "{seen:?}");
     }
 }
@@ -138,10 +158,10 @@ fn aircraft_that_cross_keep_their_tracks() {
 #[test]
 fn a_gap_of_a_second_does_not_end_a_track_and_one_of_three_does() {
     for (gap, expected) in [(30, 0), (90, 1)] {
-        let pictures: Vec<_> = (0..60 + gap)
+        let pictures: Vec<_> = (0..180 + gap)
             .map(|step| {
                 let seen = at(300.0 + f64::from(step), 400.0, 24.0);
-                vec![seen; usize::from(!(30..30 + gap).contains(&step))]
+                vec![seen; usize::from(!(90..90 + gap).contains(&step))]
             })
             .collect();
         let (tracks, counts) = track(1.0 / 30.0, &pictures);

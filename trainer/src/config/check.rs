@@ -5,6 +5,7 @@ use std::ops::RangeInclusive;
 
 use super::{Optimisation, TrainConfig};
 use crate::error::{Error, Result};
+use crate::leave_out::LeftOut;
 use crate::samples::FARTHEST_NM;
 
 /// Units of a layer, and layers of a stack.
@@ -19,6 +20,8 @@ const MOST_LEARNING_RATE: f64 = 10.0;
 /// Beyond this, shares, weights and percentages are meaningless.
 const MOST_RATIO: f64 = 1e6;
 const MOST_DEVIATION_M: f64 = 100_000.0;
+/// A smaller standard deviation of a camera's prior cannot be told from certainty.
+const LEAST_SD: f64 = 1e-6;
 
 impl TrainConfig {
     /// Checks that every setting is in its range.
@@ -33,6 +36,15 @@ impl TrainConfig {
                     expected: format!("a number above min_dtd_nm, which is {}", self.min_dtd_nm),
                 });
             }
+        }
+        if let Some(setting) = &self.leave_out
+            && LeftOut::parse(setting).is_none()
+        {
+            return Err(Error::Setting {
+                setting: "leave_out",
+                found: format!("{setting:?}"),
+                expected: LeftOut::EXPECTED.into(),
+            });
         }
         let a = &self.augmentation;
         whole(
@@ -92,6 +104,18 @@ impl TrainConfig {
             &e.optimisation,
         )?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
+        let s = &self.self_calibration;
+        for (setting, sd, most) in [
+            (
+                "self_calibration.position_sd_m",
+                s.position_sd_m,
+                MOST_DEVIATION_M,
+            ),
+            ("self_calibration.turn_sd_deg", s.turn_sd_deg, 90.0),
+            ("self_calibration.focal_sd_pct", s.focal_sd_pct, 1_000.0),
+        ] {
+            number(setting, sd, LEAST_SD..=most)?;
+        }
         layers("mono.hidden", &self.mono.hidden, 0)?;
         optimisation(
             [
@@ -205,6 +229,10 @@ mod tests {
             (
                 r#"{"augmentation": {"extrapolation": 1e308}}"#,
                 ["augmentation.extrapolation", "1000000", "0 to 1000000"],
+            ),
+            (
+                r#"{"self_calibration": {"position_sd_m": 0}}"#,
+                ["self_calibration.position_sd_m", "is 0", "100000"],
             ),
             (
                 r#"{"min_dtd_nm": 1e9}"#,

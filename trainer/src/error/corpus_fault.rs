@@ -30,6 +30,16 @@ pub enum CorpusFault {
         "flies trajectory {recorded} by its scenario.json but {split} by splits.json; the split cannot be trusted"
     )]
     OtherTrajectory { recorded: String, split: String },
+    /// Trajectories of two names that are one flight.
+    #[error(
+        "scenario {} ({}, {:?} side) and scenario {} ({}, {:?} side) fly the same flight on different sides of the split; put both on one \
+         side in splits.json",
+        one.0, one.1, one.2, other.0, other.1, other.2
+    )]
+    FlightOnTwoSides {
+        one: (String, String, Side),
+        other: (String, String, Side),
+    },
     /// A camera that this software cannot project with.
     #[error("camera {view} of calibration.json {fault}")]
     BadCamera { view: String, fault: String },
@@ -46,14 +56,43 @@ pub enum CorpusFault {
     },
     /// A corpus with other cameras than those of the training.
     #[error(
-        "its cameras ({cameras}) are not those that run {} was trained with ({trained}): identifiers, places and optics must be the same",
-        run.display()
+        "its cameras are not those that run {} was trained with; here, and there: {}",
+        run.display(),
+        differences.join("; ")
     )]
     OtherCameras {
-        cameras: String,
         run: PathBuf,
-        trained: String,
+        differences: Vec<String>,
     },
+    /// A corpus for fitting a view again whose other cameras are not those of the training.
+    #[error(
+        "its cameras beside {view} are not those that run {} was trained with: identifiers, picture sizes, places and optics must be the \
+         same; fit one view at a time again",
+        run.display()
+    )]
+    OtherCamerasBeside { view: String, run: PathBuf },
+    /// Too little to fit a view to.
+    #[error(
+        "view {view} saw the aircraft at {ticks} ticks of {approaches} approaches on the training side, expected at least {least}; record, \
+         label and detect more, or use more of them (--scenarios)"
+    )]
+    TooFewTicks {
+        view: String,
+        approaches: usize,
+        ticks: usize,
+        least: usize,
+    },
+    /// The same for a set of views.
+    #[error(
+        "view {view} and others together saw the aircraft too rarely in {approaches} approaches to fit inverse_range to; record, label and \
+         detect more, or use more of them (--scenarios)"
+    )]
+    TooFewTogether { view: String, approaches: usize },
+    /// A camera that the approaches do not determine.
+    #[error(
+        "the camera of view {view} cannot be fitted to these approaches; use more of them (--scenarios), of a corpus with plan.json"
+    )]
+    NoFittedCamera { view: String },
     /// No boxes of any detector.
     #[error("has no detections; run `dtd detect` first")]
     NoDetections,
@@ -88,9 +127,14 @@ pub enum CorpusFault {
          distance range; generate, label and detect more, or change the split"
     )]
     NoSamples { side: Side, scenarios: usize },
+    /// No scenario of the condition that a training leaves out.
+    #[error(
+        "has no scenario with {setting}, which the training leaves out for the test side; `dtd plan` lists weathers and times"
+    )]
+    NothingLeftOut { setting: String },
     /// No sample for evaluation.
-    #[error("has no samples on the test side from {min_dtd_nm} NM on")]
-    NoTestSamples { min_dtd_nm: f64 },
+    #[error("has no samples on the test side from {min_dtd_nm} to {max_dtd_nm} NM")]
+    NoTestSamples { min_dtd_nm: f64, max_dtd_nm: f64 },
     /// Training samples, but no box of them contains the aircraft.
     #[error(
         "has {samples} samples on the {:?} side, but no box of theirs holds the aircraft where frames.parquet and calibration.json have \

@@ -32,6 +32,18 @@ pub enum RunFault {
         what: &'static str,
         names: Vec<String>,
     },
+    /// Results would replace something.
+    #[error("is not empty, and the results of an evaluation replace nothing; name a new folder")]
+    Occupied,
+    /// Results would be foreign files in a run.
+    #[error("lies in a run, which holds nothing but its own files; name a folder outside")]
+    InRun,
+    /// Results would replace those of another evaluation.
+    #[error(
+        "has the results of another evaluation (evaluation.json): of other scenarios, detections or rules; name a folder for these with \
+         --out DIR"
+    )]
+    OtherEvaluation,
     /// The operating system does not let us.
     #[error("cannot be made there: {0}")]
     NotMade(io::Error),
@@ -68,6 +80,16 @@ pub enum RunFault {
         "inverse_range has a fit of other views than the {views} of the run, or with another number of coefficients; train again"
     )]
     InverseRange { views: usize },
+    /// The cameras of `self_calibrated` are not those of its views.
+    #[error(
+        "self_calibrated has another number of cameras than the {views} views of the run; train again"
+    )]
+    FittedCameras { views: usize },
+    /// The filter is not of these fits.
+    #[error(
+        "flight_filter has not one error of positive size for each fit of inverse_range; train again"
+    )]
+    FlightFilter,
     /// A number that makes every answer meaningless.
     #[error("{0}; train again")]
     OutOfLimits(FieldOutOfLimits),
@@ -77,9 +99,25 @@ pub enum RunFault {
     /// The same in a network.
     #[error("has the weight {weight:e}, expected numbers up to {most:e} in size; train again")]
     Weight { weight: f32, most: f32 },
+    /// A view that the run was not trained with.
+    #[error("has no view {view:?}; its views are {}", views.join(", "))]
+    NoSuchView { view: String, views: Vec<String> },
+    /// More than one view would change.
+    #[error(
+        "fitting view {view} again would change numbers that do not belong to it; nothing was written. Please report this"
+    )]
+    NotFrozen { view: String },
+    /// The weights are not in their format.
+    #[error("is not a Safetensors file; train again")]
+    NotSafetensors,
     /// The numbers are of other networks.
     #[error("weights do not fit the networks of config.json: {0}; train again")]
     OtherNetworks(SafetensorsStoreError),
+    /// There are numbers for networks that the settings do not have.
+    #[error(
+        "holds {}, which the networks of config.json do not have, as in runs of earlier versions; train again", .0.join(", ")
+    )]
+    UnknownWeights(Vec<String>),
     /// The numbers cannot be written.
     #[error("weights cannot be written: {0}")]
     NotWritten(SafetensorsStoreError),

@@ -20,7 +20,13 @@ const SETTLED: f64 = 1e-3;
 /// A smaller deviation is that of exact places: weights need some.
 const LEAST_DEVIATION: f64 = 1e-9;
 /// Errors at smaller distances count as at this one, 0.5 NM: percentages explode at touchdown.
-const NEAREST_M: f64 = 926.0;
+pub(super) const NEAREST_M: f64 = 926.0;
+
+/// Precision of places, relative to the best ones.
+pub(super) fn precision(places: &Places) -> f64 {
+    let spread = places.sd_px.map_or(0.0, |sd_px| sd_px / FLOOR_SD_PX);
+    (1.0 + spread * spread).sqrt().recip()
+}
 
 /// The coordinates of places, view by view.
 pub(super) fn coordinates(places: &Places) -> Vec<f64> {
@@ -116,8 +122,7 @@ impl Rows {
     pub(super) fn push(&mut self, places: &Places, distance_m: f64) {
         self.coordinates.extend(coordinates(places));
         self.distances_m.push(distance_m);
-        let spread = places.sd_px.map_or(0.0, |sd_px| sd_px / FLOOR_SD_PX);
-        self.precisions.push((1.0 + spread * spread).sqrt().recip());
+        self.precisions.push(precision(places));
     }
 
     /// Number of ticks.
@@ -125,7 +130,7 @@ impl Rows {
         self.distances_m.len()
     }
 
-    /// Every so many rows.
+    /// Every `step`-th row.
     pub(super) fn thinned(&self, step: usize) -> Self {
         let rows = self.coordinates.chunks_exact(self.width);
         Self {

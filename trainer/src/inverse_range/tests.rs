@@ -47,11 +47,8 @@ fn errors_pct<'a>(
 
 fn seen_by(sample: &Sample, views: &[usize]) -> Sample {
     let boxes = sample.boxes.iter().enumerate();
-    sample.with_boxes(
-        boxes
-            .map(|(view, seen)| seen.filter(|_| views.contains(&view)))
-            .collect(),
-    )
+    let kept = boxes.map(|(view, seen)| seen.filter(|_| views.contains(&view)));
+    sample.with(sample.observed.with_boxes(kept.collect()))
 }
 
 #[test]
@@ -67,9 +64,10 @@ fn registered_shifts_give_several_times_the_precision_of_boxes_and_both_beat_one
     let (shifts, worst, count) = errors_pct(&fitted, both.iter().copied());
     let without_shifts: Vec<Sample> = both
         .iter()
-        .map(|sample| Sample {
-            shifts: vec![None; 2],
-            ..(*sample).clone()
+        .map(|sample| {
+            let mut sample = (*sample).clone();
+            sample.observed.shifts = vec![None; 2];
+            sample
         })
         .collect();
     let (boxes, _, box_count) = errors_pct(&fitted, &without_shifts);
@@ -159,9 +157,33 @@ fn places_that_no_distance_fits_have_no_answer() {
         .find(both)
         .unwrap()
         .clone();
-    sample.shifts = vec![None; 2];
+    sample.observed.shifts = vec![None; 2];
     // Closer, the left view has it further left and the right view further right. This would be beyond infinity.
-    sample.boxes[0].as_mut().unwrap().cx_px += 900.0;
-    sample.boxes[1].as_mut().unwrap().cx_px -= 900.0;
+    sample.observed.boxes[0].as_mut().unwrap().cx_px += 900.0;
+    sample.observed.boxes[1].as_mut().unwrap().cx_px -= 900.0;
     assert_eq!(fitted.predict(&sample), None);
+}
+
+#[test]
+fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
+    let samples = read(&registered());
+    let training = samples.of_side(Side::Train);
+    let fitted = fit(&samples, &training);
+    let other_flights: Vec<&Sample> = training
+        .iter()
+        .copied()
+        .filter(|sample| sample.scenario > 0)
+        .collect();
+    let refitted = fitted.with_view_refitted(1, &other_flights).unwrap();
+    let sets = |fitted: &InverseRange| {
+        let mut sets: Vec<_> = fitted.fits.iter().map(|fit| fit.set.clone()).collect();
+        sets.sort_by_key(|set| (set.views.clone(), set.registered));
+        sets
+    };
+    assert_eq!(sets(&refitted), sets(&fitted));
+    assert_eq!(refitted.without(1), fitted.without(1));
+    assert_ne!(refitted.without(0), fitted.without(0));
+    let own = fit(&samples, &other_flights);
+    assert_eq!(refitted.without(0), own.without(0));
+    assert_eq!(fitted.with_view_refitted(1, &other_flights[..20]), None);
 }

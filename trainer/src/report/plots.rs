@@ -321,11 +321,12 @@ pub(super) fn flight(
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use crate::calibration_training::CalibrationLogEntry;
     use crate::metrics::Outcome;
     use crate::paper_lstm::EstimatorLogEntry;
-    use dataset::geodesy::Geodetic;
 
     /// A plot of extreme values must still open: finite numbers, and not too many of them.
     fn assert_sound(svg: &str) {
@@ -337,31 +338,13 @@ mod tests {
     }
 
     fn outcome(dtd_m: f64, predicted_m: Option<f64>) -> Outcome<'static> {
-        Outcome {
-            dtd_m,
-            predicted_m,
-            detections: 2,
-            weather: "clear",
-            time_of_day: "08:00",
-        }
+        Outcome::of_answer(dtd_m, predicted_m)
     }
 
     fn sample(time_ns: i64, dtd_m: f64) -> Sample {
-        Sample {
-            scenario: 0,
-            tick: 0,
-            time_ns,
-            dtd_m,
-            along_track_m: dtd_m,
-            cross_track_m: 0.0,
-            position: Geodetic {
-                latitude_deg: 1.0,
-                longitude_deg: 103.0,
-                altitude_msl_m: 100.0,
-            },
-            boxes: vec![None],
-            shifts: vec![None],
-        }
+        let mut sample = Sample::of_boxes(dtd_m, vec![None]);
+        sample.observed.time_ns = time_ns;
+        sample
     }
 
     #[test]
@@ -390,6 +373,8 @@ mod tests {
                     .map(|estimator| EstimatorOutcomes {
                         estimator,
                         outcomes: ticks.iter().map(|t| outcome(t.1, Some(answer))).collect(),
+                        estimates: None,
+                        views_removed: BTreeMap::new(),
                     })
                     .collect();
                 assert_sound(&errors_by_distance(&shown, 1.0).unwrap());
@@ -410,6 +395,8 @@ mod tests {
                 .iter()
                 .map(|sample| outcome(sample.dtd_m, Some(sample.dtd_m * 1.01)))
                 .collect(),
+            estimates: None,
+            views_removed: BTreeMap::new(),
         }];
         assert_sound(&flight(&shown, &test, 0).unwrap());
         let log = Convergence {

@@ -1,9 +1,11 @@
 //! The tables of the report as rows of strings.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
 use crate::estimator::{Description, Estimator};
-use crate::metrics::{ErrorFigures, Metrics, SplitFigures};
+use crate::metrics::{ErrorFigures, EstimatorMetrics, FlightFigures, Metrics, SplitFigures};
 use crate::samples::{Sample, Samples};
 
 /// `MAPE` and `SD` of the paper's table 3 for a weather or a time: dual, then combination; percent.
@@ -24,17 +26,49 @@ const PAPER: [(&str, [f64; 4]); 9] = [
 pub(super) struct HeadlineRow {
     name: &'static str,
     title: &'static str,
-    how: &'static str,
+    how: String,
+    all: Cells,
+    /// Of the MAPE.
+    interval: String,
+    in_sight: String,
+    common: Cells,
     dual: Cells,
-    combination: Cells,
 }
 
 /// Figures as text; an en dash where there are none.
 #[derive(Serialize)]
 struct Cells {
     mape: String,
+    median: String,
+    p95: String,
     sd: String,
+    p95_m: String,
+    coverage: String,
     samples: usize,
+}
+
+/// One estimator while views fail.
+#[derive(Serialize)]
+struct RemovedRow {
+    title: &'static str,
+    /// In the order of [`RemovedTable::removals`].
+    figures: Vec<Cells>,
+}
+
+/// All estimators while views fail.
+#[derive(Serialize)]
+pub(super) struct RemovedTable {
+    removals: Vec<String>,
+    rows: Vec<RemovedRow>,
+}
+
+/// One flight: MAPE of every estimator.
+#[derive(Serialize)]
+pub(super) struct FlightRow {
+    scenario: String,
+    trajectory: String,
+    ticks: usize,
+    mapes: Vec<String>,
 }
 
 /// One weather or time.
@@ -47,22 +81,43 @@ pub(super) struct ConditionRow {
     paper: Option<[String; 4]>,
 }
 
-/// All estimators, dual and combination.
+/// All estimators.
 pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
     Estimator::ALL
         .into_iter()
         .filter_map(|estimator| {
             let Description { name, title, how } = estimator.description();
-            let overall = &metrics.estimators.get(name)?.overall;
+            let of = metrics.estimators.get(name)?;
+            let overall = &of.overall;
+            let interval = of.intervals.map(|intervals| {
+                let [low, high] = intervals.mape_pct.map(|end| format!("{end:.3}"));
+                format!("{low} to {high}")
+            });
             Some(HeadlineRow {
                 name,
                 title,
-                how,
+                how: match estimator {
+                    Estimator::PaperLstm => format!("{how}; {}", faithfulness(metrics)),
+                    _ => how.to_owned(),
+                },
+                all: cells(&overall.all),
+                interval: interval.unwrap_or_else(|| NONE.into()),
+                in_sight: share(overall.all.coverage_in_sight),
+                common: cells(&of.common),
                 dual: cells(&overall.dual),
-                combination: cells(&overall.combination),
             })
         })
         .collect()
+}
+
+/// Whether `paper_lstm` is the paper's method, in words.
+fn faithfulness(metrics: &Metrics) -> String {
+    let deviations = metrics.deviations_from_paper.iter();
+    let named: Vec<_> = deviations.map(ToString::to_string).collect();
+    match named.as_slice() {
+        [] => "trained as in the paper".into(),
+        named => format!("deviates from the paper in: {}", named.join(", ")),
+    }
 }
 
 /// The paper's table 3 for `paper_lstm`, with the paper's own figures where it has the condition.
@@ -86,11 +141,66 @@ pub(super) fn conditions(metrics: &Metrics) -> Vec<ConditionRow> {
         .collect()
 }
 
+/// All estimators while views fail.
+pub(super) fn removed(metrics: &Metrics) -> RemovedTable {
+    let shown: Vec<(&'static str, &EstimatorMetrics)> = (Estimator::ALL.iter())
+        .filter_map(|estimator| {
+            let Description { name, title, .. } = estimator.description();
+            Some((title, metrics.estimators.get(name)?))
+        })
+        .collect();
+    let names = shown.iter().flat_map(|(_, of)| of.views_removed.keys());
+    let removals: BTreeSet<&String> = names.collect();
+    let row = |&(title, of): &(&'static str, &EstimatorMetrics)| RemovedRow {
+        title,
+        figures: (removals.iter())
+            .filter_map(|&name| Some(cells(&of.views_removed.get(name)?.all)))
+            .collect(),
+    };
+    RemovedTable {
+        rows: shown.iter().map(row).collect(),
+        removals: removals.into_iter().cloned().collect(),
+    }
+}
+
+/// MAPE by flight.
+pub(super) fn flights(metrics: &Metrics) -> Vec<FlightRow> {
+    let shown: Vec<&EstimatorMetrics> = (Estimator::ALL.iter())
+        .filter_map(|estimator| metrics.estimators.get(estimator.name()))
+        .collect();
+    let first = shown.first().map_or(&[][..], |of| &of.by_flight);
+    let row = |(flight, of_first): (usize, &FlightFigures)| FlightRow {
+        scenario: of_first.scenario.clone(),
+        trajectory: of_first.trajectory.clone(),
+        ticks: of_first.figures.ticks,
+        mapes: (shown.iter())
+            .map(|of| percent(of.by_flight[flight].figures.mape_pct))
+            .collect(),
+    };
+    first.iter().enumerate().map(row).collect()
+}
+
+/// Stands where there is no figure.
+const NONE: &str = "–";
+
+fn percent(value: Option<f64>) -> String {
+    value.map_or(NONE.into(), |value| format!("{value:.3}"))
+}
+
+fn share(value: Option<f64>) -> String {
+    value.map_or(NONE.into(), |value| format!("{:.1}", 100.0 * value))
+}
+
 fn cells(figures: &ErrorFigures) -> Cells {
-    let word = |value: Option<f64>| value.map_or("–".into(), |value| format!("{value:.2}"));
     Cells {
-        mape: word(figures.mape_pct),
-        sd: word(figures.sd_pct),
+        mape: percent(figures.mape_pct),
+        median: percent(figures.median_pct),
+        p95: percent(figures.p95_pct),
+        sd: percent(figures.sd_pct),
+        p95_m: figures
+            .p95_m
+            .map_or(NONE.into(), |error_m| format!("{error_m:.1}")),
+        coverage: share(figures.coverage),
         samples: figures.samples,
     }
 }

@@ -1,13 +1,15 @@
-//! The subset of ONNX's file format that this project's network needs, as Protocol Buffers messages.
+//! The subset of ONNX's file format that this project's models need, as Protocol Buffers messages.
 //!
 //! Field numbers are those of `onnx.proto` (ONNX 1.13, IR version 8). Writing them by hand avoids a compiler for `.proto` files.
 
 use prost::{Message, Oneof};
 
 /// Element type `FLOAT`.
-pub(crate) const FLOAT: i32 = 1;
+pub const FLOAT: i32 = 1;
 /// Element type `INT64`.
-pub(crate) const INT64: i32 = 7;
+pub const INT64: i32 = 7;
+/// Element type `DOUBLE`.
+pub const DOUBLE: i32 = 11;
 
 /// A model.
 #[derive(Clone, PartialEq, Message)]
@@ -100,6 +102,9 @@ pub struct AttributeProto {
     /// Name.
     #[prost(string, tag = "1")]
     pub name: String,
+    /// Value of type `FLOAT`.
+    #[prost(float, optional, tag = "2")]
+    pub f: Option<f32>,
     /// Value of type `INT`.
     #[prost(int64, optional, tag = "3")]
     pub i: Option<i64>,
@@ -109,13 +114,23 @@ pub struct AttributeProto {
     /// Value of type `INTS`.
     #[prost(int64, repeated, packed = "false", tag = "8")]
     pub ints: Vec<i64>,
-    /// Which of the values is set: 2 `INT`, 3 `STRING`, 7 `INTS`.
+    /// Which of the values is set: 1 `FLOAT`, 2 `INT`, 3 `STRING`, 7 `INTS`.
     #[prost(int32, tag = "20")]
     pub r#type: i32,
 }
 
 impl AttributeProto {
-    /// A number.
+    /// A number with a fraction.
+    pub fn float(name: &str, value: f32) -> Self {
+        Self {
+            name: name.into(),
+            f: Some(value),
+            r#type: 1,
+            ..Self::default()
+        }
+    }
+
+    /// A whole number.
     pub fn int(name: &str, value: i64) -> Self {
         Self {
             name: name.into(),
@@ -183,8 +198,27 @@ impl TensorProto {
         }
     }
 
+    /// Double-precision numbers of a shape.
+    pub fn doubles(name: &str, dims: &[i64], values: &[f64]) -> Self {
+        debug_assert_eq!(
+            dims.iter().product::<i64>() as usize,
+            values.len(),
+            "{name}"
+        );
+        let raw_data = values
+            .iter()
+            .flat_map(|value| value.to_le_bytes())
+            .collect();
+        Self {
+            dims: dims.to_vec(),
+            data_type: DOUBLE,
+            name: name.into(),
+            raw_data,
+        }
+    }
+
     /// The floats again; `None` if it holds something else.
-    pub(crate) fn float_values(&self) -> Option<Vec<f32>> {
+    pub fn float_values(&self) -> Option<Vec<f32>> {
         let (elements, rest) = self.raw_data.as_chunks::<4>();
         (self.data_type == FLOAT && rest.is_empty()).then(|| {
             elements
@@ -223,6 +257,15 @@ pub struct ValueInfoProto {
 impl ValueInfoProto {
     /// A tensor of floats.
     pub fn floats(name: &str, dims: &[Dimension]) -> Self {
+        Self::of(name, FLOAT, dims)
+    }
+
+    /// A tensor of double-precision numbers.
+    pub fn doubles(name: &str, dims: &[Dimension]) -> Self {
+        Self::of(name, DOUBLE, dims)
+    }
+
+    fn of(name: &str, elem_type: i32, dims: &[Dimension]) -> Self {
         let shape = TensorShapeProto {
             dim: dims
                 .iter()
@@ -232,7 +275,7 @@ impl ValueInfoProto {
                 .collect(),
         };
         let tensor_type = TensorTypeProto {
-            elem_type: FLOAT,
+            elem_type,
             shape: Some(shape),
         };
         Self {

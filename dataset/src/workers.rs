@@ -1,0 +1,21 @@
+//! Work that several threads share.
+
+use std::thread;
+
+/// Lets `count` threads, one of them the caller's, do the same work, and waits for all of them. The error is that of the first one
+/// that failed, the caller's before the others'.
+///
+/// # Errors
+/// A thread's.
+pub fn share<E: Send>(count: usize, work: impl Fn() -> Result<(), E> + Sync) -> Result<(), E> {
+    thread::scope(|scope| {
+        let others: Vec<_> = (1..count).map(|_| scope.spawn(&work)).collect();
+        let mine = work();
+        others
+            .into_iter()
+            .fold(mine, |result, worker| match worker.join() {
+                Ok(theirs) => result.and(theirs),
+                Err(panic) => std::panic::resume_unwind(panic),
+            })
+    })
+}

@@ -1,0 +1,217 @@
+//! COCO (Lin et al. 2014): `images/`, `annotations.json`, and `detections.json` in the form of COCO's results if a model's detections
+//! stand beside true boxes.
+//!
+//! An aircraft that nobody can be expected to find (beyond the visibility, perhaps behind a cloud, or mostly outside the picture) is a
+//! crowd (`iscrowd` 1), which COCO's judges neither ask for nor count as false. Boxes are `[left, top, width, height]` in pixels from the
+//! outer corner of the top-left pixel.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+
+use dataset::calibration::CameraEntry;
+use dataset::splits::Side;
+use serde::Serialize;
+use serde_json::json;
+
+use crate::error::Result;
+use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
+
+const ANNOTATIONS: &str = "annotations.json";
+const DETECTIONS: &str = "detections.json";
+const AIRCRAFT: u32 = 1;
+
+#[derive(Serialize)]
+struct Image<'a> {
+    id: u64,
+    file_name: &'a str,
+    width: u32,
+    height: u32,
+    scenario: &'a str,
+    view: &'a str,
+    tick: u32,
+    time_ns: i64,
+    dtd_m: Option<f64>,
+    weather: &'a str,
+    time_of_day: &'a str,
+    side: Option<Side>,
+    calibration: &'a CameraEntry,
+}
+
+#[derive(Serialize)]
+struct Annotation {
+    id: u64,
+    image_id: u64,
+    category_id: u32,
+    bbox: [f64; 4],
+    area: f64,
+    iscrowd: u8,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    score: Option<f64>,
+    #[serde(flatten, skip_serializing_if = "Option::is_none")]
+    truth: Option<TruthFigures>,
+}
+
+#[derive(Serialize)]
+struct Found {
+    image_id: u64,
+    category_id: u32,
+    bbox: [f64; 4],
+    score: f64,
+}
+
+/// Where a picture goes, relative to the export.
+pub(crate) fn picture_name(scenario: &str, view: &str, tick: u32, extension: &str) -> String {
+    format!("images/{scenario}_{view}_{tick:06}.{extension}")
+}
+
+/// Writes the files besides the pictures, part by part: together they may be larger than the memory.
+pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
+    folder: &Path,
+    parts: impl Fn() -> P,
+) -> Result<()> {
+    let mut all = ListWriter::create(&folder.join(ANNOTATIONS))?;
+    all.write(
+        json!({"description": "Approaches recorded by dtd", "version": env!("CARGO_PKG_VERSION")}),
+        "{\"info\":",
+    )?;
+    all.write(
+        json!([{"id": AIRCRAFT, "name": "aircraft", "supercategory": "vehicle"}]),
+        ",\"categories\":",
+    )?;
+    all.begin(",\"images\":[")?;
+    each_picture(parts(), |part, view, picture, id| {
+        all.item(&Image {
+            id,
+            file_name: file_name(&picture.file),
+            width: view.camera.width_px,
+            height: view.camera.height_px,
+            scenario: &part.scenario,
+            view: &view.view,
+            tick: picture.tick,
+            time_ns: picture.time_ns,
+            dtd_m: picture.dtd_m,
+            weather: &part.weather,
+            time_of_day: &part.time_of_day,
+            side: part.side,
+            calibration: &view.camera,
+        })
+    })?;
+    all.begin("],\"annotations\":[")?;
+    let mut count = 0;
+    each_picture(parts(), |_, _, picture, image_id| {
+        for labelled in &picture.boxes {
+            count += 1;
+            all.item(&annotation(count, image_id, labelled))?;
+        }
+        Ok(())
+    })?;
+    all.end("]}")?;
+
+    let mut results = None;
+    each_picture(parts(), |_, _, picture, image_id| {
+        for found in &picture.found {
+            if results.is_none() {
+                let mut begun = ListWriter::create(&folder.join(DETECTIONS))?;
+                begun.begin("[")?;
+                results = Some(begun);
+            }
+            if let Some(results) = &mut results {
+                results.item(&Found {
+                    image_id,
+                    category_id: AIRCRAFT,
+                    bbox: found.corner_and_size(),
+                    score: found.score.unwrap_or(1.0),
+                })?;
+            }
+        }
+        Ok(())
+    })?;
+    results.map_or(Ok(()), |results| results.end("]"))
+}
+
+/// All pictures with their numbers, from 1.
+fn each_picture(
+    parts: impl Iterator<Item = Result<Part>>,
+    mut visit: impl FnMut(&Part, &ViewPart, &Picture, u64) -> Result<()>,
+) -> Result<()> {
+    let mut id = 0;
+    for part in parts {
+        let part = part?;
+        for view in &part.views {
+            for picture in &view.pictures {
+                id += 1;
+                visit(&part, view, picture, id)?;
+            }
+        }
+    }
+    Ok(())
+}
+
+/// A JSON file with long lists, written item by item.
+struct ListWriter {
+    path: PathBuf,
+    file: BufWriter<File>,
+    is_first: bool,
+}
+
+impl ListWriter {
+    fn create(path: &Path) -> Result<Self> {
+        let file = File::create(path).map_err(dataset::Error::io("create", path))?;
+        Ok(Self {
+            path: path.to_owned(),
+            file: BufWriter::new(file),
+            is_first: true,
+        })
+    }
+
+    fn text(&mut self, text: &str) -> Result<()> {
+        let written = self.file.write_all(text.as_bytes());
+        Ok(written.map_err(dataset::Error::io("write", &self.path))?)
+    }
+
+    fn write(&mut self, value: impl Serialize, before: &str) -> Result<()> {
+        self.text(before)?;
+        let written = serde_json::to_writer(&mut self.file, &value);
+        Ok(written.map_err(|e| dataset::Error::io("write", &self.path)(e.into()))?)
+    }
+
+    fn begin(&mut self, text: &str) -> Result<()> {
+        self.is_first = true;
+        self.text(text)
+    }
+
+    fn item(&mut self, item: &impl Serialize) -> Result<()> {
+        let before = if self.is_first { "\n" } else { ",\n" };
+        self.is_first = false;
+        self.write(item, before)
+    }
+
+    fn end(mut self, text: &str) -> Result<()> {
+        self.text(text)?;
+        self.text("\n")?;
+        Ok(self
+            .file
+            .flush()
+            .map_err(dataset::Error::io("write", &self.path))?)
+    }
+}
+
+/// COCO's names are relative to the folder of the pictures.
+fn file_name(file: &str) -> &str {
+    file.strip_prefix("images/").unwrap_or(file)
+}
+
+fn annotation(id: u64, image_id: u64, labelled: &LabelledBox) -> Annotation {
+    let bbox = labelled.corner_and_size();
+    Annotation {
+        id,
+        image_id,
+        category_id: AIRCRAFT,
+        bbox,
+        area: bbox[2] * bbox[3],
+        iscrowd: u8::from(labelled.truth.is_some_and(|truth| truth.is_ignored())),
+        score: labelled.score,
+        truth: labelled.truth,
+    }
+}

@@ -1,0 +1,109 @@
+//! What can go wrong in an export.
+
+use std::path::PathBuf;
+
+/// An error of an export. Every message names its subject.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    Dataset(#[from] dataset::Error),
+    /// No scenario, view or side of that name.
+    #[error("{what} {found:?} is not in the corpus; expected one of {known}")]
+    Unknown {
+        /// What was named.
+        what: &'static str,
+        /// The name.
+        found: String,
+        /// What there is.
+        known: String,
+    },
+    /// Detections are asked for, and there are none.
+    #[error("the selected scenarios have no detections; run `dtd detect` on the corpus first")]
+    NoDetections,
+    /// Detections of several models are there.
+    #[error(
+        "the corpus has the detections of several models: {known}; choose one with --detections"
+    )]
+    SeveralModels {
+        /// Those.
+        known: String,
+    },
+    /// What is asked for contains nothing.
+    #[error("nothing to export: no scenario is left with these options")]
+    Nothing,
+    /// A video does not have the pictures of its scenario.
+    #[error(
+        "scenario {scenario}, view {view}: at tick {tick} expected a picture with timestamp {expected}, found {found}; generate it again"
+    )]
+    Video {
+        /// The scenario.
+        scenario: String,
+        /// The view.
+        view: String,
+        /// The tick.
+        tick: u32,
+        /// Its timestamp.
+        expected: i64,
+        /// What the video has there.
+        found: String,
+    },
+    /// A picture cannot be encoded.
+    #[error("cannot encode {}: {source}", path.display())]
+    Encode {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: image::ImageError,
+    },
+    /// The destination contains something else.
+    #[error("{} contains something else, for example {found}; choose an empty or new folder", out.display())]
+    Occupied {
+        /// The destination.
+        out: PathBuf,
+        /// A file in it.
+        found: String,
+    },
+    /// An unfinished export of something else.
+    #[error("{} is an unfinished export with other options or of other files; remove it, or export to another folder", partial.display())]
+    OtherExport {
+        /// The unfinished export.
+        partial: PathBuf,
+    },
+    /// A finished export of something else.
+    #[error("{} is an export with other options or of other files; remove it, or export to another folder", out.display())]
+    OtherFinished {
+        /// The finished export.
+        out: PathBuf,
+    },
+    /// Another process makes the same export.
+    #[error("{} is being made by {holder}", out.display())]
+    Held {
+        /// The destination.
+        out: PathBuf,
+        /// Who.
+        holder: String,
+    },
+    /// The caller stopped it.
+    #[error("stopped")]
+    Stopped,
+}
+
+/// Results of this crate.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// Whether the request is at fault, so that a repetition would fail, too.
+    pub fn is_bad_request(&self) -> bool {
+        matches!(
+            self,
+            Self::Unknown { .. }
+                | Self::Nothing
+                | Self::NoDetections
+                | Self::SeveralModels { .. }
+                | Self::Occupied { .. }
+                | Self::OtherExport { .. }
+                | Self::OtherFinished { .. }
+        )
+    }
+}

@@ -1,0 +1,22 @@
+//! A corpus in the formats of other tools.
+//!
+//! Input: a corpus and what of it is wanted. Output: a folder in a format that other programs read ([`Format`]), with a manifest of
+//! hashes. Only sealed files are read, and checked. A folder under its final name is complete: it is made in `DIR.partial`, which
+//! a later run with the same request continues.
+
+#![forbid(unsafe_code)]
+
+mod coco;
+mod error;
+mod export;
+mod part;
+mod place;
+mod request;
+mod selection;
+mod still;
+mod yolo;
+
+pub use error::{Error, Result};
+pub use export::{ExportOutcome, Watch, export};
+pub use request::{BoxSource, ExportRequest, Format};
+pub use still::StillFormat;

@@ -1,0 +1,186 @@
+//! The folder of an export, and the one beside it in which it is made.
+//!
+//! ```text
+//! DIR              complete, sealed with MANIFEST.b3 and DONE.json
+//! DIR.partial/
+//!   claim          locked by whoever makes it
+//!   begun.json     what it is an export of
+//!   parts/<id>.json    scenarios whose pictures are all written
+//!   new/           its files
+//! ```
+
+use std::fs;
+use std::io::ErrorKind;
+use std::path::{self, Path, PathBuf};
+
+use dataset::claim::{Claim, Claimed};
+use dataset::json_file::{read_json, write_json};
+use dataset::new_file::clear_leftovers;
+use dataset::seal;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::part::Part;
+
+const CLAIM: &str = "claim";
+const BEGUN: &str = "begun.json";
+const PARTS: &str = "parts";
+const NEW: &str = "new";
+
+/// What an export is of: hash of the request and of the seals of its scenarios.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+struct Begun {
+    source_blake3: String,
+}
+
+/// An export that is being made; locked until this is dropped.
+#[derive(Debug)]
+pub(crate) struct Place {
+    out: PathBuf,
+    partial: PathBuf,
+    source_blake3: String,
+    claim: Option<Claim>,
+}
+
+/// The state of a destination.
+pub(crate) enum Found {
+    /// This very export is there.
+    Complete,
+    /// It is to be made, or to be continued.
+    Place(Place),
+}
+
+impl Place {
+    /// Takes the destination for an export of this source.
+    pub(crate) fn take(out: &Path, source_blake3: &str) -> Result<Found> {
+        // The folder around a relative name of one part has no name of its own.
+        let out = &path::absolute(out).map_err(dataset::Error::io("resolve", out))?;
+        if let Some(sealed) = seal::read_seal(out)? {
+            return match sealed.config_hash == source_blake3 {
+                true => Ok(Found::Complete),
+                false => Err(Error::OtherFinished {
+                    out: out.to_owned(),
+                }),
+            };
+        }
+        refuse_content(out)?;
+        let mut partial = out.as_os_str().to_owned();
+        partial.push(".partial");
+        let partial = PathBuf::from(partial);
+        let claim = match Claim::take_in(&partial, CLAIM)? {
+            Claimed::Mine(claim) => claim,
+            Claimed::Theirs(holder) => {
+                return Err(Error::Held {
+                    out: out.to_owned(),
+                    holder: holder.map_or("another process".into(), |holder| holder.to_string()),
+                });
+            }
+        };
+        if !partial.join(NEW).is_dir() {
+            // Killed after its files were moved: what is noted of them is no longer here.
+            let parts = partial.join(PARTS);
+            match fs::remove_dir_all(&parts) {
+                Err(error) if error.kind() != ErrorKind::NotFound => {
+                    return Err(dataset::Error::io("remove", &parts)(error).into());
+                }
+                _ => {}
+            }
+        }
+        let begun = partial.join(BEGUN);
+        let mine = Begun {
+            source_blake3: source_blake3.to_owned(),
+        };
+        if begun.exists() {
+            let found: Begun = read_json(&begun, "record of an export")?;
+            if found != mine {
+                return Err(Error::OtherExport { partial });
+            }
+        } else {
+            write_json(&begun, &mine)?;
+        }
+        for folder in [PARTS, NEW] {
+            let folder = partial.join(folder);
+            fs::create_dir_all(&folder).map_err(dataset::Error::io("create", &folder))?;
+            clear_leftovers(&folder);
+        }
+        Ok(Found::Place(Self {
+            out: out.to_owned(),
+            partial,
+            source_blake3: source_blake3.to_owned(),
+            claim: Some(claim),
+        }))
+    }
+
+    /// The folder for its files.
+    pub(crate) fn files(&self) -> PathBuf {
+        self.partial.join(NEW)
+    }
+
+    /// Whether the pictures of a scenario are all written.
+    pub(crate) fn has_part(&self, scenario: &str) -> bool {
+        self.part_path(scenario).exists()
+    }
+
+    /// What is known of a scenario whose pictures are all written.
+    pub(crate) fn part(&self, scenario: &str) -> Result<Part> {
+        Ok(read_json(&self.part_path(scenario), "part of an export")?)
+    }
+
+    /// Notes that the pictures of a scenario are all written.
+    pub(crate) fn note(&self, part: &Part) -> Result<()> {
+        Ok(write_json(&self.part_path(&part.scenario), part)?)
+    }
+
+    fn part_path(&self, scenario: &str) -> PathBuf {
+        self.partial.join(PARTS).join(format!("{scenario}.json"))
+    }
+
+    /// Seals the files and moves them to the destination. Returns their size in bytes.
+    pub(crate) fn finish(mut self) -> Result<u64> {
+        let files = self.files();
+        seal::seal_folder(&files, &self.source_blake3)?;
+        let bytes = bytes_in(&files).map_err(dataset::Error::io("read the size of", &files))?;
+        if self.out.exists() {
+            // Empty: this was checked.
+            fs::remove_dir(&self.out).map_err(dataset::Error::io("replace", &self.out))?;
+        }
+        seal::commit_folder(&files, &self.out)?;
+        let parts = self.partial.join(PARTS);
+        fs::remove_dir_all(&parts).map_err(dataset::Error::io("remove", &parts))?;
+        let begun = self.partial.join(BEGUN);
+        fs::remove_file(&begun).map_err(dataset::Error::io("remove", &begun))?;
+        // Takes the folder with it.
+        drop(self.claim.take());
+        Ok(bytes)
+    }
+}
+
+/// Refuses a destination that is a file or contains anything.
+fn refuse_content(out: &Path) -> Result<()> {
+    match fs::read_dir(out) {
+        Ok(mut entries) => match entries.next() {
+            None => Ok(()),
+            Some(entry) => {
+                let entry = entry.map_err(dataset::Error::io("list", out))?;
+                Err(Error::Occupied {
+                    out: out.to_owned(),
+                    found: entry.file_name().to_string_lossy().into_owned(),
+                })
+            }
+        },
+        Err(error) if error.kind() == ErrorKind::NotFound => Ok(()),
+        Err(error) => Err(dataset::Error::io("list", out)(error).into()),
+    }
+}
+
+fn bytes_in(folder: &Path) -> std::io::Result<u64> {
+    let mut bytes = 0;
+    for entry in fs::read_dir(folder)? {
+        let entry = entry?;
+        bytes += match entry.file_type()?.is_dir() {
+            true => bytes_in(&entry.path())?,
+            false => entry.metadata()?.len(),
+        };
+    }
+    Ok(bytes)
+}

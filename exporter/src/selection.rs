@@ -1,0 +1,93 @@
+//! Which scenarios, views and ticks a request asks for, checked before anything is written.
+
+use std::collections::BTreeMap;
+
+use dataset::corpus::{Corpus, ScenarioFolder};
+use dataset::splits::{Assignment, Side};
+
+use crate::error::{Error, Result};
+use crate::request::ExportRequest;
+
+/// Most names in a message.
+const MOST_NAMED: usize = 8;
+
+/// A scenario that is asked for.
+pub(crate) struct Selected {
+    pub(crate) folder: ScenarioFolder,
+    pub(crate) side: Option<Side>,
+    /// Its views that are asked for, in its order.
+    pub(crate) views: Vec<String>,
+}
+
+impl Selected {
+    /// Identifier of the scenario.
+    pub(crate) fn id(&self) -> String {
+        self.folder.id()
+    }
+}
+
+/// The scenarios that a request asks for, by name.
+pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Selected>> {
+    let folders = corpus.scenarios()?;
+    let ids: Vec<String> = folders.iter().map(ScenarioFolder::id).collect();
+    for id in request.only.iter().flatten() {
+        refuse_unknown("scenario", id, &ids)?;
+    }
+    let sides = sides(corpus, request)?;
+    let mut selected = Vec::new();
+    let mut all_views: Vec<String> = Vec::new();
+    for (folder, id) in folders.into_iter().zip(ids) {
+        let side = sides.get(&id).map(|assignment| assignment.side);
+        let is_asked_for = |asked: &Vec<String>| asked.contains(&id);
+        if !request.only.as_ref().is_none_or(is_asked_for)
+            || request.side.is_some_and(|asked| side != Some(asked))
+        {
+            continue;
+        }
+        let mut views = folder.open()?.record()?.views;
+        all_views.extend(views.clone());
+        if let Some(asked) = &request.views {
+            views.retain(|view| asked.contains(view));
+        }
+        if !views.is_empty() {
+            selected.push(Selected {
+                folder,
+                side,
+                views,
+            });
+        }
+    }
+    all_views.sort();
+    all_views.dedup();
+    for view in request.views.iter().flatten() {
+        refuse_unknown("view", view, &all_views)?;
+    }
+    match selected.is_empty() {
+        true => Err(Error::Nothing),
+        false => Ok(selected),
+    }
+}
+
+/// The split; a corpus may lack it unless a side is asked for.
+fn sides(corpus: &Corpus, request: &ExportRequest) -> Result<BTreeMap<String, Assignment>> {
+    match corpus.splits() {
+        Ok(splits) => Ok(splits.scenarios),
+        Err(_) if request.side.is_none() && !corpus.splits_path().exists() => Ok(BTreeMap::new()),
+        Err(error) => Err(error.into()),
+    }
+}
+
+fn refuse_unknown(what: &'static str, found: &str, known: &[String]) -> Result<()> {
+    if known.iter().any(|name| name == found) {
+        return Ok(());
+    }
+    let mut names = known[..known.len().min(MOST_NAMED)].join(", ");
+    if known.len() > MOST_NAMED {
+        names.push_str(", ...");
+    }
+    Err(Error::Unknown {
+        what,
+        found: found.to_owned(),
+        known: names,
+    })
+}

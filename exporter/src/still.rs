@@ -1,0 +1,57 @@
+//! Single pictures as files.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::Path;
+
+use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::{CompressionType, FilterType, PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+
+/// Quality of JPEG pictures, of 100: 40x3 px of aircraft stay within two grey levels.
+const JPEG_QUALITY: u8 = 95;
+
+/// The form of pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum StillFormat {
+    /// Exactly the decoded pixels.
+    #[default]
+    Png,
+    /// Smaller, with losses.
+    Jpeg,
+}
+
+impl StillFormat {
+    /// Suffix of its files.
+    pub(crate) fn extension(self) -> &'static str {
+        match self {
+            Self::Png => "png",
+            Self::Jpeg => "jpg",
+        }
+    }
+
+    /// Writes a picture; `rgb` has rows from top to bottom without gaps.
+    pub(crate) fn write(self, path: &Path, rgb: &[u8], [width, height]: [u32; 2]) -> Result<()> {
+        let file = File::create(path).map_err(dataset::Error::io("create", path))?;
+        let mut file = BufWriter::new(file);
+        let color = ExtendedColorType::Rgb8;
+        let encoded = match self {
+            Self::Png => {
+                PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up)
+                    .write_image(rgb, width, height, color)
+            }
+            Self::Jpeg => JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY)
+                .write_image(rgb, width, height, color),
+        };
+        encoded.map_err(|source| Error::Encode {
+            path: path.to_owned(),
+            source,
+        })?;
+        file.flush().map_err(dataset::Error::io("write", path))?;
+        Ok(())
+    }
+}

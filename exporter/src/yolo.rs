@@ -1,0 +1,83 @@
+//! The dataset format of Ultralytics' YOLO: `images/<side>/`, `labels/<side>/` with a line `class cx cy width height` per box, in parts of
+//! the picture's sides, and `data.yaml`. Pictures without a box are negatives: they have an empty file.
+
+use std::collections::BTreeSet;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use dataset::json_file::write_unsynced;
+use dataset::splits::Side;
+
+use crate::error::Result;
+use crate::part::{LabelledBox, Part};
+
+const LABELS: &str = "labels";
+
+/// Where a picture goes, relative to the export.
+pub(crate) fn picture_name(
+    side: Option<Side>,
+    scenario: &str,
+    view: &str,
+    tick: u32,
+    extension: &str,
+) -> String {
+    let side = folder_of(side);
+    format!("images/{side}/{scenario}_{view}_{tick:06}.{extension}")
+}
+
+/// As in `data.yaml`; what has no side is for training.
+fn folder_of(side: Option<Side>) -> &'static str {
+    match side {
+        None | Some(Side::Train) => "train",
+        Some(Side::Validation) => "val",
+        Some(Side::Test) => "test",
+    }
+}
+
+/// Writes the files besides the pictures.
+pub(crate) fn finish(folder: &Path, parts: impl Iterator<Item = Result<Part>>) -> Result<()> {
+    let mut sides = BTreeSet::new();
+    for part in parts {
+        let part = part?;
+        let side = folder_of(part.side);
+        sides.insert(side);
+        let labels = folder.join(LABELS).join(side);
+        fs::create_dir_all(&labels).map_err(dataset::Error::io("create", &labels))?;
+        for view in &part.views {
+            let size_px = [view.camera.width_px, view.camera.height_px].map(f64::from);
+            for picture in &view.pictures {
+                let stem = Path::new(&picture.file).file_stem().unwrap_or_default();
+                let lines: String = picture.boxes.iter().map(|b| line(b, size_px)).collect();
+                let mut name = stem.to_owned();
+                name.push(".txt");
+                write_unsynced(&labels.join(name), lines.as_bytes())?;
+            }
+        }
+    }
+    let mut yaml = String::from("# Made by dtd export. Boxes in parts of the picture's sides.\n");
+    // Both are required, even if one is empty: the other stands in.
+    let first = sides.first().copied().unwrap_or("train");
+    for side in ["train", "val", "test"] {
+        match (sides.contains(side), side) {
+            (true, _) => drop(writeln!(yaml, "{side}: images/{side}")),
+            (false, "test") => {}
+            (false, _) => drop(writeln!(yaml, "{side}: images/{first}")),
+        }
+    }
+    yaml.push_str("names:\n  0: aircraft\n");
+    Ok(write_unsynced(&folder.join("data.yaml"), yaml.as_bytes())?)
+}
+
+fn line(labelled: &LabelledBox, [width_px, height_px]: [f64; 2]) -> String {
+    let [left, top, width, height] = labelled.corner_and_size();
+    // Rounding must not lead out of the picture.
+    let part = |value: f64, of: f64| (value / of).clamp(0.0, 1.0);
+    format!(
+        "0 {:.7} {:.7} {:.7} {:.7}\n",
+        part(left + width / 2.0, width_px),
+        part(top + height / 2.0, height_px),
+        part(width, width_px),
+        part(height, height_px),
+    )
+}

@@ -1,0 +1,51 @@
+//! Runs a model of numbers, in double precision, such as an exported estimator.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use ort::session::{Session, SessionInputValue};
+use ort::value::TensorRef;
+
+use super::onnx_runtime;
+use crate::error::{Error, Result};
+
+/// An input of a model.
+#[derive(Debug, Clone, Copy)]
+pub struct NumberInput<'a> {
+    /// Its name.
+    pub name: &'a str,
+    /// Its shape.
+    pub shape: [usize; 3],
+    /// Its numbers, row by row.
+    pub numbers: &'a [f64],
+}
+
+/// Runs a model once, on the CPU, and returns the numbers of its first output. `name` is the model's in errors; `library` as in
+/// [`super::OrtOptions`].
+pub fn run_numbers(
+    name: &Path,
+    onnx: &[u8],
+    inputs: &[NumberInput],
+    library: Option<&Path>,
+) -> Result<Vec<f64>> {
+    let fault =
+        |e: &dyn std::fmt::Display| Error::model(name, format!("ONNX Runtime cannot run it: {e}"));
+    let runtime = onnx_runtime::runtime(library)?;
+    let mut session = Session::builder(&runtime.environment)
+        .map_err(|e| fault(&e))?
+        .with_intra_threads(1)
+        .map_err(|e| fault(&e))?
+        .commit_from_memory(onnx)
+        .map_err(|e| fault(&e))?;
+    let mut named: Vec<(Cow<'_, str>, SessionInputValue<'_>)> = Vec::new();
+    for input in inputs {
+        let tensor = TensorRef::from_array_view((input.shape, input.numbers));
+        let tensor = tensor.map_err(|e| fault(&e))?;
+        named.push((input.name.into(), tensor.into()));
+    }
+    let outputs = session.run(named).map_err(|e| fault(&e))?;
+    let (_, numbers) = outputs[0]
+        .try_extract_tensor::<f64>()
+        .map_err(|e| fault(&e))?;
+    Ok(numbers.to_vec())
+}

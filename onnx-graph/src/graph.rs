@@ -1,0 +1,186 @@
+//! A graph that grows node by node. Values are identified by their names, which it makes up.
+
+use prost::Message;
+
+use crate::proto::{
+    AttributeProto, GraphProto, ModelProto, NodeProto, OperatorSetIdProto, StringStringEntryProto,
+    TensorProto, ValueInfoProto,
+};
+
+const IR_VERSION: i64 = 8;
+/// Version of ONNX's operators; the nodes that callers add are of this one.
+const OPSET_VERSION: i64 = 13;
+
+/// Nodes and constants so far.
+#[derive(Debug, Clone, Default)]
+pub struct Graph {
+    nodes: Vec<NodeProto>,
+    constants: Vec<TensorProto>,
+}
+
+/// What a model says about itself.
+#[derive(Debug, Clone, Copy)]
+pub struct ModelTexts<'a> {
+    /// Name of its graph.
+    pub name: &'a str,
+    /// Version of the program that writes it.
+    pub version: &'a str,
+    /// Keys and values for the reader.
+    pub metadata: &'a [(&'a str, &'a str)],
+}
+
+impl Graph {
+    /// Adds an operation with settings; returns its value.
+    pub fn node(
+        &mut self,
+        operator: &str,
+        inputs: &[&str],
+        attributes: Vec<AttributeProto>,
+    ) -> String {
+        let output = format!("{}_{}", operator.to_lowercase(), self.nodes.len());
+        self.nodes.push(NodeProto {
+            input: inputs.iter().map(|&name| name.to_owned()).collect(),
+            output: vec![output.clone()],
+            name: output.clone(),
+            op_type: operator.into(),
+            attribute: attributes,
+        });
+        output
+    }
+
+    /// Adds an operation without settings; returns its value.
+    pub fn plain(&mut self, operator: &str, inputs: &[&str]) -> String {
+        self.node(operator, inputs, vec![])
+    }
+
+    /// Values joined along an axis.
+    pub fn concat(&mut self, parts: &[&str], axis: i64) -> String {
+        self.node("Concat", parts, vec![AttributeProto::int("axis", axis)])
+    }
+
+    /// A value with other elements, of one of the types of [`crate::proto`].
+    pub fn cast(&mut self, value: &str, element_type: i32) -> String {
+        let to = AttributeProto::int("to", element_type.into());
+        self.node("Cast", &[value], vec![to])
+    }
+
+    /// A constant of single-precision numbers.
+    pub fn floats(&mut self, dims: &[i64], values: &[f32]) -> String {
+        self.constant(|name| TensorProto::floats(name, dims, values))
+    }
+
+    /// A constant of double-precision numbers.
+    pub fn doubles(&mut self, dims: &[i64], values: &[f64]) -> String {
+        self.constant(|name| TensorProto::doubles(name, dims, values))
+    }
+
+    /// A single-precision number.
+    pub fn number(&mut self, value: f64) -> String {
+        self.floats(&[], &[value as f32])
+    }
+
+    /// A double-precision number.
+    pub fn double(&mut self, value: f64) -> String {
+        self.doubles(&[], &[value])
+    }
+
+    /// A list of whole numbers.
+    pub fn integers(&mut self, values: &[i64]) -> String {
+        self.constant(|name| TensorProto::integers(name, values))
+    }
+
+    /// A whole number.
+    pub fn integer(&mut self, value: i64) -> String {
+        self.constant(|name| TensorProto {
+            dims: vec![],
+            ..TensorProto::integers(name, &[value])
+        })
+    }
+
+    fn constant(&mut self, make: impl FnOnce(&str) -> TensorProto) -> String {
+        let name = format!("constant_{}", self.constants.len());
+        self.constants.push(make(&name));
+        name
+    }
+
+    /// Renames the value of the last node, which becomes an output of the model.
+    pub fn name_last(&mut self, name: &str) {
+        if let Some(last) = self.nodes.last_mut() {
+            last.output = vec![name.into()];
+        }
+    }
+
+    /// Nodes and constants.
+    pub fn parts(&self) -> (&[NodeProto], &[TensorProto]) {
+        (&self.nodes, &self.constants)
+    }
+
+    /// The model with this graph.
+    pub fn into_model(
+        self,
+        inputs: Vec<ValueInfoProto>,
+        outputs: Vec<ValueInfoProto>,
+        texts: ModelTexts,
+    ) -> ModelProto {
+        let entry = |&(key, value): &(&str, &str)| StringStringEntryProto {
+            key: key.into(),
+            value: value.into(),
+        };
+        ModelProto {
+            ir_version: IR_VERSION,
+            producer_name: "dtd".into(),
+            producer_version: texts.version.into(),
+            graph: Some(GraphProto {
+                node: self.nodes,
+                name: texts.name.into(),
+                initializer: self.constants,
+                input: inputs,
+                output: outputs,
+            }),
+            opset_import: vec![OperatorSetIdProto {
+                domain: String::new(),
+                version: OPSET_VERSION,
+            }],
+            metadata_props: texts.metadata.iter().map(entry).collect(),
+        }
+    }
+}
+
+impl ModelProto {
+    /// The content of an ONNX file.
+    pub fn bytes(&self) -> Vec<u8> {
+        self.encode_to_vec()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::proto::{Dimension, FLOAT};
+
+    #[test]
+    fn a_model_survives_its_bytes() {
+        let mut graph = Graph::default();
+        let (half, one) = (graph.number(0.5), graph.double(1.0));
+        let scaled = graph.plain("Mul", &["x", &half]);
+        let one = graph.cast(&one, FLOAT);
+        graph.node(
+            "LeakyRelu",
+            &[&scaled],
+            vec![AttributeProto::float("alpha", 0.01)],
+        );
+        graph.concat(&[&scaled, &one], 0);
+        graph.name_last("y");
+        let value = |name: &str| ValueInfoProto::floats(name, &[Dimension::Named("n".into())]);
+        let texts = ModelTexts {
+            name: "half",
+            version: "1",
+            metadata: &[("unit", "m")],
+        };
+        let model = graph.into_model(vec![value("x")], vec![value("y")], texts);
+        assert_eq!(ModelProto::decode(model.bytes().as_slice()).unwrap(), model);
+        let graph = model.graph.unwrap();
+        assert_eq!(graph.node.last().unwrap().output, ["y"]);
+        assert_eq!(graph.initializer[1].raw_data, 1.0_f64.to_le_bytes());
+    }
+}

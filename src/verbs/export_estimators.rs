@@ -1,0 +1,149 @@
+//! `dtd export-estimators`: the estimators of a run as ONNX models, each checked against ONNX Runtime before anything is written.
+
+use std::fs;
+use std::path::Path;
+use std::time::Instant;
+
+use dataset::json_file::write_atomically;
+use labeller::detector::{NumberInput, run_numbers};
+use serde::Serialize;
+use trainer::{Agreement, ExportedModel, ExportedRun, Probes, RunFolder, TOLERANCE};
+
+use super::Outcome;
+use super::output::{finish, print_json};
+use super::train::failure_of;
+use crate::args::ExportEstimatorsArgs;
+use crate::failure::{Ending, Failure};
+
+const CARD: &str = "MODEL_CARD.md";
+
+/// One file of the result, for programs.
+#[derive(Serialize)]
+struct Exported<'a> {
+    estimator: &'static str,
+    file: String,
+    takes_shifts: bool,
+    /// Inputs that it was checked with, and how many of them have an answer.
+    probes: usize,
+    answered: usize,
+    /// Largest relative difference from this program's answers.
+    largest_difference: f64,
+    #[serde(skip)]
+    onnx: &'a [u8],
+}
+
+/// Runs the verb.
+pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
+    let began = Instant::now();
+    refuse_filled(&args.out)?;
+    let ExportedRun {
+        models,
+        card,
+        probes,
+    } = trainer::export(&RunFolder::at(&args.run)).map_err(failure_of)?;
+    let mut exported = Vec::new();
+    for model in &models {
+        let file = format!("{}.onnx", model.name);
+        let agreement = checked(model, &file, &probes, args.library.as_deref())?;
+        exported.push(Exported {
+            estimator: model.name,
+            file,
+            takes_shifts: model.takes_shifts,
+            probes: probes.ticks,
+            answered: agreement.answered,
+            largest_difference: agreement.largest,
+            onnx: &model.onnx,
+        });
+    }
+    fs::create_dir_all(&args.out).map_err(|error| cannot_write(&args.out, &error))?;
+    for model in &exported {
+        write_atomically(&args.out.join(&model.file), model.onnx)?;
+    }
+    write_atomically(&args.out.join(CARD), card.as_bytes())?;
+    if args.json {
+        print_json(&exported)?;
+    } else {
+        for model in &exported {
+            println!(
+                "{}: {} bytes, ONNX Runtime's answers differ by {:.1e} at most, over {} of {} probes",
+                args.out.join(&model.file).display(),
+                model.onnx.len(),
+                model.largest_difference,
+                model.answered,
+                model.probes
+            );
+        }
+        println!("how to use them: {}", args.out.join(CARD).display());
+    }
+    finish(
+        "export-estimators",
+        began,
+        "docs/training.md has an example in Python",
+    );
+    Ok(Ending::Done)
+}
+
+/// A folder with files would be left with those of two exports.
+fn refuse_filled(out: &Path) -> Result<(), Failure> {
+    let mut entries = match fs::read_dir(out) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(error) => {
+            return Err(Failure::bad_input_message(format!(
+                "cannot write models to {}: {error}; name a new folder",
+                out.display()
+            )));
+        }
+    };
+    match entries.next() {
+        None => Ok(()),
+        Some(entry) => {
+            let name = entry.map_or_else(
+                |error| error.to_string(),
+                |entry| entry.file_name().to_string_lossy().into_owned(),
+            );
+            Err(Failure::bad_input_message(format!(
+                "{} holds {name}, expected a new or an empty folder; remove it, or name another",
+                out.display()
+            )))
+        }
+    }
+}
+
+/// How well ONNX Runtime agrees with us about a model; an error if it does not.
+fn checked(
+    model: &ExportedModel,
+    file: &str,
+    probes: &Probes,
+    library: Option<&Path>,
+) -> Result<Agreement, Failure> {
+    let input = |name, numbers, length| NumberInput {
+        name,
+        shape: [probes.ticks, probes.views, length],
+        numbers,
+    };
+    let mut inputs = vec![input("boxes", &probes.boxes[..], 4)];
+    if model.takes_shifts {
+        inputs.push(input("shifts", &probes.shifts[..], 2));
+    }
+    let answers =
+        run_numbers(Path::new(file), &model.onnx, &inputs, library).map_err(|error| match error
+            .is_bad_input()
+        {
+            true => Failure::bad_input(error),
+            false => error.into(),
+        })?;
+    let agreement = model.agreement(&answers);
+    if agreement.largest <= TOLERANCE {
+        return Ok(agreement);
+    }
+    let [answer_m, expected_m] = agreement.worst_m;
+    Err(Failure::Failed(anyhow::anyhow!(
+        "{file}: ONNX Runtime answers {answer_m} m where this program answers {expected_m} m, expected the same to {TOLERANCE:e}; \
+         nothing was written. Try another version of ONNX Runtime, with --onnx-runtime"
+    )))
+}
+
+fn cannot_write(out: &Path, error: &std::io::Error) -> Failure {
+    Failure::Failed(anyhow::anyhow!("cannot create {}: {error}", out.display()))
+}

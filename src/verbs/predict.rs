@@ -1,0 +1,33 @@
+//! `dtd predict`: what a run's estimators answer for a corpus, without truth.
+
+use trainer::RunFolder;
+
+use super::Outcome;
+use super::open_corpus::open_corpus;
+use super::output::count;
+use super::train::{Bars, failure_of};
+use crate::args::PredictArgs;
+use crate::failure::Ending;
+
+/// Runs the verb.
+pub(crate) fn run(args: &PredictArgs) -> Outcome {
+    let corpus = open_corpus(&args.corpus)?;
+    let predicted = trainer::predict(
+        &RunFolder::at(&args.run),
+        &corpus,
+        args.detections.as_deref(),
+        &args.out,
+        &mut Bars::of("predict"),
+    )
+    .map_err(failure_of)?;
+    println!(
+        "wrote {}: {} of {}",
+        args.out.display(),
+        count(predicted.ticks, "tick"),
+        count(predicted.scenarios, "scenario")
+    );
+    for (name, answered) in predicted.answered {
+        println!("{name}: {answered} answered");
+    }
+    Ok(Ending::Done)
+}

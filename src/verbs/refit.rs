@@ -1,0 +1,44 @@
+//! `dtd refit`: fits one camera of a run again.
+
+use std::time::Instant;
+
+use trainer::{RefitConfig, RunFolder};
+
+use super::Outcome;
+use super::open_corpus::open_corpus;
+use super::output::{count, finish, print_json};
+use super::train::{Bars, failure_of};
+use crate::args::RefitArgs;
+use crate::failure::Ending;
+
+/// Runs the verb.
+pub(crate) fn run(args: &RefitArgs) -> Outcome {
+    let began = Instant::now();
+    let corpus = open_corpus(&args.corpus)?;
+    let config = RefitConfig {
+        view: args.view.clone(),
+        approaches: args.scenarios,
+    };
+    let run = RunFolder::at(&args.run);
+    let bars = &mut Bars::of("refit");
+    let refit = trainer::refit(&run, &corpus, &args.out, &config, bars).map_err(failure_of)?;
+    if args.json {
+        print_json(&refit)?;
+    } else {
+        println!(
+            "refitted view {} of {} from {}: {}; everything else is as before ({})",
+            refit.view,
+            args.run.display(),
+            count(refit.scenarios.len(), "scenario"),
+            args.out.display(),
+            &refit.frozen_after_blake3[..12]
+        );
+    }
+    let next = format!(
+        "dtd evaluate {} --corpus {}",
+        args.out.display(),
+        args.corpus.display()
+    );
+    finish("refit", began, &next);
+    Ok(Ending::Done)
+}

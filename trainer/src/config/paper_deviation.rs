@@ -1,0 +1,164 @@
+//! What a training does otherwise than the paper, named from its settings, so that nothing passes for the paper's method that is not.
+
+use std::fmt;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::{CalibrationConfig, EstimatorConfig, Loss, TrainConfig};
+
+/// A part of the method of `paper_lstm` that is not the paper's. How long and in which batches networks train is not among them: the
+/// paper leaves it open, except for the most epochs of the calibration networks.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum PaperDeviation {
+    /// `loss` is not `squared`.
+    Loss,
+    /// `augmentation.fill_up_to_samples` is not 0: training samples are computed with the true cameras.
+    MixedSamples,
+    /// `only_true_boxes`: false boxes are removed from the training side by the labels.
+    OnlyTrueBoxes,
+    /// `calibration.linear_path`.
+    LinearPath,
+    /// `calibration.min_steps` or a threshold of Algorithm 1.
+    AlgorithmThresholds,
+    /// `estimator.together_first` or `.alone_weight`: views are not dropped in equal shares of equal weight.
+    ViewDropout,
+    /// `estimator.refit_head`.
+    RefitHead,
+    /// Widths of the calibration networks, the LSTM or their heads.
+    LayerWidths,
+}
+
+impl fmt::Display for PaperDeviation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Loss => "loss",
+            Self::MixedSamples => "training samples mixed with the true cameras",
+            Self::OnlyTrueBoxes => "false training boxes removed by the labels",
+            Self::LinearPath => "linear path in the calibration networks",
+            Self::AlgorithmThresholds => "thresholds of Algorithm 1",
+            Self::ViewDropout => "view dropout in unequal shares",
+            Self::RefitHead => "last layer in closed form",
+            Self::LayerWidths => "layer widths",
+        })
+    }
+}
+
+impl TrainConfig {
+    /// What these settings do otherwise than the paper; empty for the defaults.
+    pub fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
+        let (c, e) = (&self.calibration, &self.estimator);
+        let (paper_c, paper_e) = (CalibrationConfig::default(), EstimatorConfig::default());
+        let algorithm =
+            |c: &CalibrationConfig| (c.min_steps, c.plateau_threshold_pct, c.gap_threshold_pct);
+        let widths = |c: &CalibrationConfig, e: &EstimatorConfig| {
+            let hidden = [&c.hidden, &c.head_hidden, &e.lstm, &e.head_hidden];
+            (hidden.map(Vec::clone), c.features)
+        };
+        let found = [
+            (PaperDeviation::Loss, self.loss != Loss::Squared),
+            (
+                PaperDeviation::MixedSamples,
+                self.augmentation.fill_up_to_samples > 0,
+            ),
+            (PaperDeviation::OnlyTrueBoxes, self.only_true_boxes),
+            (PaperDeviation::LinearPath, c.linear_path),
+            (
+                PaperDeviation::AlgorithmThresholds,
+                algorithm(c) != algorithm(&paper_c),
+            ),
+            (
+                PaperDeviation::ViewDropout,
+                e.together_first > 0.0 || e.alone_weight != 1.0,
+            ),
+            (PaperDeviation::RefitHead, e.refit_head),
+            (
+                PaperDeviation::LayerWidths,
+                widths(c, e) != widths(&paper_c, &paper_e),
+            ),
+        ];
+        let named = found.into_iter().filter(|(_, deviates)| *deviates);
+        named.map(|(deviation, _)| deviation).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_defaults_are_the_paper_s_method() {
+        let config = TrainConfig::default();
+        assert_eq!(config.deviations_from_paper(), []);
+        let (c, e) = (&config.calibration, &config.estimator);
+        assert_eq!(
+            (
+                config.loss,
+                c.min_steps,
+                c.plateau_threshold_pct,
+                c.gap_threshold_pct,
+                &e.lstm
+            ),
+            (Loss::Squared, 1_500, 0.01, 0.01, &vec![256, 256])
+        );
+    }
+
+    #[test]
+    fn every_setting_that_changes_the_method_is_named() {
+        for (settings, expected) in [
+            (r#"{"loss": "logarithmic"}"#, PaperDeviation::Loss),
+            (
+                r#"{"augmentation": {"fill_up_to_samples": 9}}"#,
+                PaperDeviation::MixedSamples,
+            ),
+            (
+                r#"{"only_true_boxes": true}"#,
+                PaperDeviation::OnlyTrueBoxes,
+            ),
+            (
+                r#"{"calibration": {"linear_path": true}}"#,
+                PaperDeviation::LinearPath,
+            ),
+            (
+                r#"{"calibration": {"gap_threshold_pct": 0.25}}"#,
+                PaperDeviation::AlgorithmThresholds,
+            ),
+            (
+                r#"{"calibration": {"min_steps": 300}}"#,
+                PaperDeviation::AlgorithmThresholds,
+            ),
+            (
+                r#"{"estimator": {"together_first": 0.5}}"#,
+                PaperDeviation::ViewDropout,
+            ),
+            (
+                r#"{"estimator": {"alone_weight": 0.02}}"#,
+                PaperDeviation::ViewDropout,
+            ),
+            (
+                r#"{"estimator": {"refit_head": true}}"#,
+                PaperDeviation::RefitHead,
+            ),
+            (
+                r#"{"estimator": {"lstm": [96, 96]}}"#,
+                PaperDeviation::LayerWidths,
+            ),
+        ] {
+            let config: TrainConfig = serde_json::from_str(settings).unwrap();
+            assert_eq!(config.deviations_from_paper(), [expected], "{settings}");
+        }
+    }
+
+    #[test]
+    fn the_demo_s_settings_are_the_method_at_a_smaller_scale() {
+        let deviations = TrainConfig::demo().deviations_from_paper();
+        let scale = [
+            PaperDeviation::AlgorithmThresholds,
+            PaperDeviation::LayerWidths,
+        ];
+        assert_eq!(deviations, scale);
+    }
+}

@@ -1,0 +1,181 @@
+//! The distance over a whole flight: a causal filter and an offline smoother over what the fits of [`crate::inverse_range`] measure.
+//!
+//! Unknown are distance to touchdown, ground speed and acceleration ([`motion`]), and the smooth part of the error of each fit
+//! ([`correlated_error`]), because such errors last for many ticks. At a tick any views may be missing: the most precise fit of those
+//! that are there corrects the distance, and without any the aircraft flies on. The calibration counts as little as for those fits.
+//!
+//! Input: the observations of one flight in the order of time. Output: per tick distance, ground speed and time to touchdown, each with
+//! a standard deviation and a 90 % interval. Variances grow with the misfits of the flight itself ([`forward`]); the widths of the
+//! intervals are such that they hold 90 % of the labels of flights that the fits did not see ([`labelled_flight`]).
+
+mod correlated_error;
+mod estimate;
+mod forward;
+mod gaussian;
+mod labelled_flight;
+mod matrix;
+mod motion;
+
+use serde::{Deserialize, Serialize};
+
+use crate::inverse_range::InverseRange;
+use crate::samples::{Observation, Sample, ScenarioSummary};
+
+use correlated_error::CorrelatedError;
+use estimate::HalfWidths;
+pub(crate) use estimate::{Estimate, Estimated};
+use forward::{Model, Moment, Tick, filter};
+#[cfg(test)]
+use gaussian::Gaussian;
+use labelled_flight::LabelledFlight;
+use motion::Motion;
+
+/// What a training learned about motion and errors.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct FlightFilter {
+    motion: Motion,
+    /// Of the fits of `inverse_range`, in their order.
+    errors: Vec<CorrelatedError>,
+    /// Half widths of the 90 % intervals of the filter ...
+    filtered: HalfWidths,
+    /// ... and of the smoother.
+    smoothed: HalfWidths,
+}
+
+/// Which ticks an answer may know.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Knowing {
+    /// Its own and those before: what a controller's screen can show.
+    Past,
+    /// All of the flight.
+    All,
+}
+
+impl FlightFilter {
+    /// Fits motion, errors and intervals to flights of the training side, held out from the fits in turn, and of the validation side.
+    pub(crate) fn fit(
+        fits: &InverseRange,
+        scenarios: &[ScenarioSummary],
+        training: &[&Sample],
+        validation: &[&Sample],
+    ) -> Self {
+        let flights = LabelledFlight::held_out(fits, scenarios, training, validation);
+        Self::fit_to(&flights, fits.deviations())
+    }
+
+    /// `deviations`: what is known about the errors of fits that no flight tells about.
+    fn fit_to(flights: &[LabelledFlight], deviations: impl Iterator<Item = f64>) -> Self {
+        let labels: Vec<_> = flights.iter().map(LabelledFlight::labels).collect();
+        let errors = deviations.enumerate().map(|(fit, deviation)| {
+            let observed: Vec<_> = flights.iter().map(|f| f.errors_of(fit)).collect();
+            let fitted = CorrelatedError::fit(&observed);
+            fitted.unwrap_or_else(|| CorrelatedError::of_deviation(deviation))
+        });
+        let mut fitted = Self {
+            motion: Motion::fit(&labels),
+            errors: errors.collect(),
+            filtered: HalfWidths::NORMAL,
+            smoothed: HalfWidths::NORMAL,
+        };
+        let widths =
+            |knowing| HalfWidths::fit(flights, |flight| fitted.of_ticks(&flight.ticks, knowing));
+        let (filtered, smoothed) = (widths(Knowing::Past), widths(Knowing::All));
+        fitted.filtered = filtered;
+        fitted.smoothed = smoothed;
+        fitted
+    }
+
+    /// The estimates of one flight, tick by tick; `None` before the first measurement, and where the distance is too uncertain. `fits`
+    /// are those that the filter was fitted with.
+    pub(crate) fn predict(
+        &self,
+        fits: &InverseRange,
+        flight: &[Observation],
+        knowing: Knowing,
+    ) -> Vec<Option<Estimate>> {
+        self.of_ticks(&ticks(fits, flight), knowing)
+    }
+
+    fn of_ticks(&self, ticks: &[Tick], knowing: Knowing) -> Vec<Option<Estimate>> {
+        let model = Model {
+            motion: &self.motion,
+            errors: &self.errors,
+        };
+        let mut moments = filter(model, ticks);
+        let widths = match knowing {
+            Knowing::Past => &self.filtered,
+            Knowing::All => {
+                smooth(&mut moments);
+                &self.smoothed
+            }
+        };
+        let estimate =
+            |moment: &Moment| widths.estimate(&self.motion, &moment.known, moment.inflation);
+        moments
+            .iter()
+            .map(|moment| moment.as_ref().and_then(estimate))
+            .collect()
+    }
+
+    /// Whether it has an error for each fit, and numbers that are possible.
+    pub(crate) fn is_of(&self, fits: &InverseRange) -> bool {
+        let whole = |error: &CorrelatedError| {
+            !error.distances_m.is_empty()
+                && error.distances_m.len() == error.deviations.len()
+                && error.distances_m.is_sorted()
+                && error.new_share < 1.0
+        };
+        self.errors.len() == fits.deviations().len()
+            && self.errors.iter().all(whole)
+            && self.constants().all(|number| number > 0.0)
+    }
+
+    /// All of its numbers.
+    pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
+        let motion = &self.motion;
+        let errors = self.errors.iter().flat_map(|error| {
+            let distances = error.distances_m.iter();
+            let numbers = distances.chain(&error.deviations).copied();
+            numbers.chain([error.new_share, error.half_time_s])
+        });
+        [
+            motion.mean_speed_mps,
+            motion.speed_sd_mps,
+            motion.acceleration_sd_mps2,
+            motion.acceleration_time_s,
+        ]
+        .into_iter()
+        .chain(errors)
+        .chain(self.filtered.to_array())
+        .chain(self.smoothed.to_array())
+    }
+}
+
+/// What the fits measure at each tick of a flight.
+fn ticks<'a>(fits: &InverseRange, flight: impl IntoIterator<Item = &'a Observation>) -> Vec<Tick> {
+    let tick = |observed: &Observation| Tick {
+        time_s: observed.time_ns as f64 * 1e-9,
+        measurements: fits.measurements(observed),
+    };
+    flight.into_iter().map(tick).collect()
+}
+
+/// Replaces what is known at each moment from the ticks so far by what is known from all, backwards from the last one.
+fn smooth(moments: &mut [Option<Moment>]) {
+    let inflation = moments
+        .last()
+        .and_then(|last| Some(last.as_ref()?.inflation));
+    for next in (0..moments.len()).rev() {
+        let (before, after) = moments.split_at_mut(next);
+        let Some(after) = &mut after[0] else { break };
+        after.inflation = inflation.unwrap_or(after.inflation);
+        if let (Some(Some(before)), Some(step)) = (before.last_mut(), &after.step)
+            && let Some(known) = before.known.smoothed(step, &after.expected, &after.known)
+        {
+            before.known = known;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,183 @@
+//! The error of one fit of `inverse_range`: how large it is at a distance, and for how long it stays.
+//!
+//! A filter that takes errors for independent becomes surer with each tick than it may. A part of the error is new at every tick; the
+//! rest is a smooth process (Matérn's with 3/2, a second-order Gauss-Markov process), because it comes from flying beside or above the
+//! usual path, or from the side from which the aircraft is seen.
+
+use dataset::spread::deviation_from_zero;
+use serde::{Deserialize, Serialize};
+
+use super::gaussian::{Block, Gaussian, Step, log_likelihood};
+
+/// Ticks by which a deviation is measured, and most distances at which one is.
+const TICKS_PER_DISTANCE: usize = 40;
+const MOST_DISTANCES: usize = 10;
+/// Errors beyond this many robust deviations count as this many.
+const LARGEST_ERROR: f64 = 5.0;
+/// A smaller deviation is that of exact places.
+const LEAST_DEVIATION: f64 = 1e-6;
+/// Ticks at most by which correlation is fitted; more do not change it.
+const MOST_TICKS: usize = 50_000;
+/// Candidates of a fit.
+const NEW_SHARES: [f64; 9] = [0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 0.5, 0.7, 0.9];
+const HALF_TIMES_S: [f64; 10] = [0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0];
+/// Where Matérn's correlation `(1 + x) exp(-x)` is a half.
+const HALF: f64 = 1.678_346_990_016_661;
+
+/// Relative errors of the distance, for places of the best precision.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct CorrelatedError {
+    /// Distances, ascending, metres.
+    pub(super) distances_m: Vec<f64>,
+    /// Standard deviations at them.
+    pub(super) deviations: Vec<f64>,
+    /// Share of the variance that is new at each tick.
+    pub(super) new_share: f64,
+    /// Time after which the rest has a correlation of a half, seconds.
+    pub(super) half_time_s: f64,
+}
+
+/// An error that was observed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Observed {
+    pub(super) time_s: f64,
+    pub(super) distance_m: f64,
+    pub(super) error: f64,
+}
+
+impl CorrelatedError {
+    /// Number of unknowns: the smooth part in its standard deviations, and its rate.
+    pub(super) const UNKNOWNS: usize = 2;
+
+    /// Of a fit that is only known by the deviation on the training side.
+    pub(super) fn of_deviation(deviation: f64) -> Self {
+        Self {
+            distances_m: vec![1.0],
+            deviations: vec![deviation.max(LEAST_DEVIATION)],
+            new_share: 0.5,
+            half_time_s: 16.0,
+        }
+    }
+
+    /// Fits the errors of some flights, by their likelihood; `None` without any.
+    pub(super) fn fit(flights: &[Vec<Observed>]) -> Option<Self> {
+        let mut all: Vec<Observed> = flights.concat();
+        all.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+        let parts = (all.len() / TICKS_PER_DISTANCE).clamp(1, MOST_DISTANCES);
+        let (distances_m, deviations): (Vec<f64>, Vec<f64>) = all
+            .chunks(all.len().div_ceil(parts).max(1))
+            .map(|part| {
+                let sum = part.iter().map(|observed| observed.distance_m).sum::<f64>();
+                (sum / part.len() as f64, deviation(part))
+            })
+            .unzip();
+        if distances_m.is_empty() {
+            return None;
+        }
+        let mut best = Self {
+            distances_m,
+            deviations,
+            new_share: 0.5,
+            half_time_s: 16.0,
+        };
+        let mut ticks = 0;
+        let few = flights.iter().take_while(|flight| {
+            ticks += flight.len();
+            ticks <= MOST_TICKS || ticks == flight.len()
+        });
+        let scaled: Vec<Vec<(f64, f64)>> = few.map(|flight| best.scaled(flight)).collect();
+        let mut highest = f64::NEG_INFINITY;
+        for new_share in NEW_SHARES {
+            for half_time_s in HALF_TIMES_S {
+                let candidate = Self {
+                    new_share,
+                    half_time_s,
+                    ..best.clone()
+                };
+                let likelihood = scaled.iter().map(|flight| candidate.log_likelihood(flight));
+                let likelihood = likelihood.sum();
+                if likelihood > highest {
+                    highest = likelihood;
+                    best = candidate;
+                }
+            }
+        }
+        Some(best)
+    }
+
+    /// Errors in standard deviations.
+    fn scaled(&self, flight: &[Observed]) -> Vec<(f64, f64)> {
+        let scaled = |observed: &Observed| {
+            let error = observed.error / self.deviation_at(observed.distance_m);
+            (observed.time_s, error.clamp(-LARGEST_ERROR, LARGEST_ERROR))
+        };
+        flight.iter().map(scaled).collect()
+    }
+
+    fn log_likelihood(&self, scaled: &[(f64, f64)]) -> f64 {
+        let variances = self.variances();
+        let smooth = 1.0 - self.new_share;
+        let start = Gaussian::independent(vec![0.0; 2], &variances.map(|v| smooth * v));
+        log_likelihood(&start, scaled, self.new_share, |seconds| {
+            let (transition, noise) = self.step(seconds);
+            Step::of_block(&(transition, noise.map(|row| row.map(|v| smooth * v))))
+        })
+    }
+
+    /// Standard deviation of the relative error at a distance, interpolated in its logarithm.
+    pub(super) fn deviation_at(&self, distance_m: f64) -> f64 {
+        let after = self.distances_m.partition_point(|&d| d < distance_m);
+        let at = |index: usize| self.deviations.get(index).copied();
+        let before = after.checked_sub(1);
+        match (before.and_then(at), at(after)) {
+            (Some(near), Some(far)) => {
+                let [from_m, to_m] = [after - 1, after].map(|index| self.distances_m[index]);
+                let part = (distance_m - from_m) / (to_m - from_m).max(f64::MIN_POSITIVE);
+                near * (far / near).powf(part)
+            }
+            (near, far) => near.or(far).unwrap_or(LEAST_DEVIATION),
+        }
+    }
+
+    /// Variances of the smooth part and its rate while nothing is known about them.
+    pub(super) fn variances(&self) -> [f64; Self::UNKNOWNS] {
+        [1.0, self.rate_per_s().powi(2)]
+    }
+
+    /// What so many seconds do.
+    pub(super) fn step(&self, seconds: f64) -> Block<{ Self::UNKNOWNS }> {
+        let rate = self.rate_per_s();
+        let part = rate * seconds;
+        let kept = (-part).exp();
+        let transition = [
+            [kept * (1.0 + part), kept * seconds],
+            [-kept * part * rate, kept * (1.0 - part)],
+        ];
+        // What keeps the variances: V - F V F^T.
+        let variances = self.variances();
+        let mut noise = [[0.0; Self::UNKNOWNS]; Self::UNKNOWNS];
+        for (i, row) in noise.iter_mut().enumerate() {
+            for (j, value) in row.iter_mut().enumerate() {
+                let stays: f64 = (0..Self::UNKNOWNS)
+                    .map(|k| transition[i][k] * variances[k] * transition[j][k])
+                    .sum();
+                *value = if i == j { variances[i] - stays } else { -stays };
+            }
+        }
+        (transition, noise)
+    }
+
+    fn rate_per_s(&self) -> f64 {
+        HALF / self.half_time_s
+    }
+}
+
+/// Root mean square without outliers.
+fn deviation(part: &[Observed]) -> f64 {
+    let errors = || part.iter().map(|observed| observed.error);
+    let largest = (LARGEST_ERROR * deviation_from_zero(errors())).max(LEAST_DEVIATION);
+    let squares = errors().map(|error| error.clamp(-largest, largest).powi(2));
+    (squares.sum::<f64>() / part.len().max(1) as f64)
+        .sqrt()
+        .max(LEAST_DEVIATION)
+}

@@ -1,0 +1,139 @@
+//! What a filter answers: numbers with their standard deviations and intervals.
+
+use serde::{Deserialize, Serialize};
+
+use super::gaussian::{Gaussian, Step};
+use super::motion::Motion;
+
+/// A relative standard deviation of the distance above which there is no answer.
+const LARGEST_DEVIATION: f64 = 0.2;
+/// Slower is not an approach, m/s.
+const LEAST_SPEED_MPS: f64 = 5.0;
+/// Longer is not an approach, seconds.
+const LONGEST_S: f64 = 4_000.0;
+/// Steps in which the time to touchdown is looked ahead, seconds.
+const LOOK_AHEAD_S: f64 = 10.0;
+/// Iterations for the time to touchdown.
+const ITERATIONS: usize = 10;
+/// Half the width of the interval that 90 % of a normal distribution lie in, in standard deviations.
+const NORMAL_90: f64 = 1.644_853_626_951_472_7;
+
+/// A number, how sure it is, and where it is with a chance of 90 %.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Estimated {
+    /// The most likely one.
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// Ends of the 90 % interval.
+    pub interval: [f64; 2],
+}
+
+/// An answer to a tick.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Estimate {
+    /// Distance to touchdown, metres.
+    pub distance_m: Estimated,
+    /// Speed over ground towards the target, m/s.
+    pub ground_speed_mps: Estimated,
+    /// Time to touchdown, seconds; `None` if the aircraft does not approach.
+    pub time_to_touchdown_s: Option<Estimated>,
+}
+
+impl Estimate {
+    /// The distances alone.
+    pub(crate) fn distances_m(estimates: &[Option<Self>]) -> Vec<Option<f64>> {
+        let distance_m = |estimate: &Option<Self>| Some(estimate.as_ref()?.distance_m.value);
+        estimates.iter().map(distance_m).collect()
+    }
+}
+
+/// Half widths of the 90 % intervals, in standard deviations.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub(crate) struct HalfWidths {
+    pub(super) distance: f64,
+    pub(super) ground_speed: f64,
+    pub(super) time_to_touchdown: f64,
+}
+
+impl HalfWidths {
+    /// Those of normal distributions.
+    pub(super) const NORMAL: Self = Self {
+        distance: NORMAL_90,
+        ground_speed: NORMAL_90,
+        time_to_touchdown: NORMAL_90,
+    };
+
+    pub(super) fn to_array(self) -> [f64; 3] {
+        [self.distance, self.ground_speed, self.time_to_touchdown]
+    }
+
+    /// The answer that follows from what is known; variances are this much larger than stated. `None` if it is too vague, or no
+    /// distance.
+    pub(super) fn estimate(
+        &self,
+        motion: &Motion,
+        known: &Gaussian,
+        inflation: f64,
+    ) -> Option<Estimate> {
+        let sd = |unknown: usize| (inflation * known.covariance[(unknown, unknown)]).sqrt();
+        let distance_m = known.mean[0];
+        let estimate = Estimate {
+            distance_m: estimated(distance_m, sd(0), self.distance),
+            ground_speed_mps: estimated(
+                motion.mean_speed_mps + known.mean[1],
+                sd(1),
+                self.ground_speed,
+            ),
+            time_to_touchdown_s: time_to_touchdown_s(motion, known, inflation)
+                .map(|(time_s, sd_s)| estimated(time_s, sd_s, self.time_to_touchdown)),
+        };
+        // NaN is not below.
+        let is_answer = distance_m > 0.0
+            && sd(0) <= LARGEST_DEVIATION * distance_m
+            && sd(1).is_finite()
+            && estimate.ground_speed_mps.value.is_finite();
+        is_answer.then_some(estimate)
+    }
+}
+
+fn estimated(value: f64, sd: f64, half_width: f64) -> Estimated {
+    Estimated {
+        value,
+        sd,
+        interval: [value - half_width * sd, value + half_width * sd],
+    }
+}
+
+/// When the distance will be 0 if nothing unusual happens, and the standard deviation of that time: of the place then, over the speed.
+fn time_to_touchdown_s(motion: &Motion, known: &Gaussian, inflation: f64) -> Option<(f64, f64)> {
+    let mut moving = Gaussian::independent(known.mean[..Motion::UNKNOWNS].to_vec(), &[]);
+    for i in 0..Motion::UNKNOWNS {
+        for j in 0..Motion::UNKNOWNS {
+            moving.covariance[(i, j)] = inflation * known.covariance[(i, j)];
+        }
+    }
+    let after = |seconds: f64| {
+        let step = Step::of_block(&motion.step(seconds));
+        let mean = step.transition.times_vector(&moving.mean);
+        let speed_mps = motion.mean_speed_mps + mean[1];
+        (mean[0] - motion.mean_speed_mps * seconds, speed_mps)
+    };
+    let mut time_s = 0.0;
+    for _ in 0..ITERATIONS {
+        let (distance_m, speed_mps) = after(time_s);
+        let next_s: f64 = time_s + distance_m / speed_mps;
+        if !(speed_mps >= LEAST_SPEED_MPS && (0.0..=LONGEST_S).contains(&next_s)) {
+            return None;
+        }
+        time_s = next_s;
+    }
+    let (_, speed_mps) = after(time_s);
+    let steps = (time_s / LOOK_AHEAD_S).ceil().max(1.0);
+    let step = Step::of_block(&motion.step(time_s / steps));
+    for _ in 0..steps as usize {
+        moving = moving.advanced(&step);
+    }
+    let sd_s = moving.covariance[(0, 0)].sqrt() / speed_mps;
+    sd_s.is_finite().then_some((time_s, sd_s))
+}

@@ -1,0 +1,86 @@
+//! Square matrices of a few rows.
+
+use std::ops::{Index, IndexMut};
+
+/// A square matrix, row by row.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Matrix {
+    pub(super) size: usize,
+    pub(super) values: Vec<f64>,
+}
+
+impl Matrix {
+    pub(super) fn zero(size: usize) -> Self {
+        Self {
+            size,
+            values: vec![0.0; size * size],
+        }
+    }
+
+    /// Puts a smaller matrix on the diagonal, its first element at `(at, at)`.
+    pub(super) fn set_block<const N: usize>(&mut self, at: usize, block: &[[f64; N]; N]) {
+        for (i, row) in block.iter().enumerate() {
+            let start = (at + i) * self.size + at;
+            self.values[start..start + N].copy_from_slice(row);
+        }
+    }
+
+    pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
+        self.values.chunks_exact(self.size)
+    }
+
+    pub(super) fn times_vector(&self, vector: &[f64]) -> Vec<f64> {
+        self.rows().map(|row| dot(row, vector)).collect()
+    }
+
+    pub(super) fn times(&self, other: &Self) -> Self {
+        let mut product = Self::zero(self.size);
+        for (row, sums) in self.rows().zip(product.values.chunks_exact_mut(other.size)) {
+            for (&factor, other_row) in row.iter().zip(other.rows()) {
+                // Most elements of a transition are 0.
+                if factor != 0.0 {
+                    for (sum, value) in sums.iter_mut().zip(other_row) {
+                        *sum += factor * value;
+                    }
+                }
+            }
+        }
+        product
+    }
+
+    pub(super) fn transposed(&self) -> Self {
+        let mut transposed = Self::zero(self.size);
+        for i in 0..self.size {
+            for j in 0..self.size {
+                transposed[(j, i)] = self[(i, j)];
+            }
+        }
+        transposed
+    }
+
+    /// `self + sign * other`, element by element.
+    pub(super) fn plus(mut self, sign: f64, other: &Self) -> Self {
+        for (value, other) in self.values.iter_mut().zip(&other.values) {
+            *value += sign * other;
+        }
+        self
+    }
+}
+
+impl Index<(usize, usize)> for Matrix {
+    type Output = f64;
+
+    fn index(&self, (row, column): (usize, usize)) -> &f64 {
+        &self.values[row * self.size + column]
+    }
+}
+
+impl IndexMut<(usize, usize)> for Matrix {
+    fn index_mut(&mut self, (row, column): (usize, usize)) -> &mut f64 {
+        &mut self.values[row * self.size + column]
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

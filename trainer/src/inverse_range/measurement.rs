@@ -1,0 +1,64 @@
+//! What the fits tell about a tick one by one, for whoever weighs them against each other and against the ticks before.
+
+use super::robust_fit::{NEAREST_M, precision};
+use super::{Fit, InverseRange};
+use crate::samples::{Observation, Sample};
+
+/// The distance that one fit reads from the places at a tick. The formula of the inverse range is inverted exactly, so that no filter has
+/// to linearise it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Measurement {
+    /// Number of the fit, from the most precise one.
+    pub fit: usize,
+    /// Whether it needs one view only.
+    pub of_one_view: bool,
+    /// Distance to touchdown, metres.
+    pub distance_m: f64,
+    /// Precision of the places, relative to the best ones: its error is as many times larger as this is smaller.
+    pub precision: f64,
+}
+
+impl Measurement {
+    /// Its error relative to the true distance, as it were with places of the best precision: positive if it reads too far.
+    pub(crate) fn error_at(&self, distance_m: f64) -> f64 {
+        (self.distance_m - distance_m) * self.precision / scale_m(distance_m)
+    }
+}
+
+/// What relative errors are relative to, metres: near touchdown no longer the distance.
+pub(crate) fn scale_m(distance_m: f64) -> f64 {
+    distance_m.max(NEAREST_M)
+}
+
+impl InverseRange {
+    /// What each fit measures whose views all saw the aircraft, the most precise first.
+    pub(crate) fn measurements(&self, observed: &Observation) -> Vec<Measurement> {
+        let measured = |(number, fit): (usize, &Fit)| {
+            let places = fit.set.places(observed)?;
+            Some(Measurement {
+                fit: number,
+                of_one_view: fit.set.views.len() == 1,
+                distance_m: fit.distance_m(&places)?,
+                precision: precision(&places),
+            })
+        };
+        self.fits.iter().enumerate().filter_map(measured).collect()
+    }
+
+    /// Standard deviations of the relative errors on the training side, fit by fit.
+    pub(crate) fn deviations(&self) -> impl ExactSizeIterator<Item = f64> {
+        self.fits.iter().map(|fit| fit.deviation)
+    }
+
+    /// The same fits in the same order with coefficients from other samples. A fit that these do not determine stays as it is.
+    pub(crate) fn refitted(&self, training: &[&Sample]) -> Self {
+        let refitted = |fit: &Fit| {
+            let (rows, scales) = fit.set.rows(training);
+            let refitted = Fit::at(fit.set.clone(), fit.setback_m, &rows, scales);
+            refitted.unwrap_or_else(|| fit.clone())
+        };
+        Self {
+            fits: self.fits.iter().map(refitted).collect(),
+        }
+    }
+}

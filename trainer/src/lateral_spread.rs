@@ -1,0 +1,82 @@
+//! How far training flights spread to either side of their common path.
+
+use dataset::units::METERS_PER_NAUTICAL_MILE;
+
+use crate::samples::Sample;
+
+/// Ticks nearer than this are left out: flights converge at the runway, metres.
+const NEAREST_M: f64 = METERS_PER_NAUTICAL_MILE;
+/// Width of a bin of distance, metres.
+const BIN_M: f64 = METERS_PER_NAUTICAL_MILE;
+/// A bin with fewer ticks has no spread.
+const LEAST_TICKS: usize = 3;
+
+/// Standard deviation of the cross-track position at equal distances, metres: the median over bins of a nautical mile, so that one
+/// intercept far out does not count for the whole approach. 0 without enough ticks.
+pub(crate) fn lateral_spread_m(samples: &[&Sample]) -> f64 {
+    let mut bins: Vec<Vec<f64>> = Vec::new();
+    for sample in samples.iter().filter(|sample| sample.dtd_m >= NEAREST_M) {
+        let bin = (sample.dtd_m / BIN_M) as usize;
+        if bins.len() <= bin {
+            bins.resize_with(bin + 1, Vec::new);
+        }
+        bins[bin].push(sample.cross_track_m);
+    }
+    let filled = bins.iter().filter(|bin| bin.len() >= LEAST_TICKS);
+    let mut spreads: Vec<f64> = filled.map(|bin| deviation(bin)).collect();
+    if spreads.is_empty() {
+        return 0.0;
+    }
+    let middle = spreads.len() / 2;
+    *spreads.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+fn deviation(values: &[f64]) -> f64 {
+    let count = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / count;
+    let variance = values
+        .iter()
+        .map(|value| (value - mean).powi(2))
+        .sum::<f64>()
+        / count;
+    variance.sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(dtd_m: f64, cross_track_m: f64) -> Sample {
+        Sample {
+            cross_track_m,
+            ..Sample::of_boxes(dtd_m, vec![None])
+        }
+    }
+
+    fn spread_m(flights: &[&dyn Fn(f64) -> f64]) -> f64 {
+        let distances = (0..180).map(|i| f64::from(i) * 100.0);
+        let samples: Vec<Sample> = distances
+            .flat_map(|dtd_m| {
+                flights
+                    .iter()
+                    .map(move |cross_m| sample(dtd_m, cross_m(dtd_m)))
+            })
+            .collect();
+        lateral_spread_m(&samples.iter().collect::<Vec<_>>())
+    }
+
+    #[test]
+    fn flights_on_one_line_have_no_spread_and_parallel_ones_that_of_their_distance() {
+        assert_eq!(spread_m(&[&|_| 7.0]), 0.0);
+        let apart = spread_m(&[&|_| -4.0, &|_| 4.0]);
+        assert!((apart - 4.0).abs() < 1e-9, "{apart}");
+        assert_eq!(lateral_spread_m(&[]), 0.0);
+    }
+
+    #[test]
+    fn an_intercept_far_out_is_not_the_spread_of_the_approach() {
+        let intercept = |dtd_m: f64| (dtd_m - 15_000.0).max(0.0);
+        let spread = spread_m(&[&intercept, &|_| 0.2]);
+        assert!(spread < 0.2, "{spread}");
+    }
+}

@@ -1,0 +1,109 @@
+//! Leaving a condition out of a training: how well do its estimators do in a weather, or at a time of day, that they never saw?
+
+use dataset::splits::Side;
+
+use crate::samples::{Samples, ScenarioSummary};
+
+/// The condition whose scenarios are the test side.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum LeftOut<'a> {
+    /// Name of a weather.
+    Weather(&'a str),
+    /// A time of day as the sweep names it.
+    Time(&'a str),
+}
+
+impl<'a> LeftOut<'a> {
+    /// What a setting may be.
+    pub(crate) const EXPECTED: &'static str = "weather=NAME or time=HH:MM, as in scenario.json";
+
+    /// Reads `weather=stormy` or `time=18:00`.
+    pub(crate) fn parse(setting: &'a str) -> Option<Self> {
+        match setting.split_once('=')? {
+            (_, "") => None,
+            ("weather", name) => Some(Self::Weather(name)),
+            ("time", name) => Some(Self::Time(name)),
+            _ => None,
+        }
+    }
+
+    fn has(self, scenario: &ScenarioSummary) -> bool {
+        match self {
+            Self::Weather(name) => scenario.weather == name,
+            Self::Time(name) => scenario.time_of_day == name,
+        }
+    }
+
+    /// Splits again: the scenarios of this condition are the test side, and none that fly the same flights in other conditions are used.
+    /// What remains of the test side validates. Returns whether there is such a scenario.
+    pub(crate) fn split(self, samples: &mut Samples) -> bool {
+        let tested: Vec<String> = (samples.scenarios.iter())
+            .filter(|scenario| self.has(scenario))
+            .map(|scenario| scenario.flight.clone())
+            .collect();
+        samples
+            .retain_scenarios(|scenario| self.has(scenario) || !tested.contains(&scenario.flight));
+        for scenario in &mut samples.scenarios {
+            scenario.side = match (self.has(scenario), scenario.side) {
+                (true, _) => Side::Test,
+                (false, Side::Test) => Side::Validation,
+                (false, side) => side,
+            };
+        }
+        !tested.is_empty()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::samples::DistanceRange;
+    use testkit::synthetic::SyntheticCorpus;
+
+    #[test]
+    fn a_setting_names_a_weather_or_a_time() {
+        assert_eq!(
+            LeftOut::parse("weather=stormy"),
+            Some(LeftOut::Weather("stormy"))
+        );
+        assert_eq!(LeftOut::parse("time=18:00"), Some(LeftOut::Time("18:00")));
+        for wrong in ["stormy", "weather=", "wind=10", ""] {
+            assert_eq!(LeftOut::parse(wrong), None, "{wrong}");
+        }
+    }
+
+    #[test]
+    fn the_left_out_weather_is_the_test_side_and_its_flights_are_nowhere_else() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        for scenario in &mut samples.scenarios {
+            scenario.weather = "clear".into();
+        }
+        // Two training scenarios in the storm; a third flies the same flight as one of them under a clear sky.
+        samples.scenarios[1].weather = "stormy".into();
+        samples.scenarios[2].weather = "stormy".into();
+        samples.scenarios[3].flight = samples.scenarios[2].flight.clone();
+        assert!(LeftOut::Weather("stormy").split(&mut samples));
+        let sides: Vec<_> = samples
+            .scenarios
+            .iter()
+            .map(|scenario| (scenario.id.as_str(), scenario.side))
+            .collect();
+        let expected = [
+            ("0000", Side::Train),
+            ("0001", Side::Test),
+            ("0002", Side::Test),
+            ("0004", Side::Validation),
+            ("0005", Side::Validation),
+            ("0006", Side::Validation),
+        ];
+        assert_eq!(sides, expected);
+        for sample in &samples.samples {
+            assert!(sample.scenario < sides.len());
+        }
+        let of_last = samples.samples.last().unwrap();
+        assert_eq!(samples.scenarios[of_last.scenario].id, "0006");
+        assert!(!LeftOut::Time("03:00").split(&mut samples));
+    }
+}

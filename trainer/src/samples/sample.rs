@@ -1,0 +1,106 @@
+//! One tick before touchdown: what the cameras saw, and where the aircraft was.
+
+use std::ops::Deref;
+
+use dataset::geodesy::Geodetic;
+use dataset::pixel_box::PixelBox;
+
+use crate::view_shift::ViewShift;
+
+/// What the cameras saw at one tick. An estimator knows nothing else about it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Observation {
+    /// Index into [`super::Samples::scenarios`].
+    pub scenario: usize,
+    /// Tick within the scenario.
+    pub tick: u32,
+    /// Time since the scenario's first tick, nanoseconds.
+    pub time_ns: i64,
+    /// What each view saw, in the order of [`super::Samples::views`].
+    pub boxes: Vec<Option<PixelBox>>,
+    /// Where the aircraft of each view is by registration, in the same order.
+    pub shifts: Vec<Option<ViewShift>>,
+    /// Views whose only boxes are cut off by the picture's edge, which are not in `boxes`.
+    pub cut_off: usize,
+}
+
+impl Observation {
+    /// The same tick with only some of its boxes; a shift goes with its box.
+    pub(crate) fn with_boxes(&self, boxes: Vec<Option<PixelBox>>) -> Self {
+        let kept = |shift: &ViewShift, seen: &Option<PixelBox>| {
+            seen.is_some() && boxes[shift.reference].is_some()
+        };
+        let shifts = self.shifts.iter().zip(&boxes);
+        Self {
+            shifts: shifts
+                .map(|(shift, seen)| shift.filter(|shift| kept(shift, seen)))
+                .collect(),
+            boxes,
+            ..*self
+        }
+    }
+
+    /// Number of views that saw the aircraft.
+    pub(crate) fn detections(&self) -> usize {
+        self.boxes.iter().flatten().count()
+    }
+}
+
+/// An observation with its truth. It dereferences to the observation: whatever takes an [`Observation`] cannot see the truth.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Sample {
+    /// What the cameras saw.
+    pub observed: Observation,
+    /// True distance to touchdown, metres.
+    pub dtd_m: f64,
+    /// True distance along the course, metres.
+    pub along_track_m: f64,
+    /// True offset right of the course, metres.
+    pub cross_track_m: f64,
+    /// True position of the centre of gravity.
+    pub position: Geodetic,
+    /// Share of contrast that remains over the distance to the nearest camera whose picture contains the aircraft; `None` if no
+    /// picture does.
+    pub transmission: Option<f64>,
+}
+
+impl Deref for Sample {
+    type Target = Observation;
+
+    fn deref(&self) -> &Observation {
+        &self.observed
+    }
+}
+
+impl Sample {
+    /// The same tick with other observations.
+    pub(crate) fn with(&self, observed: Observation) -> Self {
+        Self { observed, ..*self }
+    }
+}
+
+#[cfg(test)]
+impl Sample {
+    /// A sample at this distance whose views saw these boxes, for tests that need no more.
+    pub(crate) fn of_boxes(dtd_m: f64, boxes: Vec<Option<PixelBox>>) -> Self {
+        Self {
+            observed: Observation {
+                scenario: 0,
+                tick: 0,
+                time_ns: 0,
+                shifts: vec![None; boxes.len()],
+                boxes,
+                cut_off: 0,
+            },
+            dtd_m,
+            along_track_m: dtd_m,
+            cross_track_m: 0.0,
+            position: Geodetic {
+                latitude_deg: 1.0,
+                longitude_deg: 103.0,
+                altitude_msl_m: 100.0,
+            },
+            transmission: Some(1.0),
+        }
+    }
+}

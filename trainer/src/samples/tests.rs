@@ -1,0 +1,285 @@
+//! Corpora as samples.
+
+use std::path::Path;
+
+use dataset::detections::{self, NewTables};
+use dataset::model_identity::ModelIdentity;
+use dataset::seal::seal_folder;
+
+use super::*;
+use testkit::synthetic::{MODEL_FILE, MODEL_HASH, SyntheticCorpus};
+
+const ALL: DistanceRange = DistanceRange::ALL;
+
+fn read(folder: &Path, corpus: &SyntheticCorpus) -> Samples {
+    Samples::read(&corpus.write(folder).unwrap(), None, ALL).unwrap()
+}
+
+fn detection(score: f64, cx_px: f64) -> Detection {
+    let pixel_box = PixelBox {
+        cx_px,
+        cy_px: 600.0,
+        width_px: 40.0,
+        height_px: 12.0,
+    };
+    Detection::untracked(4, "left", pixel_box, score, 0)
+}
+
+#[test]
+fn a_box_that_the_picture_s_edge_cuts_off_does_not_count_however_high_its_score() {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
+    let cut = detection(0.9, 19.0);
+    let best = best_detections(vec![cut.clone(), detection(0.4, 200.0)], &cameras);
+    let left = (4, "left".to_owned());
+    assert_eq!(best[&left].whole().unwrap().cx_px, 200.0);
+    assert_eq!(
+        best_detections(vec![cut], &cameras)[&left],
+        Found::CutOff,
+        "counted, not used"
+    );
+}
+
+#[test]
+fn false_boxes_on_the_training_side_change_nothing_that_is_learned_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let undisturbed = samples.with_true_boxes(Side::Train);
+    let recorded: Vec<_> = samples.of_side(Side::Train).into_iter().cloned().collect();
+    assert_eq!(undisturbed, recorded, "nothing to leave out yet");
+    // A view that saw nothing now sees something else.
+    let mut added = 0;
+    for sample in &mut samples.samples {
+        for seen in sample
+            .observed
+            .boxes
+            .iter_mut()
+            .filter(|seen| seen.is_none())
+        {
+            *seen = Some(detection(0.9, 60.0).pixel_box);
+            added += 1;
+        }
+    }
+    assert!(added > 10, "{added}");
+    assert_eq!(samples.with_true_boxes(Side::Train), undisturbed);
+}
+
+#[test]
+fn of_several_whole_boxes_the_one_with_the_best_score_counts() {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let cameras = BTreeMap::from([("left".to_owned(), samples.scenarios[0].cameras[0])]);
+    let best = best_detections(
+        vec![
+            detection(0.5, 100.0),
+            detection(0.9, 200.0),
+            detection(0.7, 300.0),
+        ],
+        &cameras,
+    );
+    let left = (4, "left".to_owned());
+    assert_eq!(best[&left].whole().unwrap().cx_px, 200.0);
+}
+
+#[test]
+fn every_tick_before_touchdown_is_a_sample_and_a_side_has_those_that_a_view_saw() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus {
+        miss_ratio: 0.5,
+        ..SyntheticCorpus::tiny()
+    }
+    .write(folder.path())
+    .unwrap();
+    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    let [flown, seen] = [Side::Train, Side::Validation, Side::Test]
+        .map(|side| {
+            let seen = samples.of_side(side);
+            assert!(seen.iter().all(|s| s.detections() >= 1));
+            [samples.ticks_of_side(side).count(), seen.len()]
+        })
+        .into_iter()
+        .fold([0; 2], |sum, of_side| {
+            [sum[0] + of_side[0], sum[1] + of_side[1]]
+        });
+    assert_eq!(flown, samples.samples.len());
+    let share = seen as f64 / flown as f64;
+    assert!(
+        (share - 0.75).abs() < 0.08,
+        "half of each view missed at random leaves 3/4, found {share}"
+    );
+    let in_order = samples.samples.windows(2).all(|pair| {
+        let next = pair[0].tick + 1;
+        pair[1].scenario == pair[0].scenario + 1 || pair[1].tick == next
+    });
+    assert!(in_order, "whole flights, one after the other");
+}
+
+#[test]
+fn contrast_is_that_over_the_distance_to_the_nearest_camera_that_has_the_aircraft_in_its_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let samples = read(folder.path(), &SyntheticCorpus::tiny());
+    let sample = &samples.samples[0];
+    let cameras = &samples.scenarios[0].cameras;
+    let aircraft_m = sample.position.to_ecef();
+    let range_m = |camera: &Camera| camera.center_ecef_m.distance(aircraft_m);
+    let nearest_m = cameras.iter().map(range_m).fold(f64::INFINITY, f64::min);
+    let found = best_transmission(cameras, sample.position, nearest_m).unwrap();
+    assert!(
+        (found - 0.02).abs() < 1e-4,
+        "2 % remain at the visibility: {found}"
+    );
+    let above = Geodetic {
+        altitude_msl_m: 40_000.0,
+        ..sample.position
+    };
+    assert_eq!(best_transmission(cameras, above, nearest_m), None);
+}
+
+#[test]
+fn every_scenario_keeps_its_own_cameras_and_another_rig_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus {
+        turned_deg: 0.3,
+        ..SyntheticCorpus::tiny()
+    }
+    .write(folder.path())
+    .unwrap();
+    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    assert!(samples.rig.cameras_vary);
+    let [first, second] = [0, 1].map(|scenario| samples.scenarios[scenario].cameras[0]);
+    assert_ne!(first.ecef_from_camera, second.ecef_from_camera);
+
+    let other = corpus.scenarios().unwrap().remove(1);
+    let mut record = other.open().unwrap().record().unwrap();
+    record.rig = "another".into();
+    record.write(&other.record_path()).unwrap();
+    seal_folder(other.root(), "synthetic").unwrap();
+    let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+    assert!(
+        message.contains("rig another") && message.contains("one rig"),
+        "{message}"
+    );
+}
+
+/// A corpus with the detections of the synthetic model, and of another one in its first scenario.
+fn of_two_models(folder: &Path, other: &ModelIdentity) -> Corpus {
+    let corpus = SyntheticCorpus::tiny().write(folder).unwrap();
+    let first = corpus.scenarios().unwrap().remove(0);
+    let source = first.open().unwrap();
+    let found = source.detections(MODEL_HASH).unwrap();
+    let tables = NewTables::unregistered(&found);
+    let claim = first.claim().unwrap();
+    detections::replace(&claim, &source, other, &other.name(), tables, |made| made).unwrap();
+    corpus
+}
+
+#[test]
+fn of_several_models_one_is_chosen_by_hash_or_by_file_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = ModelIdentity {
+        model: Some("other.onnx".into()),
+        model_blake3: "0f".repeat(32),
+        profile_blake3: None,
+    };
+    let corpus = of_two_models(folder.path(), &other);
+    let asked = |asked: Option<&str>| {
+        let read = Samples::read(&corpus, asked, ALL);
+        read.map(|samples| samples.detections.hash)
+            .map_err(|error| error.to_string())
+    };
+    let listed = format!("other.onnx ({}), {MODEL_FILE} ({MODEL_HASH})", other.name());
+    let message = asked(None).unwrap_err();
+    assert!(message.contains(&listed), "{message}");
+    for name in [MODEL_HASH, MODEL_FILE] {
+        assert_eq!(asked(Some(name)).as_deref(), Ok(MODEL_HASH));
+    }
+    let message = asked(Some("third.onnx")).unwrap_err();
+    assert!(
+        message.contains("third.onnx") && message.contains(&listed),
+        "{message}"
+    );
+    let chosen = |name: &str| {
+        let folders = corpus.scenarios().unwrap();
+        let chosen = choose_detections(&corpus, &folders, Some(name));
+        chosen.map(|detections| detections.hash).unwrap()
+    };
+    assert_eq!(chosen("other.onnx"), other.name());
+    assert_eq!(chosen(&other.name()), other.name());
+}
+
+#[test]
+fn a_file_name_of_two_models_is_no_choice_and_both_are_listed_by_hash() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = ModelIdentity {
+        model: Some(MODEL_FILE.into()),
+        model_blake3: MODEL_HASH.into(),
+        profile_blake3: Some("a".repeat(64)),
+    };
+    let corpus = of_two_models(folder.path(), &other);
+    let message = Samples::read(&corpus, Some(MODEL_FILE), ALL);
+    let message = message.unwrap_err().to_string();
+    for hash in [MODEL_HASH, &other.name()] {
+        let listed = format!("{MODEL_FILE} ({hash})");
+        assert!(message.contains(&listed), "{message}");
+    }
+    assert!(Samples::read(&corpus, Some(MODEL_HASH), ALL).is_ok());
+}
+
+/// Makes a scenario replay a recording under a name.
+fn replay(corpus: &Corpus, id: &str, file: &str, blake3: &str) {
+    let folder = corpus.scenario(id);
+    let mut record = folder.open().unwrap().record().unwrap();
+    record.flight = Flight::Recorded {
+        file: file.into(),
+        blake3: blake3.into(),
+    };
+    record.write(&folder.record_path()).unwrap();
+    seal_folder(folder.root(), "synthetic").unwrap();
+}
+
+#[test]
+fn a_renamed_copy_of_a_recording_is_the_same_flight_and_may_not_be_on_two_sides() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+    let content = "ab".repeat(32);
+    replay(&corpus, "0000", "calm.csv", &content);
+    replay(&corpus, "0001", "renamed.csv", &content);
+    let samples = Samples::read(&corpus, None, ALL).unwrap();
+    assert_eq!(samples.flights(Side::Train).len(), 3, "of four scenarios");
+    // 0006 is on the test side.
+    replay(&corpus, "0006", "held-out.csv", &content);
+    let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+    for needed in ["0000", "0006", "the same flight", "Train", "Test"] {
+        assert!(message.contains(needed), "{needed}: {message}");
+    }
+}
+
+#[test]
+fn live_flights_are_the_same_if_their_paths_are_whatever_they_are_called() {
+    let read = |seed| {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus {
+            seed,
+            ..SyntheticCorpus::tiny()
+        };
+        read(folder.path(), &corpus).scenarios
+    };
+    let [one, again, other] = [read(0), read(0), read(1)];
+    for ((one, again), other) in one.iter().zip(&again).zip(&other) {
+        assert_eq!(one.flight, again.flight);
+        assert_ne!(one.flight, other.flight);
+        assert_eq!(one.id, other.id);
+    }
+}
+
+#[test]
+fn a_trajectory_that_the_split_names_differently_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny().write(folder.path()).unwrap();
+    let mut splits = Splits::read(&corpus.splits_path()).unwrap();
+    splits.scenarios.first_entry().unwrap().get_mut().trajectory = "renamed".into();
+    splits.write(&corpus.splits_path()).unwrap();
+    let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
+    assert!(message.contains("renamed"), "{message}");
+}

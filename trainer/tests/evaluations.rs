@@ -1,0 +1,321 @@
+//! Evaluations of one run: which may replace which, of what, and what each leaves.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use dataset::columns::Table;
+use dataset::corpus::Corpus;
+use dataset::json_file::read_json;
+use dataset::progress::Silent;
+use dataset::seal;
+use tempfile::TempDir;
+use testkit::synthetic::SyntheticCorpus;
+use trainer::config::Optimisation;
+use trainer::{
+    Error, EvaluationConfig, JudgedSide, Metrics, RunFolder, TrainConfig, evaluate, predict, train,
+};
+
+/// A run of hardly trained, tiny networks: its formulas are as good as any.
+struct Trained {
+    folder: TempDir,
+    run: RunFolder,
+}
+
+fn hardly_trained() -> TrainConfig {
+    let steps = Optimisation {
+        steps: 20,
+        batch_size: 16,
+        learning_rate: 1e-3,
+    };
+    let mut config = TrainConfig::default();
+    config.calibration.hidden = vec![8];
+    config.calibration.features = 8;
+    config.calibration.head_hidden = vec![8];
+    config.calibration.optimisation = steps.clone();
+    config.estimator.lstm = vec![8];
+    config.estimator.head_hidden = vec![8];
+    config.estimator.optimisation = steps.clone();
+    config.mono.hidden = vec![8];
+    config.mono.optimisation = steps;
+    config
+}
+
+fn corpus_in(folder: &Path, corpus: SyntheticCorpus) -> Corpus {
+    corpus.write(folder).unwrap()
+}
+
+impl Trained {
+    fn new() -> Self {
+        Self::on(SyntheticCorpus::tiny())
+    }
+
+    fn on(corpus: SyntheticCorpus) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = corpus_in(&folder.path().join("corpus"), corpus);
+        let out = folder.path().join("run");
+        let run = train(&corpus, &out, &hardly_trained(), &mut Silent)
+            .unwrap()
+            .run;
+        Self { folder, run }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn corpus(&self) -> Corpus {
+        Corpus::open(&self.path("corpus")).unwrap()
+    }
+
+    /// Flights that the run never saw, from the same cameras.
+    fn other(&self) -> SyntheticCorpus {
+        SyntheticCorpus {
+            seed: 1,
+            ..SyntheticCorpus::tiny()
+        }
+    }
+
+    fn evaluate(&self, corpus: &Corpus, config: &EvaluationConfig) -> Result<Metrics, Error> {
+        evaluate(&self.run, corpus, config, &mut Silent)
+    }
+}
+
+fn to(out: PathBuf) -> EvaluationConfig {
+    EvaluationConfig {
+        out: Some(out),
+        ..EvaluationConfig::default()
+    }
+}
+
+#[test]
+fn results_of_another_evaluation_are_never_replaced_and_go_to_a_folder_of_their_own() {
+    let trained = Trained::new();
+    let first = trained
+        .evaluate(&trained.corpus(), &EvaluationConfig::default())
+        .unwrap();
+    let bytes = fs::read(trained.run.metrics_path()).unwrap();
+    let again = trained
+        .evaluate(&trained.corpus(), &EvaluationConfig::default())
+        .unwrap();
+    assert!(again == first && fs::read(trained.run.metrics_path()).unwrap() == bytes);
+
+    let other = corpus_in(&trained.path("other"), trained.other());
+    let refused = trained.evaluate(&other, &EvaluationConfig::default());
+    let message = refused.unwrap_err().to_string();
+    for needed in ["evaluation.json", "--out"] {
+        assert!(message.contains(needed), "{message}");
+    }
+    assert_eq!(fs::read(trained.run.metrics_path()).unwrap(), bytes);
+
+    let out = trained.path("judged");
+    let metrics = trained.evaluate(&other, &to(out.clone())).unwrap();
+    assert_eq!(fs::read(trained.run.metrics_path()).unwrap(), bytes);
+    assert_eq!(metrics.judged.corpus, "other");
+    let results = RunFolder::at(&out);
+    let read: Metrics = read_json(&results.metrics_path(), "metrics").unwrap();
+    assert_eq!(read, metrics);
+    assert!(seal::faults(&out).unwrap().is_empty() && results.report_path().is_file());
+    assert!(!results.weights_path().exists(), "it is no run");
+    let message = trained.evaluate(&other, &to(out)).unwrap_err().to_string();
+    assert!(message.contains("is not empty"), "{message}");
+    let inside = trained.run.root().join("judged");
+    let message = trained
+        .evaluate(&other, &to(inside))
+        .unwrap_err()
+        .to_string();
+    assert!(message.contains("lies in a run"), "{message}");
+}
+
+#[test]
+fn all_sides_of_a_corpus_are_judged_if_the_training_saw_none_of_its_flights() {
+    let trained = Trained::new();
+    let config = |name: &str| EvaluationConfig {
+        side: JudgedSide::All,
+        ..to(trained.path(name))
+    };
+    let other = corpus_in(&trained.path("other"), trained.other());
+    let all = trained.evaluate(&other, &config("all")).unwrap();
+    assert_eq!(
+        (all.split.test.scenarios, all.split.train.scenarios),
+        (7, 4)
+    );
+    let test = trained.evaluate(&other, &to(trained.path("test"))).unwrap();
+    assert_eq!(test.split.test.scenarios, 2);
+    assert!(test.ticks.there < all.ticks.there);
+    // The same flights under other names.
+    let renamed = trained.path("renamed");
+    fs::rename(trained.path("corpus"), &renamed).unwrap();
+    let refused = trained.evaluate(&Corpus::open(&renamed).unwrap(), &config("refused"));
+    assert!(matches!(refused, Err(Error::Leak { .. })), "{refused:?}");
+    assert!(
+        !trained.path("refused").exists(),
+        "nothing is left after a refusal"
+    );
+}
+
+#[test]
+fn every_estimator_has_its_figures_its_coverage_and_its_figures_without_some_views() {
+    // At a tenth of the ticks no view saw the aircraft.
+    let trained = Trained::on(SyntheticCorpus {
+        miss_ratio: 0.3,
+        ..SyntheticCorpus::tiny()
+    });
+    let metrics = trained
+        .evaluate(&trained.corpus(), &EvaluationConfig::default())
+        .unwrap();
+    let written: serde_json::Value = read_json(&trained.run.metrics_path(), "metrics").unwrap();
+    assert_eq!(written["rules"]["version"], metrics.rules.version);
+    assert!(metrics.ticks.seen < metrics.ticks.there && metrics.ticks.common > 0);
+    let removals = "bursts_20_s bursts_5_s bursts_60_s only_left only_right random_15_pct";
+    for (name, figures) in written["estimators"].as_object().unwrap() {
+        for key in [
+            "mape_pct",
+            "median_pct",
+            "p95_pct",
+            "sd_pct",
+            "mae_m",
+            "p95_m",
+            "coverage",
+        ] {
+            assert!(figures[key].is_number(), "{name} {key}: {}", figures[key]);
+        }
+        assert_eq!(figures["ticks"], metrics.ticks.there, "{name}");
+        let bridges_gaps = name.ends_with("filtered") || name.ends_with("smoothed");
+        assert!(
+            bridges_gaps || figures["coverage"].as_f64().unwrap() < 1.0,
+            "{name}: ticks that no view saw"
+        );
+        let removed = figures["views_removed"].as_object().unwrap();
+        let keys: Vec<&str> = removed.keys().map(String::as_str).collect();
+        assert_eq!(keys.join(" "), removals);
+        for figures in removed.values() {
+            assert_eq!(figures["ticks"], metrics.ticks.there, "{name}");
+        }
+        assert_eq!(figures["by_flight"].as_array().unwrap().len(), 2);
+        assert_eq!(figures["common"]["coverage"], 1.0);
+    }
+    let covered = |name: &str, removal: &str| {
+        let of = &metrics.estimators[name].views_removed[removal];
+        (of.all.coverage.unwrap(), of.removed.coverage)
+    };
+    assert_eq!(
+        covered("triangulation", "only_left").0,
+        0.0,
+        "it needs two views"
+    );
+    assert!(covered("inverse_range", "only_left").0 > 0.5, "it does not");
+    assert_eq!(covered("triangulation", "bursts_20_s").1, Some(0.0));
+}
+
+#[test]
+fn other_cameras_are_refused_with_what_differs() {
+    let trained = Trained::new();
+    let mut turned = trained.other();
+    turned.imaging.refraction_coefficient = 0.13;
+    let other = corpus_in(&trained.path("other"), turned);
+    let message = trained
+        .evaluate(&other, &to(trained.path("out")))
+        .unwrap_err()
+        .to_string();
+    for needed in [
+        "left.refraction_coefficient 0.13 and",
+        "right.refraction_coefficient",
+    ] {
+        assert!(message.contains(needed), "{needed}: {message}");
+    }
+}
+
+#[test]
+fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them() {
+    let trained = Trained::new();
+    trained
+        .evaluate(&trained.corpus(), &EvaluationConfig::default())
+        .unwrap();
+    let judged = Table::read(&trained.run.predictions_path(), u64::MAX).unwrap();
+    for folder in trained.corpus().scenarios().unwrap() {
+        let mut frames = folder.open().unwrap().frames().unwrap();
+        for row in &mut frames.rows {
+            row.labels = None;
+        }
+        frames.write(&folder.frames_path()).unwrap();
+        seal::seal_folder(folder.root(), "synthetic").unwrap();
+    }
+    fs::remove_file(trained.corpus().splits_path()).unwrap();
+    let out = trained.path("distances.parquet");
+    let predicted = predict(&trained.run, &trained.corpus(), None, &out, &mut Silent).unwrap();
+    assert_eq!(predicted.scenarios, 7);
+    let table = Table::read(&out, u64::MAX).unwrap();
+    assert_eq!(table.rows(), predicted.ticks);
+    assert!(!table.has("dtd_m"), "nothing of the truth");
+    let rows = |table: &Table, column: &str| -> BTreeMap<(String, u32), Option<f64>> {
+        let keys = table
+            .text("scenario")
+            .unwrap()
+            .into_iter()
+            .zip(table.u32("tick").unwrap());
+        keys.zip(table.optional_f64(column).unwrap()).collect()
+    };
+    for (name, answered) in predicted.answered {
+        let column = format!("{name}_dtd_m");
+        let all = rows(&table, &column);
+        assert_eq!(all.values().flatten().count(), answered, "{name}");
+        if name.ends_with("smoothed") {
+            continue; // Ticks past touchdown, which an evaluation does not have, count for the ticks before.
+        }
+        for (key, answer) in rows(&judged, &column) {
+            // The networks' numbers are f32, and their sums depend on which ticks are predicted together.
+            match (all[&key], answer) {
+                (Some(found), Some(expected)) => assert!(
+                    (found - expected).abs() <= 1e-5 * expected.abs(),
+                    "{name} {key:?}: {found} m, evaluated {expected} m"
+                ),
+                (found, expected) => assert_eq!(found, expected, "{name} {key:?}"),
+            }
+        }
+    }
+}
+
+#[test]
+fn a_left_out_time_is_the_test_side_and_trains_nothing() {
+    let trained = Trained::new();
+    let corpus = trained.corpus();
+    let moved = ["0000", "0005"];
+    for id in moved {
+        let folder = corpus.scenario(id);
+        let mut record = folder.open().unwrap().record().unwrap();
+        record.conditions.time_of_day = "03:00".into();
+        record.write(&folder.record_path()).unwrap();
+        seal::seal_folder(folder.root(), "synthetic").unwrap();
+    }
+    let config = |setting: &str| TrainConfig {
+        leave_out: Some(setting.into()),
+        ..hardly_trained()
+    };
+    let out = trained.path("without");
+    let run = train(&corpus, &out, &config("time=03:00"), &mut Silent)
+        .unwrap()
+        .run;
+    let metrics = evaluate(&run, &corpus, &EvaluationConfig::default(), &mut Silent).unwrap();
+    let split = &metrics.split;
+    assert_eq!((split.train.scenarios, split.validation.scenarios), (3, 2));
+    let flights = &metrics.estimators["inverse_range"].by_flight;
+    let judged: Vec<_> = flights
+        .iter()
+        .map(|flight| flight.scenario.as_str())
+        .collect();
+    assert_eq!(judged, moved);
+    for (setting, needed) in [
+        ("time=04:00", "no scenario with time=04:00"),
+        ("noon", "weather=NAME"),
+    ] {
+        let message = train(
+            &corpus,
+            &trained.path("none"),
+            &config(setting),
+            &mut Silent,
+        );
+        let message = message.unwrap_err().to_string();
+        assert!(message.contains(needed), "{message}");
+    }
+}
