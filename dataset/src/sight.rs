@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::conditions::Weather;
 
 /// Contrast that remains over the visibility.
-const LEAST_TRANSMISSION: f64 = 0.02;
+pub const LEAST_TRANSMISSION: f64 = 0.02;
 
 /// What is between the camera and the aircraft.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 //! ```text
 //! DIR              complete, sealed with MANIFEST.b3 and DONE.json
 //! DIR.partial/
-//!   claim          locked by whoever makes it
+//!   claim          locked by the process that makes it
 //!   begun.json     what it is an export of
 //!   parts/<id>.json    scenarios whose pictures are all written
 //!   new/           its files

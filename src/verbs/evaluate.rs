@@ -9,7 +9,7 @@ use super::Outcome;
 use super::open_corpus::open_corpus;
 use super::output::{count, print_json, print_table};
 use super::train::{Bars, failure_of};
-use crate::args::{EvaluateArgs, SideArg};
+use crate::estimator_args::{EvaluateArgs, SideArg};
 use crate::failure::{Ending, Failure};
 
 /// Runs the verb.

@@ -12,7 +12,7 @@ use trainer::{Agreement, ExportedModel, ExportedRun, Probes, RunFolder, TOLERANC
 use super::Outcome;
 use super::output::{finish, print_json};
 use super::train::failure_of;
-use crate::args::ExportEstimatorsArgs;
+use crate::estimator_args::ExportEstimatorsArgs;
 use crate::failure::{Ending, Failure};
 
 const CARD: &str = "MODEL_CARD.md";

@@ -6,7 +6,7 @@ use super::Outcome;
 use super::open_corpus::open_corpus;
 use super::output::count;
 use super::train::{Bars, failure_of};
-use crate::args::PredictArgs;
+use crate::estimator_args::PredictArgs;
 use crate::failure::Ending;
 
 /// Runs the verb.

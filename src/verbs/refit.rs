@@ -8,7 +8,7 @@ use super::Outcome;
 use super::open_corpus::open_corpus;
 use super::output::{count, finish, print_json};
 use super::train::{Bars, failure_of};
-use crate::args::RefitArgs;
+use crate::estimator_args::RefitArgs;
 use crate::failure::Ending;
 
 /// Runs the verb.

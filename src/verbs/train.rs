@@ -13,7 +13,7 @@ use trainer::{Choice, TrainConfig, TrainOutcome};
 use super::Outcome;
 use super::open_corpus::open_corpus;
 use super::output::{finish, print_json};
-use crate::args::TrainArgs;
+use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 

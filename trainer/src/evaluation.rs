@@ -131,7 +131,7 @@ impl Judged {
 struct Flights<'a> {
     samples: &'a Samples,
     rules: &'a EvaluationRules,
-    /// All ticks, with the boxes that the run believes.
+    /// All ticks, with the boxes that the run takes for the aircraft.
     flown: Vec<Sample>,
 }
 

@@ -109,6 +109,12 @@ mod tests {
     }
 
     #[test]
+    fn fog_hides_an_aircraft_here_where_it_does_so_for_the_detector() {
+        let hidden_below = EvaluationRules::current().hidden_below_transmission;
+        assert_eq!(hidden_below, dataset::sight::LEAST_TRANSMISSION);
+    }
+
+    #[test]
     fn an_aircraft_is_there_from_one_to_ten_miles_in_a_picture_and_fog_hides_it_below_two_percent()
     {
         let rules = EvaluationRules::current();

@@ -3,7 +3,7 @@
 //! ```text
 //! RUN             the run that counts
 //! RUN.partial/    beside it, on the same file system
-//!   claim         locked by whoever works on the run
+//!   claim         locked by the process that works on the run
 //!   new/          a run that is being made
 //!   old/          the run that it replaces, on its way out
 //! ```

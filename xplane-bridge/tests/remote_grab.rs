@@ -3,6 +3,7 @@
 use std::net::SocketAddr;
 use std::sync::Arc;
 
+use tokio::io::{AsyncReadExt, AsyncWriteExt};
 use tokio::net::{TcpListener, TcpStream};
 use tokio::task::spawn_blocking;
 use xplane_bridge::link::{
@@ -64,6 +65,9 @@ async fn converse(
         asked.push(request);
         write_message(stream, &answer, &payload).await?;
     }
+    // What is closed with a request unread is reset, and the client would see that instead of the end.
+    stream.shutdown().await?;
+    while stream.read(&mut [0; 256]).await? > 0 {}
     Ok(asked)
 }
 

@@ -144,7 +144,7 @@ impl CorrelatedError {
         [1.0, self.rate_per_s().powi(2)]
     }
 
-    /// What so many seconds do.
+    /// What a time of `seconds` does.
     pub(super) fn step(&self, seconds: f64) -> Block<{ Self::UNKNOWNS }> {
         let rate = self.rate_per_s();
         let part = rate * seconds;

@@ -126,7 +126,7 @@ impl Motion {
         ]
     }
 
-    /// What so many seconds do, besides the distance that is flown at the mean speed.
+    /// What a time of `seconds` does, besides the distance that is flown at the mean speed.
     pub(super) fn step(&self, seconds: f64) -> Block<{ Self::UNKNOWNS }> {
         let noise_per_s = 2.0 * self.acceleration_sd_mps2.powi(2) / self.acceleration_time_s;
         let mut noise = [[0.0; Self::UNKNOWNS]; Self::UNKNOWNS];

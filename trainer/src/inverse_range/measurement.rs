@@ -1,4 +1,4 @@
-//! What the fits tell about a tick one by one, for whoever weighs them against each other and against the ticks before.
+//! What the fits tell about a tick one by one, to be weighed against each other and against the ticks before.
 
 use super::robust_fit::{NEAREST_M, precision};
 use super::{Fit, InverseRange};

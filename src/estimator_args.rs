@@ -1,0 +1,130 @@
+//! Arguments of the verbs that train, refit, judge, use and export estimators.
+
+use std::path::PathBuf;
+
+use clap::{Args as ClapArgs, ValueEnum};
+use trainer::MOST_APPROACHES;
+
+use crate::args::{folder, output};
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct TrainArgs {
+    /// Folder of the corpus
+    #[arg(value_parser = folder())]
+    pub(crate) corpus: PathBuf,
+    /// Folder for weights, settings and logs
+    #[arg(long, value_name = "RUN", value_parser = output())]
+    pub(crate) out: PathBuf,
+    /// Narrower layers and fewer steps, as in the demo
+    ///
+    /// Takes about a minute of processor time for a small corpus.
+    #[arg(long, conflicts_with = "config")]
+    pub(crate) quick: bool,
+    /// TOML file with settings that differ from the defaults (docs/training.md)
+    ///
+    /// All resulting settings are saved in RUN/config.json.
+    #[arg(long, value_name = "TRAIN.toml")]
+    pub(crate) config: Option<PathBuf>,
+    /// Model whose detections to train on, by its file name or hash, if the corpus has several
+    #[arg(long, value_name = "NAME|HASH")]
+    pub(crate) detections: Option<String>,
+    /// Hold out a weather or time of day as the test side, e.g. weather=stormy or time=18:00
+    #[arg(long, value_name = "weather=NAME|time=HH:MM")]
+    pub(crate) leave_out: Option<String>,
+    /// Seed of weights and batches
+    #[arg(long, value_name = "N")]
+    pub(crate) seed: Option<u64>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct PredictArgs {
+    /// Folder of the run, as written by `dtd train`
+    #[arg(value_parser = folder())]
+    pub(crate) run: PathBuf,
+    /// Folder of the corpus: recorded and searched by `dtd detect`
+    #[arg(value_parser = folder())]
+    pub(crate) corpus: PathBuf,
+    /// Table to write: a row per tick, a column per estimator
+    #[arg(long, value_name = "FILE.parquet", value_parser = output())]
+    pub(crate) out: PathBuf,
+    /// Model whose detections to use, by its file name or hash; by default that of the training
+    #[arg(long, value_name = "NAME|HASH")]
+    pub(crate) detections: Option<String>,
+}
+
+/// Scenarios to judge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub(crate) enum SideArg {
+    /// Those on the test side of the corpus's split
+    #[default]
+    Test,
+    /// All of them, if the training saw none of their trajectories
+    All,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct RefitArgs {
+    /// Folder of the run, as written by `dtd train`
+    #[arg(value_parser = folder())]
+    pub(crate) run: PathBuf,
+    /// Folder of a corpus with approaches that the new camera saw, labelled and detected
+    #[arg(long, value_name = "CORPUS", value_parser = folder())]
+    pub(crate) corpus: PathBuf,
+    /// View whose camera is fitted again
+    #[arg(long, value_name = "NAME")]
+    pub(crate) view: String,
+    /// Folder for the new run
+    #[arg(long, value_name = "RUN2", value_parser = output())]
+    pub(crate) out: PathBuf,
+    /// Number of approaches to use, the first of the training side; 10 at most
+    #[arg(long, value_name = "N", default_value_t = MOST_APPROACHES)]
+    pub(crate) scenarios: usize,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct EvaluateArgs {
+    /// Folder of the run, as written by `dtd train`
+    #[arg(value_parser = folder())]
+    pub(crate) run: PathBuf,
+    /// Folder of the corpus
+    #[arg(long, value_name = "CORPUS", value_parser = folder())]
+    pub(crate) corpus: PathBuf,
+    /// Folder for the results, new or empty; by default they are added to RUN
+    ///
+    /// Results of another evaluation are never replaced.
+    #[arg(long, value_name = "DIR", value_parser = output())]
+    pub(crate) out: Option<PathBuf>,
+    /// Which scenarios to judge
+    #[arg(long, value_enum, default_value_t)]
+    pub(crate) side: SideArg,
+    /// Model whose detections to use, by its file name or hash; by default that of the training
+    #[arg(long, value_name = "NAME|HASH")]
+    pub(crate) detections: Option<String>,
+    /// Print the metrics as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+#[derive(Debug, ClapArgs)]
+pub(crate) struct ExportEstimatorsArgs {
+    /// Folder of the run, as written by `dtd train`
+    #[arg(value_parser = folder())]
+    pub(crate) run: PathBuf,
+    /// Folder for the models and MODEL_CARD.md; a new one, or an empty one
+    #[arg(long, value_name = "FOLDER", value_parser = output())]
+    pub(crate) out: PathBuf,
+    /// ONNX Runtime's library, an absolute path; the models are checked with it
+    ///
+    /// The default is ORT_DYLIB_PATH, else ../lib/dtd/libonnxruntime.so relative to the program's folder.
+    #[arg(long = "onnx-runtime", value_name = "FILE")]
+    pub(crate) library: Option<PathBuf>,
+    /// Print the result as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
+}
