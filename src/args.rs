@@ -28,6 +28,7 @@ use crate::export_args::ExportArgs;
 use crate::help;
 use crate::search_args::{SearchArgs, SearchMode};
 use crate::shard_arg::ShardArg;
+use crate::view_args::ViewArgs;
 
 /// Makes synchronised multi-camera recordings of approaches in X-Plane, labels them with the aircraft's distance to touchdown
 /// (DTD), and trains and evaluates estimators of that distance.
@@ -130,6 +131,9 @@ pub(crate) enum Verb {
     /// Check that a corpus is complete and synchronised, and name every fault
     #[command(after_help = help::VERIFY)]
     Verify(VerifyArgs),
+    /// Look at a corpus and its runs in the browser: pictures, boxes, errors
+    #[command(after_help = help::VIEW)]
+    View(ViewArgs),
     /// Train the aircraft detector on a labelled corpus; resumes
     #[command(after_help = help::TRAIN_DETECTOR)]
     TrainDetector(TrainDetectorArgs),

@@ -10,7 +10,8 @@ const GROUPS: &[(&str, &[&str])] = &[
     (
         "Corpora",
         &[
-            "plan", "generate", "label", "detect", "verify", "export", "push", "fetch", "schema",
+            "plan", "generate", "label", "detect", "verify", "view", "export", "push", "fetch",
+            "schema",
         ],
     ),
     (
@@ -102,6 +103,12 @@ Examples:
   dtd verify corpus
   dtd verify corpus --quick                   hashes, tables and plan, without decoding the videos
   dtd verify s3://bucket/corpus               one scenario after the other, in a temporary folder";
+
+pub(crate) const VIEW: &str = "\
+Examples:
+  dtd view                                    ./corpus, in the browser
+  dtd view corpus --run run --run other-run   with the errors of two runs
+  dtd view corpus --port 0 --no-open          prints its address, as JSON";
 
 pub(crate) const TRAIN_DETECTOR: &str = "\
 Examples:

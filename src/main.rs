@@ -16,6 +16,7 @@ mod shipped;
 mod signals;
 mod telemetry;
 mod verbs;
+mod view_args;
 
 use std::process::ExitCode;
 

@@ -31,6 +31,7 @@ mod stdin_ended;
 mod train;
 mod train_detector;
 mod verify;
+mod view;
 
 use crate::args::Verb;
 use crate::failure::{Ending, Failure};
@@ -59,6 +60,7 @@ pub(crate) fn run(verb: Verb) -> Outcome {
         Verb::EvaluateDetector(args) => evaluate_detector::run(&args),
         Verb::Export(args) => export::run(&args),
         Verb::Verify(args) => verify::run(&args),
+        Verb::View(args) => view::run(&args),
         Verb::TrainDetector(args) => train_detector::run(&args),
         Verb::InstallPlugin(args) => install_plugin::run(&args),
         Verb::MockXplane(args) => mock_xplane::run(&args),

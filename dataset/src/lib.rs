@@ -43,6 +43,7 @@ pub mod runway;
 pub mod scenario;
 pub mod seal;
 pub mod sealed;
+pub mod set_aside;
 pub mod sight;
 pub mod splits;
 pub mod spread;

@@ -5,7 +5,7 @@
 //! `dtd verify`, which must name every fault, reads files unchecked.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
 
@@ -255,13 +255,21 @@ impl OpenScenario {
     /// # Errors
     /// There is none, it does not match the seal, or it cannot be decoded.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
+        VideoReader::open(&self.video_path(view)?)
+    }
+
+    /// The file of a view's video, after reading all of it and checking it against the seal.
+    ///
+    /// # Errors
+    /// There is none, or it does not match the seal.
+    pub fn video_path(&self, view: &str) -> Result<PathBuf> {
         let video = self.sealed.video_of(view).ok_or_else(|| {
             Error::corpus(
                 self.folder.root(),
                 format!("has no sealed video of view {view}; generate the scenario again"),
             )
         })?;
-        VideoReader::open(&self.sealed.check(video)?)
+        self.sealed.check(video)
     }
 
     fn content(&self, name: &'static str) -> Result<&[u8]> {

@@ -9,6 +9,7 @@
 
 mod codec;
 mod conversion;
+mod fragments;
 mod index;
 mod reader;
 mod scaler;
@@ -22,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
+pub use fragments::recorded_pictures;
 pub use reader::VideoReader;
 pub use writer::VideoWriter;
 

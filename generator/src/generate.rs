@@ -24,7 +24,6 @@ mod record;
 mod remote;
 mod run;
 mod session;
-mod set_aside;
 mod simulators;
 mod space;
 mod stage;
@@ -41,6 +40,7 @@ use dataset::claim::Claim;
 use dataset::corpus::Corpus;
 use dataset::memory;
 use dataset::plan::{Common, Picture, Plan, PlannedScenario};
+use dataset::set_aside::SetAside;
 use futures_util::future::LocalBoxFuture;
 use futures_util::future::join_all;
 use xplane_bridge::pixels::{PixelChoice, Screen};
@@ -64,7 +64,6 @@ use pictures::Pictures;
 use record::Work;
 use run::Run;
 use session::Session;
-use set_aside::SetAside;
 
 /// What to record, and with which simulators.
 #[derive(Debug, Clone)]

@@ -34,7 +34,8 @@ pub fn drawn(html: String) -> Value {
     Value::from_safe_string(html)
 }
 
-const STYLE: &str = include_str!("style.css");
+/// The look of all pages.
+pub const STYLE: &str = include_str!("style.css");
 
 #[cfg(test)]
 mod tests {

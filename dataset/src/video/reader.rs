@@ -129,6 +129,22 @@ impl VideoReader {
         self.decode()
     }
 
+    /// Continues at a keyframe at or before the picture with this timestamp: the next ones lead to it. From then on the number of pictures
+    /// is no longer compared with the header, and messages count from the keyframe.
+    pub fn seek(&mut self, pts: i64) -> Result<()> {
+        let (numerator, denominator) = self.time_base;
+        let seconds = pts as f64 * f64::from(numerator) / f64::from(denominator);
+        let time = (seconds * f64::from(ffmpeg_next::ffi::AV_TIME_BASE)).round() as i64;
+        self.input
+            .seek(time, ..time)
+            .map_err(|e| self.fault(format!("go to timestamp {pts}"), e))?;
+        self.decoder.flush();
+        self.frames_announced = 0;
+        self.frames_read = 0;
+        self.all_sent = false;
+        Ok(())
+    }
+
     /// The picture that was decoded last, as [`VideoReader::next_frame`] gives it.
     pub fn convert(&mut self, rgb: &mut Vec<u8>) -> Result<()> {
         self.check_size()?;

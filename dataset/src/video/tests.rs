@@ -406,6 +406,33 @@ fn a_truncated_video_is_refused_by_name() {
 }
 
 #[test]
+fn a_jump_leads_to_every_picture_of_every_codec() {
+    for codec in VideoCodec::ALL {
+        let (_folder, path) = temporary();
+        let rate = FrameRate::new(30_000, 1001).unwrap();
+        record(&path, &VideoSettings::of(codec), rate, 70);
+        assert_eq!(recorded_pictures(&path).unwrap(), None, "{codec:?}");
+        let mut sequential = VideoReader::open(&path).unwrap();
+        let mut expected = Vec::new();
+        let mut rgb = Vec::new();
+        while let Some(pts) = sequential.next_frame(&mut rgb).unwrap() {
+            expected.push((pts, blake3::hash(&rgb)));
+        }
+        let mut reader = VideoReader::open(&path).unwrap();
+        for tick in [69, 0, 61, 60, 59, 30] {
+            let (wanted, picture) = expected[tick];
+            reader.seek(wanted).unwrap();
+            let mut decoded = 0;
+            while reader.next_frame(&mut rgb).unwrap().unwrap() < wanted {
+                decoded += 1;
+            }
+            assert!(decoded < 60, "{codec:?} tick {tick}: {decoded}");
+            assert_eq!(blake3::hash(&rgb), picture, "{codec:?} tick {tick}");
+        }
+    }
+}
+
+#[test]
 fn an_unfinished_video_holds_its_pictures_but_announces_none() {
     for codec in VideoCodec::ALL {
         let (_folder, path) = temporary();
@@ -417,6 +444,8 @@ fn an_unfinished_video_holds_its_pictures_but_announces_none() {
             writer.write(&picture(x, y)).unwrap();
         }
         drop(writer);
+        let pictures = recorded_pictures(&path).unwrap().unwrap();
+        assert!((9..=10).contains(&pictures), "{codec:?}: {pictures}");
         let mut reader = VideoReader::open(&path).unwrap();
         assert_eq!(reader.frames_announced, 0);
         let mut rgb = Vec::new();

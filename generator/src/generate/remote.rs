@@ -10,10 +10,10 @@ use dataset::corpus::Corpus;
 use dataset::outside_file::{self, FileKind};
 use dataset::plan::{Plan, PlannedScenario};
 use dataset::seal::Seal;
+use dataset::set_aside::{FOLDER as FAILED, SetAside};
 use store::{CorpusStore, Keep};
 
 use super::error::GenerateError;
-use super::set_aside::{FOLDER as FAILED, SetAside};
 use crate::plan::Difference;
 
 /// Destination of finished scenarios.

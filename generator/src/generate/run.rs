@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use dataset::claim::Claim;
 use dataset::plan::PlannedScenario;
+use dataset::set_aside::SetAside;
 use futures_util::future::join_all;
 use indicatif::DecimalBytes;
 
@@ -23,7 +24,6 @@ use super::queue::{Next, Queue, Task};
 use super::record::{Work, record};
 use super::remote::Remote;
 use super::session::Session;
-use super::set_aside::SetAside;
 use super::space;
 use super::tally::Tally;
 use super::uploads::{Uploader, Uploads};

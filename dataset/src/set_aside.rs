@@ -1,35 +1,39 @@
 //! `failed/<id>.json`: scenarios that failed all attempts, with the reasons. The next run reads them, reports them, and tries
-//! again. For a corpus in an object store they are kept there, too, visible to everyone (`remote.rs`).
+//! again. For a corpus in an object store they are kept there, too, visible to everyone.
 
+use std::collections::BTreeMap;
 use std::fs;
+use std::io::ErrorKind;
 use std::path::PathBuf;
 
-use dataset::Error;
-use dataset::corpus::Corpus;
-use dataset::json_file::{read_json, write_atomically, write_json};
-use dataset::outside_file::{self, FileKind};
-use dataset::own_path::own_path;
 use serde::{Deserialize, Serialize};
 
-pub(super) const FOLDER: &str = "failed";
+use crate::corpus::Corpus;
+use crate::error::{Error, Result};
+use crate::json_file::{read_json, write_atomically, write_json};
+use crate::outside_file::{self, FileKind};
+use crate::own_path::own_path;
+
+/// Folder of the records within a corpus.
+pub const FOLDER: &str = "failed";
 /// How often the folder may disappear.
 const ATTEMPTS: u32 = 100;
 
 /// The record of a scenario that was set aside.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct SetAside {
+pub struct SetAside {
     /// Identifier of the scenario.
-    pub(super) id: String,
+    pub id: String,
     /// Hash of its parameters.
-    pub(super) config_hash: String,
+    pub config_hash: String,
     /// Why each attempt failed, in order.
-    pub(super) reasons: Vec<String>,
+    pub reasons: Vec<String>,
 }
 
 impl SetAside {
     /// The record of a scenario, if there is a readable one: it is informational, and nothing depends on it.
-    pub(super) fn read(corpus: &Corpus, id: &str) -> Option<Self> {
-        let path = path(corpus, id);
+    pub fn read(corpus: &Corpus, id: &str) -> Option<Self> {
+        let path = own_path(corpus.root(), Self::name(id)).ok()?;
         if !path.exists() {
             return None;
         }
@@ -38,8 +42,32 @@ impl SetAside {
             .ok()
     }
 
+    /// All readable records of a corpus, by identifier.
+    ///
+    /// # Errors
+    /// The folder cannot be listed.
+    pub fn all(corpus: &Corpus) -> Result<BTreeMap<String, Self>> {
+        let folder = own_path(corpus.root(), FOLDER)?;
+        let entries = match fs::read_dir(&folder) {
+            Ok(entries) => entries,
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(BTreeMap::new()),
+            Err(error) => return Err(Error::io("list", &folder)(error)),
+        };
+        let mut records = BTreeMap::new();
+        for entry in entries {
+            let name = entry.map_err(Error::io("list", &folder))?.file_name();
+            let id = name.to_str().and_then(|name| name.strip_suffix(".json"));
+            if let Some(id) = id
+                && let Some(record) = Self::read(corpus, id)
+            {
+                records.insert(id.to_owned(), record);
+            }
+        }
+        Ok(records)
+    }
+
     /// Writes the record, appending to those of earlier runs.
-    pub(super) fn write(mut self, corpus: &Corpus) -> dataset::Result<()> {
+    pub fn write(mut self, corpus: &Corpus) -> Result<()> {
         if let Some(earlier) = Self::read(corpus, &self.id) {
             self.reasons.splice(0..0, earlier.reasons);
         }
@@ -48,14 +76,14 @@ impl SetAside {
     }
 
     /// The record's file content.
-    pub(super) fn text(corpus: &Corpus, id: &str) -> dataset::Result<Vec<u8>> {
+    pub fn text(corpus: &Corpus, id: &str) -> Result<Vec<u8>> {
         let path = path(corpus, id);
         outside_file::read(&path, FileKind::json("record of a failed scenario"))
     }
 
     /// Adopts a record that was written elsewhere, unless the local one has more reasons: another machine may have continued, or
     /// not know it.
-    pub(super) fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> dataset::Result<()> {
+    pub fn adopt(corpus: &Corpus, id: &str, text: &[u8]) -> Result<()> {
         let count = |record: Option<Self>| record.map_or(0, |record| record.reasons.len());
         let there: Option<Self> = serde_json::from_slice(text).ok();
         if count(Self::read(corpus, id)) > count(there) {
@@ -66,12 +94,12 @@ impl SetAside {
     }
 
     /// Name of the record within the corpus.
-    pub(super) fn name(id: &str) -> String {
+    pub fn name(id: &str) -> String {
         format!("{FOLDER}/{id}.json")
     }
 
     /// Deletes the record: the scenario is complete.
-    pub(super) fn clear(corpus: &Corpus, id: &str) {
+    pub fn clear(corpus: &Corpus, id: &str) {
         if fs::remove_file(path(corpus, id)).is_ok() {
             // Succeeds only for the last record.
             let _ = fs::remove_dir(corpus.root().join(FOLDER));
@@ -80,7 +108,7 @@ impl SetAside {
 }
 
 /// Writes into the folder of the records, which is removed with the last record: another process may do that at any moment.
-fn in_folder(corpus: &Corpus, write: impl Fn() -> dataset::Result<()>) -> dataset::Result<()> {
+fn in_folder(corpus: &Corpus, write: impl Fn() -> Result<()>) -> Result<()> {
     let folder = own_path(corpus.root(), FOLDER)?;
     let mut written = Ok(());
     for _ in 0..ATTEMPTS {
@@ -123,6 +151,7 @@ mod tests {
             serde_json::to_vec(&record).unwrap()
         };
         let reasons = || SetAside::read(&corpus, "0001").unwrap().reasons;
+        assert_eq!(SetAside::all(&corpus).unwrap()["0001"].reasons, reasons());
         SetAside::adopt(&corpus, "0001", &elsewhere(&["hail"])).unwrap();
         assert_eq!(reasons(), ["fog", "storm"]);
         SetAside::adopt(&corpus, "0001", &elsewhere(&["fog", "storm", "hail"])).unwrap();

@@ -1,0 +1,74 @@
+//! `dtd view`: a page that shows a corpus.
+
+use std::net::SocketAddr;
+use std::process::{Command, Stdio};
+
+use dataset::corpus::Corpus;
+use generator::generate::Cancel;
+use serde_json::json;
+use viewer::{ViewError, ViewOptions, serve};
+
+use super::Outcome;
+use super::async_runtime::async_runtime;
+use super::stdin_ended::stdin_ended;
+use crate::failure::{Ending, Failure};
+use crate::signals;
+use crate::view_args::ViewArgs;
+
+/// Opens an address with the program that the user chose for it.
+const OPENER: &str = if cfg!(target_os = "macos") {
+    "open"
+} else {
+    "xdg-open"
+};
+
+/// Runs the verb, until it is stopped.
+pub(crate) fn run(args: &ViewArgs) -> Outcome {
+    let corpus = Corpus::open(&args.corpus).map_err(Failure::of_corpus)?;
+    if let Some(missing) = args.runs.iter().find(|run| !run.exists()) {
+        return Err(Failure::bad_input_message(format!(
+            "there is no run {}; expected the folder of `dtd train` and `dtd evaluate`, or a table of `dtd predict`",
+            missing.display()
+        )));
+    }
+    let options = ViewOptions {
+        corpus,
+        runs: args.runs.clone(),
+        port: args.port,
+    };
+    let stop = Cancel::new();
+    let _in_good_order = signals::in_good_order(&stop);
+    let runtime = async_runtime()?;
+    let ending = runtime.block_on(async {
+        tokio::select! {
+            result = serve(options, |address| announce(address, args.no_open)) => result.map_err(|error| match error {
+                error @ ViewError::Listen { .. } => Failure::bad_input(error),
+                error => error.into(),
+            })?,
+            () = stop.cancelled() => {}
+            () = stdin_ended(), if args.until_stdin_ends => {}
+        }
+        Ok(Ending::Done)
+    });
+    // A picture that nobody waits for need not be finished.
+    runtime.shutdown_background();
+    ending
+}
+
+fn announce(address: SocketAddr, no_open: bool) {
+    let url = format!("http://{address}/");
+    println!("{}", json!({ "address": address, "url": url }));
+    if no_open {
+        return;
+    }
+    let opened = Command::new(OPENER)
+        .arg(&url)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
+    match opened {
+        Ok(_) => eprintln!("view: opened {url} in the browser; Ctrl-C ends it"),
+        Err(_) => eprintln!("view: open {url} in a browser; Ctrl-C ends it"),
+    }
+}

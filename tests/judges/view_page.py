@@ -1,0 +1,161 @@
+"""The page of `dtd view` in Chromium: boxes lie where the truth is at every zoom, keys step, links restore, names are text, and axe
+finds nothing inaccessible.
+
+Usage: python view_page.py URL      of a corpus with labels, detections, a run, and a scenario folder with the name HOSTILE
+"""
+
+import io
+import json
+import sys
+import urllib.parse
+import urllib.request
+
+import numpy as np
+from axe_playwright_python.sync_playwright import Axe
+from PIL import Image
+from playwright.sync_api import Page, sync_playwright
+
+HOSTILE = "<img src=x onerror=alert(1)>"
+ZOOMS = [None, 1, 2, 4, 8, 16, 32]
+# Greenness of the line of a true box, above that of any ground.
+GREEN = 70
+
+
+def api(url: str, path: str, **parameters: object):
+    """What the server says."""
+    query = urllib.parse.urlencode(parameters)
+    with urllib.request.urlopen(f"{url}{path}?{query}") as answer:
+        return json.load(answer)
+
+
+def shown_tick(page: Page) -> int:
+    return int(page.locator(".scenario").get_attribute("data-tick"))
+
+
+def wait_for_tick(page: Page, tick: int) -> None:
+    page.wait_for_selector(f".scenario[data-tick='{tick}']")
+
+
+def check_edge(profile: np.ndarray, expected: float, tolerance: float, what: str) -> None:
+    """The line across this profile of greenness is where it should be; pixel k covers k to k + 1."""
+    first = max(0, int(expected) - 4)
+    near = profile[first : int(expected) + 5]
+    weights = np.where(near > GREEN, near, 0)
+    assert weights.sum() > 0, f"{what}: no line near {expected:.2f}"
+    found = float((weights * (np.arange(len(near)) + first + 0.5)).sum() / weights.sum())
+    assert abs(found - expected) <= tolerance, f"{what}: line at {found:.2f}, expected {expected:.2f}"
+
+
+def check_boxes(page: Page, url: str, scenario: str, tables: dict) -> int:
+    """At every zoom the true box is drawn within half a pixel of the truth. Returns the number of edges looked at."""
+    edges = 0
+    tick = tables["views"][0]["truth"]["tick"][0]
+    for zoom in ZOOMS:
+        link = {"scenario": scenario, "tick": tick, "layers": "truth", "zoom": zoom or ""}
+        page.goto("about:blank")
+        page.goto(f"{url}#{urllib.parse.urlencode(link)}")
+        wait_for_tick(page, tick)
+        page.get_by_label("Inset").uncheck()
+        for index, view in enumerate(tables["views"]):
+            truth = view["truth"]
+            if tick not in truth["tick"]:
+                continue
+            row = truth["tick"].index(tick)
+            cx, cy, width, height = (truth[name][row] for name in ["cx_px", "cy_px", "width_px", "height_px"])
+            canvas = page.locator("canvas.picture").nth(index)
+            picture = np.asarray(Image.open(io.BytesIO(canvas.screenshot())).convert("RGB")).astype(float)
+            size_y, size_x = picture.shape[:2]
+            place = canvas.bounding_box()
+            # The screenshot begins at a whole pixel of the screen.
+            shift_x, shift_y = place["x"] % 1, place["y"] % 1
+            scale = zoom or place["width"] / view["width_px"]
+            middle = (cx, cy) if zoom else ((view["width_px"] - 1) / 2, (view["height_px"] - 1) / 2)
+            green = picture[:, :, 1] - np.maximum(picture[:, :, 0], picture[:, :, 2])
+            centre_x = (cx - middle[0]) * scale + place["width"] / 2 + shift_x
+            centre_y = (cy - middle[1]) * scale + place["height"] / 2 + shift_y
+            tolerance = max(0.5 * scale, 0.5)
+            profiles = [
+                (green[int(centre_y), :], centre_x, width, size_x),
+                (green[:, int(centre_x)], centre_y, height, size_y),
+            ]
+            for profile, centre, side, size in profiles:
+                if side * scale < 8:
+                    continue
+                for edge in [centre - side / 2 * scale, centre + side / 2 * scale]:
+                    if 4 < edge < size - 4:
+                        check_edge(profile, edge, tolerance, f"{view['id']} at zoom {zoom}")
+                        edges += 1
+    return edges
+
+
+def check_access(page: Page, what: str) -> None:
+    violations = Axe().run(page).response["violations"]
+    found = [f"{one['id']}: {one['help']}: {one['nodes'][0]['html']}" for one in violations]
+    assert not found, f"{what}: {found}"
+
+
+def check_all(page: Page, url: str) -> None:
+    scenario = api(url, "api/corpus")["scenarios"]
+    scenario = next(row["id"] for row in scenario if row["state"] == "detected")
+    tables = api(url, "api/scenario", scenario=scenario)
+
+    page.goto(url)
+    page.get_by_role("link", name=scenario, exact=True).wait_for()
+    assert page.get_by_role("rowheader", name=HOSTILE).count() == 1, "the hostile name is not shown"
+    assert page.locator("img").count() == 0, "the hostile name became an element"
+    page.get_by_text("Reading the predictions").wait_for(state="detached")
+    check_access(page, "overview")
+    page.get_by_label("Name contains").fill(scenario)
+    page.wait_for_function("location.hash.includes('text=')")
+    page.reload()
+    page.get_by_role("link", name=scenario, exact=True).wait_for()
+    assert page.locator(".scenarios tbody tr").count() == 1, "the filter was not restored"
+    page.get_by_role("link", name=scenario, exact=True).click()
+
+    wait_for_tick(page, 0)
+    check_access(page, "scenario")
+    for key, tick in [("ArrowRight", 1), ("ArrowRight", 2), ("ArrowLeft", 1), ("End", tables["record"]["ticks"] - 1), ("Home", 0)]:
+        page.keyboard.press(key)
+        wait_for_tick(page, tick)
+    page.get_by_role("combobox", name="Speed").select_option("16")
+    page.keyboard.press("Escape")
+    page.go_back()
+    wait_for_tick(page, 0)
+    page.locator("main").focus()
+    page.keyboard.press("Space")
+    page.wait_for_function("Number(document.querySelector('.scenario').dataset.tick) >= 2")
+    page.keyboard.press("Space")
+    page.keyboard.press("+")
+    page.keyboard.press("s")
+    tick = shown_tick(page)
+    page.wait_for_function("['zoom=1', 'layers=truth%2Cdetections', 'tick='].every(part => location.hash.includes(part))")
+    link = page.url
+    page.goto("about:blank")
+    page.goto(link)
+    wait_for_tick(page, tick)
+    assert not page.get_by_label("Shifts").is_checked()
+    assert page.get_by_role("combobox", name="Zoom").input_value() == "1"
+    edges = check_boxes(page, url, scenario, tables)
+    assert edges >= 20, f"only {edges} edges of boxes were looked at"
+
+
+def main() -> None:
+    url = sys.argv[1]
+    with sync_playwright() as playwright:
+        # A container's root has no sandbox.
+        browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        for width, scheme in [(1280, "light"), (2560, "dark")]:
+            context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
+            page = context.new_page()
+            faults: list[str] = []
+            page.on("pageerror", lambda error, faults=faults: faults.append(str(error)))
+            page.on("dialog", lambda dialog, faults=faults: faults.append(f"dialog {dialog.message}"))
+            page.on("request", lambda request, faults=faults: request.url.startswith((url, "blob:", "about:")) or faults.append(request.url))
+            check_all(page, url)
+            assert not faults, faults
+            context.close()
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

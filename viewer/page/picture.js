@@ -1,0 +1,190 @@
+// One view: its picture, magnified or whole, with what the tables say drawn over it.
+
+import { element } from './dom.js';
+import { fixed } from './units.js';
+
+/** Screen pixels for each pixel of the picture; null is the whole picture. */
+export const ZOOMS = [null, 1, 2, 4, 8, 16, 32];
+/** Part of the inset's width that the aircraft may fill. */
+const FILLED = 0.6;
+/** Colours over pictures, which are neither light nor dark. */
+export const MARKS = {
+  truth: { colour: '#39ff5a', dash: [], name: 'true box' },
+  detection: { colour: '#ffb000', dash: [5, 3], name: 'detection' },
+  unconfirmed: { colour: '#c8c8c8', dash: [2, 3], name: 'unconfirmed detection' },
+  shift: { colour: '#3fd0ff', dash: [], name: 'registered point' },
+};
+
+/** A view of the player. `view` has id, width_px and height_px. */
+export class Picture {
+  constructor(view, { onzoom, ondrag }) {
+    this.view = view;
+    this.image = null;
+    this.message = '';
+    /** Boxes { kind, cx, cy, width, height } and points { kind, x, y }, in pixels of the picture; (0, 0) is the centre of a pixel. */
+    this.marks = [];
+    /** Where the aircraft is, or is thought to be. */
+    this.target = null;
+    this.zoom = null;
+    /** Where the middle of a magnified picture is; null follows the aircraft. */
+    this.centre = null;
+    this.hasInset = true;
+    this.canvas = element('canvas', { class: 'picture', role: 'img', 'aria-label': `Picture of view ${view.id}` });
+    this.inset = element('canvas', { class: 'inset', 'aria-hidden': 'true' });
+    this.said = element('span', { class: 'said' });
+    this.element = element('figure', { class: 'view' },
+      element('div', { class: 'frame' }, this.canvas, this.inset),
+      element('figcaption', {}, element('strong', {}, view.id), ' ', this.said));
+    this.canvas.style.aspectRatio = `${view.width_px || 3} / ${view.height_px || 2}`;
+    this.canvas.addEventListener('wheel', event => {
+      event.preventDefault();
+      onzoom(event.deltaY < 0 ? 1 : -1);
+    }, { passive: false });
+    this.canvas.addEventListener('pointerdown', event => this.beginDrag(event, ondrag));
+    new ResizeObserver(() => this.draw()).observe(this.canvas);
+  }
+
+  beginDrag(event, ondrag) {
+    if (this.zoom === null) return;
+    const [startX, startY] = [event.clientX, event.clientY];
+    const from = this.middle();
+    const move = event => {
+      this.centre = { x: from.x - (event.clientX - startX) / this.zoom, y: from.y - (event.clientY - startY) / this.zoom };
+      ondrag();
+      this.draw();
+    };
+    this.canvas.setPointerCapture(event.pointerId);
+    this.canvas.addEventListener('pointermove', move);
+    this.canvas.addEventListener('pointerup', () => this.canvas.removeEventListener('pointermove', move), { once: true });
+  }
+
+  /** The pixel in the middle of the magnified picture. */
+  middle() {
+    return this.centre ?? this.target ?? { x: (this.view.width_px - 1) / 2, y: (this.view.height_px - 1) / 2 };
+  }
+
+  draw() {
+    const size = drawn(this.canvas);
+    if (!size) return;
+    const whole = { x: (this.view.width_px - 1) / 2, y: (this.view.height_px - 1) / 2 };
+    const fit = Math.min(size.width / this.view.width_px, size.height / this.view.height_px);
+    const main = this.zoom === null ? { scale: fit, middle: whole } : { scale: this.zoom, middle: this.middle() };
+    this.drawOn(size, main, 1.5);
+    const isUseful = this.hasInset && this.image && (this.zoom !== null || this.target);
+    this.inset.hidden = !isUseful;
+    if (!isUseful) return;
+    const isRight = this.zoom === null && this.target.x > this.view.width_px * 0.6 && this.target.y > this.view.height_px * 0.55;
+    this.inset.classList.toggle('other-side', isRight);
+    const inset = drawn(this.inset);
+    if (!inset) return;
+    if (this.zoom === null) {
+      this.drawOn(inset, { scale: closest(inset.width * FILLED / this.target.width), middle: this.target }, 1.5);
+      return;
+    }
+    const small = Math.min(inset.width / this.view.width_px, inset.height / this.view.height_px);
+    this.drawOn(inset, { scale: small, middle: whole }, 1);
+    const { context } = inset;
+    const [width, height] = [size.width / this.zoom * small, size.height / this.zoom * small];
+    const [x, y] = place(inset, { scale: small, middle: whole }, this.middle());
+    context.strokeStyle = '#fff';
+    context.lineWidth = 1;
+    context.strokeRect(x - width / 2, y - height / 2, width, height);
+  }
+
+  drawOn(size, shown, lineWidth) {
+    const { context, width, height } = size;
+    const { scale } = shown;
+    context.fillStyle = '#15181c';
+    context.fillRect(0, 0, width, height);
+    // Edges of pixels are half a pixel before and after their centres.
+    const [left, top] = place(size, shown, { x: -0.5, y: -0.5 });
+    if (this.image) {
+      context.imageSmoothingEnabled = scale < 1;
+      context.imageSmoothingQuality = 'medium';
+      const { width_px, height_px } = this.view;
+      const first = value => Math.max(0, Math.floor(value));
+      const [x, y] = [first(-left / scale), first(-top / scale)];
+      const columns = Math.min(width_px, Math.ceil((width - left) / scale)) - x;
+      const rows = Math.min(height_px, Math.ceil((height - top) / scale)) - y;
+      if (columns > 0 && rows > 0) {
+        context.drawImage(this.image, x, y, columns, rows, left + x * scale, top + y * scale, columns * scale, rows * scale);
+      }
+    } else {
+      context.fillStyle = '#e6edf3';
+      context.font = '13px system-ui, sans-serif';
+      context.textAlign = 'center';
+      wrapped(context, this.message, width - 40).forEach((line, index) => context.fillText(line, width / 2, height / 2 + 18 * index));
+    }
+    for (const mark of this.marks) {
+      const { colour, dash } = MARKS[mark.kind];
+      const path = new Path2D();
+      if ('width' in mark) {
+        const [x, y] = place(size, shown, { x: mark.cx - mark.width / 2, y: mark.cy - mark.height / 2 });
+        path.rect(x, y, mark.width * scale, mark.height * scale);
+      } else {
+        const [x, y] = place(size, shown, mark);
+        const [arm, gap] = [15, 6];
+        for (const [a, b] of [[-arm, -gap], [gap, arm]]) {
+          path.moveTo(x + a, y);
+          path.lineTo(x + b, y);
+          path.moveTo(x, y + a);
+          path.lineTo(x, y + b);
+        }
+      }
+      // A dark line below a bright one is visible on any sky.
+      context.setLineDash([]);
+      context.strokeStyle = 'rgba(0, 0, 0, .45)';
+      context.lineWidth = lineWidth + 1.5;
+      context.stroke(path);
+      context.setLineDash(dash);
+      context.strokeStyle = colour;
+      context.lineWidth = lineWidth;
+      context.stroke(path);
+    }
+    context.setLineDash([]);
+  }
+
+  /** Says in words what is drawn. */
+  say(words) {
+    this.said.textContent = words;
+    this.canvas.setAttribute('aria-label', `Picture of view ${this.view.id}: ${words}`);
+  }
+}
+
+/** A canvas as large as its place on the screen, with a context in CSS pixels; null if it has no place. */
+function drawn(canvas) {
+  const { clientWidth: width, clientHeight: height } = canvas;
+  if (!width || !height) return null;
+  const ratio = devicePixelRatio || 1;
+  const [columns, rows] = [Math.round(width * ratio), Math.round(height * ratio)];
+  if (canvas.width !== columns) canvas.width = columns;
+  if (canvas.height !== rows) canvas.height = rows;
+  const context = canvas.getContext('2d');
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  return { context, width, height };
+}
+
+/** Where a point of the picture is on a canvas. */
+function place({ width, height }, { scale, middle }, { x, y }) {
+  return [(x - middle.x) * scale + width / 2, (y - middle.y) * scale + height / 2];
+}
+
+/** The largest zoom up to a limit. */
+function closest(limit) {
+  return ZOOMS.findLast(zoom => zoom && zoom <= limit) ?? 1;
+}
+
+function wrapped(context, text, width) {
+  const lines = [''];
+  for (const word of text.split(' ')) {
+    const longer = `${lines.at(-1)} ${word}`.trim();
+    if (context.measureText(longer).width > width && lines.at(-1)) lines.push(word);
+    else lines[lines.length - 1] = longer;
+  }
+  return lines;
+}
+
+/** A box in words. */
+export function boxWords({ cx, cy, width, height }) {
+  return `${fixed(width, 1)} × ${fixed(height, 1)} px at (${fixed(cx, 1)}, ${fixed(cy, 1)})`;
+}

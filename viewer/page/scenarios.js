@@ -1,0 +1,240 @@
+// All scenarios: a table with filters, the progress of a recording, the flown paths, and the runs.
+
+import { choice, element, json } from './dom.js';
+import { FlownPaths } from './flown.js';
+import { address, note, shown } from './link.js';
+import { comparison, estimators } from './runs.js';
+import { onSchemeChange } from './colours.js';
+import { count, duration, fixed, plural } from './units.js';
+
+const STATES = {
+  planned: 'planned', recording: 'recording', failed: 'failed', damaged: 'damaged',
+  recorded: 'no labels', labelled: 'labelled', detected: 'detected',
+};
+/** States of scenarios that can be looked at. */
+const IS_OPENABLE = new Set(['recorded', 'labelled', 'detected', 'damaged']);
+/** An unfinished folder that nobody changes for this long was probably left behind. */
+const QUIET_S = 120;
+const MOST_ROWS = 400;
+const FILTERS = ['text', 'weather', 'time', 'side', 'state', 'worst'];
+
+const COLUMNS = [
+  ['id', 'Scenario', 'word'], ['weather', 'Weather', 'word'], ['time_of_day', 'Time', 'word'], ['side', 'Side', 'word'],
+  ['state', 'State', 'word'], ['ticks', 'Ticks', ''], ['mape_pct', 'MAPE, %', ''], ['worst_pct', 'Worst error, %', ''],
+];
+
+/** How far the recording is, in words; empty if all is there. */
+export function progressWords(corpus) {
+  const all = corpus.scenarios.length;
+  const has = state => corpus.scenarios.filter(row => row.state === state).length;
+  const missing = has('planned') + has('recording') + has('failed');
+  const parts = [missing ? `${all - missing} of ${plural(all, 'scenario')} recorded` : plural(all, 'scenario')];
+  for (const state of ['recording', 'failed', 'damaged']) {
+    if (has(state)) parts.push(`${has(state)} ${STATES[state]}`);
+  }
+  return parts.join(', ');
+}
+
+/** Whether something is being recorded, so that it is worth asking again soon. */
+export const isUnderWay = corpus => corpus.scenarios.some(row => row.state === 'recording');
+
+/** The page of all scenarios. */
+export class Scenarios {
+  constructor({ corpus, runs, signal }) {
+    this.corpus = corpus;
+    this.runs = runs;
+    this.signal = signal;
+    const asked = shown();
+    this.filters = Object.fromEntries(FILTERS.map(name => [name, asked[name] ?? '']));
+    this.sort = asked.sort ?? 'id';
+    this.judge = asked.judge ?? '';
+    this.showsAll = false;
+    this.head = element('div');
+    this.filterBar = element('form', { class: 'filters', onsubmit: event => event.preventDefault() });
+    this.table = element('div', { class: 'scroll', tabindex: '0', role: 'region', 'aria-label': 'Scenarios' });
+    this.found = element('p', { class: 'note', role: 'status' });
+    this.failures = element('div');
+    this.compared = element('section');
+    this.flown = new FlownPaths({ onpick: id => { location.hash = address({ scenario: id }); } });
+    this.flownSaid = element('p', { class: 'note' });
+    this.element = element('div', { class: 'overview' },
+      element('section', { class: 'list', 'aria-labelledby': 'title' },
+        element('h1', { id: 'title' }, corpus.corpus), this.head, this.filterBar, this.found, this.table, this.failures),
+      element('section', { class: 'beside', 'aria-labelledby': 'flown-title' },
+        element('h2', { id: 'flown-title' }, 'Flown paths'), this.flown.element, this.flownSaid, this.compared));
+    onSchemeChange(() => this.flown.draw(), signal);
+    this.fill();
+    this.readPaths();
+  }
+
+  /** Shows a newer state of the corpus or of the runs. */
+  update(corpus, runs) {
+    const isSame = JSON.stringify([this.corpus, this.runs.length]) === JSON.stringify([corpus, runs.length]);
+    Object.assign(this, { corpus, runs });
+    if (isSame) return;
+    this.fill();
+    this.readPaths();
+  }
+
+  fill() {
+    const { corpus } = this;
+    this.head.replaceChildren(
+      element('p', { class: 'note' }, corpus.folder),
+      ...corpus.problems.map(problem => element('p', { class: 'problem' }, problem)),
+      this.progress());
+    this.fillFilters();
+    this.fillTable();
+    const failed = corpus.scenarios.filter(row => row.faults.length);
+    this.failures.replaceChildren(...failed.length ? [
+      element('h2', {}, 'What failed, and why'),
+      element('ul', { class: 'faults' }, failed.map(row => element('li', {},
+        element('strong', {}, row.id), ` (${STATES[row.state]})`,
+        element('ul', {}, row.faults.map(fault => element('li', {}, fault)))))),
+    ] : []);
+    this.compared.replaceChildren(...this.runs.length ? [element('h2', {}, 'Runs'), ...comparison(this.runs)]
+      : corpus.runs.length ? [element('h2', {}, 'Runs'), element('p', { class: 'note' }, 'Reading the predictions ...')] : []);
+  }
+
+  progress() {
+    const { scenarios } = this.corpus;
+    const under = scenarios.filter(row => row.state === 'recording');
+    const missing = scenarios.filter(row => ['planned', 'recording', 'failed'].includes(row.state)).length;
+    if (!missing) return element('div');
+    const ticks = rows => rows.reduce((sum, row) => sum + (row.ticks ?? 0), 0);
+    const done = ticks(scenarios.filter(row => IS_OPENABLE.has(row.state)));
+    const begun = under.reduce((sum, row) => sum + (row.recorded_ticks ?? 0), 0);
+    const all = ticks(scenarios);
+    const bar = all ? element('progress', { max: all, value: done + begun, 'aria-label': 'Recorded ticks' }) : null;
+    const now = under.map(row => {
+      const far = `${count(row.recorded_ticks ?? 0)} of about ${plural(row.ticks ?? 0, 'tick')}`;
+      const quiet = row.unchanged_s > QUIET_S ? `; unchanged for ${duration(row.unchanged_s)}, perhaps interrupted` : '';
+      return element('li', {}, element('strong', {}, row.id), `: ${far}${quiet}`);
+    });
+    return element('div', { class: 'under-way' },
+      element('p', {}, `${scenarios.length - missing} of ${plural(scenarios.length, 'scenario')} recorded`,
+        all ? `, ${fixed((done + begun) / all * 100, 1)} % of the ticks` : ''), bar,
+      now.length ? element('ul', {}, now) : null);
+  }
+
+  fillFilters() {
+    const { scenarios } = this.corpus;
+    const values = key => [...new Set(scenarios.map(row => row[key]).filter(Boolean))].sort();
+    const select = (name, key, label, texts = {}) => choice(label,
+      [['', 'all'], ...values(key).map(value => [value, texts[value] ?? value])], this.filters[name], value => this.filter(name, value));
+    const judges = this.runs.flatMap((run, index) => Object.values(run.flights).length
+      ? estimators([run]).map(name => [`${index}:${name}`, this.runs.length > 1 ? `${run.name}: ${name}` : name]) : []);
+    if (judges.length && !judges.some(([value]) => value === this.judge)) {
+      this.judge = (judges.find(([value]) => value.endsWith(':inverse_range')) ?? judges[0])[0];
+    }
+    const field = (name, label, attributes) => {
+      const input = element('input', { ...attributes, value: this.filters[name], oninput: () => this.filter(name, input.value) });
+      return element('label', { class: 'field' }, element('span', {}, label), input);
+    };
+    if (this.filterBar.contains(document.activeElement) && document.activeElement.tagName === 'INPUT') return;
+    this.filterBar.replaceChildren(
+      field('text', 'Name contains', { type: 'search', size: 14 }),
+      select('weather', 'weather', 'Weather'), select('time', 'time_of_day', 'Time'), select('side', 'side', 'Side'),
+      select('state', 'state', 'State', STATES),
+      ...judges.length ? [
+        choice('Errors of', judges, this.judge, value => {
+          this.judge = value;
+          note({ judge: value });
+          this.fillTable();
+        }),
+        field('worst', 'Worst above, %', { type: 'number', min: 0, step: 'any' }),
+      ] : []);
+  }
+
+  filter(name, value) {
+    this.filters[name] = value;
+    note({ [name]: value });
+    this.fillTable();
+  }
+
+  /** Rows with their errors, filtered and sorted. */
+  rows() {
+    const [run, estimator] = [this.runs[this.judge.split(':')[0]], this.judge.slice(this.judge.indexOf(':') + 1)];
+    const rows = this.corpus.scenarios.map(row => ({ ...row, ...run?.flights[row.id]?.[estimator] }));
+    const { text, weather, time, side, state, worst } = this.filters;
+    const isShown = row => (!text || row.id.toLowerCase().includes(text.toLowerCase())) && (!weather || row.weather === weather)
+      && (!time || row.time_of_day === time) && (!side || row.side === side) && (!state || row.state === state)
+      && (!(worst > 0) || row.worst_pct > Number(worst));
+    const [key, isDown] = [this.sort.replace('-', ''), this.sort.startsWith('-')];
+    const order = (one, other) => {
+      const [a, b] = [one[key] ?? null, other[key] ?? null];
+      if (a === b) return one.id < other.id ? -1 : 1;
+      if (a === null) return 1;
+      if (b === null) return -1;
+      return (a < b ? -1 : 1) * (isDown ? -1 : 1);
+    };
+    return rows.filter(isShown).sort(order);
+  }
+
+  fillTable() {
+    const rows = this.rows();
+    const hasErrors = rows.some(row => row.worst_pct !== undefined);
+    const columns = COLUMNS.filter(([key]) => hasErrors || !key.endsWith('_pct'));
+    const cell = (row, key) => {
+      if (key === 'id') return IS_OPENABLE.has(row.state) ? element('a', { href: address({ scenario: row.id }) }, row.id) : row.id;
+      if (key === 'state') return element('span', { class: `state ${row.state}` }, STATES[row.state]);
+      if (key === 'ticks') {
+        return row.state === 'recording' && row.recorded_ticks !== null ? `${count(row.recorded_ticks)} of ${count(row.ticks)}` : count(row.ticks);
+      }
+      if (key === 'worst_pct' && row.worst_pct !== undefined) {
+        const title = `tick ${row.worst_tick}`;
+        return element('a', { href: address({ scenario: row.id, tick: row.worst_tick }), title }, fixed(row.worst_pct, 2));
+      }
+      return key === 'mape_pct' ? fixed(row.mape_pct, 3) : row[key] ?? '–';
+    };
+    const heading = ([key, title, kind]) => {
+      const [is, isDown] = [this.sort.replace('-', '') === key, this.sort.startsWith('-')];
+      const turn = () => {
+        this.sort = is && !isDown ? `-${key}` : is ? key : key.endsWith('_pct') ? `-${key}` : key;
+        note({ sort: this.sort });
+        this.fillTable();
+        this.table.querySelector(`[data-key=${key}]`).focus();
+      };
+      return element('th', { class: kind, scope: 'col', 'aria-sort': is ? (isDown ? 'descending' : 'ascending') : undefined },
+        element('button', { type: 'button', class: 'sort', 'data-key': key, onclick: turn }, title, is ? (isDown ? ' ↓' : ' ↑') : ''));
+    };
+    const some = this.showsAll ? rows : rows.slice(0, MOST_ROWS);
+    this.table.replaceChildren(element('table', { class: 'scenarios' },
+      element('thead', {}, element('tr', {}, columns.map(heading))),
+      element('tbody', {}, some.map(row => element('tr', {},
+        columns.map(([key, , kind]) => element(key === 'id' ? 'th' : 'td', { class: kind, scope: key === 'id' ? 'row' : undefined }, cell(row, key))))))),
+      ...some.length < rows.length ? [element('button', { type: 'button', onclick: () => {
+        this.showsAll = true;
+        this.fillTable();
+      } }, `Show all ${count(rows.length)}`)] : []);
+    const all = this.corpus.scenarios.length;
+    this.found.textContent = rows.length === all ? plural(all, 'scenario') : `${count(rows.length)} of ${plural(all, 'scenario')}`;
+    this.visible = new Set(rows.map(row => row.id));
+    this.flown.shown = id => this.visible.has(id);
+    this.flown.draw();
+  }
+
+  /** Reads the paths that are not there yet, a few at a time. */
+  async readPaths() {
+    const missing = this.corpus.scenarios.filter(row => IS_OPENABLE.has(row.state) && !this.flown.paths.has(row.id)).map(row => row.id);
+    const read = async () => {
+      while (missing.length && !this.signal.aborted) {
+        const id = missing.shift();
+        try {
+          this.flown.add(id, await json('/api/path', { scenario: id }));
+        } catch {
+          // Its row says what is wrong with it.
+        }
+        if (missing.length % 8 === 0) this.sayPaths(missing.length);
+      }
+    };
+    this.sayPaths(missing.length);
+    await Promise.all([read(), read()]);
+    if (!this.signal.aborted) this.sayPaths(0);
+  }
+
+  sayPaths(missing) {
+    this.flown.draw();
+    this.flownSaid.textContent = missing ? `${plural(missing, 'path')} still to be read`
+      : this.flown.paths.size ? 'Click a path to open its scenario. Offset and height are magnified against the distance.' : 'Nothing is recorded yet.';
+  }
+}

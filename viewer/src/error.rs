@@ -1,0 +1,21 @@
+//! What ends the server.
+
+use std::io;
+
+/// The page cannot be served.
+#[derive(Debug, thiserror::Error)]
+pub enum ViewError {
+    /// The port.
+    #[error(
+        "cannot listen on 127.0.0.1:{port}: {source}; choose another port with --port, or any free one with --port 0"
+    )]
+    Listen {
+        /// The port.
+        port: u16,
+        /// Why.
+        r#source: io::Error,
+    },
+    /// The system ended it.
+    #[error("cannot serve the page any longer: {0}")]
+    Serve(io::Error),
+}

@@ -1,0 +1,53 @@
+//! What the page can show: one corpus and some runs. Shared by all requests.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use dataset::corpus::Corpus;
+use dataset::file_name;
+
+use crate::opened::Opened;
+use crate::refusal::Refusal;
+use crate::run::Run;
+
+/// Scenarios that stay open: the shown one, and the one before.
+const MOST_OPENED: usize = 2;
+
+/// The corpus and the runs.
+pub(crate) struct Library {
+    pub(crate) corpus: Corpus,
+    pub(crate) runs: Vec<Run>,
+    opened: Mutex<Vec<Arc<Opened>>>,
+}
+
+impl Library {
+    pub(crate) fn new(corpus: Corpus, runs: Vec<Run>) -> Self {
+        Self {
+            corpus,
+            runs,
+            opened: Mutex::default(),
+        }
+    }
+
+    /// A scenario in its current state.
+    ///
+    /// # Errors
+    /// The name is none of a scenario, or there is no intact one of this name.
+    pub(crate) fn open(&self, id: &str) -> Result<Arc<Opened>, Refusal> {
+        file_name::check_id(id).map_err(Refusal::not_found)?;
+        let folder = self.corpus.scenario(id);
+        let seal = folder.seal()?.ok_or_else(|| {
+            Refusal::not_found(format!("scenario {id} is not recorded, or not yet"))
+        })?;
+        let known = |opened: &Arc<Opened>| opened.record.id == id && *opened.files.seal() == seal;
+        let list = || self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(opened) = list().iter().find(|opened| known(opened)) {
+            return Ok(opened.clone());
+        }
+        let opened = Arc::new(Opened::new(folder.open()?)?);
+        let mut list = list();
+        list.retain(|other| other.record.id != id);
+        list.truncate(MOST_OPENED - 1);
+        list.insert(0, opened.clone());
+        Ok(opened)
+    }
+}

@@ -1,0 +1,282 @@
+//! What the corpus has, scenario by scenario: finished, being recorded, failed, planned, damaged. It is read anew for every request,
+//! because a corpus in the making changes.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::path::Path;
+use std::time::SystemTime;
+
+use dataset::corpus::{Corpus, PARTIAL_SUFFIX, ScenarioFolder};
+use dataset::detections::models_of;
+use dataset::error::Error;
+use dataset::file_name;
+use dataset::own_path::own_path;
+use dataset::plan::{Plan, PlannedScenario};
+use dataset::scenario::ScenarioRecord;
+use dataset::seal::faults_at_a_glance;
+use dataset::sealed::Sealed;
+use dataset::set_aside::SetAside;
+use dataset::splits::{Side, Splits};
+use dataset::video::recorded_pictures;
+use serde::Serialize;
+
+use crate::library::Library;
+
+/// The whole corpus.
+#[derive(Debug, Serialize)]
+pub(crate) struct Overview {
+    /// Name of its folder.
+    corpus: String,
+    /// The folder.
+    folder: String,
+    dtd: &'static str,
+    scenarios: Vec<Row>,
+    /// Names of the runs.
+    runs: Vec<String>,
+    /// What could not be read.
+    problems: Vec<String>,
+}
+
+/// How far a scenario is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum State {
+    /// Not begun.
+    Planned,
+    /// An unfinished folder is there.
+    Recording,
+    /// All attempts failed.
+    Failed,
+    /// Its files contradict their seal.
+    Damaged,
+    /// Complete, without labels.
+    Recorded,
+    /// With labels.
+    Labelled,
+    /// With detections, too.
+    Detected,
+}
+
+/// A scenario.
+#[derive(Debug, Serialize)]
+struct Row {
+    id: String,
+    state: State,
+    weather: Option<String>,
+    time_of_day: Option<String>,
+    trajectory: Option<String>,
+    side: Option<Side>,
+    /// Of the recording, else of the plan.
+    ticks: Option<u32>,
+    views: Vec<String>,
+    /// File names of the models with detections, or hashes where the name is not known.
+    models: Vec<String>,
+    /// Of an unfinished recording: pictures of the view that has least.
+    recorded_ticks: Option<u64>,
+    /// Of an unfinished recording: time since a file of it changed, seconds.
+    unchanged_s: Option<u64>,
+    /// Why it failed, or what is damaged.
+    faults: Vec<String>,
+}
+
+impl Row {
+    fn new(id: &str, state: State) -> Self {
+        Self {
+            id: id.to_owned(),
+            state,
+            weather: None,
+            time_of_day: None,
+            trajectory: None,
+            side: None,
+            ticks: None,
+            views: Vec::new(),
+            models: Vec::new(),
+            recorded_ticks: None,
+            unchanged_s: None,
+            faults: Vec::new(),
+        }
+    }
+
+    fn add_plan(&mut self, planned: &PlannedScenario) {
+        let PlannedScenario {
+            weather,
+            time_of_day,
+            trajectory,
+            ticks,
+            ..
+        } = planned;
+        self.weather.get_or_insert_with(|| weather.clone());
+        self.time_of_day.get_or_insert_with(|| time_of_day.clone());
+        self.trajectory.get_or_insert_with(|| trajectory.clone());
+        self.ticks.get_or_insert(*ticks);
+    }
+
+    fn add_record(&mut self, record: ScenarioRecord) {
+        self.weather = Some(record.conditions.weather_name);
+        self.time_of_day = Some(record.conditions.time_of_day);
+        self.trajectory = Some(record.trajectory);
+        self.ticks = Some(record.ticks);
+        self.views = record.views;
+    }
+}
+
+/// Reads the state of a corpus.
+pub(crate) fn read(library: &Library) -> Overview {
+    let corpus = &library.corpus;
+    let mut problems = Vec::new();
+    let mut noted = |error: Error| problems.push(error.to_string());
+    let plan = Plan::of_corpus(corpus).unwrap_or_else(|error| {
+        noted(error);
+        None
+    });
+    let splits = match corpus.splits() {
+        Ok(splits) => Some(splits),
+        // A corpus whose plan is missing, too, was not made by `dtd generate`.
+        Err(_) if plan.is_none() => None,
+        Err(error) => {
+            noted(error);
+            None
+        }
+    };
+    let failed = SetAside::all(corpus).unwrap_or_else(|error| {
+        noted(error);
+        BTreeMap::new()
+    });
+    let folders = corpus.folders().unwrap_or_else(|error| {
+        noted(error);
+        Vec::new()
+    });
+    let partial = partial_ids(corpus).unwrap_or_else(|error| {
+        noted(error);
+        BTreeSet::new()
+    });
+    let mut rows: BTreeMap<String, Row> = BTreeMap::new();
+    for folder in folders {
+        let row = finished(&folder);
+        rows.insert(row.id.clone(), row);
+    }
+    let planned = || plan.iter().flat_map(|plan| &plan.scenarios);
+    let ids: BTreeSet<&str> = planned()
+        .map(|planned| planned.id.as_str())
+        .chain(failed.keys().map(String::as_str))
+        .chain(partial.iter().map(String::as_str))
+        .collect();
+    for id in ids {
+        let row = rows
+            .entry(id.to_owned())
+            .or_insert_with(|| unfinished(corpus, id, partial.contains(id)));
+        if let (State::Planned | State::Recording, Some(failed)) = (row.state, failed.get(id)) {
+            row.faults.clone_from(&failed.reasons);
+            if row.state == State::Planned {
+                row.state = State::Failed;
+            }
+        }
+    }
+    for planned in planned() {
+        if let Some(row) = rows.get_mut(&planned.id) {
+            row.add_plan(planned);
+        }
+    }
+    for row in rows.values_mut() {
+        row.side = side_of(splits.as_ref(), &row.id);
+    }
+    let root = corpus.root();
+    let real = root.canonicalize().unwrap_or_else(|_| root.to_owned());
+    let name = real.file_name().unwrap_or(real.as_os_str());
+    Overview {
+        corpus: name.to_string_lossy().into_owned(),
+        folder: real.display().to_string(),
+        dtd: env!("CARGO_PKG_VERSION"),
+        scenarios: rows.into_values().collect(),
+        runs: library.runs.iter().map(|run| run.name.clone()).collect(),
+        problems,
+    }
+}
+
+fn side_of(splits: Option<&Splits>, id: &str) -> Option<Side> {
+    Some(splits?.scenarios.get(id)?.side)
+}
+
+/// A folder that is in its place.
+fn finished(folder: &ScenarioFolder) -> Row {
+    let id = folder.id();
+    let row = file_name::check_id(&id)
+        .map_err(|error| Error::corpus(folder.root(), error))
+        .and_then(|()| sealed(folder));
+    row.unwrap_or_else(|error| Row {
+        faults: vec![error.to_string()],
+        ..Row::new(&id, State::Damaged)
+    })
+}
+
+fn sealed(folder: &ScenarioFolder) -> dataset::Result<Row> {
+    let Some(sealed) = Sealed::read(folder.root())? else {
+        return Err(Error::corpus(
+            folder.root(),
+            "has no DONE.json: it was never finished; make it with `dtd generate`",
+        ));
+    };
+    folder.check_identity(&sealed)?;
+    let mut row = Row::new(&folder.id(), State::Recorded);
+    row.add_record(ScenarioRecord::read(&sealed.check("scenario.json")?)?);
+    for model in models_of(folder)? {
+        row.models
+            .push(dataset::detections::named(folder, &model).to_string());
+    }
+    row.faults = faults_at_a_glance(folder.root())?;
+    if !row.faults.is_empty() {
+        row.state = State::Damaged;
+    } else if !row.models.is_empty() {
+        row.state = State::Detected;
+    } else if sealed.hash_of(ScenarioFolder::TRUTH_BOXES).is_some() {
+        row.state = State::Labelled;
+    }
+    Ok(row)
+}
+
+/// Identifiers of the folders that are being filled.
+fn partial_ids(corpus: &Corpus) -> dataset::Result<BTreeSet<String>> {
+    let folder = own_path(corpus.root(), "scenarios")?;
+    let mut ids = BTreeSet::new();
+    for entry in fs::read_dir(&folder).map_err(Error::io("list", &folder))? {
+        let name = entry.map_err(Error::io("list", &folder))?.file_name();
+        if let Some(id) = name.to_string_lossy().strip_suffix(PARTIAL_SUFFIX) {
+            ids.insert(id.to_owned());
+        }
+    }
+    Ok(ids)
+}
+
+fn unfinished(corpus: &Corpus, id: &str, is_begun: bool) -> Row {
+    let mut row = Row::new(id, State::Planned);
+    if !is_begun {
+        return row;
+    }
+    row.state = State::Recording;
+    let folder = corpus.partial_scenario(id);
+    let Ok(views) = own_path(folder.root(), "views") else {
+        return row;
+    };
+    let mut changed = changed_at(folder.root());
+    for entry in fs::read_dir(&views).into_iter().flatten().flatten() {
+        let path = entry.path();
+        changed = changed.max(changed_at(&path));
+        if let Some(view) = path.file_stem() {
+            row.views.push(view.to_string_lossy().into_owned());
+        }
+        // A finished video has all pictures of its scenario.
+        if let Ok(Some(pictures)) = recorded_pictures(&path) {
+            let least = row.recorded_ticks.unwrap_or(u64::MAX);
+            row.recorded_ticks = Some(pictures.min(least));
+        }
+    }
+    row.views.sort();
+    row.unchanged_s = changed
+        .and_then(|changed| SystemTime::now().duration_since(changed).ok())
+        .map(|since| since.as_secs());
+    row
+}
+
+fn changed_at(path: &Path) -> Option<SystemTime> {
+    path.symlink_metadata().ok()?.modified().ok()
+}

@@ -1,0 +1,50 @@
+//! The path of a flight about its touchdown target, in as few points as a small map can show.
+
+use dataset::frames::TickRow;
+use dataset::runway::RunwayCoordinates;
+use serde::Serialize;
+
+use crate::opened::Opened;
+use crate::refusal::Refusal;
+use crate::rounded::thousandths;
+
+/// Points of a path.
+const MOST_POINTS: usize = 200;
+
+/// A flown path.
+#[derive(Debug, Default, Serialize)]
+pub(crate) struct FlownPath {
+    tick: Vec<u32>,
+    along_track_m: Vec<f64>,
+    cross_track_m: Vec<f64>,
+    height_over_target_m: Vec<f64>,
+}
+
+/// Reads a path: some of its ticks, the first and the last among them.
+pub(crate) fn read(opened: &Opened) -> Result<FlownPath, Refusal> {
+    let frames = opened.files.frames()?;
+    let every = frames.rows.len().div_ceil(MOST_POINTS).max(1);
+    let last = frames.rows.len().saturating_sub(1);
+    let mut path = FlownPath::default();
+    for (index, row) in frames.rows.iter().enumerate() {
+        if index % every == 0 || index == last {
+            let at = place(opened, row);
+            path.tick.push(row.tick);
+            path.along_track_m.push(thousandths(at.along_track_m));
+            path.cross_track_m.push(thousandths(at.cross_track_m));
+            path.height_over_target_m
+                .push(thousandths(at.height_over_target_m));
+        }
+    }
+    Ok(path)
+}
+
+/// Where the aircraft is relative to the touchdown target: as labels say it, whether there are labels or not.
+pub(crate) fn place(opened: &Opened, row: &TickRow) -> RunwayCoordinates {
+    let record = &opened.record;
+    RunwayCoordinates::of(
+        row.pose.position(),
+        record.touchdown,
+        record.runway.course_true_deg,
+    )
+}

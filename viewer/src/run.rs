@@ -1,0 +1,259 @@
+//! What a run answered: `predictions.parquet` and `metrics.json` of `dtd evaluate`, or the table that `dtd predict` wrote.
+//!
+//! They are read once, in the background: the table has a row for each tick of all scenarios.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use dataset::columns::Table;
+use dataset::json_file::read_json;
+use dataset::sealed::Sealed;
+use serde::{Deserialize, Serialize};
+
+use crate::rounded::thousandths;
+
+const PREDICTIONS: &str = "predictions.parquet";
+const METRICS: &str = "metrics.json";
+/// Ending of the columns with the answers of an estimator.
+const ANSWER: &str = "_dtd_m";
+/// Column with the truth, which has that ending, too.
+const TRUTH: &str = "dtd_m";
+/// Above the ticks of any corpus.
+const MOST_ROWS: u64 = 1 << 30;
+
+/// A run, by the name of its folder.
+pub(crate) struct Run {
+    pub(crate) name: String,
+    path: PathBuf,
+    answers: OnceLock<Answers>,
+}
+
+/// Its content, as far as it could be read.
+#[derive(Debug, Default)]
+pub(crate) struct Answers {
+    /// By scenario.
+    pub(crate) flights: BTreeMap<String, Flight>,
+    metrics: Option<Metrics>,
+    problems: Vec<String>,
+}
+
+/// The answers for one scenario.
+#[derive(Debug, Default, Clone, Serialize)]
+pub(crate) struct Flight {
+    pub(crate) tick: Vec<u32>,
+    /// The truth of the evaluation; empty for a corpus without labels.
+    #[serde(skip)]
+    dtd_m: Vec<f64>,
+    /// By estimator.
+    pub(crate) estimators: BTreeMap<String, Vec<Option<f64>>>,
+}
+
+/// The part of `metrics.json` that the page shows.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+struct Metrics {
+    #[serde(default)]
+    estimators: BTreeMap<String, Figures>,
+}
+
+/// Figures of an estimator over all judged ticks.
+#[derive(Debug, Clone, Deserialize, Serialize)]
+struct Figures {
+    mape_pct: Option<f64>,
+    median_pct: Option<f64>,
+    p95_pct: Option<f64>,
+    p95_m: Option<f64>,
+    coverage: Option<f64>,
+}
+
+/// What the page shows of a run beside the scenarios.
+#[derive(Debug, Serialize)]
+pub(crate) struct Summary<'a> {
+    name: &'a str,
+    metrics: Option<&'a Metrics>,
+    /// By scenario and estimator.
+    flights: BTreeMap<&'a str, BTreeMap<&'a str, Errors>>,
+    problems: &'a [String],
+}
+
+/// Errors of an estimator in one scenario, of the judged ticks.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+struct Errors {
+    mape_pct: f64,
+    worst_pct: f64,
+    worst_tick: u32,
+    answered: usize,
+}
+
+impl Run {
+    pub(crate) fn at(path: PathBuf, name: String) -> Self {
+        Self {
+            name,
+            path,
+            answers: OnceLock::new(),
+        }
+    }
+
+    /// What it answered; reads it the first time.
+    pub(crate) fn answers(&self) -> &Answers {
+        self.answers.get_or_init(|| Answers::read(&self.path))
+    }
+
+    pub(crate) fn summary(&self) -> Summary<'_> {
+        let answers = self.answers();
+        Summary {
+            name: &self.name,
+            metrics: answers.metrics.as_ref(),
+            flights: answers
+                .flights
+                .iter()
+                .map(|(id, flight)| (id.as_str(), flight.errors()))
+                .collect(),
+            problems: &answers.problems,
+        }
+    }
+}
+
+impl Answers {
+    fn read(path: &Path) -> Self {
+        let mut answers = Self::default();
+        let is_folder = path.is_dir();
+        let sealed = match is_folder {
+            true => Sealed::read(path),
+            false => Ok(None),
+        };
+        let sealed = sealed.unwrap_or_else(|error| {
+            answers.problems.push(error.to_string());
+            None
+        });
+        let file = |name: &str| match &sealed {
+            Some(sealed) if sealed.hash_of(name).is_some() => sealed.check(name),
+            _ => Ok(path.join(name)),
+        };
+        let table = match is_folder {
+            true => file(PREDICTIONS),
+            false => Ok(path.to_owned()),
+        };
+        match table.and_then(|table| flights(&table)) {
+            Ok(flights) => answers.flights = flights,
+            Err(error) if error.is_not_found() => answers.problems.push(format!(
+                "{}: has no {PREDICTIONS}: run `dtd evaluate` on it first",
+                path.display()
+            )),
+            Err(error) => answers.problems.push(error.to_string()),
+        }
+        if is_folder {
+            match file(METRICS).and_then(|path| read_json(&path, "metrics")) {
+                Ok(metrics) => answers.metrics = Some(metrics),
+                Err(error) if error.is_not_found() => {}
+                Err(error) => answers.problems.push(error.to_string()),
+            }
+        }
+        answers
+    }
+}
+
+/// The rows of a table of answers, by scenario.
+fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
+    let table = Table::read(path, MOST_ROWS)?;
+    let scenario = table.text("scenario")?;
+    let tick = table.u32("tick")?;
+    let truth = match table.has(TRUTH) {
+        true => table.f64(TRUTH)?,
+        false => Vec::new(),
+    };
+    let mut estimators = Vec::new();
+    for column in table.column_names() {
+        if let Some(name) = column.strip_suffix(ANSWER) {
+            estimators.push((name.to_owned(), table.optional_f64(column)?));
+        }
+    }
+    drop(table);
+    let mut flights: BTreeMap<String, Flight> = BTreeMap::new();
+    let mut begin = 0;
+    for rows in scenario.chunk_by(|a, b| a == b) {
+        let rows_of = begin..begin + rows.len();
+        begin = rows_of.end;
+        let flight = flights.entry(rows[0].clone()).or_default();
+        flight.tick.extend_from_slice(&tick[rows_of.clone()]);
+        flight
+            .dtd_m
+            .extend_from_slice(truth.get(rows_of.clone()).unwrap_or_default());
+        for (name, answers) in &estimators {
+            let of_flight = flight.estimators.entry(name.clone()).or_default();
+            let answers = answers[rows_of.clone()].iter();
+            of_flight.extend(answers.map(|answer| answer.map(thousandths)));
+        }
+    }
+    Ok(flights)
+}
+
+impl Flight {
+    fn errors(&self) -> BTreeMap<&str, Errors> {
+        let estimators = self.estimators.iter();
+        estimators
+            .filter_map(|(name, answers)| {
+                Some((
+                    name.as_str(),
+                    Errors::of(&self.tick, &self.dtd_m, answers)?,
+                ))
+            })
+            .collect()
+    }
+}
+
+impl Errors {
+    /// `None` without an answer or without truth.
+    fn of(tick: &[u32], truth_m: &[f64], answers: &[Option<f64>]) -> Option<Self> {
+        let rows = tick.iter().zip(truth_m).zip(answers);
+        let errors = rows.filter_map(|((&tick, &truth_m), answer)| {
+            let error_pct = ((*answer)? - truth_m).abs() / truth_m * 100.0;
+            error_pct.is_finite().then_some((tick, error_pct))
+        });
+        let mut sum_pct = 0.0;
+        let mut found: Option<Self> = None;
+        for (tick, error_pct) in errors {
+            sum_pct += error_pct;
+            let worst = found.get_or_insert(Self {
+                mape_pct: 0.0,
+                worst_pct: error_pct,
+                worst_tick: tick,
+                answered: 0,
+            });
+            worst.answered += 1;
+            if error_pct > worst.worst_pct {
+                (worst.worst_pct, worst.worst_tick) = (error_pct, tick);
+            }
+        }
+        found.map(|found| Self {
+            mape_pct: thousandths(sum_pct / found.answered as f64),
+            worst_pct: thousandths(found.worst_pct),
+            ..found
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_error_is_the_largest_share_of_the_truth_and_knows_its_tick() {
+        let errors = Errors::of(
+            &[3, 4, 5, 6],
+            &[1000.0, 1000.0, 100.0, 50.0],
+            &[Some(1010.0), Some(970.0), Some(102.0), None],
+        );
+        assert_eq!(
+            errors,
+            Some(Errors {
+                mape_pct: 2.0,
+                worst_pct: 3.0,
+                worst_tick: 4,
+                answered: 3
+            })
+        );
+        assert_eq!(Errors::of(&[3], &[1000.0], &[None]), None);
+        assert_eq!(Errors::of(&[3], &[], &[Some(1.0)]), None);
+    }
+}

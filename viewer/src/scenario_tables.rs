@@ -1,0 +1,262 @@
+//! Everything about one scenario but its pictures, as columns: ticks, boxes, registrations, and what the runs answered. Whatever
+//! cannot be read is left out and named.
+
+use std::collections::BTreeMap;
+
+use dataset::detections::{self, Detections, models_of};
+use dataset::error::Error;
+use dataset::pixel_box::{PixelBox, TruthBox};
+use dataset::registrations::Registration;
+use dataset::scenario::ScenarioRecord;
+use serde::Serialize;
+
+use crate::library::Library;
+use crate::opened::Opened;
+use crate::path::place;
+use crate::refusal::Refusal;
+use crate::rounded::{column, thousandths};
+use crate::run::Flight;
+
+/// A scenario's tables.
+#[derive(Debug, Serialize)]
+pub(crate) struct ScenarioTables {
+    record: ScenarioRecord,
+    views: Vec<View>,
+    ticks: Option<Ticks>,
+    /// By model.
+    models: Vec<Model>,
+    /// By run, in their order; `None` for a run without this scenario.
+    runs: Vec<Option<Flight>>,
+    problems: Vec<String>,
+}
+
+#[derive(Debug, Serialize)]
+struct View {
+    id: String,
+    width_px: u32,
+    height_px: u32,
+    hfov_deg: f64,
+    /// True boxes; `None` without labels.
+    truth: Option<TruthColumns>,
+}
+
+/// A row for each tick.
+#[derive(Debug, Default, Serialize)]
+struct Ticks {
+    time_s: Vec<f64>,
+    /// `None` without labels.
+    dtd_m: Option<Vec<f64>>,
+    along_track_m: Vec<f64>,
+    cross_track_m: Vec<f64>,
+    height_over_target_m: Vec<f64>,
+    ground_speed_mps: Vec<f64>,
+    true_airspeed_mps: Vec<f64>,
+    climb_mps: Vec<f64>,
+    heading_true_deg: Vec<f64>,
+    pitch_deg: Vec<f64>,
+    roll_deg: Vec<f64>,
+    on_ground: Vec<bool>,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct BoxColumns {
+    tick: Vec<u32>,
+    cx_px: Vec<f64>,
+    cy_px: Vec<f64>,
+    width_px: Vec<f64>,
+    height_px: Vec<f64>,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct TruthColumns {
+    #[serde(flatten)]
+    boxes: BoxColumns,
+    visible_fraction: Vec<f64>,
+    transmission: Vec<f64>,
+}
+
+/// What one model found.
+#[derive(Debug, Serialize)]
+struct Model {
+    /// Its file and its hash, as far as they are known.
+    name: String,
+    hash: String,
+    /// By view.
+    detections: BTreeMap<String, DetectionColumns>,
+    /// By view.
+    registrations: BTreeMap<String, RegistrationColumns>,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct DetectionColumns {
+    #[serde(flatten)]
+    boxes: BoxColumns,
+    score: Vec<f64>,
+    confirmed: Vec<bool>,
+    mode: Vec<&'static str>,
+    /// Pictures without a box, and why.
+    missed_tick: Vec<u32>,
+    missed_reason: Vec<&'static str>,
+}
+
+#[derive(Debug, Default, Serialize)]
+struct RegistrationColumns {
+    reference: String,
+    tick: Vec<u32>,
+    /// The point in the reference view that was followed.
+    x_px: Vec<Option<f64>>,
+    y_px: Vec<Option<f64>>,
+    dx_px: Vec<Option<f64>>,
+    dy_px: Vec<Option<f64>>,
+    reason: Vec<Option<&'static str>>,
+}
+
+/// Reads the tables of a scenario.
+pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables, Refusal> {
+    let mut problems = Vec::new();
+    let mut noted = |error: Error| problems.push(error.to_string());
+    let files = &opened.files;
+    let ticks = match ticks(opened) {
+        Ok(ticks) => Some(ticks),
+        Err(error) => {
+            noted(error);
+            None
+        }
+    };
+    let truth = files.truth_boxes_if_labelled().unwrap_or_else(|error| {
+        noted(error);
+        None
+    });
+    let cameras = match files.calibration() {
+        Ok(calibration) => calibration.cameras,
+        Err(error) => {
+            noted(error);
+            BTreeMap::new()
+        }
+    };
+    let view = |id: &String| {
+        let camera = cameras.get(id);
+        View {
+            id: id.clone(),
+            width_px: camera.map_or(0, |camera| camera.width_px),
+            height_px: camera.map_or(0, |camera| camera.height_px),
+            hfov_deg: camera.map_or(0.0, |camera| thousandths(camera.placed.hfov_deg)),
+            truth: truth.as_ref().map(|boxes| TruthColumns::of(boxes, id)),
+        }
+    };
+    let views = opened.record.views.iter().map(view).collect();
+    let mut models = Vec::new();
+    for hash in models_of(files.folder()).unwrap_or_default() {
+        match model(opened, hash) {
+            Ok(model) => models.push(model),
+            Err(error) => noted(error),
+        }
+    }
+    let id = files.id();
+    let runs = library.runs.iter();
+    Ok(ScenarioTables {
+        record: opened.record.clone(),
+        views,
+        ticks,
+        models,
+        runs: runs
+            .map(|run| run.answers().flights.get(&id).cloned())
+            .collect(),
+        problems,
+    })
+}
+
+fn ticks(opened: &Opened) -> dataset::Result<Ticks> {
+    let rows = opened.files.frames()?.rows;
+    let labels: Option<Vec<f64>> = rows
+        .iter()
+        .map(|row| Some(row.labels?.dtd_m))
+        .collect();
+    let places: Vec<_> = rows.iter().map(|row| place(opened, row)).collect();
+    let speed = |[north, east, _]: [f64; 3]| north.hypot(east);
+    Ok(Ticks {
+        time_s: column(rows.iter().map(|row| row.time_ns as f64 / 1e9)),
+        dtd_m: labels.map(column),
+        along_track_m: column(places.iter().map(|at| at.along_track_m)),
+        cross_track_m: column(places.iter().map(|at| at.cross_track_m)),
+        height_over_target_m: column(places.iter().map(|at| at.height_over_target_m)),
+        ground_speed_mps: column(rows.iter().map(|row| speed(row.velocity_ned_mps))),
+        true_airspeed_mps: column(rows.iter().map(|row| row.true_airspeed_mps)),
+        climb_mps: column(rows.iter().map(|row| -row.velocity_ned_mps[2])),
+        heading_true_deg: column(rows.iter().map(|row| row.pose.heading_true_deg)),
+        pitch_deg: column(rows.iter().map(|row| row.pose.pitch_deg)),
+        roll_deg: column(rows.iter().map(|row| row.pose.roll_deg)),
+        on_ground: rows.iter().map(|row| row.on_ground).collect(),
+    })
+}
+
+impl BoxColumns {
+    fn push(&mut self, tick: u32, pixel_box: &PixelBox) {
+        self.tick.push(tick);
+        self.cx_px.push(thousandths(pixel_box.cx_px));
+        self.cy_px.push(thousandths(pixel_box.cy_px));
+        self.width_px.push(thousandths(pixel_box.width_px));
+        self.height_px.push(thousandths(pixel_box.height_px));
+    }
+}
+
+impl TruthColumns {
+    fn of(boxes: &[TruthBox], view: &str) -> Self {
+        let mut columns = Self::default();
+        for real in boxes.iter().filter(|real| real.view == view) {
+            columns.boxes.push(real.tick, &real.pixel_box);
+            columns
+                .visible_fraction
+                .push(thousandths(real.visible_fraction));
+            columns.transmission.push(thousandths(real.transmission));
+        }
+        columns
+    }
+}
+
+fn model(opened: &Opened, hash: String) -> dataset::Result<Model> {
+    let files = &opened.files;
+    let found = files.detections(&hash)?;
+    let registrations = files.registrations(&hash)?;
+    Ok(Model {
+        name: detections::named(files.folder(), &hash).to_string(),
+        detections: detection_columns(&found),
+        registrations: registration_columns(&registrations.unwrap_or_default()),
+        hash,
+    })
+}
+
+fn detection_columns(found: &Detections) -> BTreeMap<String, DetectionColumns> {
+    let mut views: BTreeMap<String, DetectionColumns> = BTreeMap::new();
+    for detection in &found.boxes {
+        let columns = views.entry(detection.view.clone()).or_default();
+        columns.boxes.push(detection.tick, &detection.pixel_box);
+        columns.score.push(thousandths(detection.score));
+        columns.confirmed.push(detection.confirmed);
+        columns.mode.push(detection.mode.word());
+    }
+    for miss in &found.misses {
+        let columns = views.entry(miss.view.clone()).or_default();
+        columns.missed_tick.push(miss.tick);
+        columns.missed_reason.push(miss.reason.word());
+    }
+    views
+}
+
+fn registration_columns(rows: &[Registration]) -> BTreeMap<String, RegistrationColumns> {
+    let mut views: BTreeMap<String, RegistrationColumns> = BTreeMap::new();
+    for row in rows {
+        let columns = views.entry(row.view.clone()).or_default();
+        columns.reference.clone_from(&row.reference);
+        columns.tick.push(row.tick);
+        let shift = row.result.as_ref().ok();
+        columns.x_px.push(shift.map(|shift| thousandths(shift.x_px)));
+        columns.y_px.push(shift.map(|shift| thousandths(shift.y_px)));
+        columns.dx_px.push(shift.map(|shift| thousandths(shift.dx_px)));
+        columns.dy_px.push(shift.map(|shift| thousandths(shift.dy_px)));
+        columns
+            .reason
+            .push(row.result.as_ref().err().map(|reason| reason.word()));
+    }
+    views
+}

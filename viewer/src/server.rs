@@ -1,0 +1,196 @@
+//! The server: which address gives what.
+
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use axum::extract::rejection::QueryRejection;
+use axum::extract::{Query, State};
+use axum::http::header::CONTENT_TYPE;
+use axum::http::{HeaderMap, StatusCode};
+use axum::response::{IntoResponse, Response};
+use axum::routing::get;
+use axum::{Router, middleware};
+use dataset::corpus::Corpus;
+use serde::{Deserialize, Serialize};
+use tokio::net::TcpListener;
+use tokio::task::spawn_blocking;
+
+use crate::doorkeeper::{OwnNames, guard};
+use crate::error::ViewError;
+use crate::library::Library;
+use crate::refusal::Refusal;
+use crate::run::{Run, Summary};
+use crate::{assets, overview, path, scenario_tables, video_file};
+
+/// What to show, and where.
+#[derive(Debug)]
+pub struct ViewOptions {
+    /// The corpus.
+    pub corpus: Corpus,
+    /// Folders of runs, or tables of `dtd predict`.
+    pub runs: Vec<PathBuf>,
+    /// Port on the loopback device; 0 takes any free one.
+    pub port: u16,
+}
+
+/// Serves the page until the future is dropped; `ready` is told the address.
+///
+/// # Errors
+/// The port is not free.
+pub async fn serve(
+    options: ViewOptions,
+    ready: impl FnOnce(SocketAddr),
+) -> Result<(), ViewError> {
+    let ViewOptions { corpus, runs, port } = options;
+    let cannot_listen = |source| ViewError::Listen { port, source };
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
+        .await
+        .map_err(cannot_listen)?;
+    let address = listener.local_addr().map_err(cannot_listen)?;
+    let library = Arc::new(Library::new(corpus, named(&runs)));
+    read_ahead(library.clone());
+    ready(address);
+    axum::serve(listener, router(library, address))
+        .await
+        .map_err(ViewError::Serve)
+}
+
+/// The runs by the names of their folders, numbered where several have the same.
+fn named(paths: &[PathBuf]) -> Vec<Run> {
+    let name = |path: &Path| {
+        let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        let name = real.file_name().unwrap_or(real.as_os_str());
+        name.to_string_lossy().into_owned()
+    };
+    let names: Vec<String> = paths.iter().map(|path| name(path)).collect();
+    let run = |(index, path): (usize, &PathBuf)| {
+        let name = &names[index];
+        let name = match names.iter().filter(|other| *other == name).count() {
+            1 => name.clone(),
+            _ => format!("{name} ({})", index + 1),
+        };
+        Run::at(path.clone(), name)
+    };
+    paths.iter().enumerate().map(run).collect()
+}
+
+/// Reads the runs before the page asks for them.
+fn read_ahead(library: Arc<Library>) {
+    spawn_blocking(move || {
+        for run in &library.runs {
+            run.answers();
+        }
+    });
+}
+
+fn router(library: Arc<Library>, address: SocketAddr) -> Router {
+    assets::routes()
+        .route("/api/corpus", get(corpus))
+        .route("/api/runs", get(runs))
+        .route("/api/path", get(flown_path))
+        .route("/api/scenario", get(scenario))
+        .route("/frame", get(frame))
+        .route("/video", get(video))
+        .fallback(async || Refusal::not_found("there is nothing at this address"))
+        .with_state(library)
+        .layer(middleware::from_fn_with_state(
+            Arc::new(OwnNames::of(address)),
+            guard,
+        ))
+}
+
+type Answer = Result<Response, Refusal>;
+type Asked<T> = Result<Query<T>, QueryRejection>;
+
+/// One scenario.
+#[derive(Debug, Deserialize)]
+struct OfScenario {
+    scenario: String,
+}
+
+/// One view of it.
+#[derive(Debug, Deserialize)]
+struct OfView {
+    scenario: String,
+    view: String,
+}
+
+/// One picture of it.
+#[derive(Debug, Deserialize)]
+struct OfPicture {
+    scenario: String,
+    view: String,
+    tick: u32,
+}
+
+async fn corpus(State(library): State<Arc<Library>>) -> Answer {
+    blocking(move || json(&overview::read(&library))).await
+}
+
+async fn runs(State(library): State<Arc<Library>>) -> Answer {
+    let summaries = move || {
+        let runs: Vec<Summary<'_>> = library.runs.iter().map(Run::summary).collect();
+        json(&runs)
+    };
+    blocking(summaries).await
+}
+
+async fn flown_path(State(library): State<Arc<Library>>, asked: Asked<OfScenario>) -> Answer {
+    let OfScenario { scenario } = understood(asked)?;
+    blocking(move || json(&path::read(&*library.open(&scenario)?)?)).await
+}
+
+async fn scenario(State(library): State<Arc<Library>>, asked: Asked<OfScenario>) -> Answer {
+    let OfScenario { scenario } = understood(asked)?;
+    blocking(move || {
+        let opened = library.open(&scenario)?;
+        json(&scenario_tables::read(&library, &opened)?)
+    })
+    .await
+}
+
+async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> Answer {
+    let OfPicture {
+        scenario,
+        view,
+        tick,
+    } = understood(asked)?;
+    blocking(move || {
+        let picture = library.open(&scenario)?.picture(&view, tick)?;
+        Ok(([(CONTENT_TYPE, "image/bmp")], picture).into_response())
+    })
+    .await
+}
+
+async fn video(
+    State(library): State<Arc<Library>>,
+    headers: HeaderMap,
+    asked: Asked<OfView>,
+) -> Answer {
+    let OfView { scenario, view } = understood(asked)?;
+    blocking(move || {
+        let opened = library.open(&scenario)?;
+        video_file::answer(opened.video(&view)?, &headers)
+    })
+    .await
+}
+
+fn understood<T>(asked: Asked<T>) -> Result<T, Refusal> {
+    match asked {
+        Ok(Query(asked)) => Ok(asked),
+        Err(rejection) => Err(Refusal::new(StatusCode::BAD_REQUEST, rejection)),
+    }
+}
+
+/// Reads files on a thread that may wait for them.
+async fn blocking(read: impl FnOnce() -> Answer + Send + 'static) -> Answer {
+    let read = spawn_blocking(read).await;
+    read.unwrap_or_else(|error| Err(Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, error)))
+}
+
+fn json(value: &impl Serialize) -> Answer {
+    let text = serde_json::to_vec(value)
+        .map_err(|error| Refusal::new(StatusCode::INTERNAL_SERVER_ERROR, error))?;
+    Ok(([(CONTENT_TYPE, "application/json")], text).into_response())
+}
