@@ -3,8 +3,8 @@
 #
 # Needs: Debian 12 (or a relative with apt), a Rust toolchain, Python 3, and root or sudo if packages are missing.
 # Installs: the development packages of FFmpeg, Xvfb (an X server without a screen, for the tests of screen capture), the programs
-# b3sum, ffmpeg, strace and chromium, a virtual environment in .venv with ONNX Runtime (see requirements.txt), and one in .venv-clients with other
-# authors' X-Plane clients.
+# b3sum, ffmpeg, strace and chromium, a virtual environment in .venv with ONNX Runtime (see requirements.txt), and one in .venv-clients
+# with other authors' X-Plane clients.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

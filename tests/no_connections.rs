@@ -155,7 +155,8 @@ fn no_verb_calls_anybody_who_was_not_named_or_leaves_anything_at_home() {
     cell.dtd(&["doctor", "--sim", "127.0.0.1:9"]);
     cell.dtd(&["install-plugin", "no-x-plane"]);
     let record = ["record", "--sim", "127.0.0.1:9", "--out", "session.mcap"];
-    for serving in [&["mock-xplane"][..], &record] {
+    let view = ["view", "corpus", "--run", "run", "--no-open"];
+    for serving in [&["mock-xplane"][..], &record, &view] {
         let serving = [serving, &["--port", "0", "--until-stdin-ends"]].concat();
         Server::start(&mut cell.command(env!("CARGO_BIN_EXE_dtd"), &serving)).end();
     }

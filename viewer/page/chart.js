@@ -33,6 +33,8 @@ export function range(values, room = 0.06) {
 class Plot {
   constructor({ title, label, height, bottom = true }) {
     this.canvas = document.createElement('canvas');
+    /** Everything but the cursor, which moves more often than the rest changes. */
+    this.still = document.createElement('canvas');
     this.canvas.className = 'plot';
     this.canvas.style.height = `${height}px`;
     this.canvas.setAttribute('role', 'img');
@@ -63,17 +65,42 @@ class Plot {
     return this.x[0] + (event.offsetX - left) / (right - left) * (this.x[1] - this.x[0]);
   }
 
-  /** A cleared context in CSS pixels. */
-  begin() {
+  /** A cleared context of one of the two canvases, in CSS pixels. */
+  begin(canvas) {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const ratio = devicePixelRatio || 1;
-    if (this.canvas.width !== Math.round(width * ratio)) this.canvas.width = Math.round(width * ratio);
-    if (this.canvas.height !== Math.round(height * ratio)) this.canvas.height = Math.round(height * ratio);
-    const context = this.canvas.getContext('2d');
+    if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
+    if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
+    const context = canvas.getContext('2d');
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     context.font = '12px system-ui, sans-serif';
     return context;
+  }
+
+  /** Draws everything. */
+  draw() {
+    if (this.canvas.clientWidth <= LEFT + RIGHT) return;
+    this.paint(this.begin(this.still));
+    this.point();
+  }
+
+  /** Moves the cursor, over a range of x. */
+  moveTo(cursor, x) {
+    this.cursor = cursor;
+    const isSame = x[0] === this.x[0] && x[1] === this.x[1];
+    this.x = x;
+    if (isSame) this.point();
+    else this.draw();
+  }
+
+  /** Draws the cursor over everything else. */
+  point() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (!this.still.width || !width) return;
+    const context = this.begin(this.canvas);
+    context.drawImage(this.still, 0, 0, width, height);
+    this.drawCursor(context);
   }
 
   drawXAxis(context) {
@@ -130,10 +157,8 @@ export class LineChart extends Plot {
     return bottom - (value - this.y[0]) / (this.y[1] - this.y[0]) * (bottom - top);
   }
 
-  draw() {
-    const context = this.begin();
+  paint(context) {
     const { left, top, right, bottom } = this.box;
-    if (right <= left) return;
     this.drawXAxis(context);
     context.textAlign = 'right';
     context.textBaseline = 'middle';
@@ -148,7 +173,13 @@ export class LineChart extends Plot {
     context.rect(left, top, right - left, bottom - top);
     context.clip();
     for (const line of this.lines) this.drawLine(context, line);
+    context.restore();
     context.setLineDash([]);
+    this.drawTitle(context, this.unit ? `${this.title}, ${this.unit}` : this.title);
+  }
+
+  drawCursor(context) {
+    super.drawCursor(context);
     for (const mark of this.marks) {
       context.fillStyle = mark.colour;
       context.beginPath();
@@ -158,9 +189,6 @@ export class LineChart extends Plot {
       context.lineWidth = 1.5;
       context.stroke();
     }
-    context.restore();
-    this.drawCursor(context);
-    this.drawTitle(context, this.unit ? `${this.title}, ${this.unit}` : this.title);
   }
 
   drawLine(context, { x, y, colour, dash = [], width = 1.5 }) {
@@ -211,10 +239,8 @@ export class RowChart extends Plot {
     this.rows = [];
   }
 
-  draw() {
-    const context = this.begin();
+  paint(context) {
     const { left, top, right, bottom } = this.box;
-    if (right <= left) return;
     this.drawXAxis(context);
     const height = (bottom - top) / Math.max(1, this.rows.length);
     this.rows.forEach(({ name, cells }, index) => {
@@ -231,7 +257,6 @@ export class RowChart extends Plot {
       context.textBaseline = 'middle';
       context.fillText(shortened(name), left - 6, y + height / 2);
     });
-    this.drawCursor(context);
     this.drawTitle(context, this.title);
   }
 }

@@ -72,6 +72,7 @@ export class FlownPaths {
     this.profile.lines.unshift({ x: [high, 0], y: [glide_m(high), 0], colour: colour('quiet'), dash: [3, 4], width: 1 });
     this.map.lines.unshift({ x: [high, 0], y: [0, 0], colour: colour('quiet'), dash: [3, 4], width: 1 });
     this.map.draw();
+    this.profile.draw();
     this.mark(this.at);
   }
 
@@ -81,7 +82,7 @@ export class FlownPaths {
     for (const [chart, key] of [[this.map, 'cross'], [this.profile, 'height']]) {
       chart.marks.length = Math.min(1, chart.marks.length);
       if (at) chart.marks.push({ x: at.along, y: at[key], colour: colour('accent') });
-      chart.draw();
+      chart.point();
     }
   }
 }

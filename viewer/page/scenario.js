@@ -7,6 +7,7 @@ import { FlownPaths } from './flown.js';
 import { address, forget, note, shown } from './link.js';
 import { MARKS, Picture, ZOOMS, boxWords } from './picture.js';
 import { Player } from './playback.js';
+import { isOpenable } from './scenarios.js';
 import { METRES_PER_NM, count, fixed, metres, nauticalMiles, seconds, speed } from './units.js';
 
 const SPEEDS = [0.25, 0.5, 1, 2, 4, 8, 16];
@@ -129,7 +130,7 @@ export class ScenarioPage {
     const { record } = tables;
     const { conditions } = record;
     const row = this.corpus.scenarios.find(one => one.id === record.id);
-    const ids = this.corpus.scenarios.filter(one => ['recorded', 'labelled', 'detected', 'damaged'].includes(one.state)).map(one => one.id);
+    const ids = this.corpus.scenarios.filter(isOpenable).map(one => one.id);
     const at = ids.indexOf(record.id);
     this.neighbours = { N: ids[at + 1], P: ids[at - 1] };
     const neighbour = (key, text) => this.neighbours[key]
@@ -512,6 +513,7 @@ export class ScenarioPage {
     this.axisName.textContent = this.axis === 'time' ? 'time since the first tick, s' : 'distance to touchdown, NM; negative past it';
     this.flown.draw();
     this.moveCursor();
+    for (const chart of this.charts) chart.draw();
   }
 
   /** Runs of ticks with the same state of a view's boxes. */
@@ -547,9 +549,7 @@ export class ScenarioPage {
       if (last > first) shownRange = [xs[first], xs[last]];
     }
     for (const chart of this.charts) {
-      chart.cursor = xs[this.tick];
-      chart.x = shownRange;
-      chart.draw();
+      chart.moveTo(xs[this.tick], shownRange);
     }
   }
 

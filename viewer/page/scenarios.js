@@ -11,10 +11,12 @@ const STATES = {
   planned: 'planned', recording: 'recording', failed: 'failed', damaged: 'damaged',
   recorded: 'no labels', labelled: 'labelled', detected: 'detected',
 };
-/** States of scenarios that can be looked at. */
-const IS_OPENABLE = new Set(['recorded', 'labelled', 'detected', 'damaged']);
+/** States of scenarios that are recorded. */
+const RECORDED = new Set(['recorded', 'labelled', 'detected', 'damaged']);
 /** An unfinished folder that nobody changes for this long was probably left behind. */
 const QUIET_S = 120;
+/** A rate of recording needs this long. */
+const LEAST_OBSERVED_S = 30;
 const MOST_ROWS = 400;
 const FILTERS = ['text', 'weather', 'time', 'side', 'state', 'worst'];
 
@@ -34,6 +36,9 @@ export function progressWords(corpus) {
   }
   return parts.join(', ');
 }
+
+/** Whether there is something to look at. */
+export const isOpenable = row => RECORDED.has(row.state) && row.views.length > 0;
 
 /** Whether something is being recorded, so that it is worth asking again soon. */
 export const isUnderWay = corpus => corpus.scenarios.some(row => row.state === 'recording');
@@ -101,7 +106,7 @@ export class Scenarios {
     const missing = scenarios.filter(row => ['planned', 'recording', 'failed'].includes(row.state)).length;
     if (!missing) return element('div');
     const ticks = rows => rows.reduce((sum, row) => sum + (row.ticks ?? 0), 0);
-    const done = ticks(scenarios.filter(row => IS_OPENABLE.has(row.state)));
+    const done = ticks(scenarios.filter(row => RECORDED.has(row.state)));
     const begun = under.reduce((sum, row) => sum + (row.recorded_ticks ?? 0), 0);
     const all = ticks(scenarios);
     const bar = all ? element('progress', { max: all, value: done + begun, 'aria-label': 'Recorded ticks' }) : null;
@@ -112,8 +117,16 @@ export class Scenarios {
     });
     return element('div', { class: 'under-way' },
       element('p', {}, `${scenarios.length - missing} of ${plural(scenarios.length, 'scenario')} recorded`,
-        all ? `, ${fixed((done + begun) / all * 100, 1)} % of the ticks` : ''), bar,
+        all ? `, ${fixed((done + begun) / all * 100, 1)} % of the ticks` : '', this.timeLeft(done + begun, all)), bar,
       now.length ? element('ul', {}, now) : null);
+  }
+
+  /** In words, from what was recorded since the page was opened. */
+  timeLeft(ticks, all) {
+    const now_s = performance.now() / 1000;
+    this.before ??= { now_s, ticks };
+    const [took_s, recorded] = [now_s - this.before.now_s, ticks - this.before.ticks];
+    return took_s < LEAST_OBSERVED_S || recorded <= 0 ? '' : `, about ${duration((all - ticks) * took_s / recorded)} left`;
   }
 
   fillFilters() {
@@ -175,7 +188,7 @@ export class Scenarios {
     const hasErrors = rows.some(row => row.worst_pct !== undefined);
     const columns = COLUMNS.filter(([key]) => hasErrors || !key.endsWith('_pct'));
     const cell = (row, key) => {
-      if (key === 'id') return IS_OPENABLE.has(row.state) ? element('a', { href: address({ scenario: row.id }) }, row.id) : row.id;
+      if (key === 'id') return isOpenable(row) ? element('a', { href: address({ scenario: row.id }) }, row.id) : row.id;
       if (key === 'state') return element('span', { class: `state ${row.state}` }, STATES[row.state]);
       if (key === 'ticks') {
         return row.state === 'recording' && row.recorded_ticks !== null ? `${count(row.recorded_ticks)} of ${count(row.ticks)}` : count(row.ticks);
@@ -215,7 +228,7 @@ export class Scenarios {
 
   /** Reads the paths that are not there yet, a few at a time. */
   async readPaths() {
-    const missing = this.corpus.scenarios.filter(row => IS_OPENABLE.has(row.state) && !this.flown.paths.has(row.id)).map(row => row.id);
+    const missing = this.corpus.scenarios.filter(row => isOpenable(row) && !this.flown.paths.has(row.id)).map(row => row.id);
     const read = async () => {
       while (missing.length && !this.signal.aborted) {
         const id = missing.shift();
