@@ -27,7 +27,14 @@ struct Answer {
 
 impl Page {
     fn of(tiny: &Tiny, arguments: &[&str]) -> Self {
-        let fixed = ["view", "corpus", "--port", "0", "--no-open", "--until-stdin-ends"];
+        let fixed = [
+            "view",
+            "corpus",
+            "--port",
+            "0",
+            "--no-open",
+            "--until-stdin-ends",
+        ];
         let server = Server::start(&mut tiny.dtd(&[&fixed[..], arguments].concat()));
         Self { server }
     }
@@ -88,7 +95,10 @@ fn assert_near(found: &[f64], expected: impl Iterator<Item = f64>) {
     let expected: Vec<f64> = expected.collect();
     assert_eq!(found.len(), expected.len());
     for (found, expected) in found.iter().zip(expected) {
-        assert!((found - expected).abs() <= 5.1e-4, "{found}, expected {expected}");
+        assert!(
+            (found - expected).abs() <= 5.1e-4,
+            "{found}, expected {expected}"
+        );
     }
 }
 
@@ -100,7 +110,10 @@ fn the_page_is_told_what_the_corpus_and_the_run_say() {
     let overview = page.json("/api/corpus");
     let rows = overview["scenarios"].as_array().unwrap();
     assert_eq!(rows.len(), SCENARIOS);
-    assert!(rows.iter().all(|row| row["state"] == "detected"), "{overview}");
+    assert!(
+        rows.iter().all(|row| row["state"] == "detected"),
+        "{overview}"
+    );
     assert_eq!(overview["problems"], json!([]));
 
     let corpus = Corpus::open(&tiny.corpus()).unwrap();
@@ -118,7 +131,10 @@ fn the_page_is_told_what_the_corpus_and_the_run_say() {
         );
         assert_near(
             &numbers(&told["ticks"]["along_track_m"]),
-            frames.rows.iter().map(|row| row.labels.unwrap().along_track_m),
+            frames
+                .rows
+                .iter()
+                .map(|row| row.labels.unwrap().along_track_m),
         );
         let model = &told["models"][0];
         let found = open.detections(model["hash"].as_str().unwrap()).unwrap();
@@ -126,7 +142,10 @@ fn the_page_is_told_what_the_corpus_and_the_run_say() {
             let name = view["id"].as_str().unwrap();
             let truth = open.truth_boxes().unwrap();
             let truth = truth.iter().filter(|real| real.view == name);
-            assert_near(&numbers(&view["truth"]["cx_px"]), truth.map(|real| real.pixel_box.cx_px));
+            assert_near(
+                &numbers(&view["truth"]["cx_px"]),
+                truth.map(|real| real.pixel_box.cx_px),
+            );
             let found = found.boxes.iter().filter(|found| found.view == name);
             let told = &model["detections"][name]["width_px"];
             assert_near(&numbers(told), found.map(|found| found.pixel_box.width_px));
@@ -204,16 +223,26 @@ fn nobody_else_is_answered_and_no_request_leaves_the_corpus() {
     for (headers, status) in [
         (format!("Host: {address}\r\n"), 200),
         (format!("Host: localhost:{}\r\n", address.port()), 200),
-        (format!("Host: {address}\r\nOrigin: http://{address}\r\n"), 200),
+        (
+            format!("Host: {address}\r\nOrigin: http://{address}\r\n"),
+            200,
+        ),
         ("Host: evil.example\r\n".to_owned(), 403),
         (format!("Host: evil.example:{}\r\n", address.port()), 403),
-        (format!("Host: {address}\r\nOrigin: http://evil.example\r\n"), 403),
+        (
+            format!("Host: {address}\r\nOrigin: http://evil.example\r\n"),
+            403,
+        ),
         (format!("Host: {address}\r\nOrigin: null\r\n"), 403),
     ] {
         let request = format!("GET /api/corpus HTTP/1.1\r\nConnection: close\r\n{headers}\r\n");
         let answer = page.send(&request);
         assert_eq!(answer.status, status, "{headers}");
-        assert_eq!(answer.text().contains("scenarios"), status == 200, "{headers}");
+        assert_eq!(
+            answer.text().contains("scenarios"),
+            status == 200,
+            "{headers}"
+        );
     }
     let post = format!("POST / HTTP/1.1\r\nHost: {address}\r\nConnection: close\r\n\r\n");
     assert_eq!(page.send(&post).status, 405);
@@ -234,9 +263,19 @@ fn nobody_else_is_answered_and_no_request_leaves_the_corpus() {
         "/api/scenario".to_owned(),
     ] {
         let answer = page.ask(&target, "");
-        assert!([400, 404].contains(&answer.status), "{target}: {}", answer.status);
-        assert!(answer.head.contains("content-type: application/json"), "{target}");
-        assert!(answer.head.contains("x-content-type-options: nosniff"), "{target}");
+        assert!(
+            [400, 404].contains(&answer.status),
+            "{target}: {}",
+            answer.status
+        );
+        assert!(
+            answer.head.contains("content-type: application/json"),
+            "{target}"
+        );
+        assert!(
+            answer.head.contains("x-content-type-options: nosniff"),
+            "{target}"
+        );
         assert!(!answer.text().contains("root:"), "{target}");
     }
     // A planted link leads nowhere, either.
@@ -255,11 +294,16 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
     let scenarios = tiny.scenarios();
     let name = |index: usize| scenarios[index].file_name().unwrap().to_str().unwrap();
     let (unlabelled, partial, failed, damaged) = (name(0), name(1), name(2), name(3));
-    for (arguments, only) in [(&["generate", "sweep.toml", "--out", "bare"][..], unlabelled)] {
-        let arguments = [arguments, &["--only", only]].concat();
-        let output = tiny.dtd(&arguments).output().unwrap();
-        assert!(output.status.success(), "{}", said(&output));
-    }
+    let again = [
+        "generate",
+        "sweep.toml",
+        "--out",
+        "bare",
+        "--only",
+        unlabelled,
+    ];
+    let output = tiny.dtd(&again).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
     fs::remove_dir_all(&scenarios[0]).unwrap();
     fs::rename(tiny.path("bare/scenarios").join(unlabelled), &scenarios[0]).unwrap();
     // As a kill leaves a recording.
@@ -270,24 +314,34 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
     let record = json!({ "id": failed, "config_hash": "0", "reasons": ["<b>no fuel</b>", "fog"] });
     let path = tiny.corpus().join(format!("failed/{failed}.json"));
     fs::write(path, record.to_string()).unwrap();
-    let video = Corpus::open(&tiny.corpus()).unwrap().scenario(damaged).video_path("left");
+    let video = Corpus::open(&tiny.corpus())
+        .unwrap()
+        .scenario(damaged)
+        .video_path("left");
     let mut file = File::options().write(true).open(video).unwrap();
     file.seek(SeekFrom::Start(2_000)).unwrap();
     file.write_all(&[0; 64]).unwrap();
-    let hostile = "<script>alert(1)</script>";
-    fs::create_dir(tiny.corpus().join("scenarios").join(hostile.replace('/', ":"))).unwrap();
+    let hostile = "<script>alert(1)<:script>";
+    fs::create_dir(tiny.corpus().join("scenarios").join(hostile)).unwrap();
 
     let page = Page::of(&tiny, &[]);
     assert_eq!(page.row(unlabelled)["state"], "recorded");
     let told = page.scenario(unlabelled);
     assert_eq!(told["ticks"]["dtd_m"], Value::Null);
     assert!(told["ticks"]["along_track_m"][0].as_f64().unwrap() > 1_000.0);
-    assert_eq!((&told["models"], &told["views"][0]["truth"]), (&json!([]), &Value::Null));
+    assert_eq!(
+        (&told["models"], &told["views"][0]["truth"]),
+        (&json!([]), &Value::Null)
+    );
 
     assert_eq!(page.row(partial)["state"], "recording");
     assert_eq!(page.row(partial)["views"], json!(["left", "right"]));
     assert!(page.row(partial)["unchanged_s"].is_u64());
-    assert_eq!(page.ask(&format!("/api/scenario?scenario={partial}"), "").status, 404);
+    assert_eq!(
+        page.ask(&format!("/api/scenario?scenario={partial}"), "")
+            .status,
+        404
+    );
 
     assert_eq!(page.row(failed)["state"], "failed");
     assert_eq!(page.row(failed)["faults"], json!(["<b>no fuel</b>", "fog"]));
@@ -299,7 +353,7 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
     assert_eq!(frame("left").status, 422);
     assert!(frame("left").text().contains("does not match its seal"));
 
-    let row = page.row(&hostile.replace('/', ":"));
+    let row = page.row(hostile);
     assert_eq!(row["state"], "damaged");
 
     fs::write(tiny.corpus().join("plan.json"), "{").unwrap();
@@ -314,10 +368,16 @@ fn what_cannot_be_shown_is_refused_before_a_port_is_opened() {
     let tiny = Tiny::made();
     for (arguments, words) in [
         (&["view", "run"][..], "is not a corpus"),
-        (&["view", "corpus", "--run", "nowhere"], "there is no run nowhere"),
+        (
+            &["view", "corpus", "--run", "nowhere"],
+            "there is no run nowhere",
+        ),
         (&["view", "s3://bucket/corpus"], "dtd fetch"),
     ] {
-        let output = tiny.dtd(&[arguments, &["--no-open"]].concat()).output().unwrap();
+        let output = tiny
+            .dtd(&[arguments, &["--no-open"]].concat())
+            .output()
+            .unwrap();
         assert_eq!(output.status.code(), Some(2), "{}", said(&output));
         assert!(said(&output).contains(words), "{}", said(&output));
     }

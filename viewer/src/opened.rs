@@ -56,7 +56,10 @@ impl Opened {
     /// The picture of a view at a tick, as a bitmap file.
     pub(crate) fn picture(&self, view: &str, tick: u32) -> Result<Bytes, Refusal> {
         if tick >= self.record.ticks {
-            let message = format!("tick {tick} is not in it, expected below {}", self.record.ticks);
+            let message = format!(
+                "tick {tick} is not in it, expected below {}",
+                self.record.ticks
+            );
             return Err(Refusal::not_found(message));
         }
         let path = self.video(view)?;
@@ -78,7 +81,9 @@ impl Opened {
     fn view(&self, view: &str) -> Result<&OpenedView, Refusal> {
         self.views.get(view).ok_or_else(|| {
             let known = self.record.views.join(", ");
-            Refusal::not_found(format!("view {view:?} is not in it, expected one of {known}"))
+            Refusal::not_found(format!(
+                "view {view:?} is not in it, expected one of {known}"
+            ))
         })
     }
 }

@@ -193,10 +193,7 @@ impl Flight {
         let estimators = self.estimators.iter();
         estimators
             .filter_map(|(name, answers)| {
-                Some((
-                    name.as_str(),
-                    Errors::of(&self.tick, &self.dtd_m, answers)?,
-                ))
+                Some((name.as_str(), Errors::of(&self.tick, &self.dtd_m, answers)?))
             })
             .collect()
     }

@@ -168,10 +168,7 @@ pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables,
 
 fn ticks(opened: &Opened) -> dataset::Result<Ticks> {
     let rows = opened.files.frames()?.rows;
-    let labels: Option<Vec<f64>> = rows
-        .iter()
-        .map(|row| Some(row.labels?.dtd_m))
-        .collect();
+    let labels: Option<Vec<f64>> = rows.iter().map(|row| Some(row.labels?.dtd_m)).collect();
     let places: Vec<_> = rows.iter().map(|row| place(opened, row)).collect();
     let speed = |[north, east, _]: [f64; 3]| north.hypot(east);
     Ok(Ticks {
@@ -250,10 +247,18 @@ fn registration_columns(rows: &[Registration]) -> BTreeMap<String, RegistrationC
         columns.reference.clone_from(&row.reference);
         columns.tick.push(row.tick);
         let shift = row.result.as_ref().ok();
-        columns.x_px.push(shift.map(|shift| thousandths(shift.x_px)));
-        columns.y_px.push(shift.map(|shift| thousandths(shift.y_px)));
-        columns.dx_px.push(shift.map(|shift| thousandths(shift.dx_px)));
-        columns.dy_px.push(shift.map(|shift| thousandths(shift.dy_px)));
+        columns
+            .x_px
+            .push(shift.map(|shift| thousandths(shift.x_px)));
+        columns
+            .y_px
+            .push(shift.map(|shift| thousandths(shift.y_px)));
+        columns
+            .dx_px
+            .push(shift.map(|shift| thousandths(shift.dx_px)));
+        columns
+            .dy_px
+            .push(shift.map(|shift| thousandths(shift.dy_px)));
         columns
             .reason
             .push(row.result.as_ref().err().map(|reason| reason.word()));

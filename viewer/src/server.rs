@@ -38,10 +38,7 @@ pub struct ViewOptions {
 ///
 /// # Errors
 /// The port is not free.
-pub async fn serve(
-    options: ViewOptions,
-    ready: impl FnOnce(SocketAddr),
-) -> Result<(), ViewError> {
+pub async fn serve(options: ViewOptions, ready: impl FnOnce(SocketAddr)) -> Result<(), ViewError> {
     let ViewOptions { corpus, runs, port } = options;
     let cannot_listen = |source| ViewError::Listen { port, source };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
