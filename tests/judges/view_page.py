@@ -119,8 +119,10 @@ def check_all(page: Page, url: str) -> None:
         wait_for_tick(page, tick)
     page.get_by_role("combobox", name="Speed").select_option("16")
     page.keyboard.press("Escape")
+    page.get_by_role("link", name=scenario, exact=True).wait_for()
     page.go_back()
     wait_for_tick(page, 0)
+    assert page.get_by_role("combobox", name="Speed").input_value() == "16"
     page.locator("main").focus()
     page.keyboard.press("Space")
     page.wait_for_function("Number(document.querySelector('.scenario').dataset.tick) >= 2")

@@ -20,7 +20,13 @@ export function note(values) {
   later ??= setTimeout(write, 250);
 }
 
+/** Changes the address now, before another page is shown. */
+export function settle() {
+  if (later !== undefined) write();
+}
+
 function write() {
+  clearTimeout(later);
   later = undefined;
   history.replaceState(null, '', address({ ...shown(), ...changes }));
   changes = {};

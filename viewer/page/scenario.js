@@ -4,7 +4,7 @@ import { LineChart, RowChart, range } from './chart.js';
 import { colour, line, onSchemeChange } from './colours.js';
 import { check, choice, element, json } from './dom.js';
 import { FlownPaths } from './flown.js';
-import { address, forget, note, shown } from './link.js';
+import { address, note, settle, shown } from './link.js';
 import { MARKS, Picture, ZOOMS, boxWords } from './picture.js';
 import { Player } from './playback.js';
 import { isOpenable } from './scenarios.js';
@@ -584,18 +584,19 @@ export class ScenarioPage {
     if (event.ctrlKey || event.altKey || event.metaKey || document.querySelector('dialog[open]')) return;
     const isTyping = event.target.matches('input[type=number], input[type=search], select');
     const isSlider = event.target === this.slider;
-    if (isTyping || (event.target.matches('button, input[type=checkbox]') && [' ', 'Enter'].includes(event.key))) return;
+    if ((isTyping && event.key !== 'Escape') || (event.target.matches('button, input[type=checkbox]') && [' ', 'Enter'].includes(event.key))) return;
     const toggle = layer => this.setLayer(layer, !this.layers.has(layer));
-    const open = key => this.neighbours[key] && (location.hash = address({ ...this.kept(), scenario: this.neighbours[key] }));
+    const leave = scenario => {
+      settle();
+      location.hash = scenario ? address({ ...this.kept(), scenario }) : '';
+    };
+    const open = key => this.neighbours[key] && leave(this.neighbours[key]);
     const far = event.shiftKey ? 10 : 1;
     const actions = {
       ArrowLeft: () => this.stepBy(-far), ArrowRight: () => this.stepBy(far), Home: () => this.goTo(0), End: () => this.goTo(this.ticks - 1),
       ' ': () => this.togglePlaying(), '+': () => this.zoomBy(1), '=': () => this.zoomBy(1), '-': () => this.zoomBy(-1),
       0: () => this.setZoom(null), f: () => this.follow(), t: () => toggle('truth'), d: () => toggle('detections'), s: () => toggle('shifts'),
-      n: () => open('N'), p: () => open('P'), Escape: () => {
-        forget();
-        location.hash = '';
-      },
+      n: () => open('N'), p: () => open('P'), Escape: () => leave(),
     };
     const action = actions[event.key] ?? actions[event.key.toLowerCase()];
     if (!action) return;
