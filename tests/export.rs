@@ -200,6 +200,24 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
         &export(&["--detections", "other.onnx"]),
         "aircraft.onnx",
     );
+    std::os::unix::fs::symlink("corpus", tiny.path("link")).unwrap();
+    for out in [
+        "corpus",
+        ".",
+        "corpus/export",
+        "corpus/scenarios/1200-clear-r1/export",
+        "link/export",
+    ] {
+        let into = ["export", "corpus", "--to", "coco", "--out", out];
+        refused(&tiny, &into, "choose a folder elsewhere");
+    }
+    fs::rename(tiny.corpus(), tiny.path("out.partial")).unwrap();
+    refused(
+        &tiny,
+        &["export", "out.partial", "--to", "coco", "--out", "out"],
+        "choose a folder elsewhere",
+    );
+    fs::rename(tiny.path("out.partial"), tiny.corpus()).unwrap();
     fs::create_dir(tiny.path("out")).unwrap();
     fs::write(tiny.path("out/thesis.txt"), "mine").unwrap();
     refused(&tiny, &export(&[]), "thesis.txt");

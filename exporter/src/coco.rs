@@ -17,6 +17,8 @@ use serde_json::json;
 use crate::error::Result;
 use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
 
+/// Where its pictures go, relative to the export.
+pub(crate) const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
 const DETECTIONS: &str = "detections.json";
 const AIRCRAFT: u32 = 1;
@@ -58,11 +60,6 @@ struct Found {
     category_id: u32,
     bbox: [f64; 4],
     score: f64,
-}
-
-/// Where a picture goes, relative to the export.
-pub(crate) fn picture_name(scenario: &str, view: &str, tick: u32, extension: &str) -> String {
-    format!("images/{scenario}_{view}_{tick:06}.{extension}")
 }
 
 /// Writes the files besides the pictures, part by part: together they may be larger than the memory.
@@ -199,7 +196,8 @@ impl ListWriter {
 
 /// COCO's names are relative to the folder of the pictures.
 fn file_name(file: &str) -> &str {
-    file.strip_prefix("images/").unwrap_or(file)
+    let name = file.strip_prefix(PICTURES);
+    name.map_or(file, |name| name.trim_start_matches('/'))
 }
 
 fn annotation(id: u64, image_id: u64, labelled: &LabelledBox) -> Annotation {

@@ -56,6 +56,14 @@ pub enum Error {
         /// Why.
         source: image::ImageError,
     },
+    /// The destination is in the corpus, or the corpus in it.
+    #[error("{} is the corpus {}, in it, or around it; choose a folder elsewhere", out.display(), corpus.display())]
+    InCorpus {
+        /// The destination.
+        out: PathBuf,
+        /// The corpus.
+        corpus: PathBuf,
+    },
     /// The destination contains something else.
     #[error("{} contains something else, for example {found}; choose an empty or new folder", out.display())]
     Occupied {
@@ -101,6 +109,7 @@ impl Error {
                 | Self::Nothing
                 | Self::NoDetections
                 | Self::SeveralModels { .. }
+                | Self::InCorpus { .. }
                 | Self::Occupied { .. }
                 | Self::OtherExport { .. }
                 | Self::OtherFinished { .. }

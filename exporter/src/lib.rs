@@ -10,9 +10,12 @@ mod coco;
 mod error;
 mod export;
 mod part;
+mod picture_files;
+mod pictures;
 mod place;
 mod request;
 mod selection;
+mod source;
 mod still;
 mod yolo;
 

@@ -14,16 +14,9 @@ use crate::part::{LabelledBox, Part};
 
 const LABELS: &str = "labels";
 
-/// Where a picture goes, relative to the export.
-pub(crate) fn picture_name(
-    side: Option<Side>,
-    scenario: &str,
-    view: &str,
-    tick: u32,
-    extension: &str,
-) -> String {
-    let side = folder_of(side);
-    format!("images/{side}/{scenario}_{view}_{tick:06}.{extension}")
+/// Where the pictures of a side go, relative to the export.
+pub(crate) fn pictures(side: Option<Side>) -> String {
+    format!("images/{}", folder_of(side))
 }
 
 /// As in `data.yaml`; what has no side is for training.
