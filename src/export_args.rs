@@ -39,9 +39,15 @@ pub(crate) struct ExportArgs {
     /// Model whose detections to export, by its file name or hash, if the corpus has several
     #[arg(long, value_name = "NAME|HASH")]
     detections: Option<String>,
-    /// Picture format
-    #[arg(long, value_enum, default_value = "png")]
-    pictures: Pictures,
+    /// Format of pictures that are files of their own; png, if it is left out
+    #[arg(long, value_enum)]
+    pictures: Option<Pictures>,
+    /// An evaluated run whose predictions to export, too (huggingface); may be repeated
+    #[arg(long, value_name = "RUN")]
+    run: Vec<PathBuf>,
+    /// Licence that the export states: an SPDX identifier or a URL
+    #[arg(long, value_name = "SPDX|URL", value_parser = license)]
+    license: Option<String>,
     /// Print the counts as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -54,6 +60,8 @@ enum To {
     Coco,
     /// Ultralytics' YOLO: data.yaml, images/ and labels/ by side of the split
     Yolo,
+    /// Hugging Face's datasets: Parquet tables over all scenarios, videos, a dataset card
+    Huggingface,
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -79,6 +87,17 @@ enum Pictures {
     Jpeg,
 }
 
+/// An SPDX identifier or a URL.
+fn license(text: &str) -> Result<String, String> {
+    let is_url = text.starts_with("https://") || text.starts_with("http://");
+    let of_spdx = |c: char| c.is_ascii_alphanumeric() || "-.+".contains(c);
+    let is_spdx = !text.is_empty() && text.chars().all(of_spdx);
+    match is_url || is_spdx {
+        true => Ok(text.to_owned()),
+        false => Err("expected an SPDX identifier, such as CC-BY-4.0, or a URL".into()),
+    }
+}
+
 impl ExportArgs {
     /// What is asked for.
     pub(crate) fn request(&self) -> ExportRequest {
@@ -87,11 +106,12 @@ impl ExportArgs {
             format: match self.to {
                 To::Coco => Format::Coco,
                 To::Yolo => Format::Yolo,
+                To::Huggingface => Format::HuggingFace,
             },
-            stills: match self.pictures {
+            stills: self.pictures.map(|pictures| match pictures {
                 Pictures::Png => StillFormat::Png,
                 Pictures::Jpeg => StillFormat::Jpeg,
-            },
+            }),
             only: asked(&self.only),
             views: asked(&self.views),
             side: self.side.map(|side| match side {
@@ -105,6 +125,8 @@ impl ExportArgs {
                 Boxes::Detections => BoxSource::Detections,
             },
             detections: self.detections.clone(),
+            runs: self.run.clone(),
+            license: self.license.clone(),
         }
     }
 }

@@ -5,9 +5,11 @@ mod tiny;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use dataset::corpus::Corpus;
+use dataset::detections::models_of;
 use dataset::splits::Side;
 use serde_json::Value;
 use testkit::command::said;
@@ -181,6 +183,176 @@ fn label_files_of_yolo_hold_the_true_boxes_by_side_of_the_split() {
     }
 }
 
+/// What another program says of a file or folder.
+fn judged(judge: &str, path: &Path) -> Value {
+    let output = Command::new(program_of_venv("python"))
+        .arg(repository().join("tests/judges").join(judge))
+        .arg(path)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{judge}: {}", said(&output));
+    testkit::command::json(&output)
+}
+
+/// Rows of a table over all splits.
+fn rows_of<'a>(tables: &'a Value, table: &str) -> Vec<&'a Value> {
+    let splits = tables[table].as_object().unwrap().values();
+    let rows = |split: &'a Value| split["rows"].as_array().unwrap();
+    splits.flat_map(rows).collect()
+}
+
+#[test]
+fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_of_the_corpus() {
+    let tiny = Tiny::made().copy();
+    let export = [
+        "export",
+        "corpus",
+        "--to",
+        "huggingface",
+        "--out",
+        "hf",
+        "--run",
+        "run",
+        "--license",
+        "CC-BY-4.0",
+    ];
+    let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let loaded = judged("huggingface.py", &tiny.path("hf"));
+    let tables = &loaded["tables"];
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    let splits = corpus.splits().unwrap();
+    let (mut boxes, mut detections) = (Vec::new(), 0);
+    for folder in corpus.scenarios().unwrap() {
+        let id = folder.id();
+        let split = match splits.scenarios[&id].side {
+            Side::Train => "train",
+            Side::Validation => "validation",
+            Side::Test => "test",
+        };
+        let mine = |table: &str| -> Vec<&Value> {
+            let rows = tables[table][split]["rows"].as_array().unwrap().iter();
+            rows.filter(|row| row["scenario"] == id.as_str()).collect()
+        };
+        let opened = folder.open().unwrap();
+        let frames = opened.frames().unwrap();
+        let ticks = mine("ticks");
+        assert_eq!(ticks.len(), frames.rows.len());
+        for (found, row) in ticks.iter().zip(&frames.rows) {
+            assert_eq!(found["tick"], row.tick);
+            assert_eq!(found["time_ns"], row.time_ns);
+            assert_eq!(found["latitude_deg"], row.pose.latitude_deg);
+            assert_eq!(found["dtd_m"], row.labels.unwrap().dtd_m);
+        }
+        let calibration = opened.calibration().unwrap();
+        for view in mine("views") {
+            let name = view["view"].as_str().unwrap();
+            let camera = &calibration.cameras[name];
+            assert_eq!(view["focal_px"], camera.k[0][0]);
+            assert_eq!(view["r01"], camera.ecef_from_camera.rotation[0][1]);
+            assert_eq!(view["k1"], Value::Null);
+            let video = view["video"].as_str().unwrap();
+            assert_eq!(loaded["videos"][video], frames.rows.len());
+            assert_eq!(
+                fs::read(tiny.path("hf").join(video)).unwrap(),
+                fs::read(folder.video_path(name)).unwrap()
+            );
+        }
+        boxes.extend(opened.truth_boxes().unwrap().into_iter().map(|real| {
+            let pixel_box = real.pixel_box;
+            (id.clone(), real.view, real.tick, pixel_box.cx_px)
+        }));
+        for model in models_of(&folder).unwrap() {
+            detections += opened.detections(&model).unwrap().boxes.len();
+        }
+    }
+    let found: Vec<_> = rows_of(tables, "boxes")
+        .into_iter()
+        .map(|row| {
+            let text = |name: &str| row[name].as_str().unwrap().to_owned();
+            let tick = row["tick"].as_u64().unwrap() as u32;
+            let cx_px = row["cx_px"].as_f64().unwrap();
+            (text("scenario"), text("view"), tick, cx_px)
+        })
+        .collect();
+    let sorted = |mut all: Vec<(String, String, u32, f64)>| {
+        all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        all
+    };
+    assert_eq!(counts["boxes"], found.len());
+    assert_eq!(sorted(found), sorted(boxes));
+    assert!(detections > 0);
+    assert_eq!(rows_of(tables, "detections").len(), detections);
+    assert_eq!(rows_of(tables, "scenarios").len(), tiny::SCENARIOS);
+    let predictions = rows_of(tables, "predictions");
+    assert!(
+        predictions
+            .iter()
+            .any(|row| row["predicted_dtd_m"].is_f64())
+    );
+    assert!(predictions.iter().all(|row| row["run"] == "run"));
+
+    // What the card and `croissant.json` say of the columns is what the tables have.
+    let described = judged("croissant.py", &tiny.path("hf"));
+    let card = fs::read_to_string(tiny.path("hf/README.md")).unwrap();
+    assert!(card.contains("license: \"cc-by-4.0\""), "{card}");
+    for (name, table) in tables.as_object().unwrap() {
+        let rows = described["records"][name].as_array().unwrap();
+        assert_eq!(rows.len(), rows_of(tables, name).len(), "{name}");
+        for split in table.as_object().unwrap().values() {
+            for column in split["columns"].as_array().unwrap() {
+                let column = column.as_str().unwrap();
+                assert!(rows[0].get(column).is_some(), "{name}: {column}");
+                assert!(card.contains(&format!("| `{column}` |")), "{column}");
+            }
+        }
+        let columns = rows[0].as_object().unwrap().len();
+        assert!(
+            table
+                .as_object()
+                .unwrap()
+                .values()
+                .all(|split| { split["columns"].as_array().unwrap().len() == columns })
+        );
+    }
+    assert!(
+        json_of(&tiny, &[&export[..], &["--json"]].concat())["unchanged"]
+            .as_bool()
+            .unwrap()
+    );
+    refused(&tiny, &export[..8], "other options");
+}
+
+#[test]
+fn croissant_json_of_pictures_and_boxes_is_valid_and_gives_their_records() {
+    let tiny = Tiny::made().copy();
+    for (format, set, pictures) in [
+        ("coco", "images", "pictures"),
+        ("yolo", "pictures", "images"),
+    ] {
+        let export = [
+            "export", "corpus", "--to", format, "--out", format, "--every", "2",
+        ];
+        let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+        let described = judged("croissant.py", &tiny.path(format));
+        let records = described["records"][set].as_array().unwrap();
+        assert_eq!(counts["pictures"], records.len());
+        assert_eq!(counts["pictures"], described["files"][pictures]);
+        if format == "coco" {
+            let annotations = described["records"]["annotations"].as_array().unwrap();
+            assert_eq!(counts["boxes"], annotations.len());
+            assert!(records[0]["scenario"].as_str().unwrap().starts_with("1200"));
+        } else {
+            assert!(records.iter().any(|record| record["split"] == "val"));
+            assert!(
+                records
+                    .iter()
+                    .any(|r| r["boxes"].as_str().unwrap().starts_with("0 0."))
+            );
+        }
+        assert_eq!(described["records"]["splits"].as_array().unwrap().len(), 3);
+    }
+}
+
 #[test]
 fn a_wrong_request_is_refused_and_writes_nothing() {
     let tiny = Tiny::made().copy();
@@ -193,6 +365,15 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
         &["export", "corpus", "--to", "pascal", "--out", "out"],
         "possible values",
     );
+    let tables = ["export", "corpus", "--to", "huggingface", "--out", "out"];
+    for (option, value, words) in [
+        ("--pictures", "jpeg", "no use for --pictures"),
+        ("--run", "corpus", "no predictions"),
+        ("--license", "free for all", "SPDX"),
+    ] {
+        refused(&tiny, &[&tables[..], &[option, value]].concat(), words);
+    }
+    refused(&tiny, &export(&["--run", "run"]), "no use for --run");
     refused(&tiny, &export(&["--only", "nowhere"]), "nowhere");
     refused(&tiny, &export(&["--views", "top"]), "top");
     refused(

@@ -14,6 +14,8 @@ use dataset::splits::Side;
 use serde::Serialize;
 use serde_json::json;
 
+use crate::columns_text::Kind;
+use crate::croissant::{Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path};
 use crate::error::Result;
 use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
 
@@ -66,7 +68,7 @@ struct Found {
 pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
     folder: &Path,
     parts: impl Fn() -> P,
-) -> Result<()> {
+) -> Result<Contents> {
     let mut all = ListWriter::create(&folder.join(ANNOTATIONS))?;
     all.write(
         json!({"description": "Approaches recorded by dtd", "version": env!("CARGO_PKG_VERSION")}),
@@ -124,7 +126,67 @@ pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
         }
         Ok(())
     })?;
-    results.map_or(Ok(()), |results| results.end("]"))
+    let mut contents = contents();
+    if let Some(results) = results {
+        results.end("]")?;
+        contents.files.push(ListedFile::new(DETECTIONS, JSON));
+    }
+    Ok(contents)
+}
+
+fn contents() -> Contents {
+    let image = |name, kind, meaning| {
+        let path = format!("$.images[*].{name}");
+        Field::new(name, kind, meaning, json_path(ANNOTATIONS, &path))
+    };
+    let annotation = |name, kind, meaning| {
+        let path = format!("$.annotations[*].{name}");
+        Field::new(name, kind, meaning, json_path(ANNOTATIONS, &path))
+    };
+    let images = vec![
+        image("id", Kind::U64, "number of the image"),
+        image("file_name", Kind::Text, "its file in images/"),
+        image("width", Kind::U32, "width, pixels"),
+        image("height", Kind::U32, "height, pixels"),
+        image("scenario", Kind::Text, "identifier of the scenario"),
+        image("view", Kind::Text, "identifier of the view"),
+        image("tick", Kind::U32, "number of the tick, from 0"),
+        image("time_ns", Kind::I64, "time since tick 0"),
+        image("weather", Kind::Text, "name of the weather"),
+        image("time_of_day", Kind::Text, "local time, HH:MM"),
+    ];
+    let annotations = vec![
+        annotation("id", Kind::U64, "number of the annotation"),
+        annotation("image_id", Kind::U64, "the image"),
+        annotation("category_id", Kind::U32, "1: aircraft"),
+        annotation("area", Kind::F64, "area of the box, square pixels"),
+        annotation(
+            "iscrowd",
+            Kind::U32,
+            "1 if nobody can be expected to find it",
+        ),
+    ];
+    Contents {
+        files: vec![ListedFile::new(ANNOTATIONS, JSON)],
+        sets: vec![FileSet::new(
+            "pictures",
+            "images/*",
+            "image/*",
+            "The pictures.",
+        )],
+        records: vec![
+            RecordSet {
+                name: "images",
+                what: "A record per picture.".into(),
+                fields: images,
+            },
+            RecordSet {
+                name: "annotations",
+                what: "A record per box.".into(),
+                fields: annotations,
+            },
+        ],
+    }
 }
 
 /// All pictures with their numbers, from 1.

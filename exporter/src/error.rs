@@ -29,6 +29,30 @@ pub enum Error {
         /// Those.
         known: String,
     },
+    /// An option that the format has no place for.
+    #[error("{format} has no use for {option}: {reason}; leave it out, or choose another format")]
+    NotInFormat {
+        /// The option.
+        option: &'static str,
+        /// The format.
+        format: &'static str,
+        /// Why.
+        reason: &'static str,
+    },
+    /// A run without predictions.
+    #[error("{} has no predictions; expected an evaluated run: run `dtd evaluate` on it first", run.display())]
+    NoPredictions {
+        /// The run.
+        run: PathBuf,
+    },
+    /// Two runs cannot be told apart.
+    #[error(
+        "two runs are called {run}, which is what their predictions are told apart by; rename one of the folders"
+    )]
+    SameRun {
+        /// Their name.
+        run: String,
+    },
     /// What is asked for contains nothing.
     #[error("nothing to export: no scenario is left with these options")]
     Nothing,
@@ -106,6 +130,9 @@ impl Error {
         matches!(
             self,
             Self::Unknown { .. }
+                | Self::NotInFormat { .. }
+                | Self::NoPredictions { .. }
+                | Self::SameRun { .. }
                 | Self::Nothing
                 | Self::NoDetections
                 | Self::SeveralModels { .. }

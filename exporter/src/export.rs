@@ -9,12 +9,14 @@ use dataset::detections::{NoChoice, choose};
 use dataset::workers;
 use serde::Serialize;
 
+use crate::about::About;
 use crate::error::{Error, Result};
 use crate::place::{Found, Place, refuse_corpus};
+use crate::predictions::Predictions;
 use crate::request::{BoxSource, ExportRequest, Format};
 use crate::selection::{Selected, select};
 use crate::source::Source;
-use crate::{coco, picture_files, yolo};
+use crate::{coco, croissant, huggingface, picture_files, yolo};
 
 /// Who watches an export.
 #[derive(Clone, Copy)]
@@ -49,6 +51,8 @@ struct Job<'a> {
     /// Name of the detections that are wanted, or stand beside the true boxes.
     model: Option<String>,
     scenarios: Vec<Planned>,
+    runs: Vec<Predictions>,
+    about: About,
 }
 
 /// A scenario of it.
@@ -68,6 +72,7 @@ pub fn export(
     out: &Path,
     watch: Watch<'_>,
 ) -> Result<ExportOutcome> {
+    request.check()?;
     refuse_corpus(corpus, out)?;
     let mut counts = ExportOutcome::default();
     let mut hasher = blake3::Hasher::new();
@@ -78,13 +83,20 @@ pub fn export(
         request,
         model: model_of(&selection, request)?,
         scenarios: Vec::new(),
+        runs: read_runs(request)?,
+        about: About::new(corpus, request.license.clone())?,
     };
+    hasher.update(job.about.name.as_bytes());
+    for run in &job.runs {
+        run.hash(&mut hasher);
+    }
     for selected in selection {
         // Opened again when it is written: tables of all scenarios at once would not fit into memory.
         let source = Source::open(&selected, request, job.model.as_deref())?;
         let before = counts.pictures;
         count(&source, &mut counts);
         source.hash(&mut hasher);
+        job.about.add(&source);
         job.scenarios.push(Planned {
             selected,
             pictures: counts.pictures - before,
@@ -160,20 +172,24 @@ impl Job<'_> {
         watch: Watch<'_>,
         pictures_done: &dyn Fn(u64),
     ) -> Result<()> {
+        let id = scenario.selected.id();
         let source = self.open(scenario)?;
-        let folder = match self.request.format {
-            Format::Coco => coco::PICTURES.to_owned(),
-            Format::Yolo => yolo::pictures(scenario.selected.side),
+        let folder = place.files();
+        let write_pictures = |pictures: &str| {
+            let done = || pictures_done(1);
+            picture_files::write(&source, self.request, &folder, pictures, watch, &done)
         };
-        let part = picture_files::write(
-            &source,
-            self.request,
-            &place.files(),
-            &folder,
-            watch,
-            &|| pictures_done(1),
-        )?;
-        place.note(&scenario.selected.id(), &part)
+        match self.request.format {
+            Format::Coco => place.note(&id, &write_pictures(coco::PICTURES)?),
+            Format::Yolo => {
+                let pictures = yolo::pictures(scenario.selected.side);
+                place.note(&id, &write_pictures(&pictures)?)
+            }
+            Format::HuggingFace => {
+                huggingface::write_scenario(&source, &folder, watch, pictures_done)?;
+                place.note(&id, &())
+            }
+        }
     }
 
     /// Writes the files that belong to all scenarios.
@@ -183,11 +199,32 @@ impl Job<'_> {
             let scenarios = self.scenarios.iter();
             scenarios.map(|scenario| place.part(&scenario.selected.id()))
         };
-        match self.request.format {
-            Format::Coco => coco::finish(&folder, parts),
-            Format::Yolo => yolo::finish(&folder, parts()),
-        }
+        let sources = self.scenarios.iter().map(|scenario| self.open(scenario));
+        let contents = match self.request.format {
+            Format::Coco => coco::finish(&folder, parts)?,
+            Format::Yolo => yolo::finish(&folder, parts())?,
+            Format::HuggingFace => {
+                let boxes = self.request.boxes;
+                huggingface::finish(&folder, &self.about, sources, boxes, &self.runs)?
+            }
+        };
+        croissant::write(&folder, &self.about, &contents)
     }
+}
+
+/// The predictions of the runs that are asked for.
+fn read_runs(request: &ExportRequest) -> Result<Vec<Predictions>> {
+    let mut runs: Vec<Predictions> = Vec::new();
+    for run in &request.runs {
+        let read = Predictions::read(run)?;
+        if runs.iter().any(|other| other.run() == read.run()) {
+            return Err(Error::SameRun {
+                run: read.run().to_owned(),
+            });
+        }
+        runs.push(read);
+    }
+    Ok(runs)
 }
 
 /// The name of the detections that are wanted or stand beside the true boxes.
@@ -220,7 +257,6 @@ mod tests {
     use testkit::short_corpus;
 
     use super::*;
-    use crate::still::StillFormat;
 
     const SIZE_PX: [u32; 2] = [160, 96];
 
@@ -237,13 +273,15 @@ mod tests {
     fn request(every: u32) -> ExportRequest {
         ExportRequest {
             format: Format::Coco,
-            stills: StillFormat::Png,
+            stills: None,
             only: None,
             views: Some(vec!["right".into()]),
             side: None,
             every: NonZeroU32::new(every).unwrap(),
             boxes: BoxSource::Truth,
             detections: None,
+            runs: Vec::new(),
+            license: None,
         }
     }
 

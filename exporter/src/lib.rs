@@ -6,13 +6,19 @@
 
 #![forbid(unsafe_code)]
 
+mod about;
 mod coco;
+mod columns_text;
+mod croissant;
 mod error;
 mod export;
+mod huggingface;
+mod long_tables;
 mod part;
 mod picture_files;
 mod pictures;
 mod place;
+mod predictions;
 mod request;
 mod selection;
 mod source;

@@ -36,10 +36,10 @@ pub(crate) fn write(
             }
             decoded.convert(&mut rgb)?;
             let id = &source.record.id;
-            let extension = request.stills.extension();
+            let extension = request.stills().extension();
             let file = format!("{pictures}/{id}_{view}_{:06}.{extension}", row.tick);
             let path = export.join(&file);
-            request.stills.write(&path, &rgb, decoded.size_px())?;
+            request.stills().write(&path, &rgb, decoded.size_px())?;
             written.push(Picture {
                 tick: row.tick,
                 time_ns: row.time_ns,

@@ -24,7 +24,10 @@ pub(crate) struct Source<'a> {
     pub(crate) scenario: OpenScenario,
     pub(crate) record: ScenarioRecord,
     pub(crate) frames: Frames,
+    /// Name of the detections, if that model searched the scenario.
+    pub(crate) model: Option<String>,
     calibration: Calibration,
+    cloud_base: CloudBase,
     every: u32,
     boxes: ByPicture,
     found: ByPicture,
@@ -46,18 +49,21 @@ impl<'a> Source<'a> {
         let scenario = selected.folder.open()?;
         let record = scenario.record()?;
         let frames = scenario.frames()?;
-        let detections = match model {
-            Some(model) if is_searched(&scenario, model)? => scenario.detections(model)?.boxes,
-            _ => Vec::new(),
+        let model = match model {
+            Some(model) if is_searched(&scenario, model)? => Some(model.to_owned()),
+            _ => None,
         };
+        let detections = match &model {
+            Some(model) => scenario.detections(model)?.boxes,
+            None => Vec::new(),
+        };
+        let cloud_base = CloudBase::of(&record.conditions.weather);
         let mut left_out = BTreeSet::new();
         let (boxes, found) = match request.boxes {
             BoxSource::Truth => {
-                let cloud_base = CloudBase::of(&record.conditions.weather);
                 let mut boxes = Vec::new();
                 for real in scenario.truth_boxes()? {
-                    let altitude_m = frames.rows[real.tick as usize].pose.altitude_msl_m;
-                    let sight = cloud_base.sight(altitude_m, real.transmission);
+                    let sight = sight_of(&real, &frames, cloud_base);
                     // A label file has no word for a box that is neither right nor wrong.
                     match (request.format, sight) {
                         (Format::Yolo, Sight::Haze) => {}
@@ -81,6 +87,8 @@ impl<'a> Source<'a> {
         Ok(Self {
             frames,
             calibration: scenario.calibration()?,
+            cloud_base,
+            model,
             record,
             every: request.every.get(),
             boxes,
@@ -112,6 +120,16 @@ impl<'a> Source<'a> {
         tick.is_multiple_of(self.every)
     }
 
+    /// Whether the picture of a view at a tick is asked for.
+    pub(crate) fn has_picture(&self, view: &str, tick: u32) -> bool {
+        self.is_asked_for(tick) && self.selected.views.iter().any(|name| name == view)
+    }
+
+    /// What is between the camera and the aircraft of a true box.
+    pub(crate) fn sight_of(&self, real: &TruthBox) -> Sight {
+        sight_of(real, &self.frames, self.cloud_base)
+    }
+
     pub(crate) fn is_left_out(&self, view: &str, tick: u32) -> bool {
         self.left_out.contains(&(view.to_owned(), tick))
     }
@@ -137,6 +155,11 @@ impl<'a> Source<'a> {
             known: self.frames.views.join(", "),
         })
     }
+}
+
+fn sight_of(real: &TruthBox, frames: &Frames, cloud_base: CloudBase) -> Sight {
+    let altitude_m = frames.rows[real.tick as usize].pose.altitude_msl_m;
+    cloud_base.sight(altitude_m, real.transmission)
 }
 
 type OfPicture = ((String, u32), LabelledBox);
