@@ -22,7 +22,7 @@ use crate::registrations::{Registration, parse_registrations};
 use crate::scenario::ScenarioRecord;
 use crate::seal::{DONE, Seal, hash_file, view_of};
 use crate::sealed::{ATTEMPTS, Sealed};
-use crate::video::VideoReader;
+use crate::video::{PacketReader, VideoReader};
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
@@ -257,6 +257,14 @@ impl OpenScenario {
     /// There is none, it does not match the seal, or it cannot be decoded.
     pub fn open_video(&self, view: &str) -> Result<VideoReader> {
         VideoReader::open(&self.sealed.check(self.video_name(view)?)?)
+    }
+
+    /// Opens a view's video for its packets, after checking it against the seal; `None` if its codec has none that stand alone.
+    ///
+    /// # Errors
+    /// There is none, it does not match the seal, or it cannot be read.
+    pub fn open_packets(&self, view: &str) -> Result<Option<PacketReader>> {
+        PacketReader::open(&self.sealed.check(self.video_name(view)?)?)
     }
 
     /// Copies a view's video, and checks the copy against the seal.

@@ -10,6 +10,7 @@
 mod codec;
 mod conversion;
 mod index;
+mod packets;
 mod reader;
 mod scaler;
 mod writer;
@@ -22,6 +23,7 @@ use serde::{Deserialize, Serialize};
 
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
+pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::VideoReader;
 pub use writer::VideoWriter;
 

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 
 use dataset::corpus::Corpus;
 use dataset::plan::Plan;
+use dataset::scenario::ScenarioRecord;
 use dataset::splits::Side;
 
 use crate::error::Result;
-use crate::source::Source;
 
 /// Name of a side in the formats that know splits; what has no side is for training.
 pub(crate) fn split_of(side: Option<Side>) -> &'static str {
@@ -29,8 +29,8 @@ pub(crate) struct About {
     pub(crate) simulators: BTreeSet<String>,
     /// The splits that there are.
     pub(crate) splits: BTreeSet<&'static str>,
-    /// Hash of the model whose detections are there.
-    pub(crate) model: Option<String>,
+    /// Hashes of the models whose detections are there.
+    pub(crate) models: BTreeSet<String>,
 }
 
 impl About {
@@ -47,18 +47,14 @@ impl About {
             license,
             simulators: BTreeSet::new(),
             splits: BTreeSet::new(),
-            model: None,
+            models: BTreeSet::new(),
         })
     }
 
     /// Adds what a scenario says.
-    pub(crate) fn add(&mut self, source: &Source<'_>) {
-        let simulator = source.record.versions.simulator.clone();
-        self.simulators.insert(simulator);
-        self.splits.insert(split_of(source.selected.side));
-        if source.model.is_some() {
-            self.model.clone_from(&source.model);
-        }
+    pub(crate) fn add(&mut self, record: &ScenarioRecord, side: Option<Side>) {
+        self.simulators.insert(record.versions.simulator.clone());
+        self.splits.insert(split_of(side));
     }
 
     /// What it contains, in a sentence.
@@ -85,10 +81,11 @@ impl About {
         let mut text = "Distances and true boxes are computed from pose, runway, the aircraft's mesh and the calibration of the cameras; \
                         nobody drew them."
             .to_owned();
-        if let Some(model) = &self.model {
-            text.push_str(&format!(
-                " Detections are those of the model {model}, not of a person."
-            ));
+        if !self.models.is_empty() {
+            let models: Vec<&str> = self.models.iter().map(String::as_str).collect();
+            text.push_str(" Detections were made by the model ");
+            text.push_str(&models.join(", "));
+            text.push('.');
         }
         text
     }

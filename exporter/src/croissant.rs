@@ -37,8 +37,8 @@ pub(crate) struct ListedFile {
 /// Many files of a kind.
 pub(crate) struct FileSet {
     pub(crate) id: String,
-    /// Glob, relative to the folder.
-    pub(crate) includes: String,
+    /// Globs, relative to the folder.
+    pub(crate) includes: Vec<String>,
     pub(crate) form: &'static str,
     pub(crate) what: &'static str,
     /// The archives that hold them; otherwise they are in the folder.
@@ -81,7 +81,7 @@ impl FileSet {
     ) -> Self {
         Self {
             id: id.into(),
-            includes: includes.into(),
+            includes: vec![includes.into()],
             form,
             what,
             archives: Vec::new(),

@@ -72,6 +72,25 @@ pub enum Error {
         /// What the video has there.
         found: String,
     },
+    /// A video's pictures have no name in MCAP.
+    #[error(
+        "scenario {scenario}, view {view}: the video is FFV1, which Foxglove's schema of videos does not know; expected H.264, H.265 or AV1; \
+         choose another format, or leave the scenario out with --only"
+    )]
+    Codec {
+        /// The scenario.
+        scenario: String,
+        /// The view.
+        view: String,
+    },
+    /// An MCAP file cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        r#source: Box<mcap::McapError>,
+    },
     /// A picture cannot be encoded.
     #[error("cannot encode {}: {source}", path.display())]
     Encode {
@@ -133,6 +152,7 @@ impl Error {
                 | Self::NotInFormat { .. }
                 | Self::NoPredictions { .. }
                 | Self::SameRun { .. }
+                | Self::Codec { .. }
                 | Self::Nothing
                 | Self::NoDetections
                 | Self::SeveralModels { .. }

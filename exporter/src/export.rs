@@ -9,14 +9,14 @@ use dataset::detections::{NoChoice, choose};
 use dataset::workers;
 use serde::Serialize;
 
-use crate::about::About;
+use crate::about::{About, split_of};
 use crate::error::{Error, Result};
 use crate::place::{Found, Place, refuse_corpus};
 use crate::predictions::Predictions;
 use crate::request::{BoxSource, ExportRequest, Format};
 use crate::selection::{Selected, select};
 use crate::source::Source;
-use crate::{coco, croissant, huggingface, picture_files, yolo};
+use crate::{coco, croissant, huggingface, mcap_files, picture_files, webdataset, yolo};
 
 /// Who watches an export.
 #[derive(Clone, Copy)]
@@ -93,10 +93,14 @@ pub fn export(
     for selected in selection {
         // Opened again when it is written: tables of all scenarios at once would not fit into memory.
         let source = Source::open(&selected, request, job.model.as_deref())?;
+        if request.format == Format::Mcap {
+            mcap_files::check(&source)?;
+        }
         let before = counts.pictures;
         count(&source, &mut counts);
         source.hash(&mut hasher);
-        job.about.add(&source);
+        job.about.add(&source.record, source.selected.side);
+        job.about.models.extend(source.model.clone());
         job.scenarios.push(Planned {
             selected,
             pictures: counts.pictures - before,
@@ -189,6 +193,17 @@ impl Job<'_> {
                 huggingface::write_scenario(&source, &folder, watch, pictures_done)?;
                 place.note(&id, &())
             }
+            Format::WebDataset => {
+                let done = || pictures_done(1);
+                let shards =
+                    webdataset::write_scenario(&source, self.request, &folder, watch, &done);
+                place.note(&id, &shards?)
+            }
+            Format::Mcap => {
+                let (boxes, done) = (self.request.boxes, || pictures_done(1));
+                mcap_files::write_scenario(&source, boxes, &folder, watch, &done)?;
+                place.note(&id, &())
+            }
         }
     }
 
@@ -207,6 +222,16 @@ impl Job<'_> {
                 let boxes = self.request.boxes;
                 huggingface::finish(&folder, &self.about, sources, boxes, &self.runs)?
             }
+            Format::WebDataset => {
+                let shards = self.scenarios.iter().map(|scenario| {
+                    let id = scenario.selected.id();
+                    let shards = place.part(&id)?;
+                    Ok((id, split_of(scenario.selected.side), shards))
+                });
+                let views = self.scenarios.iter().flat_map(|s| s.selected.views.clone());
+                webdataset::finish(&folder, shards, &views.collect())?
+            }
+            Format::Mcap => mcap_files::finish(self.scenarios.iter().map(|s| s.selected.id())),
         };
         croissant::write(&folder, &self.about, &contents)
     }

@@ -19,6 +19,10 @@ pub enum Format {
     Yolo,
     /// Long Parquet tables, videos and a dataset card, as `datasets.load_dataset` reads them.
     HuggingFace,
+    /// Shards of samples for WebDataset.
+    WebDataset,
+    /// A file per scenario for Foxglove.
+    Mcap,
 }
 
 impl Format {
@@ -28,14 +32,16 @@ impl Format {
             Self::Coco => "coco",
             Self::Yolo => "yolo",
             Self::HuggingFace => "huggingface",
+            Self::WebDataset => "webdataset",
+            Self::Mcap => "mcap",
         }
     }
 
     /// Whether it has pictures as files of their own.
     fn has_stills(self) -> bool {
         match self {
-            Self::Coco | Self::Yolo => true,
-            Self::HuggingFace => false,
+            Self::Coco | Self::Yolo | Self::WebDataset => true,
+            Self::HuggingFace | Self::Mcap => false,
         }
     }
 }
@@ -93,6 +99,9 @@ impl ExportRequest {
         };
         if self.stills.is_some() && !self.format.has_stills() {
             return not_in_format("--pictures", "it contains the videos as they are");
+        }
+        if self.every.get() > 1 && self.format == Format::Mcap {
+            return not_in_format("--every", "a picture of a video needs those before it");
         }
         if !self.runs.is_empty() && self.format != Format::HuggingFace {
             return not_in_format("--run", "it has no place for predictions");

@@ -1,6 +1,6 @@
 """A folder's croissant.json as mlcroissant sees it: valid, with all its records; every listed file has the size and hash that it says.
 
-Usage: python croissant.py FOLDER     prints JSON: warnings, records by set, number of files by set
+Usage: python croissant_records.py FOLDER     prints JSON: warnings, records by set, number of files by set
 """
 
 import hashlib
@@ -21,7 +21,8 @@ for entry in text["distribution"]:
         assert entry["sha256"] == hashlib.sha256(content).hexdigest(), entry
         assert entry["contentSize"] == f"{len(content)} B", entry
     elif "containedIn" not in entry:
-        files[entry["@id"]] = len(list(folder.glob(entry["includes"])))
+        globs = [entry["includes"]] if isinstance(entry["includes"], str) else entry["includes"]
+        files[entry["@id"]] = sum(len(list(folder.glob(pattern))) for pattern in globs)
         assert files[entry["@id"]], f"no file is in {entry}"
 
 dataset = mlc.Dataset(jsonld=str(folder / "croissant.json"))
