@@ -175,6 +175,19 @@ fn label_files_of_yolo_hold_the_true_boxes_by_side_of_the_split() {
     }
     assert_eq!(expected, BTreeMap::new(), "boxes without a label");
     assert_eq!(counts["pictures"], pictures);
+    let checked = judged("yolo_labels.py", &[&tiny.path("yolo")]);
+    let sides = checked["sides"].as_object().unwrap().values();
+    let sum = |names: &[&str]| -> u64 {
+        let of_side = |side: &Value| {
+            names
+                .iter()
+                .map(|name| side[name].as_u64().unwrap())
+                .sum::<u64>()
+        };
+        sides.clone().map(of_side).sum()
+    };
+    assert_eq!(counts["pictures"], sum(&["labelled", "empty"]));
+    assert_eq!(counts["boxes"], sum(&["boxes"]));
     let yaml = fs::read_to_string(tiny.path("yolo/data.yaml")).unwrap();
     for line in [
         "train: images/train",
