@@ -22,6 +22,8 @@ use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
 /// Where its pictures go, relative to the export.
 pub(crate) const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
+/// The same file once more: mlcroissant reads lists of one length from a file.
+const AGAIN: &str = "annotations.json, boxes";
 const DETECTIONS: &str = "detections.json";
 const AIRCRAFT: u32 = 1;
 
@@ -141,7 +143,7 @@ fn contents() -> Contents {
     };
     let annotation = |name, kind, meaning| {
         let path = format!("$.annotations[*].{name}");
-        Field::new(name, kind, meaning, json_path(ANNOTATIONS, &path))
+        Field::new(name, kind, meaning, json_path(AGAIN, &path))
     };
     let images = vec![
         image("id", Kind::U64, "number of the image"),
@@ -167,7 +169,13 @@ fn contents() -> Contents {
         ),
     ];
     Contents {
-        files: vec![ListedFile::new(ANNOTATIONS, JSON)],
+        files: vec![
+            ListedFile::new(ANNOTATIONS, JSON),
+            ListedFile {
+                id: AGAIN.to_owned(),
+                ..ListedFile::new(ANNOTATIONS, JSON)
+            },
+        ],
         sets: vec![FileSet::new(
             "pictures",
             "images/*",
@@ -186,6 +194,7 @@ fn contents() -> Contents {
                 fields: annotations,
             },
         ],
+        ..Contents::default()
     }
 }
 

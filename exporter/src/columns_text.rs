@@ -9,8 +9,6 @@ pub(crate) enum Kind {
     U64,
     I64,
     F64,
-    /// A file that is a picture.
-    Picture,
 }
 
 /// A column. Its unit is in its name.

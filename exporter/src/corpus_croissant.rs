@@ -196,7 +196,7 @@ fn records() -> RecordSet {
 
 /// Columns of tables of single scenarios, after the scenario's identifier, which is in the path.
 fn of_tables<'a>(set: &str, columns: impl Iterator<Item = &'a Column>) -> Vec<Field> {
-    let scenario = part_of_path(set, "scenarios/([^/]+)/");
+    let scenario = part_of_path(set, ".*scenarios/([^/]+)/");
     let mut fields = vec![Field::new(
         "scenario",
         Kind::Text,
@@ -246,7 +246,7 @@ fn detections() -> RecordSet {
         .iter()
         .filter(|column| column.name != "model");
     let mut fields = of_tables(DETECTED, columns);
-    let model = part_of_path(DETECTED, "detections/([^/]+)[.]parquet$");
+    let model = part_of_path(DETECTED, ".*detections/([^/]+)[.]parquet$");
     let meaning = "start of the hash of the model and its settings";
     fields.push(Field::new("model", Kind::Text, meaning, model));
     RecordSet {

@@ -25,10 +25,13 @@ pub(crate) struct Contents {
     pub(crate) files: Vec<ListedFile>,
     pub(crate) sets: Vec<FileSet>,
     pub(crate) records: Vec<RecordSet>,
+    pub(crate) lists: Vec<NameList>,
 }
 
 /// A file that is listed with its hash.
 pub(crate) struct ListedFile {
+    /// What fields call it.
+    pub(crate) id: String,
     /// Relative to the folder, with forward slashes.
     pub(crate) name: String,
     pub(crate) form: &'static str,
@@ -52,6 +55,13 @@ pub(crate) struct RecordSet {
     pub(crate) fields: Vec<Field>,
 }
 
+/// A set of names that stands in the description itself.
+pub(crate) struct NameList {
+    pub(crate) id: &'static str,
+    pub(crate) what: &'static str,
+    pub(crate) names: Vec<String>,
+}
+
 /// A field of them.
 pub(crate) struct Field {
     pub(crate) column: Column,
@@ -59,14 +69,16 @@ pub(crate) struct Field {
 }
 
 /// Parquet.
-pub(crate) const PARQUET: &str = "application/vnd.apache.parquet";
+pub(crate) const PARQUET: &str = "application/x-parquet";
 /// JSON.
 pub(crate) const JSON: &str = "application/json";
 
 impl ListedFile {
     pub(crate) fn new(name: impl Into<String>, form: &'static str) -> Self {
+        let name = name.into();
         Self {
-            name: name.into(),
+            id: name.clone(),
+            name,
             form,
         }
     }
@@ -117,7 +129,7 @@ pub(crate) fn json_path_in(set: &str, path: &str) -> Value {
     json!({"fileSet": {"@id": set}, "extract": {"jsonPath": path}})
 }
 
-/// A field that is a part of the path of a set's files: the group of the expression.
+/// A field that is a part of the path of a set's files: the group of the expression, which begins where the path begins.
 pub(crate) fn part_of_path(set: &str, expression: &str) -> Value {
     json!({
         "fileSet": {"@id": set},
@@ -153,6 +165,7 @@ pub(crate) fn describe(folder: &Path, about: &About, contents: &Contents) -> Res
     }
     distribution.extend(contents.sets.iter().map(file_set));
     let mut records: Vec<Value> = contents.records.iter().map(record_set).collect();
+    records.extend(contents.lists.iter().map(name_list));
     records.push(splits(about));
     let mut described = json!({
         "@context": context(),
@@ -186,8 +199,8 @@ fn file_object(folder: &Path, file: &ListedFile) -> Result<Value> {
     let (sha256, bytes) = sha256(&path).map_err(dataset::Error::io("read", &path))?;
     Ok(json!({
         "@type": "cr:FileObject",
-        "@id": file.name,
-        "name": file.name,
+        "@id": file.id,
+        "name": file.id,
         "contentUrl": file.name,
         "contentSize": format!("{bytes} B"),
         "encodingFormat": file.form,
@@ -251,22 +264,33 @@ fn record_set(set: &RecordSet) -> Value {
 
 /// The names of the splits.
 fn splits(about: &About) -> Value {
-    let names = about.splits.iter().map(|name| json!({"splits/name": name}));
+    let list = NameList {
+        id: "splits",
+        what: "The sides of the split, by trajectory.",
+        names: about.splits.iter().map(|name| (*name).to_owned()).collect(),
+    };
+    let mut described = name_list(&list);
+    described["dataType"] = "cr:Split".into();
+    described
+}
+
+fn name_list(list: &NameList) -> Value {
+    let field = format!("{}/name", list.id);
+    let records = list.names.iter().map(|name| json!({&field: name}));
     json!({
         "@type": "cr:RecordSet",
-        "@id": "splits",
-        "name": "splits",
-        "description": "The sides of the split, by trajectory.",
-        "dataType": "cr:Split",
-        "key": {"@id": "splits/name"},
+        "@id": list.id,
+        "name": list.id,
+        "description": list.what,
+        "key": {"@id": field},
         "field": [{
             "@type": "cr:Field",
-            "@id": "splits/name",
+            "@id": field,
             "name": "name",
-            "description": "name of the side",
+            "description": "its name",
             "dataType": "sc:Text",
         }],
-        "data": names.collect::<Vec<_>>(),
+        "data": records.collect::<Vec<_>>(),
     })
 }
 
@@ -278,7 +302,6 @@ fn data_type(kind: Kind) -> &'static str {
         Kind::U64 => "cr:UInt64",
         Kind::I64 => "cr:Int64",
         Kind::F64 => "cr:Float64",
-        Kind::Picture => "sc:ImageObject",
     }
 }
 

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::about::{About, split_of};
 use crate::error::{Error, Result};
+use crate::part::Part;
 use crate::place::{Found, Place, refuse_corpus};
 use crate::predictions::Predictions;
 use crate::request::{BoxSource, ExportRequest, Format};
@@ -138,7 +139,7 @@ fn count(source: &Source<'_>, counts: &mut ExportOutcome) {
 }
 
 impl Job<'_> {
-    fn open(&self, scenario: &'_ Planned) -> Result<Source<'_>> {
+    fn open<'s>(&self, scenario: &'s Planned) -> Result<Source<'s>> {
         Source::open(&scenario.selected, self.request, self.model.as_deref())
     }
 
@@ -212,7 +213,7 @@ impl Job<'_> {
         let folder = place.files();
         let parts = || {
             let scenarios = self.scenarios.iter();
-            scenarios.map(|scenario| place.part(&scenario.selected.id()))
+            scenarios.map(|scenario| place.part::<Part>(&scenario.selected.id()))
         };
         let sources = self.scenarios.iter().map(|scenario| self.open(scenario));
         let contents = match self.request.format {
@@ -225,11 +226,10 @@ impl Job<'_> {
             Format::WebDataset => {
                 let shards = self.scenarios.iter().map(|scenario| {
                     let id = scenario.selected.id();
-                    let shards = place.part(&id)?;
+                    let shards: u32 = place.part(&id)?;
                     Ok((id, split_of(scenario.selected.side), shards))
                 });
-                let views = self.scenarios.iter().flat_map(|s| s.selected.views.clone());
-                webdataset::finish(&folder, shards, &views.collect())?
+                webdataset::finish(&folder, shards)?
             }
             Format::Mcap => mcap_files::finish(self.scenarios.iter().map(|s| s.selected.id())),
         };

@@ -8,13 +8,13 @@ pub(crate) const SCHEMAS: &[u8] = include_bytes!("../foxglove/schemas.bin");
 /// A message with its name.
 pub(crate) trait Named: Message {
     /// Name of its schema.
-    const SCHEMA: &str;
+    const SCHEMA: &'static str;
 }
 
 macro_rules! named {
     ($($message:ident $schema:literal)*) => {
         $(impl Named for $message {
-            const SCHEMA: &str = $schema;
+            const SCHEMA: &'static str = $schema;
         })*
     };
 }
@@ -164,19 +164,14 @@ pub(crate) struct Color {
     pub(crate) a: f64,
 }
 
-/// `PointsAnnotation.Type`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, prost::Enumeration)]
-#[repr(i32)]
-pub(crate) enum PointsType {
-    Unknown = 0,
-    LineLoop = 2,
-}
+/// `PointsAnnotation.Type`: a closed line.
+pub(crate) const LINE_LOOP: i32 = 2;
 
 #[derive(Clone, PartialEq, Message)]
 pub(crate) struct PointsAnnotation {
     #[prost(message, optional, tag = 1)]
     pub(crate) timestamp: Option<Timestamp>,
-    #[prost(enumeration = "PointsType", tag = 2)]
+    #[prost(int32, tag = 2)]
     pub(crate) kind: i32,
     #[prost(message, repeated, tag = 3)]
     pub(crate) points: Vec<Point2>,

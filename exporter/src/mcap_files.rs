@@ -19,13 +19,12 @@ use mcap::{Compression, McapError, WriteOptions, Writer};
 use serde::Serialize;
 use serde_json::json;
 
-use crate::columns_text::Kind;
-use crate::croissant::{Contents, Field, FileSet, ListedFile, RecordSet, part_of_path};
+use crate::croissant::{Contents, ListedFile, NameList};
 use crate::error::{Error, Result};
 use crate::export::Watch;
 use crate::foxglove::{
     CameraCalibration, Color, CompressedVideo, FrameTransform, FrameTransforms, ImageAnnotations,
-    LocationFix, Named, Point2, PointsAnnotation, PointsType, Pose, PoseInFrame, Quaternion,
+    LINE_LOOP, LocationFix, Named, Point2, PointsAnnotation, Pose, PoseInFrame, Quaternion,
     SCHEMAS, TextAnnotation, Timestamp, Vector3,
 };
 use crate::part::LabelledBox;
@@ -160,28 +159,18 @@ pub(crate) fn write_scenario(
 
 /// What the export contains.
 pub(crate) fn finish(scenarios: impl Iterator<Item = String>) -> Contents {
-    let set = "recordings";
-    let name = part_of_path(set, "([^/]+)[.]mcap$");
+    let names: Vec<String> = scenarios.map(|id| name_of(&id)).collect();
     Contents {
-        files: scenarios
-            .map(|id| ListedFile::new(name_of(&id), MEDIA_TYPE))
+        files: names
+            .iter()
+            .map(|name| ListedFile::new(name, MEDIA_TYPE))
             .collect(),
-        sets: vec![FileSet::new(
-            set,
-            "*.mcap",
-            MEDIA_TYPE,
-            "MCAP files for Foxglove.",
-        )],
-        records: vec![RecordSet {
-            name: "scenarios",
-            what: "A record per scenario: a file.".into(),
-            fields: vec![Field::new(
-                "scenario",
-                Kind::Text,
-                "identifier of the scenario",
-                name,
-            )],
+        lists: vec![NameList {
+            id: "recordings",
+            what: "MCAP files for Foxglove, one per scenario, named after it.",
+            names,
         }],
+        ..Contents::default()
     }
 }
 
@@ -306,7 +295,7 @@ fn annotations(boxes: &[LabelledBox], color: Color, time: Time) -> ImageAnnotati
         let corners = [(left, top), (right, top), (right, bottom), (left, bottom)];
         PointsAnnotation {
             timestamp: Some(time.stamp()),
-            kind: PointsType::LineLoop.into(),
+            kind: LINE_LOOP,
             points: corners.map(|(x, y)| Point2 { x, y }).to_vec(),
             outline_color: Some(color),
             thickness: 1.0,

@@ -8,7 +8,7 @@
 //!
 //! A shard holds ticks of one scenario, up to a number of bytes, so that scenarios can be written side by side.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -20,10 +20,7 @@ use serde::Serialize;
 use tar::{Builder, EntryType, Header};
 
 use crate::about::split_of;
-use crate::columns_text::Kind;
-use crate::croissant::{
-    Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path_in, part_of_path,
-};
+use crate::croissant::{Contents, FileSet, JSON, ListedFile, NameList};
 use crate::error::{Error, Result};
 use crate::export::Watch;
 use crate::part::TruthFigures;
@@ -145,7 +142,6 @@ fn sample<'a>(source: &'a Source<'_>, row: &TickRow) -> Result<Sample<'a>> {
 pub(crate) fn finish(
     folder: &Path,
     scenarios: impl Iterator<Item = Result<(String, &'static str, u32)>>,
-    views: &BTreeSet<String>,
 ) -> Result<Contents> {
     let parent = folder.join(UNNUMBERED);
     let mut numbers: BTreeMap<&str, u32> = BTreeMap::new();
@@ -166,53 +162,30 @@ pub(crate) fn finish(
     if parent.exists() {
         fs::remove_dir(&parent).map_err(dataset::Error::io("remove", &parent))?;
     }
-    Ok(contents(names, views))
+    Ok(contents(names))
 }
 
-fn contents(shards: Vec<String>, views: &BTreeSet<String>) -> Contents {
-    let set = "samples-json";
-    let field = |name, kind, meaning| {
-        let path = format!("$.{name}");
-        Field::new(name, kind, meaning, json_path_in(set, &path))
-    };
-    let key = part_of_path(set, "([^/]+)[.]json$");
-    let mut fields = vec![
-        Field::new("key", Kind::Text, "key of the sample", key),
-        field("scenario", Kind::Text, "identifier of the scenario"),
-        field("tick", Kind::U32, "number of the tick, from 0"),
-        field("time_ns", Kind::I64, "time since tick 0"),
-        field("weather", Kind::Text, "name of the weather"),
-        field("time_of_day", Kind::Text, "local time, HH:MM"),
-        field("split", Kind::Text, "side of the split"),
-    ];
-    fields.push(field(
-        "dtd_m",
-        Kind::F64,
-        "distance to touchdown; missing without labels",
-    ));
-    let views: Vec<&str> = views.iter().map(String::as_str).collect();
+fn contents(shards: Vec<String>) -> Contents {
     Contents {
+        files: shards
+            .iter()
+            .map(|name| ListedFile::new(name, "application/x-tar"))
+            .collect(),
         sets: vec![FileSet {
             archives: shards.clone(),
             ..FileSet::new(
-                set,
+                "samples",
                 "*.json",
                 JSON,
                 "What is known of a tick; its pictures have the same key.",
             )
         }],
-        records: vec![RecordSet {
-            name: "samples",
-            what: format!(
-                "A sample per scenario and tick, with a picture per view: {}.",
-                views.join(", ")
-            ),
-            fields,
+        lists: vec![NameList {
+            id: "shards",
+            what: "Tar archives of samples, named after their split.",
+            names: shards,
         }],
-        files: shards
-            .into_iter()
-            .map(|name| ListedFile::new(name, "application/x-tar"))
-            .collect(),
+        ..Contents::default()
     }
 }
 

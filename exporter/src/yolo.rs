@@ -88,12 +88,12 @@ fn contents() -> Contents {
                 label(
                     "split",
                     "side of the split",
-                    part_of_path(set, "labels/([a-z]+)/[^/]*$"),
+                    part_of_path(set, ".*labels/([a-z]+)/[^/]*$"),
                 ),
                 label(
                     "name",
                     "its name in images/, without the ending",
-                    part_of_path(set, "([^/]+)[.]txt$"),
+                    part_of_path(set, ".*/([^/]+)[.]txt$"),
                 ),
                 label(
                     "boxes",
@@ -102,6 +102,7 @@ fn contents() -> Contents {
                 ),
             ],
         }],
+        ..Contents::default()
     }
 }
 

@@ -6,10 +6,15 @@ Usage: python croissant_records.py FOLDER     prints JSON: warnings, records by 
 import hashlib
 import json
 import logging
+import os
 import sys
+import tempfile
 from pathlib import Path
 
-import mlcroissant as mlc
+cache = tempfile.TemporaryDirectory()
+os.environ["CROISSANT_CACHE"] = cache.name
+
+import mlcroissant as mlc  # noqa: E402
 
 logging.disable(logging.WARNING)
 folder = Path(sys.argv[1])
