@@ -23,7 +23,7 @@ use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
 pub(crate) const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
 /// The same file once more: mlcroissant reads lists of one length from a file.
-const AGAIN: &str = "annotations.json, boxes";
+const AGAIN: &str = "annotations.json-boxes";
 const DETECTIONS: &str = "detections.json";
 const AIRCRAFT: u32 = 1;
 
@@ -154,6 +154,11 @@ fn contents() -> Contents {
         image("view", Kind::Text, "identifier of the view"),
         image("tick", Kind::U32, "number of the tick, from 0"),
         image("time_ns", Kind::I64, "time since tick 0"),
+        image(
+            "dtd_m",
+            Kind::F64,
+            "distance to touchdown; missing without labels",
+        ),
         image("weather", Kind::Text, "name of the weather"),
         image("time_of_day", Kind::Text, "local time, HH:MM"),
     ];
