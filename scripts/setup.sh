@@ -45,11 +45,12 @@ if ((${#missing[@]})); then
 fi
 
 stamp=.venv/requirements.installed
-if ! cmp -s scripts/requirements.txt "$stamp"; then
+if ! cat scripts/requirements.txt scripts/requirements-alone.txt | cmp -s - "$stamp"; then
     say "installing Python packages into .venv"
     python3 -m venv .venv
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt >&2
-    cp scripts/requirements.txt "$stamp"
+    .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/requirements-alone.txt >&2
+    cat scripts/requirements.txt scripts/requirements-alone.txt >"$stamp"
 fi
 
 # Where `target/release/dtd` looks for ONNX Runtime: ../lib/dtd relative to the program's folder.

@@ -1,7 +1,7 @@
 //! Options of `dtd export`.
 
 use std::num::NonZeroU32;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use dataset::splits::Side;
@@ -12,15 +12,15 @@ use crate::args::{folder, output};
 /// What to export, and where to.
 #[derive(Debug, Args)]
 pub(crate) struct ExportArgs {
-    /// Folder of the corpus; nothing is written to it
+    /// Folder of the corpus; only `--to croissant` writes to it
     #[arg(value_parser = folder())]
     pub(crate) corpus: PathBuf,
     /// Format of the export
     #[arg(long, value_enum, value_name = "FORMAT")]
     to: To,
-    /// Folder of the export, new or empty; it appears when the export is complete
+    /// Folder of the export, new or empty; it appears when the export is complete (not with croissant)
     #[arg(long, value_name = "DIR", value_parser = output())]
-    pub(crate) out: PathBuf,
+    out: Option<PathBuf>,
     /// Export only these scenarios, separated by commas
     #[arg(long, value_name = "ID,..", value_delimiter = ',')]
     only: Vec<String>,
@@ -33,15 +33,21 @@ pub(crate) struct ExportArgs {
     /// Export one side of the split
     #[arg(long, value_enum)]
     side: Option<OneSide>,
-    /// Boxes to export
-    #[arg(long, value_enum, default_value = "truth")]
-    boxes: Boxes,
+    /// Boxes to export; truth, if it is left out
+    #[arg(long, value_enum)]
+    boxes: Option<Boxes>,
     /// Model whose detections to export, by its file name or hash, if the corpus has several
     #[arg(long, value_name = "NAME|HASH")]
     detections: Option<String>,
-    /// Picture format
-    #[arg(long, value_enum, default_value = "png")]
-    pictures: Pictures,
+    /// Format of pictures that are files of their own; png, if it is left out
+    #[arg(long, value_enum)]
+    pictures: Option<Pictures>,
+    /// An evaluated run whose predictions to export, too (huggingface); may be repeated
+    #[arg(long, value_name = "RUN")]
+    run: Vec<PathBuf>,
+    /// Licence that the export states: an SPDX identifier or a URL
+    #[arg(long, value_name = "SPDX|URL", value_parser = license)]
+    license: Option<String>,
     /// Print the counts as JSON
     #[arg(long)]
     pub(crate) json: bool,
@@ -54,6 +60,25 @@ enum To {
     Coco,
     /// Ultralytics' YOLO: data.yaml, images/ and labels/ by side of the split
     Yolo,
+    /// Hugging Face's datasets: Parquet tables over all scenarios, videos, a dataset card
+    Huggingface,
+    /// WebDataset: tar archives with a sample per tick
+    Webdataset,
+    /// MCAP for Foxglove: a file per scenario, with its videos
+    Mcap,
+    /// Nothing but croissant.json, written into the corpus to describe it; every export has its own
+    Croissant,
+}
+
+/// What the arguments ask for.
+pub(crate) enum Asked<'a> {
+    /// An export to a folder.
+    Export(ExportRequest, &'a Path),
+    /// A description in the corpus itself.
+    Description {
+        /// The licence that it states.
+        license: Option<String>,
+    },
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -79,19 +104,64 @@ enum Pictures {
     Jpeg,
 }
 
+/// An SPDX identifier or a URL.
+fn license(text: &str) -> Result<String, String> {
+    let is_url = text.starts_with("https://") || text.starts_with("http://");
+    let of_spdx = |c: char| c.is_ascii_alphanumeric() || "-.+".contains(c);
+    let is_spdx = !text.is_empty() && text.chars().all(of_spdx);
+    match is_url || is_spdx {
+        true => Ok(text.to_owned()),
+        false => Err("expected an SPDX identifier, such as CC-BY-4.0, or a URL".into()),
+    }
+}
+
 impl ExportArgs {
-    /// What is asked for.
-    pub(crate) fn request(&self) -> ExportRequest {
+    /// What is asked for; options that a description has no use for are refused.
+    pub(crate) fn asked(&self) -> Result<Asked<'_>, String> {
+        let format = match self.to {
+            To::Coco => Format::Coco,
+            To::Yolo => Format::Yolo,
+            To::Huggingface => Format::HuggingFace,
+            To::Webdataset => Format::WebDataset,
+            To::Mcap => Format::Mcap,
+            To::Croissant => return self.description(),
+        };
+        match &self.out {
+            Some(out) => Ok(Asked::Export(self.request(format), out)),
+            None => Err("--out DIR is missing: where the export is to be written".into()),
+        }
+    }
+
+    fn description(&self) -> Result<Asked<'_>, String> {
+        let given = [
+            ("--out", self.out.is_some()),
+            ("--only", !self.only.is_empty()),
+            ("--views", !self.views.is_empty()),
+            ("--every", self.every.get() > 1),
+            ("--side", self.side.is_some()),
+            ("--boxes", self.boxes.is_some()),
+            ("--detections", self.detections.is_some()),
+            ("--pictures", self.pictures.is_some()),
+            ("--run", !self.run.is_empty()),
+        ];
+        match given.into_iter().find(|(_, is_given)| *is_given) {
+            Some((option, _)) => Err(format!(
+                "--to croissant describes the whole corpus, in its own folder; leave out {option}"
+            )),
+            None => Ok(Asked::Description {
+                license: self.license.clone(),
+            }),
+        }
+    }
+
+    fn request(&self, format: Format) -> ExportRequest {
         let asked = |names: &[String]| (!names.is_empty()).then(|| names.to_vec());
         ExportRequest {
-            format: match self.to {
-                To::Coco => Format::Coco,
-                To::Yolo => Format::Yolo,
-            },
-            stills: match self.pictures {
+            format,
+            stills: self.pictures.map(|pictures| match pictures {
                 Pictures::Png => StillFormat::Png,
                 Pictures::Jpeg => StillFormat::Jpeg,
-            },
+            }),
             only: asked(&self.only),
             views: asked(&self.views),
             side: self.side.map(|side| match side {
@@ -101,10 +171,12 @@ impl ExportArgs {
             }),
             every: self.every,
             boxes: match self.boxes {
-                Boxes::Truth => BoxSource::Truth,
-                Boxes::Detections => BoxSource::Detections,
+                None | Some(Boxes::Truth) => BoxSource::Truth,
+                Some(Boxes::Detections) => BoxSource::Detections,
             },
             detections: self.detections.clone(),
+            runs: self.run.clone(),
+            license: self.license.clone(),
         }
     }
 }

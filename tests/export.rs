@@ -5,15 +5,20 @@ mod tiny;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use dataset::corpus::Corpus;
+use dataset::detections::models_of;
 use dataset::splits::Side;
 use serde_json::Value;
-use testkit::command::said;
+use testkit::command::{Dtd, said};
 use testkit::files::contents;
+use testkit::sweep::THREE_VIEWS;
 use testkit::{program_of_venv, repository};
 use tiny::{MODEL, Tiny};
+
+const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 
 fn json_of(tiny: &Tiny, arguments: &[&str]) -> Value {
     let output = tiny.dtd(arguments).output().unwrap();
@@ -170,6 +175,19 @@ fn label_files_of_yolo_hold_the_true_boxes_by_side_of_the_split() {
     }
     assert_eq!(expected, BTreeMap::new(), "boxes without a label");
     assert_eq!(counts["pictures"], pictures);
+    let checked = judged("yolo_labels.py", &[&tiny.path("yolo")]);
+    let sides = checked["sides"].as_object().unwrap().values();
+    let sum = |names: &[&str]| -> u64 {
+        let of_side = |side: &Value| {
+            names
+                .iter()
+                .map(|name| side[name].as_u64().unwrap())
+                .sum::<u64>()
+        };
+        sides.clone().map(of_side).sum()
+    };
+    assert_eq!(counts["pictures"], sum(&["labelled", "empty"]));
+    assert_eq!(counts["boxes"], sum(&["boxes"]));
     let yaml = fs::read_to_string(tiny.path("yolo/data.yaml")).unwrap();
     for line in [
         "train: images/train",
@@ -178,6 +196,410 @@ fn label_files_of_yolo_hold_the_true_boxes_by_side_of_the_split() {
         "  0: aircraft",
     ] {
         assert!(yaml.lines().any(|found| found == line), "{yaml}");
+    }
+}
+
+/// What another program says of files or folders.
+fn judged(judge: &str, paths: &[&Path]) -> Value {
+    let output = Command::new(program_of_venv("python"))
+        .arg(repository().join("tests/judges").join(judge))
+        .args(paths)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{judge}: {}", said(&output));
+    testkit::command::json(&output)
+}
+
+/// Rows of a table over all splits.
+fn rows_of<'a>(tables: &'a Value, table: &str) -> Vec<&'a Value> {
+    let splits = tables[table].as_object().unwrap().values();
+    let rows = |split: &'a Value| split["rows"].as_array().unwrap();
+    splits.flat_map(rows).collect()
+}
+
+#[test]
+fn datasets_loads_every_table_of_a_huggingface_export_and_its_videos_are_those_of_the_corpus() {
+    let tiny = Tiny::made().copy();
+    let export = [
+        "export",
+        "corpus",
+        "--to",
+        "huggingface",
+        "--out",
+        "hf",
+        "--run",
+        "run",
+        "--license",
+        "CC-BY-4.0",
+    ];
+    let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let loaded = judged("hugging_face.py", &[&tiny.path("hf")]);
+    let tables = &loaded["tables"];
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    let splits = corpus.splits().unwrap();
+    let (mut boxes, mut detections) = (Vec::new(), 0);
+    for folder in corpus.scenarios().unwrap() {
+        let id = folder.id();
+        let split = match splits.scenarios[&id].side {
+            Side::Train => "train",
+            Side::Validation => "validation",
+            Side::Test => "test",
+        };
+        let mine = |table: &str| -> Vec<&Value> {
+            let rows = tables[table][split]["rows"].as_array().unwrap().iter();
+            rows.filter(|row| row["scenario"] == id.as_str()).collect()
+        };
+        let opened = folder.open().unwrap();
+        let frames = opened.frames().unwrap();
+        let ticks = mine("ticks");
+        assert_eq!(ticks.len(), frames.rows.len());
+        for (found, row) in ticks.iter().zip(&frames.rows) {
+            assert_eq!(found["tick"], row.tick);
+            assert_eq!(found["time_ns"], row.time_ns);
+            assert_eq!(found["latitude_deg"], row.pose.latitude_deg);
+            assert_eq!(found["dtd_m"], row.labels.unwrap().dtd_m);
+        }
+        let calibration = opened.calibration().unwrap();
+        for view in mine("views") {
+            let name = view["view"].as_str().unwrap();
+            let camera = &calibration.cameras[name];
+            assert_eq!(view["focal_px"], camera.k[0][0]);
+            assert_eq!(view["r01"], camera.ecef_from_camera.rotation[0][1]);
+            assert_eq!(view["k1"], Value::Null);
+            let video = view["video"].as_str().unwrap();
+            assert_eq!(loaded["videos"][video], frames.rows.len());
+            assert_eq!(
+                fs::read(tiny.path("hf").join(video)).unwrap(),
+                fs::read(folder.video_path(name)).unwrap()
+            );
+        }
+        boxes.extend(opened.truth_boxes().unwrap().into_iter().map(|real| {
+            let pixel_box = real.pixel_box;
+            (id.clone(), real.view, real.tick, pixel_box.cx_px)
+        }));
+        for model in models_of(&folder).unwrap() {
+            detections += opened.detections(&model).unwrap().boxes.len();
+        }
+    }
+    let found: Vec<_> = rows_of(tables, "boxes")
+        .into_iter()
+        .map(|row| {
+            let text = |name: &str| row[name].as_str().unwrap().to_owned();
+            let tick = row["tick"].as_u64().unwrap() as u32;
+            let cx_px = row["cx_px"].as_f64().unwrap();
+            (text("scenario"), text("view"), tick, cx_px)
+        })
+        .collect();
+    let sorted = |mut all: Vec<(String, String, u32, f64)>| {
+        all.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        all
+    };
+    assert_eq!(counts["boxes"], found.len());
+    assert_eq!(sorted(found), sorted(boxes));
+    assert!(detections > 0);
+    assert_eq!(rows_of(tables, "detections").len(), detections);
+    assert_eq!(rows_of(tables, "scenarios").len(), tiny::SCENARIOS);
+    let predictions = rows_of(tables, "predictions");
+    assert!(
+        predictions
+            .iter()
+            .any(|row| row["predicted_dtd_m"].is_f64())
+    );
+    assert!(predictions.iter().all(|row| row["run"] == "run"));
+
+    // What the card and `croissant.json` say of the columns is what the tables have.
+    let described = judged("croissant_records.py", &[&tiny.path("hf")]);
+    let card = fs::read_to_string(tiny.path("hf/README.md")).unwrap();
+    assert!(card.contains("license: \"cc-by-4.0\""), "{card}");
+    for (name, table) in tables.as_object().unwrap() {
+        let rows = described["records"][name].as_array().unwrap();
+        assert_eq!(rows.len(), rows_of(tables, name).len(), "{name}");
+        for split in table.as_object().unwrap().values() {
+            for column in split["columns"].as_array().unwrap() {
+                let column = column.as_str().unwrap();
+                assert!(rows[0].get(column).is_some(), "{name}: {column}");
+                assert!(card.contains(&format!("| `{column}` |")), "{column}");
+            }
+        }
+        let columns = rows[0].as_object().unwrap().len();
+        assert!(
+            table
+                .as_object()
+                .unwrap()
+                .values()
+                .all(|split| { split["columns"].as_array().unwrap().len() == columns })
+        );
+    }
+    assert!(
+        json_of(&tiny, &[&export[..], &["--json"]].concat())["unchanged"]
+            .as_bool()
+            .unwrap()
+    );
+    refused(&tiny, &export[..8], "other options");
+}
+
+#[test]
+fn croissant_json_of_pictures_and_boxes_is_valid_and_gives_their_records() {
+    let tiny = Tiny::made().copy();
+    for (format, set, pictures) in [
+        ("coco", "images", "pictures"),
+        ("yolo", "pictures", "images"),
+    ] {
+        let export = [
+            "export", "corpus", "--to", format, "--out", format, "--every", "2",
+        ];
+        let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+        let described = judged("croissant_records.py", &[&tiny.path(format)]);
+        let records = described["records"][set].as_array().unwrap();
+        assert_eq!(counts["pictures"], records.len());
+        assert_eq!(counts["pictures"], described["files"][pictures]);
+        if format == "coco" {
+            let annotations = described["records"]["annotations"].as_array().unwrap();
+            assert_eq!(counts["boxes"], annotations.len());
+            assert!(records[0]["scenario"].as_str().unwrap().starts_with("1200"));
+        } else {
+            assert!(records.iter().any(|record| record["split"] == "val"));
+            assert!(
+                records
+                    .iter()
+                    .any(|r| r["boxes"].as_str().unwrap().starts_with("0 0."))
+            );
+        }
+        assert_eq!(described["records"]["splits"].as_array().unwrap().len(), 3);
+    }
+}
+
+#[test]
+fn a_corpus_describes_itself_to_croissant_and_stays_a_corpus() {
+    let tiny = Tiny::made().copy();
+    let describe = ["export", "corpus", "--to", "croissant", "--json"];
+    let path = json_of(&tiny, &describe)["croissant"].clone();
+    assert_eq!(path, "corpus/croissant.json");
+    let described = judged("croissant_records.py", &[&tiny.corpus()]);
+    let records = |set: &str| described["records"][set].as_array().unwrap();
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    let (mut ticks, mut boxes, mut detections) = (0, 0, 0);
+    for folder in corpus.scenarios().unwrap() {
+        let id = folder.id();
+        let opened = folder.open().unwrap();
+        let frames = opened.frames().unwrap();
+        ticks += frames.rows.len();
+        boxes += opened.truth_boxes().unwrap().len();
+        for model in models_of(&folder).unwrap() {
+            let found = opened.detections(&model).unwrap();
+            detections += found.boxes.len() + found.misses.len();
+        }
+        let last = frames.rows.last().unwrap();
+        let mine = records("ticks").iter();
+        let mut mine = mine.filter(|row| row["scenario"] == id.as_str());
+        let row = mine.find(|row| row["tick"] == last.tick).unwrap();
+        assert_eq!(row["dtd_m"], last.labels.unwrap().dtd_m);
+    }
+    assert_eq!(records("scenarios").len(), tiny::SCENARIOS);
+    assert_eq!(records("ticks").len(), ticks);
+    assert_eq!(records("boxes").len(), boxes);
+    assert_eq!(records("detections").len(), detections);
+    assert_eq!(described["files"]["videos"], 2 * tiny::SCENARIOS);
+    let before = contents(&tiny.corpus());
+    json_of(&tiny, &describe);
+    assert!(contents(&tiny.corpus()) == before, "the same again");
+    json_of(&tiny, &["verify", "corpus", "--complete", "--json"]);
+}
+
+#[test]
+fn webdataset_iterates_samples_of_all_views() {
+    let tiny = Tiny::made().copy();
+    let export = [
+        "export",
+        "corpus",
+        "--to",
+        "webdataset",
+        "--out",
+        "shards",
+        "--every",
+        "2",
+        "--pictures",
+        "jpeg",
+    ];
+    let counts = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    let judged_samples = judged("web_dataset.py", &[&tiny.path("shards")]);
+    let samples = judged_samples["samples"].as_object().unwrap();
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    let splits = corpus.splits().unwrap();
+    let mut expected = 0;
+    for folder in corpus.scenarios().unwrap() {
+        let id = folder.id();
+        let opened = folder.open().unwrap();
+        let truth = opened.truth_boxes().unwrap();
+        for row in opened.frames().unwrap().rows.iter().step_by(2) {
+            expected += 1;
+            let sample = &samples[&format!("{id}_{:06}", row.tick)];
+            let about = &sample["json"];
+            assert_eq!(about["dtd_m"], row.labels.unwrap().dtd_m);
+            assert_eq!(about["pose"]["pitch_deg"], row.pose.pitch_deg);
+            let split = match splits.scenarios[&id].side {
+                Side::Train => "train",
+                Side::Validation => "validation",
+                Side::Test => "test",
+            };
+            assert!(sample["shard"].as_str().unwrap().starts_with(split));
+            for view in ["left", "right"] {
+                let picture = &sample["pictures"][format!("{view}.jpg")];
+                assert_eq!(*picture, serde_json::json!([320, 480, 3]));
+                let mut boxes = truth.iter();
+                let real = boxes.find(|real| real.view == view && real.tick == row.tick);
+                let found = &about["views"][view]["boxes"];
+                match real {
+                    None => assert_eq!(found.as_array().unwrap().len(), 0),
+                    Some(real) => {
+                        let left = real.pixel_box.edges()[0] + 0.5;
+                        assert_eq!(found[0]["bbox"][0], left);
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(samples.len(), expected);
+    assert_eq!(counts["pictures"], 2 * expected);
+    let shards: Vec<_> = judged_samples["shards"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .collect();
+    let train = splits.side(Side::Train).count();
+    let name = format!("train-{:06}.tar", train - 1);
+    assert!(
+        shards.iter().any(|shard| **shard == name.as_str()),
+        "{shards:?}"
+    );
+    let described = judged("croissant_records.py", &[&tiny.path("shards")]);
+    assert_eq!(
+        described["records"]["shards"].as_array().unwrap().len(),
+        shards.len()
+    );
+}
+
+/// Three views, a lens, refraction, and 30000/1001 pictures a second; labelled.
+fn three_views() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("three.toml"), THREE_VIEWS).unwrap();
+    for arguments in [
+        &["generate", "three.toml", "--out", "corpus"][..],
+        &["label", "corpus"],
+    ] {
+        let output = DTD
+            .command(arguments)
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+    }
+    folder
+}
+
+#[test]
+fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_their_videos() {
+    let folder = three_views();
+    let path = |name: &str| folder.path().join(name);
+    let corpus = Corpus::open(&path("corpus")).unwrap();
+    let scenario = corpus.scenarios().unwrap().remove(0);
+    let id = scenario.id();
+    let export = |format: &str, more: &[&str]| -> Value {
+        let common = [
+            "export", "corpus", "--to", format, "--out", format, "--only", &id, "--json",
+        ];
+        let mut command = DTD.command(&[&common[..], more].concat());
+        let output = command.current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        testkit::command::json(&output)
+    };
+    let opened = scenario.open().unwrap();
+    let frames = opened.frames().unwrap();
+    let ticks = frames.rows.len();
+
+    assert_eq!(export("mcap", &[])["pictures"], 3 * ticks);
+    let file = path("mcap").join(format!("{id}.mcap"));
+    let read = judged("foxglove_mcap.py", &[&file, &scenario.root().join("views")]);
+    let messages = &read["messages"];
+    for view in ["lens", "mast", "tower_2"] {
+        assert_eq!(read["pictures"][format!("/{view}/video")], ticks);
+        let calibration = &messages[format!("/{view}/calibration")][0];
+        let camera = &opened.calibration().unwrap().cameras[view];
+        assert_eq!(calibration["K"][2], camera.k[0][2]);
+        let lens = calibration["D"].as_array().map_or(0, Vec::len);
+        assert_eq!(lens, camera.distortion.len());
+    }
+    let rows = &frames.rows;
+    let labels = messages["/labels"].as_array().unwrap();
+    let poses = messages["/aircraft/pose"].as_array().unwrap();
+    let fixes = messages["/aircraft/location"].as_array().unwrap();
+    assert_eq!([labels.len(), poses.len(), fixes.len()], [ticks; 3]);
+    let number = |value: &Value| value.as_f64().unwrap_or(0.0);
+    for (tick, row) in rows.iter().enumerate() {
+        let real = row.labels.unwrap();
+        assert_eq!(labels[tick]["dtd_m"], real.dtd_m);
+        assert_eq!(labels[tick]["time_ns"], row.time_ns);
+        assert_eq!(fixes[tick]["latitude"], row.pose.latitude_deg);
+        let pose = &poses[tick]["pose"];
+        let [x, y, z] = ["x", "y", "z"].map(|axis| number(&pose["position"][axis]));
+        // Over a kilometre of ground, the plane of the target and the geodesic differ by less than this.
+        assert!(
+            (x.hypot(y) - real.dtd_m).abs() < 0.2,
+            "tick {tick}: {x}, {y}"
+        );
+        assert!(
+            (z - real.height_over_target_m).abs() < 0.2,
+            "tick {tick}: {z}"
+        );
+        // The nose, x forward, points where the heading says.
+        let [i, j, k, w] = ["x", "y", "z", "w"].map(|axis| number(&pose["orientation"][axis]));
+        let nose = glam::DQuat::from_xyzw(i, j, k, w) * glam::DVec3::X;
+        let heading_deg = nose.x.atan2(nose.y).to_degrees().rem_euclid(360.0);
+        let turned = (heading_deg - row.pose.heading_true_deg).rem_euclid(360.0);
+        assert!(
+            turned.min(360.0 - turned) < 0.05,
+            "tick {tick}: {heading_deg}"
+        );
+        assert!((nose.z.asin().to_degrees() - row.pose.pitch_deg).abs() < 0.05);
+    }
+    let boxes: usize = ["lens", "mast", "tower_2"]
+        .iter()
+        .flat_map(|view| messages[format!("/{view}/boxes")].as_array().unwrap())
+        .map(|found| found["points"].as_array().map_or(0, Vec::len))
+        .sum();
+    assert_eq!(boxes, opened.truth_boxes().unwrap().len());
+    judged("croissant_records.py", &[&path("mcap")]);
+
+    export("huggingface", &[]);
+    let loaded = judged("hugging_face.py", &[&path("huggingface")]);
+    let views = rows_of(&loaded["tables"], "views");
+    assert_eq!(views.len(), 3);
+    assert_eq!(views[0]["k1"], -0.25);
+    assert!(
+        loaded["videos"]
+            .as_object()
+            .unwrap()
+            .values()
+            .all(|n| *n == ticks)
+    );
+    let found = rows_of(&loaded["tables"], "ticks");
+    assert!(
+        found
+            .iter()
+            .zip(rows)
+            .all(|(found, row)| found["time_ns"] == row.time_ns)
+    );
+
+    let few = ["--every", "40", "--views", "lens,tower_2"];
+    let pictures = export("webdataset", &few)["pictures"].as_u64().unwrap();
+    let read = judged("web_dataset.py", &[&path("webdataset")]);
+    assert_eq!(
+        2 * read["samples"].as_object().unwrap().len() as u64,
+        pictures
+    );
+    for format in ["coco", "yolo"] {
+        export(format, &few);
+        judged("croissant_records.py", &[&path(format)]);
     }
 }
 
@@ -193,6 +615,24 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
         &["export", "corpus", "--to", "pascal", "--out", "out"],
         "possible values",
     );
+    let tables = ["export", "corpus", "--to", "huggingface", "--out", "out"];
+    for (option, value, words) in [
+        ("--pictures", "jpeg", "no use for --pictures"),
+        ("--run", "corpus", "no predictions"),
+        ("--license", "free for all", "SPDX"),
+    ] {
+        refused(&tiny, &[&tables[..], &[option, value]].concat(), words);
+    }
+    refused(&tiny, &export(&["--run", "run"]), "no use for --run");
+    let mcap = ["export", "corpus", "--to", "mcap", "--out", "out"];
+    refused(
+        &tiny,
+        &[&mcap[..], &["--every", "2"]].concat(),
+        "no use for --every",
+    );
+    refused(&tiny, &mcap[..4], "--out DIR is missing");
+    let described = ["export", "corpus", "--to", "croissant", "--out", "out"];
+    refused(&tiny, &described, "leave out --out");
     refused(&tiny, &export(&["--only", "nowhere"]), "nowhere");
     refused(&tiny, &export(&["--views", "top"]), "top");
     refused(
@@ -200,6 +640,24 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
         &export(&["--detections", "other.onnx"]),
         "aircraft.onnx",
     );
+    std::os::unix::fs::symlink("corpus", tiny.path("link")).unwrap();
+    for out in [
+        "corpus",
+        ".",
+        "corpus/export",
+        "corpus/scenarios/1200-clear-r1/export",
+        "link/export",
+    ] {
+        let into = ["export", "corpus", "--to", "coco", "--out", out];
+        refused(&tiny, &into, "choose a folder elsewhere");
+    }
+    fs::rename(tiny.corpus(), tiny.path("out.partial")).unwrap();
+    refused(
+        &tiny,
+        &["export", "out.partial", "--to", "coco", "--out", "out"],
+        "choose a folder elsewhere",
+    );
+    fs::rename(tiny.path("out.partial"), tiny.corpus()).unwrap();
     fs::create_dir(tiny.path("out")).unwrap();
     fs::write(tiny.path("out/thesis.txt"), "mine").unwrap();
     refused(&tiny, &export(&[]), "thesis.txt");

@@ -9,80 +9,12 @@ use dataset::corpus::Corpus;
 use dataset::geodesy::Geodetic;
 use serde_json::{Value, json};
 use testkit::command::{Dtd, said, text};
+use testkit::sweep::THREE_VIEWS;
 use testkit::{program_of_venv, repository};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 /// A picture away from key frames.
 const TICK: usize = 47;
-
-const SWEEP: &str = r#"
-[corpus]
-name = "python"
-seed = 3
-
-[approach]
-airport = "WSSS"
-runway = "02L"
-aircraft = "B737-800"
-rig = "three"
-
-[[rig.three.cameras]]
-id = "lens"
-beyond_touchdown_m = 1200
-right_m = 300
-height_m = 40
-inward_deg = 3
-pitch_deg = 1.5
-hfov_deg = 60
-distortion = { k1 = -0.25, k2 = 0.06, p1 = 0.001, p2 = -0.0005 }
-
-[[rig.three.cameras]]
-id = "mast"
-beyond_touchdown_m = 1200
-right_m = -300
-height_m = 10
-inward_deg = 0
-pitch_deg = 1.6
-hfov_deg = 20
-
-[[rig.three.cameras]]
-id = "tower_2"
-beyond_touchdown_m = 900
-right_m = 500
-height_m = 60
-inward_deg = 20
-pitch_deg = 0
-hfov_deg = 40
-
-[grid]
-times = ["12:00"]
-weathers = ["clear"]
-repeats = 2
-day_of_year = 172
-utc_offset_h = 8
-
-[imaging]
-refraction_coefficient = 0.13
-
-[picture]
-width_px = 160
-height_px = 96
-frame_rate = "30000/1001"
-
-[start]
-dtd_nm = 0.5
-speed_mps = 72
-profiles = ["short"]
-
-[profile.short]
-kind = "glide_path"
-level_altitude_msl_m = 200
-
-[weather.clear]
-visibility_m = 80000
-wind_speed_mps = 2
-wind_from_true_deg = 20
-"#;
 
 /// Where this project's own camera sees points around the path, and a decoded picture.
 fn expected(corpus: &Path) -> Value {
@@ -142,7 +74,7 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
         folder.path().join("three.toml"),
         folder.path().join("corpus"),
     );
-    fs::write(&sweep, SWEEP).unwrap();
+    fs::write(&sweep, THREE_VIEWS).unwrap();
     for arguments in [
         &["generate", text(&sweep), "--out", text(&corpus)][..],
         &["label", text(&corpus)],

@@ -105,6 +105,13 @@ impl TableWriter {
         }
     }
 
+    fn check(&self, path: &Path) -> Result<()> {
+        match &self.out_of_limits {
+            None => Ok(()),
+            Some((row, fault)) => Err(Error::out_of_limits(path, Some(*row), fault.clone())),
+        }
+    }
+
     fn look_at(
         &mut self,
         name: &str,
@@ -172,27 +179,69 @@ impl TableWriter {
         )
     }
 
+    /// Number of rows.
+    pub fn rows(&self) -> usize {
+        self.arrays.first().map_or(0, |array| array.len())
+    }
+
     /// Writes the file (zstd, one row group per million rows), atomically.
     ///
     /// # Errors
     /// A number is outside its limits, or an I/O error.
     pub fn write(self, path: &Path) -> Result<()> {
-        if let Some((row, fault)) = self.out_of_limits {
-            return Err(Error::out_of_limits(path, Some(row), fault));
-        }
-        let schema = Arc::new(Schema::new(self.fields));
-        let batch =
-            RecordBatch::try_new(schema.clone(), self.arrays).map_err(|e| Error::table(path, e))?;
+        GrowingTable::begin(path, self)?.finish()
+    }
+}
+
+/// A table that is written part by part, each a row group, so that only one of them is in memory.
+pub struct GrowingTable {
+    path: PathBuf,
+    writer: ArrowWriter<NewFile>,
+}
+
+impl GrowingTable {
+    /// Begins the file with its first rows.
+    ///
+    /// # Errors
+    /// A number is outside its limits, or an I/O error.
+    pub fn begin(path: &Path, rows: TableWriter) -> Result<Self> {
+        rows.check(path)?;
         let properties = WriterProperties::builder()
             .set_compression(Compression::ZSTD(ZstdLevel::default()))
             .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")))
             .build();
-        let file = NewFile::create(path)?;
-        let mut writer = ArrowWriter::try_new(file, schema, Some(properties))
+        let schema = Arc::new(Schema::new(rows.fields.clone()));
+        let writer = ArrowWriter::try_new(NewFile::create(path)?, schema, Some(properties))
             .map_err(|e| Error::table(path, e))?;
-        writer.write(&batch).map_err(|e| Error::table(path, e))?;
-        let file = writer.into_inner().map_err(|e| Error::table(path, e))?;
-        file.commit()
+        let mut table = Self {
+            path: path.to_owned(),
+            writer,
+        };
+        table.append(rows)?;
+        Ok(table)
+    }
+
+    /// Appends rows with the same columns.
+    ///
+    /// # Errors
+    /// Other columns, a number outside its limits, or an I/O error.
+    pub fn append(&mut self, rows: TableWriter) -> Result<()> {
+        rows.check(&self.path)?;
+        let fault = |e| Error::table(&self.path, e);
+        let schema = Arc::new(Schema::new(rows.fields));
+        let batch =
+            RecordBatch::try_new(schema, rows.arrays).map_err(|e| Error::table(&self.path, e))?;
+        self.writer.write(&batch).map_err(fault)?;
+        self.writer.flush().map_err(fault)
+    }
+
+    /// Completes the file, which appears under its name.
+    ///
+    /// # Errors
+    /// An I/O error.
+    pub fn finish(self) -> Result<()> {
+        let file = self.writer.into_inner();
+        file.map_err(|e| Error::table(&self.path, e))?.commit()
     }
 }
 

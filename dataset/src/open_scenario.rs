@@ -5,6 +5,7 @@
 //! `dtd verify`, which must name every fault, reads files unchecked.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::Deserialize;
@@ -19,9 +20,9 @@ use crate::outside_file::FileKind;
 use crate::pixel_box::{TruthBox, parse_truth_boxes};
 use crate::registrations::{Registration, parse_registrations};
 use crate::scenario::ScenarioRecord;
-use crate::seal::{DONE, Seal, view_of};
+use crate::seal::{DONE, Seal, hash_file, view_of};
 use crate::sealed::{ATTEMPTS, Sealed};
-use crate::video::VideoReader;
+use crate::video::{PacketReader, VideoReader};
 
 const RECORD: &str = "scenario.json";
 const CALIBRATION: &str = "calibration.json";
@@ -263,13 +264,42 @@ impl OpenScenario {
     /// # Errors
     /// There is none, or it does not match the seal.
     pub fn video_path(&self, view: &str) -> Result<PathBuf> {
-        let video = self.sealed.video_of(view).ok_or_else(|| {
+        self.sealed.check(self.video_name(view)?)
+    }
+
+    /// Opens a view's video for its packets, after checking it against the seal; `None` if its codec has none that stand alone.
+    ///
+    /// # Errors
+    /// There is none, it does not match the seal, or it cannot be read.
+    pub fn open_packets(&self, view: &str) -> Result<Option<PacketReader>> {
+        PacketReader::open(&self.video_path(view)?)
+    }
+
+    /// Copies a view's video, and checks the copy against the seal.
+    ///
+    /// # Errors
+    /// There is none, it does not match the seal, or the copy cannot be written.
+    pub fn copy_video(&self, view: &str, to: &Path) -> Result<()> {
+        let name = self.video_name(view)?;
+        let from = self.sealed.check(name)?;
+        fs::copy(&from, to).map_err(Error::io("copy to", to))?;
+        if self.sealed.hash_of(name) == Some(&hash_file(to)?) {
+            return Ok(());
+        }
+        Err(Error::corpus(&from, "changed while it was copied"))
+    }
+
+    /// The name of a view's video within the scenario.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn video_name(&self, view: &str) -> Result<&str> {
+        self.sealed.video_of(view).ok_or_else(|| {
             Error::corpus(
                 self.folder.root(),
                 format!("has no sealed video of view {view}; generate the scenario again"),
             )
-        })?;
-        self.sealed.check(video)
+        })
     }
 
     fn content(&self, name: &'static str) -> Result<&[u8]> {

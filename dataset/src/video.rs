@@ -11,6 +11,7 @@ mod codec;
 mod conversion;
 mod fragments;
 mod index;
+mod packets;
 mod reader;
 mod scaler;
 mod writer;
@@ -24,6 +25,7 @@ use serde::{Deserialize, Serialize};
 pub use codec::VideoCodec;
 pub use conversion::PicturePart;
 pub use fragments::recorded_pictures;
+pub use packets::{CodedPicture, PacketCodec, PacketReader};
 pub use reader::VideoReader;
 pub use writer::VideoWriter;
 

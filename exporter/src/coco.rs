@@ -14,10 +14,16 @@ use dataset::splits::Side;
 use serde::Serialize;
 use serde_json::json;
 
+use crate::columns_text::Kind;
+use crate::croissant::{Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path};
 use crate::error::Result;
 use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
 
+/// Where its pictures go, relative to the export.
+pub(crate) const PICTURES: &str = "images";
 const ANNOTATIONS: &str = "annotations.json";
+/// The same file once more: mlcroissant reads lists of one length from a file.
+const AGAIN: &str = "annotations.json-boxes";
 const DETECTIONS: &str = "detections.json";
 const AIRCRAFT: u32 = 1;
 
@@ -60,16 +66,11 @@ struct Found {
     score: f64,
 }
 
-/// Where a picture goes, relative to the export.
-pub(crate) fn picture_name(scenario: &str, view: &str, tick: u32, extension: &str) -> String {
-    format!("images/{scenario}_{view}_{tick:06}.{extension}")
-}
-
 /// Writes the files besides the pictures, part by part: together they may be larger than the memory.
 pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
     folder: &Path,
     parts: impl Fn() -> P,
-) -> Result<()> {
+) -> Result<Contents> {
     let mut all = ListWriter::create(&folder.join(ANNOTATIONS))?;
     all.write(
         json!({"description": "Approaches recorded by dtd", "version": env!("CARGO_PKG_VERSION")}),
@@ -127,7 +128,79 @@ pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
         }
         Ok(())
     })?;
-    results.map_or(Ok(()), |results| results.end("]"))
+    let mut contents = contents();
+    if let Some(results) = results {
+        results.end("]")?;
+        contents.files.push(ListedFile::new(DETECTIONS, JSON));
+    }
+    Ok(contents)
+}
+
+fn contents() -> Contents {
+    let image = |name, kind, meaning| {
+        let path = format!("$.images[*].{name}");
+        Field::new(name, kind, meaning, json_path(ANNOTATIONS, &path))
+    };
+    let annotation = |name, kind, meaning| {
+        let path = format!("$.annotations[*].{name}");
+        Field::new(name, kind, meaning, json_path(AGAIN, &path))
+    };
+    let images = vec![
+        image("id", Kind::U64, "number of the image"),
+        image("file_name", Kind::Text, "its file in images/"),
+        image("width", Kind::U32, "width, pixels"),
+        image("height", Kind::U32, "height, pixels"),
+        image("scenario", Kind::Text, "identifier of the scenario"),
+        image("view", Kind::Text, "identifier of the view"),
+        image("tick", Kind::U32, "number of the tick, from 0"),
+        image("time_ns", Kind::I64, "time since tick 0"),
+        image(
+            "dtd_m",
+            Kind::F64,
+            "distance to touchdown; missing without labels",
+        ),
+        image("weather", Kind::Text, "name of the weather"),
+        image("time_of_day", Kind::Text, "local time, HH:MM"),
+    ];
+    let annotations = vec![
+        annotation("id", Kind::U64, "number of the annotation"),
+        annotation("image_id", Kind::U64, "the image"),
+        annotation("category_id", Kind::U32, "1: aircraft"),
+        annotation("area", Kind::F64, "area of the box, square pixels"),
+        annotation(
+            "iscrowd",
+            Kind::U32,
+            "1 if nobody can be expected to find it",
+        ),
+    ];
+    Contents {
+        files: vec![
+            ListedFile::new(ANNOTATIONS, JSON),
+            ListedFile {
+                id: AGAIN.to_owned(),
+                ..ListedFile::new(ANNOTATIONS, JSON)
+            },
+        ],
+        sets: vec![FileSet::new(
+            "pictures",
+            "images/*",
+            "image/*",
+            "The pictures.",
+        )],
+        records: vec![
+            RecordSet {
+                name: "images",
+                what: "A record per picture.".into(),
+                fields: images,
+            },
+            RecordSet {
+                name: "annotations",
+                what: "A record per box.".into(),
+                fields: annotations,
+            },
+        ],
+        ..Contents::default()
+    }
 }
 
 /// All pictures with their numbers, from 1.
@@ -199,7 +272,8 @@ impl ListWriter {
 
 /// COCO's names are relative to the folder of the pictures.
 fn file_name(file: &str) -> &str {
-    file.strip_prefix("images/").unwrap_or(file)
+    let name = file.strip_prefix(PICTURES);
+    name.map_or(file, |name| name.trim_start_matches('/'))
 }
 
 fn annotation(id: u64, image_id: u64, labelled: &LabelledBox) -> Annotation {

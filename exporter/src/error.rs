@@ -29,6 +29,30 @@ pub enum Error {
         /// Those.
         known: String,
     },
+    /// An option that the format has no place for.
+    #[error("{format} has no use for {option}: {reason}; leave it out, or choose another format")]
+    NotInFormat {
+        /// The option.
+        option: &'static str,
+        /// The format.
+        format: &'static str,
+        /// Why.
+        reason: &'static str,
+    },
+    /// A run without predictions.
+    #[error("{} has no predictions; expected an evaluated run: run `dtd evaluate` on it first", run.display())]
+    NoPredictions {
+        /// The run.
+        run: PathBuf,
+    },
+    /// Two runs cannot be told apart.
+    #[error(
+        "two runs are called {run}, which is what their predictions are told apart by; rename one of the folders"
+    )]
+    SameRun {
+        /// Their name.
+        run: String,
+    },
     /// What is asked for contains nothing.
     #[error("nothing to export: no scenario is left with these options")]
     Nothing,
@@ -48,6 +72,25 @@ pub enum Error {
         /// What the video has there.
         found: String,
     },
+    /// A video's pictures have no name in MCAP.
+    #[error(
+        "scenario {scenario}, view {view}: the video is FFV1, which Foxglove's schema of videos does not know; expected H.264, H.265 or AV1; \
+         choose another format, or leave the scenario out with --only"
+    )]
+    Codec {
+        /// The scenario.
+        scenario: String,
+        /// The view.
+        view: String,
+    },
+    /// An MCAP file cannot be written.
+    #[error("cannot write {}: {source}", path.display())]
+    Mcap {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        r#source: Box<mcap::McapError>,
+    },
     /// A picture cannot be encoded.
     #[error("cannot encode {}: {source}", path.display())]
     Encode {
@@ -55,6 +98,14 @@ pub enum Error {
         path: PathBuf,
         /// Why.
         source: image::ImageError,
+    },
+    /// The destination is in the corpus, or the corpus in it.
+    #[error("{} is the corpus {}, in it, or around it; choose a folder elsewhere", out.display(), corpus.display())]
+    InCorpus {
+        /// The destination.
+        out: PathBuf,
+        /// The corpus.
+        corpus: PathBuf,
     },
     /// The destination contains something else.
     #[error("{} contains something else, for example {found}; choose an empty or new folder", out.display())]
@@ -98,9 +149,14 @@ impl Error {
         matches!(
             self,
             Self::Unknown { .. }
+                | Self::NotInFormat { .. }
+                | Self::NoPredictions { .. }
+                | Self::SameRun { .. }
+                | Self::Codec { .. }
                 | Self::Nothing
                 | Self::NoDetections
                 | Self::SeveralModels { .. }
+                | Self::InCorpus { .. }
                 | Self::Occupied { .. }
                 | Self::OtherExport { .. }
                 | Self::OtherFinished { .. }

@@ -1,28 +1,23 @@
 //! Makes an export: views are decoded in parallel, scenarios noted as they are done, and the whole sealed at the end.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 use std::thread;
 
-use dataset::calibration::Calibration;
 use dataset::corpus::Corpus;
-use dataset::detections::{Detection, NoChoice, choose, models_of};
-use dataset::frames::Frames;
-use dataset::open_scenario::OpenScenario;
-use dataset::pixel_box::TruthBox;
-use dataset::scenario::ScenarioRecord;
-use dataset::sight::{CloudBase, Sight};
+use dataset::detections::{NoChoice, choose};
 use dataset::workers;
 use serde::Serialize;
 
+use crate::about::{About, split_of};
 use crate::error::{Error, Result};
-use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
-use crate::place::{Found, Place};
+use crate::part::Part;
+use crate::place::{Found, Place, refuse_corpus};
+use crate::predictions::Predictions;
 use crate::request::{BoxSource, ExportRequest, Format};
 use crate::selection::{Selected, select};
-use crate::{coco, yolo};
+use crate::source::Source;
+use crate::{coco, croissant, huggingface, mcap_files, picture_files, webdataset, yolo};
 
 /// Who watches an export.
 #[derive(Clone, Copy)]
@@ -51,16 +46,20 @@ pub struct ExportOutcome {
     pub unchanged: bool,
 }
 
-/// A scenario to export, with everything but its pictures.
-struct Source<'a> {
-    selected: &'a Selected,
-    scenario: OpenScenario,
-    record: ScenarioRecord,
-    frames: Frames,
-    calibration: Calibration,
-    boxes: BTreeMap<(String, u32), Vec<LabelledBox>>,
-    found: BTreeMap<(String, u32), Vec<LabelledBox>>,
-    left_out: BTreeSet<(String, u32)>,
+/// What is exported, checked against the corpus.
+struct Job<'a> {
+    request: &'a ExportRequest,
+    /// Name of the detections that are wanted, or stand beside the true boxes.
+    model: Option<String>,
+    scenarios: Vec<Planned>,
+    runs: Vec<Predictions>,
+    about: About,
+}
+
+/// A scenario of it.
+struct Planned {
+    selected: Selected,
+    pictures: u64,
 }
 
 /// Exports a corpus to `out`. A run that was stopped or killed is continued by the same request.
@@ -74,19 +73,39 @@ pub fn export(
     out: &Path,
     watch: Watch<'_>,
 ) -> Result<ExportOutcome> {
-    let mut planned = Vec::new();
+    request.check()?;
+    refuse_corpus(corpus, out)?;
     let mut counts = ExportOutcome::default();
     let mut hasher = blake3::Hasher::new();
     hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
     hasher.update(&serde_json::to_vec(request).unwrap_or_default());
     let selection = select(corpus, request)?;
-    let model = model_of(&selection, request)?;
+    let mut job = Job {
+        request,
+        model: model_of(&selection, request)?,
+        scenarios: Vec::new(),
+        runs: read_runs(request)?,
+        about: About::new(corpus, request.license.clone())?,
+    };
+    hasher.update(job.about.name.as_bytes());
+    for run in &job.runs {
+        run.hash(&mut hasher);
+    }
     for selected in selection {
         // Opened again when it is written: tables of all scenarios at once would not fit into memory.
-        let source = Source::open(&selected, request, model.as_deref())?;
-        source.count(request, &mut counts);
+        let source = Source::open(&selected, request, job.model.as_deref())?;
+        if request.format == Format::Mcap {
+            mcap_files::check(&source)?;
+        }
+        let before = counts.pictures;
+        count(&source, &mut counts);
         source.hash(&mut hasher);
-        planned.push(selected);
+        job.about.add(&source.record, source.selected.side);
+        job.about.models.extend(source.model.clone());
+        job.scenarios.push(Planned {
+            selected,
+            pictures: counts.pictures - before,
+        });
     }
     let place = match Place::take(out, hasher.finalize().to_hex().as_str())? {
         Found::Complete => {
@@ -97,69 +116,140 @@ pub fn export(
         }
         Found::Place(place) => place,
     };
-    write_pictures(
-        &planned,
-        request,
-        model.as_deref(),
-        &place,
-        counts.pictures,
-        watch,
-    )?;
-    let parts = || planned.iter().map(|selected| place.part(&selected.id()));
-    match request.format {
-        Format::Coco => coco::finish(&place.files(), parts)?,
-        Format::Yolo => yolo::finish(&place.files(), parts())?,
-    }
+    job.write_scenarios(&place, counts.pictures, watch)?;
+    job.finish(&place)?;
     Ok(ExportOutcome {
         bytes: Some(place.finish()?),
         ..counts
     })
 }
 
-/// Writes the pictures of all scenarios that have none yet, and notes each that is done.
-fn write_pictures(
-    planned: &[Selected],
-    request: &ExportRequest,
-    model: Option<&str>,
-    place: &Place,
-    total: u64,
-    watch: Watch<'_>,
-) -> Result<()> {
-    let done = AtomicU64::new(0);
-    let picture_done = |pictures: u64| {
-        let done = done.fetch_add(pictures, Ordering::Relaxed) + pictures;
-        (watch.progress)(done, total);
-    };
-    let mut pending = Vec::new();
-    for selected in planned {
-        match place.has_part(&selected.id()) {
-            true => picture_done(place.part(&selected.id())?.pictures()),
-            false => pending.push(selected),
+fn count(source: &Source<'_>, counts: &mut ExportOutcome) {
+    counts.scenarios += 1;
+    for view in &source.selected.views {
+        for row in source.rows() {
+            if source.is_left_out(view, row.tick) {
+                counts.left_out += 1;
+            } else {
+                counts.pictures += 1;
+                counts.boxes += source.boxes_of(view, row.tick).len() as u64;
+            }
         }
     }
-    let next = AtomicUsize::new(0);
-    let has_failed = AtomicBool::new(false);
-    let export_one = |selected: &Selected| -> Result<()> {
-        let source = Source::open(selected, request, model)?;
-        let part = source.write(request, &place.files(), watch, &|| picture_done(1))?;
-        place.note(&part)
-    };
-    let work = || -> Result<()> {
-        while !has_failed.load(Ordering::Relaxed)
-            && let Some(selected) = pending.get(next.fetch_add(1, Ordering::Relaxed))
-        {
-            export_one(selected).inspect_err(|_| has_failed.store(true, Ordering::Relaxed))?;
-        }
-        Ok(())
-    };
-    let cores = thread::available_parallelism().map_or(1, usize::from);
-    workers::share(cores.min(pending.len()), work)
 }
 
-/// Whether this model searched the scenario; true boxes of others stand alone.
-fn is_searched(scenario: &OpenScenario, model: &str) -> Result<bool> {
-    let models = models_of(scenario.folder())?;
-    Ok(models.iter().any(|name| name == model))
+impl Job<'_> {
+    fn open<'s>(&self, scenario: &'s Planned) -> Result<Source<'s>> {
+        Source::open(&scenario.selected, self.request, self.model.as_deref())
+    }
+
+    /// Writes all scenarios that are not noted as done, and notes them.
+    fn write_scenarios(&self, place: &Place, total: u64, watch: Watch<'_>) -> Result<()> {
+        let done = AtomicU64::new(0);
+        let pictures_done = |pictures: u64| {
+            let done = done.fetch_add(pictures, Ordering::Relaxed) + pictures;
+            (watch.progress)(done, total);
+        };
+        let (noted, pending): (Vec<&Planned>, Vec<&Planned>) = self
+            .scenarios
+            .iter()
+            .partition(|scenario| place.has_part(&scenario.selected.id()));
+        pictures_done(noted.iter().map(|scenario| scenario.pictures).sum());
+        let next = AtomicUsize::new(0);
+        let has_failed = AtomicBool::new(false);
+        let work = || -> Result<()> {
+            while !has_failed.load(Ordering::Relaxed)
+                && let Some(scenario) = pending.get(next.fetch_add(1, Ordering::Relaxed))
+            {
+                self.write_scenario(scenario, place, watch, &pictures_done)
+                    .inspect_err(|_| has_failed.store(true, Ordering::Relaxed))?;
+            }
+            Ok(())
+        };
+        let cores = thread::available_parallelism().map_or(1, usize::from);
+        workers::share(cores.min(pending.len()), work)
+    }
+
+    fn write_scenario(
+        &self,
+        scenario: &Planned,
+        place: &Place,
+        watch: Watch<'_>,
+        pictures_done: &dyn Fn(u64),
+    ) -> Result<()> {
+        let id = scenario.selected.id();
+        let source = self.open(scenario)?;
+        let folder = place.files();
+        let write_pictures = |pictures: &str| {
+            let done = || pictures_done(1);
+            picture_files::write(&source, self.request, &folder, pictures, watch, &done)
+        };
+        match self.request.format {
+            Format::Coco => place.note(&id, &write_pictures(coco::PICTURES)?),
+            Format::Yolo => {
+                let pictures = yolo::pictures(scenario.selected.side);
+                place.note(&id, &write_pictures(&pictures)?)
+            }
+            Format::HuggingFace => {
+                huggingface::write_scenario(&source, &folder, watch, pictures_done)?;
+                place.note(&id, &())
+            }
+            Format::WebDataset => {
+                let done = || pictures_done(1);
+                let shards =
+                    webdataset::write_scenario(&source, self.request, &folder, watch, &done);
+                place.note(&id, &shards?)
+            }
+            Format::Mcap => {
+                let (boxes, done) = (self.request.boxes, || pictures_done(1));
+                mcap_files::write_scenario(&source, boxes, &folder, watch, &done)?;
+                place.note(&id, &())
+            }
+        }
+    }
+
+    /// Writes the files that belong to all scenarios.
+    fn finish(&self, place: &Place) -> Result<()> {
+        let folder = place.files();
+        let parts = || {
+            let scenarios = self.scenarios.iter();
+            scenarios.map(|scenario| place.part::<Part>(&scenario.selected.id()))
+        };
+        let sources = self.scenarios.iter().map(|scenario| self.open(scenario));
+        let contents = match self.request.format {
+            Format::Coco => coco::finish(&folder, parts)?,
+            Format::Yolo => yolo::finish(&folder, parts())?,
+            Format::HuggingFace => {
+                let boxes = self.request.boxes;
+                huggingface::finish(&folder, &self.about, sources, boxes, &self.runs)?
+            }
+            Format::WebDataset => {
+                let shards = self.scenarios.iter().map(|scenario| {
+                    let id = scenario.selected.id();
+                    let shards: u32 = place.part(&id)?;
+                    Ok((id, split_of(scenario.selected.side), shards))
+                });
+                webdataset::finish(&folder, shards)?
+            }
+            Format::Mcap => mcap_files::finish(self.scenarios.iter().map(|s| s.selected.id())),
+        };
+        croissant::write(&folder, &self.about, &contents)
+    }
+}
+
+/// The predictions of the runs that are asked for.
+fn read_runs(request: &ExportRequest) -> Result<Vec<Predictions>> {
+    let mut runs: Vec<Predictions> = Vec::new();
+    for run in &request.runs {
+        let read = Predictions::read(run)?;
+        if runs.iter().any(|other| other.run() == read.run()) {
+            return Err(Error::SameRun {
+                run: read.run().to_owned(),
+            });
+        }
+        runs.push(read);
+    }
+    Ok(runs)
 }
 
 /// The name of the detections that are wanted or stand beside the true boxes.
@@ -182,217 +272,9 @@ fn model_of(selection: &[Selected], request: &ExportRequest) -> Result<Option<St
     }
 }
 
-impl<'a> Source<'a> {
-    fn open(selected: &'a Selected, request: &ExportRequest, model: Option<&str>) -> Result<Self> {
-        let scenario = selected.folder.open()?;
-        let record = scenario.record()?;
-        let frames = scenario.frames()?;
-        let detections = match model {
-            Some(model) if is_searched(&scenario, model)? => scenario.detections(model)?.boxes,
-            _ => Vec::new(),
-        };
-        let mut left_out = BTreeSet::new();
-        let (boxes, found) = match request.boxes {
-            BoxSource::Truth => {
-                let cloud_base = CloudBase::of(&record.conditions.weather);
-                let mut boxes = Vec::new();
-                for real in scenario.truth_boxes()? {
-                    let altitude_m = frames.rows[real.tick as usize].pose.altitude_msl_m;
-                    let sight = cloud_base.sight(altitude_m, real.transmission);
-                    // A label file has no word for a box that is neither right nor wrong.
-                    match (request.format, sight) {
-                        (Format::Yolo, Sight::Haze) => {}
-                        (Format::Yolo, Sight::Cloud) => {
-                            left_out.insert((real.view, real.tick));
-                        }
-                        (Format::Yolo, Sight::Open) if !real.is_expected() => {
-                            left_out.insert((real.view, real.tick));
-                        }
-                        _ => boxes.push(of_truth(real, sight)),
-                    }
-                }
-                let found = detections.into_iter().map(of_detection);
-                (by_picture(boxes.into_iter()), by_picture(found))
-            }
-            BoxSource::Detections => {
-                let confirmed = detections.into_iter().filter(|found| found.confirmed);
-                (by_picture(confirmed.map(of_detection)), BTreeMap::new())
-            }
-        };
-        Ok(Self {
-            frames,
-            calibration: scenario.calibration()?,
-            record,
-            boxes,
-            found,
-            left_out,
-            selected,
-            scenario,
-        })
-    }
-
-    fn count(&self, request: &ExportRequest, counts: &mut ExportOutcome) {
-        counts.scenarios += 1;
-        for view in &self.selected.views {
-            for row in &self.frames.rows {
-                if !row.tick.is_multiple_of(request.every.get()) {
-                    continue;
-                }
-                if self.is_left_out(view, row.tick) {
-                    counts.left_out += 1;
-                } else {
-                    counts.pictures += 1;
-                    counts.boxes += self.boxes_of(view, row.tick).len() as u64;
-                }
-            }
-        }
-    }
-
-    /// Adds everything that decides what its files contain.
-    fn hash(&self, hasher: &mut blake3::Hasher) {
-        let selected = (self.scenario.id(), self.selected.side, &self.selected.views);
-        hasher.update(&serde_json::to_vec(&selected).unwrap_or_default());
-        hasher.update(self.scenario.seal().manifest_blake3.as_bytes());
-        for picture in self.boxes.iter().chain(&self.found) {
-            hasher.update(&serde_json::to_vec(&picture).unwrap_or_default());
-        }
-    }
-
-    fn is_left_out(&self, view: &str, tick: u32) -> bool {
-        self.left_out.contains(&(view.to_owned(), tick))
-    }
-
-    fn boxes_of(&self, view: &str, tick: u32) -> &[LabelledBox] {
-        let boxes = self.boxes.get(&(view.to_owned(), tick));
-        boxes.map_or(&[], Vec::as_slice)
-    }
-
-    /// Writes the pictures of the scenario.
-    fn write(
-        &self,
-        request: &ExportRequest,
-        folder: &Path,
-        watch: Watch<'_>,
-        picture_done: &dyn Fn(),
-    ) -> Result<Part> {
-        let views = self.selected.views.iter();
-        let views = views.map(|view| self.write_view(view, request, folder, watch, picture_done));
-        Ok(Part {
-            scenario: self.record.id.clone(),
-            weather: self.record.conditions.weather_name.clone(),
-            time_of_day: self.record.conditions.time_of_day.to_string(),
-            side: self.selected.side,
-            views: views.collect::<Result<_>>()?,
-        })
-    }
-
-    fn write_view(
-        &self,
-        view: &str,
-        request: &ExportRequest,
-        folder: &Path,
-        watch: Watch<'_>,
-        picture_done: &dyn Fn(),
-    ) -> Result<ViewPart> {
-        let id = &self.record.id;
-        let index = self.frames.views.iter().position(|name| name == view);
-        let camera = self.calibration.cameras.get(view);
-        let (Some(index), Some(camera)) = (index, camera) else {
-            return Err(Error::Unknown {
-                what: "view",
-                found: view.to_owned(),
-                known: self.frames.views.join(", "),
-            });
-        };
-        let mut reader = self.scenario.open_video(view)?;
-        let size_px = [reader.width(), reader.height()];
-        let mut rgb = Vec::new();
-        let mut pictures = Vec::new();
-        for row in &self.frames.rows {
-            if (watch.is_stopped)() {
-                return Err(Error::Stopped);
-            }
-            let expected = row.views[index].pts;
-            let found = reader.skip_frame()?;
-            if found != Some(expected) {
-                return Err(Error::Video {
-                    scenario: id.clone(),
-                    view: view.to_owned(),
-                    tick: row.tick,
-                    expected,
-                    found: found.map_or("the end of the video".into(), |pts| pts.to_string()),
-                });
-            }
-            if !row.tick.is_multiple_of(request.every.get()) || self.is_left_out(view, row.tick) {
-                continue;
-            }
-            reader.convert(&mut rgb)?;
-            let extension = request.stills.extension();
-            let file = match request.format {
-                Format::Coco => coco::picture_name(id, view, row.tick, extension),
-                Format::Yolo => {
-                    yolo::picture_name(self.selected.side, id, view, row.tick, extension)
-                }
-            };
-            let path = folder.join(&file);
-            let parent = path.parent().unwrap_or(folder);
-            fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;
-            request.stills.write(&path, &rgb, size_px)?;
-            let found = self.found.get(&(view.to_owned(), row.tick));
-            pictures.push(Picture {
-                tick: row.tick,
-                time_ns: row.time_ns,
-                dtd_m: row.labels.map(|labels| labels.dtd_m),
-                file,
-                boxes: self.boxes_of(view, row.tick).to_vec(),
-                found: found.cloned().unwrap_or_default(),
-            });
-            picture_done();
-        }
-        Ok(ViewPart {
-            view: view.to_owned(),
-            camera: camera.clone(),
-            pictures,
-        })
-    }
-}
-
-type OfPicture = ((String, u32), LabelledBox);
-
-fn of_truth(real: TruthBox, sight: Sight) -> OfPicture {
-    let labelled = LabelledBox {
-        pixel_box: real.pixel_box,
-        score: None,
-        truth: Some(TruthFigures {
-            visible_fraction: real.visible_fraction,
-            truncation: real.truncation,
-            transmission: real.transmission,
-            sight,
-            is_expected: real.is_expected(),
-        }),
-    };
-    ((real.view, real.tick), labelled)
-}
-
-fn of_detection(found: Detection) -> OfPicture {
-    let labelled = LabelledBox {
-        pixel_box: found.pixel_box,
-        score: Some(found.score),
-        truth: None,
-    };
-    ((found.view, found.tick), labelled)
-}
-
-fn by_picture(boxes: impl Iterator<Item = OfPicture>) -> BTreeMap<(String, u32), Vec<LabelledBox>> {
-    let mut all: BTreeMap<_, Vec<_>> = BTreeMap::new();
-    for (picture, labelled) in boxes {
-        all.entry(picture).or_default().push(labelled);
-    }
-    all
-}
-
 #[cfg(test)]
 mod tests {
+    use std::fs;
     use std::num::NonZeroU32;
     use std::sync::atomic::AtomicU64;
 
@@ -400,7 +282,6 @@ mod tests {
     use testkit::short_corpus;
 
     use super::*;
-    use crate::still::StillFormat;
 
     const SIZE_PX: [u32; 2] = [160, 96];
 
@@ -417,13 +298,15 @@ mod tests {
     fn request(every: u32) -> ExportRequest {
         ExportRequest {
             format: Format::Coco,
-            stills: StillFormat::Png,
+            stills: None,
             only: None,
             views: Some(vec!["right".into()]),
             side: None,
             every: NonZeroU32::new(every).unwrap(),
             boxes: BoxSource::Truth,
             detections: None,
+            runs: Vec::new(),
+            license: None,
         }
     }
 

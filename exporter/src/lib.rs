@@ -6,16 +6,30 @@
 
 #![forbid(unsafe_code)]
 
+mod about;
 mod coco;
+mod columns_text;
+mod corpus_croissant;
+mod croissant;
 mod error;
 mod export;
+mod foxglove;
+mod huggingface;
+mod long_tables;
+mod mcap_files;
 mod part;
+mod picture_files;
+mod pictures;
 mod place;
+mod predictions;
 mod request;
 mod selection;
+mod source;
 mod still;
+mod webdataset;
 mod yolo;
 
+pub use corpus_croissant::describe_corpus;
 pub use error::{Error, Result};
 pub use export::{ExportOutcome, Watch, export};
 pub use request::{BoxSource, ExportRequest, Format};

@@ -16,16 +16,6 @@ pub(crate) struct Part {
     pub(crate) views: Vec<ViewPart>,
 }
 
-impl Part {
-    /// Number of its pictures.
-    pub(crate) fn pictures(&self) -> u64 {
-        self.views
-            .iter()
-            .map(|view| view.pictures.len() as u64)
-            .sum()
-    }
-}
-
 /// Those of a view.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ViewPart {

@@ -5,7 +5,7 @@
 //! DIR.partial/
 //!   claim          locked by the process that makes it
 //!   begun.json     what it is an export of
-//!   parts/<id>.json    scenarios whose pictures are all written
+//!   parts/<id>.json    scenarios whose files are all written
 //!   new/           its files
 //! ```
 
@@ -14,13 +14,14 @@ use std::io::ErrorKind;
 use std::path::{self, Path, PathBuf};
 
 use dataset::claim::{Claim, Claimed};
+use dataset::corpus::Corpus;
 use dataset::json_file::{read_json, write_json};
 use dataset::new_file::clear_leftovers;
 use dataset::seal;
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::part::Part;
 
 const CLAIM: &str = "claim";
 const BEGUN: &str = "begun.json";
@@ -64,9 +65,7 @@ impl Place {
             };
         }
         refuse_content(out)?;
-        let mut partial = out.as_os_str().to_owned();
-        partial.push(".partial");
-        let partial = PathBuf::from(partial);
+        let partial = partial_of(out);
         let claim = match Claim::take_in(&partial, CLAIM)? {
             Claimed::Mine(claim) => claim,
             Claimed::Theirs(holder) => {
@@ -116,19 +115,19 @@ impl Place {
         self.partial.join(NEW)
     }
 
-    /// Whether the pictures of a scenario are all written.
+    /// Whether the files of a scenario are all written.
     pub(crate) fn has_part(&self, scenario: &str) -> bool {
         self.part_path(scenario).exists()
     }
 
-    /// What is known of a scenario whose pictures are all written.
-    pub(crate) fn part(&self, scenario: &str) -> Result<Part> {
+    /// What was noted of a scenario.
+    pub(crate) fn part<T: DeserializeOwned>(&self, scenario: &str) -> Result<T> {
         Ok(read_json(&self.part_path(scenario), "part of an export")?)
     }
 
-    /// Notes that the pictures of a scenario are all written.
-    pub(crate) fn note(&self, part: &Part) -> Result<()> {
-        Ok(write_json(&self.part_path(&part.scenario), part)?)
+    /// Notes that the files of a scenario are all written, and what is needed of them at the end.
+    pub(crate) fn note(&self, scenario: &str, part: &impl Serialize) -> Result<()> {
+        Ok(write_json(&self.part_path(scenario), part)?)
     }
 
     fn part_path(&self, scenario: &str) -> PathBuf {
@@ -153,6 +152,42 @@ impl Place {
         drop(self.claim.take());
         Ok(bytes)
     }
+}
+
+/// Where an export is made.
+fn partial_of(out: &Path) -> PathBuf {
+    let mut partial = out.as_os_str().to_owned();
+    partial.push(".partial");
+    partial.into()
+}
+
+/// Refuses a destination within the corpus, to which only its own files may be written, or around it.
+pub(crate) fn refuse_corpus(corpus: &Corpus, out: &Path) -> Result<()> {
+    let corpus = resolved(corpus.root())?;
+    let place = resolved(out)?;
+    let is_around = [place.clone(), partial_of(&place)]
+        .iter()
+        .any(|folder| corpus.starts_with(folder));
+    match is_around || place.starts_with(&corpus) {
+        true => Err(Error::InCorpus {
+            out: out.to_owned(),
+            corpus,
+        }),
+        false => Ok(()),
+    }
+}
+
+/// A path without links; of one that does not exist yet, the part that does is resolved.
+fn resolved(path: &Path) -> Result<PathBuf> {
+    let path = path::absolute(path).map_err(dataset::Error::io("resolve", path))?;
+    let (real, existing) = path
+        .ancestors()
+        .find_map(|folder| Some((fs::canonicalize(folder).ok()?, folder)))
+        .unwrap_or_else(|| (PathBuf::from("/"), Path::new("/")));
+    Ok(match path.strip_prefix(existing) {
+        Ok(rest) if !rest.as_os_str().is_empty() => real.join(rest),
+        _ => real,
+    })
 }
 
 /// Refuses a destination that is a file or contains anything.

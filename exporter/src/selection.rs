@@ -33,7 +33,7 @@ pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Sel
     for id in request.only.iter().flatten() {
         refuse_unknown("scenario", id, &ids)?;
     }
-    let sides = sides(corpus, request)?;
+    let sides = sides(corpus, request.side.is_some())?;
     let mut selected = Vec::new();
     let mut all_views: Vec<String> = Vec::new();
     for (folder, id) in folders.into_iter().zip(ids) {
@@ -69,10 +69,10 @@ pub(crate) fn select(corpus: &Corpus, request: &ExportRequest) -> Result<Vec<Sel
 }
 
 /// The split; a corpus may lack it unless a side is asked for.
-fn sides(corpus: &Corpus, request: &ExportRequest) -> Result<BTreeMap<String, Assignment>> {
+pub(crate) fn sides(corpus: &Corpus, is_asked_for: bool) -> Result<BTreeMap<String, Assignment>> {
     match corpus.splits() {
         Ok(splits) => Ok(splits.scenarios),
-        Err(_) if request.side.is_none() && !corpus.splits_path().exists() => Ok(BTreeMap::new()),
+        Err(_) if !is_asked_for && !corpus.splits_path().exists() => Ok(BTreeMap::new()),
         Err(error) => Err(error.into()),
     }
 }

@@ -35,23 +35,31 @@ impl StillFormat {
     }
 
     /// Writes a picture; `rgb` has rows from top to bottom without gaps.
-    pub(crate) fn write(self, path: &Path, rgb: &[u8], [width, height]: [u32; 2]) -> Result<()> {
+    pub(crate) fn write(self, path: &Path, rgb: &[u8], size_px: [u32; 2]) -> Result<()> {
         let file = File::create(path).map_err(dataset::Error::io("create", path))?;
         let mut file = BufWriter::new(file);
+        self.encode(&mut file, path, rgb, size_px)?;
+        Ok(file.flush().map_err(dataset::Error::io("write", path))?)
+    }
+
+    /// Encodes a picture for the file at `path`.
+    pub(crate) fn encode(
+        self,
+        to: &mut impl Write,
+        path: &Path,
+        rgb: &[u8],
+        [width, height]: [u32; 2],
+    ) -> Result<()> {
         let color = ExtendedColorType::Rgb8;
         let encoded = match self {
-            Self::Png => {
-                PngEncoder::new_with_quality(&mut file, CompressionType::Fast, FilterType::Up)
-                    .write_image(rgb, width, height, color)
-            }
-            Self::Jpeg => JpegEncoder::new_with_quality(&mut file, JPEG_QUALITY)
+            Self::Png => PngEncoder::new_with_quality(to, CompressionType::Fast, FilterType::Up)
+                .write_image(rgb, width, height, color),
+            Self::Jpeg => JpegEncoder::new_with_quality(to, JPEG_QUALITY)
                 .write_image(rgb, width, height, color),
         };
         encoded.map_err(|source| Error::Encode {
             path: path.to_owned(),
             source,
-        })?;
-        file.flush().map_err(dataset::Error::io("write", path))?;
-        Ok(())
+        })
     }
 }

@@ -8,22 +8,19 @@ use std::path::Path;
 
 use dataset::json_file::write_unsynced;
 use dataset::splits::Side;
+use serde_json::json;
 
+use crate::columns_text::Kind;
+use crate::croissant::{Contents, Field, FileSet, ListedFile, RecordSet, part_of_path};
 use crate::error::Result;
 use crate::part::{LabelledBox, Part};
 
+const DATA: &str = "data.yaml";
 const LABELS: &str = "labels";
 
-/// Where a picture goes, relative to the export.
-pub(crate) fn picture_name(
-    side: Option<Side>,
-    scenario: &str,
-    view: &str,
-    tick: u32,
-    extension: &str,
-) -> String {
-    let side = folder_of(side);
-    format!("images/{side}/{scenario}_{view}_{tick:06}.{extension}")
+/// Where the pictures of a side go, relative to the export.
+pub(crate) fn pictures(side: Option<Side>) -> String {
+    format!("images/{}", folder_of(side))
 }
 
 /// As in `data.yaml`; what has no side is for training.
@@ -36,7 +33,7 @@ fn folder_of(side: Option<Side>) -> &'static str {
 }
 
 /// Writes the files besides the pictures.
-pub(crate) fn finish(folder: &Path, parts: impl Iterator<Item = Result<Part>>) -> Result<()> {
+pub(crate) fn finish(folder: &Path, parts: impl Iterator<Item = Result<Part>>) -> Result<Contents> {
     let mut sides = BTreeSet::new();
     for part in parts {
         let part = part?;
@@ -66,7 +63,47 @@ pub(crate) fn finish(folder: &Path, parts: impl Iterator<Item = Result<Part>>) -
         }
     }
     yaml.push_str("names:\n  0: aircraft\n");
-    Ok(write_unsynced(&folder.join("data.yaml"), yaml.as_bytes())?)
+    write_unsynced(&folder.join(DATA), yaml.as_bytes())?;
+    Ok(contents())
+}
+
+fn contents() -> Contents {
+    let set = "labels";
+    let label = |name, meaning, source| Field::new(name, Kind::Text, meaning, source);
+    Contents {
+        files: vec![ListedFile::new(DATA, "application/yaml")],
+        sets: vec![
+            FileSet::new("images", "images/*/*", "image/*", "The pictures, by split."),
+            FileSet::new(
+                set,
+                "labels/*/*.txt",
+                "text/plain",
+                "Their boxes, by split.",
+            ),
+        ],
+        records: vec![RecordSet {
+            name: "pictures",
+            what: "A record per picture.".into(),
+            fields: vec![
+                label(
+                    "split",
+                    "side of the split",
+                    part_of_path(set, ".*labels/([a-z]+)/[^/]*$"),
+                ),
+                label(
+                    "name",
+                    "its name in images/, without the ending",
+                    part_of_path(set, ".*/([^/]+)[.]txt$"),
+                ),
+                label(
+                    "boxes",
+                    "a line `class cx cy width height` per box, in parts of the picture's sides",
+                    json!({"fileSet": {"@id": set}, "extract": {"fileProperty": "content"}}),
+                ),
+            ],
+        }],
+        ..Contents::default()
+    }
 }
 
 fn line(labelled: &LabelledBox, [width_px, height_px]: [f64; 2]) -> String {

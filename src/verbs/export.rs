@@ -2,13 +2,15 @@
 
 use std::time::Instant;
 
+use dataset::corpus::Corpus;
 use exporter::{Error, ExportOutcome, Watch};
 use generator::generate::Cancel;
+use serde::Serialize;
 
 use super::Outcome;
 use super::open_corpus::open_filled_corpus;
 use super::output::{count, finish, print_json};
-use crate::export_args::ExportArgs;
+use crate::export_args::{Asked, ExportArgs};
 use crate::failure::{Ending, Failure};
 use crate::progress::Bar;
 use crate::signals;
@@ -16,7 +18,12 @@ use crate::signals;
 /// Runs the verb.
 pub(crate) fn run(args: &ExportArgs) -> Outcome {
     let began = Instant::now();
+    let asked = args.asked().map_err(Failure::bad_input_message)?;
     let corpus = open_filled_corpus(&args.corpus)?;
+    let (request, out) = match asked {
+        Asked::Export(request, out) => (request, out),
+        Asked::Description { license } => return describe(&corpus, license, args.json),
+    };
     let bar = Bar::new("export", "pictures", None);
     let cancel = Cancel::default();
     let stoppable = signals::in_good_order(&cancel);
@@ -27,7 +34,7 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
         },
         is_stopped: &|| cancel.is_cancelled(),
     };
-    let exported = exporter::export(&corpus, &args.request(), &args.out, watch);
+    let exported = exporter::export(&corpus, &request, out, watch);
     drop(stoppable);
     let outcome = match exported {
         Ok(outcome) => outcome,
@@ -35,18 +42,41 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
             eprintln!("interrupted: run the same command again to resume");
             return Ok(Ending::Interrupted);
         }
-        Err(Error::Dataset(error)) => return Err(Failure::of_corpus(error)),
-        Err(error @ Error::Held { .. }) => return Err(Failure::TryAgain(error.into())),
-        Err(error) if error.is_bad_request() => return Err(Failure::bad_input(error)),
-        Err(error) => return Err(error.into()),
+        Err(error) => return Err(failure(error)),
     };
     bar.finish();
     if args.json {
         return print_json(&outcome).map(|()| Ending::Done);
     }
     print_summary(&outcome);
-    finish("export", began, &format!("ls {}", args.out.display()));
+    finish("export", began, &format!("ls {}", out.display()));
     Ok(Ending::Done)
+}
+
+/// Writes `croissant.json` into the corpus.
+fn describe(corpus: &Corpus, license: Option<String>, json: bool) -> Outcome {
+    let path = exporter::describe_corpus(corpus, license).map_err(failure)?;
+    let path = path.display().to_string();
+    if json {
+        return print_json(&Described { croissant: &path }).map(|()| Ending::Done);
+    }
+    println!("{path}");
+    Ok(Ending::Done)
+}
+
+/// What `--json` prints of a description.
+#[derive(Serialize)]
+struct Described<'a> {
+    croissant: &'a str,
+}
+
+fn failure(error: Error) -> Failure {
+    match error {
+        Error::Dataset(error) => Failure::of_corpus(error),
+        Error::Held { .. } => Failure::TryAgain(error.into()),
+        error if error.is_bad_request() => Failure::bad_input(error),
+        error => error.into(),
+    }
 }
 
 fn print_summary(outcome: &ExportOutcome) {

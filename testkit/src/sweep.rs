@@ -32,6 +32,76 @@ kind = "glide_path"
 level_altitude_msl_m = 200
 "#;
 
+/// Two short approaches in front of three views, one of them with a lens, in refracting air, at 30000/1001 pictures a second.
+pub const THREE_VIEWS: &str = r#"
+[corpus]
+name = "three-views"
+seed = 3
+
+[approach]
+airport = "WSSS"
+runway = "02L"
+aircraft = "B737-800"
+rig = "three"
+
+[[rig.three.cameras]]
+id = "lens"
+beyond_touchdown_m = 1200
+right_m = 300
+height_m = 40
+inward_deg = 3
+pitch_deg = 1.5
+hfov_deg = 60
+distortion = { k1 = -0.25, k2 = 0.06, p1 = 0.001, p2 = -0.0005 }
+
+[[rig.three.cameras]]
+id = "mast"
+beyond_touchdown_m = 1200
+right_m = -300
+height_m = 10
+inward_deg = 0
+pitch_deg = 1.6
+hfov_deg = 20
+
+[[rig.three.cameras]]
+id = "tower_2"
+beyond_touchdown_m = 900
+right_m = 500
+height_m = 60
+inward_deg = 20
+pitch_deg = 0
+hfov_deg = 40
+
+[grid]
+times = ["12:00"]
+weathers = ["clear"]
+repeats = 2
+day_of_year = 172
+utc_offset_h = 8
+
+[imaging]
+refraction_coefficient = 0.13
+
+[picture]
+width_px = 160
+height_px = 96
+frame_rate = "30000/1001"
+
+[start]
+dtd_nm = 0.5
+speed_mps = 72
+profiles = ["short"]
+
+[profile.short]
+kind = "glide_path"
+level_altitude_msl_m = 200
+
+[weather.clear]
+visibility_m = 80000
+wind_speed_mps = 2
+wind_from_true_deg = 20
+"#;
+
 impl SmallSweep<'_> {
     /// The sweep's file.
     pub fn toml(&self) -> String {

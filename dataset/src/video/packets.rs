@@ -1,0 +1,230 @@
+//! The coded pictures of a video, as they are: for formats that take packets, so that nothing is encoded again.
+//!
+//! MP4 keeps the parameter sets of H.264 and H.265 in its header, and writes the length of each unit before it (ISO/IEC 14496-15).
+//! Streams have start codes instead (Annex B), and repeat the parameter sets at key frames, so that a reader may begin there. AV1 is the
+//! same in both.
+#![allow(unsafe_code)]
+
+use std::path::{Path, PathBuf};
+
+use ffmpeg_next::{Packet, codec, format, media};
+
+use super::{fault, ffmpeg_path, start_ffmpeg};
+use crate::error::{Error, Result};
+use crate::outside_file::{self, FileKind};
+
+const START_CODE: [u8; 4] = [0, 0, 0, 1];
+
+/// A codec whose pictures stand alone as packets.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PacketCodec {
+    /// H.264 with start codes.
+    H264,
+    /// H.265 with start codes.
+    H265,
+    /// AV1 in its low-overhead form.
+    Av1,
+}
+
+/// A coded picture.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct CodedPicture {
+    /// Its timestamp, in the time base of the video.
+    pub pts: i64,
+    /// Whether decoding can begin here.
+    pub is_key: bool,
+    /// What a decoder reads.
+    pub data: Vec<u8>,
+}
+
+/// A video whose packets are read.
+pub struct PacketReader {
+    path: PathBuf,
+    input: format::context::Input,
+    stream: usize,
+    codec: PacketCodec,
+    framing: Framing,
+}
+
+/// How units are told apart in the file.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+struct Framing {
+    /// Bytes of a unit's length; 0: units are not divided.
+    length_bytes: usize,
+    /// Parameter sets, with start codes.
+    parameter_sets: Vec<u8>,
+}
+
+impl PacketReader {
+    /// Opens a video file; `None` if its codec has no packets that stand alone here (FFV1).
+    ///
+    /// # Errors
+    /// It cannot be read, or has no video.
+    pub fn open(path: &Path) -> Result<Option<Self>> {
+        start_ffmpeg();
+        let name = ffmpeg_path(path)?;
+        outside_file::open(path, FileKind::VIDEO)?;
+        let input = format::input(&name).map_err(|e| fault(path, "open it", e))?;
+        let stream = input
+            .streams()
+            .best(media::Type::Video)
+            .ok_or_else(|| fault(path, "read it", "there is no video stream in it"))?;
+        let parameters = stream.parameters();
+        let header = header_of(&parameters);
+        let (codec, framing) = match parameters.id() {
+            codec::Id::H264 => (PacketCodec::H264, framing_of_avc(&header)),
+            codec::Id::HEVC => (PacketCodec::H265, framing_of_hevc(&header)),
+            codec::Id::AV1 => (PacketCodec::Av1, Some(Framing::default())),
+            _ => return Ok(None),
+        };
+        let framing = framing
+            .ok_or_else(|| fault(path, "read its parameter sets", "the header is damaged"))?;
+        Ok(Some(Self {
+            stream: stream.index(),
+            path: path.to_owned(),
+            codec,
+            framing,
+            input,
+        }))
+    }
+
+    /// How the pictures are coded.
+    pub fn codec(&self) -> PacketCodec {
+        self.codec
+    }
+
+    /// The next picture, or `None` after the last.
+    ///
+    /// # Errors
+    /// The file is damaged.
+    pub fn next_picture(&mut self) -> Result<Option<CodedPicture>> {
+        let mut packet = Packet::empty();
+        loop {
+            match packet.read(&mut self.input) {
+                Ok(()) if packet.stream() != self.stream => {}
+                Ok(()) => break,
+                Err(ffmpeg_next::Error::Eof) => return Ok(None),
+                Err(e) => return Err(self.fault("read on", e)),
+            }
+        }
+        let pts = packet.pts();
+        let pts = pts.ok_or_else(|| self.fault("place a picture", "it has no timestamp"))?;
+        let mut data = Vec::new();
+        if packet.is_key() {
+            data.extend_from_slice(&self.framing.parameter_sets);
+        }
+        let coded = packet.data().unwrap_or_default();
+        append_units(coded, self.framing.length_bytes, &mut data)
+            .ok_or_else(|| self.fault("divide a picture", "the lengths of its parts are wrong"))?;
+        Ok(Some(CodedPicture {
+            pts,
+            is_key: packet.is_key(),
+            data,
+        }))
+    }
+
+    fn fault(&self, action: &str, cause: impl std::fmt::Display) -> Error {
+        fault(&self.path, action, cause)
+    }
+}
+
+/// What the container says of the codec.
+fn header_of(parameters: &codec::Parameters) -> Vec<u8> {
+    // SAFETY: the pointer is that of living parameters. FFmpeg keeps `extradata_size` bytes at `extradata`, or a null pointer.
+    unsafe {
+        let parameters = &*parameters.as_ptr();
+        let bytes = usize::try_from(parameters.extradata_size).unwrap_or(0);
+        match parameters.extradata.is_null() {
+            true => Vec::new(),
+            false => std::slice::from_raw_parts(parameters.extradata, bytes).to_vec(),
+        }
+    }
+}
+
+/// Appends the units of a packet with start codes in the place of their lengths; `None` if these do not fit.
+fn append_units(mut coded: &[u8], length_bytes: usize, to: &mut Vec<u8>) -> Option<()> {
+    if length_bytes == 0 {
+        to.extend_from_slice(coded);
+        return Some(());
+    }
+    while !coded.is_empty() {
+        let (length, rest) = coded.split_at_checked(length_bytes)?;
+        let length = length
+            .iter()
+            .fold(0, |length, byte| length << 8 | usize::from(*byte));
+        let (unit, rest) = rest.split_at_checked(length)?;
+        to.extend_from_slice(&START_CODE);
+        to.extend_from_slice(unit);
+        coded = rest;
+    }
+    Some(())
+}
+
+/// Of an `AVCDecoderConfigurationRecord`.
+fn framing_of_avc(header: &[u8]) -> Option<Framing> {
+    let mut rest = header.get(5..)?;
+    let mut parameter_sets = Vec::new();
+    // Sequence parameter sets, then picture parameter sets.
+    for most in [0x1f, 0xff] {
+        let (count, after) = rest.split_first()?;
+        rest = append_sets(usize::from(count & most), after, &mut parameter_sets)?;
+    }
+    Some(Framing {
+        length_bytes: usize::from(header[4] & 3) + 1,
+        parameter_sets,
+    })
+}
+
+/// Of an `HEVCDecoderConfigurationRecord`.
+fn framing_of_hevc(header: &[u8]) -> Option<Framing> {
+    let (arrays, mut rest) = header.get(22..)?.split_first()?;
+    let mut parameter_sets = Vec::new();
+    for _ in 0..*arrays {
+        let (start, after) = rest.split_at_checked(3)?;
+        let count = u16::from_be_bytes([start[1], start[2]]);
+        rest = append_sets(usize::from(count), after, &mut parameter_sets)?;
+    }
+    Some(Framing {
+        length_bytes: usize::from(header[21] & 3) + 1,
+        parameter_sets,
+    })
+}
+
+/// Appends parameter sets, each after a length of two bytes; returns what follows them.
+fn append_sets<'a>(count: usize, mut rest: &'a [u8], to: &mut Vec<u8>) -> Option<&'a [u8]> {
+    for _ in 0..count {
+        let (length, after) = rest.split_at_checked(2)?;
+        let length = usize::from(u16::from_be_bytes([length[0], length[1]]));
+        let (set, after) = after.split_at_checked(length)?;
+        to.extend_from_slice(&START_CODE);
+        to.extend_from_slice(set);
+        rest = after;
+    }
+    Some(rest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lengths_become_start_codes_and_wrong_lengths_are_found() {
+        let mut units = Vec::new();
+        append_units(&[0, 2, 7, 8, 0, 1, 9], 2, &mut units).unwrap();
+        assert_eq!(units, [0, 0, 0, 1, 7, 8, 0, 0, 0, 1, 9]);
+        assert_eq!(append_units(&[0, 3, 7, 8], 2, &mut units), None);
+        assert_eq!(append_units(&[0], 2, &mut units), None);
+    }
+
+    #[test]
+    fn a_header_that_was_cut_gives_no_parameter_sets() {
+        let header = [1, 100, 0, 31, 0xff, 0xe1, 0, 2, 0x67, 1, 1, 0, 1, 0x68];
+        let framing = framing_of_avc(&header).unwrap();
+        assert_eq!(framing.length_bytes, 4);
+        let sets = [0, 0, 0, 1, 0x67, 1, 0, 0, 0, 1, 0x68];
+        assert_eq!(framing.parameter_sets, sets);
+        for end in 0..header.len() {
+            assert_eq!(framing_of_avc(&header[..end]), None, "{end}");
+        }
+    }
+}

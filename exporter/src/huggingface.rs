@@ -1,0 +1,202 @@
+//! What `datasets.load_dataset` reads: a long Parquet table per kind of record and split (`data/<table>/<split>.parquet`), the videos as
+//! they are in the corpus (`videos/<scenario>/`), and a dataset card that lists both (`README.md`).
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::fs;
+use std::path::Path;
+
+use dataset::columns::{GrowingTable, TableWriter};
+use dataset::json_file::write_unsynced;
+
+use crate::about::{About, split_of};
+use crate::columns_text::{
+    BOXES, DETECTIONS, PREDICTIONS, SCENARIOS, TABLES, TICKS, TableText, VIEWS,
+};
+use crate::croissant::{Contents, FileSet, ListedFile, PARQUET, table_records};
+use crate::error::{Error, Result};
+use crate::export::Watch;
+use crate::long_tables;
+use crate::predictions::Predictions;
+use crate::request::BoxSource;
+use crate::source::Source;
+
+/// Tables by name and split.
+type Tables = BTreeMap<(&'static str, &'static str), GrowingTable>;
+
+/// Copies the videos of a scenario.
+pub(crate) fn write_scenario(
+    source: &Source<'_>,
+    folder: &Path,
+    watch: Watch<'_>,
+    pictures_done: &dyn Fn(u64),
+) -> Result<()> {
+    for view in &source.selected.views {
+        if (watch.is_stopped)() {
+            return Err(Error::Stopped);
+        }
+        let video = folder.join(video_of(source, view)?);
+        let parent = video.parent().unwrap_or(folder);
+        fs::create_dir_all(parent).map_err(dataset::Error::io("create", parent))?;
+        source.scenario.copy_video(view, &video)?;
+        pictures_done(source.rows().count() as u64);
+    }
+    Ok(())
+}
+
+/// Where the video of a view goes, relative to the export.
+fn video_of(source: &Source<'_>, view: &str) -> Result<String> {
+    let name = source.scenario.video_name(view)?;
+    let file = name.rsplit('/').next().unwrap_or(name);
+    Ok(format!("videos/{}/{file}", source.record.id))
+}
+
+/// Writes the tables and the card.
+pub(crate) fn finish<'a>(
+    folder: &Path,
+    about: &About,
+    sources: impl Iterator<Item = Result<Source<'a>>>,
+    boxes: BoxSource,
+    runs: &[Predictions],
+) -> Result<Contents> {
+    let mut tables = Tables::new();
+    for source in sources {
+        let source = source?;
+        let split = split_of(source.selected.side);
+        let mut append =
+            |table: TableText, rows| append(&mut tables, folder, table.name, split, rows);
+        append(SCENARIOS, long_tables::scenario_row(&source))?;
+        append(
+            VIEWS,
+            long_tables::views(&source, |view| video_of(&source, view))?,
+        )?;
+        append(TICKS, long_tables::ticks(&source))?;
+        if boxes == BoxSource::Truth {
+            append(BOXES, long_tables::boxes(&source)?)?;
+        }
+        append(DETECTIONS, long_tables::detections(&source)?)?;
+        for run in runs {
+            let rows = run.of(&source.record.id, |tick| source.is_asked_for(tick));
+            append(PREDICTIONS, rows)?;
+        }
+    }
+    let mut contents = Contents::default();
+    for ((table, split), open) in tables {
+        open.finish()?;
+        let name = format!("data/{table}/{split}.parquet");
+        contents.files.push(ListedFile::new(name, PARQUET));
+    }
+    for table in TABLES {
+        let files = format!("data/{}/", table.name);
+        if contents
+            .files
+            .iter()
+            .any(|file| file.name.starts_with(&files))
+        {
+            let includes = format!("{files}*.parquet");
+            let id = format!("{}-tables", table.name);
+            contents.records.push(table_records(&table, &id));
+            let what = "A table, a file per split.";
+            contents
+                .sets
+                .push(FileSet::new(id, includes, PARQUET, what));
+        }
+    }
+    let videos = FileSet::new(
+        "videos",
+        "videos/*/*",
+        "video/mp4",
+        "A picture per tick, a video per scenario and view, as in the corpus.",
+    );
+    contents.sets.push(videos);
+    let card = folder.join("README.md");
+    write_unsynced(&card, card_of(about, &contents).as_bytes())?;
+    contents
+        .files
+        .push(ListedFile::new("README.md", "text/markdown"));
+    Ok(contents)
+}
+
+fn append(
+    tables: &mut Tables,
+    folder: &Path,
+    table: &'static str,
+    split: &'static str,
+    rows: TableWriter,
+) -> Result<()> {
+    if rows.rows() == 0 {
+        return Ok(());
+    }
+    match tables.get_mut(&(table, split)) {
+        Some(open) => open.append(rows)?,
+        None => {
+            let parent = folder.join("data").join(table);
+            fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
+            let path = parent.join(format!("{split}.parquet"));
+            tables.insert((table, split), GrowingTable::begin(&path, rows)?);
+        }
+    }
+    Ok(())
+}
+
+/// The dataset card: configurations and splits for the library, tables and columns for people.
+fn card_of(about: &About, contents: &Contents) -> String {
+    let mut card = String::from("---\n");
+    let name = &about.name;
+    let _ = writeln!(card, "pretty_name: {}", serde_json::json!(name));
+    match &about.license {
+        Some(url) if url.contains("://") => {
+            let _ = writeln!(
+                card,
+                "license: other\nlicense_link: {}",
+                serde_json::json!(url)
+            );
+        }
+        Some(spdx) => drop(writeln!(
+            card,
+            "license: {}",
+            serde_json::json!(spdx.to_lowercase())
+        )),
+        None => {}
+    }
+    card.push_str("tags: [aviation, multi-camera, simulation]\nconfigs:\n");
+    let mut tables = String::new();
+    for table in TABLES {
+        let files = format!("data/{}/", table.name);
+        let names = contents.files.iter().map(|file| file.name.as_str());
+        let splits: Vec<&str> = names
+            .filter_map(|name| name.strip_prefix(&files)?.strip_suffix(".parquet"))
+            .collect();
+        if splits.is_empty() {
+            continue;
+        }
+        let _ = writeln!(card, "- config_name: {}", table.name);
+        if table.name == TICKS.name {
+            card.push_str("  default: true\n");
+        }
+        card.push_str("  data_files:\n");
+        // Training first, as everywhere.
+        for split in ["train", "validation", "test"] {
+            if splits.contains(&split) {
+                let _ = writeln!(card, "  - split: {split}\n    path: {files}{split}.parquet");
+            }
+        }
+        let _ = write!(
+            tables,
+            "\n## {}\n\nA row per {}.\n\n| column | meaning |\n|---|---|\n",
+            table.name, table.row
+        );
+        for column in table.columns {
+            let _ = writeln!(tables, "| `{}` | {} |", column.name, column.meaning);
+        }
+    }
+    let _ = write!(
+        card,
+        "---\n\n# {name}\n\n{}\n\n{} {}\n\nUnits are in the names of the columns. The picture of tick k is picture k of each video \
+         (`videos/<scenario>/<view>.*`).\n\n```python\nfrom datasets import load_dataset\n\nticks = load_dataset(\"FOLDER\", \"ticks\")\n```\n{tables}",
+        about.description(),
+        about.collection(),
+        about.annotation(),
+    );
+    card
+}

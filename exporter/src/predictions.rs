@@ -1,0 +1,111 @@
+//! What the estimators of evaluated runs say.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use dataset::columns::{Table, TableWriter};
+use dataset::outside_file::{self, FileKind};
+use dataset::sealed::Sealed;
+
+use crate::error::{Error, Result};
+
+const FILE: &str = "predictions.parquet";
+
+/// The predictions of a run.
+pub(crate) struct Predictions {
+    run: String,
+    blake3: String,
+    /// Rows by scenario.
+    scenarios: BTreeMap<String, Vec<usize>>,
+    ticks: Vec<u32>,
+    estimators: Vec<Estimator>,
+}
+
+/// Answers of one of them, and what it says of their accuracy.
+struct Estimator {
+    name: String,
+    dtd_m: Vec<Option<f64>>,
+    sd_m: Vec<Option<f64>>,
+    from_m: Vec<Option<f64>>,
+    to_m: Vec<Option<f64>>,
+}
+
+impl Predictions {
+    /// Reads those of the run in a folder, and checks them against its seal.
+    pub(crate) fn read(run: &Path) -> Result<Self> {
+        let none = || Error::NoPredictions {
+            run: run.to_owned(),
+        };
+        let sealed = Sealed::read(run)?.ok_or_else(none)?;
+        let expected = sealed.hash_of(FILE).ok_or_else(none)?;
+        let path = run.join(FILE);
+        let bytes = outside_file::read(&path, FileKind::TABLE)?;
+        if blake3::hash(&bytes).to_string() != expected {
+            let fault = "does not match the seal of its run; evaluate it again";
+            return Err(dataset::Error::corpus(&path, fault).into());
+        }
+        let table = Table::parse(bytes, &path, u64::from(u32::MAX))?;
+        let mut scenarios: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        for (row, scenario) in table.text("scenario")?.into_iter().enumerate() {
+            scenarios.entry(scenario).or_default().push(row);
+        }
+        let optional = |column: String| match table.has(&column) {
+            true => table.optional_f64(&column),
+            false => Ok(vec![None; table.rows()]),
+        };
+        let mut estimators = Vec::new();
+        for column in table.column_names() {
+            if let Some(name) = column.strip_suffix("_dtd_m") {
+                estimators.push(Estimator {
+                    name: name.to_owned(),
+                    dtd_m: table.optional_f64(column)?,
+                    sd_m: optional(format!("{column}_sd"))?,
+                    from_m: optional(format!("{column}_from"))?,
+                    to_m: optional(format!("{column}_to"))?,
+                });
+            }
+        }
+        let name = run.canonicalize().ok();
+        let name = name.as_deref().unwrap_or(run).file_name();
+        Ok(Self {
+            run: name.unwrap_or(run.as_os_str()).to_string_lossy().into(),
+            blake3: expected.to_owned(),
+            scenarios,
+            ticks: table.u32("tick")?,
+            estimators,
+        })
+    }
+
+    /// Name of the run.
+    pub(crate) fn run(&self) -> &str {
+        &self.run
+    }
+
+    /// Adds what decides what they are.
+    pub(crate) fn hash(&self, hasher: &mut blake3::Hasher) {
+        hasher.update(self.run.as_bytes());
+        hasher.update(self.blake3.as_bytes());
+    }
+
+    /// Those of a scenario, for the ticks that are asked for.
+    pub(crate) fn of(&self, scenario: &str, is_asked_for: impl Fn(u32) -> bool) -> TableWriter {
+        let rows = self.scenarios.get(scenario).map_or(&[][..], Vec::as_slice);
+        let all = || {
+            rows.iter()
+                .filter(|row| is_asked_for(self.ticks[**row]))
+                .flat_map(|row| self.estimators.iter().map(move |one| (one, *row)))
+        };
+        TableWriter::new()
+            .text("run", all().map(|_| &self.run))
+            .text("scenario", all().map(|_| scenario))
+            .u32("tick", all().map(|(_, row)| self.ticks[row]))
+            .text("estimator", all().map(|(one, _)| &one.name))
+            .optional_f64("predicted_dtd_m", all().map(|(one, row)| one.dtd_m[row]))
+            .optional_f64("predicted_dtd_sd_m", all().map(|(one, row)| one.sd_m[row]))
+            .optional_f64(
+                "predicted_dtd_from_m",
+                all().map(|(one, row)| one.from_m[row]),
+            )
+            .optional_f64("predicted_dtd_to_m", all().map(|(one, row)| one.to_m[row]))
+    }
+}

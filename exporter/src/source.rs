@@ -1,0 +1,197 @@
+//! A scenario to export, with everything but its pictures.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use dataset::calibration::{Calibration, CameraEntry};
+use dataset::detections::{Detection, models_of};
+use dataset::frames::{Frames, TickRow};
+use dataset::open_scenario::OpenScenario;
+use dataset::pixel_box::TruthBox;
+use dataset::scenario::ScenarioRecord;
+use dataset::sight::{CloudBase, Sight};
+
+use crate::error::{Error, Result};
+use crate::part::{LabelledBox, TruthFigures};
+use crate::request::{BoxSource, ExportRequest, Format};
+use crate::selection::Selected;
+
+/// Boxes by view and tick.
+type ByPicture = BTreeMap<(String, u32), Vec<LabelledBox>>;
+
+/// A scenario as it was sealed.
+pub(crate) struct Source<'a> {
+    pub(crate) selected: &'a Selected,
+    pub(crate) scenario: OpenScenario,
+    pub(crate) record: ScenarioRecord,
+    pub(crate) frames: Frames,
+    /// Name of the detections, if that model searched the scenario.
+    pub(crate) model: Option<String>,
+    calibration: Calibration,
+    cloud_base: CloudBase,
+    every: u32,
+    boxes: ByPicture,
+    found: ByPicture,
+    left_out: BTreeSet<(String, u32)>,
+}
+
+/// Whether this model searched the scenario; true boxes of others stand alone.
+fn is_searched(scenario: &OpenScenario, model: &str) -> Result<bool> {
+    let models = models_of(scenario.folder())?;
+    Ok(models.iter().any(|name| name == model))
+}
+
+impl<'a> Source<'a> {
+    pub(crate) fn open(
+        selected: &'a Selected,
+        request: &ExportRequest,
+        model: Option<&str>,
+    ) -> Result<Self> {
+        let scenario = selected.folder.open()?;
+        let record = scenario.record()?;
+        let frames = scenario.frames()?;
+        let model = match model {
+            Some(model) if is_searched(&scenario, model)? => Some(model.to_owned()),
+            _ => None,
+        };
+        let detections = match &model {
+            Some(model) => scenario.detections(model)?.boxes,
+            None => Vec::new(),
+        };
+        let cloud_base = CloudBase::of(&record.conditions.weather);
+        let mut left_out = BTreeSet::new();
+        let (boxes, found) = match request.boxes {
+            BoxSource::Truth => {
+                let mut boxes = Vec::new();
+                for real in scenario.truth_boxes()? {
+                    let sight = sight_of(&real, &frames, cloud_base);
+                    // A label file has no word for a box that is neither right nor wrong.
+                    match (request.format, sight) {
+                        (Format::Yolo, Sight::Haze) => {}
+                        (Format::Yolo, Sight::Cloud) => {
+                            left_out.insert((real.view, real.tick));
+                        }
+                        (Format::Yolo, Sight::Open) if !real.is_expected() => {
+                            left_out.insert((real.view, real.tick));
+                        }
+                        _ => boxes.push(of_truth(real, sight)),
+                    }
+                }
+                let found = detections.into_iter().map(of_detection);
+                (by_picture(boxes.into_iter()), by_picture(found))
+            }
+            BoxSource::Detections => {
+                let confirmed = detections.into_iter().filter(|found| found.confirmed);
+                (by_picture(confirmed.map(of_detection)), BTreeMap::new())
+            }
+        };
+        Ok(Self {
+            frames,
+            calibration: scenario.calibration()?,
+            cloud_base,
+            model,
+            record,
+            every: request.every.get(),
+            boxes,
+            found,
+            left_out,
+            selected,
+            scenario,
+        })
+    }
+
+    /// Adds everything that decides what its files contain.
+    pub(crate) fn hash(&self, hasher: &mut blake3::Hasher) {
+        let selected = (self.scenario.id(), self.selected.side, &self.selected.views);
+        hasher.update(&serde_json::to_vec(&selected).unwrap_or_default());
+        hasher.update(self.scenario.seal().manifest_blake3.as_bytes());
+        for picture in self.boxes.iter().chain(&self.found) {
+            hasher.update(&serde_json::to_vec(&picture).unwrap_or_default());
+        }
+    }
+
+    /// The ticks that are asked for.
+    pub(crate) fn rows(&self) -> impl Iterator<Item = &TickRow> {
+        let rows = self.frames.rows.iter();
+        rows.filter(|row| self.is_asked_for(row.tick))
+    }
+
+    /// Whether this tick is asked for.
+    pub(crate) fn is_asked_for(&self, tick: u32) -> bool {
+        tick.is_multiple_of(self.every)
+    }
+
+    /// Whether the picture of a view at a tick is asked for.
+    pub(crate) fn has_picture(&self, view: &str, tick: u32) -> bool {
+        self.is_asked_for(tick) && self.selected.views.iter().any(|name| name == view)
+    }
+
+    /// What is between the camera and the aircraft of a true box.
+    pub(crate) fn sight_of(&self, real: &TruthBox) -> Sight {
+        sight_of(real, &self.frames, self.cloud_base)
+    }
+
+    pub(crate) fn is_left_out(&self, view: &str, tick: u32) -> bool {
+        self.left_out.contains(&(view.to_owned(), tick))
+    }
+
+    pub(crate) fn boxes_of(&self, view: &str, tick: u32) -> &[LabelledBox] {
+        let boxes = self.boxes.get(&(view.to_owned(), tick));
+        boxes.map_or(&[], Vec::as_slice)
+    }
+
+    /// What the model found, if boxes are true ones.
+    pub(crate) fn found_in(&self, view: &str, tick: u32) -> &[LabelledBox] {
+        let found = self.found.get(&(view.to_owned(), tick));
+        found.map_or(&[], Vec::as_slice)
+    }
+
+    /// Place of a view in the rows of the table, and its camera.
+    pub(crate) fn view(&self, view: &str) -> Result<(usize, &CameraEntry)> {
+        let index = self.frames.views.iter().position(|name| name == view);
+        let camera = self.calibration.cameras.get(view);
+        index.zip(camera).ok_or_else(|| Error::Unknown {
+            what: "view",
+            found: view.to_owned(),
+            known: self.frames.views.join(", "),
+        })
+    }
+}
+
+fn sight_of(real: &TruthBox, frames: &Frames, cloud_base: CloudBase) -> Sight {
+    let altitude_m = frames.rows[real.tick as usize].pose.altitude_msl_m;
+    cloud_base.sight(altitude_m, real.transmission)
+}
+
+type OfPicture = ((String, u32), LabelledBox);
+
+fn of_truth(real: TruthBox, sight: Sight) -> OfPicture {
+    let labelled = LabelledBox {
+        pixel_box: real.pixel_box,
+        score: None,
+        truth: Some(TruthFigures {
+            visible_fraction: real.visible_fraction,
+            truncation: real.truncation,
+            transmission: real.transmission,
+            sight,
+            is_expected: real.is_expected(),
+        }),
+    };
+    ((real.view, real.tick), labelled)
+}
+
+fn of_detection(found: Detection) -> OfPicture {
+    let labelled = LabelledBox {
+        pixel_box: found.pixel_box,
+        score: Some(found.score),
+        truth: None,
+    };
+    ((found.view, found.tick), labelled)
+}
+
+fn by_picture(boxes: impl Iterator<Item = OfPicture>) -> ByPicture {
+    let mut all: BTreeMap<_, Vec<_>> = BTreeMap::new();
+    for (picture, labelled) in boxes {
+        all.entry(picture).or_default().push(labelled);
+    }
+    all
+}
