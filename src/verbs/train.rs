@@ -100,6 +100,19 @@ impl Progress for Bars {
         self.stage = Some((stage.to_owned(), bar));
     }
 
+    fn resume(&mut self, done: u64) {
+        if let Some((_, bar)) = &self.stage {
+            bar.resume(done);
+        }
+    }
+
+    fn say(&mut self, line: &str) {
+        match &self.stage {
+            Some((_, bar)) => bar.say(line),
+            None => Bar::new(self.verb, "steps", None).say(line),
+        }
+    }
+
     fn advance(&mut self, done: u64, note: &str) {
         if let Some((stage, bar)) = &self.stage {
             if !note.is_empty() {

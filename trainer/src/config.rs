@@ -180,6 +180,9 @@ pub struct CalibrationConfig {
     pub plateau_threshold_pct: f64,
     /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
+    /// Log entries in a row without a lower mean error of the views, after which the training ends; it then keeps the networks with the
+    /// lowest one. Without it, all steps are made, and the last networks are kept.
+    pub patience: Option<usize>,
 }
 
 impl Default for CalibrationConfig {
@@ -198,6 +201,7 @@ impl Default for CalibrationConfig {
             min_steps: 1_500,
             plateau_threshold_pct: 0.01,
             gap_threshold_pct: 0.01,
+            patience: None,
         }
     }
 }
@@ -223,6 +227,9 @@ pub struct EstimatorConfig {
     pub alone_weight: f64,
     /// Whether the last linear layer is solved in closed form after the last step (see [`crate::head_refit`]); not in the paper.
     pub refit_head: bool,
+    /// Log entries in a row without a lower error, after which the training ends; it then keeps the network with the lowest one. Without
+    /// it, all steps are made, and the last network is kept.
+    pub patience: Option<usize>,
 }
 
 impl Default for EstimatorConfig {
@@ -239,6 +246,7 @@ impl Default for EstimatorConfig {
             together_first: 0.0,
             alone_weight: 1.0,
             refit_head: false,
+            patience: None,
         }
     }
 }

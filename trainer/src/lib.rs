@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod calibration_training;
+mod checkpoint;
 mod choice;
 pub mod config;
 mod dense;
@@ -29,6 +30,7 @@ mod flight_filter;
 mod gap_balance;
 mod head_refit;
 mod inverse_range;
+mod json_differences;
 mod lateral_spread;
 mod leave_out;
 mod lstm;

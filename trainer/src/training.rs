@@ -11,6 +11,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
 use crate::calibration_training::train_calibration;
+use crate::checkpoint::{Checkpoints, Origin};
 use crate::choice::Choice;
 use crate::config::TrainConfig;
 use crate::encoded::Encoded;
@@ -28,7 +29,7 @@ use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
 use crate::self_calibration::SelfCalibrated;
 use crate::trained_run::{Baselines, Convergence, Networks, RunSummary, TrainedRun};
-use crate::training_loop::Setup;
+use crate::training_loop::{Setup, Watch};
 use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
 use dataset::progress::Progress;
@@ -38,7 +39,7 @@ use dataset::progress::Progress;
 pub struct TrainOutcome {
     /// The run folder.
     pub run: RunFolder,
-    /// Error of `paper_lstm` on the validation side at the end, percent.
+    /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
     /// The recommended estimator.
     pub choice: Choice,
@@ -63,7 +64,8 @@ impl Stream {
 }
 
 /// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`, as a
-/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights.
+/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights, also if the
+/// training was killed and starts again from its checkpoint.
 pub fn train(
     corpus: &Corpus,
     out: &Path,
@@ -115,6 +117,17 @@ pub fn train(
     });
     let encoded_validation = Encoded::new(&validation, &normalisation);
 
+    let together = encoded_together.as_ref().unwrap_or(&encoded);
+    let origin = Origin {
+        dtd: env!("CARGO_PKG_VERSION").into(),
+        config: config.clone(),
+        samples_blake3: Encoded::hash(&[&encoded, together, &encoded_validation]),
+    };
+    let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, progress);
+    let watch = &mut Watch {
+        checkpoints: &mut checkpoints,
+        progress,
+    };
     let setup = |stream: Stream| Setup {
         loss: config.loss,
         device: Device::flex().autodiff(),
@@ -125,30 +138,27 @@ pub fn train(
         &encoded_validation,
         &config.calibration,
         setup(Stream::Calibration),
-        progress,
+        watch,
     )?;
-    let calibration = calibration.valid();
+    let calibration_kept_step = calibration.step;
+    let calibration = calibration.network.valid();
     let (estimator, estimator_log) = train_estimator(
         &calibration,
         &EstimatorSamples {
             alone: &encoded,
-            together: encoded_together.as_ref().unwrap_or(&encoded),
+            together,
             validation: &encoded_validation,
         },
         &config.estimator,
         config.calibration.features,
         setup(Stream::Estimator),
-        progress,
+        watch,
     )?;
-    let mut mono = |inputs, stream| {
-        MonoNetworks::train(inputs, &encoded, &config.mono, setup(stream), progress)
-    };
+    let mut mono =
+        |inputs, stream| MonoNetworks::train(inputs, &encoded, &config.mono, setup(stream), watch);
     let mono_size = mono(MonoInputs::Size, Stream::MonoSize)?;
     let mono_box = mono(MonoInputs::Box, Stream::MonoBox)?;
 
-    let validation_mape_pct = estimator_log
-        .last()
-        .map_or(f64::NAN, |entry| entry.validation_mape_pct);
     let baselines = baselines(&samples, &true_boxes, &validation, config);
     let choice = Choice::of(&baselines, &true_boxes);
     let run = TrainedRun {
@@ -157,7 +167,7 @@ pub fn train(
             dtd: env!("CARGO_PKG_VERSION").into(),
             model: samples.detections.model.clone(),
             model_hash: samples.detections.hash.clone(),
-            rig: Some(samples.rig.name.clone()),
+            rig: samples.rig.name.clone(),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
             training_trajectories: samples.trajectories(Side::Train),
@@ -170,29 +180,31 @@ pub fn train(
             false_training_boxes,
             mixed_samples: mixed.len() + mixed_together.len(),
             validation_samples: validation.len(),
-            training_s: started.elapsed().as_secs_f64(),
-            choice: Some(choice.clone()),
+            training_s: checkpoints.spent_s(),
+            choice: choice.clone(),
             refits: Vec::new(),
         },
         baselines,
         convergence: Convergence {
             views: samples.views.clone(),
             calibration: calibration_log,
+            calibration_kept_step,
             estimator: estimator_log,
+            estimator_kept_step: estimator.step,
         },
         normalisation,
         networks: Networks {
             calibration,
-            estimator: estimator.valid(),
+            estimator: estimator.network.valid(),
             mono_size: mono_size.valid(),
             mono_box: mono_box.valid(),
         },
     };
-    let folder = place.run();
-    run.commit(place)?;
+    run.commit(&place)?;
+    place.remove_checkpoint()?;
     Ok(TrainOutcome {
-        run: folder,
-        validation_mape_pct,
+        run: place.run(),
+        validation_mape_pct: estimator.error_pct,
         choice,
     })
 }
@@ -268,12 +280,7 @@ fn baselines(
             &samples.of_side(Side::Train),
             &config.self_calibration,
         ),
-        flight_filter: Some(FlightFilter::fit(
-            &inverse_range,
-            scenarios,
-            training,
-            &validation,
-        )),
+        flight_filter: FlightFilter::fit(&inverse_range, scenarios, training, &validation),
         inverse_range,
     }
 }

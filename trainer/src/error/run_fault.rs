@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use burn::store::SafetensorsStoreError;
+use burn::store::{RecordError, SafetensorsStoreError};
 use dataset::limits::FieldOutOfLimits;
 use dataset::seal::{DONE, MANIFEST};
 
@@ -118,6 +118,12 @@ pub enum RunFault {
         "holds {}, which the networks of config.json do not have, as in runs of earlier versions; train again", .0.join(", ")
     )]
     UnknownWeights(Vec<String>),
+    /// A checkpoint whose numbers are not those of the networks.
+    #[error("is damaged: {0}; remove it, and the training starts from the beginning")]
+    CheckpointWeights(RecordError),
+    /// The same of what belongs to the numbers.
+    #[error("is damaged: {0}; remove it, and the training starts from the beginning")]
+    CheckpointState(serde_json::Error),
     /// The numbers cannot be written.
     #[error("weights cannot be written: {0}")]
     NotWritten(SafetensorsStoreError),
