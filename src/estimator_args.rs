@@ -28,6 +28,9 @@ pub(crate) struct TrainArgs {
     /// Model whose detections to train on, by its file name or hash, if the corpus has several
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
+    /// Run whose networks to start from instead of random ones; views and layers must be the same
+    #[arg(long, value_name = "RUN")]
+    pub(crate) start_from: Option<PathBuf>,
     /// Hold out a weather or time of day as the test side, e.g. weather=stormy or time=18:00
     #[arg(long, value_name = "weather=NAME|time=HH:MM")]
     pub(crate) leave_out: Option<String>,

@@ -135,6 +135,9 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
     if args.detections.is_some() {
         config.model_hash.clone_from(&args.detections);
     }
+    if args.start_from.is_some() {
+        config.start_from.clone_from(&args.start_from);
+    }
     if args.leave_out.is_some() {
         config.leave_out.clone_from(&args.leave_out);
     }

@@ -141,8 +141,9 @@ pub(crate) struct CalibrationLogEntry {
     pub optimised: Vec<bool>,
 }
 
-/// Trains the networks.
+/// Trains the networks, from random ones or those of `start`.
 pub(crate) fn train_calibration(
+    start: Option<&CalibrationNetworks>,
     training: &Encoded,
     validation: &Encoded,
     config: &CalibrationConfig,
@@ -150,7 +151,8 @@ pub(crate) fn train_calibration(
     watch: &mut Watch,
 ) -> Result<(Kept<CalibrationNetworks>, Vec<CalibrationLogEntry>)> {
     let views = training.views();
-    let networks = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
+    let random = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
+    let networks = start.map_or(random, |start| start.clone().train());
     let mut task = Calibration {
         training,
         validation,

@@ -38,6 +38,8 @@ pub(crate) struct Origin {
     pub(crate) dtd: String,
     /// The settings.
     pub(crate) config: TrainConfig,
+    /// BLAKE3 of the weights that it starts from, if they are not random.
+    pub(crate) start_blake3: Option<String>,
     /// BLAKE3 of what the networks learn from and are judged by.
     pub(crate) samples_blake3: String,
 }

@@ -4,6 +4,8 @@
 mod check;
 mod paper_deviation;
 
+use std::path::PathBuf;
+
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
@@ -24,6 +26,8 @@ pub struct TrainConfig {
     pub max_dtd_nm: Option<f64>,
     /// `weather=NAME` or `time=HH:MM`: scenarios of this weather or time are the test side, whatever the split, and train nothing.
     pub leave_out: Option<String>,
+    /// Folder of a run whose networks this training starts from, instead of random ones. They must have the same layers and views.
+    pub start_from: Option<PathBuf>,
     /// What the networks minimise; the mean squared error of the distance in the paper.
     pub loss: Loss,
     /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
@@ -49,6 +53,7 @@ impl Default for TrainConfig {
             min_dtd_nm: 0.05,
             max_dtd_nm: None,
             leave_out: None,
+            start_from: None,
             loss: Loss::Squared,
             only_true_boxes: false,
             augmentation: AugmentationConfig::default(),

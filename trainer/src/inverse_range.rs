@@ -8,8 +8,8 @@
 //!
 //! Each set of views has fits of its own, because a missing view leaves no formula to the others: one from the boxes, and, with two
 //! views or more, one from their registered shifts ([`crate::view_shift`]). At a tick the first fit applies whose views all saw the
-//! aircraft; a training sorts them by precision. Prediction does not read the calibration; training does only to leave out boxes that do not hold the aircraft, and
-//! registered shifts were measured with its help, which tells scale and rotation between two views.
+//! aircraft; a training sorts them by precision. Prediction does not read the calibration; training does only to leave out boxes that do
+//! not hold the aircraft, and registered shifts were measured with its help, which tells scale and rotation between two views.
 
 mod measurement;
 mod onnx;

@@ -51,6 +51,7 @@ mod run_place;
 mod samples;
 mod sealed_run;
 mod self_calibration;
+mod start;
 mod trained_run;
 mod training;
 mod training_loop;

@@ -60,8 +60,9 @@ impl MonoNetworks {
         }
     }
 
-    /// Trains the network of each view on what that view saw.
-    pub(crate) fn train(
+    /// Trains the network of each view on what that view saw, from random ones or those of `start`.
+    pub(crate) fn train_from(
+        start: Option<&Self>,
         inputs: MonoInputs,
         training: &Encoded,
         config: &MonoConfig,
@@ -70,7 +71,8 @@ impl MonoNetworks {
     ) -> Result<Self> {
         let settings = &config.optimisation;
         let views = training.views();
-        let untrained = Self::new(views, inputs, config, &mut setup.random, &setup.device);
+        let random = Self::new(views, inputs, config, &mut setup.random, &setup.device);
+        let untrained = start.map_or(random, |start| start.clone().train());
         let mut task = MonoTask {
             inputs,
             training,

@@ -87,8 +87,9 @@ pub(crate) struct EstimatorSamples<'a> {
     pub validation: &'a Encoded,
 }
 
-/// Trains the estimator on the features, vectors of length `features`, of trained calibration networks.
+/// Trains the estimator on the features, vectors of length `features`, of trained calibration networks: from a random one or `start`.
 pub(crate) fn train_estimator(
+    start: Option<&PaperLstm>,
     calibration: &CalibrationNetworks,
     samples: &EstimatorSamples,
     config: &EstimatorConfig,
@@ -96,7 +97,8 @@ pub(crate) fn train_estimator(
     mut setup: Setup,
     watch: &mut Watch,
 ) -> Result<(Kept<PaperLstm>, Vec<EstimatorLogEntry>)> {
-    let estimator = PaperLstm::new(features, config, &mut setup.random, &setup.device);
+    let random = PaperLstm::new(features, config, &mut setup.random, &setup.device);
+    let estimator = start.map_or(random, |start| start.clone().train());
     let mut task = EstimatorTask {
         calibration,
         dropout: ViewDropout::new(samples.alone, samples.together),

@@ -70,6 +70,9 @@ pub(crate) struct RunSummary {
     pub validation_samples: usize,
     /// The recommended estimator.
     pub choice: Choice,
+    /// BLAKE3 of the weights that the training started from, if they were not random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub started_from_blake3: Option<String>,
     /// Views that were fitted again after the training, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refits: Vec<Refit>,

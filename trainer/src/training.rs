@@ -1,5 +1,6 @@
 //! A training from corpus to run folder.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Instant;
 
@@ -28,6 +29,7 @@ use crate::run_folder::RunFolder;
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
 use crate::self_calibration::SelfCalibrated;
+use crate::start::Start;
 use crate::trained_run::{Baselines, Convergence, Networks, RunSummary, TrainedRun};
 use crate::training_loop::{Setup, Watch};
 use crate::trajectory_mixing::{Corridor, mix};
@@ -96,7 +98,19 @@ pub fn train(
         true => true_boxes.clone(),
         false => recorded,
     };
+    let start = Start::of(config, corpus, &samples)?;
+    let self_calibrated = SelfCalibrated::fit(
+        &samples.rig.nominal,
+        &samples.scenarios,
+        // As recorded: which boxes hold the aircraft is what the calibration would say.
+        &samples.of_side(Side::Train),
+        &config.self_calibration,
+    );
     let normalisation = Normalisation::fit(&samples.views, &training, &true_boxes);
+    let normalisation = match &start {
+        None => normalisation,
+        Some(start) => start.normalisation(normalisation, &samples, self_calibrated.as_ref()),
+    };
     let recorded = side_with_samples(corpus, &samples, Side::Validation)?;
     let validation = usual_samples(&normalisation, &recorded);
     if validation.is_empty() {
@@ -121,6 +135,7 @@ pub fn train(
     let origin = Origin {
         dtd: env!("CARGO_PKG_VERSION").into(),
         config: config.clone(),
+        start_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
         samples_blake3: Encoded::hash(&[&encoded, together, &encoded_validation]),
     };
     let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, progress);
@@ -133,7 +148,9 @@ pub fn train(
         device: Device::flex().autodiff(),
         random: stream.generator(config.seed),
     };
+    let networks = start.as_ref().map(|start| &start.run.networks);
     let (calibration, calibration_log) = train_calibration(
+        networks.map(|networks| &networks.calibration),
         &encoded,
         &encoded_validation,
         &config.calibration,
@@ -143,6 +160,7 @@ pub fn train(
     let calibration_kept_step = calibration.step;
     let calibration = calibration.network.valid();
     let (estimator, estimator_log) = train_estimator(
+        networks.map(|networks| &networks.estimator),
         &calibration,
         &EstimatorSamples {
             alone: &encoded,
@@ -154,13 +172,28 @@ pub fn train(
         setup(Stream::Estimator),
         watch,
     )?;
-    let mut mono =
-        |inputs, stream| MonoNetworks::train(inputs, &encoded, &config.mono, setup(stream), watch);
-    let mono_size = mono(MonoInputs::Size, Stream::MonoSize)?;
-    let mono_box = mono(MonoInputs::Box, Stream::MonoBox)?;
+    let mut mono = |start, inputs, stream| {
+        MonoNetworks::train_from(start, inputs, &encoded, &config.mono, setup(stream), watch)
+    };
+    let mono_size = mono(
+        networks.map(|networks| &networks.mono_size),
+        MonoInputs::Size,
+        Stream::MonoSize,
+    )?;
+    let mono_box = mono(
+        networks.map(|networks| &networks.mono_box),
+        MonoInputs::Box,
+        Stream::MonoBox,
+    )?;
 
-    let baselines = baselines(&samples, &true_boxes, &validation, config);
+    let baselines = baselines(&samples, &true_boxes, &validation, self_calibrated);
     let choice = Choice::of(&baselines, &true_boxes);
+    // With those that the start knows.
+    let known = |of: fn(&RunSummary) -> &BTreeSet<String>, mut seen: BTreeSet<String>| {
+        let before = start.iter().flat_map(|start| of(&start.run.summary));
+        seen.extend(before.cloned());
+        seen
+    };
     let run = TrainedRun {
         config: config.clone(),
         summary: RunSummary {
@@ -170,10 +203,16 @@ pub fn train(
             rig: samples.rig.name.clone(),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
-            training_trajectories: samples.trajectories(Side::Train),
-            validation_trajectories: samples.trajectories(Side::Validation),
-            training_flights: samples.flights(Side::Train),
-            validation_flights: samples.flights(Side::Validation),
+            training_trajectories: known(
+                |s| &s.training_trajectories,
+                samples.trajectories(Side::Train),
+            ),
+            validation_trajectories: known(
+                |s| &s.validation_trajectories,
+                samples.trajectories(Side::Validation),
+            ),
+            training_flights: known(|s| &s.training_flights, samples.flights(Side::Train)),
+            validation_flights: known(|s| &s.validation_flights, samples.flights(Side::Validation)),
             training_scenarios: samples.scenario_count(Side::Train),
             validation_scenarios: samples.scenario_count(Side::Validation),
             training_samples: training.len(),
@@ -182,6 +221,7 @@ pub fn train(
             validation_samples: validation.len(),
             training_s: checkpoints.spent_s(),
             choice: choice.clone(),
+            started_from_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
             refits: Vec::new(),
         },
         baselines,
@@ -260,7 +300,7 @@ fn baselines(
     samples: &Samples,
     training: &[&Sample],
     validation: &[Sample],
-    config: &TrainConfig,
+    self_calibrated: Option<SelfCalibrated>,
 ) -> Baselines {
     let inverse_range = InverseRange::fit(samples.views.len(), training);
     let validation: Vec<&Sample> = validation.iter().collect();
@@ -273,13 +313,7 @@ fn baselines(
         centre_offsets: (0..samples.views.len())
             .map(|view| CentreOffset::fit(view, scenarios, training))
             .collect(),
-        self_calibrated: SelfCalibrated::fit(
-            &samples.rig.nominal,
-            &samples.scenarios,
-            // As recorded: which boxes hold the aircraft is what the calibration would say.
-            &samples.of_side(Side::Train),
-            &config.self_calibration,
-        ),
+        self_calibrated,
         flight_filter: FlightFilter::fit(&inverse_range, scenarios, training, &validation),
         inverse_range,
     }

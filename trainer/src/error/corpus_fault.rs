@@ -40,6 +40,16 @@ pub enum CorpusFault {
         one: (String, String, Side),
         other: (String, String, Side),
     },
+    /// A flight that cannot judge a training, because the run that it starts from was trained on it.
+    #[error(
+        "scenario {scenario} flies {trajectory} on the {side:?} side, and the run to start from has learned from that flight; start from \
+         another run, or put the flight on the training side"
+    )]
+    KnownToStart {
+        scenario: String,
+        trajectory: String,
+        side: Side,
+    },
     /// A camera that this software cannot project with.
     #[error("camera {view} of calibration.json {fault}")]
     BadCamera { view: String, fault: String },
