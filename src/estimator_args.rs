@@ -9,9 +9,9 @@ use crate::args::{folder, output};
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainArgs {
-    /// Folder of the corpus
-    #[arg(value_parser = folder())]
-    pub(crate) corpus: PathBuf,
+    /// Folder of the corpus, or of several with the same rig
+    #[arg(value_name = "CORPUS", required = true, value_parser = folder())]
+    pub(crate) corpora: Vec<PathBuf>,
     /// Folder for weights, settings and logs
     #[arg(long, value_name = "RUN", value_parser = output())]
     pub(crate) out: PathBuf,

@@ -28,8 +28,9 @@ struct Trained<'a> {
 /// Runs the verb.
 pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let began = Instant::now();
-    let corpus = open_corpus(&args.corpus)?;
-    let outcome = train(&corpus, &args.out, &config(args)?)?;
+    let corpora: Result<Vec<Corpus>, _> =
+        args.corpora.iter().map(|path| open_corpus(path)).collect();
+    let outcome = train(&corpora?, &args.out, &config(args)?)?;
     let run = outcome.run.root();
     if args.json {
         print_json(&Trained {
@@ -51,7 +52,7 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let next = format!(
         "dtd evaluate {} --corpus {}",
         run.display(),
-        args.corpus.display()
+        args.corpora[0].display()
     );
     finish("train", began, &next);
     Ok(Ending::Done)
@@ -59,11 +60,11 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
 
 /// Trains with a progress bar per stage.
 pub(crate) fn train(
-    corpus: &Corpus,
+    corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
 ) -> Result<TrainOutcome, Failure> {
-    trainer::train(corpus, out, config, &mut Bars::of("train")).map_err(failure_of)
+    trainer::train_on_all(corpora, out, config, &mut Bars::of("train")).map_err(failure_of)
 }
 
 /// An error of the trainer that the caller must fix, or one of the machine.

@@ -72,4 +72,4 @@ pub use onnx::{Agreement, ExportedModel, ExportedRun, Probes, TOLERANCE, export}
 pub use prediction::{Predicted, predict};
 pub use refit::{MOST_APPROACHES, Refit, RefitConfig, refit};
 pub use run_folder::RunFolder;
-pub use training::{TrainOutcome, train};
+pub use training::{TrainOutcome, train, train_on_all};

@@ -77,6 +77,20 @@ impl Rig {
     }
 }
 
+impl Rig {
+    /// Makes this rig, of the corpus `first`, one for the scenarios of another corpus, too, if they were planned with the same one.
+    pub(crate) fn join(&mut self, first: &Corpus, corpus: &Corpus, other: &Self) -> Result<()> {
+        let differences = differences((&other.name, &other.nominal), (&self.name, &self.nominal));
+        if !differences.is_empty() {
+            let first = first.root().to_owned();
+            let fault = CorpusFault::RigOfAnotherCorpus { first, differences };
+            return Err(Error::corpus(corpus.root(), fault));
+        }
+        self.cameras_vary |= other.cameras_vary || !are_same(&self.cameras, &other.cameras);
+        Ok(())
+    }
+}
+
 /// The views and the sizes of their pictures, wherever the cameras are.
 pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     let form =

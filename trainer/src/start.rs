@@ -122,3 +122,127 @@ fn refuse_known_flights(run: &RunSummary, corpus: &Corpus, samples: &Samples) ->
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::{Path, PathBuf};
+
+    use dataset::progress::Silent;
+    use dataset::splits::Splits;
+    use testkit::synthetic::{Changed, SyntheticCorpus};
+
+    use super::*;
+    use crate::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
+    use crate::samples::DistanceRange;
+    use crate::training::train;
+
+    fn settings(steps: usize, learning_rate: f64, start_from: Option<PathBuf>) -> TrainConfig {
+        let optimisation = || Optimisation {
+            steps,
+            batch_size: 64,
+            learning_rate,
+        };
+        TrainConfig {
+            start_from,
+            calibration: CalibrationConfig {
+                hidden: vec![16],
+                features: 16,
+                head_hidden: vec![16],
+                optimisation: optimisation(),
+                ..CalibrationConfig::default()
+            },
+            estimator: EstimatorConfig {
+                lstm: vec![16],
+                head_hidden: vec![16],
+                optimisation: optimisation(),
+                ..EstimatorConfig::default()
+            },
+            mono: MonoConfig {
+                hidden: vec![16],
+                optimisation: optimisation(),
+            },
+            ..TrainConfig::default()
+        }
+    }
+
+    /// Starts from the run in this folder, and learns next to nothing.
+    fn continued(folder: &Path) -> TrainConfig {
+        settings(1, 1e-9, Some(folder.join("run")))
+    }
+
+    fn trained(folder: &Path, corpus: &SyntheticCorpus) -> (Corpus, f64) {
+        let corpus = corpus.write(&folder.join("corpus")).unwrap();
+        let out = folder.join("run");
+        let outcome = train(&corpus, &out, &settings(400, 4e-3, None), &mut Silent).unwrap();
+        (corpus, outcome.validation_mape_pct)
+    }
+
+    fn error_pct(folder: &Path, corpus: &Corpus, config: &TrainConfig) -> f64 {
+        let outcome = train(corpus, &folder.join("other"), config, &mut Silent);
+        outcome.unwrap().validation_mape_pct
+    }
+
+    fn refusal(folder: &Path, corpus: &Corpus, config: &TrainConfig) -> String {
+        let outcome = train(corpus, &folder.join("other"), config, &mut Silent);
+        outcome.unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_training_starts_with_what_a_run_knows_also_under_a_moved_camera() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let corpus = SyntheticCorpus {
+            train: 10,
+            ..SyntheticCorpus::tiny()
+        };
+        let moved = SyntheticCorpus {
+            changed: Some(Changed {
+                view: "left",
+                turned_deg: 2.0,
+                zoom: 1.1,
+            }),
+            ..corpus.clone()
+        };
+        let (corpus, learned) = trained(folder, &corpus);
+        let same = error_pct(folder, &corpus, &continued(folder));
+        assert!((same / learned - 1.0).abs() < 1e-3, "{same} {learned}");
+        let moved = moved.write(&folder.join("moved")).unwrap();
+        let moved = error_pct(folder, &moved, &continued(folder));
+        assert!(moved < 1.5 * learned, "{moved} {learned}");
+        let random = error_pct(folder, &corpus, &settings(1, 1e-9, None));
+        assert!(random > 3.0 * learned, "{random} {learned}");
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let folder = folder.path();
+        let (corpus, _) = trained(folder, &SyntheticCorpus::tiny());
+        let mut wider = continued(folder);
+        wider.estimator.lstm = vec![24];
+        let message = refusal(folder, &corpus, &wider);
+        assert!(message.contains("estimator.lstm[0] 24 and 16"), "{message}");
+
+        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        samples.rig.cameras.remove("left");
+        let message = Start::of(&continued(folder), &corpus, &samples);
+        let message = message.err().unwrap().to_string();
+        assert!(message.contains("\"left\", 1920"), "{message}");
+
+        // A training flight of the run becomes one that judges.
+        let mut splits = Splits::read(&corpus.splits_path()).unwrap();
+        let id = splits.side(Side::Train).next().unwrap().to_owned();
+        for side in [Side::Validation, Side::Test] {
+            splits.scenarios.get_mut(&id).unwrap().side = side;
+            splits.write(&corpus.splits_path()).unwrap();
+            let message = refusal(folder, &corpus, &continued(folder));
+            assert!(
+                message.contains(&format!("scenario {id}")) && message.contains("learned from"),
+                "{message}"
+            );
+        }
+        let nowhere = settings(1, 1e-9, Some(folder.join("nowhere")));
+        let message = refusal(folder, &corpus, &nowhere);
+        assert!(message.contains("no training finished there"), "{message}");
+    }
+}

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::Path;
+use std::slice;
 use std::time::Instant;
 
 use burn::module::Module;
@@ -74,6 +75,16 @@ pub fn train(
     config: &TrainConfig,
     progress: &mut dyn Progress,
 ) -> Result<TrainOutcome> {
+    train_on_all(slice::from_ref(corpus), out, config, progress)
+}
+
+/// The same on several corpora of one rig. A flight that their splits have on different sides does not train.
+pub fn train_on_all(
+    corpora: &[Corpus],
+    out: &Path,
+    config: &TrainConfig,
+    progress: &mut dyn Progress,
+) -> Result<TrainOutcome> {
     let started = Instant::now();
     config.check()?;
     let place = RunPlace::take(&RunFolder::at(out))?;
@@ -81,7 +92,9 @@ pub fn train(
         min_nm: config.min_dtd_nm,
         max_nm: config.max_dtd_nm,
     };
-    let mut samples = Samples::read(corpus, config.model_hash.as_deref(), range)?;
+    let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
+    // Errors about all of them name the first.
+    let corpus = &corpora[0];
     split_again(corpus, &mut samples, config.leave_out.as_deref())?;
     let recorded = side_with_samples(corpus, &samples, Side::Train)?;
     let true_boxes = samples.with_true_boxes(Side::Train);

@@ -64,6 +64,17 @@ pub enum CorpusFault {
         first: String,
         expected: Box<RigKind>,
     },
+    /// Corpora with different rigs.
+    #[error(
+        "its planned cameras are not those of {}, and a training learns one rig; here, and there: {}. Train on one at a time, or start from \
+         its run (--start-from)",
+        first.display(),
+        differences.join("; ")
+    )]
+    RigOfAnotherCorpus {
+        first: PathBuf,
+        differences: Vec<String>,
+    },
     /// A corpus with other cameras than those of the training.
     #[error(
         "its cameras are not those that run {} was trained with; here, and there: {}",
