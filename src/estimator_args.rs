@@ -25,6 +25,9 @@ pub(crate) struct TrainArgs {
     /// All resulting settings are saved in RUN/config.json.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
+    /// Try the settings and seeds of a TOML file, a run in RUN for each, and compare them (docs/training.md)
+    #[arg(long, value_name = "SEARCH.toml", conflicts_with_all = ["quick", "config", "seed"])]
+    pub(crate) search: Option<PathBuf>,
     /// Model whose detections to train on, by its file name or hash, if the corpus has several
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,

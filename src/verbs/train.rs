@@ -1,5 +1,7 @@
 //! `dtd train`: trains the distance estimators of a corpus.
 
+mod search;
+
 use std::path::Path;
 use std::time::Instant;
 
@@ -125,11 +127,16 @@ impl Progress for Bars {
 }
 
 fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
-    let mut config = match &args.config {
+    let config = match &args.config {
         None if args.quick => TrainConfig::demo(),
         None => TrainConfig::default(),
         Some(path) => settings_in(path)?,
     };
+    Ok(overridden(config, args))
+}
+
+/// The settings with those of the command line.
+fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if let Some(seed) = args.seed {
         config.seed = seed;
     }
@@ -142,7 +149,7 @@ fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
     if args.leave_out.is_some() {
         config.leave_out.clone_from(&args.leave_out);
     }
-    Ok(config)
+    config
 }
 
 /// The settings in a file. One that is out of range is shown in its line.

@@ -50,6 +50,7 @@ mod run_folder;
 mod run_place;
 mod samples;
 mod sealed_run;
+mod search;
 mod self_calibration;
 mod start;
 mod trained_run;
@@ -72,4 +73,5 @@ pub use onnx::{Agreement, ExportedModel, ExportedRun, Probes, TOLERANCE, export}
 pub use prediction::{Predicted, predict};
 pub use refit::{MOST_APPROACHES, Refit, RefitConfig, refit};
 pub use run_folder::RunFolder;
+pub use search::{Search, SearchTable, TrainingResult, VariantResult, search};
 pub use training::{TrainOutcome, train, train_on_all};

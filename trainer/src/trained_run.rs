@@ -68,6 +68,10 @@ pub(crate) struct RunSummary {
     pub mixed_samples: usize,
     /// Samples on the validation side.
     pub validation_samples: usize,
+    /// BLAKE3 of all that the networks learned from and were judged by.
+    pub samples_blake3: String,
+    /// Error of `paper_lstm` on the validation side, percent.
+    pub validation_mape_pct: f64,
     /// The recommended estimator.
     pub choice: Choice,
     /// BLAKE3 of the weights that the training started from, if they were not random.

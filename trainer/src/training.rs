@@ -29,6 +29,7 @@ use crate::pinhole::Pinhole;
 use crate::run_folder::RunFolder;
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
+use crate::sealed_run::SealedRun;
 use crate::self_calibration::SelfCalibrated;
 use crate::start::Start;
 use crate::trained_run::{Baselines, Convergence, Networks, RunSummary, TrainedRun};
@@ -80,6 +81,26 @@ pub fn train(
 
 /// The same on several corpora of one rig. A flight that their splits have on different sides does not train.
 pub fn train_on_all(
+    corpora: &[Corpus],
+    out: &Path,
+    config: &TrainConfig,
+    progress: &mut dyn Progress,
+) -> Result<TrainOutcome> {
+    train_unless(Finished::IsReplaced, corpora, out, config, progress)
+}
+
+/// What becomes of a run in the place that this training would come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Finished {
+    /// It is made again.
+    IsReplaced,
+    /// It is the result.
+    Stays,
+}
+
+/// The same, unless it is done already.
+pub(crate) fn train_unless(
+    finished: Finished,
     corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
@@ -151,6 +172,12 @@ pub fn train_on_all(
         start_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
         samples_blake3: Encoded::hash(&[&encoded, together, &encoded_validation]),
     };
+    if finished == Finished::Stays
+        && let Some(outcome) = outcome_of(&place.run(), &origin)
+    {
+        return Ok(outcome);
+    }
+    let samples_blake3 = origin.samples_blake3.clone();
     let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, progress);
     let watch = &mut Watch {
         checkpoints: &mut checkpoints,
@@ -228,10 +255,12 @@ pub fn train_on_all(
             validation_flights: known(|s| &s.validation_flights, samples.flights(Side::Validation)),
             training_scenarios: samples.scenario_count(Side::Train),
             validation_scenarios: samples.scenario_count(Side::Validation),
+            samples_blake3,
             training_samples: training.len(),
             false_training_boxes,
             mixed_samples: mixed.len() + mixed_together.len(),
             validation_samples: validation.len(),
+            validation_mape_pct: estimator.error_pct,
             training_s: checkpoints.spent_s(),
             choice: choice.clone(),
             started_from_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
@@ -259,6 +288,25 @@ pub fn train_on_all(
         run: place.run(),
         validation_mape_pct: estimator.error_pct,
         choice,
+    })
+}
+
+/// The result of the run that is there, if a training of this origin made it.
+fn outcome_of(run: &RunFolder, origin: &Origin) -> Option<TrainOutcome> {
+    let sealed = SealedRun::read(run).ok()?;
+    let summary: RunSummary = sealed.json(RunFolder::SUMMARY, "run summary").ok()?;
+    let its_origin = Origin {
+        dtd: summary.dtd,
+        config: sealed
+            .json(RunFolder::CONFIG, "training configuration")
+            .ok()?,
+        start_blake3: summary.started_from_blake3,
+        samples_blake3: summary.samples_blake3,
+    };
+    (its_origin == *origin).then(|| TrainOutcome {
+        run: run.clone(),
+        validation_mape_pct: summary.validation_mape_pct,
+        choice: summary.choice,
     })
 }
 
