@@ -140,9 +140,9 @@ impl Samples {
                 let known = sides.entry(flight).or_insert(side);
                 *known = farther_from_training(*known, side);
             }
-            let known = |s: &ScenarioSummary| &s.manifest_blake3;
-            let there: BTreeSet<String> = all.scenarios.iter().map(known).cloned().collect();
-            other.retain_scenarios(|scenario| !there.contains(known(scenario)));
+            let there = all.scenarios.iter().map(|s| s.manifest_blake3.clone());
+            let there: BTreeSet<String> = there.collect();
+            other.retain_scenarios(|scenario| !there.contains(&scenario.manifest_blake3));
             let before = all.scenarios.len();
             for sample in &mut other.samples {
                 sample.observed.scenario += before;
