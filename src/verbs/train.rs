@@ -30,9 +30,12 @@ struct Trained<'a> {
 /// Runs the verb.
 pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let began = Instant::now();
-    let corpora: Result<Vec<Corpus>, _> =
-        args.corpora.iter().map(|path| open_corpus(path)).collect();
-    let outcome = train(&corpora?, &args.out, &config(args)?)?;
+    let corpora = args.corpora.iter().map(|path| open_corpus(path));
+    let corpora = corpora.collect::<Result<Vec<Corpus>, _>>()?;
+    if let Some(path) = &args.search {
+        return search::run(args, path, &corpora);
+    }
+    let outcome = train(&corpora, &args.out, &config(args)?)?;
     let run = outcome.run.root();
     if args.json {
         print_json(&Trained {

@@ -12,7 +12,7 @@ use toml::{Table, Value};
 use trainer::{Search, SearchTable, TrainConfig};
 
 use super::{Bars, failure_of, overridden};
-use crate::args::TrainArgs;
+use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::verbs::Outcome;
 use crate::verbs::output::{finish, print_json, print_table};
