@@ -105,7 +105,7 @@ pub(crate) enum Verb {
     /// Find the aircraft in the decoded videos, and register the views; resumes
     #[command(after_help = help::DETECT)]
     Detect(DetectArgs),
-    /// Train the distance estimators of a corpus, split by trajectory
+    /// Train the distance estimators of a corpus, split by trajectory; resumes
     #[command(after_help = help::TRAIN)]
     Train(TrainArgs),
     /// Fit one camera of a run again, from a few labelled approaches

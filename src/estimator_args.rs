@@ -9,9 +9,9 @@ use crate::args::{folder, output};
 
 #[derive(Debug, ClapArgs)]
 pub(crate) struct TrainArgs {
-    /// Folder of the corpus
-    #[arg(value_parser = folder())]
-    pub(crate) corpus: PathBuf,
+    /// Folder of the corpus, or of several with the same rig
+    #[arg(value_name = "CORPUS", required = true, value_parser = folder())]
+    pub(crate) corpora: Vec<PathBuf>,
     /// Folder for weights, settings and logs
     #[arg(long, value_name = "RUN", value_parser = output())]
     pub(crate) out: PathBuf,
@@ -25,9 +25,15 @@ pub(crate) struct TrainArgs {
     /// All resulting settings are saved in RUN/config.json.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
+    /// Try the settings and seeds of a TOML file, a run in RUN for each, and compare them (docs/training.md)
+    #[arg(long, value_name = "SEARCH.toml", conflicts_with_all = ["quick", "config", "seed"])]
+    pub(crate) search: Option<PathBuf>,
     /// Model whose detections to train on, by its file name or hash, if the corpus has several
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
+    /// Run whose networks to start from instead of random ones; views and layers must be the same
+    #[arg(long, value_name = "RUN")]
+    pub(crate) start_from: Option<PathBuf>,
     /// Hold out a weather or time of day as the test side, e.g. weather=stormy or time=18:00
     #[arg(long, value_name = "weather=NAME|time=HH:MM")]
     pub(crate) leave_out: Option<String>,

@@ -68,7 +68,8 @@ pub(crate) const TRAIN: &str = "\
 Examples:
   dtd train corpus --out run --quick
   dtd train corpus --out run --config TRAIN.toml --seed 1
-  dtd train corpus --out run --leave-out weather=stormy";
+  dtd train corpus --out run --leave-out weather=stormy
+  dtd train corpus more --out run --start-from earlier";
 
 pub(crate) const REFIT: &str = "\
 Example:

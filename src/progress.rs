@@ -33,6 +33,8 @@ pub(crate) struct Bar {
     step: &'static str,
     unit: &'static str,
     bar: ProgressBar,
+    /// Units that an earlier process did.
+    before: AtomicU64,
     /// Parts of the work, of [`LOG_LINES`], that were logged.
     logged: AtomicU64,
 }
@@ -60,6 +62,7 @@ impl Bar {
             step,
             unit,
             bar,
+            before: AtomicU64::new(0),
             logged: AtomicU64::new(0),
         }
     }
@@ -67,6 +70,16 @@ impl Bar {
     /// Sets the number of units.
     pub(crate) fn set_total(&self, total: u64) {
         self.bar.set_length(total);
+    }
+
+    /// Sets the number of units that an earlier process finished, which say nothing about the pace of this one.
+    pub(crate) fn resume(&self, done: u64) {
+        self.before.store(done, Ordering::Relaxed);
+        self.bar.set_position(done);
+        self.bar.reset_eta();
+        let total = self.bar.length().unwrap_or(0).max(1);
+        self.logged
+            .store(done * LOG_LINES / total, Ordering::Relaxed);
     }
 
     /// Sets the number of finished units.
@@ -82,7 +95,12 @@ impl Bar {
                 "{}: {done}/{total} {}{}{}; {}",
                 self.step,
                 self.unit,
-                pace(done, total, self.bar.elapsed()),
+                pace(
+                    done,
+                    self.before.load(Ordering::Relaxed),
+                    total,
+                    self.bar.elapsed()
+                ),
                 match self.bar.message() {
                     message if message.is_empty() => message,
                     message => format!("; {message}"),
@@ -122,12 +140,12 @@ fn clock(now: SystemTime) -> String {
 }
 
 /// Time so far, rate and time left, as far as they say anything.
-fn pace(done: u64, total: u64, elapsed: Duration) -> String {
+fn pace(done: u64, before: u64, total: u64, elapsed: Duration) -> String {
     let elapsed_s = elapsed.as_secs_f64();
-    if elapsed_s < 1.0 || done == 0 {
+    if elapsed_s < 1.0 || done <= before {
         return String::new();
     }
-    let per_s = done as f64 / elapsed_s;
+    let per_s = (done - before) as f64 / elapsed_s;
     let left = Duration::from_secs_f64(total.saturating_sub(done) as f64 / per_s);
     let left = match done {
         done if done >= total => String::new(),
@@ -162,11 +180,13 @@ mod tests {
 
     #[test]
     fn a_log_line_says_how_fast_and_how_long_still() {
-        let pace = |done, elapsed_s| pace(done, 200, Duration::from_secs_f64(elapsed_s));
+        let pace = |done, elapsed_s| pace(done, 0, 200, Duration::from_secs_f64(elapsed_s));
         assert_eq!(pace(20, 0.1), "");
         assert_eq!(pace(0, 10.0), "");
         assert_eq!(pace(50, 10.0), " in 10 seconds, 5.0/s, 30 seconds left");
         assert_eq!(pace(20, 7_200.0), " in 2 hours, 0.2/min, 18 hours left");
         assert_eq!(pace(200, 20.0), " in 20 seconds, 10.0/s");
+        let resumed = super::pace(150, 100, 200, Duration::from_secs(10));
+        assert_eq!(resumed, " in 10 seconds, 5.0/s, 10 seconds left");
     }
 }

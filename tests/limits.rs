@@ -334,6 +334,25 @@ fn a_mistake_in_training_settings_is_shown_in_its_line() {
 }
 
 #[test]
+fn a_mistake_in_a_search_is_named_before_anything_is_trained() {
+    let tiny = Tiny::made().copy();
+    for (search, words) in [
+        (
+            "seeds = [0]\n[variants.a.estimator]\nlstn = [8]\n",
+            "unknown field `lstn`",
+        ),
+        ("seeds = []\n[variants.a]\n", "seeds is []"),
+        ("seeds = [0]\n[variants.best]\n", "variants is \"best\""),
+        ("seed = 0\n", "unknown field `seed`"),
+    ] {
+        fs::write(tiny.path("odd.toml"), search).unwrap();
+        let train = ["train", "corpus", "--out", "new", "--search", "odd.toml"];
+        assert_says(&tiny, &train, 2, &[words]);
+        assert!(!tiny.path("new").exists());
+    }
+}
+
+#[test]
 fn a_path_that_is_no_text_has_one_message_for_all_verbs() {
     let tiny = Tiny::made().copy();
     let name = OsString::from_vec(b"corp\xffs".to_vec());

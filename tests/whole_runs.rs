@@ -118,7 +118,13 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
         assert_whole(&workshop.run);
         let found = weights_and_settings(&workshop.run);
         assert!(undisturbed.contains(&found), "kill {kill}: a mixture");
-        assert!(!path("run.partial").exists(), "kill {kill}");
+        // Checkpoints stay for a training that goes on.
+        let left = fs::read_dir(path("run.partial")).into_iter().flatten();
+        let left: Vec<_> = left.map(|entry| entry.unwrap().file_name()).collect();
+        assert!(
+            left.iter().all(|name| name == "training"),
+            "kill {kill}: {left:?}"
+        );
     }
     // Two of three are trainings, most of them killed before they would have ended, however the machine's speed changes meanwhile.
     assert!(struck >= KILLS / 4, "only {struck} of {KILLS} were killed");
@@ -126,4 +132,44 @@ fn a_run_that_is_killed_at_any_moment_is_one_training_and_one_evaluation_or_none
     assert!(output.status.success(), "{}", said(&output));
     assert!(weights_and_settings(&workshop.run) == undisturbed[1]);
     assert!(!workshop.run.join("metrics.json").exists());
+}
+
+#[test]
+fn a_training_that_is_killed_again_and_again_goes_on_to_the_same_weights() {
+    let folder = tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    SyntheticCorpus::tiny().write(&path("corpus")).unwrap();
+    fs::write(path("train.toml"), SETTINGS).unwrap();
+    let workshop = Workshop {
+        corpus: path("corpus"),
+        settings: path("train.toml"),
+        run: path("run"),
+    };
+    let began = Instant::now();
+    let output = workshop.train(&path("straight"), 0).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let took = began.elapsed();
+    let mut resumed = 0;
+    for kill in 1..=8 {
+        let mut process = workshop
+            .train(&workshop.run, 0)
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        sleep(took.mul_f64(f64::from(kill) / 10.0));
+        let _ = process.kill();
+        let output = process.wait_with_output().unwrap();
+        resumed += u32::from(said(&output).contains("train: resuming at "));
+        if output.status.success() {
+            break;
+        }
+        assert!(!workshop.run.exists(), "kill {kill}");
+    }
+    assert!(resumed > 0, "no checkpoint was left");
+    let output = workshop.train(&workshop.run, 0).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let [found, expected] = [&workshop.run, &path("straight")].map(|run| weights_and_settings(run));
+    assert!(found == expected);
+    assert!(!path("run.partial").exists());
 }

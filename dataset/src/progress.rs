@@ -6,6 +6,12 @@ pub trait Progress {
     fn begin(&mut self, stage: &str, total: u64);
     /// `done` of the current stage's steps are done; `note` is a short figure such as a validation error, or empty.
     fn advance(&mut self, done: u64, note: &str);
+    /// The current stage goes on after `done` steps that an earlier process did.
+    fn resume(&mut self, done: u64) {
+        self.advance(done, "");
+    }
+    /// A line that stays.
+    fn say(&mut self, _line: &str) {}
 }
 
 /// Ignores all progress.

@@ -3,6 +3,7 @@
 mod own_folder;
 
 use std::path::PathBuf;
+use std::slice;
 
 use dataset::corpus::Corpus;
 use generator::generate::SimulatorTarget;
@@ -60,7 +61,7 @@ pub(crate) fn run(args: &DemoArgs) -> Outcome {
         model_hash: Some(detected.model_hash.clone()),
         ..TrainConfig::demo()
     };
-    let trained = train(&corpus, &folder.run(), &config)?;
+    let trained = train(slice::from_ref(&corpus), &folder.run(), &config)?;
     let metrics = evaluate(trained.run.root(), &corpus, &EvaluationConfig::default())?;
     print_result(&corpus, &detected, &metrics, &trained.run)?;
     Ok(Ending::Done)

@@ -1,5 +1,7 @@
 //! `dtd train`: trains the distance estimators of a corpus.
 
+mod search;
+
 use std::path::Path;
 use std::time::Instant;
 
@@ -28,8 +30,12 @@ struct Trained<'a> {
 /// Runs the verb.
 pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let began = Instant::now();
-    let corpus = open_corpus(&args.corpus)?;
-    let outcome = train(&corpus, &args.out, &config(args)?)?;
+    let corpora = args.corpora.iter().map(|path| open_corpus(path));
+    let corpora = corpora.collect::<Result<Vec<Corpus>, _>>()?;
+    if let Some(path) = &args.search {
+        return search::run(args, path, &corpora);
+    }
+    let outcome = train(&corpora, &args.out, &config(args)?)?;
     let run = outcome.run.root();
     if args.json {
         print_json(&Trained {
@@ -51,7 +57,7 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
     let next = format!(
         "dtd evaluate {} --corpus {}",
         run.display(),
-        args.corpus.display()
+        args.corpora[0].display()
     );
     finish("train", began, &next);
     Ok(Ending::Done)
@@ -59,11 +65,11 @@ pub(crate) fn run(args: &TrainArgs) -> Outcome {
 
 /// Trains with a progress bar per stage.
 pub(crate) fn train(
-    corpus: &Corpus,
+    corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
 ) -> Result<TrainOutcome, Failure> {
-    trainer::train(corpus, out, config, &mut Bars::of("train")).map_err(failure_of)
+    trainer::train_on_all(corpora, out, config, &mut Bars::of("train")).map_err(failure_of)
 }
 
 /// An error of the trainer that the caller must fix, or one of the machine.
@@ -100,6 +106,19 @@ impl Progress for Bars {
         self.stage = Some((stage.to_owned(), bar));
     }
 
+    fn resume(&mut self, done: u64) {
+        if let Some((_, bar)) = &self.stage {
+            bar.resume(done);
+        }
+    }
+
+    fn say(&mut self, line: &str) {
+        match &self.stage {
+            Some((_, bar)) => bar.say(line),
+            None => Bar::new(self.verb, "steps", None).say(line),
+        }
+    }
+
     fn advance(&mut self, done: u64, note: &str) {
         if let Some((stage, bar)) = &self.stage {
             if !note.is_empty() {
@@ -111,21 +130,29 @@ impl Progress for Bars {
 }
 
 fn config(args: &TrainArgs) -> Result<TrainConfig, Failure> {
-    let mut config = match &args.config {
+    let config = match &args.config {
         None if args.quick => TrainConfig::demo(),
         None => TrainConfig::default(),
         Some(path) => settings_in(path)?,
     };
+    Ok(overridden(config, args))
+}
+
+/// The settings with those of the command line.
+fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     if let Some(seed) = args.seed {
         config.seed = seed;
     }
     if args.detections.is_some() {
         config.model_hash.clone_from(&args.detections);
     }
+    if args.start_from.is_some() {
+        config.start_from.clone_from(&args.start_from);
+    }
     if args.leave_out.is_some() {
         config.leave_out.clone_from(&args.leave_out);
     }
-    Ok(config)
+    config
 }
 
 /// The settings in a file. One that is out of range is shown in its line.

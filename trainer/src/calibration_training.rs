@@ -18,8 +18,7 @@ use crate::encoded::{Encoded, column, draw, mape_pct, numbers};
 use crate::error::Result;
 use crate::gap_balance::GapBalance;
 use crate::normalisation::BOX_FEATURES;
-use crate::training_loop::{Setup, Task, learn};
-use dataset::progress::Progress;
+use crate::training_loop::{Kept, Setup, Task, Watch, learn};
 
 /// The calibration network of one camera: the paper's layers, and if the settings say so, in parallel a linear path from box to feature
 /// vector, which the paper has not.
@@ -142,36 +141,36 @@ pub(crate) struct CalibrationLogEntry {
     pub optimised: Vec<bool>,
 }
 
-/// Trains the networks.
+/// Trains the networks, from random ones or those of `start`.
 pub(crate) fn train_calibration(
+    start: Option<&CalibrationNetworks>,
     training: &Encoded,
     validation: &Encoded,
     config: &CalibrationConfig,
     mut setup: Setup,
-    progress: &mut dyn Progress,
-) -> Result<(CalibrationNetworks, Vec<CalibrationLogEntry>)> {
+    watch: &mut Watch,
+) -> Result<(Kept<CalibrationNetworks>, Vec<CalibrationLogEntry>)> {
     let views = training.views();
-    let settings = &config.optimisation;
-    progress.begin("calibration networks", settings.steps as u64);
-    let networks = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
+    let random = CalibrationNetworks::new(views, config, &mut setup.random, &setup.device);
+    let networks = start.map_or(random, |start| start.clone().train());
     let mut task = Calibration {
         training,
         validation,
         config,
         all: (0..training.len()).collect(),
-        balance: GapBalance::new(
-            views,
-            config.min_steps,
-            config.plateau_threshold_pct,
-            config.gap_threshold_pct,
-        ),
-        log: Vec::new(),
+        state: CalibrationState {
+            balance: GapBalance::new(
+                views,
+                config.min_steps,
+                config.plateau_threshold_pct,
+                config.gap_threshold_pct,
+            ),
+            log: Vec::new(),
+        },
         setup,
     };
-    let networks = learn(&mut task, networks, settings, |done, note| {
-        progress.advance(done as u64, note);
-    })?;
-    Ok((networks, task.log))
+    let kept = learn(&mut task, networks, &config.optimisation, watch)?;
+    Ok((kept, task.state.log))
 }
 
 struct Calibration<'a> {
@@ -180,17 +179,40 @@ struct Calibration<'a> {
     config: &'a CalibrationConfig,
     /// All samples of the training side.
     all: Vec<usize>,
+    state: CalibrationState,
+    setup: Setup,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+struct CalibrationState {
     balance: GapBalance,
     log: Vec<CalibrationLogEntry>,
-    setup: Setup,
 }
 
 impl Task for Calibration<'_> {
     type Network = CalibrationNetworks;
+    type State = CalibrationState;
     const NAME: &'static str = "calibration networks";
+    const STAGE: &'static str = "calibration networks";
 
     fn judged_every(&self) -> usize {
         self.config.log_every
+    }
+
+    fn patience(&self) -> Option<usize> {
+        self.config.patience
+    }
+
+    fn random(&mut self) -> &mut ChaCha12Rng {
+        &mut self.setup.random
+    }
+
+    fn state(&self) -> CalibrationState {
+        self.state.clone()
+    }
+
+    fn restore(&mut self, state: CalibrationState) {
+        self.state = state;
     }
 
     fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
@@ -199,7 +221,7 @@ impl Task for Calibration<'_> {
             self.config.optimisation.batch_size,
             &mut self.setup.random,
         );
-        let optimised = self.balance.optimised();
+        let optimised = self.state.balance.optimised();
         let Setup { loss, device, .. } = &self.setup;
         let mut gradients =
             batch_loss(networks, self.training, &batch, optimised, *loss, device).backward();
@@ -208,33 +230,34 @@ impl Task for Calibration<'_> {
         for (network, _) in networks.views.iter().zip(optimised).filter(|(_, on)| **on) {
             take_gradients(&mut gradients, network, &mut selected);
         }
-        if self.balance.all_optimised() {
+        if self.state.balance.all_optimised() {
             take_gradients(&mut gradients, &networks.head, &mut selected);
         }
         selected
     }
 
-    fn judge(&mut self, networks: &CalibrationNetworks, done: usize) -> Option<String> {
-        let errors = validation_errors(
+    fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
+        validation_errors(
             &networks.valid(),
             self.validation,
             self.setup.loss,
             &self.setup.plain_device(),
-        );
-        if errors.iter().flatten().any(|error| !error.is_finite()) {
-            return None;
-        }
-        self.balance.observe(self.config.log_every, &errors);
-        let note = errors
+        )
+    }
+
+    fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let CalibrationState { balance, log } = &mut self.state;
+        balance.observe(self.config.log_every, &errors_pct);
+        let note = errors_pct
             .iter()
             .map(|e| e.map_or("-".into(), |e| format!("{e:.2}")))
             .collect::<Vec<_>>();
-        self.log.push(CalibrationLogEntry {
+        log.push(CalibrationLogEntry {
             step: done,
-            validation_mape_pct: errors,
-            optimised: self.balance.optimised().to_vec(),
+            validation_mape_pct: errors_pct,
+            optimised: balance.optimised().to_vec(),
         });
-        Some(format!("MAPE per view {} %", note.join(" / ")))
+        format!("MAPE per view {} %", note.join(" / "))
     }
 }
 

@@ -4,6 +4,8 @@
 mod check;
 mod paper_deviation;
 
+use std::path::PathBuf;
+
 use schemars::JsonSchema;
 use schemars::generate::SchemaSettings;
 use serde::{Deserialize, Serialize};
@@ -24,6 +26,8 @@ pub struct TrainConfig {
     pub max_dtd_nm: Option<f64>,
     /// `weather=NAME` or `time=HH:MM`: scenarios of this weather or time are the test side, whatever the split, and train nothing.
     pub leave_out: Option<String>,
+    /// Folder of a run whose networks this training starts from, instead of random ones. They must have the same layers and views.
+    pub start_from: Option<PathBuf>,
     /// What the networks minimise; the mean squared error of the distance in the paper.
     pub loss: Loss,
     /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
@@ -49,6 +53,7 @@ impl Default for TrainConfig {
             min_dtd_nm: 0.05,
             max_dtd_nm: None,
             leave_out: None,
+            start_from: None,
             loss: Loss::Squared,
             only_true_boxes: false,
             augmentation: AugmentationConfig::default(),
@@ -180,6 +185,9 @@ pub struct CalibrationConfig {
     pub plateau_threshold_pct: f64,
     /// Threshold of Algorithm 1 for the gap to the best view, percentage points of MAPE; 0.01 in the paper.
     pub gap_threshold_pct: f64,
+    /// Log entries in a row without a lower mean error of the views, after which the training ends; it then keeps the networks with the
+    /// lowest one. Without it, all steps are made, and the last networks are kept.
+    pub patience: Option<usize>,
 }
 
 impl Default for CalibrationConfig {
@@ -198,6 +206,7 @@ impl Default for CalibrationConfig {
             min_steps: 1_500,
             plateau_threshold_pct: 0.01,
             gap_threshold_pct: 0.01,
+            patience: None,
         }
     }
 }
@@ -223,6 +232,9 @@ pub struct EstimatorConfig {
     pub alone_weight: f64,
     /// Whether the last linear layer is solved in closed form after the last step (see [`crate::head_refit`]); not in the paper.
     pub refit_head: bool,
+    /// Log entries in a row without a lower error, after which the training ends; it then keeps the network with the lowest one. Without
+    /// it, all steps are made, and the last network is kept.
+    pub patience: Option<usize>,
 }
 
 impl Default for EstimatorConfig {
@@ -239,6 +251,7 @@ impl Default for EstimatorConfig {
             together_first: 0.0,
             alone_weight: 1.0,
             refit_head: false,
+            patience: None,
         }
     }
 }

@@ -204,10 +204,9 @@ impl Estimator {
         };
         let baselines = &task.run.baselines;
         let flights = task.observations.chunk_by(|a, b| a.scenario == b.scenario);
-        let estimates = flights.flat_map(|flight| match &baselines.flight_filter {
-            Some(filter) => filter.predict(&baselines.inverse_range, flight, knowing),
-            None => vec![None; flight.len()],
-        });
+        let filter = &baselines.flight_filter;
+        let estimates =
+            flights.flat_map(|flight| filter.predict(&baselines.inverse_range, flight, knowing));
         Some(estimates.collect())
     }
 

@@ -395,7 +395,7 @@ pub(crate) fn check_cameras(
             run: run.root().to_owned(),
             differences: differences(
                 (&samples.rig.name, &samples.rig.cameras),
-                (summary.rig.as_deref().unwrap_or_default(), &summary.cameras),
+                (&summary.rig, &summary.cameras),
             ),
         };
         return Err(Error::corpus(corpus.root(), fault));
@@ -427,7 +427,7 @@ fn check_unseen(
 fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
     if run.cameras_vary || rig.cameras_vary {
         let same_form = form(&run.cameras) == form(&rig.cameras);
-        return run.rig.as_deref() == Some(&rig.name) && same_form;
+        return run.rig == rig.name && same_form;
     }
     are_same(&run.cameras, &rig.cameras)
 }

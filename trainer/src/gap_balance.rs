@@ -3,11 +3,13 @@
 //! All views train until every view's error stagnates. Views that then lag behind the best one train on alone, with the shared head
 //! frozen, until the errors stagnate again. Input: a view's error on the validation side at each log entry.
 
+use serde::{Deserialize, Serialize};
+
 /// Number of log entries over which errors must stagnate.
 const WINDOW: usize = 3;
 
 /// The state.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct GapBalance {
     min_steps: usize,
     plateau_threshold: f64,

@@ -7,9 +7,9 @@
 //! solution is one.
 //!
 //! Each set of views has fits of its own, because a missing view leaves no formula to the others: one from the boxes, and, with two
-//! views or more, one from their registered shifts ([`crate::view_shift`]). At a tick the most precise fit applies whose views all saw
-//! the aircraft. Prediction does not read the calibration; training does only to leave out boxes that do not hold the aircraft, and
-//! registered shifts were measured with its help, which tells scale and rotation between two views.
+//! views or more, one from their registered shifts ([`crate::view_shift`]). At a tick the first fit applies whose views all saw the
+//! aircraft; a training sorts them by precision. Prediction does not read the calibration; training does only to leave out boxes that do
+//! not hold the aircraft, and registered shifts were measured with its help, which tells scale and rotation between two views.
 
 mod measurement;
 mod onnx;
@@ -38,7 +38,8 @@ const EXACTLY: f64 = 1e-6;
 /// Ticks by which `s` is chosen; more do not change it.
 const TICKS_OF_SEARCH: usize = 2_000;
 
-/// The fits of all sets of views, the most precise first.
+/// The fits of all sets of views, in the order in which they are asked: the most precise of the training first. That of a refitted run is
+/// that of its training, because the flight filter has learned which fit corrects which.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct InverseRange {
     fits: Vec<Fit>,
@@ -111,8 +112,8 @@ impl InverseRange {
         Self { fits }
     }
 
-    /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the most precise one has no distance
-    /// for such places.
+    /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the first such has no distance for such
+    /// places.
     pub(crate) fn predict(&self, observed: &Observation) -> Option<f64> {
         let mut applicable =
             (self.fits.iter()).filter_map(|fit| Some((fit, fit.set.places(observed)?)));

@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod calibration_training;
+mod checkpoint;
 mod choice;
 pub mod config;
 mod dense;
@@ -29,6 +30,7 @@ mod flight_filter;
 mod gap_balance;
 mod head_refit;
 mod inverse_range;
+mod json_differences;
 mod lateral_spread;
 mod leave_out;
 mod lstm;
@@ -48,7 +50,9 @@ mod run_folder;
 mod run_place;
 mod samples;
 mod sealed_run;
+mod search;
 mod self_calibration;
+mod start;
 mod trained_run;
 mod training;
 mod training_loop;
@@ -69,4 +73,5 @@ pub use onnx::{Agreement, ExportedModel, ExportedRun, Probes, TOLERANCE, export}
 pub use prediction::{Predicted, predict};
 pub use refit::{MOST_APPROACHES, Refit, RefitConfig, refit};
 pub use run_folder::RunFolder;
-pub use training::{TrainOutcome, train};
+pub use search::{Search, SearchTable, TrainingResult, VariantResult, search};
+pub use training::{TrainOutcome, train, train_on_all};

@@ -12,8 +12,7 @@ use crate::encoded::{Encoded, draw, numbers};
 use crate::error::Result;
 use crate::normalisation::BOX_FEATURES;
 use crate::onnx::EstimatorGraph;
-use crate::training_loop::{Setup, Task, learn};
-use dataset::progress::Progress;
+use crate::training_loop::{Setup, Task, Watch, learn};
 
 /// Which of a box's features the network sees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -61,18 +60,19 @@ impl MonoNetworks {
         }
     }
 
-    /// Trains the network of each view on what that view saw.
-    pub(crate) fn train(
+    /// Trains the network of each view on what that view saw, from random ones or those of `start`.
+    pub(crate) fn train_from(
+        start: Option<&Self>,
         inputs: MonoInputs,
         training: &Encoded,
         config: &MonoConfig,
         mut setup: Setup,
-        progress: &mut dyn Progress,
+        watch: &mut Watch,
     ) -> Result<Self> {
         let settings = &config.optimisation;
         let views = training.views();
-        let untrained = Self::new(views, inputs, config, &mut setup.random, &setup.device);
-        progress.begin("monoscopic networks", (settings.steps * views) as u64);
+        let random = Self::new(views, inputs, config, &mut setup.random, &setup.device);
+        let untrained = start.map_or(random, |start| start.clone().train());
         let mut task = MonoTask {
             inputs,
             training,
@@ -86,9 +86,7 @@ impl MonoNetworks {
         for (view, mut network) in untrained.views.into_iter().enumerate() {
             (task.view, task.seen) = (view, training.seen_by(view));
             if !task.seen.is_empty() {
-                network = learn(&mut task, network, settings, |done, note| {
-                    progress.advance((view * settings.steps + done) as u64, note);
-                })?;
+                network = learn(&mut task, network, settings, watch)?.network;
             }
             trained.push(network);
         }
@@ -162,11 +160,21 @@ struct MonoTask<'a> {
 
 impl Task for MonoTask<'_> {
     type Network = Dense;
+    type State = ();
     const NAME: &'static str = "mono_network";
+    const STAGE: &'static str = "monoscopic network";
 
     fn judged_every(&self) -> usize {
         100
     }
+
+    fn random(&mut self) -> &mut ChaCha12Rng {
+        &mut self.setup.random
+    }
+
+    fn state(&self) {}
+
+    fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, network: &Dense, _step: usize) -> GradientsParams {
         let batch = draw(&self.seen, self.batch_size, &mut self.setup.random);
@@ -179,7 +187,11 @@ impl Task for MonoTask<'_> {
         GradientsParams::from_grads(error.backward(), network)
     }
 
-    fn judge(&mut self, _network: &Dense, _done: usize) -> Option<String> {
-        self.last_error.is_finite().then(String::new)
+    fn errors_pct(&self, _network: &Dense) -> Vec<Option<f64>> {
+        vec![Some(f64::from(self.last_error))]
+    }
+
+    fn record(&mut self, _done: usize, _errors_pct: Vec<Option<f64>>) -> String {
+        String::new()
     }
 }

@@ -29,9 +29,8 @@ pub(crate) struct Normalisation {
     /// Per view, of centre x, centre y, width, height; pixels.
     pub scale_px: Vec<[f64; BOX_FEATURES]>,
     /// Per view, smallest and largest of centre x, centre y, width, height; pixels. A view without boxes has no range and rejects
-    /// every box; in older runs all ranges are missing, and every box is accepted.
-    #[serde(default)]
-    pub range_px: Option<Vec<Option<[[f64; 2]; BOX_FEATURES]>>>,
+    /// every box.
+    pub range_px: Vec<Option<[[f64; 2]; BOX_FEATURES]>>,
 }
 
 /// A distance at which aircraft are seen, metres.
@@ -82,7 +81,7 @@ impl Normalisation {
             views: views.to_vec(),
             offset_px,
             scale_px,
-            range_px: Some((0..views.len()).map(range).collect()),
+            range_px: (0..views.len()).map(range).collect(),
         }
     }
 
@@ -113,10 +112,7 @@ impl Normalisation {
     /// Smallest and largest centre x, centre y, width and height of a view's boxes that are like those of the training side, pixels. The
     /// smallest is above the largest in a view that never saw anything.
     pub(crate) fn believed_px(&self, view: usize) -> [[f64; 2]; BOX_FEATURES] {
-        let Some(ranges) = &self.range_px else {
-            return [[f64::NEG_INFINITY, f64::INFINITY]; BOX_FEATURES];
-        };
-        let Some(range) = ranges[view] else {
+        let Some(range) = self.range_px[view] else {
             return [[f64::INFINITY, f64::NEG_INFINITY]; BOX_FEATURES];
         };
         std::array::from_fn(|feature| {
@@ -144,11 +140,7 @@ impl Normalisation {
         let mut moved = self.clone();
         moved.offset_px[view] = [new_x, new_y, zoom * width, zoom * height];
         moved.scale_px[view] = self.scale_px[view].map(|scale| zoom * scale);
-        if let Some(range) = moved
-            .range_px
-            .as_mut()
-            .and_then(|ranges| ranges[view].as_mut())
-        {
+        if let Some(range) = &mut moved.range_px[view] {
             let [[left, right], [top, bottom], width, height] = *range;
             let corners = [[left, top], [left, bottom], [right, top], [right, bottom]];
             let corners: Vec<[f64; 2]> = corners.into_iter().map(place).collect::<Option<_>>()?;
@@ -174,9 +166,7 @@ impl Normalisation {
         let mut changed = self.clone();
         changed.offset_px[view] = other.offset_px[view];
         changed.scale_px[view] = other.scale_px[view];
-        if let (Some(ranges), Some(others)) = (&mut changed.range_px, &other.range_px) {
-            ranges[view] = others[view];
-        }
+        changed.range_px[view] = other.range_px[view];
         changed
     }
 
@@ -238,22 +228,6 @@ mod tests {
     }
 
     #[test]
-    fn a_run_without_ranges_believes_every_box() {
-        let old = Normalisation {
-            range_px: None,
-            ..fitted(&[sample(100.0, 10.0)])
-        };
-        let mut written = serde_json::to_value(&old).unwrap();
-        written.as_object_mut().unwrap().remove("range_px");
-        let read: Normalisation = serde_json::from_value(written).unwrap();
-        assert_eq!(
-            read.without_outliers(&sample(900.0, 1.0), false)
-                .detections(),
-            1
-        );
-    }
-
-    #[test]
     fn training_features_have_mean_zero_and_deviation_one() {
         let samples = [sample(100.0, 10.0), sample(300.0, 30.0)];
         let normalisation = fitted(&samples);
@@ -279,12 +253,12 @@ mod tests {
             views: vec!["left".into()],
             offset_px: vec![[1_400.0, 600.0, 60.0, 20.0]],
             scale_px: vec![[250.0, 40.0, 30.0, 10.0]],
-            range_px: Some(vec![Some([
+            range_px: vec![Some([
                 [900.0, 1_850.0],
                 [400.0, 700.0],
                 [30.0, 300.0],
                 [9.0, 90.0],
-            ])]),
+            ])],
         };
         let moved = normalisation.moved(0, &old, &new).unwrap();
         for (x_px, y_px) in [(1_750.0, 560.0), (1_400.0, 600.0), (1_000.0, 650.0)] {

@@ -17,9 +17,8 @@ use crate::error::Result;
 use crate::head_refit::HeadRefit;
 use crate::lstm::{StackedLstm, ViewFeatures};
 use crate::onnx::EstimatorGraph;
-use crate::training_loop::{Setup, Task, learn};
+use crate::training_loop::{Kept, Setup, Task, Watch, learn};
 use crate::view_dropout::{BatchKind, ViewDropout, ViewSelection};
-use dataset::progress::Progress;
 
 /// The estimator behind the calibration networks.
 #[derive(Module, Debug)]
@@ -88,18 +87,18 @@ pub(crate) struct EstimatorSamples<'a> {
     pub validation: &'a Encoded,
 }
 
-/// Trains the estimator on the features, vectors of length `features`, of trained calibration networks.
+/// Trains the estimator on the features, vectors of length `features`, of trained calibration networks: from a random one or `start`.
 pub(crate) fn train_estimator(
+    start: Option<&PaperLstm>,
     calibration: &CalibrationNetworks,
     samples: &EstimatorSamples,
     config: &EstimatorConfig,
     features: usize,
     mut setup: Setup,
-    progress: &mut dyn Progress,
-) -> Result<(PaperLstm, Vec<EstimatorLogEntry>)> {
-    let settings = &config.optimisation;
-    progress.begin("distance estimator", settings.steps as u64);
-    let estimator = PaperLstm::new(features, config, &mut setup.random, &setup.device);
+    watch: &mut Watch,
+) -> Result<(Kept<PaperLstm>, Vec<EstimatorLogEntry>)> {
+    let random = PaperLstm::new(features, config, &mut setup.random, &setup.device);
+    let estimator = start.map_or(random, |start| start.clone().train());
     let mut task = EstimatorTask {
         calibration,
         dropout: ViewDropout::new(samples.alone, samples.together),
@@ -108,10 +107,8 @@ pub(crate) fn train_estimator(
         log: Vec::new(),
         setup,
     };
-    let estimator = learn(&mut task, estimator, settings, |done, note| {
-        progress.advance(done as u64, note);
-    })?;
-    Ok((estimator, task.log))
+    let kept = learn(&mut task, estimator, &config.optimisation, watch)?;
+    Ok((kept, task.log))
 }
 
 struct EstimatorTask<'a> {
@@ -125,10 +122,28 @@ struct EstimatorTask<'a> {
 
 impl Task for EstimatorTask<'_> {
     type Network = PaperLstm;
+    type State = Vec<EstimatorLogEntry>;
     const NAME: &'static str = "paper_lstm";
+    const STAGE: &'static str = "distance estimator";
 
     fn judged_every(&self) -> usize {
         self.config.log_every
+    }
+
+    fn patience(&self) -> Option<usize> {
+        self.config.patience
+    }
+
+    fn random(&mut self) -> &mut ChaCha12Rng {
+        &mut self.setup.random
+    }
+
+    fn state(&self) -> Vec<EstimatorLogEntry> {
+        self.log.clone()
+    }
+
+    fn restore(&mut self, log: Vec<EstimatorLogEntry>) {
+        self.log = log;
     }
 
     fn gradients(&mut self, estimator: &PaperLstm, step: usize) -> GradientsParams {
@@ -170,7 +185,7 @@ impl Task for EstimatorTask<'_> {
         }
     }
 
-    fn judge(&mut self, estimator: &PaperLstm, done: usize) -> Option<String> {
+    fn errors_pct(&self, estimator: &PaperLstm) -> Vec<Option<f64>> {
         let predicted = predict(
             self.calibration,
             &estimator.valid(),
@@ -182,12 +197,18 @@ impl Task for EstimatorTask<'_> {
             .into_iter()
             .enumerate()
             .map(|(sample, p)| (p, self.validation.distance(sample)));
-        let error = mape_pct(pairs).filter(|error| error.is_finite())?;
-        self.log.push(EstimatorLogEntry {
+        vec![mape_pct(pairs)]
+    }
+
+    fn record(&mut self, done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let entries = errors_pct.into_iter().flatten();
+        let entries = entries.map(|validation_mape_pct| EstimatorLogEntry {
             step: done,
-            validation_mape_pct: error,
+            validation_mape_pct,
         });
-        Some(format!("MAPE {error:.3} %"))
+        self.log.extend(entries);
+        let error = self.log.last().map(|entry| entry.validation_mape_pct);
+        error.map_or_else(String::new, |error| format!("MAPE {error:.3} %"))
     }
 }
 

@@ -312,9 +312,6 @@ fn adopt(run: &mut TrainedRun, samples: &Samples, approaches: &[usize], view: &s
     let scenarios = || approaches.iter().map(|&index| &samples.scenarios[index]);
     let trajectories = scenarios().map(|scenario| scenario.trajectory.clone());
     summary.training_trajectories.extend(trajectories);
-    // Runs of earlier versions know flights by name only.
-    if !summary.training_flights.is_empty() {
-        let flights = scenarios().map(|scenario| scenario.flight.clone());
-        summary.training_flights.extend(flights);
-    }
+    let flights = scenarios().map(|scenario| scenario.flight.clone());
+    summary.training_flights.extend(flights);
 }

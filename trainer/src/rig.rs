@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use dataset::calibration::CameraEntry;
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::plan::Plan;
-use serde_json::{Map, Value};
 
 use crate::error::{CorpusFault, Error, Result, RigKind};
+use crate::json_differences::{collect, named};
 
 /// Cameras by view.
 pub(crate) type Cameras = BTreeMap<String, CameraEntry>;
@@ -77,15 +77,26 @@ impl Rig {
     }
 }
 
+impl Rig {
+    /// Makes this rig, of the corpus `first`, one for the scenarios of another corpus, too, if they were planned with the same one.
+    pub(crate) fn join(&mut self, first: &Corpus, corpus: &Corpus, other: &Self) -> Result<()> {
+        let differences = differences((&other.name, &other.nominal), (&self.name, &self.nominal));
+        if !differences.is_empty() {
+            let first = first.root().to_owned();
+            let fault = CorpusFault::RigOfAnotherCorpus { first, differences };
+            return Err(Error::corpus(corpus.root(), fault));
+        }
+        self.cameras_vary |= other.cameras_vary || !are_same(&self.cameras, &other.cameras);
+        Ok(())
+    }
+}
+
 /// The views and the sizes of their pictures, wherever the cameras are.
 pub(crate) fn form(cameras: &Cameras) -> Vec<(String, u32, u32)> {
     let form =
         |(view, entry): (&String, &CameraEntry)| (view.clone(), entry.width_px, entry.height_px);
     cameras.iter().map(form).collect()
 }
-
-/// At most so many differences are named.
-const MOST_DIFFERENCES: usize = 8;
 
 /// What differs between two rigs, each as its name and cameras: path of the value, here and there.
 pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Vec<String> {
@@ -114,32 +125,7 @@ pub(crate) fn differences(here: (&str, &Cameras), there: (&str, &Cameras)) -> Ve
             }
         }
     }
-    let more = found.len().saturating_sub(MOST_DIFFERENCES);
-    found.truncate(MOST_DIFFERENCES);
-    if more > 0 {
-        found.push(format!("and {more} more"));
-    }
-    found
-}
-
-fn collect(path: &str, here: &Value, there: &Value, found: &mut Vec<String>) {
-    match (here, there) {
-        (Value::Object(a), Value::Object(b)) => {
-            let keys: BTreeSet<&String> = a.keys().chain(b.keys()).collect();
-            for key in keys {
-                let of = |object: &Map<String, Value>| object.get(key).cloned();
-                let [here, there] = [of(a), of(b)].map(Option::unwrap_or_default);
-                collect(&format!("{path}.{key}"), &here, &there, found);
-            }
-        }
-        (Value::Array(a), Value::Array(b)) if a.len() == b.len() => {
-            for (index, (here, there)) in a.iter().zip(b).enumerate() {
-                collect(&format!("{path}[{index}]"), here, there, found);
-            }
-        }
-        _ if here != there => found.push(format!("{path} {here} and {there}")),
-        _ => {}
-    }
+    named(found)
 }
 
 /// Whether all cameras have the same places and optics, however degraded their pictures are.

@@ -44,6 +44,8 @@ impl RunFolder {
     pub(crate) const PREDICTIONS: &str = "predictions.parquet";
     pub(crate) const REPORT: &str = "report.html";
     pub(crate) const REPLACES: &str = "replaces.json";
+    /// A training that was killed, in `training/` in the folder next to the run.
+    pub const CHECKPOINT: &str = "checkpoint.json";
 
     /// The files of a training.
     pub(crate) const TRAINED: [&str; 6] = [

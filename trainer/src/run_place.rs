@@ -6,6 +6,7 @@
 //!   claim         locked by the process that works on the run
 //!   new/          a run that is being made
 //!   old/          the run that it replaces, on its way out
+//!   training/     checkpoint of a training that was killed ([`crate::checkpoint`])
 //! ```
 //!
 //! A run is built in `new/`, which records from the start which run it replaces (`replaces.json`), and sealed like a scenario
@@ -32,6 +33,7 @@ use crate::run_folder::RunFolder;
 const CLAIM: &str = "claim";
 const NEW: &str = "new";
 const OLD: &str = "old";
+const TRAINING: &str = "training";
 /// Maximum number of foreign files named in an error.
 const MOST_NAMED: usize = 20;
 
@@ -93,7 +95,11 @@ impl RunPlace {
         let parent = parent_of(&run);
         fs::create_dir_all(parent).map_err(|error| cannot_be_made(&run, error))?;
         let beside = RunFolder::place_beside(&run);
-        refuse_strangers(&beside, &[CLAIM, NEW, OLD], "is where a run is made, but")?;
+        refuse_strangers(
+            &beside,
+            &[CLAIM, NEW, OLD, TRAINING],
+            "is where a run is made, but",
+        )?;
         let claim = match Claim::take_in(&beside, CLAIM) {
             Ok(Claimed::Mine(claim)) => claim,
             Ok(Claimed::Theirs(holder)) => {
@@ -131,8 +137,29 @@ impl RunPlace {
         Ok(RunFolder::at(&new))
     }
 
+    /// Where a training is kept until its run is in place.
+    pub(crate) fn checkpoint(&self) -> PathBuf {
+        self.training().join(RunFolder::CHECKPOINT)
+    }
+
+    /// Removes the checkpoint of a training whose run is in place.
+    pub(crate) fn remove_checkpoint(&self) -> Result<()> {
+        for (path, removed) in [
+            (self.checkpoint(), fs::remove_file(self.checkpoint())),
+            (self.training(), fs::remove_dir(self.training())),
+        ] {
+            match removed {
+                Err(error) if error.kind() != ErrorKind::NotFound => {
+                    return Err(dataset::Error::io("remove", &path)(error).into());
+                }
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
     /// Moves the new, completely written run into place.
-    pub(crate) fn commit(self, config_hash: &str) -> Result<()> {
+    pub(crate) fn commit(&self, config_hash: &str) -> Result<()> {
         seal::seal_folder(&self.new_run(), config_hash)?;
         self.put_in_place().inspect_err(|_| {
             tracing::warn!(
@@ -150,8 +177,19 @@ impl RunPlace {
         self.beside.join(OLD)
     }
 
+    fn training(&self) -> PathBuf {
+        self.beside.join(TRAINING)
+    }
+
     /// Completes what a killed process had committed, and drops what it had not.
     fn recover(&self) -> Result<()> {
+        clear_leftovers(&self.training());
+        let checkpoint = &[RunFolder::CHECKPOINT];
+        refuse_strangers(
+            &self.training(),
+            checkpoint,
+            "is where a training is kept, but",
+        )?;
         let (new, old) = (self.new_run(), self.old_run());
         for folder in [&new, &old] {
             clear_leftovers(folder);

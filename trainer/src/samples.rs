@@ -8,6 +8,7 @@
 mod sample;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use dataset::camera::Camera;
 use dataset::conditions::transmission;
@@ -117,6 +118,49 @@ impl Samples {
         }
         found.refuse_flights_on_two_sides(corpus)?;
         Ok(found)
+    }
+
+    /// Reads the samples of several corpora of one rig. A flight that their splits have on different sides is on the one farthest from
+    /// training: the test side, or else validation. A scenario that is in several of them counts once.
+    pub(crate) fn read_all(
+        corpora: &[Corpus],
+        asked: Option<&str>,
+        range: DistanceRange,
+    ) -> Result<Self> {
+        let [first, others @ ..] = corpora else {
+            return Err(Error::corpus(Path::new("."), CorpusFault::NoScenarios));
+        };
+        let mut all = Self::read(first, asked, range)?;
+        let mut sides = all.sides();
+        for corpus in others {
+            let model = all.detections.hash.clone();
+            let mut other = Self::read(corpus, Some(&model), range)?;
+            all.rig.join(first, corpus, &other.rig)?;
+            for (flight, side) in other.sides() {
+                let known = sides.entry(flight).or_insert(side);
+                *known = farther_from_training(*known, side);
+            }
+            let there = all.scenarios.iter().map(|s| s.manifest_blake3.clone());
+            let there: BTreeSet<String> = there.collect();
+            other.retain_scenarios(|scenario| !there.contains(&scenario.manifest_blake3));
+            let before = all.scenarios.len();
+            for sample in &mut other.samples {
+                sample.observed.scenario += before;
+            }
+            all.samples.append(&mut other.samples);
+            all.scenarios.append(&mut other.scenarios);
+            all.absent_scenarios.append(&mut other.absent_scenarios);
+        }
+        for scenario in &mut all.scenarios {
+            scenario.side = sides[&scenario.flight];
+        }
+        Ok(all)
+    }
+
+    /// The side of each flight.
+    fn sides(&self) -> BTreeMap<String, Side> {
+        let scenarios = self.scenarios.iter();
+        scenarios.map(|s| (s.flight.clone(), s.side)).collect()
     }
 
     /// The flights of a corpus, with all of their ticks. It needs neither labels nor a split: there are no samples, and sides mean nothing.
@@ -378,6 +422,14 @@ impl Samples {
             .filter(|s| s.side == side)
             .map(|s| s.trajectory.clone())
             .collect()
+    }
+}
+
+fn farther_from_training(one: Side, other: Side) -> Side {
+    match (one, other) {
+        (Side::Test, _) | (_, Side::Test) => Side::Test,
+        (Side::Validation, _) | (_, Side::Validation) => Side::Validation,
+        (Side::Train, Side::Train) => Side::Train,
     }
 }
 

@@ -37,48 +37,46 @@ use crate::triangulation::CentreOffset;
 pub(crate) struct RunSummary {
     /// Version of this software.
     pub dtd: String,
-    /// File name of the detection model whose boxes were used for training; missing in earlier runs.
-    #[serde(default)]
+    /// File name of the detection model whose boxes were used for training, if it has one.
     pub model: Option<String>,
     /// Name of its detections, the start of the hash of the model and the settings next to it.
     pub model_hash: String,
-    /// Name of the rig; missing in runs from before jittered cameras.
-    #[serde(default)]
-    pub rig: Option<String>,
+    /// Name of the rig.
+    pub rig: String,
     /// The cameras by view, of the first scenario if they vary. The networks apply only to these.
     pub cameras: Cameras,
     /// Whether other scenarios had cameras of the rig in other positions or directions.
-    #[serde(default)]
     pub cameras_vary: bool,
     /// Trajectories on the training side.
     pub training_trajectories: BTreeSet<String>,
     /// Trajectories on the validation side.
     pub validation_trajectories: BTreeSet<String>,
-    /// What these trajectories are, whatever they are called; missing in earlier runs.
-    #[serde(default)]
+    /// What these trajectories are, whatever they are called.
     pub training_flights: BTreeSet<String>,
     /// The same of the validation side.
-    #[serde(default)]
     pub validation_flights: BTreeSet<String>,
-    /// Scenarios on the training side; 0 in earlier runs.
-    #[serde(default)]
+    /// Scenarios on the training side.
     pub training_scenarios: usize,
-    /// Scenarios on the validation side; 0 in earlier runs.
-    #[serde(default)]
+    /// Scenarios on the validation side.
     pub validation_scenarios: usize,
     /// Samples on the training side that the networks learned from, as recorded.
     pub training_samples: usize,
     /// Boxes of the training side that do not contain the aircraft. Formulas are fitted without them; networks learn from them unless the
     /// settings remove them.
-    #[serde(default)]
     pub false_training_boxes: usize,
     /// Samples that were mixed from them.
     pub mixed_samples: usize,
     /// Samples on the validation side.
     pub validation_samples: usize,
-    /// The recommended estimator; missing in runs of earlier versions.
-    #[serde(default)]
-    pub choice: Option<Choice>,
+    /// BLAKE3 of all that the networks learned from and were judged by.
+    pub samples_blake3: String,
+    /// Error of `paper_lstm` on the validation side, percent.
+    pub validation_mape_pct: f64,
+    /// The recommended estimator.
+    pub choice: Choice,
+    /// BLAKE3 of the weights that the training started from, if they were not random.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub started_from_blake3: Option<String>,
     /// Views that were fitted again after the training, in order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub refits: Vec<Refit>,
@@ -87,16 +85,11 @@ pub(crate) struct RunSummary {
 }
 
 impl RunSummary {
-    /// Whether a flight was used for training or its decisions. Runs of earlier versions know flights by name only.
+    /// Whether a flight was used for training or its decisions.
     pub(crate) fn knows(&self, scenario: &ScenarioSummary) -> bool {
-        match self.training_flights.is_empty() {
-            true => [&self.training_trajectories, &self.validation_trajectories]
-                .iter()
-                .any(|names| names.contains(&scenario.trajectory)),
-            false => [&self.training_flights, &self.validation_flights]
-                .iter()
-                .any(|flights| flights.contains(&scenario.flight)),
-        }
+        [&self.training_flights, &self.validation_flights]
+            .iter()
+            .any(|flights| flights.contains(&scenario.flight))
     }
 }
 
@@ -107,8 +100,12 @@ pub(crate) struct Convergence {
     pub views: Vec<String>,
     /// Stage one.
     pub calibration: Vec<CalibrationLogEntry>,
+    /// Steps that made the calibration networks of the run.
+    pub calibration_kept_step: usize,
     /// Stage two.
     pub estimator: Vec<EstimatorLogEntry>,
+    /// Steps that made the estimator of the run.
+    pub estimator_kept_step: usize,
 }
 
 /// The fitted formulas (`baselines.json`).
@@ -120,15 +117,12 @@ pub(crate) struct Baselines {
     pub pinholes: Vec<Option<Pinhole>>,
     /// `triangulation`, per view.
     pub centre_offsets: Vec<CentreOffset>,
-    /// `inverse_range`; runs of earlier versions have none.
-    #[serde(default)]
+    /// `inverse_range`.
     pub inverse_range: InverseRange,
-    /// `self_calibrated`; `null` if fewer than two views saw the aircraft often enough, and in runs of earlier versions.
-    #[serde(default)]
+    /// `self_calibrated`; `null` if fewer than two views saw the aircraft often enough.
     pub self_calibrated: Option<SelfCalibrated>,
-    /// `inverse_range_filtered` and `inverse_range_smoothed`; runs of earlier versions have none.
-    #[serde(default)]
-    pub flight_filter: Option<FlightFilter>,
+    /// `inverse_range_filtered` and `inverse_range_smoothed`.
+    pub flight_filter: FlightFilter,
 }
 
 /// All networks of a run.
@@ -182,7 +176,7 @@ fn check_numbers(
         ..
     } = normalisation;
     let check = &mut Check::default();
-    let ranges = range_px.iter().flatten().flatten().flatten().flatten();
+    let ranges = range_px.iter().flatten().flatten().flatten();
     for &place in offset_px.iter().flatten().chain(ranges) {
         check.number("offset_px or range_px", place, limits::BOX_PLACE_PX);
     }
@@ -214,7 +208,7 @@ fn check_numbers(
         }))
         .chain(baselines.inverse_range.constants())
         .chain((baselines.self_calibrated.iter()).flat_map(SelfCalibrated::constants))
-        .chain((baselines.flight_filter.iter()).flat_map(FlightFilter::constants));
+        .chain(baselines.flight_filter.constants());
     // NaN is not below.
     if let Some(number) = formulas.find(|number| !(0.0..=MOST_OF_A_FORMULA).contains(&number.abs()))
     {
@@ -282,7 +276,7 @@ impl TrainedRun {
     }
 
     /// Puts the run into a place that we hold, as a whole.
-    pub(crate) fn commit(&self, place: RunPlace) -> Result<()> {
+    pub(crate) fn commit(&self, place: &RunPlace) -> Result<()> {
         let new = place.begin()?;
         self.write(&new)?;
         let config_hash = seal::hash_file(&new.config_path())?;
@@ -309,11 +303,10 @@ impl TrainedRun {
         let baselines: Baselines = sealed.json(RunFolder::BASELINES, "set of baselines")?;
         let views = normalisation.views.len();
         memory::check(&config, views, SampleCounts::default())?;
-        let ranges = normalisation.range_px.as_ref().map_or(views, Vec::len);
         let lengths = [
             normalisation.offset_px.len(),
             normalisation.scale_px.len(),
-            ranges,
+            normalisation.range_px.len(),
             baselines.pinholes.len(),
             baselines.centre_offsets.len(),
         ];
@@ -330,8 +323,7 @@ impl TrainedRun {
             let fault = RunFault::FittedCameras { views };
             return Err(sealed.refused(RunFolder::BASELINES, fault));
         }
-        let is_of_fits = |filter: &FlightFilter| filter.is_of(&baselines.inverse_range);
-        if !baselines.flight_filter.as_ref().is_none_or(is_of_fits) {
+        if !baselines.flight_filter.is_of(&baselines.inverse_range) {
             return Err(sealed.refused(RunFolder::BASELINES, RunFault::FlightFilter));
         }
         let mut networks = Networks::untrained(views, &config, &Device::flex());

@@ -1,6 +1,8 @@
 //! A training from corpus to run folder.
 
+use std::collections::BTreeSet;
 use std::path::Path;
+use std::slice;
 use std::time::Instant;
 
 use burn::module::Module;
@@ -11,6 +13,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
 use crate::calibration_training::train_calibration;
+use crate::checkpoint::{Checkpoints, Origin};
 use crate::choice::Choice;
 use crate::config::TrainConfig;
 use crate::encoded::Encoded;
@@ -26,9 +29,11 @@ use crate::pinhole::Pinhole;
 use crate::run_folder::RunFolder;
 use crate::run_place::RunPlace;
 use crate::samples::{DistanceRange, Sample, Samples};
+use crate::sealed_run::SealedRun;
 use crate::self_calibration::SelfCalibrated;
+use crate::start::Start;
 use crate::trained_run::{Baselines, Convergence, Networks, RunSummary, TrainedRun};
-use crate::training_loop::Setup;
+use crate::training_loop::{Setup, Watch};
 use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
 use dataset::progress::Progress;
@@ -38,7 +43,7 @@ use dataset::progress::Progress;
 pub struct TrainOutcome {
     /// The run folder.
     pub run: RunFolder,
-    /// Error of `paper_lstm` on the validation side at the end, percent.
+    /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
     /// The recommended estimator.
     pub choice: Choice,
@@ -63,9 +68,40 @@ impl Stream {
 }
 
 /// Trains all estimators on the training side of `corpus`, with decisions on the validation side, and writes the run to `out`, as a
-/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights.
+/// whole and only on success. `out` is locked meanwhile. The same corpus, configuration and machine give the same weights, also if the
+/// training was killed and starts again from its checkpoint.
 pub fn train(
     corpus: &Corpus,
+    out: &Path,
+    config: &TrainConfig,
+    progress: &mut dyn Progress,
+) -> Result<TrainOutcome> {
+    train_on_all(slice::from_ref(corpus), out, config, progress)
+}
+
+/// The same on several corpora of one rig. A flight that their splits have on different sides does not train.
+pub fn train_on_all(
+    corpora: &[Corpus],
+    out: &Path,
+    config: &TrainConfig,
+    progress: &mut dyn Progress,
+) -> Result<TrainOutcome> {
+    train_unless(Finished::IsReplaced, corpora, out, config, progress)
+}
+
+/// What becomes of a run in the place that this training would come to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Finished {
+    /// It is made again.
+    IsReplaced,
+    /// It is the result.
+    Stays,
+}
+
+/// The same, unless it is done already.
+pub(crate) fn train_unless(
+    finished: Finished,
+    corpora: &[Corpus],
     out: &Path,
     config: &TrainConfig,
     progress: &mut dyn Progress,
@@ -77,7 +113,9 @@ pub fn train(
         min_nm: config.min_dtd_nm,
         max_nm: config.max_dtd_nm,
     };
-    let mut samples = Samples::read(corpus, config.model_hash.as_deref(), range)?;
+    let mut samples = Samples::read_all(corpora, config.model_hash.as_deref(), range)?;
+    // Errors about all of them name the first.
+    let corpus = &corpora[0];
     split_again(corpus, &mut samples, config.leave_out.as_deref())?;
     let recorded = side_with_samples(corpus, &samples, Side::Train)?;
     let true_boxes = samples.with_true_boxes(Side::Train);
@@ -94,7 +132,19 @@ pub fn train(
         true => true_boxes.clone(),
         false => recorded,
     };
+    let start = Start::of(config, corpus, &samples)?;
+    let self_calibrated = SelfCalibrated::fit(
+        &samples.rig.nominal,
+        &samples.scenarios,
+        // As recorded: which boxes hold the aircraft is what the calibration would say.
+        &samples.of_side(Side::Train),
+        &config.self_calibration,
+    );
     let normalisation = Normalisation::fit(&samples.views, &training, &true_boxes);
+    let normalisation = match &start {
+        None => normalisation,
+        Some(start) => start.normalisation(normalisation, &samples, self_calibrated.as_ref()),
+    };
     let recorded = side_with_samples(corpus, &samples, Side::Validation)?;
     let validation = usual_samples(&normalisation, &recorded);
     if validation.is_empty() {
@@ -115,85 +165,148 @@ pub fn train(
     });
     let encoded_validation = Encoded::new(&validation, &normalisation);
 
+    let together = encoded_together.as_ref().unwrap_or(&encoded);
+    let origin = Origin {
+        dtd: env!("CARGO_PKG_VERSION").into(),
+        config: config.clone(),
+        start_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
+        samples_blake3: Encoded::hash(&[&encoded, together, &encoded_validation]),
+    };
+    if finished == Finished::Stays
+        && let Some(outcome) = outcome_of(&place.run(), &origin)
+    {
+        return Ok(outcome);
+    }
+    let samples_blake3 = origin.samples_blake3.clone();
+    let mut checkpoints = Checkpoints::open(&place.checkpoint(), origin, started, progress);
+    let watch = &mut Watch {
+        checkpoints: &mut checkpoints,
+        progress,
+    };
     let setup = |stream: Stream| Setup {
         loss: config.loss,
         device: Device::flex().autodiff(),
         random: stream.generator(config.seed),
     };
+    let networks = start.as_ref().map(|start| &start.run.networks);
     let (calibration, calibration_log) = train_calibration(
+        networks.map(|networks| &networks.calibration),
         &encoded,
         &encoded_validation,
         &config.calibration,
         setup(Stream::Calibration),
-        progress,
+        watch,
     )?;
-    let calibration = calibration.valid();
+    let calibration_kept_step = calibration.step;
+    let calibration = calibration.network.valid();
     let (estimator, estimator_log) = train_estimator(
+        networks.map(|networks| &networks.estimator),
         &calibration,
         &EstimatorSamples {
             alone: &encoded,
-            together: encoded_together.as_ref().unwrap_or(&encoded),
+            together,
             validation: &encoded_validation,
         },
         &config.estimator,
         config.calibration.features,
         setup(Stream::Estimator),
-        progress,
+        watch,
     )?;
-    let mut mono = |inputs, stream| {
-        MonoNetworks::train(inputs, &encoded, &config.mono, setup(stream), progress)
+    let mut mono = |start, inputs, stream| {
+        MonoNetworks::train_from(start, inputs, &encoded, &config.mono, setup(stream), watch)
     };
-    let mono_size = mono(MonoInputs::Size, Stream::MonoSize)?;
-    let mono_box = mono(MonoInputs::Box, Stream::MonoBox)?;
+    let mono_size = mono(
+        networks.map(|networks| &networks.mono_size),
+        MonoInputs::Size,
+        Stream::MonoSize,
+    )?;
+    let mono_box = mono(
+        networks.map(|networks| &networks.mono_box),
+        MonoInputs::Box,
+        Stream::MonoBox,
+    )?;
 
-    let validation_mape_pct = estimator_log
-        .last()
-        .map_or(f64::NAN, |entry| entry.validation_mape_pct);
-    let baselines = baselines(&samples, &true_boxes, &validation, config);
+    let baselines = baselines(&samples, &true_boxes, &validation, self_calibrated);
     let choice = Choice::of(&baselines, &true_boxes);
+    // With those that the start knows.
+    let known = |of: fn(&RunSummary) -> &BTreeSet<String>, mut seen: BTreeSet<String>| {
+        let before = start.iter().flat_map(|start| of(&start.run.summary));
+        seen.extend(before.cloned());
+        seen
+    };
     let run = TrainedRun {
         config: config.clone(),
         summary: RunSummary {
             dtd: env!("CARGO_PKG_VERSION").into(),
             model: samples.detections.model.clone(),
             model_hash: samples.detections.hash.clone(),
-            rig: Some(samples.rig.name.clone()),
+            rig: samples.rig.name.clone(),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
-            training_trajectories: samples.trajectories(Side::Train),
-            validation_trajectories: samples.trajectories(Side::Validation),
-            training_flights: samples.flights(Side::Train),
-            validation_flights: samples.flights(Side::Validation),
+            training_trajectories: known(
+                |s| &s.training_trajectories,
+                samples.trajectories(Side::Train),
+            ),
+            validation_trajectories: known(
+                |s| &s.validation_trajectories,
+                samples.trajectories(Side::Validation),
+            ),
+            training_flights: known(|s| &s.training_flights, samples.flights(Side::Train)),
+            validation_flights: known(|s| &s.validation_flights, samples.flights(Side::Validation)),
             training_scenarios: samples.scenario_count(Side::Train),
             validation_scenarios: samples.scenario_count(Side::Validation),
+            samples_blake3,
             training_samples: training.len(),
             false_training_boxes,
             mixed_samples: mixed.len() + mixed_together.len(),
             validation_samples: validation.len(),
-            training_s: started.elapsed().as_secs_f64(),
-            choice: Some(choice.clone()),
+            validation_mape_pct: estimator.error_pct,
+            training_s: checkpoints.spent_s(),
+            choice: choice.clone(),
+            started_from_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
             refits: Vec::new(),
         },
         baselines,
         convergence: Convergence {
             views: samples.views.clone(),
             calibration: calibration_log,
+            calibration_kept_step,
             estimator: estimator_log,
+            estimator_kept_step: estimator.step,
         },
         normalisation,
         networks: Networks {
             calibration,
-            estimator: estimator.valid(),
+            estimator: estimator.network.valid(),
             mono_size: mono_size.valid(),
             mono_box: mono_box.valid(),
         },
     };
-    let folder = place.run();
-    run.commit(place)?;
+    run.commit(&place)?;
+    place.remove_checkpoint()?;
     Ok(TrainOutcome {
-        run: folder,
-        validation_mape_pct,
+        run: place.run(),
+        validation_mape_pct: estimator.error_pct,
         choice,
+    })
+}
+
+/// The result of the run that is there, if a training of this origin made it.
+fn outcome_of(run: &RunFolder, origin: &Origin) -> Option<TrainOutcome> {
+    let sealed = SealedRun::read(run).ok()?;
+    let summary: RunSummary = sealed.json(RunFolder::SUMMARY, "run summary").ok()?;
+    let its_origin = Origin {
+        dtd: summary.dtd,
+        config: sealed
+            .json(RunFolder::CONFIG, "training configuration")
+            .ok()?,
+        start_blake3: summary.started_from_blake3,
+        samples_blake3: summary.samples_blake3,
+    };
+    (its_origin == *origin).then(|| TrainOutcome {
+        run: run.clone(),
+        validation_mape_pct: summary.validation_mape_pct,
+        choice: summary.choice,
     })
 }
 
@@ -248,7 +361,7 @@ fn baselines(
     samples: &Samples,
     training: &[&Sample],
     validation: &[Sample],
-    config: &TrainConfig,
+    self_calibrated: Option<SelfCalibrated>,
 ) -> Baselines {
     let inverse_range = InverseRange::fit(samples.views.len(), training);
     let validation: Vec<&Sample> = validation.iter().collect();
@@ -261,19 +374,8 @@ fn baselines(
         centre_offsets: (0..samples.views.len())
             .map(|view| CentreOffset::fit(view, scenarios, training))
             .collect(),
-        self_calibrated: SelfCalibrated::fit(
-            &samples.rig.nominal,
-            &samples.scenarios,
-            // As recorded: which boxes hold the aircraft is what the calibration would say.
-            &samples.of_side(Side::Train),
-            &config.self_calibration,
-        ),
-        flight_filter: Some(FlightFilter::fit(
-            &inverse_range,
-            scenarios,
-            training,
-            &validation,
-        )),
+        self_calibrated,
+        flight_filter: FlightFilter::fit(&inverse_range, scenarios, training, &validation),
         inverse_range,
     }
 }

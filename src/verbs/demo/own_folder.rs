@@ -223,7 +223,10 @@ fn is_own(name: &Path, is_folder: bool, is_file: bool, planned: &BTreeSet<String
         _ if *place == CORPUS => is_of_corpus(inside, is_folder, is_file, planned),
         [file] if *place == RUN => is_file && is_of_run(file),
         ["claim"] => is_file && *place != RUN,
-        ["new" | "old"] => is_folder && *place != RUN,
+        ["new" | "old" | "training"] => is_folder && *place != RUN,
+        ["training", file] => {
+            is_file && *place != RUN && without_temporary_ending(file) == RunFolder::CHECKPOINT
+        }
         ["new" | "old", file] => is_file && *place != RUN && is_of_run(file),
         _ => false,
     }
@@ -295,6 +298,7 @@ mod tests {
             "corpus/scenarios/1200-clear-r1/DONE.json.new",
             "run/weights.safetensors",
             "run.partial/new/config.json",
+            "run.partial/training/checkpoint.json",
         ];
         let folder = OwnFolder::open(place, false).unwrap();
         assert!(folder.marker().is_file());

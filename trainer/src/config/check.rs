@@ -90,6 +90,7 @@ impl TrainConfig {
             &c.optimisation,
         )?;
         log_every("calibration.log_every", c.log_every, &c.optimisation)?;
+        patience("calibration.patience", c.patience)?;
         let e = &self.estimator;
         layers("estimator.lstm", &e.lstm, 1)?;
         layers("estimator.head_hidden", &e.head_hidden, 0)?;
@@ -104,6 +105,7 @@ impl TrainConfig {
             &e.optimisation,
         )?;
         log_every("estimator.log_every", e.log_every, &e.optimisation)?;
+        patience("estimator.patience", e.patience)?;
         let s = &self.self_calibration;
         for (setting, sd, most) in [
             (
@@ -182,6 +184,10 @@ fn optimisation(settings: [&'static str; 3], found: &Optimisation) -> Result<()>
     })
 }
 
+fn patience(setting: &'static str, found: Option<usize>) -> Result<()> {
+    found.map_or(Ok(()), |entries| whole(setting, entries, 1..=MOST_ENTRIES))
+}
+
 fn log_every(setting: &'static str, found: usize, training: &Optimisation) -> Result<()> {
     let least = training.steps.div_ceil(MOST_ENTRIES);
     if found >= least {
@@ -241,6 +247,10 @@ mod tests {
             (
                 r#"{"estimator": {"log_every": 0}}"#,
                 ["estimator.log_every", "is 0", "at least 1"],
+            ),
+            (
+                r#"{"estimator": {"patience": 0}}"#,
+                ["estimator.patience", "is 0", "1 to 100000"],
             ),
             (
                 r#"{"estimator": {"lstm": []}}"#,

@@ -14,6 +14,8 @@ use super::{CalibrationConfig, EstimatorConfig, Loss, TrainConfig};
 )]
 #[serde(rename_all = "snake_case")]
 pub enum PaperDeviation {
+    /// `start_from`: the networks start from those of another run.
+    Start,
     /// `loss` is not `squared`.
     Loss,
     /// `augmentation.fill_up_to_samples` is not 0: training samples are computed with the true cameras.
@@ -35,6 +37,7 @@ pub enum PaperDeviation {
 impl fmt::Display for PaperDeviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Start => "weights of another run as the start",
             Self::Loss => "loss",
             Self::MixedSamples => "training samples mixed with the true cameras",
             Self::OnlyTrueBoxes => "false training boxes removed by the labels",
@@ -59,6 +62,7 @@ impl TrainConfig {
             (hidden.map(Vec::clone), c.features)
         };
         let found = [
+            (PaperDeviation::Start, self.start_from.is_some()),
             (PaperDeviation::Loss, self.loss != Loss::Squared),
             (
                 PaperDeviation::MixedSamples,
@@ -109,6 +113,7 @@ mod tests {
     #[test]
     fn every_setting_that_changes_the_method_is_named() {
         for (settings, expected) in [
+            (r#"{"start_from": "run"}"#, PaperDeviation::Start),
             (r#"{"loss": "logarithmic"}"#, PaperDeviation::Loss),
             (
                 r#"{"augmentation": {"fill_up_to_samples": 9}}"#,

@@ -40,6 +40,16 @@ pub enum CorpusFault {
         one: (String, String, Side),
         other: (String, String, Side),
     },
+    /// A flight that cannot judge a training, because the run that it starts from was trained on it.
+    #[error(
+        "scenario {scenario} flies {trajectory} on the {side:?} side, and the run to start from has learned from that flight; start from \
+         another run, or put the flight on the training side"
+    )]
+    KnownToStart {
+        scenario: String,
+        trajectory: String,
+        side: Side,
+    },
     /// A camera that this software cannot project with.
     #[error("camera {view} of calibration.json {fault}")]
     BadCamera { view: String, fault: String },
@@ -53,6 +63,17 @@ pub enum CorpusFault {
         found: Box<RigKind>,
         first: String,
         expected: Box<RigKind>,
+    },
+    /// Corpora with different rigs.
+    #[error(
+        "its planned cameras are not those of {}, and a training learns one rig; here, and there: {}. Train on one at a time, or start from \
+         its run (--start-from)",
+        first.display(),
+        differences.join("; ")
+    )]
+    RigOfAnotherCorpus {
+        first: PathBuf,
+        differences: Vec<String>,
     },
     /// A corpus with other cameras than those of the training.
     #[error(

@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use burn::store::SafetensorsStoreError;
+use burn::store::{RecordError, SafetensorsStoreError};
 use dataset::limits::FieldOutOfLimits;
 use dataset::seal::{DONE, MANIFEST};
 
@@ -118,6 +118,28 @@ pub enum RunFault {
         "holds {}, which the networks of config.json do not have, as in runs of earlier versions; train again", .0.join(", ")
     )]
     UnknownWeights(Vec<String>),
+    /// A run to start from that has other networks.
+    #[error(
+        "has other networks than this training, which cannot start from them; here, and there: {}; train with the settings of its \
+         config.json",
+        differences.join("; ")
+    )]
+    OtherStart { differences: Vec<String> },
+    /// A run to start from that has other views.
+    #[error(
+        "was trained with the views {there:?} (width, height), and the corpus has {here:?}; start from a run with the same views and \
+         picture sizes"
+    )]
+    OtherViews {
+        here: Vec<(String, u32, u32)>,
+        there: Vec<(String, u32, u32)>,
+    },
+    /// A checkpoint whose numbers are not those of the networks.
+    #[error("is damaged: {0}; remove it, and the training starts from the beginning")]
+    CheckpointWeights(RecordError),
+    /// The same of what belongs to the numbers.
+    #[error("is damaged: {0}; remove it, and the training starts from the beginning")]
+    CheckpointState(serde_json::Error),
     /// The numbers cannot be written.
     #[error("weights cannot be written: {0}")]
     NotWritten(SafetensorsStoreError),

@@ -86,20 +86,19 @@ fn inputs(card: &mut String, run: &TrainedRun) {
         let picture = run.summary.cameras.get(name).map_or("–".into(), |camera| {
             format!("{}x{}", camera.width_px, camera.height_px)
         });
-        let ranges = normalisation.believed_px(view).map(|[least, most]| {
-            match (least <= most, least.is_finite()) {
-                (false, _) => "none".into(),
-                (true, false) => "any".into(),
-                (true, true) => format!("{least:.1} to {most:.1}"),
-            }
-        });
+        let ranges = normalisation
+            .believed_px(view)
+            .map(|[least, most]| match least <= most {
+                false => "none".into(),
+                true => format!("{least:.1} to {most:.1}"),
+            });
         let _ = writeln!(card, "| {name} | {picture} | {} |", ranges.join(" | "));
     }
 }
 
 fn training(card: &mut String, run: &TrainedRun) {
     let (summary, config) = (&run.summary, &run.config);
-    let rig = summary.rig.as_deref().unwrap_or("–");
+    let rig = &summary.rig;
     let vary = match summary.cameras_vary {
         true => ", whose cameras varied between scenarios",
         false => "",

@@ -97,7 +97,7 @@ fn box_in(
     view: usize,
     random: &mut ChaCha12Rng,
 ) -> Option<PixelBox> {
-    let range = normalisation.range_px.as_ref()?[view]?;
+    let range = normalisation.range_px[view]?;
     let [cx_px, cy_px, width_px, height_px] =
         range.map(|[least, most]| least + (most - least) * random.random_range(0.0..=1.0));
     let is_false = random.random_bool(FALSE);

@@ -47,7 +47,7 @@ fn others(run: &TrainedRun, view: usize) -> Value {
         "views": baselines.views,
         "offset_px": without(view, &normalisation.offset_px),
         "scale_px": without(view, &normalisation.scale_px),
-        "range_px": normalisation.range_px.as_ref().map(|ranges| without(view, ranges)),
+        "range_px": without(view, &normalisation.range_px),
         "pinholes": without(view, &baselines.pinholes),
         "centre_offsets": without(view, &baselines.centre_offsets),
         "inverse_range": baselines.inverse_range.without(view),

@@ -6,16 +6,18 @@
 
 use burn::module::Module;
 use burn::optim::GradientsParams;
-use burn::tensor::{Device, Tensor};
+use burn::tensor::Tensor;
 use dataset::progress::Progress;
+use rand_chacha::ChaCha12Rng;
 
 use crate::calibration_training::{CalibrationNetworks, batch_loss};
-use crate::config::{Loss, Optimisation, TrainConfig};
+use crate::checkpoint::Checkpoints;
+use crate::config::{Optimisation, TrainConfig};
 use crate::encoded::{Encoded, column, draw, mape_pct};
 use crate::error::Result;
 use crate::lstm::ViewFeatures;
 use crate::paper_lstm::{PaperLstm, predict};
-use crate::training_loop::{Setup, Task, learn};
+use crate::training_loop::{Setup, Task, Watch, learn};
 
 /// Steps: about a minute of the default networks on two cores.
 const STEPS: usize = 200;
@@ -48,7 +50,6 @@ pub(super) fn refit_network(
         batch_size: config.calibration.optimisation.batch_size,
         learning_rate: RATE * config.calibration.optimisation.learning_rate,
     };
-    progress.begin("calibration network", STEPS as u64);
     let mut task = NetworkRefit {
         optimised: (0..samples.training.views())
             .map(|other| other == view)
@@ -59,15 +60,15 @@ pub(super) fn refit_network(
         estimator: estimator.clone().train().no_grad(),
         plain_estimator: estimator,
         samples,
-        best: None,
         setup,
     };
+    let mut watch = Watch {
+        checkpoints: &mut Checkpoints::none(),
+        progress,
+    };
     let start = networks.clone().train();
-    task.judge(&start, 0);
-    learn(&mut task, start, &settings, |done, note| {
-        progress.advance(done as u64, note);
-    })?;
-    Ok(task.best.map_or_else(|| networks.clone(), |(_, best)| best))
+    let kept = learn(&mut task, start, &settings, &mut watch)?;
+    Ok(kept.network.valid())
 }
 
 struct NetworkRefit<'a> {
@@ -80,8 +81,6 @@ struct NetworkRefit<'a> {
     estimator: PaperLstm,
     plain_estimator: &'a PaperLstm,
     samples: &'a RefitSamples<'a>,
-    /// The lowest error so far, percent, and its networks.
-    best: Option<(f64, CalibrationNetworks)>,
     setup: Setup,
 }
 
@@ -109,27 +108,30 @@ impl NetworkRefit<'_> {
         };
         (0..samples.views()).map(of_view).collect()
     }
-
-    fn error_pct(
-        &self,
-        networks: &CalibrationNetworks,
-        loss: Loss,
-        device: &Device,
-    ) -> Option<f64> {
-        let judged = self.samples.judged;
-        let predicted = predict(networks, self.plain_estimator, judged, loss, device);
-        let pairs = predicted.into_iter().enumerate();
-        mape_pct(pairs.map(|(sample, p)| (p, judged.distance(sample))))
-    }
 }
 
 impl Task for NetworkRefit<'_> {
     type Network = CalibrationNetworks;
+    type State = ();
     const NAME: &'static str = "calibration network";
+    const STAGE: &'static str = "calibration network";
 
     fn judged_every(&self) -> usize {
         JUDGED_EVERY
     }
+
+    /// All steps, and then the best of them.
+    fn patience(&self) -> Option<usize> {
+        Some(STEPS)
+    }
+
+    fn random(&mut self) -> &mut ChaCha12Rng {
+        &mut self.setup.random
+    }
+
+    fn state(&self) {}
+
+    fn restore(&mut self, (): ()) {}
 
     fn gradients(&mut self, networks: &CalibrationNetworks, _step: usize) -> GradientsParams {
         let batch = draw(&self.seen, self.batch_size, &mut self.setup.random);
@@ -141,15 +143,23 @@ impl Task for NetworkRefit<'_> {
         networks.gradients_of_view(self.view, (alone + together).backward())
     }
 
-    fn judge(&mut self, networks: &CalibrationNetworks, _done: usize) -> Option<String> {
-        let plain = networks.valid();
-        let error = self.error_pct(&plain, self.setup.loss, &self.setup.plain_device())?;
-        if !error.is_finite() {
-            return None;
-        }
-        if self.best.as_ref().is_none_or(|(lowest, _)| error < *lowest) {
-            self.best = Some((error, plain));
-        }
-        Some(format!("MAPE {error:.3} %"))
+    fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
+        let (judged, loss) = (self.samples.judged, self.setup.loss);
+        let predicted = predict(
+            &networks.valid(),
+            self.plain_estimator,
+            judged,
+            loss,
+            &self.setup.plain_device(),
+        );
+        let pairs = predicted.into_iter().enumerate();
+        vec![mape_pct(
+            pairs.map(|(sample, p)| (p, judged.distance(sample))),
+        )]
+    }
+
+    fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {
+        let errors = errors_pct.into_iter().flatten();
+        errors.map(|error| format!("MAPE {error:.3} %")).collect()
     }
 }

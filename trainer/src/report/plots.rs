@@ -414,6 +414,8 @@ mod tests {
                     validation_mape_pct: 0.0,
                 })
                 .collect(),
+            calibration_kept_step: 99_999,
+            estimator_kept_step: 99_999,
         };
         assert_sound(&convergence(&log).unwrap());
     }

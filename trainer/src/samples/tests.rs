@@ -7,7 +7,7 @@ use dataset::model_identity::ModelIdentity;
 use dataset::seal::seal_folder;
 
 use super::*;
-use testkit::synthetic::{MODEL_FILE, MODEL_HASH, SyntheticCorpus};
+use testkit::synthetic::{Changed, MODEL_FILE, MODEL_HASH, SyntheticCorpus};
 
 const ALL: DistanceRange = DistanceRange::ALL;
 
@@ -160,6 +160,75 @@ fn every_scenario_keeps_its_own_cameras_and_another_rig_is_refused() {
         message.contains("rig another") && message.contains("one rig"),
         "{message}"
     );
+}
+
+#[test]
+fn corpora_are_joined_by_flights_and_a_flight_that_one_of_them_tests_trains_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, seed: u64| {
+        let corpus = SyntheticCorpus {
+            seed,
+            ..SyntheticCorpus::tiny()
+        };
+        corpus.write(&folder.path().join(name)).unwrap()
+    };
+    let [one, same, other] = [("one", 0), ("same", 0), ("other", 1)].map(|(n, s)| write(n, s));
+    let alone = Samples::read(&one, None, ALL).unwrap();
+    let flight = |samples: &Samples, id: &str| {
+        let found = samples.scenarios.iter().find(|s| s.id == id);
+        found.unwrap().flight.clone()
+    };
+    // In the copy, a training flight tests and a test flight trains.
+    let mut splits = Splits::read(&same.splits_path()).unwrap();
+    let [train, test] =
+        [Side::Train, Side::Test].map(|side| splits.side(side).next().unwrap().to_owned());
+    splits.scenarios.get_mut(&train).unwrap().side = Side::Test;
+    splits.scenarios.get_mut(&test).unwrap().side = Side::Train;
+    splits.write(&same.splits_path()).unwrap();
+
+    let all = Samples::read_all(&[one, same, other.clone()], None, ALL).unwrap();
+    let of_other = Samples::read(&other, None, ALL).unwrap();
+    assert_eq!(
+        all.scenarios.len(),
+        alone.scenarios.len() + of_other.scenarios.len()
+    );
+    assert_eq!(
+        all.samples.len(),
+        alone.samples.len() + of_other.samples.len()
+    );
+    let first_of_other = &all.samples[alone.samples.len()];
+    let its_scenario = &all.scenarios[first_of_other.scenario];
+    assert_eq!(its_scenario.flight, of_other.scenarios[0].flight);
+    let training = all.flights(Side::Train);
+    assert!(
+        !training.contains(&flight(&alone, &train)) && !training.contains(&flight(&alone, &test))
+    );
+    let expected = alone.flights(Side::Train).len() - 1 + of_other.flights(Side::Train).len();
+    assert_eq!(training.len(), expected);
+}
+
+#[test]
+fn corpora_with_different_rigs_do_not_train_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, changed: Option<Changed>| {
+        let corpus = SyntheticCorpus {
+            changed,
+            ..SyntheticCorpus::tiny()
+        };
+        corpus.write(&folder.path().join(name)).unwrap()
+    };
+    let turned = Changed {
+        view: "left",
+        turned_deg: 2.0,
+        zoom: 1.0,
+    };
+    let corpora = [write("one", None), write("turned", Some(turned))];
+    let message = Samples::read_all(&corpora, None, ALL)
+        .unwrap_err()
+        .to_string();
+    for word in ["turned:", "planned cameras", "left.", "--start-from"] {
+        assert!(message.contains(word), "no {word:?} in {message}");
+    }
 }
 
 /// A corpus with the detections of the synthetic model, and of another one in its first scenario.

@@ -1,0 +1,118 @@
+//! `dtd train --search`: trains with several settings and seeds, and compares them.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Instant;
+
+use dataset::corpus::Corpus;
+use dataset::outside_file::{self, FileKind};
+use dataset::toml_file::TomlFile;
+use serde::Deserialize;
+use toml::{Table, Value};
+use trainer::{Search, SearchTable, TrainConfig};
+
+use super::{Bars, failure_of, overridden};
+use crate::estimator_args::TrainArgs;
+use crate::failure::{Ending, Failure};
+use crate::verbs::Outcome;
+use crate::verbs::output::{finish, print_json, print_table};
+
+/// The content of SEARCH.toml.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SearchFile {
+    /// Seeds of each variant.
+    seeds: Vec<u64>,
+    /// Settings of all variants.
+    #[serde(default)]
+    settings: Table,
+    /// What else each of them sets.
+    variants: BTreeMap<String, Table>,
+}
+
+/// Searches instead of training once.
+pub(super) fn run(args: &TrainArgs, path: &Path, corpora: &[Corpus]) -> Outcome {
+    let began = Instant::now();
+    let search = search_in(path, args)?;
+    let bars = &mut Bars::of("train");
+    let table = trainer::search(corpora, &args.out, &search, bars).map_err(failure_of)?;
+    match args.json {
+        true => print_json(&table)?,
+        false => print(&search, &table),
+    }
+    let Some(best) = &table.best else {
+        return Ok(Ending::Losses);
+    };
+    let next = format!(
+        "dtd evaluate {} --corpus {}",
+        args.out.join(best).display(),
+        args.corpora[0].display()
+    );
+    finish("train", began, &next);
+    Ok(Ending::Done)
+}
+
+fn search_in(path: &Path, args: &TrainArgs) -> Result<Search, Failure> {
+    let text = outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
+    let file = TomlFile::new(path, &text);
+    let SearchFile {
+        seeds,
+        settings,
+        variants,
+    } = file.parse().map_err(Failure::bad_input)?;
+    let config = |(name, own): (String, Table)| {
+        let mut all = settings.clone();
+        merge(&mut all, own);
+        let config: TrainConfig = all.try_into().map_err(|error: toml::de::Error| {
+            let shown = file.rejected(&format!("variants.{name}"), error.message());
+            Failure::bad_input(shown)
+        })?;
+        Ok((name, overridden(config, args)))
+    };
+    Ok(Search {
+        variants: variants
+            .into_iter()
+            .map(config)
+            .collect::<Result<_, Failure>>()?,
+        seeds,
+    })
+}
+
+/// Adds settings to others, and replaces those of the same name.
+fn merge(into: &mut Table, from: Table) {
+    for (key, value) in from {
+        match (into.get_mut(&key), value) {
+            (Some(Value::Table(inner)), Value::Table(more)) => merge(inner, more),
+            (_, value) => {
+                into.insert(key, value);
+            }
+        }
+    }
+}
+
+fn print(search: &Search, table: &SearchTable) {
+    let number = |error: Option<f64>| error.map_or("-".into(), |error| format!("{error:.3}"));
+    let seeds = search.seeds.iter().map(|seed| format!("seed {seed}"));
+    let heading: Vec<String> = ["validation MAPE, %".to_owned()]
+        .into_iter()
+        .chain(seeds)
+        .chain(["mean", "spread"].map(String::from))
+        .collect();
+    let heading: Vec<&str> = heading.iter().map(String::as_str).collect();
+    let row = |result: &trainer::VariantResult| {
+        let errors = result
+            .trainings
+            .iter()
+            .map(|t| number(t.validation_mape_pct));
+        [result.variant.clone()]
+            .into_iter()
+            .chain(errors)
+            .chain([number(result.mean_pct), number(result.spread_pct)])
+            .collect()
+    };
+    let rows: Vec<Vec<String>> = table.variants.iter().map(row).collect();
+    print_table(&heading, &rows);
+    if let Some(best) = &table.best {
+        println!("best: {best}");
+    }
+}

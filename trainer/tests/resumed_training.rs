@@ -1,0 +1,207 @@
+//! A training that ended before its end, and goes on.
+
+use std::fs;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+
+use dataset::corpus::Corpus;
+use dataset::progress::{Progress, Silent};
+use dataset::splits::{Side, Splits};
+use testkit::synthetic::SyntheticCorpus;
+use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
+use trainer::{RunFolder, TrainConfig, train};
+
+const STEPS: usize = 24;
+
+/// Small networks that are judged often.
+fn config() -> TrainConfig {
+    let optimisation = || Optimisation {
+        steps: STEPS,
+        batch_size: 32,
+        learning_rate: 3e-3,
+    };
+    let mut config = TrainConfig {
+        calibration: CalibrationConfig {
+            hidden: vec![16],
+            features: 16,
+            head_hidden: vec![16],
+            optimisation: optimisation(),
+            log_every: 4,
+            min_steps: 8,
+            // Algorithm 1 has something to decide.
+            plateau_threshold_pct: 1e3,
+            ..CalibrationConfig::default()
+        },
+        estimator: EstimatorConfig {
+            lstm: vec![16, 16],
+            head_hidden: vec![16],
+            optimisation: optimisation(),
+            log_every: 4,
+            together_first: 0.3,
+            refit_head: true,
+            ..EstimatorConfig::default()
+        },
+        mono: MonoConfig {
+            hidden: vec![16],
+            optimisation: optimisation(),
+        },
+        ..TrainConfig::default()
+    };
+    config.augmentation.fill_up_to_samples = 500;
+    config
+}
+
+/// Ends the training at a report of progress, as a kill would, and writes down what it heard.
+struct Killer {
+    reports_left: usize,
+    heard: Vec<String>,
+}
+
+impl Killer {
+    fn after(reports: usize) -> Self {
+        Self {
+            reports_left: reports,
+            heard: Vec::new(),
+        }
+    }
+}
+
+impl Progress for Killer {
+    fn begin(&mut self, stage: &str, _total: u64) {
+        self.heard.push(stage.into());
+    }
+
+    fn advance(&mut self, done: u64, _note: &str) {
+        self.heard.push(format!("at {done}"));
+        assert!(self.reports_left > 0, "killed");
+        self.reports_left -= 1;
+    }
+
+    fn resume(&mut self, done: u64) {
+        self.heard.push(format!("from {done}"));
+    }
+
+    fn say(&mut self, line: &str) {
+        self.heard.push(line.into());
+    }
+}
+
+fn tiny(folder: &Path) -> Corpus {
+    SyntheticCorpus::tiny()
+        .write(&folder.join("corpus"))
+        .unwrap()
+}
+
+/// Trains until it is killed, and returns what it reported; `None` if it came to its end.
+fn killed(
+    corpus: &Corpus,
+    run: &Path,
+    config: &TrainConfig,
+    reports: usize,
+) -> Option<Vec<String>> {
+    let mut killer = Killer::after(reports);
+    let training = || train(corpus, run, config, &mut killer).unwrap();
+    let ended = catch_unwind(AssertUnwindSafe(training)).is_ok();
+    (!ended).then_some(killer.heard)
+}
+
+/// What a training learned: all but the time that it took.
+fn learned(run: &Path) -> Vec<Vec<u8>> {
+    [
+        "config.json",
+        "weights.safetensors",
+        "normalisation.json",
+        "baselines.json",
+        "convergence.json",
+    ]
+    .map(|name| fs::read(run.join(name)).unwrap())
+    .to_vec()
+}
+
+fn is_resuming(heard: &[String]) -> bool {
+    heard.iter().any(|line| line.starts_with("resuming at "))
+}
+
+#[test]
+fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = tiny(folder.path());
+    for patience in [None, Some(3)] {
+        let mut config = config();
+        (config.calibration.patience, config.estimator.patience) = (patience, patience);
+        let straight = folder.path().join("straight");
+        let outcome = train(&corpus, &straight, &config, &mut Silent).unwrap();
+        let run = folder.path().join("killed");
+        let mut kills = 0_usize;
+        // Each process gets a little further than the last.
+        while let Some(heard) = killed(&corpus, &run, &config, 2) {
+            assert_eq!(is_resuming(&heard), kills > 0, "{heard:?}");
+            assert!(!run.exists() || kills == 0);
+            kills += 1;
+            // Each saves its first step at least.
+            assert!(kills < 10 * STEPS, "it gets nowhere: {heard:?}");
+        }
+        assert!(kills > 5, "only {kills} kills");
+        assert_eq!(learned(&run), learned(&straight), "patience {patience:?}");
+        assert!(!RunFolder::place_beside(&run).exists());
+        let again = train(&corpus, &straight, &config, &mut Silent).unwrap();
+        assert_eq!(again.validation_mape_pct, outcome.validation_mape_pct);
+        fs::remove_dir_all(&run).unwrap();
+    }
+}
+
+#[test]
+fn a_checkpoint_of_another_training_is_replaced() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = tiny(folder.path());
+    let run = folder.path().join("run");
+    let other = TrainConfig {
+        seed: 1,
+        ..config()
+    };
+    let checkpoint = RunFolder::place_beside(&run).join("training/checkpoint.json");
+    killed(&corpus, &run, &config(), 3).unwrap();
+    let heard = killed(&corpus, &run, &other, 3).unwrap();
+    assert!(!is_resuming(&heard), "other settings: {heard:?}");
+    let heard = killed(&corpus, &run, &other, 3).unwrap();
+    assert!(is_resuming(&heard), "the same settings: {heard:?}");
+    // A training flight less.
+    let split = fs::read(corpus.splits_path()).unwrap();
+    let mut splits = Splits::read(&corpus.splits_path()).unwrap();
+    let id = splits.side(Side::Train).next().unwrap().to_owned();
+    splits.scenarios.get_mut(&id).unwrap().side = Side::Test;
+    splits.write(&corpus.splits_path()).unwrap();
+    let heard = killed(&corpus, &run, &other, 3).unwrap();
+    assert!(!is_resuming(&heard), "other samples: {heard:?}");
+    fs::write(corpus.splits_path(), split).unwrap();
+    // A damaged one is of no training.
+    fs::write(&checkpoint, &fs::read(&checkpoint).unwrap()[..1_000]).unwrap();
+    train(&corpus, &run, &other, &mut Silent).unwrap();
+    let straight = folder.path().join("straight");
+    train(&corpus, &straight, &other, &mut Silent).unwrap();
+    assert_eq!(learned(&run), learned(&straight));
+}
+
+#[test]
+fn with_patience_a_training_stops_early_and_keeps_its_best_weights() {
+    let folder = tempfile::tempdir().unwrap();
+    let corpus = tiny(folder.path());
+    let run = folder.path().join("run");
+    let mut config = config();
+    config.estimator.refit_head = false;
+    // Too high a rate gets worse sooner or later.
+    config.estimator.optimisation.learning_rate = 0.3;
+    config.estimator.patience = Some(2);
+    let outcome = train(&corpus, &run, &config, &mut Silent).unwrap();
+    let log: serde_json::Value =
+        serde_json::from_slice(&fs::read(run.join("convergence.json")).unwrap()).unwrap();
+    let entries = log["estimator"].as_array().unwrap();
+    let error = |entry: &serde_json::Value| entry["validation_mape_pct"].as_f64().unwrap();
+    let kept = log["estimator_kept_step"].as_u64().unwrap();
+    let last = entries.last().unwrap()["step"].as_u64().unwrap();
+    assert_eq!(last, kept + 8, "two entries after the best");
+    assert!(last < STEPS as u64, "it made all steps");
+    let lowest = entries.iter().map(error).fold(f64::INFINITY, f64::min);
+    assert!(kept == 0 || outcome.validation_mape_pct == lowest);
+    assert_eq!(log["calibration_kept_step"], STEPS);
+}
