@@ -177,22 +177,72 @@ impl TableWriter {
     /// # Errors
     /// A number is outside its limits, or an I/O error.
     pub fn write(self, path: &Path) -> Result<()> {
-        if let Some((row, fault)) = self.out_of_limits {
-            return Err(Error::out_of_limits(path, Some(row), fault));
+        let mut parts = TableParts::new(path);
+        parts.add(self)?;
+        parts.finish()
+    }
+}
+
+/// Encoded rows of a table in parts that are kept in memory, bytes.
+const MOST_KEPT: usize = 16 << 20;
+
+/// A table that is written part by part, because all of it does not fit into memory.
+pub struct TableParts {
+    path: PathBuf,
+    writer: Option<ArrowWriter<NewFile>>,
+}
+
+impl TableParts {
+    /// A table without any part, of which nothing is written.
+    pub fn new(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            writer: None,
         }
-        let schema = Arc::new(Schema::new(self.fields));
-        let batch =
-            RecordBatch::try_new(schema.clone(), self.arrays).map_err(|e| Error::table(path, e))?;
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
-            .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")))
-            .build();
-        let file = NewFile::create(path)?;
-        let mut writer = ArrowWriter::try_new(file, schema, Some(properties))
-            .map_err(|e| Error::table(path, e))?;
-        writer.write(&batch).map_err(|e| Error::table(path, e))?;
-        let file = writer.into_inner().map_err(|e| Error::table(path, e))?;
-        file.commit()
+    }
+
+    /// Adds rows; every part has the columns of the first.
+    ///
+    /// # Errors
+    /// A number is outside its limits, or an I/O error.
+    pub fn add(&mut self, part: TableWriter) -> Result<()> {
+        if let Some((row, fault)) = part.out_of_limits {
+            return Err(Error::out_of_limits(&self.path, Some(row), fault));
+        }
+        let failed = |error| Error::table(&self.path, error);
+        let schema = Arc::new(Schema::new(part.fields));
+        let batch = RecordBatch::try_new(schema.clone(), part.arrays)
+            .map_err(|error| Error::table(&self.path, error))?;
+        let writer = match &mut self.writer {
+            Some(writer) => writer,
+            none => {
+                let properties = WriterProperties::builder()
+                    .set_compression(Compression::ZSTD(ZstdLevel::default()))
+                    .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")))
+                    .build();
+                let file = NewFile::create(&self.path)?;
+                let writer = ArrowWriter::try_new(file, schema, Some(properties));
+                none.insert(writer.map_err(failed)?)
+            }
+        };
+        writer.write(&batch).map_err(failed)?;
+        if writer.in_progress_size() > MOST_KEPT {
+            writer.flush().map_err(failed)?;
+        }
+        Ok(())
+    }
+
+    /// Puts the file into its place, atomically.
+    ///
+    /// # Errors
+    /// An I/O error.
+    pub fn finish(self) -> Result<()> {
+        let Some(writer) = self.writer else {
+            return Ok(());
+        };
+        let file = writer.into_inner();
+        file.map_err(|error| Error::table(&self.path, error))?
+            .commit()
     }
 }
 
@@ -537,6 +587,36 @@ mod tests {
         let values = std::iter::repeat_n("left", rows);
         TableWriter::new().text("view", values).write(path).unwrap();
         path.metadata().unwrap().len()
+    }
+
+    #[test]
+    fn a_table_in_parts_has_the_rows_of_all_and_without_any_there_is_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let [whole, parts, none] = ["whole", "parts", "none"].map(|name| folder.path().join(name));
+        let table = |rows: std::ops::Range<u32>| {
+            let missing = rows
+                .clone()
+                .map(|row| (row % 7 > 0).then_some(f64::from(row)));
+            TableWriter::new()
+                .u32("tick", rows)
+                .optional_f64("dtd_m", missing)
+        };
+        table(0..3_000).write(&whole).unwrap();
+        let mut writer = TableParts::new(&parts);
+        for part in [0..1_000, 1_000..1_000, 1_000..3_000] {
+            writer.add(table(part)).unwrap();
+        }
+        writer.finish().unwrap();
+        let read = |path: &Path| {
+            let table = Table::read(path, u64::MAX).unwrap();
+            (
+                table.u32("tick").unwrap(),
+                table.optional_f64("dtd_m").unwrap(),
+            )
+        };
+        assert_eq!(read(&whole), read(&parts));
+        TableParts::new(&none).finish().unwrap();
+        assert!(!none.exists());
     }
 
     #[test]

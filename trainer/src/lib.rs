@@ -15,6 +15,7 @@
 
 #![forbid(unsafe_code)]
 
+mod answers;
 mod calibration_training;
 mod choice;
 pub mod config;
@@ -41,6 +42,7 @@ mod onnx;
 mod paper_lstm;
 mod pinhole;
 mod prediction;
+mod prediction_table;
 mod refit;
 mod report;
 mod rig;

@@ -149,7 +149,7 @@ pub fn train(
     let validation_mape_pct = estimator_log
         .last()
         .map_or(f64::NAN, |entry| entry.validation_mape_pct);
-    let baselines = baselines(&samples, &true_boxes, &validation, config);
+    let baselines = baselines(&samples, &true_boxes, &normalisation, config);
     let choice = Choice::of(&baselines, &true_boxes);
     let run = TrainedRun {
         config: config.clone(),
@@ -247,11 +247,10 @@ fn mixed_samples(
 fn baselines(
     samples: &Samples,
     training: &[&Sample],
-    validation: &[Sample],
+    normalisation: &Normalisation,
     config: &TrainConfig,
 ) -> Baselines {
     let inverse_range = InverseRange::fit(samples.views.len(), training);
-    let validation: Vec<&Sample> = validation.iter().collect();
     let scenarios = &samples.scenarios;
     Baselines {
         views: samples.views.clone(),
@@ -270,9 +269,9 @@ fn baselines(
         ),
         flight_filter: Some(FlightFilter::fit(
             &inverse_range,
-            scenarios,
+            samples,
             training,
-            &validation,
+            normalisation,
         )),
         inverse_range,
     }
