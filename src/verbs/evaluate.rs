@@ -94,10 +94,8 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
     }
     match metrics.cut_off_boxes {
         0 => {}
-        1 => println!("1 picture has only boxes that its edge cuts off; they were ignored"),
-        many => {
-            println!("{many} pictures have only boxes that their edges cut off; they were ignored")
-        }
+        1 => println!("1 picture has only boxes that its edge cuts off: ignored"),
+        many => println!("{many} pictures have only boxes that their edges cut off: ignored"),
     }
     for (name, figures) in &metrics.estimators {
         if let Some(stated) = figures.stated_intervals {

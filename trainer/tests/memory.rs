@@ -62,7 +62,7 @@ fn peak_bytes(run: impl FnOnce()) -> f64 {
 fn the_full_corpus_is_trained_evaluated_and_predicted_in_a_gibibyte() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
-    let rates = [2, 12];
+    let rates = [1, 6];
     let ticks = rates.map(|rate| {
         let seen = corpus(&path(&format!("seen-{rate}")), rate, 0);
         corpus(&path(&format!("new-{rate}")), rate, 1);
@@ -85,12 +85,12 @@ fn the_full_corpus_is_trained_evaluated_and_predicted_in_a_gibibyte() {
                 ..EvaluationConfig::default()
             };
             let corpus = open(&format!("new-{rate}"));
-            evaluate(&RunFolder::at(&run(2)), &corpus, &config, &mut Silent).unwrap();
+            evaluate(&RunFolder::at(&run(1)), &corpus, &config, &mut Silent).unwrap();
         }),
         ("predict", &|rate| {
             let corpus = open(&format!("new-{rate}"));
             let out = path(&format!("predicted-{rate}.parquet"));
-            predict(&RunFolder::at(&run(2)), &corpus, None, &out, &mut Silent).unwrap();
+            predict(&RunFolder::at(&run(1)), &corpus, None, &out, &mut Silent).unwrap();
         }),
     ];
     let mut wrong = Vec::new();

@@ -1,9 +1,7 @@
-//! How an approach moves: its acceleration stays near zero for a while, and its speed is any that an approach may have.
+//! How an approach moves: its acceleration stays near zero for a while, and its speed returns to the usual one, slowly.
 //!
-//! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights, to
-//! which it hardly returns: a few flights do not tell how fast the next one is. While one imprecise view measures, their spread as a prior
-//! outweighed what it measured, and took a flight of 96 m/s, fast and yet to slow down, for one of 70 for a minute. In continuous time, so
-//! that ticks may be any time apart.
+//! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights. In
+//! continuous time, so that ticks may be any time apart.
 
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +19,10 @@ const QUADRATURE: [(f64, f64); 5] = [
 const LABEL_STEP_S: f64 = 1.0;
 /// Standard deviation of a label, metres: recordings are resampled.
 const LABEL_SD_M: f64 = 0.05;
-/// Standard deviation of the speed of a flight that nothing is known about, m/s.
-const SPEED_SD_MPS: f64 = 40.0;
+/// Standard deviation of the speed of a flight that nothing is known about, m/s: a few training flights do not tell how fast the next one
+/// is. Of the demo's flights that train and validate, each left out in turn, a filter with one view alone is off by 1.50 % with their own
+/// spread of 6 m/s, by 1.45 % with this, and by 1.90 % with 40 m/s, which takes errors of the first seconds for speed.
+const SPEED_SD_MPS: f64 = 20.0;
 /// Candidates of a fit.
 const ACCELERATION_TIMES_S: [f64; 5] = [4.0, 8.0, 16.0, 32.0, 64.0];
 const ACCELERATION_SDS_MPS2: [f64; 12] = [
