@@ -189,59 +189,70 @@ impl TableWriter {
     /// # Errors
     /// A number is outside its limits, or an I/O error.
     pub fn write(self, path: &Path) -> Result<()> {
-        GrowingTable::begin(path, self)?.finish()
+        let mut parts = TableParts::new(path);
+        parts.add(self)?;
+        parts.finish()
     }
 }
 
-/// A table that is written part by part, each a row group, so that only one of them is in memory.
-pub struct GrowingTable {
+/// Encoded rows of a table in parts that are kept in memory, bytes.
+const MOST_KEPT: usize = 16 << 20;
+
+/// A table that is written part by part, because all of it does not fit into memory.
+pub struct TableParts {
     path: PathBuf,
-    writer: ArrowWriter<NewFile>,
+    writer: Option<ArrowWriter<NewFile>>,
 }
 
-impl GrowingTable {
-    /// Begins the file with its first rows.
+impl TableParts {
+    /// A table without any part, of which nothing is written.
+    pub fn new(path: &Path) -> Self {
+        Self {
+            path: path.to_owned(),
+            writer: None,
+        }
+    }
+
+    /// Adds rows; every part has the columns of the first.
     ///
     /// # Errors
     /// A number is outside its limits, or an I/O error.
-    pub fn begin(path: &Path, rows: TableWriter) -> Result<Self> {
-        rows.check(path)?;
-        let properties = WriterProperties::builder()
-            .set_compression(Compression::ZSTD(ZstdLevel::default()))
-            .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")))
-            .build();
-        let schema = Arc::new(Schema::new(rows.fields.clone()));
-        let writer = ArrowWriter::try_new(NewFile::create(path)?, schema, Some(properties))
-            .map_err(|e| Error::table(path, e))?;
-        let mut table = Self {
-            path: path.to_owned(),
-            writer,
+    pub fn add(&mut self, part: TableWriter) -> Result<()> {
+        part.check(&self.path)?;
+        let failed = |error| Error::table(&self.path, error);
+        let schema = Arc::new(Schema::new(part.fields));
+        let batch = RecordBatch::try_new(schema.clone(), part.arrays)
+            .map_err(|error| Error::table(&self.path, error))?;
+        let writer = match &mut self.writer {
+            Some(writer) => writer,
+            none => {
+                let properties = WriterProperties::builder()
+                    .set_compression(Compression::ZSTD(ZstdLevel::default()))
+                    .set_created_by(format!("dtd {}", env!("CARGO_PKG_VERSION")))
+                    .build();
+                let file = NewFile::create(&self.path)?;
+                let writer = ArrowWriter::try_new(file, schema, Some(properties));
+                none.insert(writer.map_err(failed)?)
+            }
         };
-        table.append(rows)?;
-        Ok(table)
+        writer.write(&batch).map_err(failed)?;
+        if writer.in_progress_size() > MOST_KEPT {
+            writer.flush().map_err(failed)?;
+        }
+        Ok(())
     }
 
-    /// Appends rows with the same columns.
-    ///
-    /// # Errors
-    /// Other columns, a number outside its limits, or an I/O error.
-    pub fn append(&mut self, rows: TableWriter) -> Result<()> {
-        rows.check(&self.path)?;
-        let fault = |e| Error::table(&self.path, e);
-        let schema = Arc::new(Schema::new(rows.fields));
-        let batch =
-            RecordBatch::try_new(schema, rows.arrays).map_err(|e| Error::table(&self.path, e))?;
-        self.writer.write(&batch).map_err(fault)?;
-        self.writer.flush().map_err(fault)
-    }
-
-    /// Completes the file, which appears under its name.
+    /// Puts the file into its place, atomically.
     ///
     /// # Errors
     /// An I/O error.
     pub fn finish(self) -> Result<()> {
-        let file = self.writer.into_inner();
-        file.map_err(|e| Error::table(&self.path, e))?.commit()
+        let Some(writer) = self.writer else {
+            return Ok(());
+        };
+        let file = writer.into_inner();
+        file.map_err(|error| Error::table(&self.path, error))?
+            .commit()
     }
 }
 
@@ -586,6 +597,36 @@ mod tests {
         let values = std::iter::repeat_n("left", rows);
         TableWriter::new().text("view", values).write(path).unwrap();
         path.metadata().unwrap().len()
+    }
+
+    #[test]
+    fn a_table_in_parts_has_the_rows_of_all_and_without_any_there_is_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let [whole, parts, none] = ["whole", "parts", "none"].map(|name| folder.path().join(name));
+        let table = |rows: std::ops::Range<u32>| {
+            let missing = rows
+                .clone()
+                .map(|row| (row % 7 > 0).then_some(f64::from(row)));
+            TableWriter::new()
+                .u32("tick", rows)
+                .optional_f64("dtd_m", missing)
+        };
+        table(0..3_000).write(&whole).unwrap();
+        let mut writer = TableParts::new(&parts);
+        for part in [0..1_000, 1_000..1_000, 1_000..3_000] {
+            writer.add(table(part)).unwrap();
+        }
+        writer.finish().unwrap();
+        let read = |path: &Path| {
+            let table = Table::read(path, u64::MAX).unwrap();
+            (
+                table.u32("tick").unwrap(),
+                table.optional_f64("dtd_m").unwrap(),
+            )
+        };
+        assert_eq!(read(&whole), read(&parts));
+        TableParts::new(&none).finish().unwrap();
+        assert!(!none.exists());
     }
 
     #[test]

@@ -2,11 +2,12 @@
 //! they are in the corpus (`videos/<scenario>/`), and a dataset card that lists both (`README.md`).
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fmt::Write;
 use std::fs;
 use std::path::Path;
 
-use dataset::columns::{GrowingTable, TableWriter};
+use dataset::columns::{TableParts, TableWriter};
 use dataset::json_file::write_unsynced;
 
 use crate::about::{About, split_of};
@@ -22,7 +23,7 @@ use crate::request::BoxSource;
 use crate::source::Source;
 
 /// Tables by name and split.
-type Tables = BTreeMap<(&'static str, &'static str), GrowingTable>;
+type Tables = BTreeMap<(&'static str, &'static str), TableParts>;
 
 /// Copies the videos of a scenario.
 pub(crate) fn write_scenario(
@@ -127,16 +128,15 @@ fn append(
     if rows.rows() == 0 {
         return Ok(());
     }
-    match tables.get_mut(&(table, split)) {
-        Some(open) => open.append(rows)?,
-        None => {
+    let parts = match tables.entry((table, split)) {
+        Entry::Occupied(open) => open.into_mut(),
+        Entry::Vacant(place) => {
             let parent = folder.join("data").join(table);
             fs::create_dir_all(&parent).map_err(dataset::Error::io("create", &parent))?;
-            let path = parent.join(format!("{split}.parquet"));
-            tables.insert((table, split), GrowingTable::begin(&path, rows)?);
+            place.insert(TableParts::new(&parent.join(format!("{split}.parquet"))))
         }
-    }
-    Ok(())
+    };
+    Ok(parts.add(rows)?)
 }
 
 /// The dataset card: configurations and splits for the library, tables and columns for people.

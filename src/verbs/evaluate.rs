@@ -92,6 +92,24 @@ pub(crate) fn print_metrics(metrics: &Metrics) {
         1 => println!("1 box was ignored: no training box has such a position or size"),
         many => println!("{many} boxes were ignored: no training box has such a position or size"),
     }
+    match metrics.cut_off_boxes {
+        0 => {}
+        1 => println!("1 picture has only boxes that its edge cuts off: ignored"),
+        many => println!("{many} pictures have only boxes that their edges cut off: ignored"),
+    }
+    for (name, figures) in &metrics.estimators {
+        if let Some(stated) = figures.stated_intervals {
+            let [held, least, most] = [
+                stated.held,
+                stated.held_by_flight[0],
+                stated.held_by_flight[1],
+            ]
+            .map(|share| 100.0 * share);
+            println!(
+                "{name}: its 90 % intervals hold {held:.1} % of the truth ({least:.1} to {most:.1} % by flight)"
+            );
+        }
+    }
 }
 
 fn percent(value: Option<f64>) -> String {

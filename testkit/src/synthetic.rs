@@ -114,6 +114,21 @@ impl SyntheticCorpus {
         }
     }
 
+    /// As many scenarios and ticks as the full corpus: 100 at 30 pictures a second, with registered views.
+    pub fn full() -> Self {
+        Self {
+            train: 70,
+            validation: 15,
+            test: 15,
+            frame_rate: FrameRate {
+                numerator: 30,
+                denominator: 1,
+            },
+            shift_noise_px: Some(0.05),
+            ..Self::demo()
+        }
+    }
+
     /// Small enough for a test of seconds.
     pub fn tiny() -> Self {
         Self {
@@ -349,6 +364,10 @@ fn register(
     random: &mut ChaCha12Rng,
 ) -> Vec<Registration> {
     let mut found = Vec::new();
+    let mut boxes: BTreeMap<u32, Vec<&Detection>> = BTreeMap::new();
+    for seen in &detections.boxes {
+        boxes.entry(seen.tick).or_default().push(seen);
+    }
     let mut views = calibration.cameras.iter();
     let (reference, first) = views.next().expect("a rig has cameras");
     let first = first.camera();
@@ -356,8 +375,8 @@ fn register(
         let camera = entry.camera();
         for row in &frames.rows {
             let seen = |view: &String| {
-                let mut boxes = detections.boxes.iter();
-                boxes.find(|seen| seen.tick == row.tick && seen.view == *view)
+                let mut of_tick = boxes.get(&row.tick)?.iter().copied();
+                of_tick.find(|seen| seen.view == *view)
             };
             let mut shift = || {
                 let (in_reference, _) = (seen(reference)?, seen(view)?);

@@ -1,27 +1,27 @@
 //! Accuracy of a run on trajectories that it never saw: `evaluation.json`, `metrics.json`, `predictions.parquet` and `report.html`.
 //!
-//! Estimators get whole flights, once as observed and once for each removal of views ([`crate::view_removal`]). Which ticks count, and how,
-//! is in `evaluation-rules.toml`.
+//! Estimators get one whole flight after the other, as observed, and then again for each removal of views ([`crate::view_removal`]). Which
+//! ticks count, and how, is in `evaluation-rules.toml`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use dataset::columns::TableWriter;
+use dataset::columns::{TableParts, TableWriter};
 use dataset::corpus::Corpus;
 use dataset::json_file::{read_json, write_json_unsynced};
 use dataset::progress::Progress;
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
+use crate::answers::{Answered, Answers, JudgedTicks};
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::estimator::{Estimator, Task};
 use crate::evaluation_rules::EvaluationRules;
-use crate::flight_filter::{Estimate, Estimated};
 use crate::leave_out::LeftOut;
 use crate::metrics::{
-    EstimatorMetrics, EstimatorOutcomes, Metrics, Outcome, SideCount, SplitSummary, TickCounts,
-    common_ticks,
+    EstimatorMetrics, Metrics, RemovedFigures, SideCount, SplitSummary, TickCounts,
 };
+use crate::prediction_table::add_answers;
 use crate::report;
 use crate::rig::{Rig, are_same, differences, form};
 use crate::run_folder::RunFolder;
@@ -127,12 +127,19 @@ impl Judged {
     }
 }
 
-/// The judged ticks of all flights, and what an estimator answered.
-struct Flights<'a> {
+/// Flights of the test side, and who estimates them.
+struct Evaluation<'a> {
+    run: &'a TrainedRun,
     samples: &'a Samples,
     rules: &'a EvaluationRules,
-    /// All ticks, with the boxes that the run takes for the aircraft.
-    flown: Vec<Sample>,
+}
+
+/// One flight, and what the estimators answered.
+struct Flown<'a> {
+    flight: &'a [Sample],
+    is_judged: &'a [bool],
+    believed: &'a [Observation],
+    answered: &'a [Answered],
 }
 
 /// Evaluates a run on a corpus. The results go to a new folder, or are added to the run: it is replaced by one with the same networks and
@@ -180,59 +187,67 @@ pub fn evaluate(
     if config.out.is_none() && judged.is_other_than_in(&place.run()) {
         return Err(Error::run(run.root(), RunFault::OtherEvaluation));
     }
-    let observed: Vec<Observation> = recorded().map(|s| s.observed.clone()).collect();
-    let believed = trained.believed(&observed, samples);
-    let flights = Flights {
+    let ticks = JudgedTicks::of(samples, rules);
+    let evaluation = Evaluation {
+        run: &trained,
         samples,
         rules,
-        flown: recorded()
-            .zip(&believed)
-            .map(|(sample, believed)| sample.with(believed.clone()))
-            .collect(),
     };
-    let found = recorded()
-        .filter(|s| rules.is_there(s))
-        .map(|s| s.detections())
-        .sum::<usize>();
-    let shown = flights.answers(&trained, &observed, &believed, progress);
-    let common = common_ticks(&shown);
-    let seen: usize = flights.judged().map(|sample| sample.detections()).sum();
-    let metrics = Metrics {
-        rules: rules.clone(),
-        split: split_summary(&trained.summary, samples, &flights),
-        ticks: TickCounts {
-            there: flights.judged().count(),
-            hidden_by_fog: flights.judged().filter(|s| rules.is_hidden(s)).count(),
-            seen: flights.judged().filter(|s| s.detections() > 0).count(),
-            common: common.iter().filter(|&&common| common).count(),
-        },
-        disbelieved_boxes: found - seen,
-        deviations_from_paper: trained.config.deviations_from_paper(),
-        cut_off_boxes: flights.judged().map(|sample| sample.cut_off).sum(),
-        estimators: shown
-            .iter()
-            .map(|one| {
-                let name = one.estimator.name().to_owned();
-                (name, EstimatorMetrics::of(one, &common, rules))
-            })
-            .collect(),
-        judged,
-    };
+    let removals = ViewRemoval::all(samples.views.len(), &rules.removed_views);
+    progress.begin("evaluation", evaluation.steps(&removals));
     let new = place.begin()?;
     if config.out.is_none() {
         sealed.write(&new)?;
     }
-    let judged_ticks: Vec<&Sample> = flights.judged().collect();
-    write_json_unsynced(&new.evaluation_path(), &metrics.judged)?;
-    write_predictions(&new, &flights, &shown)?;
+    write_json_unsynced(&new.evaluation_path(), &judged)?;
+    let mut predictions = TableParts::new(&new.predictions_path());
+    let mut steps = Steps { progress, done: 0 };
+    let all = evaluation.answers(None, &mut steps, |flown| {
+        Ok(predictions.add(evaluation.rows(flown))?)
+    })?;
+    predictions.finish()?;
+    let mut removed: [BTreeMap<String, RemovedFigures>; Estimator::ALL.len()] = Default::default();
+    for removal in removals {
+        let name = removal.name(&samples.views, &rules.removed_views);
+        let answers = evaluation.answers(Some(removal), &mut steps, |_| Ok(()))?;
+        for (estimator, of) in removed.iter_mut().enumerate() {
+            let outcomes = ticks.outcomes(&answers, estimator);
+            of.insert(name.clone(), RemovedFigures::of(&outcomes, rules));
+        }
+    }
+    let common = all.common();
+    let of_estimators = Estimator::ALL.into_iter().zip(removed).enumerate();
+    let judged_ticks = || ticks.ticks().iter();
+    let found: usize = judged_ticks().map(|s| s.detections()).sum();
+    let metrics = Metrics {
+        rules: rules.clone(),
+        split: split_summary(&trained.summary, samples, all.seen()),
+        ticks: TickCounts {
+            there: judged_ticks().count(),
+            hidden_by_fog: judged_ticks().filter(|s| rules.is_hidden(s)).count(),
+            seen: all.seen(),
+            common: common.iter().filter(|&&common| common).count(),
+        },
+        disbelieved_boxes: found - all.boxes(),
+        deviations_from_paper: trained.config.deviations_from_paper(),
+        cut_off_boxes: judged_ticks().map(|sample| sample.cut_off).sum(),
+        estimators: of_estimators
+            .map(|(number, (estimator, removed))| {
+                let outcomes = ticks.outcomes(&all, number);
+                let figures = EstimatorMetrics::of(&outcomes, &common, removed, rules);
+                (estimator.name().to_owned(), figures)
+            })
+            .collect(),
+        judged,
+    };
     write_json_unsynced(&new.metrics_path(), &metrics)?;
     report::write(
         &new,
         &report::Results {
             trained: &trained,
             samples,
-            judged: &judged_ticks,
-            shown: &shown,
+            ticks: &ticks,
+            answers: &all,
             metrics: &metrics,
         },
     )?;
@@ -275,110 +290,80 @@ impl TrainedRun {
     }
 }
 
-impl<'a> Flights<'a> {
-    /// The ticks that count.
-    fn judged(&self) -> impl Iterator<Item = &Sample> {
-        self.flown
-            .iter()
-            .filter(|sample| self.rules.is_there(sample))
+/// How far an evaluation is.
+struct Steps<'a> {
+    progress: &'a mut dyn Progress,
+    done: u64,
+}
+
+impl<'a> Evaluation<'a> {
+    fn flights(&self) -> impl Iterator<Item = &'a [Sample]> {
+        self.samples.flights_of_side(Side::Test)
     }
 
-    /// The answers of all estimators, with all views and with some removed.
+    /// Flights to estimate, with all views and with some removed.
+    fn steps(&self, removals: &[ViewRemoval]) -> u64 {
+        (self.flights().count() * (1 + removals.len())) as u64
+    }
+
+    /// The answers of all estimators, flight by flight; `each` gets all of a flight.
     fn answers(
         &self,
-        run: &TrainedRun,
-        observed: &[Observation],
-        believed: &[Observation],
-        progress: &mut dyn Progress,
-    ) -> Vec<EstimatorOutcomes<'a>> {
-        let (samples, rules) = (self.samples, &self.rules.removed_views);
-        let removals = ViewRemoval::all(samples.views.len(), rules);
-        progress.begin(
-            "evaluation",
-            (Estimator::ALL.len() * (1 + removals.len())) as u64,
-        );
-        let mut done = 0;
-        let mut predict = |observations: &[Observation], removed: &[bool]| {
-            let task = Task::new(run, &samples.scenarios, observations);
-            Estimator::ALL.map(|estimator| {
-                let estimates = estimator.estimates(&task);
-                let answers = match &estimates {
-                    Some(estimates) => Estimate::distances_m(estimates),
-                    None => estimator.predict(&task),
-                };
-                done += 1;
-                progress.advance(done, estimator.name());
-                let none = vec![None; answers.len()];
-                let known = estimates.as_ref().unwrap_or(&none);
-                let outcomes = self.outcomes(observations, &answers, known, removed);
-                (outcomes, estimates.map(|all| self.at_judged_ticks(all)))
-            })
-        };
-        let all = predict(believed, &vec![false; believed.len()]);
-        let mut shown: Vec<EstimatorOutcomes> = Estimator::ALL
-            .into_iter()
-            .zip(all)
-            .map(|(estimator, (outcomes, estimates))| EstimatorOutcomes {
-                estimator,
-                outcomes,
-                estimates,
-                views_removed: BTreeMap::new(),
-            })
-            .collect();
-        for removal in removals {
+        removal: Option<ViewRemoval>,
+        steps: &mut Steps,
+        mut each: impl FnMut(&Flown) -> Result<()>,
+    ) -> Result<Answers> {
+        let (run, scenarios) = (self.run, &self.samples.scenarios);
+        let rules = &self.rules.removed_views;
+        let mut answers = Answers::default();
+        for flight in self.flights() {
+            let observed: Vec<Observation> = flight.iter().map(|s| s.observed.clone()).collect();
             let Remaining {
                 observations,
                 removed,
-            } = removal.apply(rules, &samples.scenarios, observed);
-            let answers = predict(&run.believed(&observations, samples), &removed);
-            for (one, (outcomes, _)) in shown.iter_mut().zip(answers) {
-                let name = removal.name(&samples.views, rules);
-                one.views_removed.insert(name, outcomes);
-            }
-        }
-        shown
-    }
-
-    /// What belongs to the ticks that count.
-    fn at_judged_ticks<T>(&self, of_all: Vec<T>) -> Vec<T> {
-        let ticks = self.flown.iter().zip(of_all);
-        ticks
-            .filter(|(sample, _)| self.rules.is_there(sample))
-            .map(|(_, of_tick)| of_tick)
-            .collect()
-    }
-
-    /// Answers at the ticks that count.
-    fn outcomes(
-        &self,
-        observations: &[Observation],
-        answers: &[Option<f64>],
-        estimates: &[Option<Estimate>],
-        removed: &[bool],
-    ) -> Vec<Outcome<'a>> {
-        let ticks = self.flown.iter().zip(observations);
-        ticks
-            .zip(answers.iter().zip(estimates).zip(removed))
-            .filter(|((sample, _), _)| self.rules.is_there(sample))
-            .map(
-                |((sample, observed), ((&predicted_m, estimate), &is_removed))| {
-                    let scenario = &self.samples.scenarios[sample.scenario];
-                    Outcome {
-                        dtd_m: sample.dtd_m,
-                        predicted_m,
-                        interval_m: estimate.map(|estimate| estimate.distance_m.interval),
-                        detections: observed.detections(),
-                        is_hidden: self.rules.is_hidden(sample),
-                        is_removed,
-                        scenario: &scenario.id,
-                        trajectory: &scenario.trajectory,
-                        flight: &scenario.flight,
-                        weather: &scenario.weather,
-                        time_of_day: &scenario.time_of_day,
-                    }
+            } = match removal {
+                Some(removal) => removal.apply(rules, scenarios, &observed),
+                None => Remaining {
+                    removed: vec![false; observed.len()],
+                    observations: observed,
                 },
+            };
+            let believed = run.believed(&observations, self.samples);
+            let answered = Answered::of_all(&Task::new(run, scenarios, &believed));
+            let is_judged: Vec<bool> = flight.iter().map(|s| self.rules.is_there(s)).collect();
+            answers.add(&is_judged, (&believed, &removed), &answered);
+            each(&Flown {
+                flight,
+                is_judged: &is_judged,
+                believed: &believed,
+                answered: &answered,
+            })?;
+            steps.done += 1;
+            let id = &scenarios[flight[0].scenario].id;
+            steps.progress.advance(steps.done, id);
+        }
+        Ok(answers)
+    }
+
+    /// Rows of `predictions.parquet`: the ticks of a flight that count.
+    fn rows(&self, flown: &Flown) -> TableWriter {
+        let judged: Vec<usize> = (0..flown.flight.len())
+            .filter(|&tick| flown.is_judged[tick])
+            .collect();
+        let of_tick = |tick: usize| &flown.flight[tick];
+        let samples = || judged.iter().map(|&tick| of_tick(tick));
+        let scenario = |sample: &Sample| &self.samples.scenarios[sample.scenario].id;
+        let detections = judged.iter().map(|&tick| flown.believed[tick].detections());
+        let table = TableWriter::new()
+            .text("scenario", samples().map(scenario))
+            .u32("tick", samples().map(|sample| sample.tick))
+            .u32("detections", detections.map(|views| views as u32))
+            .bool(
+                "hidden_by_fog",
+                samples().map(|sample| self.rules.is_hidden(sample)),
             )
-            .collect()
+            .f64("dtd_m", samples().map(|sample| sample.dtd_m));
+        add_answers(table, &judged, flown.answered)
     }
 }
 
@@ -432,7 +417,8 @@ fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
     are_same(&run.cameras, &rig.cameras)
 }
 
-fn split_summary(run: &RunSummary, samples: &Samples, flights: &Flights) -> SplitSummary {
+/// `seen`: judged ticks that a view saw.
+fn split_summary(run: &RunSummary, samples: &Samples, seen: usize) -> SplitSummary {
     SplitSummary {
         by: "trajectory".into(),
         train: SideCount {
@@ -448,75 +434,7 @@ fn split_summary(run: &RunSummary, samples: &Samples, flights: &Flights) -> Spli
         test: SideCount {
             scenarios: samples.scenario_count(Side::Test),
             trajectories: samples.flights(Side::Test).len(),
-            samples: flights.judged().filter(|s| s.detections() > 0).count(),
+            samples: seen,
         },
     }
-}
-
-fn write_predictions(
-    run: &RunFolder,
-    flights: &Flights,
-    predictions: &[EstimatorOutcomes],
-) -> Result<()> {
-    let scenario = |sample: &Sample| &flights.samples.scenarios[sample.scenario].id;
-    let mut table = TableWriter::new()
-        .text("scenario", flights.judged().map(scenario))
-        .u32("tick", flights.judged().map(|sample| sample.tick))
-        .u32(
-            "detections",
-            flights.judged().map(|sample| sample.detections() as u32),
-        )
-        .bool(
-            "hidden_by_fog",
-            flights
-                .judged()
-                .map(|sample| flights.rules.is_hidden(sample)),
-        )
-        .f64("dtd_m", flights.judged().map(|sample| sample.dtd_m));
-    for one in predictions {
-        let column = format!("{}_dtd_m", one.estimator.name());
-        let answers = one.outcomes.iter().map(|outcome| outcome.predicted_m);
-        table = table.optional_f64(&column, answers);
-        if let Some(estimates) = &one.estimates {
-            table = add_estimates(table, one.estimator.name(), estimates);
-        }
-    }
-    Ok(table.write(&run.predictions_path())?)
-}
-
-/// A number that an estimator states, of a column's name.
-type Stated = (&'static str, fn(&Estimate) -> Option<Estimated>);
-/// A column of such a number, of the suffix of its name.
-type Part = (&'static str, fn(Estimated) -> f64);
-
-/// Columns of what else an estimator knows.
-pub(crate) fn add_estimates(
-    mut table: TableWriter,
-    name: &str,
-    estimates: &[Option<Estimate>],
-) -> TableWriter {
-    let numbers: [Stated; 3] = [
-        ("dtd_m", |estimate| Some(estimate.distance_m)),
-        ("ground_speed_mps", |estimate| {
-            Some(estimate.ground_speed_mps)
-        }),
-        ("time_to_touchdown_s", |estimate| {
-            estimate.time_to_touchdown_s
-        }),
-    ];
-    for (quantity, number) in numbers {
-        let parts: [Part; 4] = [
-            ("", |number| number.value),
-            ("_sd", |number| number.sd),
-            ("_from", |number| number.interval[0]),
-            ("_to", |number| number.interval[1]),
-        ];
-        // The distance itself has a column like that of every estimator.
-        for (suffix, part) in parts.into_iter().skip(usize::from(quantity == "dtd_m")) {
-            let of = |estimate: &Option<Estimate>| estimate.as_ref().and_then(number).map(part);
-            let column = format!("{name}_{quantity}{suffix}");
-            table = table.optional_f64(&column, estimates.iter().map(of));
-        }
-    }
-    table
 }

@@ -6,20 +6,24 @@
 //!
 //! Input: the observations of one flight in the order of time. Output: per tick distance, ground speed and time to touchdown, each with
 //! a standard deviation and a 90 % interval. Variances grow with the misfits of the flight itself ([`forward`]); the widths of the
-//! intervals are such that they hold 90 % of the labels of flights that the fits did not see ([`labelled_flight`]).
+//! intervals are such that they hold 90 % ([`held_share`]) of the labels of flights that the fits did not see ([`labelled_flight`]).
 
 mod correlated_error;
 mod estimate;
 mod forward;
 mod gaussian;
+mod held_share;
 mod labelled_flight;
 mod matrix;
 mod motion;
 
+use std::borrow::Borrow;
+
 use serde::{Deserialize, Serialize};
 
 use crate::inverse_range::InverseRange;
-use crate::samples::{Observation, Sample, ScenarioSummary};
+use crate::normalisation::Normalisation;
+use crate::samples::{Observation, Sample, Samples};
 
 use correlated_error::CorrelatedError;
 use estimate::HalfWidths;
@@ -51,24 +55,32 @@ pub(crate) enum Knowing {
     All,
 }
 
+/// Parts at most that flights are divided into, each judged with errors of the others.
+const MOST_PARTS: usize = 10;
+
 impl FlightFilter {
     /// Fits motion, errors and intervals to flights of the training side, held out from the fits in turn, and of the validation side.
+    /// `training`: what `fits` were fitted to.
     pub(crate) fn fit(
         fits: &InverseRange,
-        scenarios: &[ScenarioSummary],
+        samples: &Samples,
         training: &[&Sample],
-        validation: &[&Sample],
+        normalisation: &Normalisation,
     ) -> Self {
-        let flights = LabelledFlight::held_out(fits, scenarios, training, validation);
+        let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
+        let flights = LabelledFlight::held_out(fits, samples, training, believed);
         Self::fit_to(&flights, fits.deviations())
     }
 
     /// `deviations`: what is known about the errors of fits that no flight tells about.
     fn fit_to(flights: &[LabelledFlight], deviations: impl Iterator<Item = f64>) -> Self {
         let labels: Vec<_> = flights.iter().map(LabelledFlight::labels).collect();
+        let errors_of = |fit: usize, is_used: &dyn Fn(&LabelledFlight) -> bool| -> Vec<_> {
+            let used = flights.iter().filter(|flight| is_used(flight));
+            used.map(|flight| flight.errors_of(fit)).collect()
+        };
         let errors = deviations.enumerate().map(|(fit, deviation)| {
-            let observed: Vec<_> = flights.iter().map(|f| f.errors_of(fit)).collect();
-            let fitted = CorrelatedError::fit(&observed);
+            let fitted = CorrelatedError::fit(&errors_of(fit, &|_| true));
             fitted.unwrap_or_else(|| CorrelatedError::of_deviation(deviation))
         });
         let mut fitted = Self {
@@ -77,8 +89,24 @@ impl FlightFilter {
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
         };
-        let widths =
-            |knowing| HalfWidths::fit(flights, |flight| fitted.of_ticks(&flight.ticks, knowing));
+        // A flight is judged by what other flights tell about the size of errors, as a new flight will be.
+        let parts: Vec<Self> = (0..MOST_PARTS)
+            .map(|part| {
+                let is_outside = |flight: &LabelledFlight| flight.flown % MOST_PARTS != part;
+                let errors = fitted.errors.iter().enumerate();
+                let of_others = errors
+                    .map(|(fit, error)| error.with_deviations_of(&errors_of(fit, &is_outside)));
+                Self {
+                    errors: of_others.collect(),
+                    ..fitted.clone()
+                }
+            })
+            .collect();
+        let widths = |knowing| {
+            HalfWidths::fit(flights, |flight| {
+                parts[flight.flown % MOST_PARTS].of_ticks(&flight.ticks, knowing)
+            })
+        };
         let (filtered, smoothed) = (widths(Knowing::Past), widths(Knowing::All));
         fitted.filtered = filtered;
         fitted.smoothed = smoothed;
@@ -152,10 +180,13 @@ impl FlightFilter {
 }
 
 /// What the fits measure at each tick of a flight.
-fn ticks<'a>(fits: &InverseRange, flight: impl IntoIterator<Item = &'a Observation>) -> Vec<Tick> {
-    let tick = |observed: &Observation| Tick {
-        time_s: observed.time_ns as f64 * 1e-9,
-        measurements: fits.measurements(observed),
+fn ticks<O: Borrow<Observation>>(
+    fits: &InverseRange,
+    flight: impl IntoIterator<Item = O>,
+) -> Vec<Tick> {
+    let tick = |observed: O| Tick {
+        time_s: observed.borrow().time_ns as f64 * 1e-9,
+        measurements: fits.measurements(observed.borrow()),
     };
     flight.into_iter().map(tick).collect()
 }

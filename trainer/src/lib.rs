@@ -15,6 +15,7 @@
 
 #![forbid(unsafe_code)]
 
+mod answers;
 mod calibration_training;
 mod checkpoint;
 mod choice;
@@ -43,6 +44,7 @@ mod onnx;
 mod paper_lstm;
 mod pinhole;
 mod prediction;
+mod prediction_table;
 mod refit;
 mod report;
 mod rig;

@@ -13,10 +13,8 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::config::PaperDeviation;
-use crate::estimator::Estimator;
 use crate::evaluation::Judged;
 use crate::evaluation_rules::EvaluationRules;
-use crate::flight_filter::Estimate;
 
 pub(crate) use bootstrap::Intervals;
 pub(crate) use figures::ErrorFigures;
@@ -53,6 +51,9 @@ pub struct FlightFigures {
     pub scenario: String,
     /// The trajectory that it flies.
     pub trajectory: String,
+    /// Share of the stated intervals that hold the truth, if the estimator states any.
+    #[serde(default)]
+    pub intervals_held: Option<f64>,
     /// The figures.
     #[serde(flatten)]
     pub figures: ErrorFigures,
@@ -182,17 +183,6 @@ pub(crate) struct Outcome<'a> {
     pub time_of_day: &'a str,
 }
 
-/// All answers of one estimator, in the order of the judged ticks.
-pub(crate) struct EstimatorOutcomes<'a> {
-    pub estimator: Estimator,
-    /// With all observations.
-    pub outcomes: Vec<Outcome<'a>>,
-    /// What else it knows with all observations, at the same ticks; `None` of an estimator that answers with a distance alone.
-    pub estimates: Option<Vec<Option<Estimate>>>,
-    /// With some views removed, by the name of the removal.
-    pub views_removed: BTreeMap<String, Vec<Outcome<'a>>>,
-}
-
 impl Outcome<'_> {
     /// Signed percentage error: positive if the prediction is too far. None where it is not finite.
     pub(crate) fn signed_error_pct(&self) -> Option<f64> {
@@ -221,7 +211,8 @@ impl SplitFigures {
 }
 
 impl RemovedFigures {
-    fn of(outcomes: &[Outcome], rules: &EvaluationRules) -> Self {
+    /// Figures of all ticks, in their order.
+    pub(crate) fn of(outcomes: &[Outcome], rules: &EvaluationRules) -> Self {
         Self {
             all: ErrorFigures::of(outcomes),
             removed: ErrorFigures::of(outcomes.iter().filter(|outcome| outcome.is_removed)),
@@ -231,25 +222,15 @@ impl RemovedFigures {
     }
 }
 
-/// Which ticks every estimator with any answer has answered.
-pub(crate) fn common_ticks(all: &[EstimatorOutcomes]) -> Vec<bool> {
-    let is_answered = |outcome: &Outcome| outcome.signed_error_pct().is_some();
-    let answering = all
-        .iter()
-        .filter(|one| one.outcomes.iter().any(is_answered));
-    let ticks = all.first().map_or(0, |one| one.outcomes.len());
-    let none = vec![answering.clone().next().is_some(); ticks];
-    answering.fold(none, |common, one| {
-        let outcomes = one.outcomes.iter().map(is_answered);
-        common.iter().zip(outcomes).map(|(&a, b)| a && b).collect()
-    })
-}
-
 impl EstimatorMetrics {
     /// All figures of one estimator; `common` are the ticks that all have answered. Distance bins cover everything between the nearest
     /// and the farthest outcome.
-    pub(crate) fn of(of: &EstimatorOutcomes, common: &[bool], rules: &EvaluationRules) -> Self {
-        let outcomes = &of.outcomes;
+    pub(crate) fn of(
+        outcomes: &[Outcome],
+        common: &[bool],
+        views_removed: BTreeMap<String, RemovedFigures>,
+        rules: &EvaluationRules,
+    ) -> Self {
         let by = |name: fn(&Outcome) -> String| {
             let mut groups: BTreeMap<String, Vec<&Outcome>> = BTreeMap::new();
             for outcome in outcomes {
@@ -260,16 +241,13 @@ impl EstimatorMetrics {
                 .map(|(name, group)| (name, SplitFigures::of(&group)))
                 .collect()
         };
-        let removed = of.views_removed.iter();
         let shared = outcomes.iter().zip(common).filter(|(_, common)| **common);
         Self {
             overall: SplitFigures::of(&outcomes.iter().collect::<Vec<_>>()),
             intervals: Intervals::of(outcomes, &rules.bootstrap),
             stated_intervals: StatedIntervals::of(outcomes),
             common: ErrorFigures::of(shared.map(|(outcome, _)| outcome)),
-            views_removed: removed
-                .map(|(name, outcomes)| (name.clone(), RemovedFigures::of(outcomes, rules)))
-                .collect(),
+            views_removed,
             by_weather: by(|outcome| outcome.weather.to_owned()),
             by_time: by(|outcome| outcome.time_of_day.to_owned()),
             by_distance_nm: distance_bins(outcomes, rules.distance_bin_nm)
@@ -285,6 +263,7 @@ impl EstimatorMetrics {
                 .map(|flight| FlightFigures {
                     scenario: flight[0].scenario.to_owned(),
                     trajectory: flight[0].trajectory.to_owned(),
+                    intervals_held: StatedIntervals::of(flight).map(|stated| stated.held),
                     figures: ErrorFigures::of(flight),
                 })
                 .collect(),
@@ -362,14 +341,10 @@ mod tests {
     }
 
     fn judged(outcomes: &[Outcome<'static>]) -> EstimatorMetrics {
-        let of = EstimatorOutcomes {
-            estimator: Estimator::PaperLstm,
-            outcomes: outcomes.to_vec(),
-            estimates: None,
-            views_removed: BTreeMap::new(),
-        };
-        let common = common_ticks(std::slice::from_ref(&of));
-        EstimatorMetrics::of(&of, &common, &EvaluationRules::current())
+        let is_answered = |outcome: &Outcome| outcome.signed_error_pct().is_some();
+        let common: Vec<bool> = outcomes.iter().map(is_answered).collect();
+        let rules = EvaluationRules::current();
+        EstimatorMetrics::of(outcomes, &common, BTreeMap::new(), &rules)
     }
 
     #[test]
@@ -496,25 +471,13 @@ mod tests {
     }
 
     #[test]
-    fn common_ticks_are_those_of_all_estimators_that_answer_at_all() {
-        let answers = |answers: [Option<f64>; 3]| EstimatorOutcomes {
-            estimator: Estimator::PaperLstm,
-            outcomes: answers
-                .map(|answer| outcome(1_000.0, answer, 2, "clear"))
-                .into(),
-            estimates: None,
-            views_removed: BTreeMap::new(),
-        };
-        let [first, second] = [
-            [Some(1_010.0), None, Some(1_020.0)],
-            [None, Some(1.0), Some(1.0)],
-        ];
-        let all = [answers(first), answers(second), answers([None; 3])];
-        assert_eq!(common_ticks(&all), [false, false, true]);
+    fn figures_of_the_common_ticks_are_of_these_alone() {
+        let outcomes =
+            [Some(1_010.0), Some(1_030.0), None].map(|a| outcome(1_000.0, a, 2, "clear"));
+        let common = [true, false, false];
         let rules = EvaluationRules::current();
-        let of_first = EstimatorMetrics::of(&all[0], &common_ticks(&all), &rules);
-        assert_eq!((of_first.common.samples, of_first.common.ticks), (1, 1));
-        assert!((of_first.common.mape_pct.unwrap() - 2.0).abs() < 1e-9);
-        assert_eq!(common_ticks(&[answers([None; 3])]), [false; 3]);
+        let figures = EstimatorMetrics::of(&outcomes, &common, BTreeMap::new(), &rules).common;
+        assert_eq!((figures.samples, figures.ticks), (1, 1));
+        assert!((figures.mape_pct.unwrap() - 1.0).abs() < 1e-9);
     }
 }

@@ -2,13 +2,15 @@
 
 use std::path::Path;
 
-use dataset::columns::TableWriter;
+use dataset::columns::{TableParts, TableWriter};
 use dataset::corpus::Corpus;
 use dataset::progress::Progress;
 
+use crate::answers::Answered;
 use crate::error::{CorpusFault, Error, Result};
 use crate::estimator::{Estimator, Task};
-use crate::evaluation::{add_estimates, check_cameras};
+use crate::evaluation::check_cameras;
+use crate::prediction_table::add_answers;
 use crate::run_folder::RunFolder;
 use crate::samples::Samples;
 use crate::sealed_run::SealedRun;
@@ -41,35 +43,34 @@ pub fn predict(
     if flights.is_empty() {
         return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));
     }
-    let believed = trained.believed(&flights, &corpus_read);
-    let task = Task::new(&trained, &corpus_read.scenarios, &believed);
-    let scenario = |index: usize| &corpus_read.scenarios[index].id;
-    let mut table = TableWriter::new()
-        .text(
-            "scenario",
-            believed.iter().map(|seen| scenario(seen.scenario)),
-        )
-        .u32("tick", believed.iter().map(|seen| seen.tick))
-        .i64("time_ns", believed.iter().map(|seen| seen.time_ns))
-        .u32(
-            "detections",
-            believed.iter().map(|seen| seen.detections() as u32),
-        );
-    let mut answered = Vec::new();
-    progress.begin("prediction", Estimator::ALL.len() as u64);
-    for estimator in Estimator::ALL {
-        let answers = estimator.predict(&task);
-        answered.push((estimator.name(), answers.iter().flatten().count()));
-        table = table.optional_f64(&format!("{}_dtd_m", estimator.name()), answers);
-        if let Some(estimates) = estimator.estimates(&task) {
-            table = add_estimates(table, estimator.name(), &estimates);
+    let mut table = TableParts::new(out);
+    let mut answered = Estimator::ALL.map(|estimator| (estimator.name(), 0));
+    progress.begin("prediction", corpus_read.scenarios.len() as u64);
+    let mut done = 0;
+    for flight in flights.chunk_by(|a, b| a.scenario == b.scenario) {
+        let believed = trained.believed(flight, &corpus_read);
+        let of_flight = Answered::of_all(&Task::new(&trained, &corpus_read.scenarios, &believed));
+        for ((_, count), of) in answered.iter_mut().zip(&of_flight) {
+            *count += of.distances_m.iter().flatten().count();
         }
-        progress.advance(answered.len() as u64, estimator.name());
+        let scenario = &corpus_read.scenarios[flight[0].scenario].id;
+        let columns = TableWriter::new()
+            .text("scenario", believed.iter().map(|_| scenario))
+            .u32("tick", believed.iter().map(|seen| seen.tick))
+            .i64("time_ns", believed.iter().map(|seen| seen.time_ns))
+            .u32(
+                "detections",
+                believed.iter().map(|seen| seen.detections() as u32),
+            );
+        let ticks: Vec<usize> = (0..believed.len()).collect();
+        table.add(add_answers(columns, &ticks, &of_flight))?;
+        done += 1;
+        progress.advance(done, scenario);
     }
-    table.write(out)?;
+    table.finish()?;
     Ok(Predicted {
         scenarios: corpus_read.scenarios.len(),
-        ticks: believed.len(),
-        answered,
+        ticks: flights.len(),
+        answered: answered.into(),
     })
 }

@@ -13,10 +13,12 @@ use report_page::chart::css_colour;
 use report_page::page::{drawn, render, value};
 use serde::Serialize;
 
+use crate::answers::{Answers, JudgedTicks};
 use crate::error::Result;
-use crate::metrics::{EstimatorOutcomes, Metrics};
+use crate::estimator::Estimator;
+use crate::metrics::Metrics;
 use crate::run_folder::RunFolder;
-use crate::samples::{DistanceRange, Sample, Samples};
+use crate::samples::{DistanceRange, Samples};
 use crate::trained_run::TrainedRun;
 
 const TEMPLATE: &str = include_str!("report/report.html");
@@ -37,9 +39,10 @@ struct ScenarioRow<'a> {
 pub(crate) struct Results<'a> {
     pub trained: &'a TrainedRun,
     pub samples: &'a Samples,
-    /// The ticks that count, in the order of the outcomes.
-    pub judged: &'a [&'a Sample],
-    pub shown: &'a [EstimatorOutcomes<'a>],
+    /// The ticks that count.
+    pub ticks: &'a JudgedTicks<'a>,
+    /// What was answered to them, with all views.
+    pub answers: &'a Answers,
     pub metrics: &'a Metrics,
 }
 
@@ -48,18 +51,19 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let Results {
         trained,
         samples,
-        judged: test,
-        shown,
+        ticks,
+        answers,
         metrics,
     } = *results;
     let rules = &metrics.rules;
     let seen = ticks_seen(samples, rules.range());
-    let flown = tables::best_covered_scenario(samples, test);
+    let flown = tables::best_covered_scenario(samples, ticks.ticks());
+    let outcomes = (0..Estimator::ALL.len()).map(|number| ticks.outcomes(answers, number));
     let page = render(
         TEMPLATE,
         context! {
             headline => value(tables::headline(metrics)),
-            legend => value(legend(shown)),
+            legend => value(legend()),
             conditions => value(tables::conditions(metrics)),
             scenarios => value(scenario_rows(samples, &seen)),
             views => value(&samples.views),
@@ -79,10 +83,13 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             loss => value(trained.config.loss),
             version => env!("CARGO_PKG_VERSION"),
             flown => value(flown.map(|index| &samples.scenarios[index].id)),
-            boxes_plot => drawn(plots::errors_by_distance(shown, rules.distance_bin_nm)?),
+            boxes_plot => drawn(plots::errors_by_distance(outcomes, rules.distance_bin_nm)?),
             convergence_plot => drawn(plots::convergence(&trained.convergence)?),
             flight_plot => match flown {
-                Some(index) => drawn(plots::flight(shown, test, index)?),
+                Some(index) => {
+                    let of = |number| ticks.outcomes_of_scenario(index, answers, number);
+                    drawn(plots::flight(of)?)
+                }
                 None => Value::UNDEFINED,
             },
         },
@@ -97,12 +104,12 @@ struct LegendEntry {
     title: &'static str,
 }
 
-fn legend(shown: &[EstimatorOutcomes]) -> Vec<LegendEntry> {
-    let entry = |(which, shown): (usize, &EstimatorOutcomes)| LegendEntry {
+fn legend() -> Vec<LegendEntry> {
+    let entry = |(which, estimator): (usize, Estimator)| LegendEntry {
         colour: css_colour(which),
-        title: shown.estimator.description().title,
+        title: estimator.description().title,
     };
-    shown.iter().enumerate().map(entry).collect()
+    Estimator::ALL.into_iter().enumerate().map(entry).collect()
 }
 
 /// Ticks of a scenario within the judged distances.

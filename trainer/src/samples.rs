@@ -383,6 +383,12 @@ impl Samples {
             .filter(move |sample| self.scenarios[sample.scenario].side == side)
     }
 
+    /// The flights of one side, each with all of its ticks in the order of time.
+    pub(crate) fn flights_of_side(&self, side: Side) -> impl Iterator<Item = &[Sample]> {
+        let flights = self.samples.chunk_by(|a, b| a.scenario == b.scenario);
+        flights.filter(move |flight| self.scenarios[flight[0].scenario].side == side)
+    }
+
     /// The samples of one side with only those boxes that contain the aircraft. This uses the truth, so it is for training;
     /// evaluation uses the boxes as they are.
     pub(crate) fn with_true_boxes(&self, side: Side) -> Vec<Sample> {

@@ -226,7 +226,7 @@ pub(crate) fn train_unless(
         Stream::MonoBox,
     )?;
 
-    let baselines = baselines(&samples, &true_boxes, &validation, self_calibrated);
+    let baselines = baselines(&samples, &true_boxes, &normalisation, self_calibrated);
     let choice = Choice::of(&baselines, &true_boxes);
     // With those that the start knows.
     let known = |of: fn(&RunSummary) -> &BTreeSet<String>, mut seen: BTreeSet<String>| {
@@ -360,11 +360,10 @@ fn mixed_samples(
 fn baselines(
     samples: &Samples,
     training: &[&Sample],
-    validation: &[Sample],
+    normalisation: &Normalisation,
     self_calibrated: Option<SelfCalibrated>,
 ) -> Baselines {
     let inverse_range = InverseRange::fit(samples.views.len(), training);
-    let validation: Vec<&Sample> = validation.iter().collect();
     let scenarios = &samples.scenarios;
     Baselines {
         views: samples.views.clone(),
@@ -375,7 +374,7 @@ fn baselines(
             .map(|view| CentreOffset::fit(view, scenarios, training))
             .collect(),
         self_calibrated,
-        flight_filter: FlightFilter::fit(&inverse_range, scenarios, training, &validation),
+        flight_filter: FlightFilter::fit(&inverse_range, samples, training, normalisation),
         inverse_range,
     }
 }

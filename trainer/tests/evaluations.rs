@@ -319,3 +319,27 @@ fn a_left_out_time_is_the_test_side_and_trains_nothing() {
         assert!(message.contains(needed), "{message}");
     }
 }
+
+#[test]
+fn a_training_into_the_folder_of_a_judged_run_leaves_none_of_its_results() {
+    let trained = Trained::new();
+    let corpus = trained.corpus();
+    trained
+        .evaluate(&corpus, &EvaluationConfig::default())
+        .unwrap();
+    let results = [
+        trained.run.metrics_path(),
+        trained.run.predictions_path(),
+        trained.run.report_path(),
+    ];
+    assert!(results.iter().all(|path| path.is_file()));
+    let config = TrainConfig {
+        seed: 1,
+        ..hardly_trained()
+    };
+    train(&corpus, trained.run.root(), &config, &mut Silent).unwrap();
+    assert!(results.iter().all(|path| !path.exists()));
+    trained
+        .evaluate(&corpus, &EvaluationConfig::default())
+        .unwrap();
+}

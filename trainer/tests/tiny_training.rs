@@ -396,6 +396,11 @@ fn filters_answer_where_a_view_was_removed_and_state_intervals() {
         }
     }
     assert_eq!(of("inverse_range").stated_intervals, None);
+    let report = fs::read_to_string(run.report_path()).unwrap();
+    assert_eq!(
+        report.matches("states 90 % intervals. They hold").count(),
+        2
+    );
 }
 
 /// A speck that no aircraft on these approaches ever was, yet completely in the picture.

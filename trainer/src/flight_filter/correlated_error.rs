@@ -61,19 +61,7 @@ impl CorrelatedError {
 
     /// Fits the errors of some flights, by their likelihood; `None` without any.
     pub(super) fn fit(flights: &[Vec<Observed>]) -> Option<Self> {
-        let mut all: Vec<Observed> = flights.concat();
-        all.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
-        let parts = (all.len() / TICKS_PER_DISTANCE).clamp(1, MOST_DISTANCES);
-        let (distances_m, deviations): (Vec<f64>, Vec<f64>) = all
-            .chunks(all.len().div_ceil(parts).max(1))
-            .map(|part| {
-                let sum = part.iter().map(|observed| observed.distance_m).sum::<f64>();
-                (sum / part.len() as f64, deviation(part))
-            })
-            .unzip();
-        if distances_m.is_empty() {
-            return None;
-        }
+        let (distances_m, deviations) = deviations_by_distance(flights)?;
         let mut best = Self {
             distances_m,
             deviations,
@@ -103,6 +91,18 @@ impl CorrelatedError {
             }
         }
         Some(best)
+    }
+
+    /// The same process in the size that other flights have.
+    pub(super) fn with_deviations_of(&self, flights: &[Vec<Observed>]) -> Self {
+        match deviations_by_distance(flights) {
+            None => self.clone(),
+            Some((distances_m, deviations)) => Self {
+                distances_m,
+                deviations,
+                ..*self
+            },
+        }
     }
 
     /// Errors in standard deviations.
@@ -170,6 +170,19 @@ impl CorrelatedError {
     fn rate_per_s(&self) -> f64 {
         HALF / self.half_time_s
     }
+}
+
+/// Some distances, ascending, and the standard deviations at them; `None` without any error.
+fn deviations_by_distance(flights: &[Vec<Observed>]) -> Option<(Vec<f64>, Vec<f64>)> {
+    let mut all: Vec<Observed> = flights.concat();
+    all.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+    let parts = (all.len() / TICKS_PER_DISTANCE).clamp(1, MOST_DISTANCES);
+    let parts = all.chunks(all.len().div_ceil(parts).max(1)).map(|part| {
+        let sum = part.iter().map(|observed| observed.distance_m).sum::<f64>();
+        (sum / part.len() as f64, deviation(part))
+    });
+    let (distances_m, deviations): (Vec<f64>, Vec<f64>) = parts.unzip();
+    (!all.is_empty()).then_some((distances_m, deviations))
 }
 
 /// Root mean square without outliers.

@@ -1,18 +1,20 @@
-//! Flights of the training and validation side, measured by fits that never saw them: what the filter's noise and its intervals are
-//! fitted to.
+//! Flights of the training and validation side, as an evaluation sees them, measured by fits that never saw them: what the filter's noise
+//! and its intervals are fitted to.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
+
+use dataset::splits::Side;
 
 use crate::inverse_range::{InverseRange, scale_m};
-use crate::samples::{Sample, ScenarioSummary};
+use crate::samples::{Observation, Sample, Samples};
 
+use super::MOST_PARTS;
 use super::correlated_error::Observed;
 use super::estimate::{Estimate, HalfWidths};
 use super::forward::Tick;
+use super::held_share::width_that_holds;
 use super::motion::Labels;
 
-/// Parts at most that the training side is divided into, each measured by fits to the others.
-const MOST_PARTS: usize = 10;
 /// Ticks nearer than this do not count for the intervals, 1 NM: there, relative errors have other causes.
 const NEAREST_M: f64 = 1_852.0;
 /// Labels farther apart give no speed, seconds.
@@ -23,51 +25,55 @@ const HELD: f64 = 0.9;
 /// Measurements with their truth.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LabelledFlight {
+    /// What is flown, whatever it is called: flights of one number are the same.
+    pub(super) flown: usize,
     pub(super) ticks: Vec<Tick>,
     pub(super) distances_m: Vec<f64>,
 }
 
 impl LabelledFlight {
-    fn of(fits: &InverseRange, flight: &[&Sample]) -> Self {
-        Self {
-            ticks: super::ticks(fits, flight.iter().map(|sample| &sample.observed)),
-            distances_m: flight.iter().map(|sample| sample.dtd_m).collect(),
-        }
-    }
-
-    /// The flights of the training side, each measured by fits to other trajectories if there are some, and those of the validation
-    /// side.
+    /// The flights of the training side, each measured by fits to others if there are some, and those of the validation side. Boxes are
+    /// those that an evaluation would believe, not those that hold the aircraft: intervals are for ticks without truth. `training`: what
+    /// `fits` were fitted to.
     pub(super) fn held_out(
         fits: &InverseRange,
-        scenarios: &[ScenarioSummary],
+        samples: &Samples,
         training: &[&Sample],
-        validation: &[&Sample],
+        believed: impl Fn(&Observation) -> Observation,
     ) -> Vec<Self> {
-        let trajectory = |sample: &Sample| scenarios[sample.scenario].trajectory.as_str();
-        let all: BTreeSet<&str> = training.iter().map(|sample| trajectory(sample)).collect();
-        let all: Vec<&str> = all.into_iter().collect();
-        let parts = all.len().clamp(1, MOST_PARTS);
+        let learned: Vec<String> = samples.flights(Side::Train).into_iter().collect();
+        let place = |sample: &Sample| {
+            let flight = &samples.scenarios[sample.scenario].flight;
+            learned.binary_search(flight).ok()
+        };
+        let validated: Vec<String> = samples.flights(Side::Validation).into_iter().collect();
+        let measured = |fits: &InverseRange, flight: &[&Sample]| Self {
+            flown: place(flight[0]).unwrap_or_else(|| {
+                let name = &samples.scenarios[flight[0].scenario].flight;
+                learned.len() + validated.binary_search(name).unwrap_or_default()
+            }),
+            ticks: super::ticks(fits, flight.iter().map(|sample| believed(sample))),
+            distances_m: flight.iter().map(|sample| sample.dtd_m).collect(),
+        };
         let mut flights = Vec::new();
-        for part in 0..parts {
-            let is_in_part = |sample: &&&Sample| {
-                let number = all.binary_search(&trajectory(sample));
-                number.is_ok_and(|number| number % parts == part)
-            };
-            let (inside, outside): (Vec<&Sample>, Vec<&Sample>) = training
-                .iter()
-                .copied()
-                .partition(|sample| is_in_part(&sample));
-            let refitted = (parts > 1).then(|| fits.refitted(&outside));
-            flights.extend(Self::each(refitted.as_ref().unwrap_or(fits), &inside));
+        let mut measure = |fits: &InverseRange, ticks: Vec<&Sample>| {
+            let each = ticks.chunk_by(|a, b| a.scenario == b.scenario);
+            flights.extend(each.map(|flight| measured(fits, flight)));
+        };
+        let parts = learned.len().min(MOST_PARTS);
+        // The errors on the only flight that a fit has seen tell nothing about those on others.
+        for part in (0..parts).filter(|_| parts > 1) {
+            let is_inside = |sample: &Sample| place(sample).is_some_and(|n| n % parts == part);
+            let outside = training.iter().copied().filter(|sample| !is_inside(sample));
+            let refitted = fits.refitted(&outside.collect::<Vec<_>>());
+            let inside = samples.ticks_of_side(Side::Train);
+            measure(
+                &refitted,
+                inside.filter(|sample| is_inside(sample)).collect(),
+            );
         }
-        flights.extend(Self::each(fits, validation));
+        measure(fits, samples.ticks_of_side(Side::Validation).collect());
         flights
-    }
-
-    fn each(fits: &InverseRange, samples: &[&Sample]) -> impl Iterator<Item = Self> {
-        samples
-            .chunk_by(|a, b| a.scenario == b.scenario)
-            .map(|flight| Self::of(fits, flight))
     }
 
     /// Distances over time, as far as approaches are alike.
@@ -137,20 +143,25 @@ impl LabelledFlight {
 }
 
 impl HalfWidths {
-    /// Widths whose intervals hold 90 % of the truth, all flights counting the same (split conformal prediction: Papadopoulos and others
-    /// 2002). `estimate` is asked for the estimates of a flight.
+    /// Widths whose intervals hold 90 % of the truth of flights like these, all flights counting the same. `estimate` is asked for the
+    /// estimates of a flight.
     pub(super) fn fit(
         flights: &[LabelledFlight],
         estimate: impl Fn(&LabelledFlight) -> Vec<Option<Estimate>>,
     ) -> Self {
-        let errors: Vec<[Vec<f64>; 3]> = flights
-            .iter()
-            .map(|flight| flight.errors(&estimate(flight)))
-            .collect();
+        let mut errors: BTreeMap<usize, [Vec<f64>; 3]> = BTreeMap::new();
+        for flight in flights {
+            let of_flown = errors.entry(flight.flown).or_default();
+            for (all, more) in of_flown.iter_mut().zip(flight.errors(&estimate(flight))) {
+                all.extend(more);
+            }
+        }
         let normal = Self::NORMAL.to_array();
         let [distance, ground_speed, time_to_touchdown] = [0, 1, 2].map(|number| {
-            let of_number: Vec<&[f64]> = errors.iter().map(|of| of[number].as_slice()).collect();
-            holding_width(&of_number).unwrap_or(normal[number])
+            let of_number = errors
+                .values_mut()
+                .map(|of| std::mem::take(&mut of[number]));
+            width_that_holds(HELD, of_number.collect()).unwrap_or(normal[number])
         });
         Self {
             distance,
@@ -160,21 +171,59 @@ impl HalfWidths {
     }
 }
 
-/// The width that holds a share of all errors, those of each flight together counting 1.
-fn holding_width(flights: &[&[f64]]) -> Option<f64> {
-    let mut weighted: Vec<(f64, f64)> = flights
-        .iter()
-        .flat_map(|errors| {
-            let weight = (errors.len() as f64).recip();
-            errors.iter().map(move |&error| (error, weight))
-        })
-        .filter(|(error, _)| error.is_finite())
-        .collect();
-    weighted.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let all: f64 = weighted.iter().map(|(_, weight)| weight).sum();
-    let mut held = 0.0;
-    weighted.iter().find_map(|&(error, weight)| {
-        held += weight;
-        (held >= HELD * all).then_some(error)
-    })
+#[cfg(test)]
+mod tests {
+    use testkit::synthetic::SyntheticCorpus;
+
+    use super::*;
+    use crate::samples::DistanceRange;
+
+    #[test]
+    fn a_flight_is_measured_by_fits_that_saw_no_copy_of_it_at_all_ticks_and_by_boxes_as_recorded() {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus {
+            miss_ratio: 0.3,
+            ..SyntheticCorpus::tiny()
+        };
+        let corpus = corpus.write(folder.path()).unwrap();
+        let mut samples = Samples::read(&corpus, None, DistanceRange::ALL).unwrap();
+        // The first two of four training flights are the same, under two names.
+        samples.scenarios[1].flight = samples.scenarios[0].flight.clone();
+        assert_ne!(
+            samples.scenarios[1].trajectory,
+            samples.scenarios[0].trajectory
+        );
+        let true_boxes = samples.with_true_boxes(Side::Train);
+        let training: Vec<&Sample> = true_boxes.iter().collect();
+        let fits = InverseRange::fit(2, &training);
+        let flights = LabelledFlight::held_out(&fits, &samples, &training, Clone::clone);
+
+        let ticks: usize = flights.iter().map(|flight| flight.ticks.len()).sum();
+        let recorded = [Side::Train, Side::Validation].map(|s| samples.ticks_of_side(s).count());
+        assert_eq!(
+            ticks,
+            recorded.iter().sum::<usize>(),
+            "those without any box count, too"
+        );
+        let others = training.iter().copied().filter(|s| s.scenario > 1);
+        let fits_to_others = fits.refitted(&others.collect::<Vec<_>>());
+        let mut copies = 0;
+        for flight in samples
+            .flights_of_side(Side::Train)
+            .filter(|f| f[0].scenario < 2)
+        {
+            let expected = super::super::ticks(&fits_to_others, flight.iter().map(|s| &s.observed));
+            let found = flights.iter().find(|found| found.ticks == expected);
+            copies += usize::from(found.is_some_and(|f| f.flown == flights[0].flown));
+        }
+        assert_eq!(copies, 2);
+        let mut flown: Vec<usize> = flights.iter().map(|flight| flight.flown).collect();
+        flown.sort_unstable();
+        flown.dedup();
+        assert_eq!(
+            flown.len(),
+            4,
+            "three of the training side, one that validates"
+        );
+    }
 }

@@ -1,7 +1,7 @@
-//! How an approach moves: its speed stays near the usual one, and its acceleration near zero, each for a while.
+//! How an approach moves: its acceleration stays near zero for a while, and its speed returns to the usual one, slowly.
 //!
-//! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights, to
-//! which it returns. In continuous time, so that ticks may be any time apart.
+//! Acceleration is a first-order Gauss-Markov process (Singer 1970), and pulls the speed away from the mean of the training flights. In
+//! continuous time, so that ticks may be any time apart.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,8 +19,10 @@ const QUADRATURE: [(f64, f64); 5] = [
 const LABEL_STEP_S: f64 = 1.0;
 /// Standard deviation of a label, metres: recordings are resampled.
 const LABEL_SD_M: f64 = 0.05;
-/// Least standard deviation of the speed of flights, m/s: training flights may all be the same.
-const LEAST_SPEED_SD_MPS: f64 = 2.0;
+/// Standard deviation of the speed of a flight that nothing is known about, m/s: a few training flights do not tell how fast the next one
+/// is. Of the demo's flights that train and validate, each left out in turn, a filter with one view alone is off by 1.50 % with their own
+/// spread of 6 m/s, by 1.45 % with this, and by 1.90 % with 40 m/s, which takes errors of the first seconds for speed.
+const SPEED_SD_MPS: f64 = 20.0;
 /// Candidates of a fit.
 const ACCELERATION_TIMES_S: [f64; 5] = [4.0, 8.0, 16.0, 32.0, 64.0];
 const ACCELERATION_SDS_MPS2: [f64; 12] = [
@@ -57,7 +59,7 @@ impl Motion {
             .collect();
         let mut best = Self {
             mean_speed_mps: 70.0,
-            speed_sd_mps: 10.0,
+            speed_sd_mps: SPEED_SD_MPS,
             acceleration_sd_mps2: 0.4,
             acceleration_time_s: 16.0,
         };
@@ -66,10 +68,6 @@ impl Motion {
         }
         let count = speeds.len() as f64;
         best.mean_speed_mps = speeds.iter().sum::<f64>() / count;
-        let squares = speeds.iter().map(|v| (v - best.mean_speed_mps).powi(2));
-        best.speed_sd_mps = (squares.sum::<f64>() / count)
-            .sqrt()
-            .max(LEAST_SPEED_SD_MPS);
         let mut highest = f64::NEG_INFINITY;
         for acceleration_time_s in ACCELERATION_TIMES_S {
             for acceleration_sd_mps2 in ACCELERATION_SDS_MPS2 {

@@ -5,7 +5,7 @@ use report_page::Result;
 use report_page::chart::{COLOURS, FONT, GRID, INK, MOST_POINTS, axes, axis, shown_points, svg};
 
 use crate::estimator::Estimator;
-use crate::metrics::{EstimatorOutcomes, distance_bins};
+use crate::metrics::{Outcome, distance_bins};
 use crate::samples::Sample;
 use crate::trained_run::Convergence;
 
@@ -64,12 +64,17 @@ impl FiveNumbers {
     }
 }
 
-/// Box plot of the signed percentage error by distance bin and estimator.
-pub(super) fn errors_by_distance(shown: &[EstimatorOutcomes], bin_nm: f64) -> Result<String> {
+/// Box plot of the signed percentage error by distance bin and estimator. `shown`: the outcomes of each.
+pub(super) fn errors_by_distance<'a>(
+    shown: impl Iterator<Item = Vec<Outcome<'a>>>,
+    bin_nm: f64,
+) -> Result<String> {
     let mut boxes = Vec::new();
     let mut width_nm = bin_nm;
-    for (which, estimator) in shown.iter().enumerate() {
-        for ([from_nm, to_nm], inside) in distance_bins(&estimator.outcomes, bin_nm) {
+    let mut estimators = 0;
+    for (which, outcomes) in shown.enumerate() {
+        estimators += 1;
+        for ([from_nm, to_nm], inside) in distance_bins(&outcomes, bin_nm) {
             width_nm = to_nm - from_nm;
             let errors = inside
                 .iter()
@@ -104,7 +109,7 @@ pub(super) fn errors_by_distance(shown: &[EstimatorOutcomes], bin_nm: f64) -> Re
             vec![(first, 0.0), (last, 0.0)],
             INK.mix(0.6),
         )])?;
-        let slot = width_nm * 0.84 / shown.len().max(1) as f64;
+        let slot = width_nm * 0.84 / estimators.max(1) as f64;
         for (which, from_nm, numbers) in &boxes {
             let colour = COLOURS[which % COLOURS.len()];
             let left = from_nm + width_nm * 0.08 + slot * *which as f64 + slot * 0.1;
@@ -224,36 +229,30 @@ fn convergence_colour(line: usize, lines: usize) -> RGBColor {
     }
 }
 
-/// One scenario over time: distances above, errors below.
-pub(super) fn flight(
-    shown: &[EstimatorOutcomes],
-    test: &[&Sample],
-    scenario: usize,
-) -> Result<String> {
-    let rows: Vec<usize> = (0..test.len())
-        .filter(|&row| test[row].scenario == scenario)
+/// One scenario over time: distances above, errors below. `of`: its ticks with the outcomes of an estimator of this number.
+pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -> Result<String> {
+    // The monoscopic formulas are far off the scale of the two-view methods; two are shown.
+    let two_view: Vec<_> = Estimator::ALL
+        .into_iter()
+        .enumerate()
+        .filter(|(_, shown)| matches!(shown, Estimator::PaperLstm | Estimator::Triangulation))
+        .map(|(which, shown)| (which, shown, of(which)))
         .collect();
-    let time_s = |row: usize| test[row].time_ns as f64 / 1e9;
+    let ticks = || two_view.iter().take(1).flat_map(|(.., ticks)| ticks);
+    let time_s = |sample: &Sample| sample.time_ns as f64 / 1e9;
     let nm = |metres: f64| metres / dataset::units::METERS_PER_NAUTICAL_MILE;
-    let times = || rows.iter().map(|&row| time_s(row));
+    let times = || ticks().map(|(sample, _)| time_s(sample));
     let times_s = axis(
         times().reduce(f64::min).unwrap_or(0.0),
         times().reduce(f64::max).unwrap_or(1.0),
     );
-    let farthest = rows
-        .iter()
-        .map(|&row| nm(test[row].dtd_m))
+    let farthest = ticks()
+        .map(|(sample, _)| nm(sample.dtd_m))
         .fold(0.0, f64::max);
     let distances_nm = axis(0.0, farthest * 1.05);
-    // The monoscopic formulas are far off the scale of the two-view methods; two are shown.
-    let two_view: Vec<(usize, &EstimatorOutcomes)> = shown
-        .iter()
-        .enumerate()
-        .filter(|(_, s)| matches!(s.estimator, Estimator::PaperLstm | Estimator::Triangulation))
-        .collect();
-    let errors = two_view.iter().flat_map(|(_, s)| {
-        rows.iter()
-            .filter_map(|&row| s.outcomes[row].signed_error_pct().map(f64::abs))
+    let errors = two_view.iter().flat_map(|(.., ticks)| {
+        let errors = ticks.iter().map(|(_, outcome)| outcome.signed_error_pct());
+        errors.flatten().map(f64::abs)
     });
     let reach = reach_pct(quantile(errors.collect(), 0.98), 0.05, 1.2);
     let errors_pct = -reach..reach;
@@ -268,21 +267,21 @@ pub(super) fn flight(
             .y_label_formatter(&|y| format!("{y:.0}"))
             .y_desc("distance to touchdown, NM")
             .draw()?;
-        let truth = rows.iter().map(|&row| (time_s(row), nm(test[row].dtd_m)));
+        let truth = ticks().map(|(sample, _)| (time_s(sample), nm(sample.dtd_m)));
         let truth = shown_points(truth, &times_s, &distances_nm);
         distances
             .draw_series(LineSeries::new(truth, INK.stroke_width(1)))?
             .label("true")
             .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], INK.stroke_width(2)));
-        for &(which, shown) in &two_view {
+        for (which, shown, ticks) in &two_view {
             let colour = COLOURS[which % COLOURS.len()];
-            let points = rows
+            let points = ticks
                 .iter()
-                .filter_map(|&row| Some((time_s(row), nm(shown.outcomes[row].predicted_m?))));
+                .filter_map(|(sample, outcome)| Some((time_s(sample), nm(outcome.predicted_m?))));
             let points = shown_points(points, &times_s, &distances_nm).into_iter();
             distances
                 .draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))?
-                .label(shown.estimator.description().title)
+                .label(shown.description().title)
                 .legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled()));
         }
         distances
@@ -306,11 +305,11 @@ pub(super) fn flight(
             vec![(times_s.start, 0.0), (times_s.end, 0.0)],
             INK.mix(0.6),
         )])?;
-        for &(which, shown) in two_view.iter().rev() {
+        for (which, _, ticks) in two_view.iter().rev() {
             let colour = COLOURS[which % COLOURS.len()];
-            let points = rows
-                .iter()
-                .filter_map(|&row| Some((time_s(row), shown.outcomes[row].signed_error_pct()?)));
+            let points = ticks.iter().filter_map(|(sample, outcome)| {
+                Some((time_s(sample), outcome.signed_error_pct()?))
+            });
             let points = shown_points(points, &times_s, &errors_pct).into_iter();
             errors
                 .draw_series(points.map(|point| Circle::new(point, 2, colour.mix(0.8).filled())))?;
@@ -321,11 +320,8 @@ pub(super) fn flight(
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use super::*;
     use crate::calibration_training::CalibrationLogEntry;
-    use crate::metrics::Outcome;
     use crate::paper_lstm::EstimatorLogEntry;
 
     /// A plot of extreme values must still open: finite numbers, and not too many of them.
@@ -366,19 +362,12 @@ mod tests {
         ];
         for ticks in [&ticks[..], &ticks[..1], &[]] {
             let samples: Vec<_> = ticks.iter().map(|t| sample(t.0, t.1)).collect();
-            let test: Vec<_> = samples.iter().collect();
             for answer in answers {
-                let shown: Vec<_> = Estimator::ALL
-                    .into_iter()
-                    .map(|estimator| EstimatorOutcomes {
-                        estimator,
-                        outcomes: ticks.iter().map(|t| outcome(t.1, Some(answer))).collect(),
-                        estimates: None,
-                        views_removed: BTreeMap::new(),
-                    })
-                    .collect();
-                assert_sound(&errors_by_distance(&shown, 1.0).unwrap());
-                assert_sound(&flight(&shown, &test, 0).unwrap());
+                let outcomes: Vec<_> = ticks.iter().map(|t| outcome(t.1, Some(answer))).collect();
+                let shown = std::iter::repeat_n(outcomes.clone(), Estimator::ALL.len());
+                assert_sound(&errors_by_distance(shown, 1.0).unwrap());
+                let of = |_| samples.iter().zip(outcomes.iter().copied()).collect();
+                assert_sound(&flight(of).unwrap());
             }
         }
     }
@@ -388,17 +377,14 @@ mod tests {
         let samples: Vec<_> = (0..100_000)
             .map(|tick| sample(tick * 1_000_000, 20_000.0 - tick as f64 / 10.0))
             .collect();
-        let test: Vec<_> = samples.iter().collect();
-        let shown = [EstimatorOutcomes {
-            estimator: Estimator::PaperLstm,
-            outcomes: samples
+        let of = |_| {
+            let answer = |sample: &Sample| outcome(sample.dtd_m, Some(sample.dtd_m * 1.01));
+            samples
                 .iter()
-                .map(|sample| outcome(sample.dtd_m, Some(sample.dtd_m * 1.01)))
-                .collect(),
-            estimates: None,
-            views_removed: BTreeMap::new(),
-        }];
-        assert_sound(&flight(&shown, &test, 0).unwrap());
+                .map(|sample| (sample, answer(sample)))
+                .collect()
+        };
+        assert_sound(&flight(of).unwrap());
         let log = Convergence {
             views: vec!["left".into(), "right".into()],
             calibration: (0..100_000)

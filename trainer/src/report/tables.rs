@@ -33,6 +33,15 @@ pub(super) struct HeadlineRow {
     in_sight: String,
     common: Cells,
     dual: Cells,
+    stated: Option<StatedCells>,
+}
+
+/// How many of the intervals that an estimator states hold the truth, percent.
+#[derive(Serialize)]
+struct StatedCells {
+    held: String,
+    least: String,
+    most: String,
 }
 
 /// Figures as text; an en dash where there are none.
@@ -105,6 +114,11 @@ pub(super) fn headline(metrics: &Metrics) -> Vec<HeadlineRow> {
                 in_sight: share(overall.all.coverage_in_sight),
                 common: cells(&of.common),
                 dual: cells(&overall.dual),
+                stated: of.stated_intervals.map(|stated| {
+                    let [least, most] = stated.held_by_flight.map(|held| share(Some(held)));
+                    let held = share(Some(stated.held));
+                    StatedCells { held, least, most }
+                }),
             })
         })
         .collect()
