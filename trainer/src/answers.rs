@@ -102,7 +102,6 @@ impl Answered {
 }
 
 /// The answers of all estimators.
-#[derive(Default)]
 pub(crate) struct Answers {
     /// Views whose boxes count.
     detections: Vec<u8>,
@@ -113,7 +112,6 @@ pub(crate) struct Answers {
 }
 
 /// The answers of one; not a number where there is none.
-#[derive(Default)]
 struct OfEstimator {
     distances_m: Vec<f64>,
     /// Ends of 90 % intervals; empty of an estimator that states none.
@@ -121,6 +119,18 @@ struct OfEstimator {
 }
 
 impl Answers {
+    /// None yet, with room for those to this many ticks: vectors that grow take up to twice what they hold.
+    pub(crate) fn with_room_for(ticks: usize) -> Self {
+        Self {
+            detections: Vec::with_capacity(ticks),
+            removed: Vec::with_capacity(ticks),
+            by_estimator: std::array::from_fn(|_| OfEstimator {
+                distances_m: Vec::with_capacity(ticks),
+                intervals_m: Vec::new(),
+            }),
+        }
+    }
+
     /// Adds those of the ticks of a flight that count.
     pub(crate) fn add(
         &mut self,
@@ -141,6 +151,8 @@ impl Answers {
                     let estimate = estimates[tick].as_ref();
                     estimate.map_or([f64::NAN; 2], |estimate| estimate.distance_m.interval)
                 };
+                of.intervals_m
+                    .reserve_exact(of.distances_m.capacity() - of.intervals_m.len());
                 of.intervals_m.extend(judged().map(interval_m));
             }
         }
@@ -181,7 +193,7 @@ mod tests {
                 estimates: None,
             });
             let observed = Sample::of_boxes(1_000.0, vec![None]).observed;
-            let mut answers = Answers::default();
+            let mut answers = Answers::with_room_for(3);
             answers.add(&[true; 3], (&vec![observed; 3], &[false; 3]), &answered);
             answers.common()
         };

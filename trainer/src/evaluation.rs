@@ -315,7 +315,9 @@ impl<'a> Evaluation<'a> {
     ) -> Result<Answers> {
         let (run, scenarios) = (self.run, &self.samples.scenarios);
         let rules = &self.rules.removed_views;
-        let mut answers = Answers::default();
+        let ticks = self.flights().flatten();
+        let judged = ticks.filter(|sample| self.rules.is_there(sample)).count();
+        let mut answers = Answers::with_room_for(judged);
         for flight in self.flights() {
             let observed: Vec<Observation> = flight.iter().map(|s| s.observed.clone()).collect();
             let Remaining {
