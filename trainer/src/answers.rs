@@ -4,15 +4,16 @@
 use crate::estimator::{Estimator, Task};
 use crate::evaluation_rules::EvaluationRules;
 use crate::flight_filter::Estimate;
-use crate::metrics::Outcome;
+use crate::metrics::{Group, Outcome};
 use crate::samples::{Observation, Sample, Samples};
 use dataset::splits::Side;
 
 /// The ticks that count, flight by flight.
 pub(crate) struct JudgedTicks<'a> {
-    samples: &'a Samples,
     rules: &'a EvaluationRules,
     ticks: Vec<&'a Sample>,
+    /// Of each scenario.
+    groups: Vec<Group<'a>>,
 }
 
 impl<'a> JudgedTicks<'a> {
@@ -20,9 +21,9 @@ impl<'a> JudgedTicks<'a> {
     pub(crate) fn of(samples: &'a Samples, rules: &'a EvaluationRules) -> Self {
         let tested = samples.ticks_of_side(Side::Test);
         Self {
-            samples,
             rules,
             ticks: tested.filter(|sample| rules.is_there(sample)).collect(),
+            groups: samples.scenarios.iter().map(Group::of).collect(),
         }
     }
 
@@ -32,9 +33,8 @@ impl<'a> JudgedTicks<'a> {
     }
 
     /// An answer to one of them.
-    fn outcome(&self, tick: usize, answers: &Answers, estimator: usize) -> Outcome<'a> {
+    fn outcome(&self, tick: usize, answers: &Answers, estimator: usize) -> Outcome<'_> {
         let sample = self.ticks[tick];
-        let scenario = &self.samples.scenarios[sample.scenario];
         let of = &answers.by_estimator[estimator];
         let interval_m = of.intervals_m.get(tick).copied();
         Outcome {
@@ -44,16 +44,12 @@ impl<'a> JudgedTicks<'a> {
             detections: answers.detections[tick].into(),
             is_hidden: self.rules.is_hidden(sample),
             is_removed: answers.removed[tick],
-            scenario: &scenario.id,
-            trajectory: &scenario.trajectory,
-            flight: &scenario.flight,
-            weather: &scenario.weather,
-            time_of_day: &scenario.time_of_day,
+            of: &self.groups[sample.scenario],
         }
     }
 
     /// What an estimator answered, tick by tick.
-    pub(crate) fn outcomes(&self, answers: &Answers, estimator: usize) -> Vec<Outcome<'a>> {
+    pub(crate) fn outcomes(&self, answers: &Answers, estimator: usize) -> Vec<Outcome<'_>> {
         let ticks = 0..self.ticks.len();
         ticks
             .map(|tick| self.outcome(tick, answers, estimator))
@@ -66,7 +62,7 @@ impl<'a> JudgedTicks<'a> {
         scenario: usize,
         answers: &Answers,
         estimator: usize,
-    ) -> Vec<(&'a Sample, Outcome<'a>)> {
+    ) -> Vec<(&'a Sample, Outcome<'_>)> {
         let ticks = self.ticks.iter().enumerate();
         ticks
             .filter(|(_, sample)| sample.scenario == scenario)

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::PaperDeviation;
 use crate::evaluation::Judged;
 use crate::evaluation_rules::EvaluationRules;
+use crate::samples::ScenarioSummary;
 
 pub(crate) use bootstrap::Intervals;
 pub(crate) use figures::ErrorFigures;
@@ -171,6 +172,13 @@ pub(crate) struct Outcome<'a> {
     pub is_hidden: bool,
     /// Whether a view was removed.
     pub is_removed: bool,
+    /// What it is grouped by.
+    pub of: &'a Group<'a>,
+}
+
+/// What outcomes of one scenario are grouped by.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Group<'a> {
     /// Identifier of the scenario.
     pub scenario: &'a str,
     /// The trajectory that it flies.
@@ -181,6 +189,24 @@ pub(crate) struct Outcome<'a> {
     pub weather: &'a str,
     /// Local time.
     pub time_of_day: &'a str,
+}
+
+impl<'a> Group<'a> {
+    pub(crate) fn of(scenario: &'a ScenarioSummary) -> Self {
+        Self {
+            scenario: &scenario.id,
+            trajectory: &scenario.trajectory,
+            flight: &scenario.flight,
+            weather: &scenario.weather,
+            time_of_day: &scenario.time_of_day,
+        }
+    }
+
+    /// For tests, whose outcomes own nothing.
+    #[cfg(test)]
+    pub(crate) fn leaked(self) -> &'a Self {
+        Box::leak(Box::new(self))
+    }
 }
 
 impl Outcome<'_> {
@@ -248,8 +274,8 @@ impl EstimatorMetrics {
             stated_intervals: StatedIntervals::of(outcomes),
             common: ErrorFigures::of(shared.map(|(outcome, _)| outcome)),
             views_removed,
-            by_weather: by(|outcome| outcome.weather.to_owned()),
-            by_time: by(|outcome| outcome.time_of_day.to_owned()),
+            by_weather: by(|outcome| outcome.of.weather.to_owned()),
+            by_time: by(|outcome| outcome.of.time_of_day.to_owned()),
             by_distance_nm: distance_bins(outcomes, rules.distance_bin_nm)
                 .into_iter()
                 .map(|([from_nm, to_nm], inside)| DistanceBin {
@@ -259,10 +285,10 @@ impl EstimatorMetrics {
                 })
                 .collect(),
             by_flight: outcomes
-                .chunk_by(|a, b| a.scenario == b.scenario)
+                .chunk_by(|a, b| a.of.scenario == b.of.scenario)
                 .map(|flight| FlightFigures {
-                    scenario: flight[0].scenario.to_owned(),
-                    trajectory: flight[0].trajectory.to_owned(),
+                    scenario: flight[0].of.scenario.to_owned(),
+                    trajectory: flight[0].of.trajectory.to_owned(),
                     intervals_held: StatedIntervals::of(flight).map(|stated| stated.held),
                     figures: ErrorFigures::of(flight),
                 })
@@ -314,11 +340,13 @@ impl Outcome<'_> {
             detections: 2,
             is_hidden: false,
             is_removed: false,
-            scenario: "0000",
-            trajectory: "a",
-            flight: "a",
-            weather: "clear",
-            time_of_day: "08:00",
+            of: &Group {
+                scenario: "0000",
+                trajectory: "a",
+                flight: "a",
+                weather: "clear",
+                time_of_day: "08:00",
+            },
         }
     }
 }
@@ -331,12 +359,17 @@ mod tests {
         dtd_m: f64,
         predicted_m: Option<f64>,
         detections: usize,
-        weather: &str,
-    ) -> Outcome<'_> {
+        weather: &'static str,
+    ) -> Outcome<'static> {
+        let alike = Outcome::of_answer(dtd_m, predicted_m);
         Outcome {
             detections,
-            weather,
-            ..Outcome::of_answer(dtd_m, predicted_m)
+            of: Group {
+                weather,
+                ..*alike.of
+            }
+            .leaked(),
+            ..alike
         }
     }
 

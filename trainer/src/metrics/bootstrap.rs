@@ -37,7 +37,7 @@ impl Intervals {
         for outcome in outcomes {
             if let Some(error_pct) = outcome.signed_error_pct() {
                 let next = places.len();
-                let trajectory = *places.entry(outcome.flight).or_insert(next);
+                let trajectory = *places.entry(outcome.of.flight).or_insert(next);
                 errors.push((error_pct.abs(), trajectory));
             }
         }
@@ -98,6 +98,7 @@ fn figures(errors: &[(f64, usize)], times: &[usize]) -> [f64; 3] {
 mod tests {
     use super::*;
     use crate::metrics::ErrorFigures;
+    use crate::metrics::Group;
 
     const RULES: BootstrapRules = BootstrapRules {
         seed: 1,
@@ -111,9 +112,14 @@ mod tests {
         let ticks = |(&error_pct, flight): (&f64, &'static str)| {
             (1..=50).map(move |tick| {
                 let dtd_m = f64::from(tick) * 200.0;
+                let alike = Outcome::of_answer(dtd_m, Some(dtd_m * (1.0 + error_pct / 100.0)));
                 Outcome {
-                    flight,
-                    ..Outcome::of_answer(dtd_m, Some(dtd_m * (1.0 + error_pct / 100.0)))
+                    of: Group {
+                        flight,
+                        ..*alike.of
+                    }
+                    .leaked(),
+                    ..alike
                 }
             })
         };

@@ -19,7 +19,7 @@ impl StatedIntervals {
     /// `None` without any interval.
     pub(super) fn of(outcomes: &[Outcome]) -> Option<Self> {
         let mut flights: Vec<[f64; 2]> = Vec::new();
-        for flight in outcomes.chunk_by(|a, b| a.scenario == b.scenario) {
+        for flight in outcomes.chunk_by(|a, b| a.of.scenario == b.of.scenario) {
             let stated = || flight.iter().filter_map(|o| Some((o.dtd_m, o.interval_m?)));
             let count = stated().count() as f64;
             let holds = |(dtd_m, [from, to]): &(f64, [f64; 2])| (from..=to).contains(&dtd_m);
@@ -42,13 +42,19 @@ impl StatedIntervals {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::metrics::Group;
 
     #[test]
     fn every_flight_counts_the_same_and_ticks_without_an_interval_not_at_all() {
+        let alike = Outcome::of_answer(1_000.0, Some(1_000.0));
         let tick = |scenario, interval_m| Outcome {
-            scenario,
+            of: Group {
+                scenario,
+                ..*alike.of
+            }
+            .leaked(),
             interval_m,
-            ..Outcome::of_answer(1_000.0, Some(1_000.0))
+            ..alike
         };
         let (holds, misses) = (Some([990.0, 1_010.0]), Some([1_001.0, 1_011.0]));
         let outcomes = [
