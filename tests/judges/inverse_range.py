@@ -66,7 +66,7 @@ def terms(coordinates, fit):
 
 
 def huber(z, count):
-    """Huber's loss of squares and its derivatives for the first so many; the squares themselves for the ridge after them."""
+    """Huber's loss of squares and its derivatives for the first `count`; the squares themselves for the ridge after them."""
     far = np.where(np.arange(len(z)) < count, np.maximum(z, 1.0), 1.0)
     value = np.where(far > 1.0, 2.0 * np.sqrt(far) - 1.0, z)
     return np.stack([value, far**-0.5, np.where(far > 1.0, -0.5 * far**-1.5, 0.0)])

@@ -28,7 +28,7 @@ use crate::training_loop::Task;
 
 /// The weights of the largest networks, three times, in base 64.
 const CHECKPOINT: FileKind = FileKind::new("checkpoint", 16 << 30).unlinked();
-/// Saving takes at most one part in so many of the time.
+/// Saving takes at most one part in this many of the time.
 const SHARE_OF_TIME: u32 = 50;
 
 /// All that determines the numbers of a training.

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::{Map, Value};
 
-/// At most so many differences are named.
+/// Differences beyond this number are counted, not named.
 const MOST_NAMED: usize = 8;
 
 /// The differences, each as the path of the value, its value here and that there.

@@ -11,34 +11,17 @@ use dataset::progress::Silent;
 use dataset::seal;
 use tempfile::TempDir;
 use testkit::synthetic::SyntheticCorpus;
-use trainer::config::Optimisation;
 use trainer::{
     Error, EvaluationConfig, JudgedSide, Metrics, RunFolder, TrainConfig, evaluate, predict, train,
 };
+
+mod hardly_trained;
+use hardly_trained::hardly_trained;
 
 /// A run of hardly trained, tiny networks: its formulas are as good as any.
 struct Trained {
     folder: TempDir,
     run: RunFolder,
-}
-
-fn hardly_trained() -> TrainConfig {
-    let steps = Optimisation {
-        steps: 20,
-        batch_size: 16,
-        learning_rate: 1e-3,
-    };
-    let mut config = TrainConfig::default();
-    config.calibration.hidden = vec![8];
-    config.calibration.features = 8;
-    config.calibration.head_hidden = vec![8];
-    config.calibration.optimisation = steps.clone();
-    config.estimator.lstm = vec![8];
-    config.estimator.head_hidden = vec![8];
-    config.estimator.optimisation = steps.clone();
-    config.mono.hidden = vec![8];
-    config.mono.optimisation = steps;
-    config
 }
 
 fn corpus_in(folder: &Path, corpus: SyntheticCorpus) -> Corpus {

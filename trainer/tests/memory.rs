@@ -8,14 +8,16 @@ use dataset::corpus::Corpus;
 use dataset::frame_rate::FrameRate;
 use dataset::progress::Silent;
 use testkit::synthetic::SyntheticCorpus;
-use trainer::config::Optimisation;
-use trainer::{EvaluationConfig, JudgedSide, RunFolder, TrainConfig, evaluate, predict, train};
+use trainer::{EvaluationConfig, JudgedSide, RunFolder, evaluate, predict, train};
+
+mod hardly_trained;
+use hardly_trained::hardly_trained;
 
 const GIB: f64 = (1_u64 << 30) as f64;
 const FULL_TICKS: f64 = 770_000.0;
 const MOST_GIB: f64 = 1.25;
 
-/// Seven flights with registered views, so many times.
+/// Flights with registered views, seven for each of `times`.
 fn corpus(folder: &Path, times: usize, seed: u64) -> Corpus {
     let tiny = SyntheticCorpus::tiny();
     let corpus = SyntheticCorpus {
@@ -31,25 +33,6 @@ fn corpus(folder: &Path, times: usize, seed: u64) -> Corpus {
         ..tiny
     };
     corpus.write(folder).unwrap()
-}
-
-fn hardly_trained() -> TrainConfig {
-    let steps = Optimisation {
-        steps: 20,
-        batch_size: 16,
-        learning_rate: 1e-3,
-    };
-    let mut config = TrainConfig::default();
-    config.calibration.hidden = vec![8];
-    config.calibration.features = 8;
-    config.calibration.head_hidden = vec![8];
-    config.calibration.optimisation = steps.clone();
-    config.estimator.lstm = vec![8];
-    config.estimator.head_hidden = vec![8];
-    config.estimator.optimisation = steps.clone();
-    config.mono.hidden = vec![8];
-    config.mono.optimisation = steps;
-    config
 }
 
 /// The most memory that this process had while something ran, bytes.

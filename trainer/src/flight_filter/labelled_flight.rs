@@ -33,8 +33,7 @@ pub(super) struct LabelledFlight {
 
 impl LabelledFlight {
     /// The flights of the training side, each measured by fits to others if there are some, and those of the validation side. Boxes are
-    /// those that an evaluation would believe, not those that hold the aircraft: intervals are for ticks without truth. `training`: what
-    /// `fits` were fitted to.
+    /// filtered as in an evaluation, which does not know which of them hold the aircraft. `training`: what `fits` were fitted to.
     pub(super) fn held_out(
         fits: &InverseRange,
         samples: &Samples,
