@@ -24,7 +24,9 @@ use crate::samples::{FARTHEST_M, Observation, Sample};
 use crate::view_shift::Places;
 
 pub(crate) use measurement::{Measurement, scale_m};
-use robust_fit::{Rows, Scales, Solution, coordinates, dot, normalise, terms_of, write_terms};
+use robust_fit::{
+    Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
+};
 
 /// Ticks per coefficient below which there is no fit.
 const TICKS_PER_COEFFICIENT: usize = 3;
@@ -70,6 +72,10 @@ struct Fit {
     coefficients_per_m: Vec<f64>,
     /// Standard deviation of the relative error on the training side, robust, and corrected for the number of coefficients.
     deviation: f64,
+    /// Of a view by itself, the covariance of the coefficients, row by row, in squares of the deviation, if each training flight were one
+    /// tick. Empty of several views, which need no other flights than these, and of runs of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    covariance_per_m2: Vec<f64>,
 }
 
 impl InverseRange {
@@ -118,7 +124,7 @@ impl InverseRange {
         let mut applicable =
             (self.fits.iter()).filter_map(|fit| Some((fit, fit.set.places(observed)?)));
         let (fit, places) = applicable.next()?;
-        fit.distance_m(&places)
+        fit.distance_m(&fit.terms(&places))
     }
 
     /// Whether each fit is of some of this many views and has as many numbers as these need.
@@ -131,6 +137,7 @@ impl InverseRange {
                 && fit.offset_px.len() == coordinates
                 && fit.scale_px.len() == coordinates
                 && fit.coefficients_per_m.len() == terms_of(coordinates)
+                && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
         })
     }
 
@@ -155,6 +162,7 @@ impl InverseRange {
             others
                 .into_iter()
                 .chain(fit.coefficients_per_m.iter().copied())
+                .chain(fit.covariance_per_m2.iter().copied())
         })
     }
 }
@@ -194,7 +202,7 @@ impl ViewSet {
         let mut rows = Rows::new(self.views.len());
         for sample in training {
             if let Some(places) = self.places(sample) {
-                rows.push(&places, sample.dtd_m);
+                rows.push(&places, sample.dtd_m, sample.scenario);
             }
         }
         let scales = Scales::of(&rows.coordinates, rows.width);
@@ -236,6 +244,11 @@ impl Fit {
         let solution = rows.solve(setback_m, EXACTLY)?;
         let free = rows.len().saturating_sub(terms_of(rows.width)).max(1);
         let freedom = (rows.len() as f64 / free as f64).sqrt();
+        let covariance = match set.views.len() {
+            1 => solution.inverse,
+            _ => Vec::new(),
+        };
+        let together = rows.ticks_per_scenario();
         Some(Self {
             set,
             setback_m,
@@ -243,18 +256,32 @@ impl Fit {
             scale_px: scales.scale_px,
             coefficients_per_m: solution.coefficients_per_m,
             deviation: solution.deviation * freedom,
+            covariance_per_m2: covariance.iter().map(|v| v * together).collect(),
         })
     }
 
-    fn distance_m(&self, places: &Places) -> Option<f64> {
+    /// The normalised terms of places.
+    fn terms(&self, places: &Places) -> Vec<f64> {
         let mut coordinates = coordinates(places);
         normalise(&mut coordinates, &self.offset_px, &self.scale_px);
         let mut terms = Vec::new();
         write_terms(&coordinates, &mut terms);
-        let inverse_range_per_m = dot(&terms, &self.coefficients_per_m);
+        terms
+    }
+
+    fn distance_m(&self, terms: &[f64]) -> Option<f64> {
+        let inverse_range_per_m = dot(terms, &self.coefficients_per_m);
         let distance_m = inverse_range_per_m.recip() - self.setback_m;
         (inverse_range_per_m > 0.0 && (0.0..=FARTHEST_M).contains(&distance_m))
             .then_some(distance_m)
+    }
+
+    /// Variance of the relative error of a distance that the coefficients are to blame for, in squares of the deviation: small where the
+    /// training flights were, and large far from there. 0 where it is not known.
+    fn leverage(&self, terms: &[f64], distance_m: f64) -> f64 {
+        let rows = self.covariance_per_m2.chunks_exact(terms.len());
+        let moved: Vec<f64> = rows.map(|row| dot(row, terms)).collect();
+        sensitivity_m(distance_m, self.setback_m).powi(2) * dot(&moved, terms)
     }
 }
 

@@ -14,7 +14,7 @@ pub(crate) struct Measurement {
     pub of_one_view: bool,
     /// Distance to touchdown, metres.
     pub distance_m: f64,
-    /// Precision of the places, relative to the best ones: its error is as many times larger as this is smaller.
+    /// Precision of the places, relative to the best ones, and of the formula there: its error is as many times larger as this is smaller.
     pub precision: f64,
 }
 
@@ -35,11 +35,15 @@ impl InverseRange {
     pub(crate) fn measurements(&self, observed: &Observation) -> Vec<Measurement> {
         let measured = |(number, fit): (usize, &Fit)| {
             let places = fit.set.places(observed)?;
+            let terms = fit.terms(&places);
+            let distance_m = fit.distance_m(&terms)?;
+            let best = precision(&places);
+            let leverage = fit.leverage(&terms, distance_m);
             Some(Measurement {
                 fit: number,
                 of_one_view: fit.set.views.len() == 1,
-                distance_m: fit.distance_m(&places)?,
-                precision: precision(&places),
+                distance_m,
+                precision: best / (1.0 + best * best * leverage).sqrt(),
             })
         };
         self.fits.iter().enumerate().filter_map(measured).collect()

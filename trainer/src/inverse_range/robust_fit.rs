@@ -1,5 +1,7 @@
 //! Robust least squares of the inverse range on the terms of a quadratic, for cameras at a given distance behind the target.
 
+use std::collections::BTreeSet;
+
 use dataset::least_squares::NormalEquations;
 use dataset::spread::deviation_from_zero;
 
@@ -88,6 +90,11 @@ pub(super) fn normalise(coordinates: &mut [f64], offset_px: &[f64], scale_px: &[
     }
 }
 
+/// What an error of the inverse range is multiplied by to be a relative error of the distance.
+pub(super) fn sensitivity_m(distance_m: f64, setback_m: f64) -> f64 {
+    (distance_m + setback_m).powi(2) / distance_m.max(NEAREST_M)
+}
+
 /// What a fit learns from, tick by tick.
 pub(super) struct Rows {
     /// Coordinates of a tick.
@@ -96,6 +103,8 @@ pub(super) struct Rows {
     pub(super) distances_m: Vec<f64>,
     /// Precision of the places, relative to the best ones.
     precisions: Vec<f64>,
+    /// Scenarios that they are from, each counted once.
+    scenarios: BTreeSet<usize>,
 }
 
 /// Coefficients and what they leave.
@@ -105,6 +114,8 @@ pub(super) struct Solution {
     pub(super) residuals: Vec<f64>,
     /// Their robust standard deviation.
     pub(super) deviation: f64,
+    /// Inverse of the normal equations' matrix, row by row.
+    pub(super) inverse: Vec<f64>,
 }
 
 impl Rows {
@@ -115,11 +126,13 @@ impl Rows {
             coordinates: Vec::new(),
             distances_m: Vec::new(),
             precisions: Vec::new(),
+            scenarios: BTreeSet::new(),
         }
     }
 
-    /// Adds a tick.
-    pub(super) fn push(&mut self, places: &Places, distance_m: f64) {
+    /// Adds a tick of a scenario.
+    pub(super) fn push(&mut self, places: &Places, distance_m: f64, scenario: usize) {
+        self.scenarios.insert(scenario);
         self.coordinates.extend(coordinates(places));
         self.distances_m.push(distance_m);
         self.precisions.push(precision(places));
@@ -130,6 +143,11 @@ impl Rows {
         self.distances_m.len()
     }
 
+    /// Ticks of a scenario: they err together, so that so many count as one.
+    pub(super) fn ticks_per_scenario(&self) -> f64 {
+        self.len() as f64 / self.scenarios.len().max(1) as f64
+    }
+
     /// Every `step`-th row.
     pub(super) fn thinned(&self, step: usize) -> Self {
         let rows = self.coordinates.chunks_exact(self.width);
@@ -138,6 +156,7 @@ impl Rows {
             coordinates: rows.step_by(step).flatten().copied().collect(),
             distances_m: self.distances_m.iter().step_by(step).copied().collect(),
             precisions: self.precisions.iter().step_by(step).copied().collect(),
+            scenarios: self.scenarios.clone(),
         }
     }
 
@@ -145,9 +164,8 @@ impl Rows {
     /// by more than this part of the deviation; `None` if there are none. The deviation settles first and is then kept, because the
     /// problem is convex only for a given one.
     pub(super) fn solve(&self, setback_m: f64, tolerance: f64) -> Option<Solution> {
-        // An error of the inverse range times this is a relative error of the distance.
         let sensitivity_m = |(&distance_m, &precision): (&f64, &f64)| {
-            precision * (distance_m + setback_m).powi(2) / distance_m.max(NEAREST_M)
+            precision * sensitivity_m(distance_m, setback_m)
         };
         let sensitivities_m: Vec<f64> = self
             .distances_m
@@ -216,6 +234,7 @@ impl Rows {
         }
         normal.add_to_diagonal(ridge);
         let coefficients_per_m = normal.solve()?;
+        let inverse = normal.inverse()?.concat();
         let mut residuals = Vec::with_capacity(self.len());
         for (index, row) in rows() {
             write_terms(row, &mut terms);
@@ -227,6 +246,7 @@ impl Rows {
             coefficients_per_m,
             residuals,
             deviation,
+            inverse,
         })
     }
 }

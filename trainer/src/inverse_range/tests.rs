@@ -187,3 +187,50 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
     assert_eq!(refitted.without(0), own.without(0));
     assert_eq!(fitted.with_view_refitted(1, &other_flights[..20]), None);
 }
+
+#[test]
+fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_and_all_views_are_not()
+ {
+    let samples = read(&registered());
+    let fitted = fit(&samples, &samples.of_side(Side::Train));
+    let test = samples.of_side(Side::Test);
+    // Where flights have long joined the usual path.
+    let sample = test.iter().find(|sample| sample.dtd_m < 6_000.0).unwrap();
+    let moved = |right_px: f64| {
+        let boxes = sample.boxes.iter().map(|seen| {
+            seen.map(|seen| dataset::pixel_box::PixelBox {
+                cx_px: seen.cx_px + right_px,
+                ..seen
+            })
+        });
+        let mut moved = sample.observed.clone();
+        moved.boxes = boxes.collect();
+        moved
+    };
+    let [usual, beside] = [0.0, 150.0].map(|right_px| fitted.measurements(&moved(right_px)));
+    let mut alone = 0;
+    for (usual, beside) in usual.iter().zip(&beside) {
+        assert_eq!(usual.fit, beside.fit);
+        if usual.of_one_view {
+            alone += 1;
+            assert!(
+                beside.precision < 0.5 * usual.precision,
+                "{usual:?} {beside:?}"
+            );
+        } else {
+            assert_eq!(beside.precision, usual.precision);
+        }
+    }
+    assert_eq!(alone, 2);
+    // A run of an earlier version has no covariances, and all of its measurements the same precision.
+    let mut before = fitted;
+    for fit in &mut before.fits {
+        fit.covariance_per_m2.clear();
+    }
+    assert!(before.is_of(2));
+    let precisions = |right_px: f64| -> Vec<f64> {
+        let measured = before.measurements(&moved(right_px));
+        measured.iter().map(|m| m.precision).collect()
+    };
+    assert_eq!(precisions(0.0), precisions(150.0));
+}
