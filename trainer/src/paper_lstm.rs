@@ -165,17 +165,21 @@ impl Task for EstimatorTask<'_> {
             .filter(|_| only_together)
             .unwrap_or_else(|| self.dropout.draw(random));
         let batch = draw(from, batch_size, random);
-        let views: Vec<ViewFeatures> =
-            features_of(self.calibration, samples, &batch, *selection, &plain_device)
-                .into_iter()
-                .map(|view| ViewFeatures {
-                    features: Tensor::from_inner(view.features),
-                    present: view.present.map(Tensor::from_inner),
-                })
-                .collect();
+        let views = features_of(self.calibration, samples, &batch, *selection, &plain_device);
+        let plain = estimator.valid();
+        let traced = plain.lstm.trace(&views);
+        let last = Tensor::from_inner(traced.output()).require_grad();
+        let predicted = estimator.head.forward(last.clone());
         let size = batch.len() as f32 / kind_weight(*selection, self.config);
-        let error = samples.squared_error(estimator.forward(&views), &batch, size, *loss, device);
-        GradientsParams::from_grads(error.backward(), estimator)
+        let mut gradients = samples
+            .squared_error(predicted, &batch, size, *loss, device)
+            .backward();
+        let of_last = last.grad_remove(&mut gradients);
+        let mut gradients = GradientsParams::from_grads(gradients, &estimator.head);
+        if let Some(of_last) = of_last {
+            traced.add_gradients(of_last, &mut gradients);
+        }
+        gradients
     }
 
     fn finish(&mut self, estimator: PaperLstm) -> PaperLstm {

@@ -1,0 +1,69 @@
+//! How fast both stages of `paper_lstm` train with the paper's layers, on boxes from geometry. `benches/training_speed.py` compares it with
+//! PyTorch: `cargo run --release -p trainer --example training_speed -- STEPS BATCH_SIZE...` prints a line per stage and batch size, with samples a
+//! second. All batches use both views.
+
+use std::process::ExitCode;
+use std::time::Instant;
+
+use dataset::progress::Progress;
+use testkit::synthetic::SyntheticCorpus;
+use trainer::config::Optimisation;
+use trainer::{TrainConfig, train};
+
+/// When the stages of a training were judged.
+#[derive(Default)]
+struct Times(Vec<(String, Vec<(u64, Instant)>)>);
+
+impl Progress for Times {
+    fn begin(&mut self, stage: &str, _total: u64) {
+        self.0.push((stage.to_owned(), Vec::new()));
+    }
+
+    fn advance(&mut self, done: u64, _note: &str) {
+        if let Some((_, judged)) = self.0.last_mut() {
+            judged.push((done, Instant::now()));
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    let arguments: Result<Vec<usize>, _> = std::env::args().skip(1).map(|n| n.parse()).collect();
+    let Ok([steps, batch_sizes @ ..]) = arguments.as_deref() else {
+        eprintln!("usage: training_speed STEPS BATCH_SIZE...");
+        return ExitCode::from(2);
+    };
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let corpus = SyntheticCorpus {
+        miss_ratio: 0.0,
+        ..SyntheticCorpus::tiny()
+    };
+    let corpus = corpus
+        .write(&folder.path().join("corpus"))
+        .expect("a corpus");
+    for &batch_size in batch_sizes {
+        let mut config = TrainConfig::default();
+        let optimisation = Optimisation {
+            // A third to warm up.
+            steps: 3 * steps,
+            batch_size,
+            learning_rate: 1e-3,
+        };
+        config.calibration.optimisation = optimisation.clone();
+        config.calibration.log_every = *steps;
+        config.estimator.optimisation = optimisation;
+        config.estimator.log_every = *steps;
+        config.estimator.together_first = 1.0;
+        config.mono.optimisation.steps = 1;
+        let mut times = Times::default();
+        train(&corpus, &folder.path().join("run"), &config, &mut times).expect("a training");
+        for (stage, judged) in &times.0[..2] {
+            let [(from, started), .., (to, ended)] = judged[..] else {
+                continue;
+            };
+            let seconds = (ended - started).as_secs_f64();
+            let samples = (to - from) as f64 * batch_size as f64;
+            println!("{stage}\t{batch_size}\t{:.0}", samples / seconds);
+        }
+    }
+    ExitCode::SUCCESS
+}
