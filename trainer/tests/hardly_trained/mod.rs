@@ -3,7 +3,7 @@
 use trainer::TrainConfig;
 use trainer::config::Optimisation;
 
-pub fn hardly_trained() -> TrainConfig {
+pub(crate) fn hardly_trained() -> TrainConfig {
     let steps = Optimisation {
         steps: 20,
         batch_size: 16,
