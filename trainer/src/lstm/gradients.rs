@@ -426,8 +426,8 @@ fn tanh(x: f32) -> f32 {
     2.0 * sigmoid(2.0 * x) - 1.0
 }
 
-/// The exponential function to a relative 2e-7, which the compiler turns into instructions on several numbers at once, as it cannot do with a
-/// call of the library's: Cephes' polynomial, after the power of two is split off.
+/// The exponential function to a relative 2e-7, which the compiler turns into instructions on several numbers at once, as it cannot do
+/// with a call of the library's: Cephes' polynomial, after the power of two is split off.
 fn exp(x: f32) -> f32 {
     /// Adding it leaves an integer in the last bits.
     const ROUND: f32 = 12_582_912.0;
