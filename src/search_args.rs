@@ -1,10 +1,11 @@
 //! Options of every verb that searches pictures for aircraft.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use dataset::corpus::Corpus;
+use dataset::corpus::{Corpus, ScenarioFolder};
 use labeller::tiling::TilingSettings;
 use labeller::{Mode, ModeSettings, RowBand};
 
@@ -13,6 +14,9 @@ use crate::failure::Failure;
 /// Where to look.
 #[derive(Debug, Args)]
 pub(crate) struct SearchArgs {
+    /// Search only these scenarios, separated by commas
+    #[arg(long, value_name = "ID,..", value_delimiter = ',')]
+    only: Vec<String>,
     /// Rows of the pictures to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
     ///
     /// A band of a third of the rows takes a third of the time. `training` needs labels.
@@ -23,11 +27,16 @@ pub(crate) struct SearchArgs {
     /// Only for a model that takes any size; others have tiles of their own size.
     #[arg(long, value_name = "N")]
     tile: Option<u32>,
-    /// Pixels by which neighbouring tiles overlap
+    /// Pixels by which neighbouring tiles overlap, if there are tiles
     #[arg(long, value_name = "N", default_value = "0")]
     overlap: u32,
     /// Seconds between searches of whole pictures with --mode tracked or auto
-    #[arg(long, value_name = "SECONDS", default_value = "1")]
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value = "1",
+        allow_negative_numbers = true
+    )]
     full_every: f64,
 }
 
@@ -82,6 +91,22 @@ impl SearchArgs {
         }
     }
 
+    /// The scenarios to search; rejects identifiers of others.
+    pub(crate) fn scenarios(&self, corpus: &Corpus) -> Result<Option<BTreeSet<String>>, Failure> {
+        if self.only.is_empty() {
+            return Ok(None);
+        }
+        let known = corpus.scenarios().map_err(Failure::of_corpus)?;
+        let known: BTreeSet<String> = known.iter().map(ScenarioFolder::id).collect();
+        match self.only.iter().find(|id| !known.contains(*id)) {
+            None => Ok(Some(self.only.iter().cloned().collect())),
+            Some(id) => Err(Failure::bad_input_message(format!(
+                "--only {id}: {} has no complete scenario of this name; `dtd plan {0}` lists them",
+                corpus.root().display()
+            ))),
+        }
+    }
+
     /// The settings of a search in this corpus.
     pub(crate) fn settings(&self, corpus: &Corpus) -> Result<TilingSettings, Failure> {
         let rows = match self.rows {
@@ -103,7 +128,7 @@ fn of_training(corpus: &Corpus) -> Result<RowBand, Failure> {
     let root: &Path = corpus.root();
     let band = band.ok_or_else(|| {
         Failure::bad_input_message(format!(
-            "--rows training: the training side of {} has no labels; run `dtd label {0}` first, or give TOP:BOTTOM",
+            "--rows training: the training side of {} has no true boxes; run `dtd label {0}` if it has no labels yet, or give TOP:BOTTOM",
             root.display()
         ))
     })?;

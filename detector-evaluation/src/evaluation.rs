@@ -66,8 +66,11 @@ pub fn evaluate_detector(
             Ok((mode, Searcher::load(&options.model, &detect)?))
         })
         .collect::<Result<Vec<_>>>()?;
-    let ids = labelled(corpus)?;
-    let store = SearchStore::take(&options.out)?;
+    let mut ids = labelled(corpus)?;
+    if let Some(only) = &options.detect.only {
+        ids.retain(|(id, _)| only.contains(id));
+    }
+    let store = SearchStore::take(&options.out, corpus)?;
     let Some((_, searcher)) = searchers.first() else {
         return Err(Error::NoMode);
     };
@@ -97,6 +100,8 @@ pub fn evaluate_detector(
                     left: ids.len() - searched.len() - failed.len(),
                 });
             }
+            // Of no scenario in particular.
+            Err(error @ Error::Search(labeller::Error::Option { .. })) => return Err(error),
             Err(error @ (Error::Dataset(_) | Error::Search(_))) => {
                 failed.push(Failure {
                     id: id.clone(),

@@ -16,7 +16,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use dataset::claim::{Claim, Claimed};
-use dataset::corpus::own_folder_around;
+use dataset::corpus::{Corpus, own_folder_around};
 use dataset::detections::{parse_detections, write_detections};
 use dataset::json_file::{read_json, write_json};
 use dataset::open_scenario::OpenScenario;
@@ -57,14 +57,16 @@ struct Record {
 
 impl SearchStore {
     /// Takes a folder for an evaluation: a new or empty one, or one that has held an evaluation.
-    pub(crate) fn take(root: &Path) -> Result<Self> {
+    pub(crate) fn take(root: &Path, corpus: &Corpus) -> Result<Self> {
         let refused = |message: String| Error::Out {
             path: root.to_owned(),
             message,
         };
-        if let Some(own) =
-            own_folder_around(&std::path::absolute(root).map_err(dataset::Error::io("find", root))?)
-        {
+        let absolute =
+            |path: &Path| std::path::absolute(path).map_err(dataset::Error::io("find", path));
+        let (place, judged) = (absolute(root)?, absolute(corpus.root())?);
+        let judged = place.starts_with(&judged).then_some(judged.as_path());
+        if let Some(own) = judged.or_else(|| own_folder_around(&place)) {
             return Err(refused(format!(
                 "is inside {}, where only the corpus' own files belong; name another folder",
                 own.display()

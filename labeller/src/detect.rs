@@ -95,7 +95,7 @@ impl DetectOptions {
             return Err(Error::Option {
                 name: "workers",
                 found: "0".into(),
-                expected: "at least 1",
+                expected: "at least 1".into(),
             });
         }
         Ok(())
@@ -255,6 +255,8 @@ fn detect_with(
                 }
                 End::Elsewhere => pending.push(corpus.scenario(&id)),
                 End::Failed(Error::Stopped) | End::NotBegun => outcome.left.push(id),
+                // Of no scenario in particular.
+                End::Failed(error @ Error::Option { .. }) => return Err(error),
                 End::Failed(error) => outcome.failed.push(Failure {
                     id,
                     reason: error.to_string(),

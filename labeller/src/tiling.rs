@@ -70,7 +70,7 @@ impl TilingSettings {
                 return Err(Error::Option {
                     name,
                     found: value.to_string(),
-                    expected: "a number from 0 to 1",
+                    expected: "a number from 0 to 1".into(),
                 });
             }
         }
@@ -78,39 +78,60 @@ impl TilingSettings {
             return Err(Error::Option {
                 name: "most_windows",
                 found: self.most_windows.to_string(),
-                expected: "1 to 1000",
+                expected: "1 to 1000".into(),
             });
         }
         let tiles = LEAST_TILE_PX..=MOST_TILE_PX;
         if let Some(found) = self.tile_px.filter(|side_px| !tiles.contains(side_px)) {
             return Err(Error::Option {
-                name: "tile_px",
+                name: "--tile",
                 found: found.to_string(),
-                expected: "64 to 16384",
+                expected: "64 to 16384".into(),
             });
         }
         if let Some(RowBand { top_px, bottom_px }) = self.rows.filter(|b| b.top_px >= b.bottom_px) {
             return Err(Error::Option {
-                name: "rows",
+                name: "--rows",
                 found: format!("{top_px}:{bottom_px}"),
-                expected: "a first row above the last",
+                expected: "a first row above the last".into(),
             });
         }
         Ok(())
     }
 
+    /// Checks that some of the rows are in a picture of this height.
+    fn check_rows(&self, height_px: u32) -> Result<()> {
+        match self.rows {
+            Some(band) if band.top_px >= height_px => Err(Error::Option {
+                name: "--rows",
+                found: band.to_string(),
+                expected: format!("rows of the pictures, which have {height_px}"),
+            }),
+            _ => Ok(()),
+        }
+    }
+
     /// Checks that tiles of a model leave something between their overlaps.
     pub(crate) fn check_overlap(&self, size: WindowSize) -> Result<()> {
         let tile_px = match (size, self.tile_px) {
-            (WindowSize::Any { .. }, None) => return Ok(()),
+            (WindowSize::Any { .. }, None) if self.overlap_px == 0 => return Ok(()),
+            (WindowSize::Any { .. }, None) => {
+                return Err(Error::Option {
+                    name: "--overlap",
+                    found: self.overlap_px.to_string(),
+                    expected:
+                        "it together with --tile, since this model sees the whole picture at once"
+                            .into(),
+                });
+            }
             (WindowSize::Any { .. }, Some(tile_px)) => tile_px,
             (fixed, _) => fixed.usual_px().into_iter().min().unwrap_or_default(),
         };
         if self.overlap_px > tile_px / 2 {
             return Err(Error::Option {
-                name: "overlap_px",
+                name: "--overlap",
                 found: self.overlap_px.to_string(),
-                expected: "at most half the side of a tile",
+                expected: format!("at most half the side of a tile, {}", tile_px / 2),
             });
         }
         Ok(())
@@ -202,6 +223,7 @@ fn first_pass(
 ) -> Result<Vec<Sighting>> {
     let size = detector.window_size();
     settings.check_overlap(size)?;
+    settings.check_rows(picture.height_px)?;
     let tiles = first_windows(
         [picture.width_px, picture.height_px],
         size,
@@ -359,6 +381,15 @@ mod tests {
         });
         let found = find_aircraft(&mut finder, &picture, &settings).unwrap();
         assert_eq!(found, [], "the blob is above these rows");
+        settings.rows = Some(RowBand {
+            top_px: 1_280,
+            bottom_px: 2_000,
+        });
+        let refused = find_aircraft(&mut finder, &picture, &settings).unwrap_err();
+        assert!(
+            refused.to_string().contains("1280:2000") && refused.to_string().contains("have 1280"),
+            "{refused}"
+        );
     }
 
     #[test]
@@ -368,8 +399,10 @@ mod tests {
             ..Default::default()
         };
         let message = settings.check_overlap(WindowSize::square(640));
-        assert!(message.unwrap_err().to_string().contains("overlap_px"));
+        assert!(message.unwrap_err().to_string().contains("at most half"));
         assert!(settings.check_overlap(WindowSize::square(642)).is_ok());
+        let whole = settings.check_overlap(WindowSize::Any { multiple_px: 32 });
+        assert!(whole.unwrap_err().to_string().contains("--tile"));
     }
 
     #[test]

@@ -23,6 +23,13 @@ use crate::signals;
 pub(crate) fn run(args: &DetectArgs) -> Outcome {
     let began = Instant::now();
     let corpus = open_filled_corpus(&args.corpus)?;
+    let mut only = args.search.scenarios(&corpus)?;
+    if let Some(part) = of_shard(&corpus, args.shard.or_of_environment("detect")?)? {
+        only = Some(match only {
+            Some(only) => &only & &part,
+            None => part,
+        });
+    }
     let model = Detector::chosen(args.model.as_deref())?;
     let outcome = detect(
         &corpus,
@@ -32,7 +39,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
             device: args.runtime.device,
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(args.mode),
-            only: of_shard(&corpus, args.shard.or_of_environment("detect")?)?,
+            only,
             again: args.again,
             ..DetectOptions::default()
         },
@@ -48,7 +55,11 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
         return Ok(ending);
     }
     if outcome.failed.is_empty() {
-        let next = format!("dtd train {} --out run", args.corpus.display());
+        let corpus = args.corpus.display();
+        let next = match outcome.counts.confirmed {
+            0 => format!("dtd view {corpus}, to see why nothing was found"),
+            _ => format!("dtd train {corpus} --out run"),
+        };
         finish("detect", began, &next);
     }
     Ok(if outcome.failed.is_empty() {
@@ -128,17 +139,24 @@ pub(crate) fn refuse_other_models(model: &Path) -> Result<(), Failure> {
 }
 
 fn print_summary(outcome: &DetectOutcome) {
+    let registered = match outcome.registered.len() {
+        0 => String::new(),
+        registered => format!(", {registered} searched before and registered now"),
+    };
     println!(
-        "{} searched, {} only registered, {} unchanged; {} on {}: detections/{}.parquet",
+        "{} searched{registered}, {} unchanged",
         count(outcome.detected.len(), "scenario"),
-        outcome.registered.len(),
         outcome.unchanged.len(),
-        outcome.model,
-        outcome.device,
-        outcome.model_hash
+    );
+    if outcome.counts.pictures == 0 {
+        return;
+    }
+    println!(
+        "{} on {}: detections/{}.parquet",
+        outcome.model, outcome.device, outcome.model_hash
     );
     println!(
-        "{} detections in {} pictures, {} of them confirmed by others of their track",
+        "{} detections in {} pictures, {} of them in confirmed tracks",
         outcome.counts.detections, outcome.counts.pictures, outcome.counts.confirmed
     );
     if let Some(truth) = &outcome.counts.against_truth {

@@ -32,6 +32,7 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
             device: args.runtime.device,
             settings: args.search.settings(&corpus)?,
             modes: args.search.modes(SearchMode::Full),
+            only: args.search.scenarios(&corpus)?,
             ..DetectOptions::default()
         },
         modes: args
@@ -70,6 +71,10 @@ pub(crate) fn run(args: &EvaluateDetectorArgs) -> Outcome {
         ));
     }
     bar.finish();
+    if evaluation.scenarios.is_empty() {
+        eprintln!("evaluate-detector: no scenario could be searched, so there are no figures");
+        return Ok(Ending::Losses);
+    }
     if args.json {
         print_json(&evaluation)?;
     } else {
@@ -137,6 +142,9 @@ fn print_summary(evaluation: &Evaluation) {
         expected.hidden_by_haze.expected,
         expected.maybe_hidden_by_cloud.expected
     );
+    if expected.in_sight.expected == 0 {
+        println!("no picture shows the aircraft in sight, so nothing could be found or missed");
+    }
 }
 
 fn row(mode: EvaluatedMode, figures: &ModeFigures) -> Vec<String> {

@@ -49,9 +49,9 @@ impl ModeSettings {
             return Ok(());
         }
         Err(Error::Option {
-            name: "full_search_s",
+            name: "--full-every",
             found: self.full_search_s.to_string(),
-            expected: "a time from 0 to 3600 s",
+            expected: "a time from 0 to 3600 s".into(),
         })
     }
 }

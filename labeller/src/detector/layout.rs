@@ -106,9 +106,16 @@ impl Layout {
 
     /// Whether an output of this shape can have this layout.
     pub(super) fn fits(self, shape: &[usize], window_px: [u32; 2]) -> bool {
+        let of_grids =
+            || [STRIDES.as_slice(), &STRIDES_OF_LARGE].map(|strides| cells(window_px, strides));
         match (self, shape) {
             (Self::BatchCorners, &[_, columns]) => columns == 7,
-            (Self::Rows | Self::AnchorRows, &[_, _, columns]) => columns >= 6,
+            (Self::Rows, &[_, _, columns]) => columns >= 6,
+            // One a cell: YOLOX with its decoder, YOLOv6.
+            (Self::AnchorRows, &[_, rows, columns]) => {
+                let is_grid = |cells| rows == cells || rows == 3 * cells;
+                columns >= 6 && (rows == 0 || of_grids().into_iter().any(is_grid))
+            }
             (Self::Yolox, &[_, rows, columns]) => {
                 rows == cells(window_px, &STRIDES) && columns >= 6
             }
@@ -121,7 +128,8 @@ impl Layout {
     /// The shapes that have this layout, in words.
     pub(super) fn shape(self) -> &'static str {
         match self {
-            Self::Rows | Self::AnchorRows => "[batch, candidates, 5 + classes]",
+            Self::Rows => "[batch, candidates, 5 + classes]",
+            Self::AnchorRows => "[batch, one or three a cell of strides 8, 16 and 32, 5 + classes]",
             Self::Yolox => "[batch, cells of strides 8, 16 and 32, 5 + classes]",
             Self::Columns => "[batch, 4 + classes, candidates]",
             Self::Corners => "[batch, boxes, 6]",
@@ -291,7 +299,11 @@ impl Decoding {
             BoxOrigin::PixelCenter => 0.0,
             BoxOrigin::PixelCorner => -0.5,
         };
-        (width_px > 0.0 && height_px > 0.0).then(|| ScoredBox {
+        // What is that far away, or that large, is no box but an overflow that happens to be finite.
+        let most_px = 4.0 * f64::from(self.window_px[0].max(self.window_px[1]));
+        let is_near = [cx, cy].iter().all(|at_px| at_px.abs() <= most_px);
+        let is_size = |px: f64| px > 0.0 && px <= most_px;
+        (is_near && is_size(width_px) && is_size(height_px)).then(|| ScoredBox {
             pixel_box: PixelBox {
                 cx_px: cx + to_pixel_centre,
                 cy_px: cy + to_pixel_centre,

@@ -223,8 +223,14 @@ fn boxes_without_a_size_or_with_an_endless_one_are_none() {
     // A size that overflows when decoded, and a negative one.
     data[..6].copy_from_slice(&[1.0, 1.0, 100.0, 1.0, 1.0, 1.0]);
     assert_eq!(decode(&[1, 8_400, 6], &data, 1, Said::default()), [vec![]]);
-    let data = [1.0, 1.0, -3.0, 1.0, 1.0, 1.0];
-    assert_eq!(decode(&[1, 1, 6], &data, 1, Said::default()), [vec![]]);
+    for numbers in [
+        [1.0, 1.0, -3.0, 1.0],
+        [-1e9, 1.0, 9.0, 9.0],
+        [1.0, 1.0, 9.0, 1e9],
+    ] {
+        let data = [&numbers[..], &[1.0, 1.0]].concat();
+        assert_eq!(decode(&[1, 1, 6], &data, 1, Said::default()), [vec![]]);
+    }
 }
 
 #[test]
@@ -250,7 +256,8 @@ fn an_empty_answer_is_no_detection_in_any_layout() {
 
 #[test]
 fn shapes_that_do_not_fit_are_refused_with_what_was_expected() {
-    let cases: [(Layout, &[usize], &str); 8] = [
+    let cases: [(Layout, &[usize], &str); 9] = [
+        (Layout::AnchorRows, &[2, 84, 0], "one or three a cell"),
         (Layout::Rows, &[1, 0, 6], "an answer for each window"),
         (Layout::Rows, &[2, 0, 5], "[batch, candidates, 5 + classes]"),
         (Layout::Rows, &[], "[batch, candidates, 5 + classes]"),
