@@ -19,6 +19,7 @@ export const MARKS = {
 export class Picture {
   constructor(view, { onzoom, ondrag }) {
     this.view = view;
+    /** An image, or a video that plays; null with a message. */
     this.image = null;
     this.message = '';
     /** Boxes { kind, cx, cy, width, height } and points { kind, x, y }, in pixels of the picture; (0, 0) is the centre of a pixel. */
@@ -32,16 +33,34 @@ export class Picture {
     this.canvas = element('canvas', { class: 'picture', role: 'img', 'aria-label': `Picture of view ${view.id}` });
     this.inset = element('canvas', { class: 'inset', 'aria-hidden': 'true' });
     this.said = element('span', { class: 'said' });
-    this.element = element('figure', { class: 'view' },
-      element('div', { class: 'frame' }, this.canvas, this.inset),
+    this.frame = element('div', { class: 'frame' }, this.canvas, this.inset);
+    this.element = element('figure', { class: 'view' }, this.frame,
       element('figcaption', {}, element('strong', {}, view.id), ' ', this.said));
     this.canvas.style.aspectRatio = `${view.width_px || 3} / ${view.height_px || 2}`;
+    this.sizes = new Map();
     this.canvas.addEventListener('wheel', event => {
       event.preventDefault();
       onzoom(event.deltaY < 0 ? 1 : -1);
     }, { passive: false });
     this.canvas.addEventListener('pointerdown', event => this.beginDrag(event, ondrag));
-    new ResizeObserver(() => this.draw()).observe(this.canvas);
+    const resized = new ResizeObserver(entries => {
+      // Asking the canvas for its size would lay out the page again at every tick.
+      for (const { target, contentRect } of entries) this.sizes.set(target, contentRect);
+      this.draw();
+    });
+    for (const canvas of [this.canvas, this.inset]) resized.observe(canvas);
+  }
+
+  /** Takes an image, a video, or an error; `draw` shows it. */
+  take(found) {
+    const isError = found instanceof Error;
+    this.image = isError ? null : found;
+    this.message = isError ? found.message : '';
+    if (this.image === this.video) return;
+    this.video?.remove();
+    this.video = this.image instanceof HTMLVideoElement ? this.image : undefined;
+    // A canvas would convert every picture once more. Whole pictures are shown by the video below it.
+    if (this.video) this.frame.prepend(this.video);
   }
 
   beginDrag(event, ondrag) {
@@ -64,18 +83,19 @@ export class Picture {
   }
 
   draw() {
-    const size = drawn(this.canvas);
+    const size = this.context(this.canvas);
     if (!size) return;
     const whole = { x: (this.view.width_px - 1) / 2, y: (this.view.height_px - 1) / 2 };
     const fit = Math.min(size.width / this.view.width_px, size.height / this.view.height_px);
     const main = this.zoom === null ? { scale: fit, middle: whole } : { scale: this.zoom, middle: this.middle() };
     this.drawOn(size, main, 1.5);
-    const isUseful = this.hasInset && this.image && (this.zoom !== null || this.target);
+    // A small copy of a whole picture costs as much as a large one: too much while it plays.
+    const isUseful = this.hasInset && this.image && (this.zoom === null ? this.target : !this.video);
     this.inset.hidden = !isUseful;
     if (!isUseful) return;
     const isRight = this.zoom === null && this.target.x > this.view.width_px * 0.6 && this.target.y > this.view.height_px * 0.55;
     this.inset.classList.toggle('other-side', isRight);
-    const inset = drawn(this.inset);
+    const inset = this.context(this.inset);
     if (!inset) return;
     if (this.zoom === null) {
       this.drawOn(inset, { scale: closest(inset.width * FILLED / this.target.width), middle: this.target }, 1.5);
@@ -91,14 +111,28 @@ export class Picture {
     context.strokeRect(x - width / 2, y - height / 2, width, height);
   }
 
+  /** A canvas as large as its place on the screen, with a context in CSS pixels; null if it has no place. */
+  context(canvas) {
+    const { width, height } = this.sizes.get(canvas) ?? { width: 0, height: 0 };
+    if (!width || !height) return null;
+    const ratio = devicePixelRatio || 1;
+    const [columns, rows] = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (canvas.width !== columns) canvas.width = columns;
+    if (canvas.height !== rows) canvas.height = rows;
+    const context = canvas.getContext('2d');
+    context.setTransform(columns / width, 0, 0, rows / height, 0, 0);
+    return { context, width, height };
+  }
+
   drawOn(size, shown, lineWidth) {
     const { context, width, height } = size;
     const { scale } = shown;
-    context.fillStyle = '#15181c';
-    context.fillRect(0, 0, width, height);
+    context.clearRect(0, 0, width, height);
     // Edges of pixels are half a pixel before and after their centres.
     const [left, top] = place(size, shown, { x: -0.5, y: -0.5 });
-    if (this.image) {
+    if (this.video && scale < 1) {
+      // It is below the canvas.
+    } else if (this.image) {
       context.imageSmoothingEnabled = scale < 1;
       context.imageSmoothingQuality = 'medium';
       const { width_px, height_px } = this.view;
@@ -107,7 +141,7 @@ export class Picture {
       const columns = Math.min(width_px, Math.ceil((width - left) / scale)) - x;
       const rows = Math.min(height_px, Math.ceil((height - top) / scale)) - y;
       if (columns > 0 && rows > 0) {
-        context.drawImage(this.image, x, y, columns, rows, left + x * scale, top + y * scale, columns * scale, rows * scale);
+        drawPart(context, this.image, { x, y, columns, rows }, [left + x * scale, top + y * scale, columns * scale, rows * scale]);
       }
     } else {
       context.fillStyle = '#e6edf3';
@@ -151,17 +185,18 @@ export class Picture {
   }
 }
 
-/** A canvas as large as its place on the screen, with a context in CSS pixels; null if it has no place. */
-function drawn(canvas) {
-  const { clientWidth: width, clientHeight: height } = canvas;
-  if (!width || !height) return null;
-  const ratio = devicePixelRatio || 1;
-  const [columns, rows] = [Math.round(width * ratio), Math.round(height * ratio)];
-  if (canvas.width !== columns) canvas.width = columns;
-  if (canvas.height !== rows) canvas.height = rows;
-  const context = canvas.getContext('2d');
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  return { context, width, height };
+/** Draws a part of an image. Of a coded picture only that part is converted, which is most of the work. */
+function drawPart(context, image, { x, y, columns, rows }, place) {
+  if (!(image instanceof HTMLVideoElement) && !(globalThis.VideoFrame && image instanceof VideoFrame)) {
+    context.drawImage(image, x, y, columns, rows, ...place);
+    return;
+  }
+  // Two columns and two rows share their colour.
+  const [left, top] = [x - x % 2, y - y % 2];
+  const [width, height] = [columns + x - left, rows + y - top].map(side => side + side % 2);
+  const part = new VideoFrame(image, { visibleRect: { x: left, y: top, width, height }, displayWidth: width, displayHeight: height });
+  context.drawImage(part, x - left, y - top, columns, rows, ...place);
+  part.close();
 }
 
 /** Where a point of the picture is on a canvas. */

@@ -1,14 +1,19 @@
-// Pictures of all views in step: exact ones, decoded by the server, for each tick that is looked at; and videos, played by the browser,
-// of which a tick is shown only once all views have its picture.
+// Pictures of all views in step: those that the server decodes, for each tick that is looked at; and videos, which the browser plays by
+// one clock.
 
 import { RequestError } from './dom.js';
 
 /** Memory for decoded pictures, bytes. */
 const STILL_BYTES = 240e6;
-/** Up to this many pictures a second, of all views, the server's exact ones are played. */
+/** Up to this many pictures a second, of all views, the server's pictures are played. */
 const FEW_PICTURES_PER_S = 24;
-/** Pictures of a video that wait for those of the other views. */
-const MOST_WAITING = 6;
+/** The server sends pictures as they are coded, half the bytes of a bitmap, to browsers that can draw them. */
+const FORM = 'VideoFrame' in globalThis ? { as: 'planes' } : {};
+/** Part that a frame of the screen has in the mean distance between two videos: it covers about half a second. */
+const SMOOTHING = 0.03;
+/** By how much a video that is not in step is faster or slower. */
+const CORRECTION = 0.04;
+const COLOURS = { matrix: 'bt709', primaries: 'bt709', transfer: 'bt709', fullRange: true };
 
 /** Pictures from the server, the last ones kept. */
 class Stills {
@@ -38,7 +43,7 @@ class Stills {
   }
 
   async fetch(view, tick) {
-    const query = new URLSearchParams({ scenario: this.scenario, view, tick });
+    const query = new URLSearchParams({ scenario: this.scenario, view, tick, ...FORM });
     let response;
     try {
       response = await fetch(`/frame?${query}`);
@@ -49,7 +54,11 @@ class Stills {
       const answer = await response.json().catch(() => ({}));
       throw new RequestError(answer.error ?? `the picture cannot be had: ${response.status}`);
     }
-    return createImageBitmap(await response.blob(), { colorSpaceConversion: 'none' });
+    const size = response.headers.get('picture-size');
+    if (!size) return createImageBitmap(await response.blob(), { colorSpaceConversion: 'none' });
+    const [codedWidth, codedHeight] = size.split('x').map(Number);
+    const planes = await response.arrayBuffer();
+    return new VideoFrame(planes, { format: 'I420', codedWidth, codedHeight, timestamp: 0, colorSpace: COLOURS, transfer: [planes] });
   }
 
   close() {
@@ -63,20 +72,16 @@ class Videos {
   constructor(scenario, views, rate, show) {
     this.rate = rate;
     this.show = show;
-    this.waiting = new Map(views.map(view => [view.id, new Map()]));
     this.elements = views.map(view => {
       const video = document.createElement('video');
       video.muted = true;
       video.playsInline = true;
       video.preload = 'auto';
-      video.className = 'playing';
       video.setAttribute('aria-hidden', 'true');
       video.tabIndex = -1;
       video.src = `/video?${new URLSearchParams({ scenario, view: view.id })}`;
-      document.body.append(video);
       return video;
     });
-    this.ids = views.map(view => view.id);
   }
 
   /** Plays from a tick; rejects if this browser cannot. */
@@ -95,53 +100,48 @@ class Videos {
     }));
     this.speed = speed;
     this.isPlaying = true;
-    this.elements.forEach((video, index) => this.watch(video, this.ids[index]));
+    this.show(tick, this.elements);
+    this.watch();
     await Promise.all(this.elements.map(video => video.play()));
   }
 
-  watch(video, id) {
-    const presented = (_now, { mediaTime }) => {
-      if (!this.isPlaying) return;
-      const tick = Math.round(mediaTime * this.rate.numerator / this.rate.denominator);
-      const waiting = this.waiting.get(id);
-      waiting.get(tick)?.close();
-      waiting.set(tick, new VideoFrame(video));
-      while (waiting.size > MOST_WAITING) this.drop(waiting, waiting.keys().next().value);
-      this.compose();
-      this.keepInStep();
+  /** The first view leads: its pictures say which tick is shown. */
+  watch() {
+    const shown_s = this.elements.map(() => null);
+    const [leader, ...others] = this.elements.map((video, index) => {
+      const presented = (_now, { mediaTime }) => {
+        shown_s[index] = mediaTime;
+        if (this.isPlaying) video.requestVideoFrameCallback(presented);
+      };
       video.requestVideoFrameCallback(presented);
+      return index;
+    });
+    const behind_s = others.map(() => 0);
+    let tick = null;
+    const frame = () => {
+      if (!this.isPlaying) return;
+      requestAnimationFrame(frame);
+      if (shown_s.includes(null)) return;
+      const latest = Math.round(shown_s[leader] * this.rate.numerator / this.rate.denominator);
+      if (latest !== tick) this.show(latest, this.elements);
+      tick = latest;
+      others.forEach((index, number) => {
+        behind_s[number] += (shown_s[leader] - shown_s[index] - behind_s[number]) * SMOOTHING;
+        this.keepInStep(this.elements[index], behind_s[number]);
+      });
     };
-    video.requestVideoFrameCallback(presented);
+    requestAnimationFrame(frame);
   }
 
-  /** Shows the latest tick that all views have. */
-  compose() {
-    const [first, ...others] = this.waiting.values();
-    const common = [...first.keys()].filter(tick => others.every(other => other.has(tick)));
-    if (!common.length) return;
-    const tick = Math.max(...common);
-    this.show(tick, this.ids.map(id => this.waiting.get(id).get(tick)));
-    for (const waiting of this.waiting.values()) {
-      for (const old of [...waiting.keys()]) if (old <= tick) this.drop(waiting, old);
-    }
-  }
-
-  drop(waiting, tick) {
-    waiting.get(tick).close();
-    waiting.delete(tick);
-  }
-
-  /** The first view leads; the others run a little faster or slower. */
-  keepInStep() {
-    const [leader, ...others] = this.elements;
+  /**
+   * A video whose pictures come late runs a little faster for a while, and an early one slower. What decides is its pictures: times that a
+   * video states (`currentTime`) are up to two pictures off.
+   */
+  keepInStep(video, behind_s) {
     const period_s = this.rate.denominator / this.rate.numerator;
-    for (const video of others) {
-      const behind_s = leader.currentTime - video.currentTime;
-      if (Math.abs(behind_s) > Math.max(0.5, 4 * period_s)) video.currentTime = leader.currentTime;
-      const nudge = Math.abs(behind_s) < period_s / 3 ? 0 : Math.max(-0.1, Math.min(0.1, behind_s));
-      const speed = this.speed * (1 + nudge);
-      if (Math.abs(video.playbackRate - speed) > 0.005) video.playbackRate = speed;
-    }
+    const isCorrected = video.playbackRate !== this.speed;
+    if (Math.abs(behind_s) < period_s * (isCorrected ? 0.2 : 0.6)) video.playbackRate = this.speed;
+    else if (!isCorrected) video.playbackRate = this.speed * (1 + Math.sign(behind_s) * CORRECTION);
   }
 
   get hasEnded() {
@@ -151,9 +151,6 @@ class Videos {
   pause() {
     this.isPlaying = false;
     for (const video of this.elements) video.pause();
-    for (const waiting of this.waiting.values()) {
-      for (const old of [...waiting.keys()]) this.drop(waiting, old);
-    }
   }
 
   close() {
@@ -161,12 +158,11 @@ class Videos {
     for (const video of this.elements) {
       video.removeAttribute('src');
       video.load();
-      video.remove();
     }
   }
 }
 
-/** Shows ticks. `show(tick, pictures)` is told each one, with an image or an error for each view. */
+/** Shows ticks. `show(tick, pictures)` is told each one, with an image, a playing video or an error for each view. */
 export class Player {
   constructor({ scenario, views, rate, ticks, show, changed }) {
     Object.assign(this, { scenario, views, rate, ticks, show, changed });
@@ -211,7 +207,7 @@ export class Player {
     this.changed();
     if (this.tick >= this.ticks - 1) await this.step(0);
     const pictures_per_s = this.rate.numerator / this.rate.denominator * speed * this.views.length;
-    const isPossible = 'requestVideoFrameCallback' in HTMLVideoElement.prototype && 'VideoFrame' in globalThis;
+    const isPossible = 'requestVideoFrameCallback' in HTMLVideoElement.prototype;
     if (pictures_per_s > FEW_PICTURES_PER_S && isPossible) {
       try {
         await this.playVideos(speed);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
 use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Router, middleware};
@@ -19,9 +19,13 @@ use tokio::task::spawn_blocking;
 use crate::doorkeeper::{OwnNames, guard};
 use crate::error::ViewError;
 use crate::library::Library;
+use crate::pictures::{Form, Picture};
 use crate::refusal::Refusal;
 use crate::run::{Run, Summary};
 use crate::{assets, overview, path, scenario_tables, video_file};
+
+/// Columns and rows of a picture that is sent as planes.
+const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
 
 /// What to show, and where.
 #[derive(Debug)]
@@ -119,6 +123,8 @@ struct OfPicture {
     scenario: String,
     view: String,
     tick: u32,
+    #[serde(rename = "as")]
+    form: Option<Form>,
 }
 
 async fn corpus(State(library): State<Arc<Library>>) -> Answer {
@@ -135,7 +141,7 @@ async fn runs(State(library): State<Arc<Library>>) -> Answer {
 
 async fn flown_path(State(library): State<Arc<Library>>, asked: Asked<OfScenario>) -> Answer {
     let OfScenario { scenario } = understood(asked)?;
-    blocking(move || json(&path::read(&*library.open(&scenario)?)?)).await
+    blocking(move || json(&path::read(&*library.look_into(&scenario)?)?)).await
 }
 
 async fn scenario(State(library): State<Arc<Library>>, asked: Asked<OfScenario>) -> Answer {
@@ -152,10 +158,19 @@ async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> 
         scenario,
         view,
         tick,
+        form,
     } = understood(asked)?;
     blocking(move || {
-        let picture = library.open(&scenario)?.picture(&view, tick)?;
-        Ok(([(CONTENT_TYPE, "image/bmp")], picture).into_response())
+        let form = form.unwrap_or(Form::Bitmap);
+        let Picture { bytes, size_px } = library.open(&scenario)?.picture(&view, tick, form)?;
+        Ok(match size_px {
+            None => ([(CONTENT_TYPE, "image/bmp")], bytes).into_response(),
+            Some([width, height]) => {
+                let kind = (CONTENT_TYPE, "application/octet-stream".to_owned());
+                let size = (PICTURE_SIZE, format!("{width}x{height}"));
+                ([kind, size], bytes).into_response()
+            }
+        })
     })
     .await
 }
