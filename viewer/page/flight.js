@@ -19,8 +19,6 @@ function byTick(columns, make) {
 const boxOf = ({ cx_px, cy_px, width_px, height_px }, row) =>
   ({ cx: cx_px[row], cy: cy_px[row], width: width_px[row], height: height_px[row] });
 
-const middle = box => box ? { x: box.cx, y: box.cy, width: box.width } : null;
-
 /** The row of the tick next to this one that has any. */
 function nearest(rows, tick) {
   let best = null;
@@ -89,12 +87,11 @@ export class Flight {
   seen(id, tick, layers) {
     const truth = this.truth.get(id).get(tick) ?? [];
     const found = this.detections.get(id).get(tick) ?? [];
-    const counted = found.filter(box => box.confirmed).sort((one, other) => other.score - one.score);
+    const counted = this.counted(id, tick);
     const marks = [];
     if (layers.has('truth')) marks.push(...truth.map(box => ({ kind: 'truth', ...box })));
     if (layers.has('detections')) marks.push(...found.map(box => ({ kind: box.confirmed ? 'detection' : 'unconfirmed', ...box })));
     if (layers.has('shifts')) marks.push(...this.shiftPoints(id, tick));
-    const target = middle(truth[0] ?? counted[0] ?? nearest(this.truth.get(id), tick) ?? nearest(this.detections.get(id), tick));
     const words = [];
     if (truth[0]) words.push(`true box ${boxWords(truth[0])}`);
     if (counted[0]) words.push(`detected ${boxWords(counted[0])}, score ${fixed(counted[0].score, 2)}`);
@@ -104,7 +101,20 @@ export class Flight {
       words.push(registration.reason ? `no shift: ${registration.reason}`
         : `shift against ${registration.reference} ${fixed(registration.dx, 2)}, ${fixed(registration.dy, 2)} px`);
     }
-    return { marks, target, words: words.join('; ') || 'nothing is known about this picture' };
+    return { marks, target: this.target(id, tick), words: words.join('; ') || 'nothing is known about this picture' };
+  }
+
+  /** Detections of confirmed tracks, the surest first. */
+  counted(id, tick) {
+    const found = this.detections.get(id).get(tick) ?? [];
+    return found.filter(box => box.confirmed).sort((one, other) => other.score - one.score);
+  }
+
+  /** Where the aircraft is in a view, or is thought to be: { x, y, width }, pixels; null if nothing is known. */
+  target(id, tick) {
+    const box = this.truth.get(id).get(tick)?.[0] ?? this.counted(id, tick)[0]
+      ?? nearest(this.truth.get(id), tick) ?? nearest(this.detections.get(id), tick);
+    return box ? { x: box.cx, y: box.cy, width: box.width } : null;
   }
 
   /** The followed point: in the reference view, and where it is in this one. */

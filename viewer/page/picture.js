@@ -7,6 +7,10 @@ import { fixed } from './units.js';
 export const ZOOMS = [null, 1, 2, 4, 8, 16, 32];
 /** Part of the inset's width that the aircraft may fill. */
 const FILLED = 0.6;
+/** Width of the inset in parts of the picture's, as in the style sheet, and its height in parts of its width. */
+const INSET = { width: 0.34, height: 2 / 3 };
+/** Pixels around a magnified part that are there when it is dragged. */
+const MARGIN_PX = 24;
 /** Colours over pictures, which are neither light nor dark. */
 export const MARKS = {
   truth: { colour: '#39ff5a', dash: [], name: 'true box' },
@@ -17,9 +21,9 @@ export const MARKS = {
 
 /** A view of the player. `view` has id, width_px and height_px. */
 export class Picture {
-  constructor(view, { onzoom, ondrag }) {
+  constructor(view, { onzoom, ondrag, onneed }) {
     this.view = view;
-    /** An image, or a video that plays; null with a message. */
+    /** A picture from the server, or a video that plays; null with a message. */
     this.image = null;
     this.message = '';
     /** Boxes { kind, cx, cy, width, height } and points { kind, x, y }, in pixels of the picture; (0, 0) is the centre of a pixel. */
@@ -42,16 +46,39 @@ export class Picture {
       event.preventDefault();
       onzoom(event.deltaY < 0 ? 1 : -1);
     }, { passive: false });
-    this.canvas.addEventListener('pointerdown', event => this.beginDrag(event, ondrag));
+    this.canvas.addEventListener('pointerdown', event => this.beginDrag(event, ondrag, onneed));
     const resized = new ResizeObserver(entries => {
       // Asking the canvas for its size would lay out the page again at every tick.
       for (const { target, contentRect } of entries) this.sizes.set(target, contentRect);
       this.draw();
+      onneed();
     });
     for (const canvas of [this.canvas, this.inset]) resized.observe(canvas);
   }
 
-  /** Takes an image, a video, or an error; `draw` shows it. */
+  /** What is visible of a picture in which the aircraft is at `target`: one of `every` columns, and a part { x, y, width, height } of it. */
+  need(target) {
+    const { width, height } = this.sizes.get(this.canvas) ?? { width: this.canvas.clientWidth, height: this.canvas.clientHeight };
+    if (!width || !height) return { every: 1, part: null };
+    const inset = { width: width * INSET.width, height: width * INSET.width * INSET.height };
+    const isWhole = this.zoom === null;
+    const small = (isWhole ? width : inset.width) * (devicePixelRatio || 1);
+    const every = Math.max(1, Math.min(16, Math.floor(this.view.width_px / small)));
+    if (isWhole && !(target && this.hasInset)) return { every, part: null };
+    const magnified = isWhole ? { ...inset, scale: closest(inset.width * FILLED / target.width), middle: target }
+      : { width, height, scale: this.zoom, middle: this.centre ?? target ?? this.middle() };
+    // Colours belong to two by two pixels.
+    const even = value => 2 * Math.floor(value / 2);
+    const stretch = (middle, length, side) => {
+      const from = Math.max(0, even(middle - length / 2 - MARGIN_PX));
+      return [from, Math.min(even(side), even(middle + length / 2 + MARGIN_PX) + 2) - from];
+    };
+    const [x, columns] = stretch(magnified.middle.x, magnified.width / magnified.scale, this.view.width_px);
+    const [y, rows] = stretch(magnified.middle.y, magnified.height / magnified.scale, this.view.height_px);
+    return { every, part: columns > 0 && rows > 0 ? [x, y, columns, rows] : null };
+  }
+
+  /** Takes a picture, a video, or an error; `draw` shows it. */
   take(found) {
     const isError = found instanceof Error;
     this.image = isError ? null : found;
@@ -63,7 +90,7 @@ export class Picture {
     if (this.video) this.frame.prepend(this.video);
   }
 
-  beginDrag(event, ondrag) {
+  beginDrag(event, ondrag, onneed) {
     if (this.zoom === null) return;
     const [startX, startY] = [event.clientX, event.clientY];
     const from = this.middle();
@@ -74,7 +101,10 @@ export class Picture {
     };
     this.canvas.setPointerCapture(event.pointerId);
     this.canvas.addEventListener('pointermove', move);
-    this.canvas.addEventListener('pointerup', () => this.canvas.removeEventListener('pointermove', move), { once: true });
+    this.canvas.addEventListener('pointerup', () => {
+      this.canvas.removeEventListener('pointermove', move);
+      onneed();
+    }, { once: true });
   }
 
   /** The pixel in the middle of the magnified picture. */
@@ -128,21 +158,14 @@ export class Picture {
     const { context, width, height } = size;
     const { scale } = shown;
     context.clearRect(0, 0, width, height);
-    // Edges of pixels are half a pixel before and after their centres.
-    const [left, top] = place(size, shown, { x: -0.5, y: -0.5 });
-    if (this.video && scale < 1) {
-      // It is below the canvas.
+    const { width_px, height_px } = this.view;
+    if (this.video) {
+      // Whole, it is below the canvas.
+      if (scale >= 1) drawImage(size, shown, this.video, { x: 0, y: 0, width: width_px, height: height_px, every: 1 });
     } else if (this.image) {
-      context.imageSmoothingEnabled = scale < 1;
-      context.imageSmoothingQuality = 'medium';
-      const { width_px, height_px } = this.view;
-      const first = value => Math.max(0, Math.floor(value));
-      const [x, y] = [first(-left / scale), first(-top / scale)];
-      const columns = Math.min(width_px, Math.ceil((width - left) / scale)) - x;
-      const rows = Math.min(height_px, Math.ceil((height - top) / scale)) - y;
-      if (columns > 0 && rows > 0) {
-        drawPart(context, this.image, { x, y, columns, rows }, [left + x * scale, top + y * scale, columns * scale, rows * scale]);
-      }
+      const { whole, every, part } = this.image;
+      drawImage(size, shown, whole, { x: 0, y: 0, width: width_px, height: height_px, every });
+      if (part && every * scale > 1) drawImage(size, shown, part.image, { ...part, every: 1 });
     } else {
       context.fillStyle = '#e6edf3';
       context.font = '13px system-ui, sans-serif';
@@ -185,17 +208,31 @@ export class Picture {
   }
 }
 
-/** Draws a part of an image. Of a coded picture only that part is converted, which is most of the work. */
-function drawPart(context, image, { x, y, columns, rows }, place) {
-  if (!(image instanceof HTMLVideoElement) && !(globalThis.VideoFrame && image instanceof VideoFrame)) {
-    context.drawImage(image, x, y, columns, rows, ...place);
+/**
+ * Draws what is visible of an image that covers { x, y, width, height } of the picture with one column for each `every`. Of a coded image only
+ * that is converted, which is most of the work.
+ */
+function drawImage(size, shown, image, covered) {
+  const { context } = size;
+  const step = shown.scale * covered.every;
+  // Edges of pixels are half a pixel before and after their centres.
+  const [left, top] = place(size, shown, { x: covered.x - 0.5, y: covered.y - 0.5 });
+  const [x, y] = [left, top].map(edge => Math.max(0, Math.floor(-edge / step)));
+  const columns = Math.min(covered.width / covered.every, Math.ceil((size.width - left) / step)) - x;
+  const rows = Math.min(covered.height / covered.every, Math.ceil((size.height - top) / step)) - y;
+  if (!(columns > 0 && rows > 0)) return;
+  context.imageSmoothingEnabled = step < 1 || covered.every > 1;
+  context.imageSmoothingQuality = 'medium';
+  const at = [left + x * step, top + y * step, columns * step, rows * step];
+  if (image instanceof ImageBitmap) {
+    context.drawImage(image, x, y, columns, rows, ...at);
     return;
   }
   // Two columns and two rows share their colour.
-  const [left, top] = [x - x % 2, y - y % 2];
-  const [width, height] = [columns + x - left, rows + y - top].map(side => side + side % 2);
-  const part = new VideoFrame(image, { visibleRect: { x: left, y: top, width, height }, displayWidth: width, displayHeight: height });
-  context.drawImage(part, x - left, y - top, columns, rows, ...place);
+  const [first, second] = [x - x % 2, y - y % 2];
+  const [width, height] = [columns + x - first, rows + y - second].map(side => 2 * Math.ceil(side / 2));
+  const part = new VideoFrame(image, { visibleRect: { x: first, y: second, width, height }, displayWidth: width, displayHeight: height });
+  context.drawImage(part, x - first, y - second, columns, rows, ...at);
   part.close();
 }
 

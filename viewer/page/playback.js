@@ -7,13 +7,25 @@ import { RequestError } from './dom.js';
 const STILL_BYTES = 240e6;
 /** Up to this many pictures a second, of all views, the server's pictures are played. */
 const FEW_PICTURES_PER_S = 24;
-/** The server sends pictures as they are coded, half the bytes of a bitmap, to browsers that can draw them. */
-const FORM = 'VideoFrame' in globalThis ? { as: 'planes' } : {};
+/** To browsers that can draw coded pictures the server sends only what the screen can show of them; to others, whole bitmaps. */
+const HAS_PLANES = 'VideoFrame' in globalThis;
 /** Part that a frame of the screen has in the mean distance between two videos: it covers about half a second. */
 const SMOOTHING = 0.03;
 /** By how much a video that is not in step is faster or slower. */
 const CORRECTION = 0.04;
 const COLOURS = { matrix: 'bt709', primaries: 'bt709', transfer: 'bt709', fullRange: true };
+
+/** A picture from the server: the whole, one column for each `every`, and perhaps a part { image, x, y, width, height } with all. */
+class Still {
+  constructor(whole, every, part) {
+    Object.assign(this, { whole, every, part });
+  }
+
+  close() {
+    this.whole.close();
+    this.part?.image.close();
+  }
+}
 
 /** Pictures from the server, the last ones kept. */
 class Stills {
@@ -24,12 +36,13 @@ class Stills {
     this.most = Math.max(3 * views.length, Math.floor(STILL_BYTES / bytes));
   }
 
-  /** The picture of a view at a tick, as a promise. */
-  at(view, tick) {
-    const key = `${tick} ${view}`;
+  /** What is needed ({ every, part }) of the picture of a view at a tick, as a promise. */
+  at(view, tick, { every, part }) {
+    const query = { view, tick, ...HAS_PLANES && { as: 'planes', every, ...part && { part: part.join() } } };
+    const key = JSON.stringify(query);
     let picture = this.kept.get(key);
     this.kept.delete(key);
-    picture ??= this.fetch(view, tick).catch(error => {
+    picture ??= this.fetch(query, every, part).catch(error => {
       this.kept.delete(key);
       throw error;
     });
@@ -37,16 +50,15 @@ class Stills {
     for (const [oldest, old] of this.kept) {
       if (this.kept.size <= this.most) break;
       this.kept.delete(oldest);
-      old.then(bitmap => setTimeout(() => bitmap.close(), 1000), () => {});
+      old.then(still => setTimeout(() => still.close(), 1000), () => {});
     }
     return picture;
   }
 
-  async fetch(view, tick) {
-    const query = new URLSearchParams({ scenario: this.scenario, view, tick, ...FORM });
+  async fetch(query, every, part) {
     let response;
     try {
-      response = await fetch(`/frame?${query}`);
+      response = await fetch(`/frame?${new URLSearchParams({ scenario: this.scenario, ...query })}`);
     } catch {
       throw new RequestError('dtd view does not answer; was it stopped?');
     }
@@ -54,15 +66,22 @@ class Stills {
       const answer = await response.json().catch(() => ({}));
       throw new RequestError(answer.error ?? `the picture cannot be had: ${response.status}`);
     }
-    const size = response.headers.get('picture-size');
-    if (!size) return createImageBitmap(await response.blob(), { colorSpaceConversion: 'none' });
-    const [codedWidth, codedHeight] = size.split('x').map(Number);
-    const planes = await response.arrayBuffer();
-    return new VideoFrame(planes, { format: 'I420', codedWidth, codedHeight, timestamp: 0, colorSpace: COLOURS, transfer: [planes] });
+    const sizes = response.headers.get('picture-size');
+    if (!sizes) return new Still(await createImageBitmap(await response.blob(), { colorSpaceConversion: 'none' }), 1, null);
+    const bytes = await response.arrayBuffer();
+    let begin = 0;
+    const [whole, detail] = sizes.split(' ').map(size => {
+      const [codedWidth, codedHeight] = size.split('x').map(Number);
+      const planes = new Uint8Array(bytes, begin, codedWidth * codedHeight * 3 / 2);
+      begin += planes.length;
+      return new VideoFrame(planes, { format: 'I420', codedWidth, codedHeight, timestamp: 0, colorSpace: COLOURS });
+    });
+    const [x, y, width, height] = part ?? [];
+    return new Still(whole, every, detail ? { image: detail, x, y, width, height } : null);
   }
 
   close() {
-    for (const old of this.kept.values()) old.then(bitmap => bitmap.close(), () => {});
+    for (const old of this.kept.values()) old.then(still => still.close(), () => {});
     this.kept.clear();
   }
 }
@@ -140,7 +159,7 @@ class Videos {
   keepInStep(video, behind_s) {
     const period_s = this.rate.denominator / this.rate.numerator;
     const isCorrected = video.playbackRate !== this.speed;
-    if (Math.abs(behind_s) < period_s * (isCorrected ? 0.2 : 0.6)) video.playbackRate = this.speed;
+    if (Math.abs(behind_s) < period_s * (isCorrected ? 0.1 : 0.35)) video.playbackRate = this.speed;
     else if (!isCorrected) video.playbackRate = this.speed * (1 + Math.sign(behind_s) * CORRECTION);
   }
 
@@ -162,15 +181,19 @@ class Videos {
   }
 }
 
-/** Shows ticks. `show(tick, pictures)` is told each one, with an image, a playing video or an error for each view. */
+/**
+ * Shows ticks. `show(tick, pictures)` is told each one, with a picture, a playing video or an error for each view; `need(index, tick)` says what
+ * the screen shows of a view.
+ */
 export class Player {
-  constructor({ scenario, views, rate, ticks, show, changed }) {
-    Object.assign(this, { scenario, views, rate, ticks, show, changed });
+  constructor({ scenario, views, rate, ticks, need, show, changed }) {
+    Object.assign(this, { scenario, views, rate, ticks, need, show, changed });
     this.stills = new Stills(scenario, views);
     this.videos = null;
     this.tick = 0;
     this.isPlaying = false;
     this.wanted = null;
+    this.isStale = false;
     this.closed = false;
   }
 
@@ -182,7 +205,8 @@ export class Player {
     this.wanted = tick;
     if (isBusy) return;
     let shown = null;
-    while (shown !== this.wanted && !this.closed) {
+    while ((shown !== this.wanted || this.isStale) && !this.closed) {
+      this.isStale = false;
       shown = this.wanted;
       const pictures = await this.pictures(shown);
       if (this.closed) return;
@@ -197,9 +221,16 @@ export class Player {
     }
   }
 
-  /** An image or an error for each view. */
+  /** A picture or an error for each view. */
   pictures(tick) {
-    return Promise.all(this.views.map(view => this.stills.at(view.id, tick).catch(error => error)));
+    return Promise.all(this.views.map((view, index) => this.stills.at(view.id, tick, this.need(index, tick)).catch(error => error)));
+  }
+
+  /** The screen shows something else of the pictures. */
+  refresh() {
+    if (this.isPlaying || this.closed) return;
+    this.isStale = true;
+    if (this.wanted === null) this.step(this.tick);
   }
 
   async play(speed) {

@@ -30,7 +30,8 @@ export class ScenarioPage {
     this.first = Math.max(0, Math.min(this.ticks - 1, Number.parseInt(asked.tick ?? '0', 10) || 0));
     this.tick = this.first;
     this.pictures = flight.views.map(view => {
-      const picture = new Picture(view, { onzoom: step => this.zoomBy(step), ondrag: () => this.noteCentres() });
+      const picture = new Picture(view, {
+        onzoom: step => this.zoomBy(step), ondrag: () => this.noteCentres(), onneed: () => this.player?.refresh() });
       picture.zoom = this.zoom;
       const centre = asked[`centre.${view.id}`]?.split(',').map(Number);
       if (centre?.length === 2 && centre.every(Number.isFinite)) picture.centre = { x: centre[0], y: centre[1] };
@@ -38,6 +39,7 @@ export class ScenarioPage {
     });
     this.player = new Player({
       scenario: flight.record.id, views: flight.views, rate: flight.rate, ticks: this.ticks,
+      need: (index, tick) => this.pictures[index].need(flight.target(flight.views[index].id, tick)),
       show: (tick, pictures) => this.showTick(tick, pictures), changed: () => this.showPlaying(),
     });
     this.charts = new FlightCharts({ flight, asked, ongo: go });
@@ -87,6 +89,7 @@ export class ScenarioPage {
           check('Inset', true, isShown => this.pictures.forEach(picture => {
             picture.hasInset = isShown;
             picture.draw();
+            this.player.refresh();
           })),
           this.modelChoice())),
       element('section', { class: 'now', 'aria-labelledby': 'now-title' },
@@ -264,6 +267,7 @@ export class ScenarioPage {
       picture.zoom = zoom;
       picture.draw();
     }
+    this.player.refresh();
     note({ zoom: zoom ?? undefined });
   }
 
@@ -277,6 +281,7 @@ export class ScenarioPage {
       picture.centre = null;
       picture.draw();
     }
+    this.player.refresh();
     if (this.zoom === null) this.setZoom(8);
     this.noteCentres();
   }

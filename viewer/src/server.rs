@@ -20,11 +20,12 @@ use crate::doorkeeper::{OwnNames, guard};
 use crate::error::ViewError;
 use crate::library::Library;
 use crate::pictures::{Form, Picture};
+use crate::planes::{MOST_EVERY, Part};
 use crate::refusal::Refusal;
 use crate::run::{Run, Summary};
-use crate::{assets, overview, path, scenario_tables, video_file};
+use crate::{assets, overview, path, planes, scenario_tables, video_file};
 
-/// Columns and rows of a picture that is sent as planes.
+/// Columns and rows of a picture that is sent as planes, and of its part if there is one.
 const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
 
 /// What to show, and where.
@@ -125,6 +126,10 @@ struct OfPicture {
     tick: u32,
     #[serde(rename = "as")]
     form: Option<Form>,
+    /// Of planes: how many columns and rows become one.
+    every: Option<u32>,
+    /// Of planes: left, top, width and height of a part that is sent too, with all its columns and rows.
+    part: Option<String>,
 }
 
 async fn corpus(State(library): State<Arc<Library>>) -> Answer {
@@ -159,20 +164,42 @@ async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> 
         view,
         tick,
         form,
+        every,
+        part,
     } = understood(asked)?;
     blocking(move || {
         let form = form.unwrap_or(Form::Bitmap);
         let Picture { bytes, size_px } = library.open(&scenario)?.picture(&view, tick, form)?;
-        Ok(match size_px {
-            None => ([(CONTENT_TYPE, "image/bmp")], bytes).into_response(),
-            Some([width, height]) => {
-                let kind = (CONTENT_TYPE, "application/octet-stream".to_owned());
-                let size = (PICTURE_SIZE, format!("{width}x{height}"));
-                ([kind, size], bytes).into_response()
-            }
-        })
+        match size_px {
+            None => Ok(([(CONTENT_TYPE, "image/bmp")], bytes).into_response()),
+            Some(size) => shown_planes(&bytes, size, every.unwrap_or(1), part.as_deref()),
+        }
     })
     .await
+}
+
+/// What a screen can show of a picture: all of it, reduced, and perhaps a part of it.
+fn shown_planes(picture: &[u8], size: [u32; 2], every: u32, part: Option<&str>) -> Answer {
+    let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, message);
+    if !(1..=MOST_EVERY).contains(&every) {
+        let message = format!("every is {every}, expected 1 to {MOST_EVERY}");
+        return Err(wrong(message));
+    }
+    let mut body = Vec::new();
+    let [width, height] = planes::reduce(picture, size, every, &mut body);
+    let mut sizes = format!("{width}x{height}");
+    if let Some(text) = part {
+        let [width, height] = size;
+        let part = Part::parse(text, size).ok_or_else(|| {
+            wrong(format!(
+                "part is {text:?}, expected left,top,width,height in {width}x{height} pixels, even numbers"
+            ))
+        })?;
+        planes::cut(picture, size, part, &mut body);
+        sizes += &format!(" {}x{}", part.width, part.height);
+    }
+    let kind = (CONTENT_TYPE, "application/octet-stream".to_owned());
+    Ok(([kind, (PICTURE_SIZE, sizes)], body).into_response())
 }
 
 async fn video(
