@@ -2,8 +2,9 @@
 //! `cargo bench --bench view [-- FOLDER]`.
 //!
 //! The corpus has 100 scenarios of about 7,700 ticks with detections and registrations (`testkit::synthetic`), the first of them with two
-//! videos of 1920x1280: pictures of the stand-in's renderer, coded as `dtd generate` does and repeated until each tick has one. It is made in
-//! FOLDER, and used again if it is there. `benches/view/in_chromium.py` measures. Needs ffmpeg, Chromium and Playwright (scripts/setup.sh).
+//! videos of 1920x1280: pictures of the stand-in's renderer, coded as `dtd generate` does and repeated until each tick has one. It is made
+//! in FOLDER, and used again if it is there. `benches/view/in_chromium.py` measures. Needs ffmpeg, Chromium and Playwright
+//! (scripts/setup.sh).
 
 #[path = "video/scenery.rs"]
 mod scenery;

@@ -43,10 +43,11 @@ pub(super) fn examples(
     ticks: &[&Sample],
     outcomes: &[Outcome],
 ) -> Vec<Example> {
-    let answer = |(&sample, outcome): (&&'_ Sample, &Outcome)| {
-        Some((outcome.signed_error_pct()?, outcome.predicted_m?, sample))
-    };
-    let mut answers: Vec<_> = ticks.iter().zip(outcomes).filter_map(answer).collect();
+    let mut answers: Vec<(f64, f64, &Sample)> = (ticks.iter().zip(outcomes))
+        .filter_map(|(&sample, outcome)| {
+            Some((outcome.signed_error_pct()?, outcome.predicted_m?, sample))
+        })
+        .collect();
     answers.sort_by(|one, other| one.0.abs().total_cmp(&other.0.abs()));
     let Some(last) = answers.len().checked_sub(1) else {
         return Vec::new();
