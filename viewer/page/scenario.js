@@ -75,7 +75,7 @@ export class ScenarioPage {
     this.element = element('div', { class: 'scenario' },
       this.head(),
       element('section', { class: 'player', 'aria-label': 'Pictures' },
-        element('div', { class: 'views', style: `--views: ${Math.max(1, this.pictures.length)}` }, this.pictures.map(picture => picture.element)),
+        element('div', { class: this.pictures.length > 1 ? 'views' : 'views single' }, this.pictures.map(picture => picture.element)),
         element('div', { class: 'transport' },
           this.playButton,
           element('button', { type: 'button', title: 'one tick back', 'aria-label': 'one tick back', onclick: () => this.stepBy(-1) }, '◂'),
