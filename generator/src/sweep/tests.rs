@@ -591,6 +591,6 @@ fn the_sweeps_that_ship_are_sound() {
     );
     assert_eq!(full.picture.frame_rate.to_string(), "30");
     let demo = Sweep::read(&root.join("demo.toml")).unwrap();
-    assert_eq!((demo.len(), demo.weathers.len()), (12, 4));
+    assert_eq!((demo.len(), demo.weathers.len()), (10, 4));
     assert_eq!(Sweep::read(&root.join("detector.toml")).unwrap().len(), 40);
 }
