@@ -200,6 +200,25 @@ fn every_picture_is_that_of_its_tick_in_any_order_and_videos_come_in_parts() {
         let beyond = format!("/frame?scenario={id}&view={view}&tick={}", record.ticks);
         assert_eq!(page.ask(&beyond, "").status, 404);
 
+        // What a screen can show of it: fewer columns, and a part with all of them.
+        let mut reader = open.open_video(view).unwrap();
+        reader.skip_frame().unwrap();
+        let planes = reader.planes().unwrap().unwrap();
+        let target = format!("/frame?scenario={id}&view={view}&tick=0&as=planes");
+        let whole = page.ask(&target, "");
+        assert!(whole.head.contains("picture-size: 480x320\r"));
+        assert!(whole.body == planes);
+        let shown = page.ask(&format!("{target}&every=2&part=2,4,40,20"), "");
+        let head = &shown.head;
+        assert!(head.contains("picture-size: 240x160 40x20"), "{head}");
+        assert_eq!(shown.body.len(), (240 * 160 + 40 * 20) * 3 / 2);
+        let part = &shown.body[240 * 160 * 3 / 2..];
+        assert_eq!(part[..40], planes[4 * 480 + 2..][..40]);
+        for wrong in ["every=0", "every=17", "part=1,0,2,2", "part=0,0,482,2"] {
+            let answer = page.ask(&format!("{target}&{wrong}"), "");
+            assert_eq!(answer.status, 400, "{wrong}: {}", answer.text());
+        }
+
         let video = fs::read(folder.video_path(view)).unwrap();
         let target = format!("/video?scenario={id}&view={view}");
         let whole = page.ask(&target, "");

@@ -14,9 +14,6 @@ pub enum Error {
     /// The report cannot be made.
     #[error(transparent)]
     Report(#[from] report_page::Error),
-    /// A picture of the report cannot be made.
-    #[error("report: cannot encode a crop: {0}")]
-    Crop(image::ImageError),
     /// Nothing to compare.
     #[error("no mode is given; expected at least one")]
     NoMode,

@@ -4,27 +4,18 @@
 //! false boxes the surest; no two from the same mile of a view, or of the same track.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::Cursor;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use dataset::corpus::Corpus;
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::PixelBox;
-use image::{ImageFormat, RgbImage};
+use report_page::crop::Crop;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::outcome::{Outcome, Searched};
 use dataset::sight::Sight;
 
 /// Examples of each kind and mode.
 const SHOWN: usize = 8;
-/// Width of a crop over its height.
-const ASPECT: f64 = 1.5;
-/// Width of a crop, pixels, unless the box needs more.
-const LEAST_WIDTH_PX: f64 = 96.0;
-/// Width of a crop over that of the box.
-const SURROUNDINGS: f64 = 3.0;
 
 /// What an example shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -58,16 +49,11 @@ pub(crate) struct Candidates {
     by_kind: BTreeMap<Kind, Vec<Candidate>>,
 }
 
-/// A crop with the boxes in it, in pixels of the crop.
+/// A candidate with the picture around it.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Example {
     pub(crate) candidate: Candidate,
-    /// PNG, as a `data:` address.
-    pub(crate) source: String,
-    pub(crate) width_px: u32,
-    pub(crate) height_px: u32,
-    pub(crate) truth: Option<PixelBox>,
-    pub(crate) found: Option<PixelBox>,
+    pub(crate) crop: Crop,
 }
 
 impl Candidates {
@@ -188,49 +174,21 @@ impl Candidate {
 }
 
 impl Example {
-    fn of(
-        candidate: Candidate,
-        rgb: &[u8],
-        [picture_width, picture_height]: [u32; 2],
-    ) -> Result<Self> {
+    fn of(candidate: Candidate, rgb: &[u8], picture: [u32; 2]) -> Result<Self> {
         // A miss is shown where the aircraft is.
         let shown = match candidate.kind {
             Kind::Miss => candidate.truth.or(candidate.found),
             Kind::Hit | Kind::FalseAlarm => candidate.found,
         };
         let around = shown.unwrap_or(PixelBox::from_edges(0.0, 0.0, 0.0, 0.0));
-        let needed = (around.width_px * SURROUNDINGS).max(around.height_px * SURROUNDINGS * ASPECT);
-        let width = needed.max(LEAST_WIDTH_PX).min(f64::from(picture_width)) as u32;
-        let height = ((f64::from(width) / ASPECT) as u32).min(picture_height);
-        let start = |centre: f64, length: u32, picture: u32| {
-            (centre - f64::from(length) / 2.0).clamp(0.0, f64::from(picture - length)) as u32
-        };
-        let left = start(around.cx_px, width, picture_width);
-        let top = start(around.cy_px, height, picture_height);
-        let crop = RgbImage::from_fn(width, height, |x, y| {
-            let pixel = (((top + y) * picture_width + left + x) * 3) as usize;
-            image::Rgb([rgb[pixel], rgb[pixel + 1], rgb[pixel + 2]])
-        });
-        let mut png = Cursor::new(Vec::new());
-        crop.write_to(&mut png, ImageFormat::Png)
-            .map_err(Error::Crop)?;
-        let inside = |pixel_box: PixelBox| PixelBox {
-            // The corner of a picture's first pixel is half a pixel before its centre.
-            cx_px: pixel_box.cx_px + 0.5 - f64::from(left),
-            cy_px: pixel_box.cy_px + 0.5 - f64::from(top),
-            ..pixel_box
-        };
-        Ok(Self {
-            source: format!(
-                "data:image/png;base64,{}",
-                STANDARD.encode(png.into_inner())
-            ),
-            width_px: width,
-            height_px: height,
-            truth: candidate.truth.map(inside),
-            found: candidate.found.map(inside),
-            candidate,
-        })
+        let crop = Crop::around(&around, rgb, picture)?;
+        Ok(Self { candidate, crop })
+    }
+
+    /// The true box and the found one: left, top, width and height in the crop, pixels.
+    pub(crate) fn boxes(&self) -> [Option<[f64; 4]>; 2] {
+        let Candidate { truth, found, .. } = &self.candidate;
+        [truth, found].map(|pixel_box| Some(self.crop.place_of(pixel_box.as_ref()?)))
     }
 }
 
@@ -267,37 +225,5 @@ mod tests {
         let mut ranks: Vec<_> = kept.iter().map(|kept| kept.rank).collect();
         ranks.sort_by(f64::total_cmp);
         assert_eq!(ranks, [1.0, 5.1, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0]);
-    }
-
-    #[test]
-    fn a_crop_lies_inside_the_picture_and_has_the_box_where_the_pixels_are() {
-        let (width, height) = (300, 200);
-        let mut rgb = vec![0; width * height * 3];
-        for (x, y) in (100..=120).flat_map(|x| (41..=47).map(move |y| (x, y))) {
-            rgb[(y * width + x) * 3] = 255;
-        }
-        let example = Example::of(candidate(5.0, 5), &rgb, [300, 200]).unwrap();
-        assert_eq!((example.width_px, example.height_px), (96, 64));
-        let png = example
-            .source
-            .strip_prefix("data:image/png;base64,")
-            .unwrap();
-        let crop = image::load_from_memory(&STANDARD.decode(png).unwrap())
-            .unwrap()
-            .to_rgb8();
-        let truth = example.truth.unwrap();
-        let at = |x: f64, y: f64| crop.get_pixel(x as u32, y as u32).0[0];
-        let [left, top, right, bottom] = truth.edges();
-        assert_eq!(
-            (at(left + 1.0, top + 1.0), at(right - 1.0, bottom - 1.0)),
-            (255, 255)
-        );
-        assert_eq!((at(left - 2.0, top), at(right + 2.0, bottom - 1.0)), (0, 0));
-        let corner = Candidate {
-            truth: Some(PixelBox::from_edges(0.0, 0.0, 400.0, 10.0)),
-            ..candidate(5.0, 5)
-        };
-        let whole = Example::of(corner, &rgb, [300, 200]).unwrap();
-        assert_eq!((whole.width_px, whole.height_px), (300, 200));
     }
 }

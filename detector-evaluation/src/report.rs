@@ -2,10 +2,10 @@
 
 mod charts;
 
-use dataset::pixel_box::PixelBox;
 use dataset::spread::Spread;
 use minijinja::context;
 use report_page::chart::css_colour;
+use report_page::crop::Crop;
 use report_page::page::{drawn, render, value};
 use serde::Serialize;
 
@@ -334,14 +334,12 @@ struct Gallery {
 #[derive(Serialize)]
 struct KindOfExample {
     name: &'static str,
-    crops: Vec<Crop>,
+    examples: Vec<Shown>,
 }
 
 #[derive(Serialize)]
-struct Crop {
-    source: String,
-    width: u32,
-    height: u32,
+struct Shown {
+    crop: Crop,
     truth: Option<[f64; 4]>,
     found: Option<[f64; 4]>,
     place: String,
@@ -349,18 +347,15 @@ struct Crop {
 }
 
 fn gallery((mode, examples): &(EvaluatedMode, Vec<Example>)) -> Gallery {
-    let corner_and_size = |pixel_box: PixelBox| {
-        let [left, top, ..] = pixel_box.edges();
-        [left, top, pixel_box.width_px, pixel_box.height_px]
-    };
-    let crop = |example: &Example| Crop {
-        source: example.source.clone(),
-        width: example.width_px,
-        height: example.height_px,
-        truth: example.truth.map(corner_and_size),
-        found: example.found.map(corner_and_size),
-        place: example.candidate.place(),
-        note: example.candidate.note.clone(),
+    let shown = |example: &Example| {
+        let [truth, found] = example.boxes();
+        Shown {
+            crop: example.crop.clone(),
+            truth,
+            found,
+            place: example.candidate.place(),
+            note: example.candidate.note.clone(),
+        }
     };
     let kinds = [
         (Kind::Hit, "The farthest that were found"),
@@ -373,10 +368,10 @@ fn gallery((mode, examples): &(EvaluatedMode, Vec<Example>)) -> Gallery {
             .into_iter()
             .map(|(kind, name)| KindOfExample {
                 name,
-                crops: examples
+                examples: examples
                     .iter()
                     .filter(|e| e.candidate.kind == kind)
-                    .map(crop)
+                    .map(shown)
                     .collect(),
             })
             .collect(),

@@ -18,6 +18,9 @@ pub enum Error {
         /// Where drawing failed.
         cause: DrawingError,
     },
+    /// A part of a picture.
+    #[error("report: cannot encode a part of a picture: {0}")]
+    Crop(image::ImageError),
     /// The page itself.
     #[error("report: cannot draw the page: {0:#}")]
     Page(minijinja::Error),

@@ -1,5 +1,5 @@
 """The page of `dtd view` in Chromium: boxes lie where the truth is at every zoom, keys step, links restore, names are text, and axe
-finds nothing inaccessible.
+finds nothing inaccessible. The page keeps its own content security policy.
 
 Usage: python view_page.py URL      of a corpus with labels, detections, a run, and a scenario folder with the name HOSTILE
 """
@@ -13,7 +13,7 @@ import urllib.request
 import numpy as np
 from axe_playwright_python.sync_playwright import Axe
 from PIL import Image
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 HOSTILE = "<img src=x onerror=alert(1)>"
 ZOOMS = [None, 1, 2, 4, 8, 16, 32]
@@ -141,11 +141,28 @@ def check_all(page: Page, url: str) -> None:
     assert edges >= 20, f"only {edges} edges of boxes were looked at"
 
 
+def check_policy(browser: Browser, url: str) -> None:
+    """Nothing on the page violates its own content security policy, which the other checks have to switch off, and views are side by side."""
+    context = browser.new_context(viewport={"width": 1280, "height": 900})
+    page = context.new_page()
+    faults: list[str] = []
+    page.on("console", lambda message: message.type == "error" and faults.append(message.text))
+    scenario = next(row["id"] for row in api(url, "api/corpus")["scenarios"] if row["state"] == "detected")
+    page.goto(url)
+    page.get_by_role("link", name=scenario, exact=True).click()
+    wait_for_tick(page, 0)
+    places = [canvas.bounding_box() for canvas in page.locator("canvas.picture").all()]
+    assert len(places) == 2 and places[0]["y"] == places[1]["y"], f"the views are not side by side: {places}"
+    assert not faults, faults
+    context.close()
+
+
 def main() -> None:
     url = sys.argv[1]
     with sync_playwright() as playwright:
         # A container's root has no sandbox.
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox"])
+        check_policy(browser, url)
         for width, scheme in [(1280, "light"), (2560, "dark")]:
             context = browser.new_context(viewport={"width": width, "height": 900}, color_scheme=scheme, bypass_csp=True)
             page = context.new_page()

@@ -244,6 +244,7 @@ pub fn evaluate(
     report::write(
         &new,
         &report::Results {
+            corpus,
             trained: &trained,
             samples,
             ticks: &ticks,

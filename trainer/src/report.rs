@@ -1,11 +1,14 @@
 //! `report.html`: the results of a run in one file that opens offline.
 //!
-//! The page is a template (`report/report.html`) in the look of all pages (`report-page/`); its plots are SVG, drawn by [`plots`].
+//! The page is a template (`report/report.html`) in the look of all pages (`report-page/`); its plots are SVG, drawn by [`plots`], and its
+//! pictures are cut out of the corpus's videos, if they are there.
 //! Figures of the paper are shown next to ours where it has them (its table 3).
 
+mod examples;
 mod plots;
 mod tables;
 
+use dataset::corpus::Corpus;
 use dataset::json_file::write_unsynced;
 use dataset::splits::Side;
 use minijinja::{Value, context};
@@ -37,6 +40,8 @@ struct ScenarioRow<'a> {
 
 /// What an evaluation found, and what it was made from.
 pub(crate) struct Results<'a> {
+    /// Where the pictures are.
+    pub corpus: &'a Corpus,
     pub trained: &'a TrainedRun,
     pub samples: &'a Samples,
     /// The ticks that count.
@@ -49,6 +54,7 @@ pub(crate) struct Results<'a> {
 /// Writes the report of an evaluation.
 pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let Results {
+        corpus,
         trained,
         samples,
         ticks,
@@ -59,6 +65,14 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
     let seen = ticks_seen(samples, rules.range());
     let flown = tables::best_covered_scenario(samples, ticks.ticks());
     let outcomes = (0..Estimator::ALL.len()).map(|number| ticks.outcomes(answers, number));
+    let recommended = |estimator: &Estimator| estimator.name() == trained.summary.choice.estimator;
+    let examples = match Estimator::ALL.iter().position(recommended) {
+        Some(number) => {
+            let outcomes = ticks.outcomes(answers, number);
+            examples::examples(corpus, samples, ticks.ticks(), &outcomes)
+        }
+        None => Vec::new(),
+    };
     let page = render(
         TEMPLATE,
         context! {
@@ -76,6 +90,7 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
             cut_off => metrics.cut_off_boxes,
             removed => value(tables::removed(metrics)),
             flights => value(tables::flights(metrics)),
+            examples => value(examples),
             model => samples.detections.model.as_deref(),
             model_hash => samples.detections.hash.as_str(),
             absent => samples.absent_scenarios.len(),
@@ -101,13 +116,15 @@ pub(crate) fn write(run: &RunFolder, results: &Results) -> Result<()> {
 #[derive(Serialize)]
 struct LegendEntry {
     colour: String,
-    title: &'static str,
+    is_hollow: bool,
+    name: &'static str,
 }
 
 fn legend() -> Vec<LegendEntry> {
     let entry = |(which, estimator): (usize, Estimator)| LegendEntry {
         colour: css_colour(which),
-        title: estimator.description().title,
+        is_hollow: plots::is_hollow(which),
+        name: estimator.name(),
     };
     Estimator::ALL.into_iter().enumerate().map(entry).collect()
 }

@@ -47,11 +47,16 @@ class Plot {
     this.onpick = null;
     this.canvas.addEventListener('pointermove', event => this.onpoint?.(this.valueAt(event), event));
     this.canvas.addEventListener('pointerdown', event => this.onpick?.(this.valueAt(event), event));
-    new ResizeObserver(() => this.draw()).observe(this.canvas);
+    this.size = { width: 0, height: 0 };
+    new ResizeObserver(([{ contentRect }]) => {
+      // Asking the canvas for its size would lay out the page again at every tick.
+      this.size = { width: Math.round(contentRect.width), height: Math.round(contentRect.height) };
+      this.draw();
+    }).observe(this.canvas);
   }
 
   get box() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { width, height } = this.size;
     return { left: LEFT, top: TOP, right: width - RIGHT, bottom: height - this.bottom };
   }
 
@@ -67,7 +72,7 @@ class Plot {
 
   /** A cleared context of one of the two canvases, in CSS pixels. */
   begin(canvas) {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { width, height } = this.size;
     const ratio = devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
@@ -80,7 +85,7 @@ class Plot {
 
   /** Draws everything. */
   draw() {
-    if (this.canvas.clientWidth <= LEFT + RIGHT) return;
+    if (this.size.width <= LEFT + RIGHT) return;
     this.paint(this.begin(this.still));
     this.point();
   }
@@ -96,7 +101,7 @@ class Plot {
 
   /** Draws the cursor over everything else. */
   point() {
-    const { clientWidth: width, clientHeight: height } = this.canvas;
+    const { width, height } = this.size;
     if (!this.still.width || !width) return;
     const context = this.begin(this.canvas);
     context.drawImage(this.still, 0, 0, width, height);

@@ -3,9 +3,15 @@
 const SERIES = 6;
 const DASHES = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
 
+const dark = matchMedia('(prefers-color-scheme: dark)');
+// Asking for a style makes the browser compute all that changed: too often for charts that move with a video.
+const known = new Map();
+dark.addEventListener('change', () => known.clear());
+
 /** A colour by its name in the style sheet. */
 export function colour(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+  if (!known.has(name)) known.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  return known.get(name);
 }
 
 /** Colour and dash of a line, by its number: four times as many lines as colours can be told apart. */
@@ -15,5 +21,5 @@ export function line(number) {
 
 /** Calls `redraw` when the system changes between light and dark. */
 export function onSchemeChange(redraw, signal) {
-  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', redraw, { signal });
+  dark.addEventListener('change', redraw, { signal });
 }

@@ -7,6 +7,10 @@ import { fixed } from './units.js';
 export const ZOOMS = [null, 1, 2, 4, 8, 16, 32];
 /** Part of the inset's width that the aircraft may fill. */
 const FILLED = 0.6;
+/** Width of the inset in parts of the picture's, as in the style sheet, and its height in parts of its width. */
+const INSET = { width: 0.34, height: 2 / 3 };
+/** Pixels around a magnified part that are there when it is dragged. */
+const MARGIN_PX = 24;
 /** Colours over pictures, which are neither light nor dark. */
 export const MARKS = {
   truth: { colour: '#39ff5a', dash: [], name: 'true box' },
@@ -17,8 +21,9 @@ export const MARKS = {
 
 /** A view of the player. `view` has id, width_px and height_px. */
 export class Picture {
-  constructor(view, { onzoom, ondrag }) {
+  constructor(view, { onzoom, ondrag, onneed }) {
     this.view = view;
+    /** A picture from the server, or a video that plays; null with a message. */
     this.image = null;
     this.message = '';
     /** Boxes { kind, cx, cy, width, height } and points { kind, x, y }, in pixels of the picture; (0, 0) is the centre of a pixel. */
@@ -32,19 +37,60 @@ export class Picture {
     this.canvas = element('canvas', { class: 'picture', role: 'img', 'aria-label': `Picture of view ${view.id}` });
     this.inset = element('canvas', { class: 'inset', 'aria-hidden': 'true' });
     this.said = element('span', { class: 'said' });
-    this.element = element('figure', { class: 'view' },
-      element('div', { class: 'frame' }, this.canvas, this.inset),
+    this.frame = element('div', { class: 'frame' }, this.canvas, this.inset);
+    this.element = element('figure', { class: 'view' }, this.frame,
       element('figcaption', {}, element('strong', {}, view.id), ' ', this.said));
     this.canvas.style.aspectRatio = `${view.width_px || 3} / ${view.height_px || 2}`;
+    this.sizes = new Map();
     this.canvas.addEventListener('wheel', event => {
       event.preventDefault();
       onzoom(event.deltaY < 0 ? 1 : -1);
     }, { passive: false });
-    this.canvas.addEventListener('pointerdown', event => this.beginDrag(event, ondrag));
-    new ResizeObserver(() => this.draw()).observe(this.canvas);
+    this.canvas.addEventListener('pointerdown', event => this.beginDrag(event, ondrag, onneed));
+    const resized = new ResizeObserver(entries => {
+      // Asking the canvas for its size would lay out the page again at every tick.
+      for (const { target, contentRect } of entries) this.sizes.set(target, contentRect);
+      this.draw();
+      onneed();
+    });
+    for (const canvas of [this.canvas, this.inset]) resized.observe(canvas);
   }
 
-  beginDrag(event, ondrag) {
+  /** What is visible of a picture in which the aircraft is at `target`: one of `every` columns, and a part { x, y, width, height } of it. */
+  need(target) {
+    const { width, height } = this.sizes.get(this.canvas) ?? { width: this.canvas.clientWidth, height: this.canvas.clientHeight };
+    if (!width || !height) return { every: 1, part: null };
+    const inset = { width: width * INSET.width, height: width * INSET.width * INSET.height };
+    const isWhole = this.zoom === null;
+    const small = (isWhole ? width : inset.width) * (devicePixelRatio || 1);
+    const every = Math.max(1, Math.min(16, Math.floor(this.view.width_px / small)));
+    if (isWhole && !(target && this.hasInset)) return { every, part: null };
+    const magnified = isWhole ? { ...inset, scale: closest(inset.width * FILLED / target.width), middle: target }
+      : { width, height, scale: this.zoom, middle: this.centre ?? target ?? this.middle() };
+    // Colours belong to two by two pixels.
+    const even = value => 2 * Math.floor(value / 2);
+    const stretch = (middle, length, side) => {
+      const from = Math.max(0, even(middle - length / 2 - MARGIN_PX));
+      return [from, Math.min(even(side), even(middle + length / 2 + MARGIN_PX) + 2) - from];
+    };
+    const [x, columns] = stretch(magnified.middle.x, magnified.width / magnified.scale, this.view.width_px);
+    const [y, rows] = stretch(magnified.middle.y, magnified.height / magnified.scale, this.view.height_px);
+    return { every, part: columns > 0 && rows > 0 ? [x, y, columns, rows] : null };
+  }
+
+  /** Takes a picture, a video, or an error; `draw` shows it. */
+  take(found) {
+    const isError = found instanceof Error;
+    this.image = isError ? null : found;
+    this.message = isError ? found.message : '';
+    if (this.image === this.video) return;
+    this.video?.remove();
+    this.video = this.image instanceof HTMLVideoElement ? this.image : undefined;
+    // A canvas would convert every picture once more. Whole pictures are shown by the video below it.
+    if (this.video) this.frame.prepend(this.video);
+  }
+
+  beginDrag(event, ondrag, onneed) {
     if (this.zoom === null) return;
     const [startX, startY] = [event.clientX, event.clientY];
     const from = this.middle();
@@ -55,7 +101,10 @@ export class Picture {
     };
     this.canvas.setPointerCapture(event.pointerId);
     this.canvas.addEventListener('pointermove', move);
-    this.canvas.addEventListener('pointerup', () => this.canvas.removeEventListener('pointermove', move), { once: true });
+    this.canvas.addEventListener('pointerup', () => {
+      this.canvas.removeEventListener('pointermove', move);
+      onneed();
+    }, { once: true });
   }
 
   /** The pixel in the middle of the magnified picture. */
@@ -64,18 +113,19 @@ export class Picture {
   }
 
   draw() {
-    const size = drawn(this.canvas);
+    const size = this.context(this.canvas);
     if (!size) return;
     const whole = { x: (this.view.width_px - 1) / 2, y: (this.view.height_px - 1) / 2 };
     const fit = Math.min(size.width / this.view.width_px, size.height / this.view.height_px);
     const main = this.zoom === null ? { scale: fit, middle: whole } : { scale: this.zoom, middle: this.middle() };
     this.drawOn(size, main, 1.5);
-    const isUseful = this.hasInset && this.image && (this.zoom !== null || this.target);
+    // A small copy of a whole picture costs as much as a large one: too much while it plays.
+    const isUseful = this.hasInset && this.image && (this.zoom === null ? this.target : !this.video);
     this.inset.hidden = !isUseful;
     if (!isUseful) return;
     const isRight = this.zoom === null && this.target.x > this.view.width_px * 0.6 && this.target.y > this.view.height_px * 0.55;
     this.inset.classList.toggle('other-side', isRight);
-    const inset = drawn(this.inset);
+    const inset = this.context(this.inset);
     if (!inset) return;
     if (this.zoom === null) {
       this.drawOn(inset, { scale: closest(inset.width * FILLED / this.target.width), middle: this.target }, 1.5);
@@ -91,24 +141,31 @@ export class Picture {
     context.strokeRect(x - width / 2, y - height / 2, width, height);
   }
 
+  /** A canvas as large as its place on the screen, with a context in CSS pixels; null if it has no place. */
+  context(canvas) {
+    const { width, height } = this.sizes.get(canvas) ?? { width: 0, height: 0 };
+    if (!width || !height) return null;
+    const ratio = devicePixelRatio || 1;
+    const [columns, rows] = [Math.round(width * ratio), Math.round(height * ratio)];
+    if (canvas.width !== columns) canvas.width = columns;
+    if (canvas.height !== rows) canvas.height = rows;
+    const context = canvas.getContext('2d');
+    context.setTransform(columns / width, 0, 0, rows / height, 0, 0);
+    return { context, width, height };
+  }
+
   drawOn(size, shown, lineWidth) {
     const { context, width, height } = size;
     const { scale } = shown;
-    context.fillStyle = '#15181c';
-    context.fillRect(0, 0, width, height);
-    // Edges of pixels are half a pixel before and after their centres.
-    const [left, top] = place(size, shown, { x: -0.5, y: -0.5 });
-    if (this.image) {
-      context.imageSmoothingEnabled = scale < 1;
-      context.imageSmoothingQuality = 'medium';
-      const { width_px, height_px } = this.view;
-      const first = value => Math.max(0, Math.floor(value));
-      const [x, y] = [first(-left / scale), first(-top / scale)];
-      const columns = Math.min(width_px, Math.ceil((width - left) / scale)) - x;
-      const rows = Math.min(height_px, Math.ceil((height - top) / scale)) - y;
-      if (columns > 0 && rows > 0) {
-        context.drawImage(this.image, x, y, columns, rows, left + x * scale, top + y * scale, columns * scale, rows * scale);
-      }
+    context.clearRect(0, 0, width, height);
+    const { width_px, height_px } = this.view;
+    if (this.video) {
+      // Whole, it is below the canvas.
+      if (scale >= 1) drawImage(size, shown, this.video, { x: 0, y: 0, width: width_px, height: height_px, every: 1 });
+    } else if (this.image) {
+      const { whole, every, part } = this.image;
+      drawImage(size, shown, whole, { x: 0, y: 0, width: width_px, height: height_px, every });
+      if (part && every * scale > 1) drawImage(size, shown, part.image, { ...part, every: 1 });
     } else {
       context.fillStyle = '#e6edf3';
       context.font = '13px system-ui, sans-serif';
@@ -151,17 +208,32 @@ export class Picture {
   }
 }
 
-/** A canvas as large as its place on the screen, with a context in CSS pixels; null if it has no place. */
-function drawn(canvas) {
-  const { clientWidth: width, clientHeight: height } = canvas;
-  if (!width || !height) return null;
-  const ratio = devicePixelRatio || 1;
-  const [columns, rows] = [Math.round(width * ratio), Math.round(height * ratio)];
-  if (canvas.width !== columns) canvas.width = columns;
-  if (canvas.height !== rows) canvas.height = rows;
-  const context = canvas.getContext('2d');
-  context.setTransform(ratio, 0, 0, ratio, 0, 0);
-  return { context, width, height };
+/**
+ * Draws what is visible of an image that covers { x, y, width, height } of the picture with one column for each `every`. Of a coded image only
+ * that is converted, which is most of the work.
+ */
+function drawImage(size, shown, image, covered) {
+  const { context } = size;
+  const step = shown.scale * covered.every;
+  // Edges of pixels are half a pixel before and after their centres.
+  const [left, top] = place(size, shown, { x: covered.x - 0.5, y: covered.y - 0.5 });
+  const [x, y] = [left, top].map(edge => Math.max(0, Math.floor(-edge / step)));
+  const columns = Math.min(covered.width / covered.every, Math.ceil((size.width - left) / step)) - x;
+  const rows = Math.min(covered.height / covered.every, Math.ceil((size.height - top) / step)) - y;
+  if (!(columns > 0 && rows > 0)) return;
+  context.imageSmoothingEnabled = step < 1 || covered.every > 1;
+  context.imageSmoothingQuality = 'medium';
+  const at = [left + x * step, top + y * step, columns * step, rows * step];
+  if (image instanceof ImageBitmap) {
+    context.drawImage(image, x, y, columns, rows, ...at);
+    return;
+  }
+  // Two columns and two rows share their colour.
+  const [first, second] = [x - x % 2, y - y % 2];
+  const [width, height] = [columns + x - first, rows + y - second].map(side => 2 * Math.ceil(side / 2));
+  const part = new VideoFrame(image, { visibleRect: { x: first, y: second, width, height }, displayWidth: width, displayHeight: height });
+  context.drawImage(part, x - first, y - second, columns, rows, ...at);
+  part.close();
 }
 
 /** Where a point of the picture is on a canvas. */

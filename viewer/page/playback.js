@@ -1,14 +1,31 @@
-// Pictures of all views in step: exact ones, decoded by the server, for each tick that is looked at; and videos, played by the browser,
-// of which a tick is shown only once all views have its picture.
+// Pictures of all views in step: those that the server decodes, for each tick that is looked at; and videos, which the browser plays by
+// one clock.
 
 import { RequestError } from './dom.js';
 
 /** Memory for decoded pictures, bytes. */
 const STILL_BYTES = 240e6;
-/** Up to this many pictures a second, of all views, the server's exact ones are played. */
+/** Up to this many pictures a second, of all views, the server's pictures are played. */
 const FEW_PICTURES_PER_S = 24;
-/** Pictures of a video that wait for those of the other views. */
-const MOST_WAITING = 6;
+/** To browsers that can draw coded pictures the server sends only what the screen can show of them; to others, whole bitmaps. */
+const HAS_PLANES = 'VideoFrame' in globalThis;
+/** Part that a frame of the screen has in the mean distance between two videos: it covers about half a second. */
+const SMOOTHING = 0.03;
+/** By how much a video that is not in step is faster or slower. */
+const CORRECTION = 0.04;
+const COLOURS = { matrix: 'bt709', primaries: 'bt709', transfer: 'bt709', fullRange: true };
+
+/** A picture from the server: the whole, one column for each `every`, and perhaps a part { image, x, y, width, height } with all. */
+class Still {
+  constructor(whole, every, part) {
+    Object.assign(this, { whole, every, part });
+  }
+
+  close() {
+    this.whole.close();
+    this.part?.image.close();
+  }
+}
 
 /** Pictures from the server, the last ones kept. */
 class Stills {
@@ -19,12 +36,13 @@ class Stills {
     this.most = Math.max(3 * views.length, Math.floor(STILL_BYTES / bytes));
   }
 
-  /** The picture of a view at a tick, as a promise. */
-  at(view, tick) {
-    const key = `${tick} ${view}`;
+  /** What is needed ({ every, part }) of the picture of a view at a tick, as a promise. */
+  at(view, tick, { every, part }) {
+    const query = { view, tick, ...HAS_PLANES && { as: 'planes', every, ...part && { part: part.join() } } };
+    const key = JSON.stringify(query);
     let picture = this.kept.get(key);
     this.kept.delete(key);
-    picture ??= this.fetch(view, tick).catch(error => {
+    picture ??= this.fetch(query, every, part).catch(error => {
       this.kept.delete(key);
       throw error;
     });
@@ -32,16 +50,15 @@ class Stills {
     for (const [oldest, old] of this.kept) {
       if (this.kept.size <= this.most) break;
       this.kept.delete(oldest);
-      old.then(bitmap => setTimeout(() => bitmap.close(), 1000), () => {});
+      old.then(still => setTimeout(() => still.close(), 1000), () => {});
     }
     return picture;
   }
 
-  async fetch(view, tick) {
-    const query = new URLSearchParams({ scenario: this.scenario, view, tick });
+  async fetch(query, every, part) {
     let response;
     try {
-      response = await fetch(`/frame?${query}`);
+      response = await fetch(`/frame?${new URLSearchParams({ scenario: this.scenario, ...query })}`);
     } catch {
       throw new RequestError('dtd view does not answer; was it stopped?');
     }
@@ -49,11 +66,22 @@ class Stills {
       const answer = await response.json().catch(() => ({}));
       throw new RequestError(answer.error ?? `the picture cannot be had: ${response.status}`);
     }
-    return createImageBitmap(await response.blob(), { colorSpaceConversion: 'none' });
+    const sizes = response.headers.get('picture-size');
+    if (!sizes) return new Still(await createImageBitmap(await response.blob(), { colorSpaceConversion: 'none' }), 1, null);
+    const bytes = await response.arrayBuffer();
+    let begin = 0;
+    const [whole, detail] = sizes.split(' ').map(size => {
+      const [codedWidth, codedHeight] = size.split('x').map(Number);
+      const planes = new Uint8Array(bytes, begin, codedWidth * codedHeight * 3 / 2);
+      begin += planes.length;
+      return new VideoFrame(planes, { format: 'I420', codedWidth, codedHeight, timestamp: 0, colorSpace: COLOURS });
+    });
+    const [x, y, width, height] = part ?? [];
+    return new Still(whole, every, detail ? { image: detail, x, y, width, height } : null);
   }
 
   close() {
-    for (const old of this.kept.values()) old.then(bitmap => bitmap.close(), () => {});
+    for (const old of this.kept.values()) old.then(still => still.close(), () => {});
     this.kept.clear();
   }
 }
@@ -63,20 +91,16 @@ class Videos {
   constructor(scenario, views, rate, show) {
     this.rate = rate;
     this.show = show;
-    this.waiting = new Map(views.map(view => [view.id, new Map()]));
     this.elements = views.map(view => {
       const video = document.createElement('video');
       video.muted = true;
       video.playsInline = true;
       video.preload = 'auto';
-      video.className = 'playing';
       video.setAttribute('aria-hidden', 'true');
       video.tabIndex = -1;
       video.src = `/video?${new URLSearchParams({ scenario, view: view.id })}`;
-      document.body.append(video);
       return video;
     });
-    this.ids = views.map(view => view.id);
   }
 
   /** Plays from a tick; rejects if this browser cannot. */
@@ -95,53 +119,48 @@ class Videos {
     }));
     this.speed = speed;
     this.isPlaying = true;
-    this.elements.forEach((video, index) => this.watch(video, this.ids[index]));
+    this.show(tick, this.elements);
+    this.watch();
     await Promise.all(this.elements.map(video => video.play()));
   }
 
-  watch(video, id) {
-    const presented = (_now, { mediaTime }) => {
-      if (!this.isPlaying) return;
-      const tick = Math.round(mediaTime * this.rate.numerator / this.rate.denominator);
-      const waiting = this.waiting.get(id);
-      waiting.get(tick)?.close();
-      waiting.set(tick, new VideoFrame(video));
-      while (waiting.size > MOST_WAITING) this.drop(waiting, waiting.keys().next().value);
-      this.compose();
-      this.keepInStep();
+  /** The first view leads: its pictures say which tick is shown. */
+  watch() {
+    const shown_s = this.elements.map(() => null);
+    const [leader, ...others] = this.elements.map((video, index) => {
+      const presented = (_now, { mediaTime }) => {
+        shown_s[index] = mediaTime;
+        if (this.isPlaying) video.requestVideoFrameCallback(presented);
+      };
       video.requestVideoFrameCallback(presented);
+      return index;
+    });
+    const behind_s = others.map(() => 0);
+    let tick = null;
+    const frame = () => {
+      if (!this.isPlaying) return;
+      requestAnimationFrame(frame);
+      if (shown_s.includes(null)) return;
+      const latest = Math.round(shown_s[leader] * this.rate.numerator / this.rate.denominator);
+      if (latest !== tick) this.show(latest, this.elements);
+      tick = latest;
+      others.forEach((index, number) => {
+        behind_s[number] += (shown_s[leader] - shown_s[index] - behind_s[number]) * SMOOTHING;
+        this.keepInStep(this.elements[index], behind_s[number]);
+      });
     };
-    video.requestVideoFrameCallback(presented);
+    requestAnimationFrame(frame);
   }
 
-  /** Shows the latest tick that all views have. */
-  compose() {
-    const [first, ...others] = this.waiting.values();
-    const common = [...first.keys()].filter(tick => others.every(other => other.has(tick)));
-    if (!common.length) return;
-    const tick = Math.max(...common);
-    this.show(tick, this.ids.map(id => this.waiting.get(id).get(tick)));
-    for (const waiting of this.waiting.values()) {
-      for (const old of [...waiting.keys()]) if (old <= tick) this.drop(waiting, old);
-    }
-  }
-
-  drop(waiting, tick) {
-    waiting.get(tick).close();
-    waiting.delete(tick);
-  }
-
-  /** The first view leads; the others run a little faster or slower. */
-  keepInStep() {
-    const [leader, ...others] = this.elements;
+  /**
+   * A video whose pictures come late runs a little faster for a while, and an early one slower. What decides is its pictures: times that a
+   * video states (`currentTime`) are up to two pictures off.
+   */
+  keepInStep(video, behind_s) {
     const period_s = this.rate.denominator / this.rate.numerator;
-    for (const video of others) {
-      const behind_s = leader.currentTime - video.currentTime;
-      if (Math.abs(behind_s) > Math.max(0.5, 4 * period_s)) video.currentTime = leader.currentTime;
-      const nudge = Math.abs(behind_s) < period_s / 3 ? 0 : Math.max(-0.1, Math.min(0.1, behind_s));
-      const speed = this.speed * (1 + nudge);
-      if (Math.abs(video.playbackRate - speed) > 0.005) video.playbackRate = speed;
-    }
+    const isCorrected = video.playbackRate !== this.speed;
+    if (Math.abs(behind_s) < period_s * (isCorrected ? 0.1 : 0.35)) video.playbackRate = this.speed;
+    else if (!isCorrected) video.playbackRate = this.speed * (1 + Math.sign(behind_s) * CORRECTION);
   }
 
   get hasEnded() {
@@ -151,9 +170,6 @@ class Videos {
   pause() {
     this.isPlaying = false;
     for (const video of this.elements) video.pause();
-    for (const waiting of this.waiting.values()) {
-      for (const old of [...waiting.keys()]) this.drop(waiting, old);
-    }
   }
 
   close() {
@@ -161,20 +177,23 @@ class Videos {
     for (const video of this.elements) {
       video.removeAttribute('src');
       video.load();
-      video.remove();
     }
   }
 }
 
-/** Shows ticks. `show(tick, pictures)` is told each one, with an image or an error for each view. */
+/**
+ * Shows ticks. `show(tick, pictures)` is told each one, with a picture, a playing video or an error for each view; `need(index, tick)` says what
+ * the screen shows of a view.
+ */
 export class Player {
-  constructor({ scenario, views, rate, ticks, show, changed }) {
-    Object.assign(this, { scenario, views, rate, ticks, show, changed });
+  constructor({ scenario, views, rate, ticks, need, show, changed }) {
+    Object.assign(this, { scenario, views, rate, ticks, need, show, changed });
     this.stills = new Stills(scenario, views);
     this.videos = null;
     this.tick = 0;
     this.isPlaying = false;
     this.wanted = null;
+    this.isStale = false;
     this.closed = false;
   }
 
@@ -186,7 +205,8 @@ export class Player {
     this.wanted = tick;
     if (isBusy) return;
     let shown = null;
-    while (shown !== this.wanted && !this.closed) {
+    while ((shown !== this.wanted || this.isStale) && !this.closed) {
+      this.isStale = false;
       shown = this.wanted;
       const pictures = await this.pictures(shown);
       if (this.closed) return;
@@ -201,9 +221,16 @@ export class Player {
     }
   }
 
-  /** An image or an error for each view. */
+  /** A picture or an error for each view. */
   pictures(tick) {
-    return Promise.all(this.views.map(view => this.stills.at(view.id, tick).catch(error => error)));
+    return Promise.all(this.views.map((view, index) => this.stills.at(view.id, tick, this.need(index, tick)).catch(error => error)));
+  }
+
+  /** The screen shows something else of the pictures. */
+  refresh() {
+    if (this.isPlaying || this.closed) return;
+    this.isStale = true;
+    if (this.wanted === null) this.step(this.tick);
   }
 
   async play(speed) {
@@ -211,7 +238,7 @@ export class Player {
     this.changed();
     if (this.tick >= this.ticks - 1) await this.step(0);
     const pictures_per_s = this.rate.numerator / this.rate.denominator * speed * this.views.length;
-    const isPossible = 'requestVideoFrameCallback' in HTMLVideoElement.prototype && 'VideoFrame' in globalThis;
+    const isPossible = 'requestVideoFrameCallback' in HTMLVideoElement.prototype;
     if (pictures_per_s > FEW_PICTURES_PER_S && isPossible) {
       try {
         await this.playVideos(speed);

@@ -17,7 +17,7 @@ macro_rules! page {
 }
 
 /// Address, kind and content of each file.
-const FILES: [(&str, &str, &str); 16] = [
+const FILES: [(&str, &str, &str); 19] = [
     ("/", HTML, page!("index.html")),
     ("/icon.svg", ICON, page!("icon.svg")),
     ("/family.css", STYLE, report_page::page::STYLE),
@@ -26,10 +26,13 @@ const FILES: [(&str, &str, &str); 16] = [
     ("/chart.js", SCRIPT, page!("chart.js")),
     ("/colours.js", SCRIPT, page!("colours.js")),
     ("/dom.js", SCRIPT, page!("dom.js")),
+    ("/flight.js", SCRIPT, page!("flight.js")),
+    ("/flight-charts.js", SCRIPT, page!("flight-charts.js")),
     ("/flown.js", SCRIPT, page!("flown.js")),
     ("/link.js", SCRIPT, page!("link.js")),
     ("/picture.js", SCRIPT, page!("picture.js")),
     ("/playback.js", SCRIPT, page!("playback.js")),
+    ("/readout.js", SCRIPT, page!("readout.js")),
     ("/runs.js", SCRIPT, page!("runs.js")),
     ("/scenario.js", SCRIPT, page!("scenario.js")),
     ("/scenarios.js", SCRIPT, page!("scenarios.js")),

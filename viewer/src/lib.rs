@@ -16,6 +16,7 @@ mod opened;
 mod overview;
 mod path;
 mod pictures;
+mod planes;
 mod refusal;
 mod rounded;
 mod run;

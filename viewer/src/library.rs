@@ -1,6 +1,6 @@
 //! What the page can show: one corpus and some runs. Shared by all requests.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use dataset::corpus::Corpus;
 use dataset::file_name;
@@ -28,26 +28,34 @@ impl Library {
         }
     }
 
-    /// A scenario in its current state.
+    /// A scenario in its current state, which stays open: its pictures will be asked for.
     ///
     /// # Errors
     /// The name is none of a scenario, or there is no intact one of this name.
     pub(crate) fn open(&self, id: &str) -> Result<Arc<Opened>, Refusal> {
+        let opened = self.look_into(id)?;
+        let mut list = self.list();
+        list.retain(|other| other.record.id != id);
+        list.truncate(MOST_OPENED - 1);
+        list.insert(0, opened.clone());
+        Ok(opened)
+    }
+
+    /// The same for a single question, as a page asks of many scenarios in turn: those that are open stay open.
+    pub(crate) fn look_into(&self, id: &str) -> Result<Arc<Opened>, Refusal> {
         file_name::check_id(id).map_err(Refusal::not_found)?;
         let folder = self.corpus.scenario(id);
         let seal = folder.seal()?.ok_or_else(|| {
             Refusal::not_found(format!("scenario {id} is not recorded, or not yet"))
         })?;
-        let known = |opened: &Arc<Opened>| opened.record.id == id && *opened.files.seal() == seal;
-        let list = || self.opened.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(opened) = list().iter().find(|opened| known(opened)) {
+        let known = |opened: &&Arc<Opened>| opened.record.id == id && *opened.files.seal() == seal;
+        if let Some(opened) = self.list().iter().find(known) {
             return Ok(opened.clone());
         }
-        let opened = Arc::new(Opened::new(folder.open()?)?);
-        let mut list = list();
-        list.retain(|other| other.record.id != id);
-        list.truncate(MOST_OPENED - 1);
-        list.insert(0, opened.clone());
-        Ok(opened)
+        Ok(Arc::new(Opened::new(folder.open()?)?))
+    }
+
+    fn list(&self) -> MutexGuard<'_, Vec<Arc<Opened>>> {
+        self.opened.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use axum::body::Bytes;
 use axum::http::StatusCode;
 use dataset::open_scenario::OpenScenario;
 use dataset::scenario::ScenarioRecord;
 
-use crate::pictures::Pictures;
+use crate::pictures::{Form, Picture, Pictures};
 use crate::refusal::Refusal;
 
 /// An opened scenario.
@@ -53,8 +52,8 @@ impl Opened {
         }
     }
 
-    /// The picture of a view at a tick, as a bitmap file.
-    pub(crate) fn picture(&self, view: &str, tick: u32) -> Result<Bytes, Refusal> {
+    /// The picture of a view at a tick.
+    pub(crate) fn picture(&self, view: &str, tick: u32, form: Form) -> Result<Picture, Refusal> {
         if tick >= self.record.ticks {
             let message = format!(
                 "tick {tick} is not in it, expected below {}",
@@ -73,7 +72,7 @@ impl Opened {
             None => Pictures::open(path, self.record.frame_rate)?,
         };
         // After an error the decoder is opened again.
-        let picture = pictures.at(tick, path)?;
+        let picture = pictures.at(tick, form, path)?;
         *place = Some(pictures);
         Ok(picture)
     }

@@ -10,14 +10,33 @@ use axum::body::Bytes;
 use dataset::Result;
 use dataset::error::Error;
 use dataset::frame_rate::FrameRate;
-use dataset::video::VideoReader;
+use dataset::video::{BYTES_PER_PIXEL, VideoReader};
+use serde::Deserialize;
 
 use crate::bitmap;
 
-/// Pictures kept, bytes: seven of 1920 x 1280.
+/// Pictures kept, bytes: fifteen of 1920 x 1280 as planes.
 const KEPT_BYTES: usize = 56 << 20;
 /// Up to this many pictures ahead decoding is faster than going to a keyframe.
 const NEAR_TICKS: u32 = 30;
+
+/// What a picture is asked for as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(crate) enum Form {
+    /// A bitmap file, with the pixels that a detector gets.
+    Bitmap,
+    /// Its planes as they are coded, half the bytes, if it is coded in the usual way; else a bitmap.
+    Planes,
+}
+
+/// A picture as it is sent.
+#[derive(Debug, Clone)]
+pub(crate) struct Picture {
+    pub(crate) bytes: Bytes,
+    /// Columns and rows of planes, which do not say so themselves. `None` for a bitmap file.
+    pub(crate) size_px: Option<[u32; 2]>,
+}
 
 /// The pictures of one view.
 pub(crate) struct Pictures {
@@ -26,7 +45,9 @@ pub(crate) struct Pictures {
     /// The tick of the picture that is decoded next, unless the reader went to a keyframe.
     next_tick: u32,
     rgb: Vec<u8>,
-    kept: VecDeque<(u32, Bytes)>,
+    /// Those that were decoded last, all in one form.
+    kept: VecDeque<(u32, Picture)>,
+    form: Form,
 }
 
 impl Pictures {
@@ -37,14 +58,19 @@ impl Pictures {
             next_tick: 0,
             rgb: Vec::new(),
             kept: VecDeque::new(),
+            form: Form::Bitmap,
         })
     }
 
-    /// The picture of a tick, as a bitmap file.
+    /// The picture of a tick.
     ///
     /// # Errors
     /// The video has none, or is damaged. It has to be opened again.
-    pub(crate) fn at(&mut self, tick: u32, path: &Path) -> Result<Bytes> {
+    pub(crate) fn at(&mut self, tick: u32, form: Form, path: &Path) -> Result<Picture> {
+        if form != self.form {
+            self.kept.clear();
+            self.form = form;
+        }
         if let Some((_, picture)) = self.kept.iter().find(|(kept, _)| *kept == tick) {
             return Ok(picture.clone());
         }
@@ -52,8 +78,11 @@ impl Pictures {
         if goes_back || tick > self.next_tick + NEAR_TICKS {
             self.reader.seek(self.frame_rate.pts_of_tick(tick))?;
         }
-        let size_px = [self.reader.width(), self.reader.height()];
-        let picture_bytes = size_px[0] as usize * size_px[1] as usize * 3;
+        let pixels = self.reader.width() as usize * self.reader.height() as usize;
+        let picture_bytes = match form {
+            Form::Bitmap => pixels * BYTES_PER_PIXEL,
+            Form::Planes => pixels * 3 / 2,
+        };
         let most_kept = (KEPT_BYTES / picture_bytes.max(1)).max(1);
         loop {
             let decoded = self.reader.skip_frame()?;
@@ -69,8 +98,7 @@ impl Pictures {
             if found < tick && !is_kept {
                 continue;
             }
-            self.reader.convert(&mut self.rgb)?;
-            let picture = Bytes::from(bitmap::of_rgb(&self.rgb, size_px));
+            let picture = self.decoded()?;
             if self.kept.len() == most_kept {
                 self.kept.pop_front();
             }
@@ -79,6 +107,24 @@ impl Pictures {
                 return Ok(picture);
             }
         }
+    }
+
+    /// The picture that was decoded last.
+    fn decoded(&mut self) -> Result<Picture> {
+        let size_px = [self.reader.width(), self.reader.height()];
+        if self.form == Form::Planes
+            && let Some(planes) = self.reader.planes()?
+        {
+            return Ok(Picture {
+                bytes: planes.into(),
+                size_px: Some(size_px),
+            });
+        }
+        self.reader.convert(&mut self.rgb)?;
+        Ok(Picture {
+            bytes: bitmap::of_rgb(&self.rgb, size_px).into(),
+            size_px: None,
+        })
     }
 
     fn tick_of(&self, pts: i64) -> Option<u32> {

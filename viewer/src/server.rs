@@ -7,7 +7,7 @@ use std::sync::Arc;
 use axum::extract::rejection::QueryRejection;
 use axum::extract::{Query, State};
 use axum::http::header::CONTENT_TYPE;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::{HeaderMap, HeaderName, StatusCode};
 use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use axum::{Router, middleware};
@@ -19,9 +19,14 @@ use tokio::task::spawn_blocking;
 use crate::doorkeeper::{OwnNames, guard};
 use crate::error::ViewError;
 use crate::library::Library;
+use crate::pictures::{Form, Picture};
+use crate::planes::{MOST_EVERY, Part};
 use crate::refusal::Refusal;
 use crate::run::{Run, Summary};
-use crate::{assets, overview, path, scenario_tables, video_file};
+use crate::{assets, overview, path, planes, scenario_tables, video_file};
+
+/// Columns and rows of a picture that is sent as planes, and of its part if there is one.
+const PICTURE_SIZE: HeaderName = HeaderName::from_static("picture-size");
 
 /// What to show, and where.
 #[derive(Debug)]
@@ -119,6 +124,12 @@ struct OfPicture {
     scenario: String,
     view: String,
     tick: u32,
+    #[serde(rename = "as")]
+    form: Option<Form>,
+    /// Of planes: how many columns and rows become one.
+    every: Option<u32>,
+    /// Of planes: left, top, width and height of a part that is sent too, with all its columns and rows.
+    part: Option<String>,
 }
 
 async fn corpus(State(library): State<Arc<Library>>) -> Answer {
@@ -135,7 +146,7 @@ async fn runs(State(library): State<Arc<Library>>) -> Answer {
 
 async fn flown_path(State(library): State<Arc<Library>>, asked: Asked<OfScenario>) -> Answer {
     let OfScenario { scenario } = understood(asked)?;
-    blocking(move || json(&path::read(&*library.open(&scenario)?)?)).await
+    blocking(move || json(&path::read(&*library.look_into(&scenario)?)?)).await
 }
 
 async fn scenario(State(library): State<Arc<Library>>, asked: Asked<OfScenario>) -> Answer {
@@ -152,12 +163,43 @@ async fn frame(State(library): State<Arc<Library>>, asked: Asked<OfPicture>) -> 
         scenario,
         view,
         tick,
+        form,
+        every,
+        part,
     } = understood(asked)?;
     blocking(move || {
-        let picture = library.open(&scenario)?.picture(&view, tick)?;
-        Ok(([(CONTENT_TYPE, "image/bmp")], picture).into_response())
+        let form = form.unwrap_or(Form::Bitmap);
+        let Picture { bytes, size_px } = library.open(&scenario)?.picture(&view, tick, form)?;
+        match size_px {
+            None => Ok(([(CONTENT_TYPE, "image/bmp")], bytes).into_response()),
+            Some(size) => shown_planes(&bytes, size, every.unwrap_or(1), part.as_deref()),
+        }
     })
     .await
+}
+
+/// What a screen can show of a picture: all of it, reduced, and perhaps a part of it.
+fn shown_planes(picture: &[u8], size: [u32; 2], every: u32, part: Option<&str>) -> Answer {
+    let wrong = |message: String| Refusal::new(StatusCode::BAD_REQUEST, message);
+    if !(1..=MOST_EVERY).contains(&every) {
+        let message = format!("every is {every}, expected 1 to {MOST_EVERY}");
+        return Err(wrong(message));
+    }
+    let mut body = Vec::new();
+    let [width, height] = planes::reduce(picture, size, every, &mut body);
+    let mut sizes = format!("{width}x{height}");
+    if let Some(text) = part {
+        let [width, height] = size;
+        let part = Part::parse(text, size).ok_or_else(|| {
+            wrong(format!(
+                "part is {text:?}, expected left,top,width,height in {width}x{height} pixels, even numbers"
+            ))
+        })?;
+        planes::cut(picture, size, part, &mut body);
+        sizes += &format!(" {}x{}", part.width, part.height);
+    }
+    let kind = (CONTENT_TYPE, "application/octet-stream".to_owned());
+    Ok(([kind, (PICTURE_SIZE, sizes)], body).into_response())
 }
 
 async fn video(

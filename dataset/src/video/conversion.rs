@@ -161,6 +161,27 @@ fn has_planes_of_bytes(format: Pixel) -> bool {
     )
 }
 
+/// The three planes of a picture, one after the other without gaps, if they are as all pictures of the lossy codecs: 8 bits, two by two
+/// pixels that share their colour, BT.709, full range.
+pub(super) fn planes(coded: &frame::Video) -> Option<Vec<u8>> {
+    let is_usual = matches!(coded.format(), Pixel::YUV420P | Pixel::YUVJ420P)
+        && coded.color_space() == color::Space::BT709
+        && coded.color_range() == color::Range::JPEG
+        && coded.width().is_multiple_of(SHARED_PX)
+        && coded.height().is_multiple_of(SHARED_PX);
+    if !is_usual {
+        return None;
+    }
+    let mut planes = Vec::with_capacity(coded.width() as usize * coded.height() as usize * 3 / 2);
+    for plane in 0..coded.planes() {
+        let rows = coded.data(plane).chunks(coded.stride(plane));
+        for row in rows.take(coded.plane_height(plane) as usize) {
+            planes.extend_from_slice(&row[..coded.plane_width(plane) as usize]);
+        }
+    }
+    Some(planes)
+}
+
 /// Copies the part of a picture that begins at (left, top) and has the size of `copy`.
 fn copy_planes(coded: &frame::Video, (left, top): (u32, u32), copy: &mut frame::Video) {
     for plane in 0..coded.planes().min(copy.planes()) {

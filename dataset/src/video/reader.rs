@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use ffmpeg_next::codec::{self, threading};
 use ffmpeg_next::{Packet, decoder, format, frame, media};
 
-use super::conversion::{Conversion, PicturePart};
+use super::conversion::{self, Conversion, PicturePart};
 use super::{BYTES_PER_PIXEL, fault, ffmpeg_path, start_ffmpeg};
 use crate::error::{Error, Result};
 use crate::limits::PICTURE_SIDE_PX;
@@ -150,6 +150,13 @@ impl VideoReader {
         self.check_size()?;
         let done = self.conversion.whole(&self.coded, rgb);
         done.map_err(|e| self.fault("convert a picture", e))
+    }
+
+    /// Its planes before conversion, one after the other without gaps: brightness, then two of colour with half the columns and rows.
+    /// `None` if it is not coded in this way, with 8 bits, full range and the colours of BT.709.
+    pub fn planes(&self) -> Result<Option<Vec<u8>>> {
+        self.check_size()?;
+        Ok(conversion::planes(&self.coded))
     }
 
     /// A part of it, for which only that part is converted.

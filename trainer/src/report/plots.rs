@@ -64,6 +64,11 @@ impl FiveNumbers {
     }
 }
 
+/// Whether the boxes of an estimator are not filled: there are more estimators than colours that everybody can tell apart.
+pub(super) fn is_hollow(which: usize) -> bool {
+    which >= COLOURS.len()
+}
+
 /// Box plot of the signed percentage error by distance bin and estimator. `shown`: the outcomes of each.
 pub(super) fn errors_by_distance<'a>(
     shown: impl Iterator<Item = Vec<Outcome<'a>>>,
@@ -123,8 +128,9 @@ pub(super) fn errors_by_distance<'a>(
                 vec![(middle, high), (middle, top)],
                 vec![(left, median), (right, median)],
             ];
+            let fill = colour.mix(if is_hollow(*which) { 0.0 } else { 0.35 });
             chart.draw_series([
-                Rectangle::new([(left, low), (right, high)], colour.mix(0.35).filled()),
+                Rectangle::new([(left, low), (right, high)], fill.filled()),
                 Rectangle::new([(left, low), (right, high)], colour.stroke_width(1)),
             ])?;
             chart.draw_series(lines.map(|line| PathElement::new(line, colour.stroke_width(2))))?;
@@ -231,11 +237,11 @@ fn convergence_colour(line: usize, lines: usize) -> RGBColor {
 
 /// One scenario over time: distances above, errors below. `of`: its ticks with the outcomes of an estimator of this number.
 pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -> Result<String> {
-    // The monoscopic formulas are far off the scale of the two-view methods; two are shown.
+    // The monoscopic formulas are far off the scale of the two-view methods; two of those are shown.
     let two_view: Vec<_> = Estimator::ALL
         .into_iter()
         .enumerate()
-        .filter(|(_, shown)| matches!(shown, Estimator::PaperLstm | Estimator::Triangulation))
+        .filter(|(_, shown)| matches!(shown, Estimator::PaperLstm | Estimator::InverseRange))
         .map(|(which, shown)| (which, shown, of(which)))
         .collect();
     let ticks = || two_view.iter().take(1).flat_map(|(.., ticks)| ticks);
@@ -281,7 +287,7 @@ pub(super) fn flight<'a>(of: impl Fn(usize) -> Vec<(&'a Sample, Outcome<'a>)>) -
             let points = shown_points(points, &times_s, &distances_nm).into_iter();
             distances
                 .draw_series(points.map(|point| Circle::new(point, 2, colour.filled())))?
-                .label(shown.description().title)
+                .label(shown.name())
                 .legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled()));
         }
         distances

@@ -59,7 +59,7 @@ struct Cells {
 /// One estimator while views fail.
 #[derive(Serialize)]
 struct RemovedRow {
-    title: &'static str,
+    name: &'static str,
     /// In the order of [`RemovedTable::removals`].
     figures: Vec<Cells>,
 }
@@ -159,16 +159,16 @@ pub(super) fn conditions(metrics: &Metrics) -> Vec<ConditionRow> {
 pub(super) fn removed(metrics: &Metrics) -> RemovedTable {
     let shown: Vec<(&'static str, &EstimatorMetrics)> = (Estimator::ALL.iter())
         .filter_map(|estimator| {
-            let Description { name, title, .. } = estimator.description();
-            Some((title, metrics.estimators.get(name)?))
+            let name = estimator.name();
+            Some((name, metrics.estimators.get(name)?))
         })
         .collect();
     let names = shown.iter().flat_map(|(_, of)| of.views_removed.keys());
     let removals: BTreeSet<&String> = names.collect();
-    let row = |&(title, of): &(&'static str, &EstimatorMetrics)| RemovedRow {
-        title,
+    let row = |&(name, of): &(&'static str, &EstimatorMetrics)| RemovedRow {
+        name,
         figures: (removals.iter())
-            .filter_map(|&name| Some(cells(&of.views_removed.get(name)?.all)))
+            .filter_map(|&removal| Some(cells(&of.views_removed.get(removal)?.all)))
             .collect(),
     };
     RemovedTable {

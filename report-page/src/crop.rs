@@ -1,0 +1,106 @@
+//! A part of a picture inside a page, with boxes over it.
+
+use std::io::Cursor;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use dataset::pixel_box::PixelBox;
+use image::{ImageFormat, RgbImage};
+use serde::Serialize;
+
+use crate::error::{Error, Result};
+
+/// Width of a crop over its height.
+const ASPECT: f64 = 1.5;
+/// Width of a crop, pixels, unless the box needs more.
+const LEAST_WIDTH_PX: f64 = 96.0;
+/// Width of a crop over that of the box.
+const SURROUNDINGS: f64 = 3.0;
+
+/// The picture around a box.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Crop {
+    /// PNG, as a `data:` address.
+    pub source: String,
+    /// Columns.
+    pub width_px: u32,
+    /// Rows.
+    pub height_px: u32,
+    /// Left-most column and top-most row in the picture.
+    #[serde(skip)]
+    start_px: [u32; 2],
+}
+
+impl Crop {
+    /// Cuts it out of a picture of this width and height: rows of RGB without gaps.
+    ///
+    /// # Errors
+    /// The PNG cannot be written.
+    pub fn around(
+        shown: &PixelBox,
+        rgb: &[u8],
+        [picture_width, picture_height]: [u32; 2],
+    ) -> Result<Self> {
+        let needed = (shown.width_px * SURROUNDINGS).max(shown.height_px * SURROUNDINGS * ASPECT);
+        let width = needed.max(LEAST_WIDTH_PX).min(f64::from(picture_width)) as u32;
+        let height = ((f64::from(width) / ASPECT) as u32).min(picture_height);
+        let start = |centre: f64, length: u32, picture: u32| {
+            (centre - f64::from(length) / 2.0).clamp(0.0, f64::from(picture - length)) as u32
+        };
+        let left = start(shown.cx_px, width, picture_width);
+        let top = start(shown.cy_px, height, picture_height);
+        let crop = RgbImage::from_fn(width, height, |x, y| {
+            let pixel = (((top + y) * picture_width + left + x) * 3) as usize;
+            image::Rgb([rgb[pixel], rgb[pixel + 1], rgb[pixel + 2]])
+        });
+        let mut png = Cursor::new(Vec::new());
+        crop.write_to(&mut png, ImageFormat::Png)
+            .map_err(Error::Crop)?;
+        let png = STANDARD.encode(png.into_inner());
+        Ok(Self {
+            source: format!("data:image/png;base64,{png}"),
+            width_px: width,
+            height_px: height,
+            start_px: [left, top],
+        })
+    }
+
+    /// Left, top, width and height of a box of the picture in the crop, pixels from the crop's corner.
+    pub fn place_of(&self, pixel_box: &PixelBox) -> [f64; 4] {
+        let [left, top, ..] = pixel_box.edges();
+        // The corner of a picture's first pixel is half a pixel before its centre.
+        let [x, y] = self.start_px.map(|start| f64::from(start) - 0.5);
+        [left - x, top - y, pixel_box.width_px, pixel_box.height_px]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_crop_lies_inside_the_picture_and_has_the_box_where_the_pixels_are() {
+        let (width, height) = (300, 200);
+        let mut rgb = vec![0; width * height * 3];
+        for (x, y) in (100..=120).flat_map(|x| (41..=47).map(move |y| (x, y))) {
+            rgb[(y * width + x) * 3] = 255;
+        }
+        let shown = PixelBox::from_edges(100.0, 40.0, 120.0, 47.0);
+        let crop = Crop::around(&shown, &rgb, [300, 200]).unwrap();
+        assert_eq!((crop.width_px, crop.height_px), (96, 64));
+        let png = crop.source.strip_prefix("data:image/png;base64,").unwrap();
+        let pixels = image::load_from_memory(&STANDARD.decode(png).unwrap());
+        let pixels = pixels.unwrap().to_rgb8();
+        let [left, top, width_px, height_px] = crop.place_of(&shown);
+        let (right, bottom) = (left + width_px, top + height_px);
+        let at = |x: f64, y: f64| pixels.get_pixel(x as u32, y as u32).0[0];
+        assert_eq!(
+            (at(left + 1.0, top + 1.0), at(right - 1.0, bottom - 1.0)),
+            (255, 255)
+        );
+        assert_eq!((at(left - 2.0, top), at(right + 2.0, bottom - 1.0)), (0, 0));
+        let wide = PixelBox::from_edges(0.0, 0.0, 400.0, 10.0);
+        let whole = Crop::around(&wide, &rgb, [300, 200]).unwrap();
+        assert_eq!((whole.width_px, whole.height_px), (300, 200));
+    }
+}

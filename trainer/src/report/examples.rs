@@ -1,0 +1,106 @@
+//! What an estimator saw at its best, a typical and its worst tick: the pictures around the boxes.
+
+use dataset::corpus::Corpus;
+use dataset::open_scenario::OpenScenario;
+use dataset::pixel_box::PixelBox;
+use dataset::units::METERS_PER_NAUTICAL_MILE;
+use report_page::crop::Crop;
+use serde::Serialize;
+
+use crate::error::Result;
+use crate::metrics::Outcome;
+use crate::samples::{Sample, Samples};
+
+/// A tick, and what its views saw.
+#[derive(Serialize)]
+pub(super) struct Example {
+    /// Which of the three it is.
+    title: &'static str,
+    scenario: String,
+    tick: u32,
+    true_nm: String,
+    predicted_nm: String,
+    error_pct: String,
+    error_m: String,
+    views: Vec<Shown>,
+}
+
+/// What one view saw.
+#[derive(Serialize)]
+struct Shown {
+    view: String,
+    crop: Option<Crop>,
+    /// Left, top, width and height of the box in the crop, pixels.
+    box_px: Option<[f64; 4]>,
+    /// Why there is no picture.
+    absent: Option<String>,
+}
+
+/// The ticks with the smallest, the median and the largest percentage error; none if an estimator answered none.
+pub(super) fn examples(
+    corpus: &Corpus,
+    samples: &Samples,
+    ticks: &[&Sample],
+    outcomes: &[Outcome],
+) -> Vec<Example> {
+    let mut answers: Vec<(f64, f64, &Sample)> = (ticks.iter().zip(outcomes))
+        .filter_map(|(&sample, outcome)| {
+            Some((outcome.signed_error_pct()?, outcome.predicted_m?, sample))
+        })
+        .collect();
+    answers.sort_by(|one, other| one.0.abs().total_cmp(&other.0.abs()));
+    let Some(last) = answers.len().checked_sub(1) else {
+        return Vec::new();
+    };
+    let example = |(title, place): (&'static str, usize)| {
+        let (error_pct, predicted_m, sample) = answers[place];
+        let nm = |metres: f64| format!("{:.3}", metres / METERS_PER_NAUTICAL_MILE);
+        Example {
+            title,
+            scenario: samples.scenarios[sample.scenario].id.clone(),
+            tick: sample.tick,
+            true_nm: nm(sample.dtd_m),
+            predicted_nm: nm(predicted_m),
+            error_pct: format!("{error_pct:+.3}"),
+            error_m: format!("{:+.1}", predicted_m - sample.dtd_m),
+            views: views(corpus, samples, sample),
+        }
+    };
+    [("Best", 0), ("Typical", last / 2), ("Worst", last)]
+        .map(example)
+        .into()
+}
+
+fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Vec<Shown> {
+    let scenario = &samples.scenarios[sample.scenario].id;
+    let opened = corpus.scenario(scenario).open();
+    let shown = |(view, seen): (&String, &Option<PixelBox>)| {
+        let crop = match (seen, &opened) {
+            (None, _) => Err("no box".to_owned()),
+            (_, Err(error)) => Err(error.to_string()),
+            (Some(seen), Ok(opened)) => cropped(opened, view, sample.tick, seen)
+                .map_err(|error| format!("no picture: {error}")),
+        };
+        let box_px = seen
+            .as_ref()
+            .and_then(|seen| Some(crop.as_ref().ok()?.place_of(seen)));
+        Shown {
+            view: view.clone(),
+            box_px,
+            absent: crop.as_ref().err().cloned(),
+            crop: crop.ok(),
+        }
+    };
+    samples.views.iter().zip(&sample.boxes).map(shown).collect()
+}
+
+/// The picture around a box, from the sealed video.
+fn cropped(scenario: &OpenScenario, view: &str, tick: u32, seen: &PixelBox) -> Result<Crop> {
+    let pts = scenario.record()?.frame_rate.pts_of_tick(tick);
+    let mut video = scenario.open_video(view)?;
+    video.seek(pts)?;
+    let mut rgb = Vec::new();
+    while video.skip_frame()?.is_some_and(|found| found < pts) {}
+    video.convert(&mut rgb)?;
+    Ok(Crop::around(seen, &rgb, [video.width(), video.height()])?)
+}
