@@ -1,12 +1,12 @@
 //! How much memory more flights take, and from that the full corpus, 770,000 ticks of two registered views. A gibibyte is the aim; of the
 //! three, evaluating takes about that much (1.00 and 1.03 GiB measured, all flights judged), training and predicting half of it.
 
-use std::fs;
 use std::path::Path;
 
 use dataset::corpus::Corpus;
 use dataset::frame_rate::FrameRate;
 use dataset::progress::Silent;
+use testkit::peak::peak_bytes;
 use testkit::synthetic::SyntheticCorpus;
 use trainer::{EvaluationConfig, JudgedSide, RunFolder, evaluate, predict, train};
 
@@ -33,17 +33,6 @@ fn corpus(folder: &Path, times: usize, seed: u64) -> Corpus {
         ..tiny
     };
     corpus.write(folder).unwrap()
-}
-
-/// The most memory that this process had while something ran, bytes.
-fn peak_bytes(run: impl FnOnce()) -> f64 {
-    // Forgets the peak so far.
-    fs::write("/proc/self/clear_refs", "5").unwrap();
-    run();
-    let status = fs::read_to_string("/proc/self/status").unwrap();
-    let line = status.lines().find(|line| line.starts_with("VmHWM:"));
-    let kib = line.unwrap().split_whitespace().nth(1).unwrap();
-    kib.parse::<f64>().unwrap() * 1_024.0
 }
 
 /// The only test of this file: memory is that of the process.
