@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use dataset::splits::Side;
-use exporter::{BoxSource, ExportRequest, Format, StillFormat};
+use exporter::{BoxSource, ExportRequest, Format, StillFormat, Ticks};
 
 use crate::args::{folder, output};
 
@@ -30,6 +30,9 @@ pub(crate) struct ExportArgs {
     /// Export every N-th tick, from the first
     #[arg(long, value_name = "N", default_value = "1")]
     every: NonZeroU32,
+    /// Export N ticks a second, each the nearest to its time (lerobot)
+    #[arg(long, value_name = "N", conflicts_with = "every")]
+    rate: Option<NonZeroU32>,
     /// Export one side of the split
     #[arg(long, value_enum)]
     side: Option<OneSide>,
@@ -66,6 +69,8 @@ enum To {
     Webdataset,
     /// MCAP for Foxglove: a file per scenario, with its videos
     Mcap,
+    /// LeRobotDataset v3.0: an episode per scenario, with its videos; whole rates only
+    Lerobot,
     /// Nothing but croissant.json, written into the corpus to describe it; every export has its own
     Croissant,
 }
@@ -124,6 +129,7 @@ impl ExportArgs {
             To::Huggingface => Format::HuggingFace,
             To::Webdataset => Format::WebDataset,
             To::Mcap => Format::Mcap,
+            To::Lerobot => Format::LeRobot,
             To::Croissant => return self.description(),
         };
         match &self.out {
@@ -138,6 +144,7 @@ impl ExportArgs {
             ("--only", !self.only.is_empty()),
             ("--views", !self.views.is_empty()),
             ("--every", self.every.get() > 1),
+            ("--rate", self.rate.is_some()),
             ("--side", self.side.is_some()),
             ("--boxes", self.boxes.is_some()),
             ("--detections", self.detections.is_some()),
@@ -169,7 +176,7 @@ impl ExportArgs {
                 OneSide::Validation => Side::Validation,
                 OneSide::Test => Side::Test,
             }),
-            every: self.every,
+            ticks: self.rate.map_or(Ticks::Every(self.every), Ticks::PerSecond),
             boxes: match self.boxes {
                 None | Some(Boxes::Truth) => BoxSource::Truth,
                 Some(Boxes::Detections) => BoxSource::Detections,

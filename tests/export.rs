@@ -403,7 +403,16 @@ fn a_corpus_describes_itself_to_croissant_and_stays_a_corpus() {
     let before = contents(&tiny.corpus());
     json_of(&tiny, &describe);
     assert!(contents(&tiny.corpus()) == before, "the same again");
-    json_of(&tiny, &["verify", "corpus", "--complete", "--json"]);
+    let verify = ["verify", "corpus", "--complete", "--json"];
+    assert_eq!(json_of(&tiny, &verify)["croissant"], "current");
+    for found in ["detections", "registrations"] {
+        fs::remove_dir_all(tiny.scenarios()[0].join(found)).unwrap();
+    }
+    assert_eq!(json_of(&tiny, &verify)["croissant"], "outdated");
+    let said = said(&tiny.dtd(&["verify", "--quick", "corpus"]).output().unwrap());
+    assert!(said.contains("describes an earlier state"), "{said}");
+    json_of(&tiny, &describe);
+    assert_eq!(json_of(&tiny, &verify)["croissant"], "current");
 }
 
 #[test]
@@ -477,12 +486,24 @@ fn webdataset_iterates_samples_of_all_views() {
         described["records"]["shards"].as_array().unwrap().len(),
         shards.len()
     );
+    let records = described["records"]["samples"].as_array().unwrap();
+    assert_eq!(records.len(), expected);
+    for record in records {
+        let text = record["sample"].as_str().unwrap();
+        let sample: Value = serde_json::from_str(text).unwrap();
+        assert_eq!(sample, samples[record["key"].as_str().unwrap()]["json"]);
+    }
 }
 
 /// Three views, a lens, refraction, and 30000/1001 pictures a second; labelled.
 fn three_views() -> tempfile::TempDir {
+    recorded(THREE_VIEWS)
+}
+
+/// A labelled corpus of a sweep.
+fn recorded(sweep: &str) -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("three.toml"), THREE_VIEWS).unwrap();
+    fs::write(folder.path().join("three.toml"), sweep).unwrap();
     for arguments in [
         &["generate", "three.toml", "--out", "corpus"][..],
         &["label", "corpus"],
@@ -590,6 +611,27 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
             .all(|(found, row)| found["time_ns"] == row.time_ns)
     );
 
+    let refused = DTD
+        .command(&["export", "corpus", "--to", "lerobot", "--out", "lerobot"])
+        .current_dir(folder.path())
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
+    let words = "30000/1001 pictures a second; lerobot needs a whole number: choose one from 1 to 29 with --rate";
+    assert!(said(&refused).contains(words), "{}", said(&refused));
+    assert!(!path("lerobot").exists() && !path("lerobot.partial").exists());
+    let resampled = export("lerobot", &["--rate", "10"]);
+    let (fps, frames, furthest_s) = judge_lerobot(&path("lerobot"), &path("corpus"), 5, OTHER);
+    assert_eq!(
+        (fps, resampled["pictures"].as_u64()),
+        (10, Some(3 * frames))
+    );
+    let half_a_tick_s = 1001.0 / 30_000.0 / 2.0;
+    assert!(
+        furthest_s > 0.001 && furthest_s <= half_a_tick_s + 1e-6,
+        "{furthest_s} s"
+    );
+
     let few = ["--every", "40", "--views", "lens,tower_2"];
     let pictures = export("webdataset", &few)["pictures"].as_u64().unwrap();
     let read = judged("web_dataset.py", &[&path("webdataset")]);
@@ -600,6 +642,138 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     for format in ["coco", "yolo"] {
         export(format, &few);
         judged("croissant_records.py", &[&path(format)]);
+    }
+}
+
+/// Pictures that were encoded again, of an aircraft of two pixels, may look like the next ones; those that the dataset has are three ticks
+/// apart.
+const OTHER: u64 = 2;
+
+/// Judges a LeRobot dataset by the published layout, and by the library itself where `DTD_LEROBOT_PYTHON` names a Python that has it:
+/// every `step`th frame has the state of its tick, and pictures like those of its tick, or of one `within` so many ticks. Returns the
+/// dataset's rate and number of frames, and the furthest that a frame's time is from its tick's, seconds.
+fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, within: u64) -> (u64, u64, f64) {
+    let mut readers = vec![("layout", program_of_venv("python"))];
+    if let Some(python) = std::env::var_os("DTD_LEROBOT_PYTHON") {
+        readers.push(("lerobot", python.into()));
+    }
+    let opened = Corpus::open(corpus).unwrap();
+    let scenarios: BTreeMap<String, _> = opened
+        .scenarios()
+        .unwrap()
+        .into_iter()
+        .map(|folder| (folder.id(), folder.open().unwrap().frames().unwrap()))
+        .collect();
+    let mut said_of_it = None;
+    for (reader, python) in readers {
+        let output = Command::new(python)
+            .arg(repository().join("tests/judges/lerobot_frames.py"))
+            .arg(reader)
+            .args([dataset, corpus])
+            .arg(step.to_string())
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{reader}: {}", said(&output));
+        let read = testkit::command::json(&output);
+        let mut furthest_s = 0.0_f64;
+        for frame in read["frames"].as_array().unwrap() {
+            let frames = &scenarios[frame["scenario"].as_str().unwrap()];
+            let tick = frame["tick"].as_u64().unwrap();
+            let row = &frames.rows[tick as usize];
+            let labels = row.labels.unwrap();
+            for (name, expected) in [
+                ("latitude_deg", row.pose.latitude_deg),
+                ("longitude_deg", row.pose.longitude_deg),
+                ("altitude_msl_m", row.pose.altitude_msl_m),
+                ("heading_true_deg", row.pose.heading_true_deg),
+                ("pitch_deg", row.pose.pitch_deg),
+                ("roll_deg", row.pose.roll_deg),
+                ("velocity_east_mps", row.velocity_ned_mps[1]),
+                ("dtd_m", labels.dtd_m),
+                ("along_track_m", labels.along_track_m),
+                ("cross_track_m", labels.cross_track_m),
+                ("height_over_target_m", labels.height_over_target_m),
+            ] {
+                let found = frame["state"][name].as_f64().unwrap();
+                // The library returns single precision.
+                let apart = (found - expected).abs();
+                assert!(
+                    apart <= 1e-6 * expected.abs().max(1.0),
+                    "{reader}, tick {tick}, {name}: {found}, expected {expected}"
+                );
+            }
+            for (view, resembled) in frame["pictures"].as_object().unwrap() {
+                let apart = resembled.as_u64().unwrap().abs_diff(tick);
+                assert!(apart <= within, "{reader}: {view} of {frame}");
+            }
+            assert_eq!(frame["time_ns"], row.time_ns);
+            let time_s = frame["timestamp_s"].as_f64().unwrap();
+            furthest_s = furthest_s.max((time_s - row.time_ns as f64 / 1e9).abs());
+        }
+        let found = (
+            read["fps"].as_u64().unwrap(),
+            read["total"].as_u64().unwrap(),
+            furthest_s,
+        );
+        assert_eq!(*said_of_it.get_or_insert(found), found, "{reader}");
+    }
+    said_of_it.unwrap()
+}
+
+#[test]
+fn a_lerobot_dataset_gives_the_pose_and_the_pictures_of_every_tick_with_the_videos_of_the_corpus() {
+    let folder = recorded(&THREE_VIEWS.replace("\"30000/1001\"", "30"));
+    let path = |name: &str| folder.path().join(name);
+    let run = |out: &str, more: &[&str]| {
+        let common = [
+            "export", "corpus", "--to", "lerobot", "--out", out, "--json",
+        ];
+        let mut command = DTD.command(&[&common[..], more].concat());
+        command.current_dir(folder.path()).output().unwrap()
+    };
+    let exported = |out: &str, more: &[&str]| {
+        let output = run(out, more);
+        assert!(output.status.success(), "{}", said(&output));
+        testkit::command::json(&output)
+    };
+    let corpus = Corpus::open(&path("corpus")).unwrap();
+    let mut scenarios = corpus.scenarios().unwrap();
+    let counts = exported("whole", &[]);
+    let (fps, frames, furthest_s) = judge_lerobot(&path("whole"), &path("corpus"), 17, 0);
+    assert_eq!((fps, counts["pictures"].as_u64()), (30, Some(3 * frames)));
+    assert_eq!(counts["boxes"], 0);
+    assert!(furthest_s < 1e-6, "{furthest_s}");
+    let splits = corpus.splits().unwrap();
+    scenarios.sort_by_key(|folder| splits.scenarios[&folder.id()].side);
+    for (episode, scenario) in scenarios.iter().enumerate() {
+        for view in ["lens", "mast", "tower_2"] {
+            let key = format!("observation.images.{view}");
+            let copy = path("whole/videos").join(format!("{key}/chunk-000/file-{episode:03}.mp4"));
+            assert!(fs::read(copy).unwrap() == fs::read(scenario.video_path(view)).unwrap());
+        }
+    }
+    let described = judged("croissant_records.py", &[&path("whole")]);
+    assert_eq!(
+        described["records"]["frames"].as_array().unwrap().len() as u64,
+        frames
+    );
+    let episodes = described["records"]["episodes"].as_array().unwrap();
+    assert_eq!(episodes.len(), scenarios.len());
+
+    exported("third", &["--every", "3", "--views", "mast,lens"]);
+    let (fps, of_third, furthest_s) = judge_lerobot(&path("third"), &path("corpus"), 7, OTHER);
+    assert!(of_third.abs_diff(frames / 3) <= 2 && fps == 10);
+    assert!(furthest_s < 1e-6, "{furthest_s}");
+    for (more, words) in [
+        (&["--every", "7"][..], "30/7 pictures a second"),
+        (&["--rate", "31"], "fewer than --rate 31"),
+        (&["--rate", "5", "--every", "3"], "cannot be used with"),
+        (&["--boxes", "detections"], "no place for boxes"),
+    ] {
+        let output = run("none", more);
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(words), "{}", said(&output));
+        assert!(!path("none").exists() && !path("none.partial").exists());
     }
 }
 
@@ -630,6 +804,9 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
         &[&mcap[..], &["--every", "2"]].concat(),
         "no use for --every",
     );
+    let lerobot = ["export", "corpus", "--to", "lerobot", "--out", "out"];
+    refused(&tiny, &lerobot, "1/8 pictures a second");
+    refused(&tiny, &export(&["--rate", "1"]), "no use for --rate");
     refused(&tiny, &mcap[..4], "--out DIR is missing");
     let described = ["export", "corpus", "--to", "croissant", "--out", "out"];
     refused(&tiny, &described, "leave out --out");

@@ -1,8 +1,9 @@
 //! The Python package in `python/`, on a corpus of three views that was just recorded: a lens, refraction and 30000/1001 pictures a
-//! second. Cameras and pixels are judged against this project's own.
+//! second. Cameras and pixels are judged against this project's own. Where `DTD_LEROBOT_PYTHON` names a Python with torch, its loaders are
+//! tried, too.
 
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use dataset::corpus::Corpus;
@@ -15,6 +16,14 @@ use testkit::{program_of_venv, repository};
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 /// A picture away from key frames.
 const TICK: usize = 47;
+
+/// A flight to learn from, and one to judge by.
+const SPLIT: &str = "
+[split]
+train = 0.5
+validation = 0
+test = 0.5
+";
 
 /// Where this project's own camera sees points around the path, and a decoded picture.
 fn expected(corpus: &Path) -> Value {
@@ -74,7 +83,7 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
         folder.path().join("three.toml"),
         folder.path().join("corpus"),
     );
-    fs::write(&sweep, THREE_VIEWS).unwrap();
+    fs::write(&sweep, format!("{THREE_VIEWS}{SPLIT}")).unwrap();
     for arguments in [
         &["generate", text(&sweep), "--out", text(&corpus)][..],
         &["label", text(&corpus)],
@@ -85,17 +94,35 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
     let judged = folder.path().join("expected.json");
     fs::write(&judged, expected(&corpus).to_string()).unwrap();
     let python = repository().join("python");
-    let output = Command::new(program_of_venv("python"))
-        .args([
-            "-W", "error", "-m", "unittest", "discover", "-v", "-s", "tests",
-        ])
-        .current_dir(&python)
-        .env("PYTHONPATH", &python)
-        .env("PYTHONDONTWRITEBYTECODE", "1")
-        .env("DTD_CORPUS", &corpus)
-        .env("DTD_EXPECTED", &judged)
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{}", said(&output));
-    assert!(!said(&output).contains("skipped"), "{}", said(&output));
+    let run = |program: PathBuf, arguments: &[&str]| {
+        let output = Command::new(program)
+            .args(arguments)
+            .current_dir(&python)
+            .env("PYTHONPATH", &python)
+            .env("PYTHONDONTWRITEBYTECODE", "1")
+            .env("DTD_CORPUS", &corpus)
+            .env("DTD_EXPECTED", &judged)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        assert!(!said(&output).contains("skipped"), "{}", said(&output));
+        output
+    };
+    let tests = ["-W", "error", "-m", "unittest", "discover", "-v", "-s"];
+    run(
+        program_of_venv("python"),
+        &[&tests[..], &["tests"]].concat(),
+    );
+    if let Some(torch) = std::env::var_os("DTD_LEROBOT_PYTHON") {
+        run(torch.into(), &["tests/torch_loader.py"]);
+    }
+
+    let judge = repository().join("tests/judges/notebook.py");
+    let notebook = [text(&judge), "approach.ipynb", "error_percent"];
+    let ran = testkit::command::json(&run(program_of_venv("python"), &notebook));
+    assert_eq!(ran["figures"], 3);
+    let errors = ran["held"]["error_percent"].as_array().unwrap();
+    let mut errors: Vec<f64> = errors.iter().map(|error| error.as_f64().unwrap()).collect();
+    errors.sort_by(f64::total_cmp);
+    assert!(errors[errors.len() / 2] < 5.0, "{errors:?}");
 }

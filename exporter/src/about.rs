@@ -6,6 +6,7 @@ use dataset::corpus::Corpus;
 use dataset::plan::Plan;
 use dataset::scenario::ScenarioRecord;
 use dataset::splits::Side;
+use serde_json::json;
 
 use crate::error::Result;
 
@@ -64,6 +65,24 @@ impl About {
              its distance to touchdown at every tick.",
             self.name
         )
+    }
+
+    /// The licence, as a line of a dataset card.
+    pub(crate) fn card_license(&self) -> String {
+        match &self.license {
+            Some(url) if url.contains("://") => {
+                format!("license: other\nlicense_link: {}\n", json!(url))
+            }
+            Some(spdx) => format!("license: {}\n", json!(spdx.to_lowercase())),
+            None => String::new(),
+        }
+    }
+
+    /// Heading and text with which a dataset card begins.
+    pub(crate) fn introduction(&self) -> String {
+        let Self { name, .. } = self;
+        let (what, how, labels) = (self.description(), self.collection(), self.annotation());
+        format!("# {name}\n\n{what}\n\n{how} {labels}")
     }
 
     /// How it was made.

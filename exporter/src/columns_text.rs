@@ -9,6 +9,8 @@ pub(crate) enum Kind {
     U64,
     I64,
     F64,
+    /// So many floats in each row.
+    F64s(u32),
 }
 
 /// A column. Its unit is in its name.
@@ -55,6 +57,13 @@ const fn column(name: &'static str, kind: Kind, meaning: &'static str) -> Column
 }
 
 const SCENARIO: Column = column("scenario", Kind::Text, "identifier of the scenario");
+const TRAJECTORY: Column = column(
+    "trajectory",
+    Kind::Text,
+    "what is flown; scenarios of one trajectory are on one side of the split",
+);
+const WEATHER: Column = column("weather", Kind::Text, "name of the weather");
+const TIME_OF_DAY: Column = column("time_of_day", Kind::Text, "local time, HH:MM");
 const VIEW: Column = column("view", Kind::Text, "identifier of the view");
 const TICK: Column = column(
     "tick",
@@ -75,13 +84,9 @@ pub(crate) const SCENARIOS: TableText = TableText {
     row: "scenario: a recorded approach",
     columns: &[
         SCENARIO,
-        column(
-            "trajectory",
-            Kind::Text,
-            "what is flown; scenarios of one trajectory are on one side of the split",
-        ),
-        column("weather", Kind::Text, "name of the weather"),
-        column("time_of_day", Kind::Text, "local time, HH:MM"),
+        TRAJECTORY,
+        WEATHER,
+        TIME_OF_DAY,
         column("visibility_m", Kind::F64, "meteorological visibility"),
         column("rain_ratio", Kind::F64, "rain, 0 to 1"),
         column("turbulence_ratio", Kind::F64, "turbulence, 0 to 1"),
@@ -353,6 +358,54 @@ pub(crate) const PREDICTIONS: TableText = TableText {
             "predicted_dtd_to_m",
             Kind::F64,
             "upper end of the stated 90 % interval",
+        ),
+    ],
+};
+
+pub(crate) const LEROBOT_FRAMES: TableText = TableText {
+    name: "frames",
+    row: "scenario and tick",
+    columns: &[
+        column(
+            "observation.state",
+            Kind::F64s(16),
+            "pose, velocity and distances; meta/info.json names the numbers with their units",
+        ),
+        column(
+            "timestamp",
+            Kind::F64,
+            "time of the picture in the scenario's videos, seconds",
+        ),
+        column(
+            "frame_index",
+            Kind::I64,
+            "number within the scenario, from 0",
+        ),
+        column("episode_index", Kind::I64, "number of the scenario"),
+        column("index", Kind::I64, "number within the dataset, from 0"),
+        column("task_index", Kind::I64, "number of the task"),
+        column("tick", Kind::I64, "number of the tick in the corpus"),
+        column("time_ns", Kind::I64, "time since tick 0"),
+    ],
+};
+
+pub(crate) const LEROBOT_EPISODES: TableText = TableText {
+    name: "episodes",
+    row: SCENARIOS.row,
+    columns: &[
+        column("episode_index", Kind::I64, "number of the scenario"),
+        column("length", Kind::I64, "number of rows"),
+        column("dataset_from_index", Kind::I64, "its first row"),
+        column("dataset_to_index", Kind::I64, "the row after its last"),
+        SCENARIO,
+        TRAJECTORY,
+        column("split", Kind::Text, "side of the split"),
+        WEATHER,
+        TIME_OF_DAY,
+        column(
+            "calibration",
+            Kind::Text,
+            "the cameras, as calibration.json of the corpus",
         ),
     ],
 };

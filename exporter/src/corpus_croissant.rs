@@ -5,10 +5,10 @@ use std::path::PathBuf;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
 use dataset::detections::models_of;
-use dataset::json_file::write_json;
+use dataset::json_file::{read_json, write_json};
 use dataset::own_path::own_path;
 use dataset::seal::{self, MANIFEST};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::about::About;
 use crate::columns_text::{BOXES, Column, DETECTIONS, Kind, TICKS};
@@ -41,6 +41,25 @@ const LABELS: [&str; 5] = [
 /// The corpus has no scenario, a record or table does not match its seal, or the file cannot be written.
 pub fn describe_corpus(corpus: &Corpus, license: Option<String>) -> Result<PathBuf> {
     let path = own_path(corpus.root(), CROISSANT)?;
+    write_json(&path, &description(corpus, license)?)?;
+    Ok(path)
+}
+
+/// Whether the corpus's `croissant.json`, if it has one, says what this version would say of the corpus as it is now.
+///
+/// # Errors
+/// Those of [`describe_corpus`], and a `croissant.json` that cannot be read.
+pub fn is_described_as_it_is(corpus: &Corpus) -> Result<Option<bool>> {
+    let path = own_path(corpus.root(), CROISSANT)?;
+    if !path.exists() {
+        return Ok(None);
+    }
+    let found: Value = read_json(&path, "description of the corpus")?;
+    let license = found["license"].as_str().map(str::to_owned);
+    Ok(Some(description(corpus, license)? == found))
+}
+
+fn description(corpus: &Corpus, license: Option<String>) -> Result<Value> {
     let mut about = About::new(corpus, license)?;
     let mut contents = Contents::default();
     for (name, form) in [
@@ -132,8 +151,7 @@ pub fn describe_corpus(corpus: &Corpus, license: Option<String>) -> Result<PathB
     if !about.models.is_empty() {
         contents.records.push(detections());
     }
-    write_json(&path, &describe(corpus.root(), &about, &contents)?)?;
-    Ok(path)
+    describe(corpus.root(), &about, &contents)
 }
 
 fn records() -> RecordSet {

@@ -138,6 +138,11 @@ pub(crate) fn part_of_path(set: &str, expression: &str) -> Value {
     })
 }
 
+/// A field that is all of each of a set's files, as text.
+pub(crate) fn content_of(set: &str) -> Value {
+    json!({"fileSet": {"@id": set}, "extract": {"fileProperty": "content"}})
+}
+
 /// The records of a table in a set of Parquet files.
 pub(crate) fn table_records(table: &TableText, set: &str) -> RecordSet {
     let field = |column: &Column| Field {
@@ -240,6 +245,10 @@ fn record_set(set: &RecordSet) -> Value {
             "dataType": data_type(kind),
             "source": field.source,
         });
+        if let (Kind::F64s(count), Value::Object(described)) = (kind, &mut described) {
+            described.insert("isArray".into(), true.into());
+            described.insert("arrayShape".into(), count.to_string().into());
+        }
         if let (Some(unit), Value::Object(described)) = (unit_of(name), &mut described) {
             let annotation = json!({
                 "@type": "cr:Field",
@@ -301,7 +310,7 @@ fn data_type(kind: Kind) -> &'static str {
         Kind::U32 => "cr:UInt32",
         Kind::U64 => "cr:UInt64",
         Kind::I64 => "cr:Int64",
-        Kind::F64 => "cr:Float64",
+        Kind::F64 | Kind::F64s(_) => "cr:Float64",
     }
 }
 

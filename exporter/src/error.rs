@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use dataset::frame_rate::FrameRate;
+
 /// An error of an export. Every message names its subject.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
@@ -83,6 +85,43 @@ pub enum Error {
         /// The view.
         view: String,
     },
+    /// A rate that is no whole number.
+    #[error(
+        "scenario {scenario} would have {found} pictures a second; lerobot needs a whole number: {advice}"
+    )]
+    WholeRate {
+        /// The scenario.
+        scenario: String,
+        /// Its rate in the export.
+        found: String,
+        /// What to do.
+        advice: String,
+    },
+    /// More pictures are asked for than there are.
+    #[error(
+        "scenario {scenario} has {rate} pictures a second, fewer than --rate {asked}; choose a lower one"
+    )]
+    RateTooHigh {
+        /// The scenario.
+        scenario: String,
+        /// Its rate.
+        rate: FrameRate,
+        /// The rate that is asked for.
+        asked: u32,
+    },
+    /// Scenarios that one dataset cannot hold.
+    #[error(
+        "scenario {scenario} has {found}, the first one {first}; a dataset of lerobot has one kind: choose scenarios with --only, or views \
+         with --views"
+    )]
+    Mixed {
+        /// The scenario.
+        scenario: String,
+        /// What it has.
+        found: String,
+        /// What the first one has.
+        first: String,
+    },
     /// An MCAP file cannot be written.
     #[error("cannot write {}: {source}", path.display())]
     Mcap {
@@ -153,6 +192,9 @@ impl Error {
                 | Self::NoPredictions { .. }
                 | Self::SameRun { .. }
                 | Self::Codec { .. }
+                | Self::WholeRate { .. }
+                | Self::RateTooHigh { .. }
+                | Self::Mixed { .. }
                 | Self::Nothing
                 | Self::NoDetections
                 | Self::SeveralModels { .. }

@@ -6,6 +6,8 @@ use std::thread;
 
 use dataset::corpus::Corpus;
 use dataset::detections::{NoChoice, choose};
+use dataset::plan::Plan;
+use dataset::video::VideoSettings;
 use dataset::workers;
 use serde::Serialize;
 
@@ -17,7 +19,7 @@ use crate::predictions::Predictions;
 use crate::request::{BoxSource, ExportRequest, Format};
 use crate::selection::{Selected, select};
 use crate::source::Source;
-use crate::{coco, croissant, huggingface, mcap_files, picture_files, webdataset, yolo};
+use crate::{coco, croissant, huggingface, lerobot, mcap_files, picture_files, webdataset, yolo};
 
 /// Who watches an export.
 #[derive(Clone, Copy)]
@@ -54,12 +56,18 @@ struct Job<'a> {
     scenarios: Vec<Planned>,
     runs: Vec<Predictions>,
     about: About,
+    /// How videos are encoded, if they are.
+    video: VideoSettings,
+    /// What all scenarios have in common, if the format demands it.
+    form: Option<lerobot::Form>,
 }
 
 /// A scenario of it.
 struct Planned {
     selected: Selected,
     pictures: u64,
+    /// Its place in the export, from 0.
+    number: usize,
 }
 
 /// Exports a corpus to `out`. A run that was stopped or killed is continued by the same request.
@@ -79,13 +87,20 @@ pub fn export(
     let mut hasher = blake3::Hasher::new();
     hasher.update(env!("CARGO_PKG_VERSION").as_bytes());
     hasher.update(&serde_json::to_vec(request).unwrap_or_default());
-    let selection = select(corpus, request)?;
+    let mut selection = select(corpus, request)?;
+    if request.format == Format::LeRobot {
+        // Its splits are ranges.
+        selection.sort_by_key(|selected| selected.side);
+    }
+    let plan = Plan::of_corpus(corpus)?;
     let mut job = Job {
         request,
         model: model_of(&selection, request)?,
         scenarios: Vec::new(),
         runs: read_runs(request)?,
         about: About::new(corpus, request.license.clone())?,
+        video: plan.map_or_else(VideoSettings::default, |plan| plan.common.video),
+        form: None,
     };
     hasher.update(job.about.name.as_bytes());
     for run in &job.runs {
@@ -97,6 +112,13 @@ pub fn export(
         if request.format == Format::Mcap {
             mcap_files::check(&source)?;
         }
+        if request.format == Format::LeRobot {
+            let form = lerobot::Form::of(&source, request.ticks, &job.video)?;
+            match &job.form {
+                Some(first) => first.check_same(&form, &source.record.id)?,
+                None => job.form = Some(form),
+            }
+        }
         let before = counts.pictures;
         count(&source, &mut counts);
         source.hash(&mut hasher);
@@ -105,6 +127,7 @@ pub fn export(
         job.scenarios.push(Planned {
             selected,
             pictures: counts.pictures - before,
+            number: job.scenarios.len(),
         });
     }
     let place = match Place::take(out, hasher.finalize().to_hex().as_str())? {
@@ -141,6 +164,10 @@ fn count(source: &Source<'_>, counts: &mut ExportOutcome) {
 impl Job<'_> {
     fn open<'s>(&self, scenario: &'s Planned) -> Result<Source<'s>> {
         Source::open(&scenario.selected, self.request, self.model.as_deref())
+    }
+
+    fn form(&self) -> Result<&lerobot::Form> {
+        self.form.as_ref().ok_or(Error::Nothing)
     }
 
     /// Writes all scenarios that are not noted as done, and notes them.
@@ -200,6 +227,19 @@ impl Job<'_> {
                     webdataset::write_scenario(&source, self.request, &folder, watch, &done);
                 place.note(&id, &shards?)
             }
+            Format::LeRobot => {
+                let (form, number) = (self.form()?, scenario.number);
+                let videos = lerobot::write_scenario(
+                    &source,
+                    form,
+                    &self.video,
+                    number,
+                    &folder,
+                    watch,
+                    pictures_done,
+                );
+                place.note(&id, &videos?)
+            }
             Format::Mcap => {
                 let (boxes, done) = (self.request.boxes, || pictures_done(1));
                 mcap_files::write_scenario(&source, boxes, &folder, watch, &done)?;
@@ -231,6 +271,13 @@ impl Job<'_> {
                 });
                 webdataset::finish(&folder, shards)?
             }
+            Format::LeRobot => {
+                let noted = self.scenarios.iter().map(|s| place.part(&s.selected.id()));
+                let scenarios = sources
+                    .zip(noted)
+                    .map(|(source, noted)| Ok((source?, noted?)));
+                lerobot::finish(&folder, &self.about, self.form()?, scenarios)?
+            }
             Format::Mcap => mcap_files::finish(self.scenarios.iter().map(|s| s.selected.id())),
         };
         croissant::write(&folder, &self.about, &contents)
@@ -254,7 +301,12 @@ fn read_runs(request: &ExportRequest) -> Result<Vec<Predictions>> {
 
 /// The name of the detections that are wanted or stand beside the true boxes.
 fn model_of(selection: &[Selected], request: &ExportRequest) -> Result<Option<String>> {
-    if request.format == Format::Yolo && request.boxes == BoxSource::Truth {
+    let has_no_place = match request.format {
+        Format::LeRobot => true,
+        Format::Yolo => request.boxes == BoxSource::Truth,
+        _ => false,
+    };
+    if has_no_place {
         return Ok(None);
     }
     let folders: Vec<_> = selection.iter().map(|one| one.folder.clone()).collect();
@@ -278,10 +330,12 @@ mod tests {
     use std::num::NonZeroU32;
     use std::sync::atomic::AtomicU64;
 
+    use dataset::frame_rate::FrameRate;
     use testkit::files::contents;
     use testkit::short_corpus;
 
     use super::*;
+    use crate::request::Ticks;
 
     const SIZE_PX: [u32; 2] = [160, 96];
 
@@ -295,29 +349,27 @@ mod tests {
         short_corpus::write_with_videos(root, &ids, SIZE_PX[0], SIZE_PX[1], Some(&paint))
     }
 
-    fn request(every: u32) -> ExportRequest {
+    fn request(format: Format, every: u32) -> ExportRequest {
         ExportRequest {
-            format: Format::Coco,
-            stills: None,
-            only: None,
             views: Some(vec!["right".into()]),
-            side: None,
-            every: NonZeroU32::new(every).unwrap(),
-            boxes: BoxSource::Truth,
-            detections: None,
-            runs: Vec::new(),
-            license: None,
+            ticks: Ticks::Every(NonZeroU32::new(every).unwrap()),
+            ..ExportRequest::whole(format)
         }
     }
 
-    /// Exports; stops before the picture of this number.
-    fn export_until(corpus: &Corpus, out: &Path, most: u64) -> Result<ExportOutcome> {
+    /// Exports; stops where it asks for the time after this one whether it is to.
+    fn export_until(
+        corpus: &Corpus,
+        format: Format,
+        out: &Path,
+        most: u64,
+    ) -> Result<ExportOutcome> {
         let asked = AtomicU64::new(0);
         let watch = Watch {
             progress: &|_, _| {},
             is_stopped: &|| asked.fetch_add(1, Ordering::Relaxed) >= most,
         };
-        export(corpus, &request(1), out, watch)
+        export(corpus, &request(format, 1), out, watch)
     }
 
     #[test]
@@ -330,7 +382,7 @@ mod tests {
             progress: &|_, _| {},
             is_stopped: &|| false,
         };
-        let outcome = export(&corpus, &request(2), &out, watch).unwrap();
+        let outcome = export(&corpus, &request(Format::Coco, 2), &out, watch).unwrap();
         assert_eq!(
             (outcome.scenarios, outcome.pictures),
             (3, 6),
@@ -358,20 +410,61 @@ mod tests {
         let temporary = tempfile::tempdir().unwrap();
         let corpus = corpus(&temporary.path().join("corpus"));
         labeller::label_corpus(&corpus, &|_| {}).unwrap();
-        let straight = temporary.path().join("straight");
-        let whole = export_until(&corpus, &straight, u64::MAX).unwrap();
-        let out = temporary.path().join("out");
-        for most in [0, 4, 2] {
-            let stopped = export_until(&corpus, &out, most).unwrap_err();
-            assert!(matches!(stopped, Error::Stopped), "{stopped}");
-            assert!(
-                !out.exists(),
-                "nothing under the final name before it is whole"
-            );
+        for format in [
+            Format::Coco,
+            Format::Yolo,
+            Format::HuggingFace,
+            Format::WebDataset,
+            Format::Mcap,
+            Format::LeRobot,
+        ] {
+            let name = format.word();
+            let straight = temporary.path().join(format!("{name}-straight"));
+            let whole = export_until(&corpus, format, &straight, u64::MAX).unwrap();
+            let out = temporary.path().join(name);
+            for most in [0, 2, 0] {
+                let stopped = export_until(&corpus, format, &out, most).unwrap_err();
+                assert!(matches!(stopped, Error::Stopped), "{name}: {stopped}");
+                assert!(
+                    !out.exists(),
+                    "{name}: something is under the final name before it is whole"
+                );
+            }
+            let resumed = export_until(&corpus, format, &out, u64::MAX).unwrap();
+            assert_eq!(resumed, whole, "{name}");
+            assert!(contents(&out) == contents(&straight), "{name}");
+            assert!(!temporary.path().join(format!("{name}.partial")).exists());
         }
-        assert_eq!(export_until(&corpus, &out, u64::MAX).unwrap(), whole);
-        assert!(contents(&out) == contents(&straight));
-        assert!(!temporary.path().join("out.partial").exists());
+    }
+
+    #[test]
+    fn scenarios_of_two_rates_or_without_labels_do_not_become_a_lerobot_dataset() {
+        let temporary = tempfile::tempdir().unwrap();
+        let root = temporary.path().join("corpus");
+        for (id, hz) in [("0001-a", 1), ("0002-b", 2)] {
+            let rate = FrameRate::new(hz, 1).unwrap();
+            short_corpus::write_flight(&root, id, SIZE_PX, rate, 3, &|_, _, _| {});
+        }
+        let corpus = Corpus::open(&root).unwrap();
+        let out = temporary.path().join("out");
+        let refused = || {
+            let error = export_until(&corpus, Format::LeRobot, &out, u64::MAX).unwrap_err();
+            assert!(!out.exists() && !temporary.path().join("out.partial").exists());
+            error.to_string()
+        };
+        assert!(refused().contains("`dtd label`"), "{}", refused());
+        labeller::label_corpus(&corpus, &|_| {}).unwrap();
+        let words = "0002-b has 2 pictures a second, right of 160x96";
+        assert!(refused().contains(words), "{}", refused());
+        let watch = Watch {
+            progress: &|_, _| {},
+            is_stopped: &|| false,
+        };
+        let one = ExportRequest {
+            only: Some(vec!["0002-b".into()]),
+            ..request(Format::LeRobot, 1)
+        };
+        assert_eq!(export(&corpus, &one, &out, watch).unwrap().pictures, 3);
     }
 
     #[test]
@@ -380,11 +473,11 @@ mod tests {
         let corpus = corpus(&temporary.path().join("corpus"));
         labeller::label_corpus(&corpus, &|_| {}).unwrap();
         let out = temporary.path().join("out");
-        export_until(&corpus, &out, 4).unwrap_err();
+        export_until(&corpus, Format::Coco, &out, 4).unwrap_err();
         // As a kill between the move and the removal of the notes leaves it, and the user then removes the export.
         let partial = temporary.path().join("out.partial");
         fs::remove_dir_all(partial.join("new")).unwrap();
-        let whole = export_until(&corpus, &out, u64::MAX).unwrap();
+        let whole = export_until(&corpus, Format::Coco, &out, u64::MAX).unwrap();
         let pictures = fs::read_dir(out.join("images")).unwrap().count();
         assert_eq!(pictures as u64, whole.pictures);
     }

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use dataset::columns::{TableParts, TableWriter};
 use dataset::json_file::write_unsynced;
+use serde_json::json;
 
 use crate::about::{About, split_of};
 use crate::columns_text::{
@@ -142,23 +143,8 @@ fn append(
 /// The dataset card: configurations and splits for the library, tables and columns for people.
 fn card_of(about: &About, contents: &Contents) -> String {
     let mut card = String::from("---\n");
-    let name = &about.name;
-    let _ = writeln!(card, "pretty_name: {}", serde_json::json!(name));
-    match &about.license {
-        Some(url) if url.contains("://") => {
-            let _ = writeln!(
-                card,
-                "license: other\nlicense_link: {}",
-                serde_json::json!(url)
-            );
-        }
-        Some(spdx) => drop(writeln!(
-            card,
-            "license: {}",
-            serde_json::json!(spdx.to_lowercase())
-        )),
-        None => {}
-    }
+    let _ = writeln!(card, "pretty_name: {}", json!(about.name));
+    card.push_str(&about.card_license());
     card.push_str("tags: [aviation, multi-camera, simulation]\nconfigs:\n");
     let mut tables = String::new();
     for table in TABLES {
@@ -192,11 +178,9 @@ fn card_of(about: &About, contents: &Contents) -> String {
     }
     let _ = write!(
         card,
-        "---\n\n# {name}\n\n{}\n\n{} {}\n\nUnits are in the names of the columns. The picture of tick k is picture k of each video \
+        "---\n\n{}\n\nUnits are in the names of the columns. The picture of tick k is picture k of each video \
          (`videos/<scenario>/<view>.*`).\n\n```python\nfrom datasets import load_dataset\n\nticks = load_dataset(\"FOLDER\", \"ticks\")\n```\n{tables}",
-        about.description(),
-        about.collection(),
-        about.annotation(),
+        about.introduction(),
     );
     card
 }

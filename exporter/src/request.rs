@@ -23,6 +23,8 @@ pub enum Format {
     WebDataset,
     /// A file per scenario for Foxglove.
     Mcap,
+    /// LeRobotDataset v3.0: an episode per scenario, with its videos.
+    LeRobot,
 }
 
 impl Format {
@@ -34,6 +36,7 @@ impl Format {
             Self::HuggingFace => "huggingface",
             Self::WebDataset => "webdataset",
             Self::Mcap => "mcap",
+            Self::LeRobot => "lerobot",
         }
     }
 
@@ -41,9 +44,24 @@ impl Format {
     fn has_stills(self) -> bool {
         match self {
             Self::Coco | Self::Yolo | Self::WebDataset => true,
-            Self::HuggingFace | Self::Mcap => false,
+            Self::HuggingFace | Self::Mcap | Self::LeRobot => false,
         }
     }
+}
+
+/// Which ticks an export contains.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Ticks {
+    /// Every n-th, from tick 0.
+    Every(NonZeroU32),
+    /// So many a second, each the nearest to its time.
+    PerSecond(NonZeroU32),
+}
+
+impl Ticks {
+    /// All of them.
+    pub const ALL: Self = Self::Every(NonZeroU32::MIN);
 }
 
 /// Which boxes an export contains.
@@ -69,8 +87,8 @@ pub struct ExportRequest {
     pub views: Option<Vec<String>>,
     /// A side of the split; `None`: all.
     pub side: Option<Side>,
-    /// Every n-th tick, from tick 0.
-    pub every: NonZeroU32,
+    /// Which ticks.
+    pub ticks: Ticks,
     /// Which boxes.
     pub boxes: BoxSource,
     /// Model whose detections are meant, by its file name or hash; `None`: the only one that there is.
@@ -83,6 +101,22 @@ pub struct ExportRequest {
 }
 
 impl ExportRequest {
+    /// Everything, with the true boxes.
+    pub fn whole(format: Format) -> Self {
+        Self {
+            format,
+            stills: None,
+            only: None,
+            views: None,
+            side: None,
+            ticks: Ticks::ALL,
+            boxes: BoxSource::Truth,
+            detections: None,
+            runs: Vec::new(),
+            license: None,
+        }
+    }
+
     /// The form of pictures.
     pub(crate) fn stills(&self) -> StillFormat {
         self.stills.unwrap_or_default()
@@ -98,10 +132,26 @@ impl ExportRequest {
             })
         };
         if self.stills.is_some() && !self.format.has_stills() {
-            return not_in_format("--pictures", "it contains the videos as they are");
+            return not_in_format("--pictures", "it contains videos");
         }
-        if self.every.get() > 1 && self.format == Format::Mcap {
-            return not_in_format("--every", "a picture of a video needs those before it");
+        match (self.format, self.ticks) {
+            (Format::LeRobot, _) | (_, Ticks::ALL) => {}
+            (Format::Mcap, Ticks::Every(_)) => {
+                return not_in_format("--every", "a picture of a video needs those before it");
+            }
+            (_, Ticks::Every(_)) => {}
+            (_, Ticks::PerSecond(_)) => {
+                return not_in_format("--rate", "it states the time of every picture");
+            }
+        }
+        if self.format == Format::LeRobot {
+            let no_boxes = "it has no place for boxes";
+            if self.boxes == BoxSource::Detections {
+                return not_in_format("--boxes detections", no_boxes);
+            }
+            if self.detections.is_some() {
+                return not_in_format("--detections", no_boxes);
+            }
         }
         if !self.runs.is_empty() && self.format != Format::HuggingFace {
             return not_in_format("--run", "it has no place for predictions");

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::calibration::{Calibration, CameraEntry};
 use dataset::detections::{Detection, models_of};
+use dataset::frame_rate::FrameRate;
 use dataset::frames::{Frames, TickRow};
 use dataset::open_scenario::OpenScenario;
 use dataset::pixel_box::TruthBox;
@@ -12,7 +13,7 @@ use dataset::sight::{CloudBase, Sight};
 
 use crate::error::{Error, Result};
 use crate::part::{LabelledBox, TruthFigures};
-use crate::request::{BoxSource, ExportRequest, Format};
+use crate::request::{BoxSource, ExportRequest, Format, Ticks};
 use crate::selection::Selected;
 
 /// Boxes by view and tick.
@@ -26,9 +27,10 @@ pub(crate) struct Source<'a> {
     pub(crate) frames: Frames,
     /// Name of the detections, if that model searched the scenario.
     pub(crate) model: Option<String>,
-    calibration: Calibration,
+    pub(crate) calibration: Calibration,
     cloud_base: CloudBase,
-    every: u32,
+    /// By tick, whether it is asked for.
+    asked_for: Vec<bool>,
     boxes: ByPicture,
     found: ByPicture,
     left_out: BTreeSet<(String, u32)>,
@@ -60,6 +62,7 @@ impl<'a> Source<'a> {
         let cloud_base = CloudBase::of(&record.conditions.weather);
         let mut left_out = BTreeSet::new();
         let (boxes, found) = match request.boxes {
+            _ if request.format == Format::LeRobot => Default::default(),
             BoxSource::Truth => {
                 let mut boxes = Vec::new();
                 for real in scenario.truth_boxes()? {
@@ -85,12 +88,12 @@ impl<'a> Source<'a> {
             }
         };
         Ok(Self {
+            asked_for: asked_for(request.ticks, record.frame_rate, frames.rows.len()),
             frames,
             calibration: scenario.calibration()?,
             cloud_base,
             model,
             record,
-            every: request.every.get(),
             boxes,
             found,
             left_out,
@@ -117,7 +120,12 @@ impl<'a> Source<'a> {
 
     /// Whether this tick is asked for.
     pub(crate) fn is_asked_for(&self, tick: u32) -> bool {
-        tick.is_multiple_of(self.every)
+        self.asked_for.get(tick as usize) == Some(&true)
+    }
+
+    /// Whether every tick is asked for.
+    pub(crate) fn is_whole(&self) -> bool {
+        !self.asked_for.contains(&false)
     }
 
     /// Whether the picture of a view at a tick is asked for.
@@ -154,6 +162,27 @@ impl<'a> Source<'a> {
             found: view.to_owned(),
             known: self.frames.views.join(", "),
         })
+    }
+}
+
+fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {
+    match ticks {
+        Ticks::Every(n) => (0..count)
+            .map(|tick| tick % n.get() as usize == 0)
+            .collect(),
+        Ticks::PerSecond(hz) => {
+            let mut asked_for = vec![false; count];
+            // Ticks in 2 numbers of `hz`, so that halves are whole.
+            let (ticks, over) = (
+                2 * u128::from(rate.numerator),
+                2 * u128::from(rate.denominator) * u128::from(hz.get()),
+            );
+            let nearest = (0..).map(|k: u128| ((k * ticks + over / 2) / over) as usize);
+            for tick in nearest.take_while(|tick| *tick < count) {
+                asked_for[tick] = true;
+            }
+            asked_for
+        }
     }
 }
 

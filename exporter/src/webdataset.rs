@@ -20,7 +20,10 @@ use serde::Serialize;
 use tar::{Builder, EntryType, Header};
 
 use crate::about::split_of;
-use crate::croissant::{Contents, FileSet, JSON, ListedFile, NameList};
+use crate::columns_text::Kind;
+use crate::croissant::{
+    Contents, Field, FileSet, JSON, ListedFile, NameList, RecordSet, content_of, part_of_path,
+};
 use crate::error::{Error, Result};
 use crate::export::Watch;
 use crate::part::TruthFigures;
@@ -32,6 +35,9 @@ use crate::source::Source;
 const MOST_BYTES: u64 = 1_000_000_000;
 /// Shards of scenarios, before they are numbered.
 const UNNUMBERED: &str = "unnumbered";
+
+/// What Croissant calls the files that say what is known of ticks.
+const SAMPLE_FILES: &str = "sample-files";
 
 /// What is known of a tick.
 #[derive(Serialize)]
@@ -174,11 +180,30 @@ fn contents(shards: Vec<String>) -> Contents {
         sets: vec![FileSet {
             archives: shards.clone(),
             ..FileSet::new(
-                "samples",
+                SAMPLE_FILES,
                 "*.json",
                 JSON,
                 "What is known of a tick; its pictures have the same key.",
             )
+        }],
+        records: vec![RecordSet {
+            name: "samples",
+            what: "A record per tick.".into(),
+            fields: vec![
+                Field::new(
+                    "key",
+                    Kind::Text,
+                    "scenario and tick; what its files' names begin with",
+                    part_of_path(SAMPLE_FILES, "(?:.*/)?([^/]+)[.]json$"),
+                ),
+                // Readers of Croissant do not look into the JSON of an archive.
+                Field::new(
+                    "sample",
+                    Kind::Text,
+                    "what is known of it, as JSON",
+                    content_of(SAMPLE_FILES),
+                ),
+            ],
         }],
         lists: vec![NameList {
             id: "shards",

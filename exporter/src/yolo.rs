@@ -8,10 +8,9 @@ use std::path::Path;
 
 use dataset::json_file::write_unsynced;
 use dataset::splits::Side;
-use serde_json::json;
 
 use crate::columns_text::Kind;
-use crate::croissant::{Contents, Field, FileSet, ListedFile, RecordSet, part_of_path};
+use crate::croissant::{Contents, Field, FileSet, ListedFile, RecordSet, content_of, part_of_path};
 use crate::error::Result;
 use crate::part::{LabelledBox, Part};
 
@@ -98,7 +97,7 @@ fn contents() -> Contents {
                 label(
                     "boxes",
                     "a line `class cx cy width height` per box, in parts of the picture's sides",
-                    json!({"fileSet": {"@id": set}, "extract": {"fileProperty": "content"}}),
+                    content_of(set),
                 ),
             ],
         }],

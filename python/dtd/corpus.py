@@ -5,6 +5,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
 import polars as pl
 
 from dtd.camera import Camera
@@ -139,6 +141,10 @@ class Corpus:
 
     def video(self, scenario: str, view: str) -> Video:
         """The pictures of a view, to be read in order or by tick."""
+        return Video(*self.video_source(scenario, view))
+
+    def video_source(self, scenario: str, view: str) -> tuple[Path, npt.NDArray[np.int64]]:
+        """The file of a view's video, and the timestamps of its pictures in units of its time base."""
         folder = self._folder(scenario)
         _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
         column = f"pts_{view}"
@@ -146,7 +152,7 @@ class Corpus:
         for ending in (".mp4", ".mov"):
             path = folder / "views" / (view + ending)
             if path.exists():
-                return Video(path, timestamps.to_numpy())
+                return path, timestamps.to_numpy()
         raise CorpusError(f"{folder / 'views'} has no video of view {view}")
 
     def frame(self, scenario: str, view: str, tick: int) -> Picture:

@@ -13,6 +13,9 @@ from av.video.reformatter import Colorspace, VideoReformatter
 
 from dtd.files import CorpusError
 
+GROUP_OF_PICTURES = 60
+"""Most ticks from a key frame of a corpus to the next."""
+
 Picture = npt.NDArray[np.uint8]
 
 
@@ -68,8 +71,12 @@ class Video:
         first, last = int(self._pts[self._next_tick]), int(self._pts[tick])
         if last - first <= 0:
             return False
-        entry = self._stream.index_entries.search_timestamp(last, backward=True, any_frame=False)
-        return entry >= 0 and self._stream.index_entries[entry].timestamp > first
+        try:
+            index = self._stream.index_entries
+        except AttributeError:  # Before PyAV 16.
+            return tick - self._next_tick > GROUP_OF_PICTURES
+        entry = index.search_timestamp(last, backward=True, any_frame=False)
+        return entry >= 0 and index[entry].timestamp > first
 
     def _rgb(self, frame: VideoFrame) -> Picture:
         # Videos of this project are BT.709 and say so; FFmpeg's converter has to be told.

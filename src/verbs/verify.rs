@@ -8,6 +8,7 @@ use dataset::Error;
 use dataset::corpus::Corpus;
 use dataset::json_file::write_atomically;
 use dataset::verify::{Verification, VerifyOptions, VerifyReport, verify_with};
+use serde::Serialize;
 use store::{CorpusLocation, CorpusStore, Fetched, Patience, StoreError, StoreUrl};
 use tempfile::TempDir;
 
@@ -29,20 +30,38 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         decode: !args.quick,
         complete: args.complete,
     };
-    let (name, report) = match &args.corpus {
+    let (name, report, description) = match &args.corpus {
         CorpusLocation::Folder(root) => {
-            let report = verify(&open_corpus(root)?, options);
-            (root.display().to_string(), report)
+            let corpus = open_corpus(root)?;
+            let report = verify(&corpus, options);
+            // One of a damaged corpus says nothing: the faults do.
+            let described = exporter::is_described_as_it_is(&corpus).ok().flatten();
+            let description = described.map(|is_current| match is_current {
+                true => Description::Current,
+                false => Description::Outdated,
+            });
+            (root.display().to_string(), report, description)
         }
-        CorpusLocation::Store(url) => verify_in_store(url, options)?,
+        CorpusLocation::Store(url) => {
+            let (name, report) = verify_in_store(url, options)?;
+            (name, report, None)
+        }
     };
     if args.json {
-        print_json(&report)?;
+        print_json(&Verified {
+            report: &report,
+            croissant: description,
+        })?;
     } else {
         for finding in &report.findings {
             println!("{finding}");
         }
         print_proof(&report);
+        if description == Some(Description::Outdated) {
+            println!(
+                "croissant.json describes an earlier state; run `dtd export {name} --to croissant` again"
+            );
+        }
         println!("{}", summary(&report, args.quick));
     }
     if report.findings.is_empty() {
@@ -53,6 +72,23 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
             count(report.findings.len(), "fault")
         )))
     }
+}
+
+/// What `--json` prints.
+#[derive(Serialize)]
+struct Verified<'a> {
+    #[serde(flatten)]
+    report: &'a VerifyReport,
+    /// Whether `croissant.json` describes the corpus as it is; missing without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    croissant: Option<Description>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Description {
+    Current,
+    Outdated,
 }
 
 fn summary(report: &VerifyReport, quick: bool) -> String {

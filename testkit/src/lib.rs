@@ -10,6 +10,7 @@
 pub mod approach;
 pub mod command;
 pub mod files;
+pub mod peak;
 pub mod pictures;
 mod repository;
 pub mod rig;

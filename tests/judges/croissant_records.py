@@ -38,7 +38,7 @@ assert not issues.errors, issues.report()
 def plain(value):
     if isinstance(value, bytes):
         return value.decode()
-    return value.item() if hasattr(value, "item") else value
+    return value.tolist() if hasattr(value, "tolist") else value
 
 
 records = {}

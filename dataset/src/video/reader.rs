@@ -31,6 +31,7 @@ pub struct VideoReader {
     pub(super) frames_announced: u64,
     frames_read: u64,
     all_sent: bool,
+    only_keys: bool,
 }
 
 impl VideoReader {
@@ -96,6 +97,7 @@ impl VideoReader {
             frames_announced,
             frames_read: 0,
             all_sent: false,
+            only_keys: false,
         })
     }
 
@@ -107,6 +109,21 @@ impl VideoReader {
     /// Height of the pictures, pixels.
     pub fn height(&self) -> u32 {
         self.height_px
+    }
+
+    /// FFmpeg's names of the codec and of the form of its pixels.
+    pub fn codec_and_pixels(&self) -> [&'static str; 2] {
+        let pixels = self.decoder.format().descriptor();
+        [
+            self.decoder.id().name(),
+            pixels.map_or("", |descriptor| descriptor.name()),
+        ]
+    }
+
+    /// Leaves out all pictures but key frames from here on: a sample that takes little time.
+    pub fn leave_out_all_but_keys(&mut self) {
+        self.only_keys = true;
+        self.frames_announced = 0;
     }
 
     /// Unit of the timestamps as a fraction of a second: numerator, denominator.
@@ -215,6 +232,7 @@ impl VideoReader {
         loop {
             match packet.read(&mut self.input) {
                 Ok(()) if packet.stream() != self.stream => {}
+                Ok(()) if self.only_keys && !packet.is_key() => {}
                 Ok(()) => {
                     return self.decoder.send_packet(&packet).map_err(|e| {
                         self.fault(format!("decode after picture {}", self.frames_read), e)

@@ -1,0 +1,185 @@
+"""The ticks of a corpus as samples to learn from, in the form that `torch.utils.data.DataLoader` takes.
+
+    from dtd import Corpus
+    from dtd.tick_dataset import TickDataset
+
+    train = TickDataset(Corpus("corpus"), side="train", crop_px=(96, 64))
+    train[0]["pictures"]["left"]      # 64 x 96 x 3, RGB
+
+Where torch is installed, `TickDataset` is a `torch.utils.data.Dataset`; without torch it is the same sequence of NumPy arrays. Workers of a
+`DataLoader`, forked or spawned, each open the videos on their own.
+"""
+
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypedDict
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from dtd.corpus import Corpus
+from dtd.files import CorpusError
+from dtd.video import Picture, Video
+
+if TYPE_CHECKING:
+    _Dataset = object
+else:
+    try:
+        from torch.utils.data import Dataset as _Dataset
+    except ImportError:
+        _Dataset = object
+
+Floats = npt.NDArray[np.float64]
+_BOX = ["cx_px", "cy_px", "width_px", "height_px"]
+
+
+class Sample(TypedDict):
+    """What is known of a tick. Pictures, boxes and corners are by view."""
+
+    scenario: str
+    tick: int
+    time_ns: int
+    """Time since tick 0."""
+    dtd_m: float
+    """Distance to touchdown; NaN without labels."""
+    pictures: dict[str, Picture]
+    """Height x width x 3, RGB, 8 bits: whole pictures, or crops."""
+    boxes: dict[str, Floats]
+    """Centre right, centre down, width, height in pixels of the whole picture; NaN where there is no box."""
+    corners_px: dict[str, npt.NDArray[np.int64]]
+    """Right and down: the place of the crop's top-left pixel in the whole picture."""
+
+
+class TickDataset(_Dataset):
+    """A sample per tick."""
+
+    def __init__(
+        self,
+        corpus: Corpus,
+        *,
+        side: str | None = None,
+        scenarios: Sequence[str] | None = None,
+        views: Sequence[str] | None = None,
+        every: int = 1,
+        boxes: pl.DataFrame | None = None,
+        crop_px: tuple[int, int] | None = None,
+        transform: Callable[[Sample], Any] | None = None,
+        open_videos: int = 8,
+    ) -> None:
+        """The ticks of these scenarios (all, or those of a side of the split).
+
+        `views`: those of the first scenario, if not given; every scenario must have them.
+        `every`: every n-th tick.
+        `boxes`: a table with scenario, tick, view and box, such as the best of `corpus.detections()`; the true ones, if not given.
+        `crop_px`: width and height of crops around the boxes, moved into the picture where they would leave it; ticks without a box
+        in each view are left out.
+        `transform`: what is made of a sample before it is returned.
+        `open_videos`: most videos that are open at once, in each worker.
+        """
+        chosen = corpus.scenarios()
+        if side is not None:
+            chosen = chosen.filter(side=side)
+        if scenarios is not None:
+            for scenario in scenarios:
+                corpus.record(scenario)
+            chosen = chosen.filter(pl.col("scenario").is_in(list(scenarios)))
+        ids = chosen["scenario"].to_list()
+        if not ids:
+            raise CorpusError(f"{corpus.path} has no scenario with side {side!r} among {scenarios or 'all'}")
+        self.views = list(views if views is not None else corpus.views_of(ids[0]))
+        self.crop_px = crop_px
+        self.transform = transform
+        self._open_videos = open_videos
+        # Everything is kept as arrays: the threads of polars do not survive a fork.
+        self._sources = {(one, view): corpus.video_source(one, view) for one in ids for view in self.views}
+        ticks = corpus.ticks()
+        if "dtd_m" not in ticks.columns:
+            ticks = ticks.with_columns(dtd_m=pl.lit(None, pl.Float64))
+        rows = ticks.filter(pl.col("scenario").is_in(ids), pl.col("tick") % every == 0)
+        table = corpus.boxes() if boxes is None else boxes
+        for view in self.views:
+            names = {name: f"{view} {name}" for name in _BOX}
+            of_view = table.filter(view=view).select("scenario", "tick", *_BOX).rename(names)
+            rows = rows.join(of_view, on=["scenario", "tick"], how="left", validate="m:1", maintain_order="left")
+        if crop_px is not None:
+            rows = rows.drop_nulls([f"{view} cx_px" for view in self.views])
+        self._scenarios = rows["scenario"].to_list()
+        self._ticks = rows["tick"].to_numpy()
+        self._times_ns = rows["time_ns"].to_numpy()
+        self._dtd_m = rows["dtd_m"].cast(pl.Float64).fill_null(float("nan")).to_numpy()
+        self._boxes = {
+            view: rows.select(pl.col(f"{view} {name}").fill_null(float("nan")) for name in _BOX).to_numpy()
+            for view in self.views
+        }
+        self._forget_videos()
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self._scenarios)
+
+    def __getitem__(self, index: int) -> Any:
+        """The sample with this number: a `Sample`, or what `transform` makes of it."""
+        if not 0 <= index < len(self):
+            raise IndexError(f"there are the samples 0 to {len(self) - 1}, not {index}")
+        scenario, tick = self._scenarios[index], int(self._ticks[index])
+        boxes = {view: self._boxes[view][index] for view in self.views}
+        pictures, corners = {}, {}
+        for view in self.views:
+            picture = self._video(scenario, view)[tick]
+            corners[view] = np.zeros(2, np.int64) if self.crop_px is None else self._corner(boxes[view], picture)
+            pictures[view] = self._cropped(picture, corners[view])
+        sample = Sample(
+            scenario=scenario,
+            tick=tick,
+            time_ns=int(self._times_ns[index]),
+            dtd_m=float(self._dtd_m[index]),
+            pictures=pictures,
+            boxes=boxes,
+            corners_px=corners,
+        )
+        return sample if self.transform is None else self.transform(sample)
+
+    def _corner(self, box: Floats, picture: Picture) -> npt.NDArray[np.int64]:
+        assert self.crop_px is not None
+        room = np.array([picture.shape[1] - self.crop_px[0], picture.shape[0] - self.crop_px[1]])
+        if (room < 0).any():
+            raise CorpusError(f"a crop of {self.crop_px} does not fit into a picture of {picture.shape[1::-1]} pixels")
+        corner = np.round(box[:2] - (np.array(self.crop_px) - 1) / 2)
+        return np.clip(corner, 0, room).astype(np.int64)
+
+    def _cropped(self, picture: Picture, corner: npt.NDArray[np.int64]) -> Picture:
+        if self.crop_px is None:
+            return picture
+        (right, down), (width, height) = corner, self.crop_px
+        return picture[down : down + height, right : right + width].copy()
+
+    def _video(self, scenario: str, view: str) -> Video:
+        if self._process != os.getpid():
+            # Forked: these decoders share their files with the parent's, and their threads stayed there, so that closing them would wait
+            # for ever.
+            self._inherited = self._videos
+            self._forget_videos()
+        key = (scenario, view)
+        if key not in self._videos:
+            while len(self._videos) >= max(self._open_videos, 1):
+                self._videos.popitem(last=False)[1].close()
+            self._videos[key] = Video(*self._sources[key])
+        self._videos.move_to_end(key)
+        return self._videos[key]
+
+    def _forget_videos(self) -> None:
+        self._process = os.getpid()
+        self._videos: OrderedDict[tuple[str, str], Video] = OrderedDict()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but open videos."""
+        left_out = ("_videos", "_inherited", "_process")
+        return {name: value for name, value in self.__dict__.items() if name not in left_out}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Videos are opened when they are needed."""
+        self.__dict__.update(state)
+        self._forget_videos()

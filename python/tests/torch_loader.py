@@ -1,0 +1,42 @@
+"""Samples through torch itself: a true Dataset, whose loaders give the same as reading it directly.
+
+Needs torch, so that `tests/python_package.rs` runs it only where DTD_LEROBOT_PYTHON names a Python that has it.
+"""
+
+import os
+import unittest
+from pathlib import Path
+
+import torch
+from torch.utils.data import DataLoader, Dataset
+
+from dtd import Corpus
+from dtd.tick_dataset import TickDataset
+
+PATH = Path(os.environ["DTD_CORPUS"])
+
+
+class Loaders(unittest.TestCase):
+    def test_a_loader_batches_what_the_dataset_has_with_any_workers(self) -> None:
+        dataset = TickDataset(Corpus(PATH), views=["mast", "lens"], every=7, crop_px=(40, 24))
+        self.assertIsInstance(dataset, Dataset)
+        samples = [dataset[index] for index in range(len(dataset))]
+        for workers, method in ((0, None), (2, "fork"), (2, "spawn")):
+            loader = DataLoader(dataset, batch_size=5, num_workers=workers, multiprocessing_context=method)
+            place = 0
+            for batch in loader:
+                self.assertEqual(batch["pictures"]["lens"].dtype, torch.uint8)
+                self.assertEqual(tuple(batch["pictures"]["lens"].shape[1:]), (24, 40, 3))
+                for number, scenario in enumerate(batch["scenario"]):
+                    sample = samples[place]
+                    place += 1
+                    self.assertEqual((scenario, batch["tick"][number].item()), (sample["scenario"], sample["tick"]))
+                    self.assertEqual(batch["dtd_m"][number].item(), sample["dtd_m"])
+                    for view in ("mast", "lens"):
+                        self.assertTrue((batch["pictures"][view][number].numpy() == sample["pictures"][view]).all())
+                        self.assertTrue((batch["boxes"][view][number].numpy() == sample["boxes"][view]).all())
+            self.assertEqual(place, len(samples))
+
+
+if __name__ == "__main__":
+    unittest.main()
