@@ -125,7 +125,7 @@ pub(crate) enum Verb {
     /// Evaluate a detector: range, recall, false alarms, accuracy, cost; resumes
     #[command(after_help = help::EVALUATE_DETECTOR)]
     EvaluateDetector(EvaluateDetectorArgs),
-    /// Export pictures and boxes to COCO or YOLO; resumes
+    /// Export a corpus to the formats of other tools; resumes
     #[command(after_help = help::EXPORT)]
     Export(ExportArgs),
     /// Check that a corpus is complete and synchronised, and name every fault
