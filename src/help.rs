@@ -127,7 +127,8 @@ Example:
 pub(crate) const EXPORT: &str = "\
 Examples:
   dtd export corpus --to coco --out coco-folder
-  dtd export corpus --to yolo --out yolo-folder --every 10 --pictures jpeg";
+  dtd export corpus --to yolo --out yolo-folder --every 10 --pictures jpeg
+  dtd export corpus --to lerobot --out lerobot-folder --rate 10";
 
 pub(crate) const DOCTOR: &str = "\
 Examples:

@@ -101,8 +101,9 @@ impl SearchArgs {
         match self.only.iter().find(|id| !known.contains(*id)) {
             None => Ok(Some(self.only.iter().cloned().collect())),
             Some(id) => Err(Failure::bad_input_message(format!(
-                "--only {id}: {} has no complete scenario of this name; `dtd plan {0}` lists them",
-                corpus.root().display()
+                "--only {id}: {} has no complete scenario of this name; its scenarios are {}",
+                corpus.root().display(),
+                named(&known)
             ))),
         }
     }
@@ -120,6 +121,16 @@ impl SearchArgs {
             rows,
             ..TilingSettings::default()
         })
+    }
+}
+
+/// Some of the identifiers, and how many more there are.
+fn named(known: &BTreeSet<String>) -> String {
+    const MOST: usize = 5;
+    let shown: Vec<&str> = known.iter().take(MOST).map(String::as_str).collect();
+    match known.len().saturating_sub(MOST) {
+        0 => shown.join(", "),
+        more => format!("{} and {more} more", shown.join(", ")),
     }
 }
 

@@ -61,7 +61,6 @@ async ([played_s, rate]) => {
     if (at.every(Number.isFinite)) apart.push(Math.max(...at) - Math.min(...at));
   }
   const took_s = (performance.now() - began) / 1000;
-  const media_s = videos.map(video => video.currentTime);
   return { per_s: shown.map(all => new Set(all.map(([, tick]) => tick)).size / took_s), ticks_per_s: new Set(ticks).size / took_s,
            in_step: apart.filter(ticks => ticks <= 1).length / apart.length, same: apart.filter(ticks => ticks === 0).length / apart.length };
 }
@@ -116,16 +115,13 @@ def measure_opening(browser: Browser, url: str) -> None:
     print(f"open {rows} scenarios: {spread(taken)}  (goal: 1000 ms)")
 
 
-def measure_steps(page: Page, ticks: int) -> list[float]:
-    all_taken = []
+def measure_steps(page: Page, ticks: int) -> None:
     back = {"key": "ArrowLeft"}
     forward = {"key": "ArrowRight"}
     far = random.Random(5).sample(range(ticks), STEPS // 2)
     for name, keys in [("forward", [forward] * STEPS), ("back", [back] * STEPS), ("anywhere", far)]:
         taken = [page.evaluate(STEP, key) for key in keys]
         print(f"step {name:8}      : {spread(taken)}  (goal: 100 ms)")
-        all_taken.append(statistics.median(taken))
-    return all_taken
 
 
 def main() -> None:

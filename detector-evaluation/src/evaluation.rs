@@ -70,7 +70,7 @@ pub fn evaluate_detector(
     if let Some(only) = &options.detect.only {
         ids.retain(|(id, _)| only.contains(id));
     }
-    let store = SearchStore::take(&options.out, corpus)?;
+    let store = SearchStore::take(&options.out, corpus.root())?;
     let Some((_, searcher)) = searchers.first() else {
         return Err(Error::NoMode);
     };
@@ -100,7 +100,7 @@ pub fn evaluate_detector(
                     left: ids.len() - searched.len() - failed.len(),
                 });
             }
-            // Of no scenario in particular.
+            // For the caller to change, not a fault of the scenario.
             Err(error @ Error::Search(labeller::Error::Option { .. })) => return Err(error),
             Err(error @ (Error::Dataset(_) | Error::Search(_))) => {
                 failed.push(Failure {

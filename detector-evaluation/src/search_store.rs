@@ -16,7 +16,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use dataset::claim::{Claim, Claimed};
-use dataset::corpus::{Corpus, own_folder_around};
+use dataset::corpus::own_folder_around;
 use dataset::detections::{parse_detections, write_detections};
 use dataset::json_file::{read_json, write_json};
 use dataset::open_scenario::OpenScenario;
@@ -57,16 +57,19 @@ struct Record {
 
 impl SearchStore {
     /// Takes a folder for an evaluation: a new or empty one, or one that has held an evaluation.
-    pub(crate) fn take(root: &Path, corpus: &Corpus) -> Result<Self> {
+    pub(crate) fn take(root: &Path, corpus: &Path) -> Result<Self> {
         let refused = |message: String| Error::Out {
             path: root.to_owned(),
             message,
         };
-        let absolute =
-            |path: &Path| std::path::absolute(path).map_err(dataset::Error::io("find", path));
-        let (place, judged) = (absolute(root)?, absolute(corpus.root())?);
-        let judged = place.starts_with(&judged).then_some(judged.as_path());
-        if let Some(own) = judged.or_else(|| own_folder_around(&place)) {
+        let place = std::path::absolute(root).map_err(dataset::Error::io("find", root))?;
+        // Without links and `..`; of a new folder, the part of its path that exists.
+        let real = place
+            .ancestors()
+            .find_map(|part| fs::canonicalize(part).ok());
+        let judged = fs::canonicalize(corpus).ok();
+        let judged = judged.filter(|judged| real.is_some_and(|real| real.starts_with(judged)));
+        if let Some(own) = judged.as_deref().or_else(|| own_folder_around(&place)) {
             return Err(refused(format!(
                 "is inside {}, where only the corpus' own files belong; name another folder",
                 own.display()
@@ -193,28 +196,37 @@ fn strangers(root: &Path) -> Result<Option<String>> {
 mod tests {
     use super::*;
 
+    fn take(root: &Path) -> Result<SearchStore> {
+        SearchStore::take(root, Path::new("judged-corpus"))
+    }
+
     #[test]
     fn a_folder_of_others_is_refused_and_left_alone() {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
-        drop(SearchStore::take(&out).unwrap());
+        drop(take(&out).unwrap());
         fs::write(out.join(EVALUATION), "{}").unwrap();
-        drop(SearchStore::take(&out).unwrap());
+        drop(take(&out).unwrap());
         fs::write(out.join("thesis.tex"), "").unwrap();
-        let error = SearchStore::take(&out).err().unwrap().to_string();
+        let error = take(&out).err().unwrap().to_string();
         assert!(error.contains("contains thesis.tex"), "{error}");
         let file = folder.path().join("file");
         fs::write(&file, "").unwrap();
-        assert!(SearchStore::take(&file).is_err());
+        assert!(take(&file).is_err());
+        let inside = SearchStore::take(&out, folder.path()).err().unwrap();
+        assert!(
+            inside.to_string().contains("name another folder"),
+            "{inside}"
+        );
     }
 
     #[test]
     fn two_evaluations_into_one_folder_exclude_each_other() {
         let folder = tempfile::tempdir().unwrap();
-        let held = SearchStore::take(folder.path()).unwrap();
-        let error = SearchStore::take(folder.path()).err().unwrap();
+        let held = take(folder.path()).unwrap();
+        let error = take(folder.path()).err().unwrap();
         assert!(matches!(error, Error::Held { .. }), "{error}");
         drop(held);
-        SearchStore::take(folder.path()).unwrap();
+        take(folder.path()).unwrap();
     }
 }

@@ -9,7 +9,7 @@ pub(crate) enum Kind {
     U64,
     I64,
     F64,
-    /// So many floats in each row.
+    /// This many floats in each row.
     F64s(u32),
 }
 

@@ -111,8 +111,8 @@ pub enum Error {
     },
     /// Scenarios that one dataset cannot hold.
     #[error(
-        "scenario {scenario} has {found}, the first one {first}; a dataset of lerobot has one kind: choose scenarios with --only, or views \
-         with --views"
+        "scenario {scenario} has {found}, the first one {first}; a LeRobot dataset has one rate, one size of pictures and one type of \
+         files: choose scenarios with --only, or views with --views"
     )]
     Mixed {
         /// The scenario.

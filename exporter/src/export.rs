@@ -357,7 +357,7 @@ mod tests {
         }
     }
 
-    /// Exports; stops where it asks for the time after this one whether it is to.
+    /// Exports; is stopped after `most` checks.
     fn export_until(
         corpus: &Corpus,
         format: Format,

@@ -145,16 +145,16 @@ fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
         numerator,
         denominator,
     } = rate;
-    let slowest = numerator / denominator;
+    let most = numerator / denominator;
     let divisor = match ticks {
-        Ticks::PerSecond(asked) if asked.get() > slowest && slowest > 0 => {
+        Ticks::PerSecond(asked) if asked.get() > most && most > 0 => {
             return Err(Error::RateTooHigh {
                 scenario: scenario.to_owned(),
                 rate,
                 asked: asked.get(),
             });
         }
-        Ticks::PerSecond(asked) if slowest > 0 => return Ok(asked.get()),
+        Ticks::PerSecond(asked) if most > 0 => return Ok(asked.get()),
         Ticks::PerSecond(_) => u64::from(denominator),
         Ticks::Every(n) => u64::from(denominator) * u64::from(n.get()),
     };
@@ -165,8 +165,8 @@ fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
     Err(Error::WholeRate {
         scenario: scenario.to_owned(),
         found: format!("{numerator}/{divisor}"),
-        advice: match slowest {
-            0 => "choose another format, or record one a second or more".into(),
+        advice: match most {
+            0 => "choose another format, or record at 1 Hz or more".into(),
             most => format!("choose one from 1 to {most} with --rate"),
         },
     })

@@ -55,7 +55,7 @@ impl Format {
 pub enum Ticks {
     /// Every n-th, from tick 0.
     Every(NonZeroU32),
-    /// So many a second, each the nearest to its time.
+    /// This many a second, each the nearest to its time.
     PerSecond(NonZeroU32),
 }
 

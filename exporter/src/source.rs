@@ -1,6 +1,7 @@
 //! A scenario to export, with everything but its pictures.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::num::NonZeroU32;
 
 use dataset::calibration::{Calibration, CameraEntry};
 use dataset::detections::{Detection, models_of};
@@ -29,6 +30,7 @@ pub(crate) struct Source<'a> {
     pub(crate) model: Option<String>,
     pub(crate) calibration: Calibration,
     cloud_base: CloudBase,
+    ticks: Ticks,
     /// By tick, whether it is asked for.
     asked_for: Vec<bool>,
     boxes: ByPicture,
@@ -88,6 +90,7 @@ impl<'a> Source<'a> {
             }
         };
         Ok(Self {
+            ticks: request.ticks,
             asked_for: asked_for(request.ticks, record.frame_rate, frames.rows.len()),
             frames,
             calibration: scenario.calibration()?,
@@ -123,9 +126,14 @@ impl<'a> Source<'a> {
         self.asked_for.get(tick as usize) == Some(&true)
     }
 
-    /// Whether every tick is asked for.
+    /// Whether every tick is asked for, at the rate of the corpus.
     pub(crate) fn is_whole(&self) -> bool {
-        !self.asked_for.contains(&false)
+        let is_same_rate = match self.ticks {
+            Ticks::Every(_) => true,
+            // A short scenario may keep all ticks at a slightly lower rate.
+            Ticks::PerSecond(hz) => is_of_all(hz, self.record.frame_rate),
+        };
+        is_same_rate && !self.asked_for.contains(&false)
     }
 
     /// Whether the picture of a view at a tick is asked for.
@@ -170,9 +178,10 @@ fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {
         Ticks::Every(n) => (0..count)
             .map(|tick| tick % n.get() as usize == 0)
             .collect(),
+        Ticks::PerSecond(hz) if is_of_all(hz, rate) => vec![true; count],
         Ticks::PerSecond(hz) => {
             let mut asked_for = vec![false; count];
-            // Ticks in 2 numbers of `hz`, so that halves are whole.
+            // Doubled, so that half a tick is a whole number.
             let (ticks, over) = (
                 2 * u128::from(rate.numerator),
                 2 * u128::from(rate.denominator) * u128::from(hz.get()),
@@ -184,6 +193,11 @@ fn asked_for(ticks: Ticks, rate: FrameRate, count: usize) -> Vec<bool> {
             asked_for
         }
     }
+}
+
+/// Whether so many a second are all there are, or more.
+fn is_of_all(hz: NonZeroU32, rate: FrameRate) -> bool {
+    u64::from(hz.get()) * u64::from(rate.denominator) >= u64::from(rate.numerator)
 }
 
 fn sight_of(real: &TruthBox, frames: &Frames, cloud_base: CloudBase) -> Sight {
@@ -223,4 +237,28 @@ fn by_picture(boxes: impl Iterator<Item = OfPicture>) -> ByPicture {
         all.entry(picture).or_default().push(labelled);
     }
     all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_a_second_are_the_nearest_and_a_rate_beyond_the_corpus_asks_for_all() {
+        let rate = |numerator, denominator| FrameRate {
+            numerator,
+            denominator,
+        };
+        let per_second = |hz| Ticks::PerSecond(NonZeroU32::new(hz).unwrap());
+        let asked = |ticks, rate, count| -> Vec<usize> {
+            let asked = asked_for(ticks, rate, count).into_iter().enumerate();
+            asked.filter_map(|(tick, is)| is.then_some(tick)).collect()
+        };
+        assert_eq!(asked(per_second(10), rate(30, 1), 7), [0, 3, 6]);
+        assert_eq!(asked(per_second(2), rate(5, 1), 6), [0, 3, 5]);
+        assert_eq!(
+            asked(per_second(u32::MAX), rate(30_000, 1_001), 3),
+            [0, 1, 2]
+        );
+    }
 }

@@ -255,7 +255,7 @@ fn detect_with(
                 }
                 End::Elsewhere => pending.push(corpus.scenario(&id)),
                 End::Failed(Error::Stopped) | End::NotBegun => outcome.left.push(id),
-                // Of no scenario in particular.
+                // For the caller to change, not a fault of the scenario.
                 End::Failed(error @ Error::Option { .. }) => return Err(error),
                 End::Failed(error) => outcome.failed.push(Failure {
                     id,

@@ -105,7 +105,7 @@ impl TilingSettings {
             Some(band) if band.top_px >= height_px => Err(Error::Option {
                 name: "--rows",
                 found: band.to_string(),
-                expected: format!("rows of the pictures, which have {height_px}"),
+                expected: format!("a first row below {height_px}, the height of the pictures"),
             }),
             _ => Ok(()),
         }
@@ -119,9 +119,8 @@ impl TilingSettings {
                 return Err(Error::Option {
                     name: "--overlap",
                     found: self.overlap_px.to_string(),
-                    expected:
-                        "it together with --tile, since this model sees the whole picture at once"
-                            .into(),
+                    expected: "0, or --tile as well: this model searches the whole picture at once"
+                        .into(),
                 });
             }
             (WindowSize::Any { .. }, Some(tile_px)) => tile_px,
@@ -387,7 +386,7 @@ mod tests {
         });
         let refused = find_aircraft(&mut finder, &picture, &settings).unwrap_err();
         assert!(
-            refused.to_string().contains("1280:2000") && refused.to_string().contains("have 1280"),
+            refused.to_string().contains("1280:2000") && refused.to_string().contains("below 1280"),
             "{refused}"
         );
     }

@@ -79,6 +79,8 @@ class TickDataset(_Dataset):
         `transform`: what is made of a sample before it is returned.
         `open_videos`: most videos that are open at once, in each worker.
         """
+        if every < 1 or (crop_px is not None and min(crop_px) < 1):
+            raise ValueError(f"every={every} and the sides of crop_px={crop_px} must be 1 or more")
         chosen = corpus.scenarios()
         if side is not None:
             chosen = chosen.filter(side=side)
@@ -125,7 +127,7 @@ class TickDataset(_Dataset):
         if not 0 <= index < len(self):
             raise IndexError(f"there are the samples 0 to {len(self) - 1}, not {index}")
         scenario, tick = self._scenarios[index], int(self._ticks[index])
-        boxes = {view: self._boxes[view][index] for view in self.views}
+        boxes = {view: self._boxes[view][index].copy() for view in self.views}
         pictures, corners = {}, {}
         for view in self.views:
             picture = self._video(scenario, view)[tick]

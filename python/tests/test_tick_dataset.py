@@ -49,6 +49,14 @@ class Samples(unittest.TestCase):
                 np.testing.assert_equal(sample["boxes"][view][0], expected)
         with self.assertRaises(IndexError):
             dataset[len(dataset)]
+        with self.assertRaises(ValueError):
+            TickDataset(self.corpus, every=0)
+
+    def test_a_sample_that_is_edited_leaves_the_dataset_as_it_was(self) -> None:
+        dataset = TickDataset(self.corpus, views=["mast"], crop_px=(41, 21))
+        before = dataset[0]["boxes"]["mast"].copy()
+        dataset[0]["boxes"]["mast"][:] = 0
+        np.testing.assert_array_equal(dataset[0]["boxes"]["mast"], before)
 
     def test_a_crop_is_cut_around_the_box_and_stays_in_the_picture(self) -> None:
         whole = TickDataset(self.corpus, views=["mast"])

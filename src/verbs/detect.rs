@@ -57,7 +57,7 @@ pub(crate) fn run(args: &DetectArgs) -> Outcome {
     if outcome.failed.is_empty() {
         let corpus = args.corpus.display();
         let next = match outcome.counts.confirmed {
-            0 => format!("dtd view {corpus}, to see why nothing was found"),
+            0 => format!("dtd view {corpus}    # no track was confirmed"),
             _ => format!("dtd train {corpus} --out run"),
         };
         finish("detect", began, &next);

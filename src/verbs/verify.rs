@@ -34,8 +34,8 @@ pub(crate) fn run(args: &VerifyArgs) -> Outcome {
         CorpusLocation::Folder(root) => {
             let corpus = open_corpus(root)?;
             let report = verify(&corpus, options);
-            // One of a damaged corpus says nothing: the faults do.
-            let described = exporter::is_described_as_it_is(&corpus).ok().flatten();
+            // One that cannot be read describes nothing.
+            let described = exporter::is_described_as_it_is(&corpus).unwrap_or(Some(false));
             let description = described.map(|is_current| match is_current {
                 true => Description::Current,
                 false => Description::Outdated,

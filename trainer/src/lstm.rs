@@ -1,8 +1,8 @@
 //! A stacked LSTM that runs over views and keeps its state when a view saw nothing.
 //!
 //! burn's own `nn::Lstm` multiplies by a hidden state that is zero at the first step, which with two steps is a quarter of all
-//! work, and has no mask. Gates have separate weights (slicing one large product costs more than four small products in burn's
-//! autodiff) and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster here. It is trained by [`gradients`], not by autodiff.
+//! work, and has no mask. Gates have separate weights, as saved runs have them, and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster
+//! here. It is trained by [`gradients`], not by autodiff.
 
 mod gradients;
 

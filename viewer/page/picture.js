@@ -118,6 +118,7 @@ export class Picture {
     const whole = { x: (this.view.width_px - 1) / 2, y: (this.view.height_px - 1) / 2 };
     const fit = Math.min(size.width / this.view.width_px, size.height / this.view.height_px);
     const main = this.zoom === null ? { scale: fit, middle: whole } : { scale: this.zoom, middle: this.middle() };
+    this.canvas.classList.toggle('magnified', this.zoom !== null);
     this.drawOn(size, main, 1.5);
     // A small copy of a whole picture costs as much as a large one: too much while it plays.
     const isUseful = this.hasInset && this.image && (this.zoom === null ? this.target : !this.video);

@@ -13,6 +13,10 @@ const HAS_PLANES = 'VideoFrame' in globalThis;
 const SMOOTHING = 0.03;
 /** By how much a video that is not in step is faster or slower. */
 const CORRECTION = 0.04;
+/** Browsers play no faster. */
+const MOST_SPEED = 16;
+/** A video that is further from the first one goes to its place at once: seconds, and periods of the pictures. */
+const FAR = { s: 0.5, periods: 4 };
 const COLOURS = { matrix: 'bt709', primaries: 'bt709', transfer: 'bt709', fullRange: true };
 
 /** A picture from the server: the whole, one column for each `every`, and perhaps a part { image, x, y, width, height } with all. */
@@ -103,8 +107,8 @@ class Videos {
     });
   }
 
-  /** Plays from a tick; rejects if this browser cannot. */
-  async play(tick, speed) {
+  /** Plays from a tick while `isWanted()`; rejects if this browser cannot, or if it is paused before all videos have begun. */
+  async play(tick, speed, isWanted) {
     const period_s = this.rate.denominator / this.rate.numerator;
     await Promise.all(this.elements.map(async video => {
       video.playbackRate = speed;
@@ -117,20 +121,22 @@ class Videos {
         });
       }
     }));
+    if (!isWanted()) return;
     this.speed = speed;
-    this.isPlaying = true;
     this.show(tick, this.elements);
-    this.watch();
+    this.watch(isWanted);
     await Promise.all(this.elements.map(video => video.play()));
   }
 
   /** The first view leads: its pictures say which tick is shown. */
-  watch() {
+  watch(isWanted) {
+    const period_s = this.rate.denominator / this.rate.numerator;
+    const far_s = Math.max(FAR.s, FAR.periods * period_s);
     const shown_s = this.elements.map(() => null);
     const [leader, ...others] = this.elements.map((video, index) => {
       const presented = (_now, { mediaTime }) => {
         shown_s[index] = mediaTime;
-        if (this.isPlaying) video.requestVideoFrameCallback(presented);
+        if (isWanted()) video.requestVideoFrameCallback(presented);
       };
       video.requestVideoFrameCallback(presented);
       return index;
@@ -138,15 +144,21 @@ class Videos {
     const behind_s = others.map(() => 0);
     let tick = null;
     const frame = () => {
-      if (!this.isPlaying) return;
+      if (!isWanted()) return;
       requestAnimationFrame(frame);
       if (shown_s.includes(null)) return;
       const latest = Math.round(shown_s[leader] * this.rate.numerator / this.rate.denominator);
       if (latest !== tick) this.show(latest, this.elements);
       tick = latest;
       others.forEach((index, number) => {
+        const video = this.elements[index];
+        if (video.seeking) return;
         behind_s[number] += (shown_s[leader] - shown_s[index] - behind_s[number]) * SMOOTHING;
-        this.keepInStep(this.elements[index], behind_s[number]);
+        if (Math.abs(behind_s[number]) > far_s) {
+          video.currentTime = this.elements[leader].currentTime;
+          behind_s[number] = 0;
+        }
+        this.keepInStep(video, behind_s[number]);
       });
     };
     requestAnimationFrame(frame);
@@ -160,7 +172,7 @@ class Videos {
     const period_s = this.rate.denominator / this.rate.numerator;
     const isCorrected = video.playbackRate !== this.speed;
     if (Math.abs(behind_s) < period_s * (isCorrected ? 0.1 : 0.35)) video.playbackRate = this.speed;
-    else if (!isCorrected) video.playbackRate = this.speed * (1 + Math.sign(behind_s) * CORRECTION);
+    else if (!isCorrected) video.playbackRate = Math.min(MOST_SPEED, this.speed * (1 + Math.sign(behind_s) * CORRECTION));
   }
 
   get hasEnded() {
@@ -168,7 +180,6 @@ class Videos {
   }
 
   pause() {
-    this.isPlaying = false;
     for (const video of this.elements) video.pause();
   }
 
@@ -191,10 +202,15 @@ export class Player {
     this.stills = new Stills(scenario, views);
     this.videos = null;
     this.tick = 0;
-    this.isPlaying = false;
+    /** Stands for one press of Play; null while paused. What an earlier one has begun finds another here. */
+    this.turn = null;
     this.wanted = null;
     this.isStale = false;
     this.closed = false;
+  }
+
+  get isPlaying() {
+    return this.turn !== null;
   }
 
   /** Shows exactly this tick. While one is on its way, only the last of further ones is shown. */
@@ -234,49 +250,52 @@ export class Player {
   }
 
   async play(speed) {
-    this.isPlaying = true;
+    const turn = Symbol('turn');
+    this.turn = turn;
+    const isWanted = () => this.turn === turn;
     this.changed();
     if (this.tick >= this.ticks - 1) await this.step(0);
+    if (!isWanted()) return;
     const pictures_per_s = this.rate.numerator / this.rate.denominator * speed * this.views.length;
     const isPossible = 'requestVideoFrameCallback' in HTMLVideoElement.prototype;
     if (pictures_per_s > FEW_PICTURES_PER_S && isPossible) {
       try {
-        await this.playVideos(speed);
+        await this.playVideos(speed, isWanted);
         return;
       } catch (error) {
+        if (!isWanted()) return;
         console.info('the browser cannot play these videos; single pictures are played instead', error);
         this.videos?.close();
         this.videos = null;
       }
     }
-    await this.playStills(speed);
+    await this.playStills(speed, isWanted);
   }
 
-  async playVideos(speed) {
+  async playVideos(speed, isWanted) {
     this.videos ??= new Videos(this.scenario, this.views, this.rate, (tick, pictures) => {
-      if (!this.isPlaying) return;
       this.tick = tick;
       this.show(tick, pictures);
     });
     const { videos } = this;
-    await videos.play(this.tick, speed);
-    while (this.isPlaying && !this.closed) {
+    await videos.play(this.tick, speed, isWanted);
+    while (isWanted()) {
       await new Promise(resolve => setTimeout(resolve, 100));
-      if (videos.hasEnded) {
+      if (isWanted() && videos.hasEnded) {
         this.pause();
         await this.step(this.ticks - 1);
       }
     }
   }
 
-  async playStills(speed) {
+  async playStills(speed, isWanted) {
     const [from, began] = [this.tick, performance.now()];
     const ticks_per_ms = this.rate.numerator / this.rate.denominator * speed / 1000;
-    while (this.isPlaying && !this.closed) {
+    while (isWanted()) {
       const due = Math.min(this.ticks - 1, from + Math.floor((performance.now() - began) * ticks_per_ms));
       if (due > this.tick) {
         const pictures = await this.pictures(due);
-        if (!this.isPlaying || this.closed) return;
+        if (!isWanted()) return;
         this.tick = due;
         this.show(due, pictures);
         if (due + 1 < this.ticks) this.pictures(due + 1);
@@ -288,7 +307,7 @@ export class Player {
 
   pause() {
     if (!this.isPlaying) return;
-    this.isPlaying = false;
+    this.turn = null;
     this.videos?.pause();
     this.changed();
     this.step(this.tick);
@@ -296,7 +315,7 @@ export class Player {
 
   close() {
     this.closed = true;
-    this.isPlaying = false;
+    this.turn = null;
     this.videos?.close();
     this.stills.close();
   }

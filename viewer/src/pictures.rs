@@ -79,9 +79,10 @@ impl Pictures {
             self.reader.seek(self.frame_rate.pts_of_tick(tick))?;
         }
         let pixels = self.reader.width() as usize * self.reader.height() as usize;
-        let picture_bytes = match form {
-            Form::Bitmap => pixels * BYTES_PER_PIXEL,
-            Form::Planes => pixels * 3 / 2,
+        // All kept ones are of one size. Nothing is larger than a bitmap, which also stands for planes that a video does not have.
+        let picture_bytes = match self.kept.back() {
+            Some((_, picture)) => picture.bytes.len(),
+            None => pixels * BYTES_PER_PIXEL,
         };
         let most_kept = (KEPT_BYTES / picture_bytes.max(1)).max(1);
         loop {

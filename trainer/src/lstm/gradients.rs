@@ -2,8 +2,8 @@
 //!
 //! burn's autodiff computes the same on one core: it keeps and walks a graph of some eighty small operations per view, each with a tensor
 //! of its own, and of a batch of 256 only few products are large enough for two. Here the gates of a layer are one product, what follows
-//! it is one pass over its rows, and the rows of a batch are divided into parts that all cores work on. How they are divided depends on
-//! the batch alone, so that the same seed gives the same weights on any number of cores.
+//! it is one pass over its rows, and the rows of a batch are divided into parts that cores share: two, and more if the batch has more than
+//! 512. How they are divided depends on the batch alone, so that the same seed gives the same weights on any number of cores.
 
 use std::sync::Arc;
 

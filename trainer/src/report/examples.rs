@@ -100,7 +100,19 @@ fn cropped(scenario: &OpenScenario, view: &str, tick: u32, seen: &PixelBox) -> R
     let mut video = scenario.open_video(view)?;
     video.seek(pts)?;
     let mut rgb = Vec::new();
-    while video.skip_frame()?.is_some_and(|found| found < pts) {}
+    let found = loop {
+        match video.skip_frame()? {
+            Some(earlier) if earlier < pts => {}
+            found => break found,
+        }
+    };
+    if found != Some(pts) {
+        return Err(dataset::Error::corpus(
+            scenario.folder().root(),
+            format!("the video of view {view} has no picture of tick {tick}"),
+        )
+        .into());
+    }
     video.convert(&mut rgb)?;
     Ok(Crop::around(seen, &rgb, [video.width(), video.height()])?)
 }
