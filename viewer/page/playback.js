@@ -15,7 +15,7 @@ const SMOOTHING = 0.03;
 const CORRECTION = 0.04;
 /** Browsers play no faster. */
 const MOST_SPEED = 16;
-/** A video that is further from the first one goes to its place at once: seconds, and periods of the pictures. */
+/** A video that is further from the first one goes to its place at once: seconds of a watcher's time, and periods of the pictures. */
 const FAR = { s: 0.5, periods: 4 };
 const COLOURS = { matrix: 'bt709', primaries: 'bt709', transfer: 'bt709', fullRange: true };
 
@@ -131,7 +131,7 @@ class Videos {
   /** The first view leads: its pictures say which tick is shown. */
   watch(isWanted) {
     const period_s = this.rate.denominator / this.rate.numerator;
-    const far_s = Math.max(FAR.s, FAR.periods * period_s);
+    const far_s = Math.max(FAR.s * this.speed, FAR.periods * period_s);
     const shown_s = this.elements.map(() => null);
     const [leader, ...others] = this.elements.map((video, index) => {
       const presented = (_now, { mediaTime }) => {
@@ -171,8 +171,8 @@ class Videos {
   keepInStep(video, behind_s) {
     const period_s = this.rate.denominator / this.rate.numerator;
     const isCorrected = video.playbackRate !== this.speed;
-    if (Math.abs(behind_s) < period_s * (isCorrected ? 0.1 : 0.35)) video.playbackRate = this.speed;
-    else if (!isCorrected) video.playbackRate = Math.min(MOST_SPEED, this.speed * (1 + Math.sign(behind_s) * CORRECTION));
+    const correction = Math.abs(behind_s) < period_s * (isCorrected ? 0.1 : 0.35) ? 0 : Math.sign(behind_s) * CORRECTION;
+    video.playbackRate = Math.min(MOST_SPEED, this.speed * (1 + correction));
   }
 
   get hasEnded() {
@@ -225,7 +225,7 @@ export class Player {
       this.isStale = false;
       shown = this.wanted;
       const pictures = await this.pictures(shown);
-      if (this.closed) return;
+      if (this.closed || this.wanted === null) return;
       this.tick = shown;
       this.show(shown, pictures);
     }
@@ -274,6 +274,8 @@ export class Player {
 
   async playVideos(speed, isWanted) {
     this.videos ??= new Videos(this.scenario, this.views, this.rate, (tick, pictures) => {
+      // A step that is still under way comes too late: its pictures would take the place of the videos, which then stop.
+      this.wanted = null;
       this.tick = tick;
       this.show(tick, pictures);
     });
