@@ -69,7 +69,7 @@ fn add_videos(folder: &ScenarioFolder) {
         let video = folder.video_path(view);
         fs::create_dir_all(video.parent().expect("a folder of videos")).expect("a folder");
         let repeats = record.ticks.div_ceil(DRAWN).to_string();
-        let time_scale = record.frame_rate.time_scale().to_string();
+        let time_scale = record.frame_rate.numerator.to_string();
         let copied = Command::new("ffmpeg")
             .args(["-nostdin", "-loglevel", "error", "-stream_loop", &repeats])
             .arg("-i")

@@ -210,7 +210,6 @@ fn contents(shards: Vec<String>) -> Contents {
             what: "Tar archives of samples, named after their split.",
             names: shards,
         }],
-        ..Contents::default()
     }
 }
 

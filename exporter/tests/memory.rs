@@ -68,7 +68,9 @@ fn more_scenarios_take_hardly_more_memory_in_any_format() {
         let mut peaks = Vec::new();
         for (size, corpus) in sizes.iter().zip(&corpora) {
             let out = folder.path().join(format!("{format:?}-{size}"));
-            let run = || drop(export(corpus, &ExportRequest::whole(format), &out, watch).unwrap());
+            let run = || {
+                export(corpus, &ExportRequest::whole(format), &out, watch).unwrap();
+            };
             peaks.push(peak_bytes(run) / MIB);
             fs::remove_dir_all(&out).unwrap();
         }
