@@ -3,8 +3,8 @@
 #
 # Needs: Debian 12 (or a relative with apt), a Rust toolchain, Python 3, and root or sudo if packages are missing.
 # Installs: the development packages of FFmpeg, Xvfb (an X server without a screen, for the tests of screen capture), the programs
-# b3sum, ffmpeg, strace and chromium, a virtual environment in .venv with ONNX Runtime (see requirements.txt), and one in .venv-clients
-# with other authors' X-Plane clients.
+# b3sum, ffmpeg, strace and chromium, Debian's torch, a virtual environment in .venv with ONNX Runtime (see requirements.txt), one in
+# .venv-torch with what needs torch, and one in .venv-clients with other authors' X-Plane clients.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
@@ -24,6 +24,8 @@ packages=(
     strace
     # A browser, for the page of `dtd view` (tests/view.rs).
     chromium
+    # Loads what `dtd export --to lerobot` writes, and the Dataset of python/ (requirements-torch.txt).
+    python3-torch python3-torchvision
 )
 missing=()
 for package in "${packages[@]}"; do
@@ -51,6 +53,17 @@ if ! cat scripts/requirements.txt scripts/requirements-alone.txt | cmp -s - "$st
     .venv/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements.txt >&2
     .venv/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/requirements-alone.txt >&2
     cat scripts/requirements.txt scripts/requirements-alone.txt >"$stamp"
+fi
+
+stamp=.venv-torch/requirements.installed
+if ! cat scripts/requirements-torch.txt scripts/requirements-torch-alone.txt | cmp -s - "$stamp"; then
+    say "installing Python packages into .venv-torch"
+    rm -rf .venv-torch
+    # The Python for which Debian built its torch, whichever is first on the PATH.
+    /usr/bin/python3 -m venv --system-site-packages .venv-torch
+    .venv-torch/bin/python -m pip install --quiet --disable-pip-version-check -r scripts/requirements-torch.txt >&2
+    .venv-torch/bin/python -m pip install --quiet --disable-pip-version-check --no-deps -r scripts/requirements-torch-alone.txt >&2
+    cat scripts/requirements-torch.txt scripts/requirements-torch-alone.txt >"$stamp"
 fi
 
 # Where `target/release/dtd` looks for ONNX Runtime: ../lib/dtd relative to the program's folder.

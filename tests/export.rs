@@ -15,7 +15,7 @@ use serde_json::Value;
 use testkit::command::{Dtd, said};
 use testkit::files::contents;
 use testkit::sweep::THREE_VIEWS;
-use testkit::{program_of_venv, repository};
+use testkit::{program_of_venv, python_with_torch, repository};
 use tiny::{MODEL, Tiny};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
@@ -645,14 +645,14 @@ fn three_views_at_30000_1001_pass_the_judges_of_all_formats_with_the_packets_of_
     }
 }
 
-/// Judges a LeRobot dataset by the published layout, and by the library itself where `DTD_LEROBOT_PYTHON` names a Python that has it:
-/// every `step`th frame has the state of its tick, and pictures like those of its tick. Returns the dataset's rate and number of frames,
-/// and the furthest that a frame's time is from its tick's, seconds.
+/// Judges a LeRobot dataset by the published layout, and by the library itself: every `step`th frame has the state of its tick, and
+/// pictures like those of its tick. Returns the dataset's rate and number of frames, and the furthest that a frame's time is from its
+/// tick's, seconds.
 fn judge_lerobot(dataset: &Path, corpus: &Path, step: usize, is_whole: bool) -> (u64, u64, f64) {
-    let mut readers = vec![("layout", program_of_venv("python"))];
-    if let Some(python) = std::env::var_os("DTD_LEROBOT_PYTHON") {
-        readers.push(("lerobot", python.into()));
-    }
+    let readers = [
+        ("layout", program_of_venv("python")),
+        ("lerobot", python_with_torch()),
+    ];
     let opened = Corpus::open(corpus).unwrap();
     let scenarios: BTreeMap<String, _> = opened
         .scenarios()

@@ -1,6 +1,5 @@
 //! The Python package in `python/`, on a corpus of three views that was just recorded: a lens, refraction and 30000/1001 pictures a
-//! second. Cameras and pixels are judged against this project's own. Where `DTD_LEROBOT_PYTHON` names a Python with torch, its loaders are
-//! tried, too.
+//! second. Cameras and pixels are judged against this project's own, samples against torch's own loaders.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,7 +10,7 @@ use dataset::geodesy::Geodetic;
 use serde_json::{Value, json};
 use testkit::command::{Dtd, said, text};
 use testkit::sweep::THREE_VIEWS;
-use testkit::{program_of_venv, repository};
+use testkit::{program_of_venv, python_with_torch, repository};
 
 const DTD: Dtd = Dtd::at(env!("CARGO_BIN_EXE_dtd"));
 /// A picture away from key frames.
@@ -113,9 +112,7 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
         program_of_venv("python"),
         &[&tests[..], &["tests"]].concat(),
     );
-    if let Some(torch) = std::env::var_os("DTD_LEROBOT_PYTHON") {
-        run(torch.into(), &["tests/torch_loader.py"]);
-    }
+    run(python_with_torch(), &["tests/torch_loader.py"]);
 
     let judge = repository().join("tests/judges/notebook.py");
     let notebook = [text(&judge), "approach.ipynb", "error_percent"];

@@ -1,6 +1,6 @@
 """Samples through torch itself: a true Dataset, whose loaders give the same as reading it directly.
 
-Needs torch, so that `tests/python_package.rs` runs it only where DTD_LEROBOT_PYTHON names a Python that has it.
+Needs torch: `tests/python_package.rs` runs it with the Python of .venv-torch, apart from the other tests.
 """
 
 import os

@@ -12,7 +12,15 @@ pub fn repository() -> &'static Path {
 
 /// A program of the virtual environment in `.venv`.
 pub fn program_of_venv(name: &str) -> PathBuf {
-    let program = repository().join(".venv/bin").join(name);
+    installed(repository().join(".venv/bin").join(name))
+}
+
+/// The Python that has torch, and no package that wants a NumPy newer than torch's.
+pub fn python_with_torch() -> PathBuf {
+    installed(repository().join(".venv-torch/bin/python"))
+}
+
+fn installed(program: PathBuf) -> PathBuf {
     assert!(
         program.exists(),
         "run `bash scripts/setup.sh` first: {} is missing",

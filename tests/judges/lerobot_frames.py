@@ -134,7 +134,8 @@ class Library:
     def __init__(self, folder):
         from lerobot.datasets.lerobot_dataset import LeRobotDataset
 
-        self.dataset = LeRobotDataset("dtd/corpus", root=folder)
+        # FFmpeg by way of torchvision: its other way needs a torchvision newer than Debian's.
+        self.dataset = LeRobotDataset("dtd/corpus", root=folder, video_backend="video_reader")
         self.features = self.dataset.meta.features
         self.video_keys = self.dataset.meta.video_keys
         self.info = {"fps": self.dataset.fps, "total_frames": len(self.dataset)}
