@@ -7,7 +7,7 @@ use std::str::FromStr;
 use clap::{Args, ValueEnum};
 use dataset::corpus::{Corpus, ScenarioFolder};
 use labeller::tiling::TilingSettings;
-use labeller::{Mode, ModeSettings, RowBand};
+use labeller::{Mode, ModeSettings, RowBand, SearchBands};
 
 use crate::failure::Failure;
 
@@ -19,7 +19,8 @@ pub(crate) struct SearchArgs {
     only: Vec<String>,
     /// Rows of the pictures to search: `training`, those in which the training side has aircraft, or TOP:BOTTOM [default: all]
     ///
-    /// A band of a third of the rows takes a third of the time. `training` needs labels.
+    /// A band of a third of the rows takes a third of the time. `training` needs labels; it searches the rows in which aircraft are
+    /// large at half the scale, which takes a quarter.
     #[arg(long, value_name = "ROWS")]
     rows: Option<Rows>,
     /// Search in tiles with sides of N pixels, not in the whole picture at once
@@ -110,15 +111,19 @@ impl SearchArgs {
 
     /// The settings of a search in this corpus.
     pub(crate) fn settings(&self, corpus: &Corpus) -> Result<TilingSettings, Failure> {
-        let rows = match self.rows {
-            None => None,
-            Some(Rows::Band(band)) => Some(band),
-            Some(Rows::OfTraining) => Some(of_training(corpus)?),
+        let (rows, half_scale_rows) = match self.rows {
+            None => (None, None),
+            Some(Rows::Band(band)) => (Some(band), None),
+            Some(Rows::OfTraining) => {
+                let SearchBands { small, large } = of_training(corpus)?;
+                (Some(small), large)
+            }
         };
         Ok(TilingSettings {
             tile_px: self.tile,
             overlap_px: self.overlap,
             rows,
+            half_scale_rows,
             ..TilingSettings::default()
         })
     }
@@ -134,15 +139,21 @@ fn named(known: &BTreeSet<String>) -> String {
     }
 }
 
-fn of_training(corpus: &Corpus) -> Result<RowBand, Failure> {
-    let band = RowBand::of_training_side(corpus)?;
+fn of_training(corpus: &Corpus) -> Result<SearchBands, Failure> {
     let root: &Path = corpus.root();
-    let band = band.ok_or_else(|| {
+    let bands = SearchBands::of_training_side(corpus)?.ok_or_else(|| {
         Failure::bad_input_message(format!(
             "--rows training: the training side of {} has no true boxes; run `dtd label {0}` if it has no labels yet, or give TOP:BOTTOM",
             root.display()
         ))
     })?;
-    eprintln!("detect: searching rows {band}, where the training side has aircraft");
-    Ok(band)
+    let at_half = match bands.large {
+        Some(rows) => format!(", and at half the scale rows {rows}, where they are large"),
+        None => String::new(),
+    };
+    eprintln!(
+        "detect: searching rows {}, where the training side has aircraft{at_half}",
+        bands.small
+    );
+    Ok(bands)
 }

@@ -33,4 +33,4 @@ pub use detector::Device;
 pub use error::{Error, Result};
 pub use label::{LabelOutcome, label_corpus};
 pub use outcome::{Failure, Progress, Watch};
-pub use row_band::RowBand;
+pub use row_band::{RowBand, SearchBands};

@@ -6,13 +6,18 @@ use std::ops::Range;
 use std::str::FromStr;
 
 use dataset::corpus::Corpus;
+use dataset::pixel_box::TruthBox;
 use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 
-/// Share of the band's height that is added above and below it: flights of the other sides differ a little.
+/// Share of a band's height that is added above and below it: flights of the other sides differ a little.
 const MARGIN: f64 = 0.1;
+/// Wider aircraft are found as well in a picture at half its scale, pixels.
+const SMALL_PX: f64 = 48.0;
+/// Part of an aircraft that may be outside the picture for its width to be its own.
+const CUT_OFF: f64 = 0.01;
 
 /// Rows of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -24,13 +29,22 @@ pub struct RowBand {
     pub bottom_px: u32,
 }
 
-impl RowBand {
+/// Rows in which to look for aircraft of two sizes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SearchBands {
+    /// For those that need the picture as it is.
+    pub small: RowBand,
+    /// For those that are found at half its scale as well, which takes a quarter of the time.
+    pub large: Option<RowBand>,
+}
+
+impl SearchBands {
     /// The rows in which the true boxes of the training side lie, in any view, with a margin; `None` if that side has no labels.
     ///
     /// # Errors
     /// The split, or a scenario of the training side, cannot be read.
     pub fn of_training_side(corpus: &Corpus) -> Result<Option<Self>> {
-        let mut edges_px: Option<[f64; 2]> = None;
+        let mut seen = Seen::default();
         let splits = corpus.splits()?;
         let training: BTreeSet<&str> = splits.side(Side::Train).collect();
         for scenario in corpus.scenarios()? {
@@ -39,22 +53,64 @@ impl RowBand {
             }
             let boxes = scenario.open()?.truth_boxes_if_labelled()?;
             for real in boxes.unwrap_or_default() {
-                let [_, top, _, bottom] = real.pixel_box.edges();
-                edges_px = Some(match edges_px {
-                    Some(seen) => [seen[0].min(top), seen[1].max(bottom)],
-                    None => [top, bottom],
-                });
+                seen.add(&real);
             }
         }
-        Ok(edges_px.map(|[top, bottom]| {
+        Ok(seen.bands())
+    }
+}
+
+/// Where aircraft of the two sizes were.
+#[derive(Default)]
+struct Seen {
+    small: Rows,
+    large: Rows,
+}
+
+impl Seen {
+    fn add(&mut self, real: &TruthBox) {
+        // Narrow because cut off: still large.
+        let is_small = real.pixel_box.width_px < SMALL_PX && real.truncation < CUT_OFF;
+        let rows = if is_small {
+            &mut self.small
+        } else {
+            &mut self.large
+        };
+        rows.add(real.pixel_box.edges());
+    }
+
+    fn bands(self) -> Option<SearchBands> {
+        match [self.small, self.large].map(Rows::band) {
+            [Some(small), large] => Some(SearchBands { small, large }),
+            [None, only] => only.map(|small| SearchBands { small, large: None }),
+        }
+    }
+}
+
+/// Rows that boxes take.
+#[derive(Default)]
+struct Rows(Option<[f64; 2]>);
+
+impl Rows {
+    fn add(&mut self, [_, top, _, bottom]: [f64; 4]) {
+        self.0 = Some(match self.0 {
+            Some(seen) => [seen[0].min(top), seen[1].max(bottom)],
+            None => [top, bottom],
+        });
+    }
+
+    fn band(self) -> Option<RowBand> {
+        self.0.map(|[top, bottom]| {
             let margin_px = MARGIN * (bottom - top);
-            Self {
+            RowBand {
                 top_px: (top - margin_px).max(0.0) as u32,
                 bottom_px: (bottom + margin_px).ceil() as u32,
             }
-        }))
+        })
     }
+}
 
+impl RowBand {
     /// As far as it is inside a picture of this height.
     pub(crate) fn within(band: Option<Self>, height_px: u32) -> Range<u32> {
         let Self { top_px, bottom_px } = band.unwrap_or(Self {
@@ -96,6 +152,7 @@ impl FromStr for RowBand {
 mod tests {
     use super::*;
     use crate::label::label_corpus;
+    use dataset::pixel_box::PixelBox;
     use dataset::splits::{Assignment, Splits};
     use testkit::short_corpus;
 
@@ -113,13 +170,15 @@ mod tests {
         };
         put_on(Side::Train);
         assert_eq!(
-            RowBand::of_training_side(&corpus).unwrap(),
+            SearchBands::of_training_side(&corpus).unwrap(),
             None,
             "no labels"
         );
 
         label_corpus(&corpus, &|_| {}).unwrap();
-        let band = RowBand::of_training_side(&corpus).unwrap().unwrap();
+        let bands = SearchBands::of_training_side(&corpus).unwrap().unwrap();
+        assert_eq!(bands.large, None, "all are far away");
+        let band = bands.small;
         let scenario = corpus.scenario("0001-a").open().unwrap();
         let boxes = scenario.truth_boxes_if_labelled().unwrap().unwrap();
         let edges = boxes.iter().map(|real| real.pixel_box.edges());
@@ -131,7 +190,44 @@ mod tests {
         assert!(height < 1.2 * (bottom - top) + 2.0, "{band} {top} {bottom}");
 
         put_on(Side::Test);
-        assert_eq!(RowBand::of_training_side(&corpus).unwrap(), None);
+        assert_eq!(SearchBands::of_training_side(&corpus).unwrap(), None);
+    }
+
+    #[test]
+    fn large_aircraft_and_those_cut_off_by_the_border_are_in_a_band_of_their_own() {
+        let bands = |boxes: &[(f64, f64, f64)]| {
+            let mut seen = Seen::default();
+            for &(cy_px, width_px, truncation) in boxes {
+                seen.add(&TruthBox {
+                    tick: 0,
+                    view: "left".into(),
+                    class: "aircraft".into(),
+                    pixel_box: PixelBox {
+                        cx_px: 900.0,
+                        cy_px,
+                        width_px,
+                        height_px: 20.0,
+                    },
+                    visible_fraction: 1.0,
+                    truncation,
+                    transmission: 1.0,
+                });
+            }
+            seen.bands().map(|bands| {
+                (
+                    bands.small.to_string(),
+                    bands.large.map(|rows| rows.to_string()),
+                )
+            })
+        };
+        let far = [(600.0, 20.0, 0.0), (500.0, 47.0, 0.0)];
+        let near = [(700.0, 49.0, 0.0), (1_000.0, 30.0, 0.5)];
+        assert_eq!(bands(&[]), None);
+        assert_eq!(
+            bands(&[far, near].concat()),
+            Some(("478:622".into(), Some("658:1042".into())))
+        );
+        assert_eq!(bands(&near), Some(("658:1042".into(), None)));
     }
 
     #[test]

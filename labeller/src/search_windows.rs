@@ -17,14 +17,15 @@ const CROP_PX: Range<f64> = 160.0..256.0;
 /// Part of a window's side that an aircraft may fill; a larger one is shrunk.
 const LARGEST_SHARE: f64 = 0.65;
 
-/// The windows of the first pass over a picture of this width and height, row by row: tiles, or a single one if the model takes any
-/// size and no side of tiles is asked for. They may extend past the picture at the right and at the bottom.
+/// The windows of the first pass over these rows of a picture of this width and height, row by row: tiles, or a single one if the model
+/// takes any size and no side of tiles is asked for. They may extend past the picture at the right and at the bottom.
 pub(crate) fn first_windows(
     [width_px, height_px]: [u32; 2],
     size: WindowSize,
     tile_px: Option<u32>,
     overlap_px: u32,
     band: Option<RowBand>,
+    shrink: u32,
 ) -> Vec<Window> {
     let rows = RowBand::within(band, height_px);
     let tile = match (size, tile_px) {
@@ -35,21 +36,22 @@ pub(crate) fn first_windows(
             },
             _,
         ) => [width_px, height_px],
-        (WindowSize::Any { multiple_px }, None) => {
-            [width_px, rows.end - rows.start].map(|side_px| side_px.next_multiple_of(multiple_px))
-        }
+        (WindowSize::Any { multiple_px }, None) => [width_px, rows.end - rows.start]
+            .map(|side_px| side_px.div_ceil(shrink).next_multiple_of(multiple_px)),
         (WindowSize::Any { multiple_px }, Some(tile_px)) => {
             [tile_px.next_multiple_of(multiple_px); 2]
         }
     };
-    let lefts = starts(0..width_px, tile[0], overlap_px, width_px);
-    let tops = starts(rows, tile[1], overlap_px, height_px);
+    let [shown_wide_px, shown_high_px] = tile.map(|side_px| side_px * shrink);
+    let overlap_px = overlap_px * shrink;
+    let lefts = starts(0..width_px, shown_wide_px, overlap_px, width_px);
+    let tops = starts(rows, shown_high_px, overlap_px, height_px);
     let window = |left_px, top_px| Window {
         left_px,
         top_px,
         width_px: tile[0],
         height_px: tile[1],
-        shrink: 1,
+        shrink,
     };
     tops.into_iter()
         .flat_map(|top_px| lefts.iter().map(move |&left_px| window(left_px, top_px)))
@@ -141,7 +143,7 @@ mod tests {
 
     fn tiles(picture_px: [u32; 2], tile_px: u32, overlap_px: u32) -> Vec<Window> {
         let size = WindowSize::square(tile_px);
-        first_windows(picture_px, size, None, overlap_px, None)
+        first_windows(picture_px, size, None, overlap_px, None, 1)
     }
 
     fn aircraft(cx_px: f64, cy_px: f64, width_px: f64) -> PixelBox {
@@ -180,7 +182,7 @@ mod tests {
     #[test]
     fn a_model_of_any_size_sees_the_whole_picture_or_the_rows_that_are_asked_for_at_once() {
         let whole = |height_px, band| {
-            let windows = first_windows([1_920, height_px], ANY, None, 0, band);
+            let windows = first_windows([1_920, height_px], ANY, None, 0, band, 1);
             let rows = windows.iter().map(|w| (w.top_px, w.height_px));
             rows.collect::<Vec<_>>()
         };
@@ -190,8 +192,25 @@ mod tests {
         assert_eq!(whole(1_280, band(300, 700)), [(300, 416)]);
         assert_eq!(whole(1_280, band(1_100, 5_000)), [(1_088, 192)]);
         assert_eq!(whole(1_280, band(2_000, 5_000)), []);
-        let tiled = first_windows(PICTURE, ANY, Some(640), 0, band(300, 700));
+        let tiled = first_windows(PICTURE, ANY, Some(640), 0, band(300, 700), 1);
         assert_eq!(corners(&tiled), [(0, 300), (640, 300), (1_280, 300)]);
+    }
+
+    #[test]
+    fn at_half_the_scale_windows_show_twice_as_much() {
+        let band = Some(RowBand {
+            top_px: 370,
+            bottom_px: 1_057,
+        });
+        let at_half = |size| first_windows(PICTURE, size, None, 0, band, 2);
+        let whole = at_half(ANY);
+        let shown = (whole[0].top_px, whole[0].width_px, whole[0].height_px);
+        assert_eq!(
+            (whole.len(), shown, whole[0].shrink),
+            (1, (370, 960, 352), 2)
+        );
+        let tiles = at_half(WindowSize::square(640));
+        assert_eq!(corners(&tiles), [(0, 0), (1_280, 0)]);
     }
 
     #[test]

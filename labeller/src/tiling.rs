@@ -41,6 +41,9 @@ pub struct TilingSettings {
     /// Rows that the first pass covers; missing: all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rows: Option<RowBand>,
+    /// Rows that the first pass covers at half the picture's scale as well, where aircraft are large; missing: none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub half_scale_rows: Option<RowBand>,
 }
 
 impl Default for TilingSettings {
@@ -53,6 +56,7 @@ impl Default for TilingSettings {
             tile_px: None,
             overlap_px: 0,
             rows: None,
+            half_scale_rows: None,
         }
     }
 }
@@ -89,7 +93,9 @@ impl TilingSettings {
                 expected: "64 to 16384".into(),
             });
         }
-        if let Some(RowBand { top_px, bottom_px }) = self.rows.filter(|b| b.top_px >= b.bottom_px) {
+        let bands = [self.rows, self.half_scale_rows].into_iter().flatten();
+        if let Some(RowBand { top_px, bottom_px }) = bands.clone().find(|b| b.top_px >= b.bottom_px)
+        {
             return Err(Error::Option {
                 name: "--rows",
                 found: format!("{top_px}:{bottom_px}"),
@@ -223,13 +229,15 @@ fn first_pass(
     let size = detector.window_size();
     settings.check_overlap(size)?;
     settings.check_rows(picture.height_px)?;
-    let tiles = first_windows(
-        [picture.width_px, picture.height_px],
-        size,
-        settings.tile_px,
-        settings.overlap_px,
-        settings.rows,
-    );
+    let windows = |rows, shrink| {
+        let picture_px = [picture.width_px, picture.height_px];
+        let (tile_px, overlap_px) = (settings.tile_px, settings.overlap_px);
+        first_windows(picture_px, size, tile_px, overlap_px, rows, shrink)
+    };
+    let mut tiles = windows(settings.rows, 1);
+    if settings.half_scale_rows.is_some() {
+        tiles.extend(windows(settings.half_scale_rows, 2));
+    }
     let answers = detector.detect(picture, &tiles, settings.tile_score)?;
     let mut hits = Vec::new();
     for (tile, boxes) in (0..).zip(answers) {
@@ -380,6 +388,14 @@ mod tests {
         });
         let found = find_aircraft(&mut finder, &picture, &settings).unwrap();
         assert_eq!(found, [], "the blob is above these rows");
+        settings.half_scale_rows = Some(RowBand {
+            top_px: 400,
+            bottom_px: 800,
+        });
+        let found = find_aircraft(&mut finder, &picture, &settings).unwrap();
+        assert_eq!((found.len(), found[0].pixel_box), (1, blob));
+        assert_eq!(found[0].tile, 1);
+        settings.half_scale_rows = None;
         settings.rows = Some(RowBand {
             top_px: 1_280,
             bottom_px: 2_000,

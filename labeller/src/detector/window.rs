@@ -103,22 +103,23 @@ impl Window {
         let left = self.left_px as usize;
         let top = self.top_px as usize + row * shrink;
         let lines = top..(top + shrink).min(height);
-        let mut sums = vec![[0_u32; 3]; columns];
+        let end = (left + columns * shrink).min(width);
+        // Of the lines first: neighbours in memory, which the compiler adds many at a time.
+        let mut sums = vec![0_u32; (end - left) * 3];
         for line in lines.clone() {
-            let end = (left + columns * shrink).min(width);
             let pixels = &picture.rgb[(line * width + left) * 3..(line * width + end) * 3];
-            for (square, sum) in pixels.chunks(shrink * 3).zip(&mut sums) {
-                for pixel in square.chunks_exact(3) {
-                    for (sum, &value) in sum.iter_mut().zip(pixel) {
-                        *sum += u32::from(value);
-                    }
-                }
+            for (sum, &value) in sums.iter_mut().zip(pixels) {
+                *sum += u32::from(value);
             }
         }
         means.clear();
-        means.extend((0..).zip(sums).map(|(column, sum)| {
-            let across = shrink.min(width - left - column * shrink);
-            sum.map(|sum| sum as f32 / (across * lines.len()) as f32)
+        means.extend(sums.chunks(shrink * 3).map(|square| {
+            let mut sum = [0; 3];
+            for pixel in square.chunks_exact(3) {
+                sum = std::array::from_fn(|channel| sum[channel] + pixel[channel]);
+            }
+            let pixels = square.len() / 3 * lines.len();
+            sum.map(|sum| sum as f32 / pixels as f32)
         }));
     }
 
