@@ -14,6 +14,7 @@ use dataset::splits::Side;
 use serde_json::Value;
 use testkit::command::{Dtd, said};
 use testkit::files::contents;
+use testkit::files::copy_folder;
 use testkit::sweep::THREE_VIEWS;
 use testkit::{program_of_venv, python_with_torch, repository};
 use tiny::{MODEL, Tiny};
@@ -102,16 +103,17 @@ fn pycocotools_gets_the_average_precision_of_evaluate_detector_from_a_coco_expor
     }
 
     // The same again is there already, and whole; another selection does not replace it.
-    let again = json_of(&tiny, &[&export[..], &["--json"]].concat());
-    assert_eq!(
-        (&again["unchanged"], &again["pictures"]),
-        (&true.into(), &counts["pictures"])
-    );
+    let mut again = json_of(&tiny, &[&export[..], &["--json"]].concat());
+    assert_eq!(again["unchanged"].take(), Value::Bool(true));
+    again["unchanged"] = counts["unchanged"].clone();
+    assert_eq!(again, counts);
     refused(
         &tiny,
         &[&export[..], &["--every", "2"]].concat(),
         "other options",
     );
+    fs::write(tiny.path("coco/annotations.json"), "").unwrap();
+    refused(&tiny, &export, "annotations.json");
 }
 
 #[test]
@@ -356,6 +358,19 @@ fn croissant_json_of_pictures_and_boxes_is_valid_and_gives_their_records() {
         if format == "coco" {
             let annotations = described["records"]["annotations"].as_array().unwrap();
             assert_eq!(counts["boxes"], annotations.len());
+            let raw = fs::read(tiny.path("coco/annotations.json")).unwrap();
+            let raw: Value = serde_json::from_slice(&raw).unwrap();
+            for (record, written) in annotations
+                .iter()
+                .zip(raw["annotations"].as_array().unwrap())
+            {
+                let edges =
+                    ["left_px", "top_px", "width_px", "height_px"].map(|edge| &record[edge]);
+                assert!(edges.into_iter().eq(written["bbox"].as_array().unwrap()));
+                assert_eq!(record["visible_fraction"], written["visible_fraction"]);
+                assert_eq!(record["sight"], written["sight"]);
+            }
+            assert!(records.iter().any(|record| record["side"] == "test"));
             assert!(records[0]["scenario"].as_str().unwrap().starts_with("1200"));
         } else {
             assert!(records.iter().any(|record| record["split"] == "val"));
@@ -840,6 +855,77 @@ fn a_wrong_request_is_refused_and_writes_nothing() {
     fs::create_dir(tiny.path("out")).unwrap();
     fs::write(tiny.path("out/thesis.txt"), "mine").unwrap();
     refused(&tiny, &export(&[]), "thesis.txt");
+    fs::remove_dir_all(tiny.path("out")).unwrap();
+    for way in ["file", "dangling", "file/below", "dangling/"] {
+        fs::write(tiny.path("file"), "mine").unwrap();
+        let _ = std::os::unix::fs::symlink("nowhere", tiny.path("dangling"));
+        let into = ["export", "corpus", "--to", "coco", "--out", way];
+        refused(&tiny, &into, "not a folder");
+    }
+    fs::write(tiny.path("out.partial"), "mine").unwrap();
+    refused(&tiny, &export(&[]), "not a folder");
+}
+
+#[test]
+fn a_slash_after_the_name_of_the_folder_makes_no_difference() {
+    let tiny = Tiny::made().copy();
+    fs::create_dir(tiny.path("out")).unwrap();
+    let export = |out| {
+        let every = ["--every", "8", "--pictures", "jpeg", "--json"];
+        json_of(
+            &tiny,
+            &[
+                &["export", "corpus", "--to", "coco", "--out", out],
+                &every[..],
+            ]
+            .concat(),
+        )
+    };
+    assert_eq!(export("./out//")["unchanged"], false);
+    assert_eq!(export("out/.")["unchanged"], true);
+    assert!(!tiny.path("out.partial").exists());
+    assert!(tiny.path("out/annotations.json").exists());
+}
+
+#[test]
+fn predictions_for_scenarios_of_the_same_names_in_another_corpus_are_refused() {
+    let tiny = Tiny::made().copy();
+    let tables = [
+        "export",
+        "corpus",
+        "--to",
+        "huggingface",
+        "--out",
+        "hf",
+        "--run",
+        "run",
+    ];
+    let corpus = Corpus::open(&tiny.corpus()).unwrap();
+    let splits = corpus.splits().unwrap();
+    let of_side = |side| splits.side(side).next().unwrap().to_owned();
+    let (judged, learned) = (of_side(Side::Test), of_side(Side::Train));
+    refused(
+        &tiny,
+        &[&tables[..], &["--only", &learned]].concat(),
+        "none of the selected scenarios",
+    );
+    // The flight of another scenario under the name of the judged one.
+    let folder = tiny.corpus().join("scenarios").join(&judged);
+    let flown = tiny.corpus().join("scenarios").join(&learned);
+    fs::remove_dir_all(&folder).unwrap();
+    copy_folder(&flown, &folder);
+    let record = folder.join("scenario.json");
+    let text = fs::read_to_string(&record).unwrap();
+    fs::write(&record, text.replace(&learned, &judged)).unwrap();
+    let sealed = dataset::seal::read_seal(&folder).unwrap().unwrap();
+    fs::remove_file(folder.join("DONE.json")).unwrap();
+    fs::remove_file(folder.join("MANIFEST.b3")).unwrap();
+    dataset::seal::seal_folder(&folder, &sealed.config_hash).unwrap();
+    refused(
+        &tiny,
+        &[&tables[..], &["--only", &judged]].concat(),
+        "was judged on another corpus",
+    );
 }
 
 #[test]
@@ -856,5 +942,5 @@ fn a_damaged_video_is_named_and_no_export_appears() {
         .unwrap();
     assert_eq!(output.status.code(), Some(2), "{}", said(&output));
     assert!(said(&output).contains("left.mp4"), "{}", said(&output));
-    assert!(!tiny.path("out").exists());
+    assert!(!tiny.path("out").exists() && !tiny.path("out.partial").exists());
 }

@@ -18,6 +18,7 @@ use crate::columns_text::Kind;
 use crate::croissant::{Contents, Field, FileSet, JSON, ListedFile, RecordSet, json_path};
 use crate::error::Result;
 use crate::part::{LabelledBox, Part, Picture, TruthFigures, ViewPart};
+use crate::request::BoxSource;
 
 /// Where its pictures go, relative to the export.
 pub(crate) const PICTURES: &str = "images";
@@ -69,11 +70,16 @@ struct Found {
 /// Writes the files besides the pictures, part by part: together they may be larger than the memory.
 pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
     folder: &Path,
+    boxes: BoxSource,
     parts: impl Fn() -> P,
 ) -> Result<Contents> {
     let mut all = ListWriter::create(&folder.join(ANNOTATIONS))?;
     all.write(
-        json!({"description": "Approaches recorded by dtd", "version": env!("CARGO_PKG_VERSION")}),
+        json!({
+            "description": "Approaches recorded by dtd",
+            "version": env!("CARGO_PKG_VERSION"),
+            "boxes": boxes,
+        }),
         "{\"info\":",
     )?;
     all.write(
@@ -128,7 +134,7 @@ pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
         }
         Ok(())
     })?;
-    let mut contents = contents();
+    let mut contents = contents(boxes);
     if let Some(results) = results {
         results.end("]")?;
         contents.files.push(ListedFile::new(DETECTIONS, JSON));
@@ -136,7 +142,7 @@ pub(crate) fn finish<P: Iterator<Item = Result<Part>>>(
     Ok(contents)
 }
 
-fn contents() -> Contents {
+fn contents(boxes: BoxSource) -> Contents {
     let image = |name, kind, meaning| {
         let path = format!("$.images[*].{name}");
         Field::new(name, kind, meaning, json_path(ANNOTATIONS, &path))
@@ -161,11 +167,28 @@ fn contents() -> Contents {
         ),
         image("weather", Kind::Text, "name of the weather"),
         image("time_of_day", Kind::Text, "local time, HH:MM"),
+        image(
+            "side",
+            Kind::Text,
+            "train, validation or test; missing if the corpus has no split",
+        ),
     ];
-    let annotations = vec![
+    let edge = |name, place, meaning| {
+        let path = format!("$.annotations[*].bbox[{place}]");
+        Field::new(name, Kind::F64, meaning, json_path(AGAIN, &path))
+    };
+    let mut annotations = vec![
         annotation("id", Kind::U64, "number of the annotation"),
         annotation("image_id", Kind::U64, "the image"),
         annotation("category_id", Kind::U32, "1: aircraft"),
+        edge(
+            "left_px",
+            0,
+            "left edge, from the outer corner of the top-left pixel",
+        ),
+        edge("top_px", 1, "top edge"),
+        edge("width_px", 2, "width"),
+        edge("height_px", 3, "height"),
         annotation("area", Kind::F64, "area of the box, square pixels"),
         annotation(
             "iscrowd",
@@ -173,6 +196,31 @@ fn contents() -> Contents {
             "1 if nobody can be expected to find it",
         ),
     ];
+    annotations.extend(match boxes {
+        BoxSource::Detections => vec![annotation(
+            "score",
+            Kind::F64,
+            "confidence of the detector, 0 to 1",
+        )],
+        BoxSource::Truth => vec![
+            annotation(
+                "visible_fraction",
+                Kind::F64,
+                "part of the aircraft inside the picture and above the ground",
+            ),
+            annotation(
+                "truncation",
+                Kind::F64,
+                "part of the unclipped box outside the picture",
+            ),
+            annotation(
+                "transmission",
+                Kind::F64,
+                "share of contrast that the air leaves",
+            ),
+            annotation("sight", Kind::Text, "in_sight, haze or cloud"),
+        ],
+    });
     Contents {
         files: vec![
             ListedFile::new(ANNOTATIONS, JSON),

@@ -1,6 +1,7 @@
 //! `croissant.json` of a corpus: its files as they are, with the hashes of the manifests that seal its scenarios.
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::PathBuf;
 
 use dataset::corpus::{Corpus, ScenarioFolder};
@@ -17,6 +18,7 @@ use crate::croissant::{
     json_path_in, part_of_path,
 };
 use crate::error::{Error, Result};
+use crate::export::ExportOutcome;
 use crate::selection::sides;
 
 const RECORDS: &str = "scenario-records";
@@ -35,14 +37,28 @@ const LABELS: [&str; 5] = [
     "time_to_touchdown_s",
 ];
 
-/// Writes `croissant.json` into the corpus, which describes it as it is now; returns its path.
+/// Writes `croissant.json` into the corpus, which describes it as it is now; returns its path, and what it describes.
 ///
 /// # Errors
 /// The corpus has no scenario, a record or table does not match its seal, or the file cannot be written.
-pub fn describe_corpus(corpus: &Corpus, license: Option<String>) -> Result<PathBuf> {
+pub fn describe_corpus(
+    corpus: &Corpus,
+    license: Option<String>,
+) -> Result<(PathBuf, ExportOutcome)> {
     let path = own_path(corpus.root(), CROISSANT)?;
     write_json(&path, &description(corpus, license)?)?;
-    Ok(path)
+    let mut described = ExportOutcome::default();
+    for folder in corpus.scenarios()? {
+        let scenario = folder.open()?;
+        let frames = scenario.frames()?;
+        described.scenarios += 1;
+        described.pictures += (frames.rows.len() * frames.views.len()) as u64;
+        let boxes = scenario.truth_boxes_if_labelled()?;
+        described.boxes += boxes.map_or(0, |boxes| boxes.len() as u64);
+    }
+    let written = fs::metadata(&path).map_err(dataset::Error::io("read the size of", &path))?;
+    described.bytes = written.len();
+    Ok((path, described))
 }
 
 /// Whether the corpus's `croissant.json`, if it has one, says what this version would say of the corpus as it is now.

@@ -47,6 +47,34 @@ pub enum Error {
         /// The run.
         run: PathBuf,
     },
+    /// A run answered for another scenario of the same name.
+    #[error(
+        "run {run} was judged on another corpus: its scenario {scenario} has {found} at tick {tick}, this corpus's has {expected}; evaluate \
+         it on this corpus first"
+    )]
+    OtherCorpus {
+        /// The run.
+        run: String,
+        /// The scenario.
+        scenario: String,
+        /// The first tick that differs.
+        tick: u32,
+        /// What the run has there.
+        found: String,
+        /// What the corpus has.
+        expected: String,
+    },
+    /// A run that says nothing of what is exported.
+    #[error(
+        "run {run} has predictions for none of the selected scenarios, only for {known}; leave it out, choose others, or evaluate it on \
+         this corpus first"
+    )]
+    NotOfRun {
+        /// The run.
+        run: String,
+        /// What it answers for.
+        known: String,
+    },
     /// Two runs cannot be told apart.
     #[error(
         "two runs are called {run}, which is what their predictions are told apart by; rename one of the folders"
@@ -154,6 +182,22 @@ pub enum Error {
         /// A file in it.
         found: String,
     },
+    /// The destination, or where it is made, is no folder.
+    #[error("{} is {found}, not a folder; choose an empty or new one", path.display())]
+    NoFolder {
+        /// What is in the way.
+        path: PathBuf,
+        /// What it is.
+        found: &'static str,
+    },
+    /// A finished export of which files were changed or lost.
+    #[error("{} was exported, but then changed: {fault}; remove it to export again", out.display())]
+    Changed {
+        /// The destination.
+        out: PathBuf,
+        /// The first fault.
+        fault: String,
+    },
     /// An unfinished export of something else.
     #[error("{} is an unfinished export with other options or of other files; remove it, or export to another folder", partial.display())]
     OtherExport {
@@ -183,6 +227,15 @@ pub enum Error {
 pub type Result<T> = std::result::Result<T, Error>;
 
 impl Error {
+    /// Whether files of the corpus are damaged: an export can only be made once they are mended.
+    pub(crate) fn is_fault_of_corpus(&self) -> bool {
+        match self {
+            Self::Dataset(error) => error.is_bad_content(),
+            Self::Video { .. } => true,
+            _ => false,
+        }
+    }
+
     /// Whether the request is at fault, so that a repetition would fail, too.
     pub fn is_bad_request(&self) -> bool {
         matches!(
@@ -191,6 +244,8 @@ impl Error {
                 | Self::NotInFormat { .. }
                 | Self::NoPredictions { .. }
                 | Self::SameRun { .. }
+                | Self::OtherCorpus { .. }
+                | Self::NotOfRun { .. }
                 | Self::Codec { .. }
                 | Self::WholeRate { .. }
                 | Self::RateTooHigh { .. }
@@ -200,6 +255,8 @@ impl Error {
                 | Self::SeveralModels { .. }
                 | Self::InCorpus { .. }
                 | Self::Occupied { .. }
+                | Self::NoFolder { .. }
+                | Self::Changed { .. }
                 | Self::OtherExport { .. }
                 | Self::OtherFinished { .. }
         )

@@ -17,7 +17,7 @@ use crate::part::Part;
 use crate::place::{Found, Place, refuse_corpus};
 use crate::predictions::Predictions;
 use crate::request::{BoxSource, ExportRequest, Format};
-use crate::selection::{Selected, select};
+use crate::selection::{Selected, select, some_of};
 use crate::source::Source;
 use crate::{coco, croissant, huggingface, lerobot, mcap_files, picture_files, webdataset, yolo};
 
@@ -42,8 +42,8 @@ pub struct ExportOutcome {
     /// Pictures of the selection that are not in it: in a format that cannot say that an aircraft may be hidden by a cloud, or that most of
     /// it is outside the picture.
     pub left_out: u64,
-    /// Bytes of all files; missing if the export was there already.
-    pub bytes: Option<u64>,
+    /// Bytes of all files.
+    pub bytes: u64,
     /// Whether this very export was there already.
     pub unchanged: bool,
 }
@@ -106,9 +106,13 @@ pub fn export(
     for run in &job.runs {
         run.hash(&mut hasher);
     }
+    let mut is_answered = vec![false; job.runs.len()];
     for selected in selection {
         // Opened again when it is written: tables of all scenarios at once would not fit into memory.
         let source = Source::open(&selected, request, job.model.as_deref())?;
+        for (run, is_answered) in job.runs.iter().zip(&mut is_answered) {
+            *is_answered |= run.check(&source)?;
+        }
         if request.format == Format::Mcap {
             mcap_files::check(&source)?;
         }
@@ -130,21 +134,37 @@ pub fn export(
             number: job.scenarios.len(),
         });
     }
+    if let Some((run, _)) = job.runs.iter().zip(is_answered).find(|(_, is)| !is) {
+        return Err(Error::NotOfRun {
+            run: run.run().to_owned(),
+            known: some_of(run.scenarios()),
+        });
+    }
     let place = match Place::take(out, hasher.finalize().to_hex().as_str())? {
-        Found::Complete => {
+        Found::Complete { bytes } => {
             return Ok(ExportOutcome {
+                bytes,
                 unchanged: true,
                 ..counts
             });
         }
         Found::Place(place) => place,
     };
-    job.write_scenarios(&place, counts.pictures, watch)?;
-    job.finish(&place)?;
-    Ok(ExportOutcome {
-        bytes: Some(place.finish()?),
-        ..counts
-    })
+    let written = job
+        .write_scenarios(&place, counts.pictures, watch)
+        .and_then(|()| job.finish(&place));
+    match written {
+        Ok(()) => Ok(ExportOutcome {
+            bytes: place.finish()?,
+            ..counts
+        }),
+        Err(error) => {
+            if error.is_fault_of_corpus() {
+                place.abandon()?;
+            }
+            Err(error)
+        }
+    }
 }
 
 fn count(source: &Source<'_>, counts: &mut ExportOutcome) {
@@ -257,7 +277,7 @@ impl Job<'_> {
         };
         let sources = self.scenarios.iter().map(|scenario| self.open(scenario));
         let contents = match self.request.format {
-            Format::Coco => coco::finish(&folder, parts)?,
+            Format::Coco => coco::finish(&folder, self.request.boxes, parts)?,
             Format::Yolo => yolo::finish(&folder, parts())?,
             Format::HuggingFace => {
                 let boxes = self.request.boxes;

@@ -45,8 +45,8 @@ pub(crate) struct Place {
 
 /// The state of a destination.
 pub(crate) enum Found {
-    /// This very export is there.
-    Complete,
+    /// This very export is there, with files of this size.
+    Complete { bytes: u64 },
     /// It is to be made, or to be continued.
     Place(Place),
 }
@@ -54,18 +54,24 @@ pub(crate) enum Found {
 impl Place {
     /// Takes the destination for an export of this source.
     pub(crate) fn take(out: &Path, source_blake3: &str) -> Result<Found> {
-        // The folder around a relative name of one part has no name of its own.
-        let out = &path::absolute(out).map_err(dataset::Error::io("resolve", out))?;
+        // The folder around a relative name of one part has no name of its own, and one after a slash at the end neither.
+        let out = path::absolute(out).map_err(dataset::Error::io("resolve", out))?;
+        let out = &out.components().collect::<PathBuf>();
+        let partial = partial_of(out);
+        refuse_other_than_folder(out)?;
+        refuse_other_than_folder(&partial)?;
         if let Some(sealed) = seal::read_seal(out)? {
-            return match sealed.config_hash == source_blake3 {
-                true => Ok(Found::Complete),
-                false => Err(Error::OtherFinished {
-                    out: out.to_owned(),
-                }),
-            };
+            let out = out.to_owned();
+            if sealed.config_hash != source_blake3 {
+                return Err(Error::OtherFinished { out });
+            }
+            if let Some(fault) = seal::faults(&out)?.into_iter().next() {
+                return Err(Error::Changed { out, fault });
+            }
+            let bytes = bytes_in(&out).map_err(dataset::Error::io("read the size of", &out))?;
+            return Ok(Found::Complete { bytes });
         }
         refuse_content(out)?;
-        let partial = partial_of(out);
         let claim = match Claim::take_in(&partial, CLAIM)? {
             Claimed::Mine(claim) => claim,
             Claimed::Theirs(holder) => {
@@ -134,6 +140,13 @@ impl Place {
         self.partial.join(PARTS).join(format!("{scenario}.json"))
     }
 
+    /// Removes what was made: of a corpus with faults, of which another export is made once they are mended.
+    pub(crate) fn abandon(mut self) -> Result<()> {
+        drop(self.claim.take());
+        let removed = fs::remove_dir_all(&self.partial);
+        Ok(removed.map_err(dataset::Error::io("remove", &self.partial))?)
+    }
+
     /// Seals the files and moves them to the destination. Returns their size in bytes.
     pub(crate) fn finish(mut self) -> Result<u64> {
         let files = self.files();
@@ -190,7 +203,23 @@ fn resolved(path: &Path) -> Result<PathBuf> {
     })
 }
 
-/// Refuses a destination that is a file or contains anything.
+/// Refuses a file, and a link, which a folder cannot replace.
+fn refuse_other_than_folder(path: &Path) -> Result<()> {
+    let found = match fs::symlink_metadata(path) {
+        Ok(there) if there.is_dir() => return Ok(()),
+        Ok(there) if there.is_symlink() => "a symbolic link",
+        Ok(_) => "a file",
+        Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
+        Err(error) if error.kind() == ErrorKind::NotADirectory => "below a file",
+        Err(error) => return Err(dataset::Error::io("look at", path)(error).into()),
+    };
+    Err(Error::NoFolder {
+        path: path.to_owned(),
+        found,
+    })
+}
+
+/// Refuses a destination that contains anything.
 fn refuse_content(out: &Path) -> Result<()> {
     match fs::read_dir(out) {
         Ok(mut entries) => match entries.next() {

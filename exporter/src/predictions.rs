@@ -8,6 +8,7 @@ use dataset::outside_file::{self, FileKind};
 use dataset::sealed::Sealed;
 
 use crate::error::{Error, Result};
+use crate::source::Source;
 
 const FILE: &str = "predictions.parquet";
 
@@ -18,8 +19,13 @@ pub(crate) struct Predictions {
     /// Rows by scenario.
     scenarios: BTreeMap<String, Vec<usize>>,
     ticks: Vec<u32>,
+    /// True distances; missing if the run answered without knowing them.
+    true_dtd_m: Vec<Option<f64>>,
     estimators: Vec<Estimator>,
 }
+
+/// How far a distance that was written may be from the same one as it was read, metres.
+const SAME_M: f64 = 1e-3;
 
 /// Answers of one of them, and what it says of their accuracy.
 struct Estimator {
@@ -72,6 +78,7 @@ impl Predictions {
             blake3: expected.to_owned(),
             scenarios,
             ticks: table.u32("tick")?,
+            true_dtd_m: optional("dtd_m".to_owned())?,
             estimators,
         })
     }
@@ -85,6 +92,47 @@ impl Predictions {
     pub(crate) fn hash(&self, hasher: &mut blake3::Hasher) {
         hasher.update(self.run.as_bytes());
         hasher.update(self.blake3.as_bytes());
+    }
+
+    /// Rejects those of a scenario that only has the same name, as in a corpus of another sweep: the true distances tell. Returns
+    /// whether there are any.
+    pub(crate) fn check(&self, source: &Source<'_>) -> Result<bool> {
+        let scenario = &source.record.id;
+        let Some(rows) = self.scenarios.get(scenario) else {
+            return Ok(false);
+        };
+        let other = |tick: u32, found: String, expected: String| {
+            Err(Error::OtherCorpus {
+                run: self.run.clone(),
+                scenario: scenario.clone(),
+                tick,
+                found,
+                expected,
+            })
+        };
+        let in_metres = |dtd_m: f64| format!("{dtd_m:.3} m");
+        for &row in rows {
+            let tick = self.ticks[row];
+            let labels = match source.frames.rows.get(tick as usize) {
+                Some(flown) => flown.labels,
+                None => {
+                    let ticks = source.frames.rows.len();
+                    return other(tick, "an answer".into(), format!("only {ticks} ticks"));
+                }
+            };
+            match (self.true_dtd_m[row], labels) {
+                (Some(found_m), Some(labels)) if (found_m - labels.dtd_m).abs() > SAME_M => {
+                    return other(tick, in_metres(found_m), in_metres(labels.dtd_m));
+                }
+                _ => {}
+            }
+        }
+        Ok(true)
+    }
+
+    /// Identifiers of the scenarios that it answers for.
+    pub(crate) fn scenarios(&self) -> impl Iterator<Item = &str> {
+        self.scenarios.keys().map(String::as_str)
     }
 
     /// Those of a scenario, for the ticks that are asked for.

@@ -81,13 +81,18 @@ fn refuse_unknown(what: &'static str, found: &str, known: &[String]) -> Result<(
     if known.iter().any(|name| name == found) {
         return Ok(());
     }
-    let mut names = known[..known.len().min(MOST_NAMED)].join(", ");
-    if known.len() > MOST_NAMED {
-        names.push_str(", ...");
-    }
     Err(Error::Unknown {
         what,
         found: found.to_owned(),
-        known: names,
+        known: some_of(known.iter().map(String::as_str)),
     })
+}
+
+/// The first of these names, as text.
+pub(crate) fn some_of<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    let names: Vec<&str> = names.take(MOST_NAMED + 1).collect();
+    match names.get(..MOST_NAMED) {
+        Some(first) if names.len() > MOST_NAMED => format!("{}, ...", first.join(", ")),
+        _ => names.join(", "),
+    }
 }

@@ -55,10 +55,14 @@ pub(crate) fn run(args: &ExportArgs) -> Outcome {
 
 /// Writes `croissant.json` into the corpus.
 fn describe(corpus: &Corpus, license: Option<String>, json: bool) -> Outcome {
-    let path = exporter::describe_corpus(corpus, license).map_err(failure)?;
+    let (path, described) = exporter::describe_corpus(corpus, license).map_err(failure)?;
     let path = path.display().to_string();
     if json {
-        return print_json(&Described { croissant: &path }).map(|()| Ending::Done);
+        let printed = Described {
+            croissant: &path,
+            described,
+        };
+        return print_json(&printed).map(|()| Ending::Done);
     }
     println!("{path}");
     Ok(Ending::Done)
@@ -68,6 +72,8 @@ fn describe(corpus: &Corpus, license: Option<String>, json: bool) -> Outcome {
 #[derive(Serialize)]
 struct Described<'a> {
     croissant: &'a str,
+    #[serde(flatten)]
+    described: ExportOutcome,
 }
 
 fn failure(error: Error) -> Failure {

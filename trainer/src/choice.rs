@@ -38,18 +38,20 @@ impl Choice {
         let (estimator, reason) = match (lateral_spread_m < LEAST_SPREAD_M, has_cameras) {
             (false, _) => (
                 Estimator::InverseRange,
-                format!("at least {LEAST_SPREAD_M} m, enough to learn from what is beside them"),
+                format!(
+                    "at least {LEAST_SPREAD_M} m, so that it learned what an aircraft beside the usual path looks like"
+                ),
             ),
             (true, true) => (
                 Estimator::SelfCalibrated,
                 format!(
-                    "less than {LEAST_SPREAD_M} m, so that inverse_range would be wrong beside them"
+                    "less than {LEAST_SPREAD_M} m, so that inverse_range would be wrong for an aircraft beside that path"
                 ),
             ),
             (true, false) => (
                 Estimator::InverseRange,
                 format!(
-                    "less than {LEAST_SPREAD_M} m, but no two views saw enough for cameras to be fitted; expect errors beside the flights"
+                    "less than {LEAST_SPREAD_M} m, but no two views saw enough for cameras to be fitted; expect errors for an aircraft beside that path"
                 ),
             ),
         };
@@ -57,7 +59,7 @@ impl Choice {
             estimator: estimator.name().to_owned(),
             lateral_spread_m,
             reason: format!(
-                "training flights spread by {lateral_spread_m:.1} m to the side, {reason}"
+                "the paths of the training flights deviate by {lateral_spread_m:.1} m to the side (standard deviation), {reason}"
             ),
         }
     }

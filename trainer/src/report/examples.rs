@@ -61,14 +61,23 @@ pub(super) fn examples(
             tick: sample.tick,
             true_nm: nm(sample.dtd_m),
             predicted_nm: nm(predicted_m),
-            error_pct: format!("{error_pct:+.3}"),
-            error_m: format!("{:+.1}", predicted_m - sample.dtd_m),
+            error_pct: signed(error_pct, 3),
+            error_m: signed(predicted_m - sample.dtd_m, 1),
             views: views(corpus, samples, sample),
         }
     };
     [("Best", 0), ("Typical", last / 2), ("Worst", last)]
         .map(example)
         .into()
+}
+
+/// With its sign, unless it is rounded to zero.
+fn signed(number: f64, decimals: usize) -> String {
+    let text = format!("{number:+.decimals$}");
+    match text.bytes().any(|digit| matches!(digit, b'1'..=b'9')) {
+        true => text,
+        false => text[1..].to_owned(),
+    }
 }
 
 fn views(corpus: &Corpus, samples: &Samples, sample: &Sample) -> Vec<Shown> {
