@@ -18,7 +18,7 @@ pub(crate) struct ViewArgs {
     /// Port on this computer; 0 takes any free one
     ///
     /// The address is printed as one JSON line when the page is ready. Other computers cannot reach it.
-    #[arg(long, default_value_t = 4180)]
+    #[arg(long, default_value_t = 4180, allow_negative_numbers = true)]
     pub(crate) port: u16,
     /// Do not open the page in a browser
     #[arg(long)]

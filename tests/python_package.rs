@@ -82,7 +82,10 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
         folder.path().join("three.toml"),
         folder.path().join("corpus"),
     );
-    fs::write(&sweep, format!("{THREE_VIEWS}{SPLIT}")).unwrap();
+    // The notebook learns from ticks beyond 1 NM.
+    let further = THREE_VIEWS.replace("dtd_nm = 0.5", "dtd_nm = 1.5");
+    assert_ne!(further, THREE_VIEWS);
+    fs::write(&sweep, format!("{further}{SPLIT}")).unwrap();
     for arguments in [
         &["generate", text(&sweep), "--out", text(&corpus)][..],
         &["label", text(&corpus)],
@@ -121,5 +124,6 @@ fn the_package_reads_tables_cameras_and_pictures_as_this_project_does() {
     let errors = ran["held"]["error_percent"].as_array().unwrap();
     let mut errors: Vec<f64> = errors.iter().map(|error| error.as_f64().unwrap()).collect();
     errors.sort_by(f64::total_cmp);
-    assert!(errors[errors.len() / 2] < 5.0, "{errors:?}");
+    assert!(errors.len() > 100, "{errors:?}");
+    assert!(errors[errors.len() / 2] < 0.1, "{errors:?}");
 }

@@ -383,6 +383,47 @@ fn a_corpus_in_the_making_damaged_or_without_labels_shows_what_there_is() {
 }
 
 #[test]
+fn a_run_that_was_judged_on_another_corpus_with_the_same_names_shows_no_errors() {
+    let tiny = Tiny::made().copy();
+    let page = Page::of(&tiny, &["--run", "run"]);
+    let runs = page.json("/api/runs");
+    let flights = runs[0]["flights"].as_object().unwrap();
+    let id = flights.keys().next().unwrap();
+    page.server.end();
+
+    let sweep = fs::read_to_string(tiny.path("sweep.toml")).unwrap();
+    let other = sweep.replace("seed = 5", "seed = 6");
+    assert_ne!(other, sweep);
+    fs::write(tiny.path("sweep.toml"), other).unwrap();
+    fs::rename(tiny.corpus(), tiny.path("judged")).unwrap();
+    for arguments in [
+        &["generate", "sweep.toml", "--out", "corpus", "--only", id][..],
+        &["label", "corpus"],
+    ] {
+        let output = tiny.dtd(arguments).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+    }
+
+    let page = Page::of(&tiny, &["--run", "run"]);
+    let runs = page.json("/api/runs");
+    let run = &runs[0];
+    assert_eq!(
+        (&run["metrics"], &run["flights"]),
+        (&Value::Null, &json!({}))
+    );
+    let words = format!("was judged on another corpus: its scenario {id} has ");
+    let problem = run["problems"][0].as_str().unwrap();
+    assert!(problem.starts_with(&words), "{problem}");
+    let tables = page.scenario(id);
+    assert_eq!(tables["runs"], json!([null]));
+    let problem = tables["problems"][0].as_str().unwrap();
+    assert!(
+        problem.starts_with(&format!("run run {words}")),
+        "{problem}"
+    );
+}
+
+#[test]
 fn what_cannot_be_shown_is_refused_before_a_port_is_opened() {
     let tiny = Tiny::made();
     for (arguments, words) in [
@@ -390,6 +431,10 @@ fn what_cannot_be_shown_is_refused_before_a_port_is_opened() {
         (
             &["view", "corpus", "--run", "nowhere"],
             "there is no run nowhere",
+        ),
+        (
+            &["view", "corpus", "--run", "run", "--run", "./run/"],
+            "is given twice",
         ),
         (&["view", "s3://bucket/corpus"], "dtd fetch"),
     ] {

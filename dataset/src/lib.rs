@@ -29,6 +29,7 @@ pub mod memory;
 pub mod model_identity;
 pub mod new_file;
 pub mod open_scenario;
+pub mod other_flight;
 mod others_decoder;
 pub mod outside_file;
 pub mod own_path;

@@ -48,21 +48,12 @@ pub enum Error {
         run: PathBuf,
     },
     /// A run answered for another scenario of the same name.
-    #[error(
-        "run {run} was judged on another corpus: its scenario {scenario} has {found} at tick {tick}, this corpus's has {expected}; evaluate \
-         it on this corpus first"
-    )]
+    #[error("run {run} {difference}")]
     OtherCorpus {
         /// The run.
         run: String,
-        /// The scenario.
-        scenario: String,
-        /// The first tick that differs.
-        tick: u32,
-        /// What the run has there.
-        found: String,
-        /// What the corpus has.
-        expected: String,
+        /// What differs.
+        difference: String,
     },
     /// A run that says nothing of what is exported.
     #[error(

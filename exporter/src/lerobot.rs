@@ -164,12 +164,20 @@ fn fps_of(scenario: &str, rate: FrameRate, ticks: Ticks) -> Result<u32> {
     }
     Err(Error::WholeRate {
         scenario: scenario.to_owned(),
-        found: format!("{numerator}/{divisor}"),
+        found: in_lowest_terms(numerator, divisor),
         advice: match most {
             0 => "choose another format, or record at 1 Hz or more".into(),
             most => format!("choose one from 1 to {most} with --rate"),
         },
     })
+}
+
+fn in_lowest_terms(numerator: u64, denominator: u64) -> String {
+    let (mut divisor, mut rest) = (numerator, denominator);
+    while rest > 0 {
+        (divisor, rest) = (rest, divisor % rest);
+    }
+    format!("{}/{}", numerator / divisor, denominator / divisor)
 }
 
 fn unlabelled(source: &Source<'_>) -> Error {

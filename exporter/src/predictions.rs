@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use dataset::columns::{Table, TableWriter};
+use dataset::other_flight::OtherFlight;
 use dataset::outside_file::{self, FileKind};
 use dataset::sealed::Sealed;
 
@@ -23,9 +24,6 @@ pub(crate) struct Predictions {
     true_dtd_m: Vec<Option<f64>>,
     estimators: Vec<Estimator>,
 }
-
-/// How far a distance that was written may be from the same one as it was read, metres.
-const SAME_M: f64 = 1e-3;
 
 /// Answers of one of them, and what it says of their accuracy.
 struct Estimator {
@@ -94,40 +92,22 @@ impl Predictions {
         hasher.update(self.blake3.as_bytes());
     }
 
-    /// Rejects those of a scenario that only has the same name, as in a corpus of another sweep: the true distances tell. Returns
-    /// whether there are any.
+    /// Rejects those of a scenario that only has the same name, as in a corpus of another sweep. Returns whether there are any.
     pub(crate) fn check(&self, source: &Source<'_>) -> Result<bool> {
         let scenario = &source.record.id;
         let Some(rows) = self.scenarios.get(scenario) else {
             return Ok(false);
         };
-        let other = |tick: u32, found: String, expected: String| {
-            Err(Error::OtherCorpus {
+        let answered = rows
+            .iter()
+            .map(|&row| (self.ticks[row], self.true_dtd_m[row]));
+        match OtherFlight::find(answered, &source.frames.rows) {
+            None => Ok(true),
+            Some(other) => Err(Error::OtherCorpus {
                 run: self.run.clone(),
-                scenario: scenario.clone(),
-                tick,
-                found,
-                expected,
-            })
-        };
-        let in_metres = |dtd_m: f64| format!("{dtd_m:.3} m");
-        for &row in rows {
-            let tick = self.ticks[row];
-            let labels = match source.frames.rows.get(tick as usize) {
-                Some(flown) => flown.labels,
-                None => {
-                    let ticks = source.frames.rows.len();
-                    return other(tick, "an answer".into(), format!("only {ticks} ticks"));
-                }
-            };
-            match (self.true_dtd_m[row], labels) {
-                (Some(found_m), Some(labels)) if (found_m - labels.dtd_m).abs() > SAME_M => {
-                    return other(tick, in_metres(found_m), in_metres(labels.dtd_m));
-                }
-                _ => {}
-            }
+                difference: other.words(scenario),
+            }),
         }
-        Ok(true)
     }
 
     /// Identifiers of the scenarios that it answers for.

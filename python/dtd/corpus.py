@@ -1,6 +1,6 @@
 """A corpus: its tables over all scenarios, its cameras, its pictures."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ import numpy.typing as npt
 import polars as pl
 
 from dtd.camera import Camera
-from dtd.files import CorpusError, read_json, recorded, sealed
+from dtd.files import CorpusError, collect, is_sealed, read_json, recorded, refuse_link, scan, sealed
 from dtd.video import Picture, Video
 
 _PER_VIEW = ("sim_frame_", "pts_", "echo_", "camera_")
@@ -23,6 +23,7 @@ class Corpus:
     def __init__(self, path: str | Path) -> None:
         self.path = Path(path)
         folders = self.path / "scenarios"
+        refuse_link(folders)
         if not folders.is_dir():
             raise CorpusError(f"{self.path} is no corpus: it has no folder scenarios/")
         self._scenarios = {
@@ -75,44 +76,50 @@ class Corpus:
     def ticks(self) -> pl.DataFrame:
         """One row per scenario and tick: time, pose, and, after `dtd label`, the distance to touchdown."""
 
-        def shared(table: pl.LazyFrame, views: list[str]) -> pl.LazyFrame:
-            names = table.collect_schema().names()
-            endings = tuple(f"_{view}" for view in views)
-            return table.select(name for name in names if not (name.startswith(_PER_VIEW) and name.endswith(endings)))
+        def shared(scenario: str, folder: Path) -> tuple[Path, pl.LazyFrame]:
+            path, table, by_view = self._frames(scenario, folder)
+            of_views = {name for columns in by_view.values() for name in columns}
+            names = [name for name in table.collect_schema().names() if name not in of_views]
+            return path, table.select(pl.lit(scenario).alias("scenario"), *names)
 
-        return self._together(
-            shared(pl.scan_parquet(sealed(folder, "frames.parquet")), self.views_of(scenario)).select(
-                pl.lit(scenario).alias("scenario"), pl.all()
-            )
-            for scenario, folder in self._scenarios.items()
-        )
+        return _together(shared(scenario, folder) for scenario, folder in self._scenarios.items())
 
     def views(self) -> pl.DataFrame:
         """One row per scenario, tick and view: the picture's timestamp, the pose and the camera that the simulator reports."""
 
-        def of_view(table: pl.LazyFrame, scenario: str, view: str) -> pl.LazyFrame:
-            ending = f"_{view}"
-            columns = {
-                name: name.removesuffix(ending)
-                for name in table.collect_schema().names()
-                if name.startswith(_PER_VIEW) and name.endswith(ending)
-            }
-            return table.select(
-                pl.lit(scenario).alias("scenario"),
-                pl.lit(view).alias("view"),
-                pl.col("tick"),
-                *(pl.col(name).alias(short) for name, short in columns.items()),
-            )
+        def of_views(scenario: str, folder: Path) -> Iterator[tuple[Path, pl.LazyFrame]]:
+            path, table, by_view = self._frames(scenario, folder)
+            for view, columns in by_view.items():
+                yield path, table.select(
+                    pl.lit(scenario).alias("scenario"),
+                    pl.lit(view).alias("view"),
+                    pl.col("tick"),
+                    *(pl.col(name).alias(short) for name, short in columns.items()),
+                )
 
-        return self._together(
-            of_view(pl.scan_parquet(sealed(folder, "frames.parquet")), scenario, view)
-            for scenario, folder in self._scenarios.items()
-            for view in self.views_of(scenario)
-        )
+        return _together(table for scenario, folder in self._scenarios.items() for table in of_views(scenario, folder))
+
+    def _frames(self, scenario: str, folder: Path) -> tuple[Path, pl.LazyFrame, dict[str, dict[str, str]]]:
+        """frames.parquet of a scenario, and by view its columns with their names without the view."""
+        path = sealed(folder, "frames.parquet")
+        table = scan(path)
+        by_view: dict[str, dict[str, str]] = {view: {} for view in self.views_of(scenario)}
+        for name in table.collect_schema().names():
+            if name.startswith(_PER_VIEW):
+                # Of views left and far_left, pts_far_left belongs to the second.
+                view = max((view for view in by_view if name.endswith(f"_{view}")), key=len, default=None)
+                if view is not None:
+                    by_view[view][name] = name.removesuffix(f"_{view}")
+        return path, table, by_view
 
     def boxes(self) -> pl.DataFrame:
         """The true boxes, after `dtd label`: one row per scenario, tick and view that shows the aircraft."""
-        return self._long("boxes_truth.parquet", sealed, "has no true boxes: run `dtd label` on it first")
+        name = "boxes_truth.parquet"
+        # One that is missing although it is sealed must not pass for a scenario without labels.
+        labelled = {scenario: folder for scenario, folder in self._scenarios.items() if is_sealed(folder, name)}
+        if not labelled:
+            raise CorpusError(f"{self.path} has no true boxes: run `dtd label` on it first")
+        return _with_scenario({scenario: sealed(folder, name) for scenario, folder in labelled.items()})
 
     def detections(self, model: str | None = None) -> pl.DataFrame:
         """What a detector found, after `dtd detect`. `model`: its file name or the start of its hash, if the corpus has several."""
@@ -124,10 +131,13 @@ class Corpus:
 
     def predictions(self, run: str | Path) -> pl.DataFrame:
         """What the estimators of a run say, after `dtd evaluate`: one row per scenario of the test side and tick."""
-        path = sealed(Path(run), "predictions.parquet")
+        path = sealed(Path(run).resolve(), "predictions.parquet")
         if not path.exists():
             raise CorpusError(f"{run} has no predictions: run `dtd evaluate` on it first")
-        return pl.read_parquet(path)
+        try:
+            return pl.read_parquet(path)
+        except (pl.exceptions.PolarsError, OSError) as error:
+            raise CorpusError(f"{path} cannot be read: {error}; run `dtd evaluate` again") from error
 
     def views_of(self, scenario: str) -> list[str]:
         """The views of a scenario, in their order."""
@@ -148,11 +158,12 @@ class Corpus:
         folder = self._folder(scenario)
         _refuse_other_than(self.views_of(scenario), view, f"view of scenario {scenario}")
         column = f"pts_{view}"
-        timestamps = pl.read_parquet(sealed(folder, "frames.parquet"), columns=[column])[column]
+        table = sealed(folder, "frames.parquet")
+        (timestamps,) = collect([(table, scan(table).select(column))])
         for ending in (".mp4", ".mov"):
-            path = folder / "views" / (view + ending)
+            path = sealed(folder, f"views/{view}{ending}")
             if path.exists():
-                return path, timestamps.to_numpy()
+                return path, timestamps[column].to_numpy()
         raise CorpusError(f"{folder / 'views'} has no video of view {view}")
 
     def frame(self, scenario: str, view: str, tick: int) -> Picture:
@@ -169,45 +180,51 @@ class Corpus:
         _refuse_other_than(self._scenarios, scenario, f"complete scenario of {self.path}")
         return self._scenarios[scenario]
 
-    def _long(self, name: str, path_of: Callable[[Path, str], Path], otherwise: str) -> pl.DataFrame:
-        paths = {scenario: path_of(folder, name) for scenario, folder in self._scenarios.items()}
-        tables = [
-            pl.scan_parquet(path).select(pl.lit(scenario).alias("scenario"), pl.all())
-            for scenario, path in paths.items()
-            if path.exists()
-        ]
-        if not tables:
-            raise CorpusError(f"{self.path} {otherwise}")
-        return self._together(tables)
-
     def _of_model(self, folder: str, hash_field: str, model: str | None) -> pl.DataFrame:
-        records: dict[str, dict[str, Any]] = {}
+        hashes: dict[str, dict[str, str]] = {}
         names: dict[str, str] = {}
+        whole: dict[str, str] = {}
         for scenario, place in self._scenarios.items():
             for path in sorted((place / "detections").glob("*.json")):
                 record = read_json(path)
-                if hash_field in record and model in (None, path.stem, record["model"], Path(record["model"]).stem):
-                    records.setdefault(path.stem, {})[scenario] = record[hash_field]
+                if hash_field in record:
+                    hashes.setdefault(path.stem, {})[scenario] = record[hash_field]
                     names[path.stem] = record["model"]
-        if not records:
-            of_model = f" of model {model}" if model else ""
-            raise CorpusError(f"{self.path} has no {folder}{of_model}: run `dtd detect` on it first")
-        if len(records) > 1:
-            several = ", ".join(f"{names[name]} ({name})" for name in records)
-            raise CorpusError(f"{self.path} has {folder} of several models; choose one: {several}")
-        ((stem, hashes),) = records.items()
-        return self._together(
-            pl.scan_parquet(recorded(self._scenarios[scenario] / folder / f"{stem}.parquet", blake3)).select(
-                pl.lit(scenario).alias("scenario"), pl.all()
-            )
-            for scenario, blake3 in hashes.items()
+                    whole[path.stem] = record["model_blake3"]
+        if not hashes:
+            raise CorpusError(f"{self.path} has no {folder}: run `dtd detect` on it first")
+
+        def said(stems: Iterable[str]) -> str:
+            return ", ".join(f"{names[stem]} ({stem})" for stem in stems)
+
+        chosen = list(hashes)
+        if model is not None:
+            by_name = [stem for stem in hashes if model in (stem, names[stem], Path(names[stem]).stem)]
+            by_hash = [stem for stem in hashes if model and (stem.startswith(model) or whole[stem].startswith(model))]
+            chosen = by_name or by_hash
+            if not chosen:
+                raise CorpusError(f"{self.path} has no {folder} of model {model}, only of {said(hashes)}")
+        if len(chosen) > 1:
+            which = f"models that {model!r} may mean" if model else "models"
+            raise CorpusError(f"{self.path} has {folder} of several {which}; choose one: {said(chosen)}")
+        (stem,) = chosen
+        return _with_scenario(
+            {
+                scenario: recorded(self._scenarios[scenario] / folder / f"{stem}.parquet", blake3)
+                for scenario, blake3 in hashes[stem].items()
+            }
         )
 
-    @staticmethod
-    def _together(tables: Iterable[pl.LazyFrame]) -> pl.DataFrame:
-        """Scenarios of one corpus may have been labelled or made by different versions: a column that one lacks is null there."""
-        parts = pl.collect_all(list(tables))
-        return pl.concat(parts, how="diagonal_relaxed") if parts else pl.DataFrame()
+
+def _with_scenario(paths: dict[str, Path]) -> pl.DataFrame:
+    """The tables of scenarios as one."""
+    return _together((path, scan(path).select(pl.lit(scenario).alias("scenario"), pl.all())) for scenario, path in paths.items())
+
+
+def _together(tables: Iterable[tuple[Path, pl.LazyFrame]]) -> pl.DataFrame:
+    """Scenarios of one corpus may have been labelled or made by different versions: a column that one lacks is null there."""
+    parts = collect(tables)
+    return pl.concat(parts, how="diagonal_relaxed") if parts else pl.DataFrame()
 
 
 def _refuse_other_than(choices: Collection[str], name: str, what: str) -> None:

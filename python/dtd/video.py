@@ -1,6 +1,7 @@
 """The pictures of a view."""
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -11,7 +12,7 @@ import numpy.typing as npt
 from av.video.frame import VideoFrame
 from av.video.reformatter import Colorspace, VideoReformatter
 
-from dtd.files import CorpusError
+from dtd.files import CorpusError, damaged
 
 GROUP_OF_PICTURES = 60
 """Most ticks from a key frame of a corpus to the next."""
@@ -30,7 +31,10 @@ class Video:
         self.path = path
         self._pts = np.asarray(timestamps, np.int64)
         self._tick_of = {int(pts): tick for tick, pts in enumerate(self._pts)}
-        self._container = av.open(str(path))
+        with _named(path):
+            self._container = av.open(str(path))
+        if not self._container.streams.video:
+            raise damaged(path, "it has no video")
         self._stream = self._container.streams.video[0]
         self._stream.thread_type = "AUTO"
         self._reformatter = VideoReformatter()
@@ -50,6 +54,10 @@ class Video:
         """The picture of a tick."""
         if not 0 <= tick < len(self):
             raise IndexError(f"{self.path} has the ticks 0 to {len(self) - 1}, not {tick}")
+        with _named(self.path):
+            return self._decoded(tick)
+
+    def _decoded(self, tick: int) -> Picture:
         wanted = int(self._pts[tick])
         if self._decoder is None or tick < self._next_tick or self._is_far(tick):
             self._container.seek(wanted, stream=self._stream, backward=True, any_frame=False)
@@ -98,3 +106,12 @@ class Video:
         traceback: TracebackType | None,
     ) -> None:
         self.close()
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Errors of the decoder do not say which file."""
+    try:
+        yield
+    except av.FFmpegError as error:
+        raise damaged(path, error) from error

@@ -5,10 +5,13 @@ import os
 import shutil
 import tempfile
 import unittest
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
+from blake3 import blake3
 
 from dtd import Corpus, CorpusError
 from dtd.camera import ecef_m
@@ -68,6 +71,102 @@ class Tables(unittest.TestCase):
             replaced = Corpus(copy)
             self.assertEqual(replaced.ids, self.corpus.ids)
             self.assertTrue(replaced.boxes().equals(self.corpus.boxes()))
+
+
+class Changed(unittest.TestCase):
+    """A copy of the corpus that a test changes."""
+
+    def setUp(self) -> None:
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.copy = Path(folder.name) / "corpus"
+        shutil.copytree(PATH, self.copy)
+        self.scenario = self.copy / "scenarios" / SCENARIO
+
+    def change(self, name: str, change: Callable[[dict[str, Any]], None]) -> None:
+        """Changes a JSON file of the scenario."""
+        content = json.loads((self.scenario / name).read_text())
+        change(content)
+        (self.scenario / name).write_text(json.dumps(content))
+
+    def add_detections(self, stem: str, model: str) -> None:
+        """A table of detections without any, by a model whose hash begins with this."""
+        folder = self.scenario / "detections"
+        folder.mkdir(exist_ok=True)
+        table = folder / f"{stem}.parquet"
+        pl.DataFrame({"tick": [], "of": []}, {"tick": pl.UInt32, "of": pl.String}).write_parquet(table)
+        record = {"model": model, "model_blake3": stem.ljust(64, "0"), "table_blake3": blake3(table.read_bytes()).hexdigest()}
+        (folder / f"{stem}.json").write_text(json.dumps(record))
+
+    def test_columns_belong_to_the_view_with_the_longest_name_that_fits(self) -> None:
+        path = self.scenario / "frames.parquet"
+        frames = pl.read_parquet(path)
+        # Views mast and far_mast: the columns of the second end like those of the first.
+        frames = frames.rename({name: name.replace("tower_2", "far_mast") for name in frames.columns})
+        frames.with_columns(pts_far_mast=pl.col("pts_far_mast") + 7).write_parquet(path)
+        self.change("scenario.json", lambda record: record.update(views=["lens", "mast", "far_mast"]))
+        corpus = Corpus(self.copy)
+        views = corpus.views().filter(scenario=SCENARIO)
+        self.assertEqual(views.columns, Corpus(PATH).views().columns)
+        self.assertEqual(views.filter(tick=1).select("view", "pts").rows(), [("lens", 1001), ("mast", 1001), ("far_mast", 1008)])
+        self.assertEqual(corpus.ticks().columns, Corpus(PATH).ticks().columns)
+
+    def test_a_model_is_named_by_the_start_of_its_hash(self) -> None:
+        self.add_detections("fe8fd7ba3fcd0ea9", "aircraft.onnx")
+        corpus = Corpus(self.copy)
+        for model in [None, "aircraft.onnx", "aircraft", "fe8f", "fe8fd7ba3fcd0ea9", "fe8fd7ba3fcd0ea900"]:
+            self.assertEqual(corpus.detections(model).columns, ["scenario", "tick", "of"], model)
+        with self.assertRaisesRegex(CorpusError, r"no detections of model fe9, only of aircraft\.onnx \(fe8f"):
+            corpus.detections("fe9")
+        self.add_detections("fe80000000000000", "other.onnx")
+        with self.assertRaisesRegex(CorpusError, r"'fe8' may mean; choose one: .*\(fe80000000000000\), .*\(fe8fd7ba3fcd0ea9\)"):
+            corpus.detections("fe8")
+        self.assertEqual(len(corpus.detections("fe8f")), 0)
+
+    def test_a_damaged_file_is_named_with_what_to_do(self) -> None:
+        corpus = Corpus(self.copy)
+        for name, read in {
+            "frames.parquet": corpus.ticks,
+            "boxes_truth.parquet": corpus.boxes,
+            "views/mast.mp4": lambda: corpus.frame(SCENARIO, "mast", 0),
+        }.items():
+            path = self.scenario / name
+            whole = path.read_bytes()
+            path.write_bytes(whole[: len(whole) // 2])
+            with self.assertRaisesRegex(CorpusError, f"{path}.*dtd verify", msg=name):
+                read()
+            path.write_bytes(whole)
+
+    def test_damage_inside_a_table_is_named_too(self) -> None:
+        path = self.scenario / "frames.parquet"
+        content = path.read_bytes()
+        path.write_bytes(content[:4] + bytes(len(content) // 2) + content[4 + len(content) // 2 :])
+        with self.assertRaisesRegex(CorpusError, f"{path}.*dtd verify"):
+            Corpus(self.copy).ticks()
+
+    def test_links_are_rejected(self) -> None:
+        corpus = Corpus(self.copy)
+        for name, read in {
+            "frames.parquet": corpus.ticks,
+            "views/mast.mp4": lambda: corpus.frame(SCENARIO, "mast", 0),
+            "views": lambda: corpus.frame(SCENARIO, "mast", 0),
+        }.items():
+            path = self.scenario / name
+            path.rename(self.copy / "elsewhere")
+            path.symlink_to(self.copy / "elsewhere")
+            with self.assertRaisesRegex(CorpusError, f"{path} is a symbolic link", msg=name):
+                read()
+            path.unlink()
+            (self.copy / "elsewhere").rename(path)
+
+    def test_sealed_boxes_that_are_gone_are_no_missing_labels(self) -> None:
+        (self.scenario / "boxes_truth.parquet").unlink()
+        with self.assertRaisesRegex(CorpusError, f"{SCENARIO}/boxes_truth.parquet is missing"):
+            Corpus(self.copy).boxes()
+        manifest = self.scenario / "MANIFEST.b3"
+        lines = manifest.read_text().splitlines(keepends=True)
+        manifest.write_text("".join(line for line in lines if "boxes_truth" not in line))
+        self.assertNotIn(SCENARIO, Corpus(self.copy).boxes()["scenario"].to_list())
 
 
 class Cameras(unittest.TestCase):

@@ -42,7 +42,7 @@ pub(crate) fn run(args: &ViewArgs) -> Outcome {
     let ending = runtime.block_on(async {
         tokio::select! {
             result = serve(options, |address| announce(address, args.no_open)) => result.map_err(|error| match error {
-                error @ ViewError::Listen { .. } => Failure::bad_input(error),
+                error @ (ViewError::Listen { .. } | ViewError::SameRun { .. }) => Failure::bad_input(error),
                 error => error.into(),
             })?,
             () = stop.cancelled() => {}

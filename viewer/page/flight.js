@@ -135,8 +135,9 @@ export class Flight {
     const found = this.detections.get(view.id).get(tick);
     if (found?.some(box => box.confirmed)) return 'found';
     if (found) return 'unconfirmed';
+    if (!this.model) return 'away';
     const [truth] = this.truth.get(view.id).get(tick) ?? [];
-    return (truth ? truth.visible > 0.5 : view.truth === null && this.model) ? 'missed' : 'away';
+    return (truth ? truth.visible > 0.5 : view.truth === null) ? 'missed' : 'away';
   }
 
   /** Distances to touchdown in nautical miles, negative past it; null without labels. */

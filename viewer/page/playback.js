@@ -205,6 +205,8 @@ export class Player {
     /** Stands for one press of Play; null while paused. What an earlier one has begun finds another here. */
     this.turn = null;
     this.wanted = null;
+    /** Of the step that is under way, or was the last one. */
+    this.arrival = null;
     this.isStale = false;
     this.closed = false;
   }
@@ -220,21 +222,29 @@ export class Player {
     const isBusy = this.wanted !== null;
     this.wanted = tick;
     if (isBusy) return;
-    let shown = null;
-    while ((shown !== this.wanted || this.isStale) && !this.closed) {
-      this.isStale = false;
-      shown = this.wanted;
-      const pictures = await this.pictures(shown);
-      if (this.closed || this.wanted === null) return;
-      this.tick = shown;
-      this.show(shown, pictures);
-    }
-    this.wanted = null;
+    this.arrival = this.arrive();
+    const shown = await this.arrival;
+    if (shown === null) return;
     // The next step will probably go the same way.
     for (const next of [shown + direction, shown + 2 * direction]) {
       if (next >= 0 && next < this.ticks) await this.pictures(next);
       if (this.wanted !== null || this.closed) return;
     }
+  }
+
+  /** Shows the wanted tick, also if that changes meanwhile. Returns it, or null if something else is shown instead. */
+  async arrive() {
+    let shown = null;
+    while ((shown !== this.wanted || this.isStale) && !this.closed) {
+      this.isStale = false;
+      shown = this.wanted;
+      const pictures = await this.pictures(shown);
+      if (this.closed || this.wanted === null) return null;
+      this.tick = shown;
+      this.show(shown, pictures);
+    }
+    this.wanted = null;
+    return shown;
   }
 
   /** A picture or an error for each view. */
@@ -254,6 +264,9 @@ export class Player {
     this.turn = turn;
     const isWanted = () => this.turn === turn;
     this.changed();
+    // Playing begins where a step ends that is still under way.
+    await this.arrival;
+    if (!isWanted()) return;
     if (this.tick >= this.ticks - 1) await this.step(0);
     if (!isWanted()) return;
     const pictures_per_s = this.rate.numerator / this.rate.denominator * speed * this.views.length;

@@ -2,7 +2,7 @@
 
 import { line } from './colours.js';
 import { check, element } from './dom.js';
-import { METRES_PER_NM, fixed, metres, nauticalMiles, seconds, speed } from './units.js';
+import { METRES_PER_NM, brief, fixed, metres, nauticalMiles, seconds, speed } from './units.js';
 
 /** Numbers of a flight. `online` is told that a line was chosen or dropped, `ongo` a tick to go to. */
 export class Readout {
@@ -29,9 +29,9 @@ export class Readout {
         element('th', { class: 'word', scope: 'row' },
           check(one.estimator, one.isShown, isShown => this.online(one, isShown), one.swatch),
           hasSeveralRuns ? element('span', { class: 'note' }, one.run) : null),
-        one.cells, element('td', { class: 'first' }, fixed(mean, 3)),
+        one.cells, element('td', { class: 'first' }, brief(mean, 3, 100)),
         element('td', {}, worstTick < 0 ? '–' : element('button', { type: 'button', class: 'go', title: `go to tick ${worstTick}`,
-          onclick: () => this.ongo(worstTick) }, fixed(worst, 2))));
+          onclick: () => this.ongo(worstTick) }, brief(worst, 2, 100))));
     };
     return element('table', {},
       element('thead', {}, element('tr', {}, element('th', { class: 'word', rowspan: 2, scope: 'col' }, 'Estimator'),
@@ -67,8 +67,8 @@ export class Readout {
     for (const { dtd, error, cells } of lines) {
       const isAnswered = dtd[tick] !== null;
       cells[0].textContent = isAnswered ? fixed(dtd[tick] / METRES_PER_NM, 3) : '–';
-      cells[1].textContent = isAnswered && truth !== undefined ? fixed(dtd[tick] - truth, 1) : '–';
-      cells[2].textContent = fixed(error[tick], 2);
+      cells[1].textContent = isAnswered && truth !== undefined ? brief(dtd[tick] - truth, 1, 1000) : '–';
+      cells[2].textContent = brief(error[tick], 2, 100);
     }
   }
 

@@ -11,8 +11,8 @@ const STATES = {
   planned: 'planned', recording: 'recording', failed: 'failed', damaged: 'damaged',
   recorded: 'no labels', labelled: 'labelled', detected: 'detected',
 };
-/** States of scenarios that are recorded. */
-const RECORDED = new Set(['recorded', 'labelled', 'detected', 'damaged']);
+const isRecorded = row => ['recorded', 'labelled', 'detected'].includes(row.state);
+const isMissing = row => ['planned', 'recording', 'failed'].includes(row.state);
 /** An unfinished folder that nobody changes for this long was probably left behind. */
 const QUIET_S = 120;
 /** A rate of recording needs this long. */
@@ -29,16 +29,17 @@ const COLUMNS = [
 export function progressWords(corpus) {
   const all = corpus.scenarios.length;
   const has = state => corpus.scenarios.filter(row => row.state === state).length;
-  const missing = has('planned') + has('recording') + has('failed');
-  const parts = [missing ? `${all - missing} of ${plural(all, 'scenario')} recorded` : plural(all, 'scenario')];
+  const parts = [corpus.scenarios.some(isMissing) ? recordedWords(corpus.scenarios) : plural(all, 'scenario')];
   for (const state of ['recording', 'failed', 'damaged']) {
     if (has(state)) parts.push(`${has(state)} ${STATES[state]}`);
   }
   return parts.join(', ');
 }
 
+const recordedWords = rows => `${count(rows.filter(isRecorded).length)} of ${plural(rows.length, 'scenario')} recorded`;
+
 /** Whether there is something to look at. */
-export const isOpenable = row => RECORDED.has(row.state) && row.views.length > 0;
+export const isOpenable = row => (isRecorded(row) || row.state === 'damaged') && row.views.length > 0;
 
 /** Whether something is being recorded, so that it is worth asking again soon. */
 export const isUnderWay = corpus => corpus.scenarios.some(row => row.state === 'recording');
@@ -103,21 +104,23 @@ export class Scenarios {
   progress() {
     const { scenarios } = this.corpus;
     const under = scenarios.filter(row => row.state === 'recording');
-    const missing = scenarios.filter(row => ['planned', 'recording', 'failed'].includes(row.state)).length;
-    if (!missing) return element('div');
+    if (!scenarios.some(isMissing)) return element('div');
     const ticks = rows => rows.reduce((sum, row) => sum + (row.ticks ?? 0), 0);
-    const done = ticks(scenarios.filter(row => RECORDED.has(row.state)));
+    const done = ticks(scenarios.filter(isRecorded));
     const begun = under.reduce((sum, row) => sum + (row.recorded_ticks ?? 0), 0);
-    const all = ticks(scenarios);
+    // A share would mislead where a scenario of unknown length is left out of it.
+    const all = scenarios.every(row => row.ticks !== null) ? ticks(scenarios) : 0;
     const bar = all ? element('progress', { max: all, value: done + begun, 'aria-label': 'Recorded ticks' }) : null;
     const now = under.map(row => {
-      const far = `${count(row.recorded_ticks ?? 0)} of about ${plural(row.ticks ?? 0, 'tick')}`;
+      const recorded = row.recorded_ticks ?? 0;
+      // One that the plan does not have may be of any length.
+      const far = row.ticks === null ? plural(recorded, 'tick') : `${count(recorded)} of about ${plural(row.ticks, 'tick')}`;
       const quiet = row.unchanged_s > QUIET_S ? `; unchanged for ${duration(row.unchanged_s)}, perhaps interrupted` : '';
       return element('li', {}, element('strong', {}, row.id), `: ${far}${quiet}`);
     });
     return element('div', { class: 'under-way' },
-      element('p', {}, `${scenarios.length - missing} of ${plural(scenarios.length, 'scenario')} recorded`,
-        all ? `, ${fixed((done + begun) / all * 100, 1)} % of the ticks` : '', this.timeLeft(done + begun, all)), bar,
+      element('p', {}, recordedWords(scenarios),
+        ...all ? [`, ${fixed((done + begun) / all * 100, 1)} % of the ticks`, this.timeLeft(done + begun, all)] : []), bar,
       now.length ? element('ul', {}, now) : null);
   }
 

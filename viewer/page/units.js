@@ -8,6 +8,9 @@ export function fixed(value, decimals) {
   return value === null || value === undefined || !Number.isFinite(value) ? '–' : value.toFixed(decimals).replace('-', '−');
 }
 
+/** The same, but without decimals from `limit` on: columns have no room for what nobody reads. */
+export const brief = (value, decimals, limit) => fixed(value, Math.abs(value) < limit ? decimals : 0);
+
 export const count = value => value === null || value === undefined ? '–' : value.toLocaleString('en');
 export const plural = (number, thing) => `${count(number)} ${thing}${number === 1 ? '' : 's'}`;
 export const metres = value => `${fixed(value, Math.abs(value) < 1000 ? 1 : 0)} m`;

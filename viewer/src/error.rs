@@ -15,6 +15,12 @@ pub enum ViewError {
         /// Why.
         r#source: io::Error,
     },
+    /// A run is given twice.
+    #[error("run {run} is given twice; leave one of them out")]
+    SameRun {
+        /// Its name.
+        run: String,
+    },
     /// The system ended it.
     #[error("cannot serve the page any longer: {0}")]
     Serve(io::Error),

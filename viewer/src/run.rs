@@ -3,11 +3,14 @@
 //! They are read once, in the background: the table has a row for each tick of all scenarios.
 
 use std::collections::BTreeMap;
+use std::iter;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use dataset::columns::Table;
+use dataset::frames::TickRow;
 use dataset::json_file::read_json;
+use dataset::other_flight::OtherFlight;
 use dataset::sealed::Sealed;
 use serde::{Deserialize, Serialize};
 
@@ -73,7 +76,7 @@ pub(crate) struct Summary<'a> {
     metrics: Option<&'a Metrics>,
     /// By scenario and estimator.
     flights: BTreeMap<&'a str, BTreeMap<&'a str, Errors>>,
-    problems: &'a [String],
+    problems: Vec<String>,
 }
 
 /// Errors of an estimator in one scenario, of the judged ticks.
@@ -99,8 +102,23 @@ impl Run {
         self.answers.get_or_init(|| Answers::read(&self.path))
     }
 
-    pub(crate) fn summary(&self) -> Summary<'_> {
+    /// Its figures; none if it was judged on another corpus, as the first scenario of that name tells: to read all of them takes longer
+    /// than the page. `flown`: the ticks of a scenario of this one, if it has it.
+    pub(crate) fn summary(&self, flown: impl Fn(&str) -> Option<Vec<TickRow>>) -> Summary<'_> {
         let answers = self.answers();
+        let mut problems = answers.problems.clone();
+        let mut named_alike = answers.flights.iter();
+        let first = named_alike.find_map(|(id, flight)| Some((id, flight, flown(id)?)));
+        let other = first.and_then(|(id, flight, flown)| Some((id, flight.other_than(&flown)?)));
+        if let Some((id, other)) = other {
+            problems.push(other.words(id));
+            return Summary {
+                name: &self.name,
+                metrics: None,
+                flights: BTreeMap::new(),
+                problems,
+            };
+        }
         Summary {
             name: &self.name,
             metrics: answers.metrics.as_ref(),
@@ -109,7 +127,7 @@ impl Run {
                 .iter()
                 .map(|(id, flight)| (id.as_str(), flight.errors()))
                 .collect(),
-            problems: &answers.problems,
+            problems,
         }
     }
 }
@@ -137,8 +155,7 @@ impl Answers {
         match table.and_then(|table| flights(&table)) {
             Ok(flights) => answers.flights = flights,
             Err(error) if error.is_not_found() => answers.problems.push(format!(
-                "{}: has no {PREDICTIONS}: run `dtd evaluate` on it first",
-                path.display()
+                "has no {PREDICTIONS}: run `dtd evaluate` on it first"
             )),
             Err(error) => answers.problems.push(error.to_string()),
         }
@@ -189,6 +206,13 @@ fn flights(path: &Path) -> dataset::Result<BTreeMap<String, Flight>> {
 }
 
 impl Flight {
+    /// What shows that these are the answers for another flight than this.
+    pub(crate) fn other_than(&self, flown: &[TickRow]) -> Option<OtherFlight> {
+        let truth_m = self.dtd_m.iter().copied().map(Some);
+        let truth_m = truth_m.chain(iter::repeat(None));
+        OtherFlight::find(self.tick.iter().copied().zip(truth_m), flown)
+    }
+
     fn errors(&self) -> BTreeMap<&str, Errors> {
         let estimators = self.estimators.iter();
         estimators

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 
 use dataset::detections::{self, Detections, models_of};
 use dataset::error::Error;
+use dataset::frames::TickRow;
 use dataset::pixel_box::{PixelBox, TruthBox};
 use dataset::registrations::Registration;
 use dataset::scenario::ScenarioRecord;
@@ -25,7 +26,7 @@ pub(crate) struct ScenarioTables {
     ticks: Option<Ticks>,
     /// By model.
     models: Vec<Model>,
-    /// By run, in their order; `None` for a run without this scenario.
+    /// By run, in their order; `None` for a run without this scenario, or with another one of this name.
     runs: Vec<Option<Flight>>,
     problems: Vec<String>,
 }
@@ -116,8 +117,8 @@ pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables,
     let mut problems = Vec::new();
     let mut noted = |error: Error| problems.push(error.to_string());
     let files = &opened.files;
-    let ticks = match ticks(opened) {
-        Ok(ticks) => Some(ticks),
+    let flown = match files.frames() {
+        Ok(frames) => Some(frames.rows),
         Err(error) => {
             noted(error);
             None
@@ -153,25 +154,33 @@ pub(crate) fn read(library: &Library, opened: &Opened) -> Result<ScenarioTables,
         }
     }
     let id = files.id();
-    let runs = library.runs.iter();
+    let mut runs = Vec::new();
+    for run in &library.runs {
+        let flight = run.answers().flights.get(&id);
+        let both = flight.zip(flown.as_deref());
+        match both.and_then(|(flight, flown)| flight.other_than(flown)) {
+            None => runs.push(flight.cloned()),
+            Some(other) => {
+                problems.push(format!("run {} {}", run.name, other.words(&id)));
+                runs.push(None);
+            }
+        }
+    }
     Ok(ScenarioTables {
         record: opened.record.clone(),
         views,
-        ticks,
+        ticks: flown.map(|rows| ticks(opened, &rows)),
         models,
-        runs: runs
-            .map(|run| run.answers().flights.get(&id).cloned())
-            .collect(),
+        runs,
         problems,
     })
 }
 
-fn ticks(opened: &Opened) -> dataset::Result<Ticks> {
-    let rows = opened.files.frames()?.rows;
+fn ticks(opened: &Opened, rows: &[TickRow]) -> Ticks {
     let labels: Option<Vec<f64>> = rows.iter().map(|row| Some(row.labels?.dtd_m)).collect();
     let places: Vec<_> = rows.iter().map(|row| place(opened, row)).collect();
     let speed = |[north, east, _]: [f64; 3]| north.hypot(east);
-    Ok(Ticks {
+    Ticks {
         time_s: column(rows.iter().map(|row| row.time_ns as f64 / 1e9)),
         dtd_m: labels.map(column),
         along_track_m: column(places.iter().map(|at| at.along_track_m)),
@@ -184,7 +193,7 @@ fn ticks(opened: &Opened) -> dataset::Result<Ticks> {
         pitch_deg: column(rows.iter().map(|row| row.pose.pitch_deg)),
         roll_deg: column(rows.iter().map(|row| row.pose.roll_deg)),
         on_ground: rows.iter().map(|row| row.on_ground).collect(),
-    })
+    }
 }
 
 impl BoxColumns {

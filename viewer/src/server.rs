@@ -1,7 +1,7 @@
 //! The server: which address gives what.
 
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use axum::extract::rejection::QueryRejection;
@@ -42,15 +42,16 @@ pub struct ViewOptions {
 /// Serves the page until the future is dropped; `ready` is told the address.
 ///
 /// # Errors
-/// The port is not free.
+/// A run is given twice, or the port is not free.
 pub async fn serve(options: ViewOptions, ready: impl FnOnce(SocketAddr)) -> Result<(), ViewError> {
     let ViewOptions { corpus, runs, port } = options;
+    let runs = named(&runs)?;
     let cannot_listen = |source| ViewError::Listen { port, source };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))
         .await
         .map_err(cannot_listen)?;
     let address = listener.local_addr().map_err(cannot_listen)?;
-    let library = Arc::new(Library::new(corpus, named(&runs)));
+    let library = Arc::new(Library::new(corpus, runs));
     read_ahead(library.clone());
     ready(address);
     axum::serve(listener, router(library, address))
@@ -59,13 +60,18 @@ pub async fn serve(options: ViewOptions, ready: impl FnOnce(SocketAddr)) -> Resu
 }
 
 /// The runs by the names of their folders, numbered where several have the same.
-fn named(paths: &[PathBuf]) -> Vec<Run> {
-    let name = |path: &Path| {
-        let real = path.canonicalize().unwrap_or_else(|_| path.to_owned());
-        let name = real.file_name().unwrap_or(real.as_os_str());
+fn named(paths: &[PathBuf]) -> Result<Vec<Run>, ViewError> {
+    let real = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+    let real: Vec<PathBuf> = paths.iter().map(real).collect();
+    let name = |path: &PathBuf| {
+        let name = path.file_name().unwrap_or(path.as_os_str());
         name.to_string_lossy().into_owned()
     };
-    let names: Vec<String> = paths.iter().map(|path| name(path)).collect();
+    let names: Vec<String> = real.iter().map(name).collect();
+    if let Some(again) = (1..real.len()).find(|&index| real[..index].contains(&real[index])) {
+        let run = names[again].clone();
+        return Err(ViewError::SameRun { run });
+    }
     let run = |(index, path): (usize, &PathBuf)| {
         let name = &names[index];
         let name = match names.iter().filter(|other| *other == name).count() {
@@ -74,7 +80,7 @@ fn named(paths: &[PathBuf]) -> Vec<Run> {
         };
         Run::at(path.clone(), name)
     };
-    paths.iter().enumerate().map(run).collect()
+    Ok(paths.iter().enumerate().map(run).collect())
 }
 
 /// Reads the runs before the page asks for them.
@@ -138,7 +144,9 @@ async fn corpus(State(library): State<Arc<Library>>) -> Answer {
 
 async fn runs(State(library): State<Arc<Library>>) -> Answer {
     let summaries = move || {
-        let runs: Vec<Summary<'_>> = library.runs.iter().map(Run::summary).collect();
+        let flown = |id: &str| Some(library.look_into(id).ok()?.files.frames().ok()?.rows);
+        let runs = library.runs.iter().map(|run| run.summary(flown));
+        let runs: Vec<Summary<'_>> = runs.collect();
         json(&runs)
     };
     blocking(summaries).await
