@@ -305,12 +305,13 @@ fn the_committed_schemas_are_what_the_command_prints() {
     }
 }
 
-const OURS: [&str; 7] = [
+const OURS: [&str; 8] = [
     "scenarios.toml",
     "demo.toml",
     "detector.toml",
     "docs/results/detector-judge.toml",
     "docs/results/detector-judge-imaging.toml",
+    "docs/results/jitter-imaging.toml",
     "tests/data/chain.toml",
     "tests/data/recorded.toml",
 ];

@@ -33,6 +33,9 @@ pub struct TrainConfig {
     /// Whether networks train only on boxes that contain the aircraft by the labels. The paper's train on what the detector found.
     /// Formulas are always fitted to boxes that contain it.
     pub only_true_boxes: bool,
+    /// Whether the cameras of each scenario are aligned by what stands still in their pictures: for cameras that are misplaced a little
+    /// from scenario to scenario. Needs the videos.
+    pub align_backgrounds: bool,
     /// Additional training samples from geometry.
     pub augmentation: AugmentationConfig,
     /// Stage one: calibration networks and their shared head.
@@ -56,6 +59,7 @@ impl Default for TrainConfig {
             start_from: None,
             loss: Loss::Squared,
             only_true_boxes: false,
+            align_backgrounds: false,
             augmentation: AugmentationConfig::default(),
             calibration: CalibrationConfig::default(),
             estimator: EstimatorConfig::default(),

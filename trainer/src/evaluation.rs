@@ -166,9 +166,13 @@ pub fn evaluate(
         JudgedSide::All => samples.test_all(),
         JudgedSide::Test => split_again(corpus, &mut samples, trained.config.leave_out.as_deref())?,
     }
+    check_cameras(run, corpus, &trained, &samples)?;
+    check_unseen(run, corpus, &trained, &samples)?;
+    let backgrounds = trained.backgrounds.as_ref();
+    let alignment = backgrounds
+        .map(|backgrounds| backgrounds.align(&mut samples, &[Side::Test], progress))
+        .transpose()?;
     let samples = &samples;
-    check_cameras(run, corpus, &trained, samples)?;
-    check_unseen(run, corpus, &trained, samples)?;
     let recorded = || samples.ticks_of_side(Side::Test);
     let is_seen = |sample: &Sample| rules.is_there(sample) && sample.detections() > 0;
     if !recorded().any(is_seen) {
@@ -239,6 +243,7 @@ pub fn evaluate(
             })
             .collect(),
         judged,
+        alignment,
     };
     write_json_unsynced(&new.metrics_path(), &metrics)?;
     report::write(

@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod answers;
+mod background;
 mod calibration_training;
 mod checkpoint;
 mod choice;
@@ -65,6 +66,7 @@ mod view_dropout;
 mod view_removal;
 mod view_shift;
 
+pub use background::Alignment;
 pub use choice::Choice;
 pub use config::{TrainConfig, schema};
 pub use error::{CorpusFault, Error, Result, RunFault};

@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::background::Alignment;
 use crate::config::PaperDeviation;
 use crate::evaluation::Judged;
 use crate::evaluation_rules::EvaluationRules;
@@ -153,6 +154,9 @@ pub struct Metrics {
     /// What the training of `paper_lstm` did otherwise than the paper, by its settings; missing in earlier evaluations.
     #[serde(default)]
     pub deviations_from_paper: Vec<PaperDeviation>,
+    /// How the cameras were aligned by their backgrounds; missing if the training did not ask for it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub alignment: Option<Alignment>,
     /// Figures by name of the estimator.
     pub estimators: BTreeMap<String, EstimatorMetrics>,
 }

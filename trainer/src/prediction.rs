@@ -5,6 +5,7 @@ use std::path::Path;
 use dataset::columns::{TableParts, TableWriter};
 use dataset::corpus::Corpus;
 use dataset::progress::Progress;
+use dataset::splits::Side;
 
 use crate::answers::Answered;
 use crate::error::{CorpusFault, Error, Result};
@@ -38,10 +39,19 @@ pub fn predict(
 ) -> Result<Predicted> {
     let trained = TrainedRun::of(&SealedRun::read(run)?)?;
     let model = detections.unwrap_or(&trained.summary.model_hash);
-    let (corpus_read, flights) = Samples::without_truth(corpus, Some(model))?;
+    let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model))?;
     check_cameras(run, corpus, &trained, &corpus_read)?;
     if flights.is_empty() {
         return Err(Error::corpus(corpus.root(), CorpusFault::NoScenarios));
+    }
+    if let Some(backgrounds) = &trained.backgrounds {
+        let alignment = backgrounds.align_observations(
+            &mut corpus_read,
+            &[Side::Test],
+            flights.iter_mut(),
+            progress,
+        )?;
+        progress.say(&alignment.to_string());
     }
     let mut table = TableParts::new(out);
     let mut answered = Estimator::ALL.map(|estimator| (estimator.name(), 0));

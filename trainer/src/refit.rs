@@ -86,6 +86,9 @@ pub fn refit(
     }
     let place = RunPlace::take(&RunFolder::at(out))?;
     let before = TrainedRun::of(&SealedRun::read(run)?)?;
+    if before.backgrounds.is_some() {
+        return Err(Error::run(run.root(), RunFault::AlignedRefit));
+    }
     let views = &before.normalisation.views;
     let view = views.iter().position(|view| *view == config.view);
     let view = view.ok_or_else(|| {

@@ -7,6 +7,7 @@
 //!   normalisation.json  offset and scale of the features
 //!   baselines.json      the fitted formulas: pinholes, centre offsets, inverse range
 //!   weights.safetensors all networks
+//!   backgrounds.png     pictures that cameras are aligned with, if the settings say so
 //!   convergence.json    errors on the validation side over both stages
 //!   replaces.json       which run was in its place when it was made
 //!   metrics.json  predictions.parquet  evaluation.json  report.html     (from `evaluate`)
@@ -38,6 +39,7 @@ impl RunFolder {
     pub(crate) const NORMALISATION: &str = "normalisation.json";
     pub(crate) const BASELINES: &str = "baselines.json";
     pub(crate) const WEIGHTS: &str = "weights.safetensors";
+    pub(crate) const BACKGROUNDS: &str = "backgrounds.png";
     pub(crate) const CONVERGENCE: &str = "convergence.json";
     pub(crate) const EVALUATION: &str = "evaluation.json";
     pub(crate) const METRICS: &str = "metrics.json";
@@ -57,8 +59,12 @@ impl RunFolder {
         Self::CONVERGENCE,
     ];
 
+    /// A file of a training that is only there if the settings ask for it.
+    pub(crate) const OPTIONAL: &str = Self::BACKGROUNDS;
+
     /// All files that a run may contain.
-    pub const FILES: [&str; 13] = [
+    pub const FILES: [&str; 14] = [
+        Self::BACKGROUNDS,
         Self::CONFIG,
         Self::SUMMARY,
         Self::NORMALISATION,
@@ -109,6 +115,11 @@ impl RunFolder {
     /// Path of `weights.safetensors`.
     pub fn weights_path(&self) -> PathBuf {
         self.root.join(Self::WEIGHTS)
+    }
+
+    /// Path of `backgrounds.png`.
+    pub(crate) fn backgrounds_path(&self) -> PathBuf {
+        self.root.join(Self::BACKGROUNDS)
     }
 
     /// Path of `convergence.json`.

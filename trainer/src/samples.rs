@@ -66,6 +66,8 @@ impl DistanceRange {
 pub(crate) struct ScenarioSummary {
     /// Identifier.
     pub id: String,
+    /// Its folder.
+    pub folder: ScenarioFolder,
     /// Trajectory that it flies.
     pub trajectory: String,
     /// What that trajectory is, whatever it is called (see [`flight_of`]).
@@ -323,6 +325,7 @@ impl Samples {
         let frames = scenario.frames()?;
         let summary = ScenarioSummary {
             id: folder.id(),
+            folder: folder.clone(),
             flight: flight_of(&record.flight, &frames),
             manifest_blake3: scenario.seal().manifest_blake3.clone(),
             trajectory: record.trajectory,

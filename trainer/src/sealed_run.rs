@@ -32,7 +32,8 @@ impl SealedRun {
         }
         let seal = Sealed::read(root)?.ok_or_else(|| Error::run(root, RunFault::Unsealed))?;
         let mut files = BTreeMap::new();
-        for name in RunFolder::TRAINED {
+        let optional = Some(RunFolder::OPTIONAL).filter(|name| seal.hash_of(name).is_some());
+        for name in RunFolder::TRAINED.into_iter().chain(optional) {
             let path = root.join(name);
             let bytes = outside_file::read(&path, RUN_FILE)?;
             let hash = blake3::hash(&bytes).to_string();
@@ -60,6 +61,11 @@ impl SealedRun {
     /// The content of one of [`RunFolder::TRAINED`].
     pub(crate) fn bytes(&self, name: &'static str) -> &[u8] {
         &self.files[name]
+    }
+
+    /// The content of [`RunFolder::OPTIONAL`], if it is there.
+    pub(crate) fn optional_bytes(&self) -> Option<&[u8]> {
+        self.files.get(RunFolder::OPTIONAL).map(Vec::as_slice)
     }
 
     pub(crate) fn json<T: DeserializeOwned>(

@@ -12,6 +12,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::background::{Backgrounds, StoredView};
 use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
 use crate::choice::Choice;
 use crate::config::TrainConfig;
@@ -123,6 +124,9 @@ pub(crate) struct Baselines {
     pub self_calibrated: Option<SelfCalibrated>,
     /// `inverse_range_filtered` and `inverse_range_smoothed`.
     pub flight_filter: FlightFilter,
+    /// What `backgrounds.png` shows; missing without it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub backgrounds: Option<Vec<StoredView>>,
 }
 
 /// All networks of a run.
@@ -262,6 +266,8 @@ pub(crate) struct TrainedRun {
     pub networks: Networks,
     /// Logs.
     pub convergence: Convergence,
+    /// What cameras are aligned with, if the settings say so.
+    pub backgrounds: Option<Backgrounds>,
 }
 
 impl TrainedRun {
@@ -272,6 +278,9 @@ impl TrainedRun {
         write_json_unsynced(&folder.baselines_path(), &self.baselines)?;
         write_json_unsynced(&folder.convergence_path(), &self.convergence)?;
         write_unsynced(&folder.weights_path(), &self.weights(folder)?)?;
+        if let Some(backgrounds) = &self.backgrounds {
+            write_unsynced(&folder.backgrounds_path(), &backgrounds.png())?;
+        }
         Ok(write_json_unsynced(&folder.summary_path(), &self.summary)?)
     }
 
@@ -336,7 +345,16 @@ impl TrainedRun {
             return Err(sealed.refused(RunFolder::WEIGHTS, fault));
         }
         check_numbers(sealed, &normalisation, &baselines, &networks)?;
+        let backgrounds = match (&baselines.backgrounds, sealed.optional_bytes()) {
+            (Some(stored), Some(png)) => Backgrounds::of(stored, png),
+            _ => None,
+        };
+        let expected = config.align_backgrounds.then_some(views);
+        if backgrounds.as_ref().map(Backgrounds::views) != expected {
+            return Err(sealed.refused(RunFolder::BACKGROUNDS, RunFault::Backgrounds));
+        }
         Ok(Self {
+            backgrounds,
             summary: sealed.json(RunFolder::SUMMARY, "run summary")?,
             convergence: sealed.json(RunFolder::CONVERGENCE, "convergence log")?,
             baselines,

@@ -12,6 +12,7 @@ use dataset::splits::Side;
 use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 
+use crate::background::Backgrounds;
 use crate::calibration_training::train_calibration;
 use crate::checkpoint::{Checkpoints, Origin};
 use crate::choice::Choice;
@@ -117,6 +118,16 @@ pub(crate) fn train_unless(
     // Errors about all of them name the first.
     let corpus = &corpora[0];
     split_again(corpus, &mut samples, config.leave_out.as_deref())?;
+    let backgrounds = match config.align_backgrounds {
+        true => {
+            let backgrounds = Backgrounds::learn(&samples, progress)?;
+            let alignment =
+                backgrounds.align(&mut samples, &[Side::Train, Side::Validation], progress)?;
+            progress.say(&alignment.to_string());
+            Some(backgrounds)
+        }
+        false => None,
+    };
     let recorded = side_with_samples(corpus, &samples, Side::Train)?;
     let true_boxes = samples.with_true_boxes(Side::Train);
     let true_boxes: Vec<&Sample> = true_boxes.iter().collect();
@@ -226,7 +237,10 @@ pub(crate) fn train_unless(
         Stream::MonoBox,
     )?;
 
-    let baselines = baselines(&samples, &true_boxes, &normalisation, self_calibrated);
+    let baselines = Baselines {
+        backgrounds: backgrounds.as_ref().map(Backgrounds::stored),
+        ..baselines(&samples, &true_boxes, &normalisation, self_calibrated)
+    };
     let choice = Choice::of(&baselines, &true_boxes);
     // With those that the start knows.
     let known = |of: fn(&RunSummary) -> &BTreeSet<String>, mut seen: BTreeSet<String>| {
@@ -267,6 +281,7 @@ pub(crate) fn train_unless(
             refits: Vec::new(),
         },
         baselines,
+        backgrounds,
         convergence: Convergence {
             views: samples.views.clone(),
             calibration: calibration_log,
@@ -376,5 +391,6 @@ fn baselines(
         self_calibrated,
         flight_filter: FlightFilter::fit(&inverse_range, samples, training, normalisation),
         inverse_range,
+        backgrounds: None,
     }
 }

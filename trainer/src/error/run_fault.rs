@@ -102,6 +102,15 @@ pub enum RunFault {
     /// A view that the run was not trained with.
     #[error("has no view {view:?}; its views are {}", views.join(", "))]
     NoSuchView { view: String, views: Vec<String> },
+    /// Pictures that cameras are aligned with.
+    #[error("are not the backgrounds that config.json and baselines.json tell of; train again")]
+    Backgrounds,
+    /// A refit of a run whose cameras are aligned.
+    #[error(
+        "was trained with align_backgrounds, and a camera that looks elsewhere has no background to be aligned with; train again on \
+         corpora with the new camera"
+    )]
+    AlignedRefit,
     /// More than one view would change.
     #[error(
         "fitting view {view} again would change numbers that do not belong to it; nothing was written. Please report this"

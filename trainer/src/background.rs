@@ -1,0 +1,522 @@
+//! Where the cameras of each scenario look, from what stands still in their pictures.
+//!
+//! Cameras that are misplaced a little from scenario to scenario (`[jitter]`, wind, a new mast) show the aircraft elsewhere, and whatever
+//! learned places in pictures is wrong by that. Runway, ships and islands show by how much. A training keeps some of its backgrounds as
+//! references, of different times of day and weathers, aligned among one another. Every scenario is aligned with them
+//! ([`alignment`]), and its boxes and registered shifts go to where a camera that looks like the first reference would have seen them.
+//! The known camera of the scenario is turned with them, so what uses it (labels' checks, the oracle) sees the same rays as before. No
+//! calibration is read: focal length and the row of the horizon are the plan's.
+//!
+//! A view that cannot be aligned saw nothing: its boxes are dropped, and the scenario is named.
+
+mod alignment;
+mod motion;
+mod picture;
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::io::Cursor;
+
+use dataset::calibration::CameraEntry;
+use dataset::camera::Camera;
+use dataset::open_scenario::OpenScenario;
+use dataset::pixel_box::PixelBox;
+use dataset::progress::Progress;
+use dataset::splits::Side;
+use glam::{DVec2, DVec3};
+use image::{DynamicImage, ImageBuffer, ImageFormat, Luma};
+use serde::{Deserialize, Serialize};
+
+use crate::error::Result;
+use crate::samples::{Observation, Samples, ScenarioSummary};
+use alignment::{Aligned, Compared, Reference};
+use motion::{after, matrix, turned};
+use picture::Picture;
+
+/// References of each view.
+const MOST_REFERENCES: usize = 5;
+/// Nothing that stands still is higher above the horizon, radians.
+const ABOVE_HORIZON_RAD: f64 = 0.006;
+/// A view with fewer rows below that has no background.
+const FEWEST_ROWS: usize = 64;
+/// Misfits of whole pairs are larger than their patches say: what they see differs in more than noise. Standard deviations are multiplied
+/// by this, and none is below the least, pixels.
+const UNDERSTATED: f64 = 3.0;
+const LEAST_SD_PX: f64 = 0.03;
+/// A scenario whose direction is less certain is not aligned, pixels.
+const MOST_SD_PX: f64 = 0.5;
+/// Levels of the stored pictures per grey level.
+const PARTS: f32 = 256.0;
+
+/// The references of a training.
+#[derive(Debug, Clone)]
+pub(crate) struct Backgrounds {
+    views: Vec<ViewBackgrounds>,
+}
+
+#[derive(Debug, Clone)]
+struct ViewBackgrounds {
+    place: ViewPlace,
+    references: Vec<Placed>,
+}
+
+/// What is known of a view without its calibration.
+#[derive(Debug, Clone)]
+struct ViewPlace {
+    view: String,
+    planned: CameraEntry,
+    camera: Camera,
+    /// Row of the horizon in the planned camera's picture.
+    horizon_px: f64,
+    /// First row of its backgrounds; `None` if there is too little below.
+    top: Option<usize>,
+}
+
+/// A reference, and the turn from the first one of its view to it.
+#[derive(Debug, Clone)]
+struct Placed {
+    scenario: String,
+    turn_rad: DVec3,
+    reference: Reference,
+}
+
+/// The direction of a scenario's camera: the turn from the first reference, and its standard deviation across, pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Located {
+    turn_rad: DVec3,
+    sd_px: f64,
+}
+
+/// How many views were aligned.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Alignment {
+    /// Views of scenarios that were aligned.
+    pub aligned: usize,
+    /// Their median standard deviation across, pixels; 0 without any.
+    pub median_sd_px: f64,
+    /// Views that could not be, as `scenario view`: their boxes do not count.
+    pub unaligned: Vec<String>,
+}
+
+impl fmt::Display for Alignment {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (aligned, sd_px) = (self.aligned, self.median_sd_px);
+        write!(
+            f,
+            "{aligned} views aligned by their backgrounds, standard deviation {sd_px:.2} px (median)"
+        )?;
+        match self.unaligned.as_slice() {
+            [] => Ok(()),
+            unaligned => write!(f, "; {} not: {}", unaligned.len(), unaligned.join(", ")),
+        }
+    }
+}
+
+/// `backgrounds` of `baselines.json`: what the pictures of `backgrounds.png` are, from top to bottom.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct StoredView {
+    view: String,
+    planned: CameraEntry,
+    width_px: usize,
+    top_px: usize,
+    rows: usize,
+    references: Vec<StoredReference>,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct StoredReference {
+    scenario: String,
+    turn_rad: [f64; 3],
+}
+
+impl ViewPlace {
+    fn of(view: &str, planned: &CameraEntry) -> Self {
+        let camera = planned.camera();
+        let pitch_rad = planned.placed.pose.pitch_deg.to_radians();
+        let horizon_px = camera.principal_px.y + camera.focal_px * pitch_rad.tan();
+        let top_px = (horizon_px - ABOVE_HORIZON_RAD * camera.focal_px).max(0.0);
+        let top = top_px as usize;
+        Self {
+            view: view.to_owned(),
+            planned: planned.clone(),
+            horizon_px,
+            top: (top + FEWEST_ROWS <= camera.height_px as usize).then_some(top),
+            camera,
+        }
+    }
+
+    fn picture(&self, scenario: &OpenScenario) -> Result<Option<Picture>> {
+        let of = |top| Picture::of_view(scenario, &self.view, top);
+        self.top.map(of).transpose()
+    }
+}
+
+impl ViewBackgrounds {
+    /// References of some scenarios, aligned among one another.
+    fn of(place: ViewPlace, pictures: Vec<(String, Picture)>) -> Self {
+        let references = pictures.into_iter().map(|(scenario, picture)| Placed {
+            scenario,
+            turn_rad: DVec3::ZERO,
+            reference: Reference::of(picture),
+        });
+        let mut all = Self {
+            place,
+            references: references.collect(),
+        };
+        let compared: Vec<Compared> = (all.references.iter())
+            .map(|placed| Compared::of(placed.reference.picture()))
+            .collect();
+        let count = all.references.len();
+        let mut motions: BTreeMap<(usize, usize), Aligned> = BTreeMap::new();
+        for from in 0..count {
+            for to in (0..count).filter(|&to| to != from) {
+                let motion = all.motion(from, &compared[to]);
+                motions.extend(motion.map(|motion| ((from, to), motion)));
+            }
+        }
+        // From those that are placed to the one that they are surest of, then again from all others.
+        let place = |all: &Self, from: &[usize], to: usize| {
+            let measured = from.iter().filter(|&&from| from != to).filter_map(|&from| {
+                let motion = motions.get(&(from, to))?;
+                Some(all.located(from, motion))
+            });
+            combined(&measured.collect::<Vec<_>>(), all.place.camera.focal_px)
+        };
+        let mut done = vec![0];
+        loop {
+            let left = (1..count).filter(|to| !done.contains(to));
+            let next = left.filter_map(|to| Some((to, place(&all, &done, to)?)));
+            let Some((to, located)) = next.min_by(|(_, a), (_, b)| a.sd_px.total_cmp(&b.sd_px))
+            else {
+                break;
+            };
+            all.references[to].turn_rad = located.turn_rad;
+            done.push(to);
+        }
+        for _ in 0..5 {
+            for &to in &done[1..] {
+                if let Some(located) = place(&all, &done, to) {
+                    all.references[to].turn_rad = located.turn_rad;
+                }
+            }
+        }
+        let mut index = 0;
+        all.references.retain(|_| {
+            index += 1;
+            done.contains(&(index - 1))
+        });
+        all
+    }
+
+    fn motion(&self, from: usize, to: &Compared) -> Option<Aligned> {
+        let ViewPlace {
+            camera, horizon_px, ..
+        } = &self.place;
+        self.references[from]
+            .reference
+            .motion_to(to, camera, *horizon_px)
+    }
+
+    fn located(&self, from: usize, measured: &Aligned) -> Located {
+        Located {
+            turn_rad: after(measured.motion.turn_rad, self.references[from].turn_rad),
+            sd_px: (UNDERSTATED * measured.sd_px).max(LEAST_SD_PX),
+        }
+    }
+
+    /// The direction of a scenario's camera; `None` if its background is not like those of the references.
+    fn locate(&self, scenario: &OpenScenario) -> Result<Option<Located>> {
+        let id = scenario.id();
+        if let Some(known) = self.references.iter().find(|placed| placed.scenario == id) {
+            let turn_rad = known.turn_rad;
+            return Ok(Some(Located {
+                turn_rad,
+                sd_px: LEAST_SD_PX,
+            }));
+        }
+        let Some(picture) = self.place.picture(scenario)? else {
+            return Ok(None);
+        };
+        let compared = Compared::of(&picture);
+        let measured = (0..self.references.len())
+            .filter_map(|from| Some(self.located(from, &self.motion(from, &compared)?)));
+        let measured: Vec<Located> = measured.collect();
+        let located = combined(&measured, self.place.camera.focal_px);
+        Ok(located.filter(|located| located.sd_px <= MOST_SD_PX))
+    }
+}
+
+/// The mean of what references say, by their certainty; those that contradict the others count less. The standard deviation is at least
+/// their spread. `None` without any.
+fn combined(measured: &[Located], focal_px: f64) -> Option<Located> {
+    let surest = measured.iter().min_by(|a, b| a.sd_px.total_cmp(&b.sd_px))?;
+    let mut found = *surest;
+    for _ in 0..10 {
+        let weights: Vec<f64> = measured
+            .iter()
+            .map(|located| {
+                // Across: by the turn around the axis down.
+                let away = (located.turn_rad.y - found.turn_rad.y) * focal_px / located.sd_px;
+                located.sd_px.powi(-2) / (1.0 + (away / 3.0).powi(2))
+            })
+            .collect();
+        let sum: f64 = weights.iter().sum();
+        let mean = |value: &dyn Fn(&Located) -> DVec3| {
+            let weighted = measured
+                .iter()
+                .zip(&weights)
+                .map(|(located, weight)| value(located) * *weight);
+            weighted.sum::<DVec3>() / sum
+        };
+        found = Located {
+            turn_rad: mean(&|located| located.turn_rad),
+            sd_px: sum.sqrt().recip().max(LEAST_SD_PX),
+        };
+    }
+    Some(found)
+}
+
+impl Backgrounds {
+    /// References from the training side.
+    pub(crate) fn learn(samples: &Samples, progress: &mut dyn Progress) -> Result<Self> {
+        let chosen = references(samples);
+        progress.begin("backgrounds", chosen.len() as u64);
+        let places: Vec<ViewPlace> = (samples.views.iter())
+            .map(|view| ViewPlace::of(view, &samples.rig.nominal[view]))
+            .collect();
+        let mut pictures = vec![Vec::new(); places.len()];
+        for (done, scenario) in chosen.iter().enumerate() {
+            let opened = scenario.folder.open()?;
+            for (place, pictures) in places.iter().zip(&mut pictures) {
+                let picture = place.picture(&opened)?;
+                pictures.extend(picture.map(|picture| (scenario.id.clone(), picture)));
+            }
+            progress.advance(done as u64 + 1, &scenario.id);
+        }
+        let views = places.into_iter().zip(pictures);
+        Ok(Self {
+            views: views
+                .map(|(place, pictures)| ViewBackgrounds::of(place, pictures))
+                .collect(),
+        })
+    }
+
+    /// Aligns the scenarios of some sides, and corrects their cameras, boxes and shifts.
+    pub(crate) fn align(
+        &self,
+        samples: &mut Samples,
+        sides: &[Side],
+        progress: &mut dyn Progress,
+    ) -> Result<Alignment> {
+        let mut observations = Vec::new();
+        std::mem::swap(&mut observations, &mut samples.samples);
+        let observed = observations.iter_mut().map(|sample| &mut sample.observed);
+        let alignment = self.align_observations(samples, sides, observed, progress);
+        samples.samples = observations;
+        alignment
+    }
+
+    /// The same for observations without truth.
+    pub(crate) fn align_observations<'a>(
+        &self,
+        samples: &mut Samples,
+        sides: &[Side],
+        observations: impl Iterator<Item = &'a mut Observation>,
+        progress: &mut dyn Progress,
+    ) -> Result<Alignment> {
+        let scenarios = &mut samples.scenarios;
+        progress.begin("alignment", scenarios.len() as u64);
+        let mut alignment = Alignment::default();
+        let mut sds_px = Vec::new();
+        let mut turns: Vec<Vec<Option<DVec3>>> = Vec::new();
+        for (done, scenario) in scenarios.iter_mut().enumerate() {
+            if !sides.contains(&scenario.side) {
+                turns.push(vec![Some(DVec3::ZERO); self.views.len()]);
+                continue;
+            }
+            let opened = scenario.folder.open()?;
+            let mut of_views = Vec::new();
+            for (view, camera) in self.views.iter().zip(&mut scenario.cameras) {
+                let located = view.locate(&opened)?;
+                match located {
+                    Some(located) => {
+                        camera.ecef_from_camera *= matrix(located.turn_rad);
+                        sds_px.push(located.sd_px);
+                        tracing::debug!("{} {}: {located:?}", scenario.id, view.place.view);
+                    }
+                    None => {
+                        tracing::warn!(
+                            "{}: the background of view {} could not be aligned; its boxes do not count",
+                            scenario.id,
+                            view.place.view
+                        );
+                        let named = format!("{} {}", scenario.id, view.place.view);
+                        alignment.unaligned.push(named);
+                    }
+                }
+                of_views.push(located.map(|located| located.turn_rad));
+            }
+            turns.push(of_views);
+            progress.advance(done as u64 + 1, &scenario.id);
+        }
+        for observed in observations {
+            self.correct(observed, &turns[observed.scenario]);
+        }
+        sds_px.sort_by(f64::total_cmp);
+        alignment.aligned = sds_px.len();
+        alignment.median_sd_px = sds_px.get(sds_px.len() / 2).copied().unwrap_or_default();
+        Ok(alignment)
+    }
+
+    /// Moves what was seen to where the first references would have seen it.
+    fn correct(&self, observed: &mut Observation, turns: &[Option<DVec3>]) {
+        let place = |view: usize, place: DVec2| {
+            let back = matrix(turns[view]?).transpose();
+            Some(turned(&self.views[view].place.camera, back, place))
+        };
+        let centre = |seen: &PixelBox| DVec2::new(seen.cx_px, seen.cy_px);
+        for view in 0..observed.shifts.len() {
+            let corrected = observed.shifts[view].and_then(|mut shift| {
+                let followed = centre(observed.boxes[shift.reference].as_ref()?);
+                let there = place(view, followed + shift.shift_px)?;
+                shift.shift_px = there - place(shift.reference, followed)?;
+                Some(shift)
+            });
+            observed.shifts[view] = corrected;
+        }
+        let boxes = observed.boxes.iter().enumerate().map(|(view, seen)| {
+            let seen = (*seen)?;
+            let at = place(view, centre(&seen))?;
+            Some(PixelBox {
+                cx_px: at.x,
+                cy_px: at.y,
+                ..seen
+            })
+        });
+        *observed = observed.with_boxes(boxes.collect());
+    }
+
+    /// Number of views.
+    pub(crate) fn views(&self) -> usize {
+        self.views.len()
+    }
+
+    /// What `baselines.json` has of them.
+    pub(crate) fn stored(&self) -> Vec<StoredView> {
+        let views = self
+            .views
+            .iter()
+            .map(|ViewBackgrounds { place, references }| StoredView {
+                view: place.view.clone(),
+                planned: place.planned.clone(),
+                width_px: place.camera.width_px as usize,
+                top_px: place.top.unwrap_or_default(),
+                rows: references
+                    .first()
+                    .map_or(0, |placed| placed.reference.picture().rows()),
+                references: references
+                    .iter()
+                    .map(|placed| StoredReference {
+                        scenario: placed.scenario.clone(),
+                        turn_rad: placed.turn_rad.to_array(),
+                    })
+                    .collect(),
+            });
+        views.collect()
+    }
+
+    /// Their pictures, one below the other: a PNG with 16 bits.
+    pub(crate) fn png(&self) -> Vec<u8> {
+        let pictures = || {
+            self.views
+                .iter()
+                .flat_map(|view| &view.references)
+                .map(|placed| placed.reference.picture())
+        };
+        let width = pictures().map(|picture| picture.width).max().unwrap_or(1);
+        let mut light: Vec<u16> = Vec::new();
+        for picture in pictures() {
+            for row in picture.light.chunks_exact(picture.width) {
+                light.extend(row.iter().map(|level| (level * PARTS).round() as u16));
+                light.resize(light.len() + width - picture.width, 0);
+            }
+        }
+        light.resize(light.len().max(width), 0);
+        let height = light.len() / width;
+        let mut png = Cursor::new(Vec::new());
+        let picture: Option<ImageBuffer<Luma<u16>, _>> =
+            ImageBuffer::from_raw(width as u32, height as u32, light);
+        let picture = DynamicImage::ImageLuma16(picture.expect("as many levels as pixels"));
+        picture
+            .write_to(&mut png, ImageFormat::Png)
+            .expect("memory takes any picture");
+        png.into_inner()
+    }
+
+    /// The references of a run; `None` if the pictures are not those that were stored.
+    pub(crate) fn of(stored: &[StoredView], png: &[u8]) -> Option<Self> {
+        let picture = image::load_from_memory_with_format(png, ImageFormat::Png)
+            .ok()?
+            .into_luma16();
+        let width = picture.width() as usize;
+        let mut rows = picture.as_raw().chunks_exact(width.max(1));
+        let mut views = Vec::new();
+        for view in stored {
+            let place = ViewPlace::of(&view.view, &view.planned);
+            let is_whole =
+                view.width_px <= width && view.width_px == place.camera.width_px as usize;
+            if !is_whole
+                || view.top_px + view.rows > place.camera.height_px as usize
+                || view.rows < FEWEST_ROWS && !view.references.is_empty()
+            {
+                return None;
+            }
+            let mut references = Vec::new();
+            for placed in &view.references {
+                let mut light = Vec::with_capacity(view.rows * view.width_px);
+                for _ in 0..view.rows {
+                    let row = rows.next()?;
+                    light.extend(
+                        row[..view.width_px]
+                            .iter()
+                            .map(|&level| f32::from(level) / PARTS),
+                    );
+                }
+                let picture = Picture {
+                    width: view.width_px,
+                    top: view.top_px,
+                    light,
+                };
+                references.push(Placed {
+                    scenario: placed.scenario.clone(),
+                    turn_rad: DVec3::from_array(placed.turn_rad),
+                    reference: Reference::of(picture),
+                });
+            }
+            views.push(ViewBackgrounds { place, references });
+        }
+        Some(Self { views })
+    }
+}
+
+/// Training scenarios that differ in weather and time of day, as evenly chosen as possible.
+fn references(samples: &Samples) -> Vec<&ScenarioSummary> {
+    let mut conditions: BTreeMap<(&str, &str), &ScenarioSummary> = BTreeMap::new();
+    for scenario in samples
+        .scenarios
+        .iter()
+        .filter(|scenario| scenario.side == Side::Train)
+    {
+        let condition = (scenario.time_of_day.as_str(), scenario.weather.as_str());
+        conditions.entry(condition).or_insert(scenario);
+    }
+    let all: Vec<&ScenarioSummary> = conditions.into_values().collect();
+    let count = all.len().min(MOST_REFERENCES);
+    (0..count).map(|i| all[i * all.len() / count]).collect()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,55 @@
+//! How a fixed camera moved between two pictures of the same place: it was turned, and stands a little higher.
+//!
+//! A turn moves every direction alike. Height moves the ground below the horizon, the more the nearer it is: a point of a plane at
+//! depth z is drawn `focal H / z` below the horizon, so a camera that is higher by a part s of its height sees everything below the
+//! horizon stretched by s. The horizon itself, and an aircraft beyond it, stays.
+
+use dataset::camera::Camera;
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+/// Numbers of a motion.
+pub(crate) const UNKNOWNS: usize = 4;
+
+/// From where something is in one picture to where it is in another one.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Motion {
+    /// Axis of the turn in camera axes times its angle, radians: takes directions of the first picture to those of the second.
+    pub(crate) turn_rad: DVec3,
+    /// By what part everything below the horizon is stretched downwards.
+    pub(crate) stretch: f64,
+}
+
+impl Motion {
+    pub(crate) fn to_array(self) -> [f64; UNKNOWNS] {
+        let DVec3 { x, y, z } = self.turn_rad;
+        [x, y, z, self.stretch]
+    }
+
+    pub(crate) fn from_array([x, y, z, stretch]: [f64; UNKNOWNS]) -> Self {
+        Self {
+            turn_rad: DVec3::new(x, y, z),
+            stretch,
+        }
+    }
+
+    /// Where a point of the ground is in the second picture, for cameras of this kind whose horizon is in a row.
+    pub(crate) fn of_ground(&self, camera: &Camera, horizon_px: f64, place: DVec2) -> DVec2 {
+        let down = self.stretch * (place.y - horizon_px).max(0.0);
+        turned(camera, matrix(self.turn_rad), place) + DVec2::new(0.0, down)
+    }
+}
+
+/// The matrix of a turn.
+pub(crate) fn matrix(turn_rad: DVec3) -> DMat3 {
+    DMat3::from_quat(DQuat::from_scaled_axis(turn_rad))
+}
+
+/// The turn of one after another: first `first`, then `then`.
+pub(crate) fn after(then: DVec3, first: DVec3) -> DVec3 {
+    (DQuat::from_scaled_axis(then) * DQuat::from_scaled_axis(first)).to_scaled_axis()
+}
+
+/// Where what is seen at a pixel is after a turn.
+pub(crate) fn turned(camera: &Camera, turn: DMat3, place: DVec2) -> DVec2 {
+    camera.pixel_of(turn * camera.image_of(place).extend(1.0))
+}

@@ -1,0 +1,132 @@
+//! What a fixed camera saw behind the aircraft: the mean of the first pictures of a flight, from just above the horizon down.
+//!
+//! Clouds are left out with the sky. The mean removes noise and rain; the aircraft is too small and too far away to matter.
+
+use dataset::open_scenario::OpenScenario;
+use dataset::video::PicturePart;
+
+use crate::error::Result;
+
+/// Pictures of the mean. At this point an aircraft is far away, and their noise is a fifth of that of one picture.
+const PICTURES: usize = 24;
+
+/// Light of a part of a camera's picture: all columns, some rows.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Picture {
+    pub(crate) width: usize,
+    /// Row of the camera's picture that is the first one here.
+    pub(crate) top: usize,
+    /// Row by row, grey levels.
+    pub(crate) light: Vec<f32>,
+}
+
+impl Picture {
+    /// The mean of the first pictures of a view, from the row `top` to the last one.
+    pub(crate) fn of_view(scenario: &OpenScenario, view: &str, top: usize) -> Result<Self> {
+        let mut reader = scenario.open_video(view)?;
+        let (width, height) = (reader.width(), reader.height());
+        let part = PicturePart {
+            left_px: 0,
+            top_px: top as u32,
+            width_px: width,
+            height_px: height - top as u32,
+        };
+        let mut light = vec![0.0; part.width_px as usize * part.height_px as usize];
+        let mut rgb = Vec::new();
+        let mut count = 0;
+        while count < PICTURES && reader.skip_frame()?.is_some() {
+            reader.convert_part(part, &mut rgb)?;
+            for (sum, pixel) in light.iter_mut().zip(rgb.chunks_exact(3)) {
+                *sum +=
+                    (f32::from(pixel[0]) + 2.0 * f32::from(pixel[1]) + f32::from(pixel[2])) / 4.0;
+            }
+            count += 1;
+        }
+        light.iter_mut().for_each(|sum| *sum /= count.max(1) as f32);
+        Ok(Self {
+            width: width as usize,
+            top,
+            light,
+        })
+    }
+
+    pub(crate) fn rows(&self) -> usize {
+        self.light.len() / self.width
+    }
+
+    /// The same with each pixel made by another function of row and column.
+    fn map(&self, light: impl Fn(usize, usize) -> f32) -> Self {
+        let places =
+            (0..self.rows()).flat_map(|row| (0..self.width).map(move |column| (row, column)));
+        Self {
+            light: places.map(|(row, column)| light(row, column)).collect(),
+            ..*self
+        }
+    }
+
+    fn at(&self, row: usize, column: usize) -> f32 {
+        self.light[row * self.width + column]
+    }
+
+    /// Blurred by a Gaussian of this standard deviation, pixels.
+    pub(crate) fn blurred(&self, sigma_px: f64) -> Self {
+        let reach = (3.0 * sigma_px).ceil() as isize;
+        let weights: Vec<f32> = (-reach..=reach)
+            .map(|i| (-0.5 * (i as f64 / sigma_px).powi(2)).exp() as f32)
+            .collect();
+        let sum: f32 = weights.iter().sum();
+        let clamped = |place: usize, i: usize, end: usize| {
+            (place as isize + i as isize - reach).clamp(0, end as isize - 1) as usize
+        };
+        let along = |at: &dyn Fn(usize) -> f32| {
+            let weighted = weights.iter().enumerate().map(|(i, weight)| weight * at(i));
+            weighted.sum::<f32>() / sum
+        };
+        let across =
+            self.map(|row, column| along(&|i| self.at(row, clamped(column, i, self.width))));
+        across.map(|row, column| along(&|i| across.at(clamped(row, i, self.rows()), column)))
+    }
+
+    /// Change of the light per pixel to the right and down.
+    pub(crate) fn gradients(&self) -> [Self; 2] {
+        let (rows, columns) = (self.rows(), self.width);
+        let half = |after: f32, before: f32| (after - before) / 2.0;
+        [
+            self.map(|y, x| {
+                half(
+                    self.at(y, (x + 1).min(columns - 1)),
+                    self.at(y, x.saturating_sub(1)),
+                )
+            }),
+            self.map(|y, x| {
+                half(
+                    self.at((y + 1).min(rows - 1), x),
+                    self.at(y.saturating_sub(1), x),
+                )
+            }),
+        ]
+    }
+
+    /// Light between pixels; the place, in the camera's picture, must be at least a pixel inside.
+    #[inline]
+    pub(crate) fn between(&self, x_px: f64, y_px: f64) -> f64 {
+        let y = y_px - self.top as f64;
+        let (column, row) = (x_px as usize, y as usize);
+        let (u, v) = (x_px - column as f64, y - row as f64);
+        let pair = |place: usize| {
+            let [left, right] = [self.light[place], self.light[place + 1]].map(f64::from);
+            left + u * (right - left)
+        };
+        let above = pair(row * self.width + column);
+        above + v * (pair((row + 1) * self.width + column) - above)
+    }
+
+    /// Whether a rectangle in the camera's picture is at least two pixels inside.
+    pub(crate) fn contains(&self, [left, top, right, bottom]: [f64; 4]) -> bool {
+        let last_row = (self.top + self.rows()) as f64 - 3.0;
+        left >= 2.0
+            && right <= self.width as f64 - 3.0
+            && top >= self.top as f64 + 2.0
+            && bottom <= last_row
+    }
+}
