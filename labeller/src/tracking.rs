@@ -27,10 +27,12 @@ const LONGEST_GAP_S: f64 = 2.0;
 const SHORTEST_S: f64 = 2.0;
 /// In a video that is shorter, this part of it is enough.
 const SHORTEST_PART: f64 = 0.5;
-/// From here on a track that stands still is not an arriving aircraft, seconds.
+/// From here on what stands still is not an arriving aircraft, seconds.
 const LONGEST_STILL_S: f64 = 60.0;
 /// The middle of a track's last third against that of its first third. An aircraft at 13 NM grows by a tenth in 40 s...
 const LEAST_GROWTH: f64 = 0.05;
+/// ... and in a shorter time too little to tell, seconds...
+const GROWTH_SHOWS_S: f64 = 20.0;
 /// ... and one that moves across the picture does so by more than this part of its length.
 const LEAST_MOVED_LENGTHS: f64 = 0.25;
 
@@ -219,10 +221,21 @@ impl Tracker {
     pub(crate) fn finish(self) -> Vec<bool> {
         let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
         let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);
-        let counts = |history: History| {
-            history.is_confirmed && history.lasted_s() >= shortest_s && !history.stands_still()
+        let histories = self.histories;
+        let still: Vec<Option<PixelBox>> = histories.iter().map(History::place_if_still).collect();
+        let is_fixture = |place: &PixelBox| {
+            let there = histories.iter().zip(&still).filter(|(_, other)| {
+                other.is_some_and(|other| distance_px(place, &other) < moved_px(place))
+            });
+            let boxes = there.flat_map(|(history, _)| history.boxes.iter().copied());
+            History::of(boxes.collect()).stands_still()
         };
-        self.histories.into_iter().map(counts).collect()
+        let counts = |(history, still): (&History, &Option<PixelBox>)| {
+            history.is_confirmed
+                && history.lasted_s() >= shortest_s
+                && !still.as_ref().is_some_and(is_fixture)
+        };
+        histories.iter().zip(&still).map(counts).collect()
     }
 }
 
@@ -261,28 +274,44 @@ impl History {
         }
     }
 
-    /// Whether this is something like a mast: for a minute it neither moved nor grew.
-    fn stands_still(&self) -> bool {
-        let lasted_s = self.lasted_s();
-        if lasted_s < LONGEST_STILL_S {
-            return false;
+    /// Of boxes in any order.
+    fn of(mut boxes: Vec<(f64, PixelBox)>) -> Self {
+        boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Self {
+            is_confirmed: false,
+            boxes,
         }
-        let (first_s, last_s) = (self.boxes[0].0, self.boxes[0].0 + lasted_s);
-        let third_s = lasted_s / 3.0;
-        let before = mean(
-            self.boxes
-                .iter()
-                .filter(|(at_s, _)| *at_s <= first_s + third_s),
-        );
-        let after = mean(
-            self.boxes
-                .iter()
-                .filter(|(at_s, _)| *at_s >= last_s - third_s),
-        );
-        let moved_px = (after.cx_px - before.cx_px).hypot(after.cy_px - before.cy_px);
-        let growth = after.width_px / before.width_px.max(1.0) - 1.0;
-        moved_px < LEAST_MOVED_LENGTHS * before.width_px && growth.abs() < LEAST_GROWTH
     }
+
+    /// Whether this is something like a mast: for a minute it neither moved nor grew. One that is found only now and then has several
+    /// tracks at its place.
+    fn stands_still(&self) -> bool {
+        self.lasted_s() >= LONGEST_STILL_S && self.place_if_still().is_some()
+    }
+
+    /// Where it is, if it neither moved nor grew.
+    fn place_if_still(&self) -> Option<PixelBox> {
+        let lasted_s = self.lasted_s();
+        let (first_s, _) = self.boxes.first()?;
+        let (last_s, third_s) = (first_s + lasted_s, lasted_s / 3.0);
+        let middle =
+            |is_in: &dyn Fn(f64) -> bool| mean(self.boxes.iter().filter(|(at_s, _)| is_in(*at_s)));
+        let before = middle(&|at_s| at_s <= first_s + third_s);
+        let after = middle(&|at_s| at_s >= last_s - third_s);
+        let growth = after.width_px / before.width_px.max(1.0) - 1.0;
+        let has_grown = lasted_s >= GROWTH_SHOWS_S && growth.abs() >= LEAST_GROWTH;
+        let has_moved = distance_px(&before, &after) >= moved_px(&before);
+        (!has_grown && !has_moved).then(|| mean(self.boxes.iter()))
+    }
+}
+
+fn distance_px(a: &PixelBox, b: &PixelBox) -> f64 {
+    (a.cx_px - b.cx_px).hypot(a.cy_px - b.cy_px)
+}
+
+/// How far the middle of a thing of this length is elsewhere.
+fn moved_px(of: &PixelBox) -> f64 {
+    LEAST_MOVED_LENGTHS * of.width_px
 }
 
 fn mean<'a>(boxes: impl Iterator<Item = &'a (f64, PixelBox)>) -> PixelBox {

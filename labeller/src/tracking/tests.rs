@@ -225,3 +225,32 @@ fn what_stands_still_for_a_minute_is_no_arriving_aircraft() {
     );
     assert_eq!(track(0.2, &pictures(70, head_on)).1, [true]);
 }
+
+#[test]
+fn a_lamp_that_is_found_for_some_seconds_again_and_again_is_one_thing_that_stands_still() {
+    let seconds: [u32; 3] = [0, 40, 100];
+    let pictures = |last: &dyn Fn(u32) -> PixelBox| {
+        let of_second = |second: u32| {
+            let begins = seconds.iter().rev().find(|begins| second >= **begins);
+            let is_found = begins.is_some_and(|begins| second - begins < 6);
+            match is_found {
+                true if second >= 100 => vec![shaken(last(second), 3, second)],
+                true => vec![shaken(at(900.0, 500.0, 40.0), 3, second)],
+                false => Vec::new(),
+            }
+        };
+        (0..120).map(of_second).collect::<Vec<_>>()
+    };
+    let lamp = pictures(&|_| at(900.0, 500.0, 40.0));
+    assert_eq!(track(1.0, &lamp).1, [false, false, false]);
+    // Where the lamp is, but it passes by.
+    let passing = pictures(&|second| at(880.0 + 8.0 * f64::from(second - 100), 500.0, 40.0));
+    assert_eq!(
+        track(1.0, &passing).1,
+        [true, true, true],
+        "40 s are too short to know"
+    );
+    // It stands still elsewhere, for too short a time to know.
+    let elsewhere = pictures(&|_| at(930.0, 500.0, 40.0));
+    assert_eq!(track(1.0, &elsewhere).1, [true, true, true]);
+}
