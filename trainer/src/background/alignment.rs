@@ -139,22 +139,20 @@ impl Reference {
             turn_rad: turn_rad.into(),
             stretch: 0.0,
         };
-        let levels = self.blurred.iter().zip(&other.blurred);
-        levels.fold(
-            Some(Aligned {
-                motion: start,
-                sd_px: f64::INFINITY,
-            }),
-            |found, (reference, (picture, gradients))| {
-                self.refine(
-                    reference,
-                    (picture, gradients),
-                    camera,
-                    horizon_px,
-                    found?.motion,
-                )
-            },
-        )
+        let start = Aligned {
+            motion: start,
+            sd_px: f64::INFINITY,
+        };
+        let mut levels = self.blurred.iter().zip(&other.blurred);
+        levels.try_fold(start, |found, (reference, (picture, gradients))| {
+            self.refine(
+                reference,
+                (picture, gradients),
+                camera,
+                horizon_px,
+                found.motion,
+            )
+        })
     }
 
     /// The shift with the largest squared correlations.

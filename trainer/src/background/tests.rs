@@ -181,10 +181,10 @@ fn what_was_seen_goes_where_the_reference_saw_it_and_keeps_its_rays() {
             .map(|seen| DVec2::new(seen.cx_px, seen.cy_px))
             .unwrap()
     };
-    for view in 0..2 {
+    for (view, turn) in turns.into_iter().enumerate() {
         let (before, after) = (centre(&observed, view), centre(&corrected, view));
         assert!((after - before).length() > 5.0);
-        assert!((ray(turns[view], after) - camera.ray(before)).length() < 1e-12);
+        assert!((ray(turn, after) - camera.ray(before)).length() < 1e-12);
     }
     let shift = corrected.shifts[1].unwrap().shift_px;
     let followed = centre(&corrected, 0) + shift;

@@ -94,6 +94,12 @@ fn inputs(card: &mut String, run: &TrainedRun) {
             });
         let _ = writeln!(card, "| {name} | {picture} | {} |", ranges.join(" | "));
     }
+    if run.config.align_backgrounds {
+        card.push_str(
+            "\nThe cameras of this run were aligned by their backgrounds (`align_backgrounds`). The models expect boxes and shifts that were \
+             corrected in the same way, and do not correct them.\n",
+        );
+    }
 }
 
 fn training(card: &mut String, run: &TrainedRun) {
