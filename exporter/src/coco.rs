@@ -219,6 +219,11 @@ fn contents(boxes: BoxSource) -> Contents {
                 "share of contrast that the air leaves",
             ),
             annotation("sight", Kind::Text, "in_sight, haze or cloud"),
+            annotation(
+                "is_expected",
+                Kind::Bool,
+                "whether more than half of it is in the picture",
+            ),
         ],
     });
     Contents {

@@ -174,7 +174,7 @@ pub enum Error {
         found: String,
     },
     /// The destination, or where it is made, is no folder.
-    #[error("{} is {found}, not a folder; choose an empty or new one", path.display())]
+    #[error("{} is {found}, not a folder; choose an empty or new folder", path.display())]
     NoFolder {
         /// What is in the way.
         path: PathBuf,
@@ -221,6 +221,7 @@ impl Error {
     /// Whether files of the corpus are damaged: an export can only be made once they are mended.
     pub(crate) fn is_fault_of_corpus(&self) -> bool {
         match self {
+            Self::Dataset(dataset::Error::Memory(_)) => false,
             Self::Dataset(error) => error.is_bad_content(),
             Self::Video { .. } => true,
             _ => false,

@@ -160,7 +160,8 @@ pub fn export(
         }),
         Err(error) => {
             if error.is_fault_of_corpus() {
-                place.abandon()?;
+                // If that fails, too, the fault of the corpus is what there is to tell.
+                let _ = place.abandon();
             }
             Err(error)
         }

@@ -54,7 +54,7 @@ pub(crate) enum Found {
 impl Place {
     /// Takes the destination for an export of this source.
     pub(crate) fn take(out: &Path, source_blake3: &str) -> Result<Found> {
-        // The folder around a relative name of one part has no name of its own, and one after a slash at the end neither.
+        // A relative name of one part has no parent to name, and a slash at the end would put `.partial` into the folder.
         let out = path::absolute(out).map_err(dataset::Error::io("resolve", out))?;
         let out = &out.components().collect::<PathBuf>();
         let partial = partial_of(out);
@@ -142,9 +142,16 @@ impl Place {
 
     /// Removes what was made: of a corpus with faults, of which another export is made once they are mended.
     pub(crate) fn abandon(mut self) -> Result<()> {
+        // What says that anything is done goes first, so that nothing of it is continued after a kill.
+        for folder in [PARTS, NEW] {
+            let folder = self.partial.join(folder);
+            fs::remove_dir_all(&folder).map_err(dataset::Error::io("remove", &folder))?;
+        }
+        let begun = self.partial.join(BEGUN);
+        fs::remove_file(&begun).map_err(dataset::Error::io("remove", &begun))?;
+        // Takes the folder with it.
         drop(self.claim.take());
-        let removed = fs::remove_dir_all(&self.partial);
-        Ok(removed.map_err(dataset::Error::io("remove", &self.partial))?)
+        Ok(())
     }
 
     /// Seals the files and moves them to the destination. Returns their size in bytes.
@@ -210,7 +217,7 @@ fn refuse_other_than_folder(path: &Path) -> Result<()> {
         Ok(there) if there.is_symlink() => "a symbolic link",
         Ok(_) => "a file",
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(()),
-        Err(error) if error.kind() == ErrorKind::NotADirectory => "below a file",
+        Err(error) if error.kind() == ErrorKind::NotADirectory => "inside a file",
         Err(error) => return Err(dataset::Error::io("look at", path)(error).into()),
     };
     Err(Error::NoFolder {

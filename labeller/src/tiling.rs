@@ -107,13 +107,14 @@ impl TilingSettings {
 
     /// Checks that some of the rows are in a picture of this height.
     fn check_rows(&self, height_px: u32) -> Result<()> {
-        match self.rows {
-            Some(band) if band.top_px >= height_px => Err(Error::Option {
+        let mut bands = [self.rows, self.half_scale_rows].into_iter().flatten();
+        match bands.find(|band| band.top_px >= height_px) {
+            Some(band) => Err(Error::Option {
                 name: "--rows",
                 found: band.to_string(),
                 expected: format!("a first row below {height_px}, the height of the pictures"),
             }),
-            _ => Ok(()),
+            None => Ok(()),
         }
     }
 

@@ -33,6 +33,8 @@ const LONGEST_STILL_S: f64 = 60.0;
 const LEAST_GROWTH: f64 = 0.05;
 /// ... and in a shorter time too little to tell, seconds...
 const GROWTH_SHOWS_S: f64 = 20.0;
+/// ... and things at one place whose lengths have another ratio are not one thing...
+const ALIKE: std::ops::Range<f64> = 0.8..1.25;
 /// ... and one that moves across the picture does so by more than this part of its length.
 const LEAST_MOVED_LENGTHS: f64 = 0.25;
 
@@ -225,7 +227,10 @@ impl Tracker {
         let still: Vec<Option<PixelBox>> = histories.iter().map(History::place_if_still).collect();
         let is_fixture = |place: &PixelBox| {
             let there = histories.iter().zip(&still).filter(|(_, other)| {
-                other.is_some_and(|other| distance_px(place, &other) < moved_px(place))
+                other.is_some_and(|other| {
+                    let ratio = other.width_px / place.width_px.max(1.0);
+                    distance_px(place, &other) < moved_px(place) && ALIKE.contains(&ratio)
+                })
             });
             let boxes = there.flat_map(|(history, _)| history.boxes.iter().copied());
             History::of(boxes.collect()).stands_still()

@@ -10,7 +10,7 @@ import numpy.typing as npt
 import polars as pl
 
 from dtd.camera import Camera
-from dtd.files import CorpusError, collect, is_sealed, read_json, recorded, refuse_link, scan, sealed
+from dtd.files import CorpusError, collect, damaged, is_sealed, read_json, recorded, refuse_link, scan, sealed
 from dtd.video import Picture, Video
 
 _PER_VIEW = ("sim_frame_", "pts_", "echo_", "camera_")
@@ -187,10 +187,13 @@ class Corpus:
         for scenario, place in self._scenarios.items():
             for path in sorted((place / "detections").glob("*.json")):
                 record = read_json(path)
-                if hash_field in record:
-                    hashes.setdefault(path.stem, {})[scenario] = record[hash_field]
-                    names[path.stem] = record["model"]
-                    whole[path.stem] = record["model_blake3"]
+                try:
+                    if hash_field in record:
+                        hashes.setdefault(path.stem, {})[scenario] = record[hash_field]
+                        names[path.stem] = record["model"]
+                        whole[path.stem] = record["model_blake3"]
+                except (KeyError, TypeError) as error:
+                    raise damaged(path, f"it is not a record of detections ({error})") from None
         if not hashes:
             raise CorpusError(f"{self.path} has no {folder}: run `dtd detect` on it first")
 

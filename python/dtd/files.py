@@ -29,6 +29,8 @@ def read_json(path: Path) -> Any:
         raise CorpusError(f"{path} is missing") from None
     except ValueError as error:
         raise CorpusError(f"{path} is not JSON: {error}") from None
+    except OSError as error:
+        raise damaged(path, error) from None
 
 
 def sealed(scenario: Path, name: str) -> Path:

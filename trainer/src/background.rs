@@ -4,8 +4,8 @@
 //! learned places in pictures is wrong by that. Runway, ships and islands show by how much. A training keeps some of its backgrounds as
 //! references, of different times of day and weathers, aligned among one another. Every scenario is aligned with them
 //! ([`alignment`]), and its boxes and registered shifts go to where a camera that looks like the first reference would have seen them.
-//! The known camera of the scenario is turned with them, so what uses it (labels' checks, the oracle) sees the same rays as before. No
-//! calibration is read: focal length and the row of the horizon are the plan's.
+//! The known camera of the scenario is turned with them, so what uses it (labels' checks, the oracle) sees the same rays as before.
+//! Focal length and the row of the horizon are those of the planned cameras; where each really looks is not read.
 //!
 //! A view that cannot be aligned saw nothing: its boxes are dropped, and the scenario is named.
 
@@ -72,11 +72,12 @@ struct ViewPlace {
     top: Option<usize>,
 }
 
-/// A reference, and the turn from the first one of its view to it.
+/// A reference, and the turn from the first one of its view to it, with its standard deviation across.
 #[derive(Debug, Clone)]
 struct Placed {
     scenario: String,
     turn_rad: DVec3,
+    sd_px: f64,
     reference: Reference,
 }
 
@@ -93,19 +94,18 @@ struct Located {
 pub struct Alignment {
     /// Views of scenarios that were aligned.
     pub aligned: usize,
-    /// Their median standard deviation across, pixels; 0 without any.
-    pub median_sd_px: f64,
+    /// Their median standard deviation across, pixels; missing without any.
+    pub median_sd_px: Option<f64>,
     /// Views that could not be, as `scenario view`: their boxes do not count.
     pub unaligned: Vec<String>,
 }
 
 impl fmt::Display for Alignment {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (aligned, sd_px) = (self.aligned, self.median_sd_px);
-        write!(
-            f,
-            "{aligned} views aligned by their backgrounds, standard deviation {sd_px:.2} px (median)"
-        )?;
+        write!(f, "{} views aligned by their backgrounds", self.aligned)?;
+        if let Some(sd_px) = self.median_sd_px {
+            write!(f, ", standard deviation {sd_px:.2} px (median)")?;
+        }
         match self.unaligned.as_slice() {
             [] => Ok(()),
             unaligned => write!(f, "; {} not: {}", unaligned.len(), unaligned.join(", ")),
@@ -130,6 +130,7 @@ pub(crate) struct StoredView {
 struct StoredReference {
     scenario: String,
     turn_rad: [f64; 3],
+    sd_px: f64,
 }
 
 impl ViewPlace {
@@ -149,7 +150,8 @@ impl ViewPlace {
     }
 
     fn picture(&self, scenario: &OpenScenario) -> Result<Option<Picture>> {
-        let of = |top| Picture::of_view(scenario, &self.view, top);
+        let size_px = [self.camera.width_px, self.camera.height_px];
+        let of = |top| Picture::of_view(scenario, &self.view, top, size_px);
         self.top.map(of).transpose()
     }
 }
@@ -160,6 +162,7 @@ impl ViewBackgrounds {
         let references = pictures.into_iter().map(|(scenario, picture)| Placed {
             scenario,
             turn_rad: DVec3::ZERO,
+            sd_px: 0.0,
             reference: Reference::of(picture),
         });
         let mut all = Self {
@@ -189,17 +192,18 @@ impl ViewBackgrounds {
         loop {
             let left = (1..count).filter(|to| !done.contains(to));
             let next = left.filter_map(|to| Some((to, place(&all, &done, to)?)));
+            let next = next.filter(|(_, located)| located.sd_px <= MOST_SD_PX);
             let Some((to, located)) = next.min_by(|(_, a), (_, b)| a.sd_px.total_cmp(&b.sd_px))
             else {
                 break;
             };
-            all.references[to].turn_rad = located.turn_rad;
+            all.place_reference(to, &located);
             done.push(to);
         }
         for _ in 0..5 {
             for &to in &done[1..] {
                 if let Some(located) = place(&all, &done, to) {
-                    all.references[to].turn_rad = located.turn_rad;
+                    all.place_reference(to, &located);
                 }
             }
         }
@@ -211,6 +215,11 @@ impl ViewBackgrounds {
         all
     }
 
+    fn place_reference(&mut self, reference: usize, located: &Located) {
+        let placed = &mut self.references[reference];
+        (placed.turn_rad, placed.sd_px) = (located.turn_rad, located.sd_px);
+    }
+
     fn motion(&self, from: usize, to: &Compared) -> Option<Aligned> {
         let ViewPlace {
             camera, horizon_px, ..
@@ -218,25 +227,20 @@ impl ViewBackgrounds {
         self.references[from]
             .reference
             .motion_to(to, camera, *horizon_px)
+            .filter(|motion| motion.sd_px.is_finite())
     }
 
     fn located(&self, from: usize, measured: &Aligned) -> Located {
+        let from = &self.references[from];
+        let sd_px = (UNDERSTATED * measured.sd_px).hypot(from.sd_px);
         Located {
-            turn_rad: after(measured.motion.turn_rad, self.references[from].turn_rad),
-            sd_px: (UNDERSTATED * measured.sd_px).max(LEAST_SD_PX),
+            turn_rad: after(measured.motion.turn_rad, from.turn_rad),
+            sd_px: sd_px.max(LEAST_SD_PX),
         }
     }
 
     /// The direction of a scenario's camera; `None` if its background is not like those of the references.
     fn locate(&self, scenario: &OpenScenario) -> Result<Option<Located>> {
-        let id = scenario.id();
-        if let Some(known) = self.references.iter().find(|placed| placed.scenario == id) {
-            let turn_rad = known.turn_rad;
-            return Ok(Some(Located {
-                turn_rad,
-                sd_px: LEAST_SD_PX,
-            }));
-        }
         let Some(picture) = self.place.picture(scenario)? else {
             return Ok(None);
         };
@@ -271,9 +275,15 @@ fn combined(measured: &[Located], focal_px: f64) -> Option<Located> {
                 .map(|(located, weight)| value(located) * *weight);
             weighted.sum::<DVec3>() / sum
         };
+        let turn_rad = mean(&|located| located.turn_rad);
+        let squares = measured.iter().zip(&weights).map(|(located, weight)| {
+            let away_px = (located.turn_rad.y - turn_rad.y) * focal_px;
+            away_px * away_px * weight
+        });
+        let spread_px = (squares.sum::<f64>() / sum).sqrt();
         found = Located {
-            turn_rad: mean(&|located| located.turn_rad),
-            sd_px: sum.sqrt().recip().max(LEAST_SD_PX),
+            turn_rad,
+            sd_px: sum.sqrt().recip().max(spread_px).max(LEAST_SD_PX),
         };
     }
     Some(found)
@@ -333,6 +343,7 @@ impl Backgrounds {
         let mut sds_px = Vec::new();
         let mut turns: Vec<Vec<Option<DVec3>>> = Vec::new();
         for (done, scenario) in scenarios.iter_mut().enumerate() {
+            progress.advance(done as u64 + 1, &scenario.id);
             if !sides.contains(&scenario.side) {
                 turns.push(vec![Some(DVec3::ZERO); self.views.len()]);
                 continue;
@@ -360,14 +371,13 @@ impl Backgrounds {
                 of_views.push(located.map(|located| located.turn_rad));
             }
             turns.push(of_views);
-            progress.advance(done as u64 + 1, &scenario.id);
         }
         for observed in observations {
             self.correct(observed, &turns[observed.scenario]);
         }
         sds_px.sort_by(f64::total_cmp);
         alignment.aligned = sds_px.len();
-        alignment.median_sd_px = sds_px.get(sds_px.len() / 2).copied().unwrap_or_default();
+        alignment.median_sd_px = sds_px.get(sds_px.len() / 2).copied();
         Ok(alignment)
     }
 
@@ -422,6 +432,7 @@ impl Backgrounds {
                     .map(|placed| StoredReference {
                         scenario: placed.scenario.clone(),
                         turn_rad: placed.turn_rad.to_array(),
+                        sd_px: placed.sd_px,
                     })
                     .collect(),
             });
@@ -466,12 +477,11 @@ impl Backgrounds {
         let mut views = Vec::new();
         for view in stored {
             let place = ViewPlace::of(&view.view, &view.planned);
-            let is_whole =
-                view.width_px <= width && view.width_px == place.camera.width_px as usize;
-            if !is_whole
-                || view.top_px + view.rows > place.camera.height_px as usize
-                || view.rows < FEWEST_ROWS && !view.references.is_empty()
-            {
+            let is_whole = view.width_px <= width
+                && view.width_px == place.camera.width_px as usize
+                && view.top_px + view.rows <= place.camera.height_px as usize
+                && view.rows >= FEWEST_ROWS;
+            if !is_whole && !view.references.is_empty() {
                 return None;
             }
             let mut references = Vec::new();
@@ -493,6 +503,7 @@ impl Backgrounds {
                 references.push(Placed {
                     scenario: placed.scenario.clone(),
                     turn_rad: DVec3::from_array(placed.turn_rad),
+                    sd_px: placed.sd_px,
                     reference: Reference::of(picture),
                 });
             }

@@ -1,13 +1,13 @@
 //! What a fixed camera saw behind the aircraft: the mean of the first pictures of a flight, from just above the horizon down.
 //!
-//! Clouds are left out with the sky. The mean removes noise and rain; the aircraft is too small and too far away to matter.
+//! Clouds are left out with the sky. The mean removes noise and rain; the aircraft covers few patches of it, and moves.
 
 use dataset::open_scenario::OpenScenario;
 use dataset::video::PicturePart;
 
 use crate::error::Result;
 
-/// Pictures of the mean. At this point an aircraft is far away, and their noise is a fifth of that of one picture.
+/// Pictures of the mean: its noise is a fifth of that of one picture.
 const PICTURES: usize = 24;
 
 /// Light of a part of a camera's picture: all columns, some rows.
@@ -22,9 +22,27 @@ pub(crate) struct Picture {
 
 impl Picture {
     /// The mean of the first pictures of a view, from the row `top` to the last one.
-    pub(crate) fn of_view(scenario: &OpenScenario, view: &str, top: usize) -> Result<Self> {
+    ///
+    /// # Errors
+    /// The video cannot be read, has no picture, or not those of such a camera.
+    pub(crate) fn of_view(
+        scenario: &OpenScenario,
+        view: &str,
+        top: usize,
+        [width, height]: [u32; 2],
+    ) -> Result<Self> {
         let mut reader = scenario.open_video(view)?;
-        let (width, height) = (reader.width(), reader.height());
+        let fault = |fault: String| {
+            let path = scenario.folder().root().join(format!("views/{view}"));
+            dataset::Error::corpus(&path, fault)
+        };
+        if (reader.width(), reader.height()) != (width, height) {
+            let (found_wide, found_high) = (reader.width(), reader.height());
+            return Err(fault(format!(
+                "has pictures of {found_wide}x{found_high}, expected those of the planned camera, {width}x{height}"
+            ))
+            .into());
+        }
         let part = PicturePart {
             left_px: 0,
             top_px: top as u32,
@@ -42,7 +60,10 @@ impl Picture {
             }
             count += 1;
         }
-        light.iter_mut().for_each(|sum| *sum /= count.max(1) as f32);
+        if count == 0 {
+            return Err(fault("has no picture".into()).into());
+        }
+        light.iter_mut().for_each(|sum| *sum /= count as f32);
         Ok(Self {
             width: width as usize,
             top,
