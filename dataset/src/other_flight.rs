@@ -48,7 +48,7 @@ impl OtherFlight {
         })
     }
 
-    /// What is said of the run.
+    /// The message to the user, after the name of the run.
     #[must_use]
     pub fn words(&self, scenario: &str) -> String {
         let difference = match self {

@@ -93,9 +93,8 @@ impl TilingSettings {
                 expected: "64 to 16384".into(),
             });
         }
-        let bands = [self.rows, self.half_scale_rows].into_iter().flatten();
-        if let Some(RowBand { top_px, bottom_px }) = bands.clone().find(|b| b.top_px >= b.bottom_px)
-        {
+        let empty = self.bands().find(|band| band.top_px >= band.bottom_px);
+        if let Some(RowBand { top_px, bottom_px }) = empty {
             return Err(Error::Option {
                 name: "--rows",
                 found: format!("{top_px}:{bottom_px}"),
@@ -105,10 +104,14 @@ impl TilingSettings {
         Ok(())
     }
 
+    /// The rows of both scales, as far as they are limited.
+    fn bands(&self) -> impl Iterator<Item = RowBand> {
+        [self.rows, self.half_scale_rows].into_iter().flatten()
+    }
+
     /// Checks that some of the rows are in a picture of this height.
     fn check_rows(&self, height_px: u32) -> Result<()> {
-        let mut bands = [self.rows, self.half_scale_rows].into_iter().flatten();
-        match bands.find(|band| band.top_px >= height_px) {
+        match self.bands().find(|band| band.top_px >= height_px) {
             Some(band) => Err(Error::Option {
                 name: "--rows",
                 found: band.to_string(),

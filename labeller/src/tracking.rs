@@ -7,6 +7,8 @@
 
 mod motion;
 
+use std::ops::Range;
+
 use dataset::pixel_box::PixelBox;
 
 use motion::Motion;
@@ -34,7 +36,7 @@ const LEAST_GROWTH: f64 = 0.05;
 /// ... and in a shorter time too little to tell, seconds...
 const GROWTH_SHOWS_S: f64 = 20.0;
 /// ... and things at one place whose lengths have another ratio are not one thing...
-const ALIKE: std::ops::Range<f64> = 0.8..1.25;
+const ALIKE: Range<f64> = 0.8..1.25;
 /// ... and one that moves across the picture does so by more than this part of its length.
 const LEAST_MOVED_LENGTHS: f64 = 0.25;
 

@@ -16,7 +16,7 @@ class CorpusError(Exception):
 
 
 def damaged(path: Path, error: object) -> CorpusError:
-    """What is said of a file that cannot be read."""
+    """The error for a file that cannot be read: which, why, and what to do."""
     return CorpusError(f"{path} cannot be read: {error}; `dtd verify` lists what is damaged")
 
 

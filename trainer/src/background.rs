@@ -16,6 +16,7 @@ mod picture;
 use std::collections::BTreeMap;
 use std::fmt;
 use std::io::Cursor;
+use std::mem;
 
 use dataset::calibration::CameraEntry;
 use dataset::camera::Camera;
@@ -321,8 +322,7 @@ impl Backgrounds {
         sides: &[Side],
         progress: &mut dyn Progress,
     ) -> Result<Alignment> {
-        let mut observations = Vec::new();
-        std::mem::swap(&mut observations, &mut samples.samples);
+        let mut observations = mem::take(&mut samples.samples);
         let observed = observations.iter_mut().map(|sample| &mut sample.observed);
         let alignment = self.align_observations(samples, sides, observed, progress);
         samples.samples = observations;
