@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args as ClapArgs, ValueEnum};
-use trainer::MOST_APPROACHES;
+use trainer::{MOST_APPROACHES, TrainingDevice};
 
 use crate::args::{folder, output};
 
@@ -40,9 +40,33 @@ pub(crate) struct TrainArgs {
     /// Seed of weights and batches
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
+    /// Where networks train [default: that of the settings, which is cpu]
+    #[arg(long)]
+    pub(crate) device: Option<DeviceArg>,
     /// Print the result as JSON
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+/// Where networks train.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DeviceArg {
+    /// The processor
+    Cpu,
+    /// A GPU by Vulkan, Metal or DirectX 12; needs a `dtd` built with --features wgpu
+    Wgpu,
+    /// An NVIDIA GPU by CUDA; needs a `dtd` built with --features cuda
+    Cuda,
+}
+
+impl From<DeviceArg> for TrainingDevice {
+    fn from(arg: DeviceArg) -> Self {
+        match arg {
+            DeviceArg::Cpu => Self::Cpu,
+            DeviceArg::Wgpu => Self::Wgpu,
+            DeviceArg::Cuda => Self::Cuda,
+        }
+    }
 }
 
 #[derive(Debug, ClapArgs)]

@@ -2,7 +2,7 @@
 //!
 //! burn's own `nn::Lstm` multiplies by a hidden state that is zero at the first step, which with two steps is a quarter of all
 //! work, and has no mask. Gates have separate weights, as saved runs have them, and `tanh(x) = 2 sigmoid(2 x) - 1`, which is faster
-//! here. It is trained by [`gradients`], not by autodiff.
+//! here. On the processor it is trained by [`gradients`], on a GPU by autodiff.
 
 mod gradients;
 
@@ -173,6 +173,16 @@ pub(crate) struct ViewFeatures {
     pub features: Tensor<2>,
     /// 1 where the view saw the aircraft and 0 elsewhere, `[batch, 1]`; `None` if it did in the whole batch.
     pub present: Option<Tensor<2>>,
+}
+
+impl ViewFeatures {
+    /// The same for a network with autodiff. They get no gradients themselves.
+    pub(crate) fn with_autodiff(self) -> Self {
+        Self {
+            features: Tensor::from_inner(self.features),
+            present: self.present.map(Tensor::from_inner),
+        }
+    }
 }
 
 /// Stacked LSTM layers.

@@ -148,6 +148,7 @@ impl Task for EstimatorTask<'_> {
 
     fn gradients(&mut self, estimator: &PaperLstm, step: usize) -> GradientsParams {
         let plain_device = self.setup.plain_device();
+        let by_hand = self.setup.is_on_processor();
         let Setup {
             loss,
             device,
@@ -166,14 +167,18 @@ impl Task for EstimatorTask<'_> {
             .unwrap_or_else(|| self.dropout.draw(random));
         let batch = draw(from, batch_size, random);
         let views = features_of(self.calibration, samples, &batch, *selection, &plain_device);
+        let size = batch.len() as f32 / kind_weight(*selection, self.config);
+        let error = |predicted| samples.squared_error(predicted, &batch, size, *loss, device);
+        if !by_hand {
+            let views: Vec<_> = views.into_iter().map(ViewFeatures::with_autodiff).collect();
+            let gradients = error(estimator.forward(&views)).backward();
+            return GradientsParams::from_grads(gradients, estimator);
+        }
         let plain = estimator.valid();
         let traced = plain.lstm.trace(&views);
         let last = Tensor::from_inner(traced.output()).require_grad();
         let predicted = estimator.head.forward(last.clone());
-        let size = batch.len() as f32 / kind_weight(*selection, self.config);
-        let mut gradients = samples
-            .squared_error(predicted, &batch, size, *loss, device)
-            .backward();
+        let mut gradients = error(predicted).backward();
         let of_last = last.grad_remove(&mut gradients);
         let mut gradients = GradientsParams::from_grads(gradients, &estimator.head);
         if let Some(of_last) = of_last {

@@ -109,6 +109,7 @@ pub(crate) fn train_unless(
 ) -> Result<TrainOutcome> {
     let started = Instant::now();
     config.check()?;
+    let device = config.device.open()?;
     let place = RunPlace::take(&RunFolder::at(out))?;
     let range = DistanceRange {
         min_nm: config.min_dtd_nm,
@@ -196,10 +197,13 @@ pub(crate) fn train_unless(
     };
     let setup = |stream: Stream| Setup {
         loss: config.loss,
-        device: Device::flex().autodiff(),
+        device: device.clone().autodiff(),
         random: stream.generator(config.seed),
     };
-    let networks = start.as_ref().map(|start| &start.run.networks);
+    let networks = start
+        .as_ref()
+        .map(|start| start.run.networks.clone().to_device(&device));
+    let networks = networks.as_ref();
     let (calibration, calibration_log) = train_calibration(
         networks.map(|networks| &networks.calibration),
         &encoded,
@@ -295,7 +299,8 @@ pub(crate) fn train_unless(
             estimator: estimator.network.valid(),
             mono_size: mono_size.valid(),
             mono_box: mono_box.valid(),
-        },
+        }
+        .to_device(&Device::flex()),
     };
     run.commit(&place)?;
     place.remove_checkpoint()?;

@@ -47,6 +47,11 @@ impl Setup {
     pub(crate) fn plain_device(&self) -> Device {
         self.device.clone().inner()
     }
+
+    /// Whether that is the processor.
+    pub(crate) fn is_on_processor(&self) -> bool {
+        self.device == Device::flex()
+    }
 }
 
 /// What accompanies a training.

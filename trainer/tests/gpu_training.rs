@@ -1,0 +1,89 @@
+//! Training on a GPU. Needs one, or a driver that computes on the processor: `cargo test --release -p trainer --features wgpu --test
+//! gpu_training`.
+#![cfg(feature = "wgpu")]
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use dataset::progress::{Progress, Silent};
+use testkit::synthetic::SyntheticCorpus;
+use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
+use trainer::{TrainConfig, TrainingDevice, train};
+
+/// Small networks and few steps.
+fn config(device: TrainingDevice) -> TrainConfig {
+    let optimisation = || Optimisation {
+        steps: 40,
+        batch_size: 64,
+        learning_rate: 3e-3,
+    };
+    TrainConfig {
+        device,
+        calibration: CalibrationConfig {
+            hidden: vec![16],
+            features: 16,
+            head_hidden: vec![16],
+            optimisation: optimisation(),
+            log_every: 10,
+            ..CalibrationConfig::default()
+        },
+        estimator: EstimatorConfig {
+            lstm: vec![16, 16],
+            head_hidden: vec![16],
+            optimisation: optimisation(),
+            log_every: 10,
+            ..EstimatorConfig::default()
+        },
+        mono: MonoConfig {
+            hidden: vec![16],
+            optimisation: optimisation(),
+        },
+        ..TrainConfig::default()
+    }
+}
+
+/// Ends the training while it trains the LSTM.
+#[derive(Default)]
+struct Killer {
+    stage: String,
+}
+
+impl Progress for Killer {
+    fn begin(&mut self, stage: &str, _total: u64) {
+        self.stage = stage.into();
+    }
+
+    fn advance(&mut self, _done: u64, _note: &str) {
+        assert!(self.stage != "distance estimator", "killed");
+    }
+}
+
+#[test]
+fn a_gpu_comes_to_the_numbers_of_the_processor() {
+    let root = tempfile::tempdir().unwrap();
+    let corpus = SyntheticCorpus::tiny()
+        .write(&root.path().join("corpus"))
+        .unwrap();
+    let error_pct = |name: &str, device| {
+        let out = root.path().join(name);
+        let outcome = train(&corpus, &out, &config(device), &mut Silent).unwrap();
+        outcome.validation_mape_pct
+    };
+    let by_hand = error_pct("processor", TrainingDevice::Cpu);
+    let by_autodiff = error_pct("gpu", TrainingDevice::Wgpu);
+    assert!(
+        (by_hand - by_autodiff).abs() < 1e-3 * by_hand,
+        "{by_hand} % and {by_autodiff} %"
+    );
+
+    let out = root.path().join("resumed");
+    let killed = catch_unwind(AssertUnwindSafe(|| {
+        train(
+            &corpus,
+            &out,
+            &config(TrainingDevice::Wgpu),
+            &mut Killer::default(),
+        )
+    }));
+    assert!(killed.is_err());
+    assert_eq!(error_pct("resumed", TrainingDevice::Wgpu), by_autodiff);
+}
