@@ -2,7 +2,7 @@
 
     compare.py DTD CORPUS [MODEL.onnx]
 
-The first scenario is searched, all of its views. SAHI gets a few pictures of each: it is slow.
+The first scenario of the training side is searched, all of its views; the corpus must be labelled. SAHI gets a few pictures of each: it is slow.
 """
 
 import json
@@ -22,15 +22,17 @@ HERE = Path(__file__).parent
 
 
 def copied(corpus, folder):
-    """A copy of the corpus with its first scenario only, and that scenario's videos."""
+    """A copy of the corpus with the first scenario of its training side only, and that scenario's videos."""
     copy = folder / "corpus"
     (copy / "scenarios").mkdir(parents=True)
     for entry in corpus.iterdir():
         if entry.is_file():
             shutil.copy(entry, copy)
-    first = min(entry for entry in (corpus / "scenarios").iterdir() if (entry / "DONE.json").is_file())
-    scenario = copy / "scenarios" / first.name
-    shutil.copytree(first, scenario, ignore=shutil.ignore_patterns("detections", "registrations"))
+    sides = json.loads((corpus / "splits.json").read_text())["scenarios"]
+    recorded = {done.parent.name for done in (corpus / "scenarios").glob("*/DONE.json")}
+    first = min(name for name in recorded if sides[name]["side"] == "train")
+    scenario = copy / "scenarios" / first
+    shutil.copytree(corpus / "scenarios" / first, scenario, ignore=shutil.ignore_patterns("detections", "registrations"))
     return copy, sorted((scenario / "views").iterdir())
 
 
@@ -42,11 +44,11 @@ def python(way, model, videos, most):
     return spent["pictures"], spent["boxes"], spent["seconds"], spent["cpu_seconds"]
 
 
-def detect(dtd, corpus, model, mode):
+def detect(dtd, corpus, model, *options):
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.perf_counter()
     run = subprocess.run(
-        [dtd, "detect", corpus, "--model", model, "--mode", mode, "--again", "--json"],
+        [dtd, "detect", corpus, "--model", model, *options, "--again", "--json"],
         check=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
@@ -68,8 +70,11 @@ def main():
         ways = {
             "Python, the same windows": lambda: python("plain", model, videos, ALL),
             "Python, SAHI's slices": lambda: python("sahi", model, videos, SAHI_PICTURES),
-            "dtd detect --mode full": lambda: detect(dtd, copy, model, "full"),
-            "dtd detect --mode tracked": lambda: detect(dtd, copy, model, "tracked"),
+            "dtd detect --mode full": lambda: detect(dtd, copy, model, "--mode", "full"),
+            "dtd detect --mode full --rows training": lambda: detect(
+                dtd, copy, model, "--mode", "full", "--rows", "training"
+            ),
+            "dtd detect --mode tracked": lambda: detect(dtd, copy, model, "--mode", "tracked"),
         }
         best = {}
         for _ in range(ROUNDS):
