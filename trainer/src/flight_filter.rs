@@ -19,6 +19,7 @@ mod motion;
 
 use std::borrow::Borrow;
 
+use dataset::splits::Side;
 use serde::{Deserialize, Serialize};
 
 use crate::inverse_range::InverseRange;
@@ -70,6 +71,46 @@ impl FlightFilter {
         let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
         let flights = LabelledFlight::held_out(fits, samples, training, believed);
         Self::fit_to(&flights, fits.deviations())
+    }
+
+    /// The same with the errors of those fits that contain a view, which approaches of a new camera tell: each approach is measured by
+    /// fits that did not see it. Of one approach nothing is learned. `fits` and `fitted_to`: the fits to the approaches, and their samples.
+    pub(crate) fn with_view_refitted(
+        &self,
+        view: usize,
+        fits: &InverseRange,
+        samples: &Samples,
+        approaches: &[usize],
+        fitted_to: &[&Sample],
+        normalisation: &Normalisation,
+    ) -> Self {
+        let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
+        let ticks: Vec<_> = samples
+            .ticks_of_side(Side::Train)
+            .filter(|sample| approaches.contains(&sample.scenario))
+            .collect();
+        let refitted = |others: &[&Sample]| fits.with_view_refitted(view, others);
+        let flights = LabelledFlight::left_out(samples, &ticks, fitted_to, refitted, believed);
+        let errors = self.errors.iter().zip(fits.contain(view)).enumerate();
+        let errors = errors.map(|(fit, (known, is_of_view))| {
+            let errors: Vec<_> = flights.iter().map(|flight| flight.errors_of(fit)).collect();
+            let fitted = is_of_view.then(|| CorrelatedError::fit(&errors)).flatten();
+            fitted.unwrap_or_else(|| known.clone())
+        });
+        Self {
+            errors: errors.collect(),
+            ..self.clone()
+        }
+    }
+
+    /// The same without the errors of the fits that contain a view.
+    pub(crate) fn without(&self, view: usize, fits: &InverseRange) -> Self {
+        let errors = self.errors.iter().zip(fits.contain(view));
+        let others = errors.filter(|(_, is_of_view)| !is_of_view);
+        Self {
+            errors: others.map(|(error, _)| error.clone()).collect(),
+            ..self.clone()
+        }
     }
 
     /// `deviations`: what is known about the errors of fits that no flight tells about.

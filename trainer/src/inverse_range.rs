@@ -95,6 +95,13 @@ impl InverseRange {
         Some(Self { fits })
     }
 
+    /// Whether each of the fits contains this view.
+    pub(crate) fn contain(&self, view: usize) -> impl Iterator<Item = bool> {
+        self.fits
+            .iter()
+            .map(move |fit| fit.set.views.contains(&view))
+    }
+
     /// The fits that do without this view.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self

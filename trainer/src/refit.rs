@@ -1,9 +1,9 @@
 //! A new, moved or turned camera: what belongs to it is fitted again from a few labelled approaches, and nothing else is touched.
 //!
-//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), its pinhole
-//! and centre offset, its calibration network (the paper's way), and the offset and scale of its features. These follow from the old and
-//! the new fitted camera: they make of a box in the new picture what the old camera would have given, so that the networks start where
-//! they were. The fingerprint of everything else ([`frozen`]) is compared and recorded.
+//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`) and the
+//! errors that the filter expects of them, its pinhole and centre offset, its calibration network (the paper's way), and the offset and
+//! scale of its features. These follow from the old and the new fitted camera: they make of a box in the new picture what the old camera
+//! would have given, so that the networks start where they were. The fingerprint of everything else ([`frozen`]) is compared and recorded.
 
 mod frozen;
 mod network_refit;
@@ -252,6 +252,14 @@ fn fit_formulas(
         run.normalisation
             .with_view_of(view, &Normalisation::fit(views, &trusted, &trusted))
     });
+    baselines.flight_filter = baselines.flight_filter.with_view_refitted(
+        view,
+        &baselines.inverse_range,
+        samples,
+        approaches,
+        &trusted,
+        &run.normalisation,
+    );
     true
 }
 

@@ -125,6 +125,36 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
 }
 
 #[test]
+fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse() {
+    let folder = tempfile::tempdir().unwrap();
+    let of_noise = |name: &str, shift_noise_px, test, changed| {
+        let corpus = SyntheticCorpus {
+            train: 10,
+            test,
+            shift_noise_px: Some(shift_noise_px),
+            changed,
+            ..SyntheticCorpus::tiny()
+        };
+        corpus.write(&folder.path().join(name)).unwrap()
+    };
+    let before = of_noise("before", 0.05, 2, None);
+    let after = of_noise("after", 0.5, 10, Some(CHANGED));
+    let run = folder.path().join("run");
+    let run = train(&before, &run, &settings(20), &mut Silent)
+        .unwrap()
+        .run;
+
+    let out = folder.path().join("refitted");
+    refit(&run, &after, &out, &of_left(3), &mut Silent).unwrap();
+
+    let metrics = evaluated(&RunFolder::at(&out), &after);
+    let stated = metrics.estimators["inverse_range_filtered"].stated_intervals;
+    let held = stated.unwrap().held;
+    // With the errors that the camera had before they hold 82 %.
+    assert!((0.88..=0.99).contains(&held), "{held}");
+}
+
+#[test]
 fn a_view_that_is_none_too_many_approaches_too_few_ticks_and_another_second_camera_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let before = corpus(folder.path(), "before", None);

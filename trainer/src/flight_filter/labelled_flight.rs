@@ -1,7 +1,7 @@
 //! Flights of the training and validation side, as an evaluation sees them, measured by fits that never saw them: what the filter's noise
 //! and its intervals are fitted to.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use dataset::splits::Side;
 
@@ -40,39 +40,63 @@ impl LabelledFlight {
         training: &[&Sample],
         believed: impl Fn(&Observation) -> Observation,
     ) -> Vec<Self> {
-        let learned: Vec<String> = samples.flights(Side::Train).into_iter().collect();
-        let place = |sample: &Sample| {
-            let flight = &samples.scenarios[sample.scenario].flight;
-            learned.binary_search(flight).ok()
-        };
+        let ticks: Vec<_> = samples.ticks_of_side(Side::Train).collect();
+        let refitted = |others: &[&Sample]| Some(fits.refitted(others));
+        let mut flights = Self::left_out(samples, &ticks, training, refitted, &believed);
+        let learned = samples.flights(Side::Train).len();
         let validated: Vec<String> = samples.flights(Side::Validation).into_iter().collect();
-        let measured = |fits: &InverseRange, flight: &[&Sample]| Self {
-            flown: place(flight[0]).unwrap_or_else(|| {
-                let name = &samples.scenarios[flight[0].scenario].flight;
-                learned.len() + validated.binary_search(name).unwrap_or_default()
-            }),
-            ticks: super::ticks(fits, flight.iter().map(|sample| believed(sample))),
-            distances_m: flight.iter().map(|sample| sample.dtd_m).collect(),
-        };
+        let ticks: Vec<_> = samples.ticks_of_side(Side::Validation).collect();
+        let of_validation = ticks.chunk_by(|a, b| a.scenario == b.scenario);
+        flights.extend(of_validation.map(|flight| {
+            let name = &samples.scenarios[flight[0].scenario].flight;
+            let flown = learned + validated.binary_search(name).unwrap_or_default();
+            Self::measured(flown, fits, flight, &believed)
+        }));
+        flights
+    }
+
+    /// The flights of these ticks, in up to ten parts, each measured by what `refitted` makes of the other parts of `training`. None if
+    /// there is one flight only: the errors on the only flight that a fit has seen tell nothing about those on others.
+    pub(super) fn left_out(
+        samples: &Samples,
+        ticks: &[&Sample],
+        training: &[&Sample],
+        refitted: impl Fn(&[&Sample]) -> Option<InverseRange>,
+        believed: impl Fn(&Observation) -> Observation,
+    ) -> Vec<Self> {
+        let name = |sample: &Sample| &samples.scenarios[sample.scenario].flight;
+        let names: BTreeSet<&String> = ticks.iter().map(|sample| name(sample)).collect();
+        let names: Vec<&String> = names.into_iter().collect();
+        let place = |sample: &Sample| names.binary_search(&name(sample)).ok();
+        let parts = names.len().min(MOST_PARTS);
         let mut flights = Vec::new();
-        let mut measure = |fits: &InverseRange, ticks: Vec<&Sample>| {
-            let each = ticks.chunk_by(|a, b| a.scenario == b.scenario);
-            flights.extend(each.map(|flight| measured(fits, flight)));
-        };
-        let parts = learned.len().min(MOST_PARTS);
-        // The errors on the only flight that a fit has seen tell nothing about those on others.
         for part in (0..parts).filter(|_| parts > 1) {
             let is_inside = |sample: &Sample| place(sample).is_some_and(|n| n % parts == part);
             let outside = training.iter().copied().filter(|sample| !is_inside(sample));
-            let refitted = fits.refitted(&outside.collect::<Vec<_>>());
-            let inside = samples.ticks_of_side(Side::Train);
-            measure(
-                &refitted,
-                inside.filter(|sample| is_inside(sample)).collect(),
-            );
+            let Some(fits) = refitted(&outside.collect::<Vec<_>>()) else {
+                continue;
+            };
+            let each = ticks.chunk_by(|a, b| a.scenario == b.scenario);
+            let inside = each.filter(|flight| is_inside(flight[0]));
+            flights.extend(inside.map(|flight| {
+                let flown = place(flight[0]).unwrap_or_default();
+                Self::measured(flown, &fits, flight, &believed)
+            }));
         }
-        measure(fits, samples.ticks_of_side(Side::Validation).collect());
         flights
+    }
+
+    fn measured(
+        flown: usize,
+        fits: &InverseRange,
+        flight: &[&Sample],
+        believed: impl Fn(&Observation) -> Observation,
+    ) -> Self {
+        Self {
+            flown,
+            ticks: super::ticks(fits, flight.iter().map(|sample| believed(sample))),
+            distances_m: flight.iter().map(|sample| sample.dtd_m).collect(),
+        }
     }
 
     /// Distances over time, as far as approaches are alike.

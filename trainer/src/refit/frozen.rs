@@ -51,7 +51,7 @@ fn others(run: &TrainedRun, view: usize) -> Value {
         "pinholes": without(view, &baselines.pinholes),
         "centre_offsets": without(view, &baselines.centre_offsets),
         "inverse_range": baselines.inverse_range.without(view),
-        "flight_filter": baselines.flight_filter,
+        "flight_filter": baselines.flight_filter.without(view, &baselines.inverse_range),
         "self_calibrated": baselines.self_calibrated.as_ref().map(|fitted| fitted.without(view)),
     })
 }
