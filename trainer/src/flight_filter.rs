@@ -41,6 +41,8 @@ pub(crate) struct FlightFilter {
     motion: Motion,
     /// Of the fits of `inverse_range`, in their order.
     errors: Vec<CorrelatedError>,
+    /// Usual time between the ticks at which these were seen, seconds.
+    tick_s: f64,
     /// Half widths of the 90 % intervals of the filter ...
     filtered: HalfWidths,
     /// ... and of the smoother.
@@ -127,6 +129,7 @@ impl FlightFilter {
         let mut fitted = Self {
             motion: Motion::fit(&labels),
             errors: errors.collect(),
+            tick_s: usual_tick_s(flights).unwrap_or(1.0),
             filtered: HalfWidths::NORMAL,
             smoothed: HalfWidths::NORMAL,
         };
@@ -169,6 +172,7 @@ impl FlightFilter {
         let model = Model {
             motion: &self.motion,
             errors: &self.errors,
+            tick_s: self.tick_s,
         };
         let mut moments = filter(model, ticks);
         let widths = match knowing {
@@ -212,12 +216,26 @@ impl FlightFilter {
             motion.speed_sd_mps,
             motion.acceleration_sd_mps2,
             motion.acceleration_time_s,
+            self.tick_s,
         ]
         .into_iter()
         .chain(errors)
         .chain(self.filtered.to_array())
         .chain(self.smoothed.to_array())
     }
+}
+
+/// Median time between ticks, seconds; `None` without any.
+fn usual_tick_s(flights: &[LabelledFlight]) -> Option<f64> {
+    let between = |flight: &LabelledFlight| -> Vec<f64> {
+        let pairs = flight.ticks.windows(2);
+        pairs.map(|pair| pair[1].time_s - pair[0].time_s).collect()
+    };
+    let mut all: Vec<f64> = flights.iter().flat_map(between).collect();
+    all.sort_by(f64::total_cmp);
+    all.get(all.len() / 2)
+        .copied()
+        .filter(|&tick_s| tick_s > 0.0)
 }
 
 /// What the fits measure at each tick of a flight.

@@ -2,6 +2,9 @@
 //!
 //! The most precise measurement of a tick moves the aircraft. The views by themselves, which are far less precise, only learn their own
 //! errors from it, so that they are of use when the others are missing.
+//!
+//! The part of an error that is new at each tick of the training is not new thirty times a second: the compression of the video, the phase
+//! of the pixels and the air change more slowly. So ticks that follow faster count for as much less as there are more of them.
 
 use crate::inverse_range::{Measurement, scale_m};
 
@@ -14,7 +17,10 @@ const FIRST_DEVIATION: f64 = 0.3;
 /// A measurement that is off by more standard deviations is of something else.
 const LARGEST_MISFIT: f64 = 5.0;
 /// So many of them in a row, and the filter is off.
-const MOST_REFUSED: usize = 3;
+const MOST_REFUSED: f64 = 3.0;
+/// What a tick counts for at least, and below which ticks are faster than usual.
+const LEAST_COUNT: f64 = 1e-3;
+const FASTER_COUNT: f64 = 0.75;
 /// Ticks that the usual size of errors counts for, when that of a flight is estimated.
 const USUAL_TICKS: f64 = 10.0;
 
@@ -54,6 +60,8 @@ pub(super) struct Model<'a> {
     pub(super) motion: &'a Motion,
     /// By number of the fit.
     pub(super) errors: &'a [CorrelatedError],
+    /// Time between ticks whose errors are as new as `errors` has them, seconds.
+    pub(super) tick_s: f64,
 }
 
 /// What is known after each tick; `None` before the first measurement.
@@ -69,7 +77,7 @@ pub(super) fn filter(model: Model, ticks: &[Tick]) -> Vec<Option<Moment>> {
         model,
         fits,
         last: None,
-        refused: 0,
+        refused: 0.0,
         squares: USUAL_TICKS,
         ticks: USUAL_TICKS,
     };
@@ -88,9 +96,9 @@ struct Filter<'a> {
     fits: Vec<usize>,
     /// Time of the last tick, and what is known after it.
     last: Option<(f64, Moment)>,
-    /// Best measurements that were refused in a row.
-    refused: usize,
-    /// Squared misfits in their variances, and the number of ticks that they are from.
+    /// Best measurements that were refused in a row, in usual ticks.
+    refused: f64,
+    /// Squared misfits in their variances, and the number of usual ticks that they are from.
     squares: f64,
     ticks: f64,
 }
@@ -102,24 +110,31 @@ impl Filter<'_> {
             Some(_) if !is_lost => None,
             _ => self.first(tick),
         };
+        let mut count = 1.0;
         let expected = || {
             let (last_s, last) = self.last.as_ref()?;
-            Some(self.advanced(&last.known, (tick.time_s - last_s).max(0.0)))
+            let seconds = (tick.time_s - last_s).max(0.0);
+            count = (seconds / self.model.tick_s).clamp(LEAST_COUNT, 1.0);
+            Some(self.advanced(&last.known, seconds))
         };
         let Some(mut moment) = first.or_else(expected) else {
             return;
         };
         for (is_best, measurement) in tick.used() {
-            self.correct(&mut moment.known, is_best, measurement);
+            self.correct(&mut moment.known, is_best, measurement, count);
         }
         moment.inflation = self.squares / self.ticks;
+        if count < FASTER_COUNT {
+            // The misfits of ticks that share their errors are smaller than these errors.
+            moment.inflation = moment.inflation.max(1.0);
+        }
         self.last = Some((tick.time_s, moment));
     }
 
     /// A beginning at the best measurement of a tick, with all errors unknown.
     fn first(&mut self, tick: &Tick) -> Option<Moment> {
         let distance_m = tick.measurements.first()?.distance_m;
-        self.refused = 0;
+        self.refused = 0.0;
         let mut variances = self.model.motion.variances().to_vec();
         variances[0] = (FIRST_DEVIATION * scale_m(distance_m)).powi(2);
         for &fit in &self.fits {
@@ -152,7 +167,14 @@ impl Filter<'_> {
         }
     }
 
-    fn correct(&mut self, known: &mut Gaussian, is_best: bool, measurement: &Measurement) {
+    /// `count`: how much of a usual tick this one is.
+    fn correct(
+        &mut self,
+        known: &mut Gaussian,
+        is_best: bool,
+        measurement: &Measurement,
+        count: f64,
+    ) {
         let error = &self.model.errors[measurement.fit];
         let Ok(number) = self.fits.binary_search(&measurement.fit) else {
             return;
@@ -163,7 +185,7 @@ impl Filter<'_> {
         let mut row = vec![0.0; known.mean.len()];
         row[0] = 1.0;
         row[place] = sd_m * (1.0 - error.new_share).sqrt();
-        let reading = Reading {
+        let mut reading = Reading {
             misfit: measurement.distance_m - known.mean[0] - row[place] * known.mean[place],
             row,
             variance: sd_m.powi(2) * error.new_share,
@@ -172,14 +194,15 @@ impl Filter<'_> {
         // NaN is not below.
         let is_taken = square <= LARGEST_MISFIT.powi(2) * self.squares / self.ticks;
         if is_best {
-            self.refused = if is_taken { 0 } else { self.refused + 1 };
+            self.refused = if is_taken { 0.0 } else { self.refused + count };
         }
         if !is_taken {
             return;
         }
+        reading.variance /= count;
         if is_best {
-            self.squares += square;
-            self.ticks += 1.0;
+            self.squares += count * square;
+            self.ticks += count;
             known.correct(&reading, |_| true);
         } else {
             let own = place..place + CorrelatedError::UNKNOWNS;

@@ -42,6 +42,7 @@ fn truth() -> FlightFilter {
     FlightFilter {
         motion: motion(),
         errors: errors(),
+        tick_s: 2.0,
         filtered: HalfWidths::NORMAL,
         smoothed: HalfWidths::NORMAL,
     }
@@ -222,6 +223,50 @@ fn errors_are_as_large_as_the_true_model_states_with_all_views_and_with_gaps() {
     let [filtered_pct, smoothed_pct] = all_views_pct;
     let alone_pct = 100.0 * 2e-4 * (2.0 / std::f64::consts::PI).sqrt();
     assert!(smoothed_pct < filtered_pct && filtered_pct < 0.95 * alone_pct);
+}
+
+/// A flight at ten times the usual rate, with errors that are new as seldom as usual.
+fn fly_at_a_higher_rate(seed: u64) -> Flown {
+    let mut flown = fly(seed, 0.2);
+    let LabelledFlight {
+        ticks, distances_m, ..
+    } = &mut flown.labelled;
+    for number in 0..ticks.len() {
+        let usual = number / 10 * 10;
+        let parts: Vec<f64> = ticks[usual]
+            .measurements
+            .iter()
+            .map(|m| m.distance_m)
+            .collect();
+        for (measurement, part_m) in ticks[number].measurements.iter_mut().zip(parts) {
+            let error = (part_m - distances_m[usual]) / scale_m(distances_m[usual]);
+            if number != usual {
+                measurement.distance_m = distances_m[number] + error * scale_m(distances_m[number]);
+            }
+        }
+    }
+    flown
+}
+
+#[test]
+fn pictures_at_a_higher_rate_than_in_the_training_do_not_make_the_filter_too_sure() {
+    let faster: Vec<Flown> = (0..40).map(fly_at_a_higher_rate).collect();
+    let unaware = FlightFilter {
+        tick_s: 0.2,
+        ..truth()
+    };
+    for knowing in [Knowing::Past, Knowing::All] {
+        let of = |filter: &FlightFilter| of_flights(filter, &faster, knowing, |_, _| false);
+        let ((squares, held, error_pct), (unaware_squares, _, unaware_pct)) =
+            (of(&truth()), of(&unaware));
+        println!(
+            "{knowing:?}: {squares:.2}, {held:.3}, {error_pct:.4} %; unaware {unaware_squares:.2}, {unaware_pct:.4} %"
+        );
+        assert!(squares < 1.3, "{squares}");
+        assert!(held > 0.87, "{held}");
+        assert!(squares < 0.6 * unaware_squares, "{unaware_squares}");
+        assert!(error_pct < unaware_pct, "{error_pct} {unaware_pct}");
+    }
 }
 
 #[test]
