@@ -78,6 +78,7 @@ pub(super) fn filter(model: Model, ticks: &[Tick]) -> Vec<Option<Moment>> {
         fits,
         last: None,
         refused: 0.0,
+        refused_fit: usize::MAX,
         squares: USUAL_TICKS,
         ticks: USUAL_TICKS,
     };
@@ -98,6 +99,8 @@ struct Filter<'a> {
     last: Option<(f64, Moment)>,
     /// Best measurements that were refused in a row, in usual ticks.
     refused: f64,
+    /// The most precise fit of them. A view by itself says nothing about what both together measure.
+    refused_fit: usize,
     /// Squared misfits in their variances, and the number of usual ticks that they are from.
     squares: f64,
     ticks: f64,
@@ -134,7 +137,7 @@ impl Filter<'_> {
     /// A beginning at the best measurement of a tick, with all errors unknown.
     fn first(&mut self, tick: &Tick) -> Option<Moment> {
         let distance_m = tick.measurements.first()?.distance_m;
-        self.refused = 0.0;
+        self.forget_refused();
         let mut variances = self.model.motion.variances().to_vec();
         variances[0] = (FIRST_DEVIATION * scale_m(distance_m)).powi(2);
         for &fit in &self.fits {
@@ -149,6 +152,11 @@ impl Filter<'_> {
             known,
             inflation: 1.0,
         })
+    }
+
+    fn forget_refused(&mut self) {
+        self.refused = 0.0;
+        self.refused_fit = usize::MAX;
     }
 
     fn advanced(&self, known: &Gaussian, seconds: f64) -> Moment {
@@ -194,7 +202,12 @@ impl Filter<'_> {
         // NaN is not below.
         let is_taken = square <= LARGEST_MISFIT.powi(2) * self.squares / self.ticks;
         if is_best {
-            self.refused = if is_taken { 0.0 } else { self.refused + count };
+            if !is_taken {
+                self.refused += count;
+                self.refused_fit = self.refused_fit.min(measurement.fit);
+            } else if measurement.fit <= self.refused_fit {
+                self.forget_refused();
+            }
         }
         if !is_taken {
             return;

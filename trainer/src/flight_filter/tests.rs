@@ -394,6 +394,24 @@ fn a_measurement_of_something_else_moves_nothing_and_several_begin_again() {
 }
 
 #[test]
+fn a_false_beginning_is_left_although_the_view_that_made_it_agrees_with_it_now_and_then() {
+    for tick_s in [2.0, 0.2] {
+        let flown = fly(3, tick_s);
+        let mut ticks = without(&flown, |tick, fit| tick % 3 == 0 && one_view_missing(fit));
+        for measurement in ticks.iter_mut().flat_map(|tick| &mut tick.measurements) {
+            if measurement.fit == ALONE[1] {
+                measurement.distance_m *= 1.2;
+            }
+        }
+        let answers = truth().of_ticks(&ticks, Knowing::Past);
+        let later = (30.0 / tick_s) as usize;
+        let found_m = answers[later].unwrap().distance_m.value;
+        let off = found_m / flown.labelled.distances_m[later] - 1.0;
+        assert!(off.abs() < 0.01, "{off} at {tick_s} s");
+    }
+}
+
+#[test]
 fn steps_of_any_length_add_up() {
     let known = {
         let variances = [100.0, 9.0, 0.04, 1.0, 0.02];
