@@ -2,7 +2,8 @@
 
     compare.py DTD CORPUS [MODEL.onnx]
 
-The first scenario of the training side is searched, all of its views; the corpus must be labelled. SAHI gets a few pictures of each: it is slow.
+The first scenario of the training side is searched, all of its views; the corpus must be labelled. SAHI gets a few pictures of each: it is
+slow.
 """
 
 import json
@@ -30,7 +31,10 @@ def copied(corpus, folder):
             shutil.copy(entry, copy)
     sides = json.loads((corpus / "splits.json").read_text())["scenarios"]
     recorded = {done.parent.name for done in (corpus / "scenarios").glob("*/DONE.json")}
-    first = min(name for name in recorded if sides[name]["side"] == "train")
+    of_training = [name for name in recorded if sides[name]["side"] == "train"]
+    if not of_training:
+        sys.exit(f"{corpus}: no complete scenario is on the training side; generate and label one")
+    first = min(of_training)
     scenario = copy / "scenarios" / first
     shutil.copytree(corpus / "scenarios" / first, scenario, ignore=shutil.ignore_patterns("detections", "registrations"))
     return copy, sorted((scenario / "views").iterdir())

@@ -20,6 +20,7 @@ mod motion;
 use std::borrow::Borrow;
 
 use dataset::splits::Side;
+use dataset::spread::Spread;
 use serde::{Deserialize, Serialize};
 
 use crate::inverse_range::InverseRange;
@@ -231,11 +232,8 @@ fn usual_tick_s(flights: &[LabelledFlight]) -> Option<f64> {
         let pairs = flight.ticks.windows(2);
         pairs.map(|pair| pair[1].time_s - pair[0].time_s).collect()
     };
-    let mut all: Vec<f64> = flights.iter().flat_map(between).collect();
-    all.sort_by(f64::total_cmp);
-    all.get(all.len() / 2)
-        .copied()
-        .filter(|&tick_s| tick_s > 0.0)
+    let usual = Spread::of(flights.iter().flat_map(between).collect())?;
+    (usual.median > 0.0).then_some(usual.median)
 }
 
 /// What the fits measure at each tick of a flight.

@@ -21,14 +21,17 @@ const CHANGED: Changed = Changed {
     zoom: 1.1,
 };
 
-fn corpus(folder: &Path, name: &str, changed: Option<Changed>) -> Corpus {
-    let corpus = SyntheticCorpus {
+fn synthetic(changed: Option<Changed>) -> SyntheticCorpus {
+    SyntheticCorpus {
         train: 10,
         shift_noise_px: Some(0.05),
         changed,
         ..SyntheticCorpus::tiny()
-    };
-    corpus.write(&folder.join(name)).unwrap()
+    }
+}
+
+fn corpus(folder: &Path, name: &str, changed: Option<Changed>) -> Corpus {
+    synthetic(changed).write(&folder.join(name)).unwrap()
 }
 
 fn settings(steps: usize) -> TrainConfig {
@@ -127,18 +130,13 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
 #[test]
 fn intervals_hold_the_truth_also_after_a_refit_to_a_camera_that_measures_worse() {
     let folder = tempfile::tempdir().unwrap();
-    let of_noise = |name: &str, shift_noise_px, test, changed| {
-        let corpus = SyntheticCorpus {
-            train: 10,
-            test,
-            shift_noise_px: Some(shift_noise_px),
-            changed,
-            ..SyntheticCorpus::tiny()
-        };
-        corpus.write(&folder.path().join(name)).unwrap()
+    let before = corpus(folder.path(), "before", None);
+    let after = SyntheticCorpus {
+        test: 10,
+        shift_noise_px: Some(0.5),
+        ..synthetic(Some(CHANGED))
     };
-    let before = of_noise("before", 0.05, 2, None);
-    let after = of_noise("after", 0.5, 10, Some(CHANGED));
+    let after = after.write(&folder.path().join("after")).unwrap();
     let run = folder.path().join("run");
     let run = train(&before, &run, &settings(20), &mut Silent)
         .unwrap()
