@@ -3,7 +3,7 @@
 //! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, where the aircraft that are
 //! followed are expected next, and, at the end, which tracks count. A track begins with any box that belongs to none; it is confirmed by
 //! [`HITS`] boxes in [`OUTCOMES`] pictures, and then all of its boxes count, the first ones too, because a scenario is written at its end.
-//! The filter is in [`motion`].
+//! A faint box counts only if it continues a confirmed track. The filter is in [`motion`].
 
 mod motion;
 
@@ -20,6 +20,8 @@ const OUTCOMES: u32 = 5;
 /// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
 /// errors are normal; those of boxes have longer tails.
 const GATE: f64 = 30.0;
+/// The same for a faint box: the limit for one true box in a thousand if errors are normal.
+const FAINT_GATE: f64 = 18.5;
 /// A confirmed track ends after this number of consecutive pictures without a box...
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
@@ -73,6 +75,8 @@ struct History {
     /// Enough boxes in a row.
     is_confirmed: bool,
     boxes: Vec<(f64, PixelBox)>,
+    /// When the last box was that is not faint.
+    clear_until_s: f64,
 }
 
 /// An aircraft that is followed, as expected at the time of [`Tracker::advance`].
@@ -83,6 +87,14 @@ pub(crate) struct Expected {
     /// How far it may move between two pictures, in lengths of its box.
     pub(crate) lengths_moved: f64,
     pub(crate) is_confirmed: bool,
+}
+
+/// A box that was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Seen {
+    pub(crate) pixel_box: PixelBox,
+    /// Too uncertain to be believed where nothing is expected.
+    pub(crate) is_faint: bool,
 }
 
 /// Where a picture was searched.
@@ -132,7 +144,7 @@ impl Tracker {
     }
 
     /// Whether one of these boxes is missing: that of an aircraft which is confirmed and was in the picture before.
-    pub(crate) fn loses_any(&self, boxes: &[PixelBox]) -> bool {
+    pub(crate) fn loses_any(&self, boxes: &[Seen]) -> bool {
         let matches = self.matches(boxes);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
@@ -140,17 +152,20 @@ impl Tracker {
             .any(|(at, track)| track.misses == 0 && self.is_confirmed(track.number) && !is_seen(at))
     }
 
-    /// Takes the boxes that were found at the current time, and returns the tracks that they belong to.
-    pub(crate) fn take(&mut self, boxes: &[PixelBox], searched: Searched<'_>) -> Vec<u32> {
+    /// Takes the boxes that were found at the current time, and returns the tracks that they belong to; `None` for a faint box that
+    /// continues none.
+    pub(crate) fn take(&mut self, boxes: &[Seen], searched: Searched<'_>) -> Vec<Option<u32>> {
         let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
         for (index, at) in self.matches(boxes) {
             let track = &mut self.followed[at];
             let seen = boxes[index];
-            track.motion.correct(&seen);
+            track.motion.correct(&seen.pixel_box);
             track_of[index] = Some(track.number);
-            self.histories[track.number as usize]
-                .boxes
-                .push((self.now_s, seen));
+            let history = &mut self.histories[track.number as usize];
+            history.boxes.push((self.now_s, seen.pixel_box));
+            if !seen.is_faint {
+                history.clear_until_s = self.now_s;
+            }
         }
         let hits = self.hits;
         for track in &mut self.followed {
@@ -169,20 +184,28 @@ impl Tracker {
             let is_confirmed = histories[track.number as usize].is_confirmed;
             !track.has_ended(is_confirmed, now_s)
         });
-        let begin = |(index, track): (usize, Option<u32>)| {
-            track.unwrap_or_else(|| self.begin(boxes[index]))
-        };
-        track_of.into_iter().enumerate().map(begin).collect()
+        for (track, seen) in track_of.iter_mut().zip(boxes) {
+            if track.is_none() && !seen.is_faint {
+                *track = Some(self.begin(seen.pixel_box));
+            }
+        }
+        track_of
     }
 
-    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others.
-    fn matches(&self, boxes: &[PixelBox]) -> Vec<(usize, usize)> {
+    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others, and
+    /// faint boxes last.
+    fn matches(&self, boxes: &[Seen]) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
-            for (index, found) in boxes.iter().enumerate() {
-                let distance = track.motion.distance(found);
-                if distance <= GATE {
-                    pairs.push((!self.is_confirmed(track.number), distance, index, at));
+            let is_confirmed = self.is_confirmed(track.number);
+            for (index, seen) in boxes.iter().enumerate() {
+                let distance = track.motion.distance(&seen.pixel_box);
+                let belongs = match seen.is_faint {
+                    true => is_confirmed && distance <= FAINT_GATE,
+                    false => distance <= GATE,
+                };
+                if belongs {
+                    pairs.push(((seen.is_faint, !is_confirmed), distance, index, at));
                 }
             }
         }
@@ -204,6 +227,7 @@ impl Tracker {
         self.histories.push(History {
             is_confirmed: self.hits <= 1,
             boxes: vec![(self.now_s, seen)],
+            clear_until_s: self.now_s,
         });
         self.followed.push(Track {
             number,
@@ -239,7 +263,7 @@ impl Tracker {
         };
         let counts = |(history, still): (&History, &Option<PixelBox>)| {
             history.is_confirmed
-                && history.lasted_s() >= shortest_s
+                && history.was_clear_for_s() >= shortest_s
                 && !still.as_ref().is_some_and(is_fixture)
         };
         histories.iter().zip(&still).map(counts).collect()
@@ -281,12 +305,18 @@ impl History {
         }
     }
 
+    /// The same without the faint boxes at its end, which anything may have.
+    fn was_clear_for_s(&self) -> f64 {
+        let first = self.boxes.first();
+        first.map_or(0.0, |(first_s, _)| self.clear_until_s - first_s)
+    }
+
     /// Of boxes in any order.
     fn of(mut boxes: Vec<(f64, PixelBox)>) -> Self {
         boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self {
-            is_confirmed: false,
             boxes,
+            ..Self::default()
         }
     }
 
