@@ -33,9 +33,23 @@ use crate::sealed_run::SealedRun;
 use crate::self_calibration::SelfCalibrated;
 use crate::triangulation::CentreOffset;
 
+/// Format of a run, increased whenever its numbers change their meaning or get others beside them.
+pub(crate) const RUN_FORMAT: u32 = 1;
+
+/// What tells whether a run can be read.
+#[derive(Deserialize)]
+struct Origin {
+    /// Missing in runs of before there was a number.
+    #[serde(default)]
+    format: u32,
+    dtd: String,
+}
+
 /// The inputs of a training (`run.json`).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct RunSummary {
+    /// [`RUN_FORMAT`].
+    pub format: u32,
     /// Version of this software.
     pub dtd: String,
     /// File name of the detection model whose boxes were used for training, if it has one.
@@ -305,6 +319,10 @@ impl TrainedRun {
 
     /// The run in these files.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
+        let Origin { format, dtd } = sealed.json(RunFolder::SUMMARY, "run summary")?;
+        if format != RUN_FORMAT {
+            return Err(sealed.refused(RunFolder::SUMMARY, RunFault::OtherFormat { format, dtd }));
+        }
         let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;
         config.check()?;
         let normalisation: Normalisation =

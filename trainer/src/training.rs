@@ -33,7 +33,7 @@ use crate::samples::{DistanceRange, Sample, Samples};
 use crate::sealed_run::SealedRun;
 use crate::self_calibration::SelfCalibrated;
 use crate::start::Start;
-use crate::trained_run::{Baselines, Convergence, Networks, RunSummary, TrainedRun};
+use crate::trained_run::{Baselines, Convergence, Networks, RUN_FORMAT, RunSummary, TrainedRun};
 use crate::training_loop::{Setup, Watch};
 use crate::trajectory_mixing::{Corridor, mix};
 use crate::triangulation::CentreOffset;
@@ -255,6 +255,7 @@ pub(crate) fn train_unless(
     let run = TrainedRun {
         config: config.clone(),
         summary: RunSummary {
+            format: RUN_FORMAT,
             dtd: env!("CARGO_PKG_VERSION").into(),
             model: samples.detections.model.clone(),
             model_hash: samples.detections.hash.clone(),

@@ -232,6 +232,28 @@ fn numbers_that_no_training_leaves_are_refused_by_file() {
 }
 
 #[test]
+fn a_run_of_another_version_is_refused_as_such_whatever_else_it_lacks() {
+    let workshop = Workshop::new();
+    let run = workshop.train("run", 0).unwrap();
+    let path = run.root().join("run.json");
+    for (summary, expected) in [
+        (r#"{"dtd": "0.0.9"}"#, "format 0, by dtd 0.0.9"),
+        (
+            r#"{"format": 99, "dtd": "9.9.0"}"#,
+            "format 99, by dtd 9.9.0",
+        ),
+    ] {
+        fs::write(&path, summary).unwrap();
+        seal_again(run.root());
+        let message = workshop.evaluate("run").unwrap_err().to_string();
+        assert!(
+            message.contains(expected) && message.contains("train again"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
 fn a_training_that_fails_leaves_the_run_that_was_there() {
     let workshop = Workshop::new();
     let run = workshop.train("run", 0).unwrap();

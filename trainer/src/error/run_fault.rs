@@ -7,6 +7,8 @@ use burn::store::{RecordError, SafetensorsStoreError};
 use dataset::limits::FieldOutOfLimits;
 use dataset::seal::{DONE, MANIFEST};
 
+use crate::trained_run::RUN_FORMAT;
+
 /// What is wrong with a run's folder or with a file of it, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[expect(
@@ -70,6 +72,11 @@ pub enum RunFault {
         "is not what the training wrote: its hash differs from {MANIFEST}; put the right file back, or train again"
     )]
     Changed,
+    /// A run of another version.
+    #[error(
+        "is of a run in format {format}, by dtd {dtd}, and this version reads format {RUN_FORMAT}: the numbers have another meaning; train again"
+    )]
+    OtherFormat { format: u32, dtd: String },
     /// Its files contradict each other.
     #[error(
         "it and baselines.json have {views} views and numbers for {lengths:?}, expected as many for each"
