@@ -150,7 +150,7 @@ fn a_training_that_is_killed_again_and_again_goes_on_to_the_same_weights() {
     assert!(output.status.success(), "{}", said(&output));
     let took = began.elapsed();
     let mut resumed = 0;
-    // On a machine that gets busier after the first training, more time than that passes before the first checkpoint.
+    // A machine that gets busier takes longer than the first training did.
     for kill in 1..=40 {
         let mut process = workshop
             .train(&workshop.run, 0)

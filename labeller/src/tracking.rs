@@ -22,6 +22,10 @@ const OUTCOMES: u32 = 5;
 const GATE: f64 = 30.0;
 /// The same for a faint box: the limit for one true box in a thousand if errors are normal.
 const FAINT_GATE: f64 = 18.5;
+/// A track is not continued by faint boxes alone for more than this number of pictures...
+const MOST_FAINT: u32 = 20;
+/// ... if they also took so long, seconds.
+const LONGEST_FAINT_S: f64 = 20.0;
 /// A confirmed track ends after this number of consecutive pictures without a box...
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
@@ -67,6 +71,9 @@ struct Track {
     looks: u32,
     misses: u32,
     seen_s: f64,
+    /// Pictures in which it was looked for since its last box that is not faint, and when that box was.
+    unclear: u32,
+    clear_s: f64,
 }
 
 /// What is left of a track for the final decision.
@@ -75,8 +82,8 @@ struct History {
     /// Enough boxes in a row.
     is_confirmed: bool,
     boxes: Vec<(f64, PixelBox)>,
-    /// When the last box was that is not faint.
-    clear_until_s: f64,
+    /// How long it was seen, without the times for which faint boxes alone keep a track.
+    clear_for_s: f64,
 }
 
 /// An aircraft that is followed, as expected at the time of [`Tracker::advance`].
@@ -164,7 +171,7 @@ impl Tracker {
             let history = &mut self.histories[track.number as usize];
             history.boxes.push((self.now_s, seen.pixel_box));
             if !seen.is_faint {
-                history.clear_until_s = self.now_s;
+                history.clear_for_s += track.clear_again(self.now_s);
             }
         }
         let hits = self.hits;
@@ -201,7 +208,9 @@ impl Tracker {
             for (index, seen) in boxes.iter().enumerate() {
                 let distance = track.motion.distance(&seen.pixel_box);
                 let belongs = match seen.is_faint {
-                    true => is_confirmed && distance <= FAINT_GATE,
+                    true => {
+                        is_confirmed && distance <= FAINT_GATE && track.may_be_faint(self.now_s)
+                    }
                     false => distance <= GATE,
                 };
                 if belongs {
@@ -227,7 +236,7 @@ impl Tracker {
         self.histories.push(History {
             is_confirmed: self.hits <= 1,
             boxes: vec![(self.now_s, seen)],
-            clear_until_s: self.now_s,
+            clear_for_s: 0.0,
         });
         self.followed.push(Track {
             number,
@@ -236,6 +245,8 @@ impl Tracker {
             looks: 1,
             misses: 0,
             seen_s: self.now_s,
+            unclear: 0,
+            clear_s: self.now_s,
         });
         number
     }
@@ -263,7 +274,7 @@ impl Tracker {
         };
         let counts = |(history, still): (&History, &Option<PixelBox>)| {
             history.is_confirmed
-                && history.was_clear_for_s() >= shortest_s
+                && history.clear_for_s >= shortest_s
                 && !still.as_ref().is_some_and(is_fixture)
         };
         histories.iter().zip(&still).map(counts).collect()
@@ -274,12 +285,25 @@ impl Track {
     fn note(&mut self, was_found: bool, now_s: f64) {
         self.outcomes = self.outcomes << 1 | u32::from(was_found);
         self.looks = self.looks.saturating_add(1);
+        self.unclear = self.unclear.saturating_add(u32::from(self.clear_s < now_s));
         if was_found {
             self.misses = 0;
             self.seen_s = now_s;
         } else {
             self.misses += 1;
         }
+    }
+
+    /// Notes a box that is not faint. Returns the time since the last one, or 0 if no track would have lasted so long without a box.
+    fn clear_again(&mut self, now_s: f64) -> f64 {
+        let since_s = now_s - self.clear_s;
+        let is_gap = self.unclear >= MOST_MISSES && since_s >= LONGEST_GAP_S;
+        (self.unclear, self.clear_s) = (0, now_s);
+        if is_gap { 0.0 } else { since_s }
+    }
+
+    fn may_be_faint(&self, now_s: f64) -> bool {
+        self.unclear < MOST_FAINT || now_s - self.clear_s <= LONGEST_FAINT_S
     }
 
     fn has_hits(&self, hits: u32) -> bool {
@@ -303,12 +327,6 @@ impl History {
             (Some((first_s, _)), Some((last_s, _))) => last_s - first_s,
             _ => 0.0,
         }
-    }
-
-    /// The same without the faint boxes at its end, which anything may have.
-    fn was_clear_for_s(&self) -> f64 {
-        let first = self.boxes.first();
-        first.map_or(0.0, |(first_s, _)| self.clear_until_s - first_s)
     }
 
     /// Of boxes in any order.

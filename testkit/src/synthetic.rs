@@ -343,9 +343,10 @@ impl SyntheticCorpus {
 /// The box of an aircraft that flies towards the camera: as wide as its span, as high as itself, its centre 1 m above the centre of
 /// gravity. A point behind the camera has a box far outside the picture.
 pub fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
+    let range_m = camera.to_camera(ecef_m).z;
     let outside = glam::DVec2::splat(-1e6);
     let centre = camera.project(ecef_m).unwrap_or(outside);
-    let px_per_m = px_per_m(camera, ecef_m);
+    let px_per_m = camera.focal_px / range_m.abs().max(1.0);
     PixelBox {
         cx_px: centre.x,
         cy_px: centre.y - px_per_m,
@@ -354,11 +355,7 @@ pub fn perfect_box(camera: &Camera, ecef_m: DVec3) -> PixelBox {
     }
 }
 
-fn px_per_m(camera: &Camera, ecef_m: DVec3) -> f64 {
-    camera.focal_px / camera.to_camera(ecef_m).z.abs().max(1.0)
-}
-
-/// Where what is at the centre of the box in the first view is in the others, for views that both have a box.
+/// Where the aircraft of each view is in the first, for views that both have a box.
 fn register(
     frames: &Frames,
     calibration: &Calibration,
@@ -384,19 +381,15 @@ fn register(
             let mut shift = || {
                 let (in_reference, _) = (seen(reference)?, seen(view)?);
                 let ecef_m = row.pose.position().to_ecef();
-                let aircraft = first.project(ecef_m)?;
-                let scale = px_per_m(&camera, ecef_m) / px_per_m(&first, ecef_m);
-                let PixelBox { cx_px, cy_px, .. } = in_reference.pixel_box;
-                let beside = glam::DVec2::new(cx_px, cy_px) - aircraft;
-                let exact = camera.project(ecef_m)? - aircraft + (scale - 1.0) * beside;
+                let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
                 Some(Shift {
-                    x_px: cx_px,
-                    y_px: cy_px,
+                    x_px: in_reference.pixel_box.cx_px,
+                    y_px: in_reference.pixel_box.cy_px,
                     dx_px: exact.x + noise_px * normal(random),
                     dy_px: exact.y + noise_px * normal(random),
                     sd_x_px: noise_px.max(0.01),
                     sd_y_px: noise_px.max(0.01),
-                    scale,
+                    scale: 1.0,
                     gain: 1.0,
                     correlation: 0.9,
                 })

@@ -73,7 +73,7 @@ struct Fit {
     /// Standard deviation of the relative error on the training side, robust, and corrected for the number of coefficients.
     deviation: f64,
     /// Of a view by itself, the covariance of the coefficients, row by row, in squares of the deviation, if each training flight were one
-    /// tick. Empty of several views, which need no other flights than these, and of runs of earlier versions.
+    /// tick. Empty of several views, which need no other flights than these.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     covariance_per_m2: Vec<f64>,
 }

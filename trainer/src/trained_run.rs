@@ -33,13 +33,13 @@ use crate::sealed_run::SealedRun;
 use crate::self_calibration::SelfCalibrated;
 use crate::triangulation::CentreOffset;
 
-/// Format of a run, increased whenever its numbers change their meaning or get others beside them.
+/// Format of a run, increased whenever its numbers change their meaning or new ones are added.
 pub(crate) const RUN_FORMAT: u32 = 1;
 
 /// What tells whether a run can be read.
 #[derive(Deserialize)]
-struct Origin {
-    /// Missing in runs of before there was a number.
+struct FormatStamp {
+    /// Missing in runs written before formats were numbered.
     #[serde(default)]
     format: u32,
     dtd: String,
@@ -319,7 +319,7 @@ impl TrainedRun {
 
     /// The run in these files.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
-        let Origin { format, dtd } = sealed.json(RunFolder::SUMMARY, "run summary")?;
+        let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, "run summary")?;
         if format != RUN_FORMAT {
             return Err(sealed.refused(RunFolder::SUMMARY, RunFault::OtherFormat { format, dtd }));
         }

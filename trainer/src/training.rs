@@ -324,7 +324,7 @@ fn outcome_of(run: &RunFolder, origin: &Origin) -> Option<TrainOutcome> {
         start_blake3: summary.started_from_blake3,
         samples_blake3: summary.samples_blake3,
     };
-    (its_origin == *origin).then(|| TrainOutcome {
+    (its_origin == *origin && summary.format == RUN_FORMAT).then(|| TrainOutcome {
         run: run.clone(),
         validation_mape_pct: summary.validation_mape_pct,
         choice: summary.choice,

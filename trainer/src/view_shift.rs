@@ -10,8 +10,7 @@ use glam::DVec2;
 use crate::samples::Observation;
 use crate::trusted_boxes::centre_and_size;
 
-/// Where a point of the aircraft is in a view, minus where it is in the reference view: that at the centre of the reference's box. Where
-/// pixels of the views differ in size, the shift of another point is another one.
+/// Where the aircraft is in a view, minus where it is in the reference view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ViewShift {
     /// Index of the reference view.
@@ -20,8 +19,6 @@ pub(crate) struct ViewShift {
     pub shift_px: DVec2,
     /// Its standard deviation, pixels.
     pub sd_px: DVec2,
-    /// Size in the view over that in the reference view.
-    pub scale: f64,
 }
 
 impl ViewShift {
@@ -39,12 +36,10 @@ impl ViewShift {
             (point_px - centre).abs().cmple(size / 2.0).all()
         };
         let same = holds(in_reference, followed_px) && holds(in_view, followed_px + shift_px);
-        let (centre, _) = centre_and_size(in_reference);
         same.then_some(Self {
             reference,
-            shift_px: shift_px + (shift.scale - 1.0) * (centre - followed_px),
+            shift_px,
             sd_px: DVec2::new(shift.sd_x_px, shift.sd_y_px),
-            scale: shift.scale,
         })
     }
 }
@@ -68,28 +63,38 @@ impl Places {
         })
     }
 
-    /// The centre of the box in the reference view, and what the registered shifts find there in the others; `None` if the views are not
-    /// registered with one of them.
+    /// Places whose differences are the registered shifts and whose mean is that of the boxes; `None` if the views are not registered with
+    /// one of them.
     pub(crate) fn registered(observed: &Observation, views: &[usize]) -> Option<Self> {
+        let boxes = Self::of_boxes(observed, views)?;
         let reference = views
             .iter()
             .find_map(|&v| Some(observed.shifts[v]?.reference))?;
         if !views.contains(&reference) {
             return None;
         }
-        let (followed_px, _) = centre_and_size(observed.boxes[reference].as_ref()?);
-        let mut variances = Vec::new();
-        let mut place = |&view: &usize| {
-            if view == reference {
-                return Some(followed_px);
-            }
-            let shift = observed.shifts[view].filter(|shift| shift.reference == reference)?;
-            variances.push(shift.sd_px.length_squared() / 2.0);
-            Some(followed_px + shift.shift_px)
+        let shift = |&view: &usize| match view == reference {
+            true => Some((DVec2::ZERO, None)),
+            false => observed.shifts[view]
+                .filter(|shift| shift.reference == reference)
+                .map(|shift| (shift.shift_px, Some(shift.sd_px.length_squared() / 2.0))),
         };
-        let centres_px = views.iter().map(&mut place).collect::<Option<_>>()?;
+        let shifts: Vec<_> = views.iter().map(shift).collect::<Option<_>>()?;
+        let count = views.len() as f64;
+        let from_box = boxes.centres_px.iter().zip(&shifts);
+        let in_reference = from_box
+            .map(|(centre, (shift, _))| *centre - *shift)
+            .sum::<DVec2>()
+            / count;
+        let variances: Vec<f64> = shifts
+            .iter()
+            .filter_map(|(_, variance)| *variance)
+            .collect();
         Some(Self {
-            centres_px,
+            centres_px: shifts
+                .iter()
+                .map(|(shift, _)| in_reference + *shift)
+                .collect(),
             sd_px: Some((variances.iter().sum::<f64>() / variances.len() as f64).sqrt()),
         })
     }
@@ -131,14 +136,14 @@ mod tests {
     }
 
     #[test]
-    fn registered_places_are_those_of_one_point_of_the_aircraft() {
+    fn registered_places_differ_by_the_shift_and_have_the_mean_of_the_boxes() {
         let (left, right) = (box_at(500.0, 600.0), box_at(401.0, 603.0));
         let shift = ViewShift::between((0, &left), &right, &shift(500.0, -100.0));
         let sample = sample(vec![None, shift, None]);
         let places = Places::registered(&sample, &[0, 1]).unwrap();
         assert_eq!(
             places.centres_px,
-            [DVec2::new(500.0, 600.0), DVec2::new(400.0, 604.0)]
+            [DVec2::new(500.5, 599.5), DVec2::new(400.5, 603.5)]
         );
         let sd_px = places.sd_px.unwrap();
         assert!((sd_px - 0.05 / 2.0_f64.sqrt()).abs() < 1e-12, "{sd_px}");
@@ -148,17 +153,6 @@ mod tests {
         let boxes = Places::of_boxes(&sample, &[0, 1]).unwrap();
         assert_eq!(boxes.centres_px[1], DVec2::new(401.0, 603.0));
         assert_eq!(Places::of_boxes(&sample, &[0, 2]), None);
-    }
-
-    #[test]
-    fn a_shift_of_another_point_than_the_centre_of_the_box_is_moved_there() {
-        let (left, right) = (box_at(500.0, 600.0), box_at(401.0, 603.0));
-        let followed = Shift {
-            scale: 1.1,
-            ..shift(510.0, -99.0)
-        };
-        let shift = ViewShift::between((0, &left), &right, &followed).unwrap();
-        assert!((shift.shift_px - DVec2::new(-100.0, 4.0)).length() < 1e-9);
     }
 
     #[test]

@@ -294,15 +294,32 @@ fn a_faint_box_continues_a_confirmed_track_and_is_nothing_elsewhere() {
 
 #[test]
 fn faint_boxes_do_not_make_a_track_long_enough_to_be_an_aircraft() {
-    for (clear_boxes, counts) in [(30, false), (90, true)] {
+    // Pictures with clear boxes at the beginning, and how many there are after 9 s of faint ones.
+    for (first, last, counts) in [(30, 0, false), (30, 10, false), (90, 0, true)] {
         let mut tracker = Tracker::of_pictures(1_000);
         for picture in 0..300 {
             let seen = shaken(at(300.0, 400.0, 24.0), 1, picture);
             tracker.advance(1.0 / 30.0);
-            let is_clear = picture < clear_boxes;
+            let is_clear = picture < first || picture >= 300 - last;
             let seen = if is_clear { clear(seen) } else { faint(seen) };
             assert_eq!(tracker.take(&[seen], Searched::Everywhere), [Some(0)]);
         }
-        assert_eq!(tracker.finish(), [counts]);
+        assert_eq!(tracker.finish(), [counts], "{first} and {last} clear boxes");
     }
+}
+
+#[test]
+fn faint_boxes_alone_do_not_keep_a_track_for_ever() {
+    let mut tracker = Tracker::of_pictures(1_000);
+    let mut kept_s = 0.0;
+    for second in 0..60 {
+        tracker.advance(1.0);
+        let seen = shaken(at(300.0, 400.0, 24.0), 1, second);
+        let seen = if second < 5 { clear(seen) } else { faint(seen) };
+        if tracker.take(&[seen], Searched::Everywhere) == [Some(0)] {
+            kept_s = f64::from(second) - 4.0;
+        }
+    }
+    assert_eq!(kept_s, LONGEST_FAINT_S);
+    assert_eq!(tracker.expected(1.0), []);
 }

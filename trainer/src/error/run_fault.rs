@@ -74,7 +74,8 @@ pub enum RunFault {
     Changed,
     /// A run of another version.
     #[error(
-        "is of a run in format {format}, by dtd {dtd}, and this version reads format {RUN_FORMAT}: the numbers have another meaning; train again"
+        "belongs to a run of format {format}, written by dtd {dtd}, and this version reads format {RUN_FORMAT}; {}",
+        if *format < RUN_FORMAT { "train again" } else { "update dtd, or train again" }
     )]
     OtherFormat { format: u32, dtd: String },
     /// Its files contradict each other.

@@ -32,17 +32,13 @@ impl ViewSet {
         let measured = graph.graph.plain("Not", &[&missing]);
         let measured = graph.all_in_rows(&measured);
         let measured = graph.all(&measured);
-        let is_reference = Self::is_reference_in_onnx(graph, &shifts);
-        let with_reference = graph.any(&is_reference);
+        // One of them is the reference.
+        let zero = graph.graph.double(0.0);
+        let still = graph.graph.plain("Equal", &[&shifts, &zero]);
+        let still = graph.all_in_rows(&still);
+        let with_reference = graph.any(&still);
         let registered = graph.graph.plain("And", &[&measured, &with_reference]);
         graph.graph.plain("And", &[&seen, &registered])
-    }
-
-    /// Whether a view is the one that the shifts start from, `[batch, views, 1]`.
-    fn is_reference_in_onnx(graph: &mut EstimatorGraph, shifts: &str) -> String {
-        let zero = graph.graph.double(0.0);
-        let still = graph.graph.plain("Equal", &[shifts, &zero]);
-        graph.all_in_rows(&still)
     }
 
     fn shifts_to_onnx(&self, graph: &mut EstimatorGraph) -> String {
@@ -57,12 +53,10 @@ impl ViewSet {
         let centres = (graph.graph).plain("Slice", &[&boxes, &from, &to, &axis]);
         let places = if self.registered {
             let shifts = self.shifts_to_onnx(graph);
-            let is_reference = Self::is_reference_in_onnx(graph, &shifts);
-            let nowhere = graph.graph.double(f64::NEG_INFINITY);
-            let in_reference = (graph.graph).plain("Where", &[&is_reference, &centres, &nowhere]);
+            let in_reference = graph.graph.plain("Sub", &[&centres, &shifts]);
             let over_views = AttributeProto::ints("axes", &[1]);
-            let followed = (graph.graph).node("ReduceMax", &[&in_reference], vec![over_views]);
-            graph.graph.plain("Add", &[&followed, &shifts])
+            let mean = (graph.graph).node("ReduceMean", &[&in_reference], vec![over_views]);
+            graph.graph.plain("Add", &[&mean, &shifts])
         } else {
             centres
         };

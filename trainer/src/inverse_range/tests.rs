@@ -222,15 +222,4 @@ fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_an
         }
     }
     assert_eq!(alone, 2);
-    // A run of an earlier version has no covariances, and all of its measurements the same precision.
-    let mut before = fitted;
-    for fit in &mut before.fits {
-        fit.covariance_per_m2.clear();
-    }
-    assert!(before.is_of(2));
-    let precisions = |right_px: f64| -> Vec<f64> {
-        let measured = before.measurements(&moved(right_px));
-        measured.iter().map(|m| m.precision).collect()
-    };
-    assert_eq!(precisions(0.0), precisions(150.0));
 }

@@ -70,9 +70,9 @@ fn inputs(card: &mut String, run: &TrainedRun) {
          - `boxes` `[batch, {views}, 4]`: the aircraft's box in each view, in this order: {}. Centre right, centre down, width, height in \
          pixels of the full picture; pixel (0, 0) is the centre of the top-left pixel. A box that the edge of the picture cuts off is no \
          measurement: leave it out.\n\
-         - `shifts` `[batch, {views}, 2]`, for `inverse_range.onnx` only: where the point at the centre of the reference view's box \
-         is in a view, minus that centre, right and down in pixels, as `registrations/*.parquet` has it (`dx_px`, `dy_px`). 0, 0 for the \
-         reference view itself. Give only shifts of the object in the boxes.\n\
+         - `shifts` `[batch, {views}, 2]`, for `inverse_range.onnx` only: where the aircraft of a view is, right and down of where it is in \
+         the reference view, in pixels, as `registrations/*.parquet` has it (`dx_px`, `dy_px`). 0, 0 for the reference view itself. Give \
+         only shifts of the object in the boxes.\n\
          - `distance_m` `[batch]`: distance to touchdown in metres.\n\n\
          A view that saw nothing has four NaN in `boxes`; a view that is not registered has two NaN in `shifts`. A missing view is not \
          guessed: `paper_lstm` leaves it out of its sequence, the monoscopic estimators average over the others, and `inverse_range` \

@@ -65,7 +65,6 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
                     reference: 0,
                     shift_px: centre(seen) - centre(reference) + apart,
                     sd_px: DVec2::ONE,
-                    scale: 1.0,
                 })
             })
             .collect();

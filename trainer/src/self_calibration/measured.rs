@@ -15,28 +15,17 @@ const FLOOR_SD_PX: f64 = 0.05;
 /// Smaller deviations are those of exact measurements: weights need some. Pixels, and a ratio.
 const LEAST_DEVIATION: f64 = 1e-3;
 
-/// A place in a view, pixels.
+/// A place in a view, or a difference between two views, pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Measured {
     /// The view.
     pub(super) view: usize,
-    /// Where the same point is in the reference view; `None` if it is the aircraft's place itself that was measured.
-    pub(super) reference: Option<Followed>,
+    /// The view whose place is subtracted.
+    pub(super) reference: Option<usize>,
     /// Right and down, pixels.
     px: DVec2,
     /// Standard deviations relative to those of other measurements of the kind.
     spread: DVec2,
-}
-
-/// A point near the aircraft's place that was found in another view.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Followed {
-    /// The view that it is followed from.
-    pub(super) view: usize,
-    /// Right and down, pixels.
-    px: DVec2,
-    /// Size in the other view over that in this one.
-    scale: f64,
 }
 
 /// Standard deviations of the two kinds of measurements.
@@ -64,15 +53,10 @@ impl Measured {
         let shifts = used().filter_map(|view| {
             let shift = observed.shifts[view].filter(|shift| is_used(shift.reference))?;
             let variance = shift.sd_px * shift.sd_px + DVec2::splat(FLOOR_SD_PX.powi(2));
-            let (px, _) = centre_and_size(observed.boxes[shift.reference].as_ref()?);
             Some(Self {
                 view,
-                reference: Some(Followed {
-                    view: shift.reference,
-                    px,
-                    scale: shift.scale,
-                }),
-                px: px + shift.shift_px,
+                reference: Some(shift.reference),
+                px: shift.shift_px,
                 spread: DVec2::new(variance.x.sqrt(), variance.y.sqrt()),
             })
         });
@@ -82,19 +66,17 @@ impl Measured {
     /// Where the aircraft would be, minus the measurement, in parts of `spread`; `None` if one of the views could not see it there.
     pub(super) fn residual(&self, places_px: &[Option<DVec2>]) -> Option<DVec2> {
         let place = places_px[self.view]?;
-        let beside = match self.reference {
+        let from = match self.reference {
             None => DVec2::ZERO,
-            Some(followed) => followed.scale * (places_px[followed.view]? - followed.px),
+            Some(reference) => places_px[reference]?,
         };
-        Some((place - beside - self.px) / self.spread)
+        Some((place - from - self.px) / self.spread)
     }
 
     /// Derivative of the residual, from those of the places in the views.
     pub(super) fn slope(&self, in_view: impl Fn(usize) -> DVec2) -> DVec2 {
-        let beside = self.reference.map_or(DVec2::ZERO, |followed| {
-            followed.scale * in_view(followed.view)
-        });
-        (in_view(self.view) - beside) / self.spread
+        let from = self.reference.map_or(DVec2::ZERO, &in_view);
+        (in_view(self.view) - from) / self.spread
     }
 
     /// Standard deviation of the residual, right and down.
