@@ -2,7 +2,8 @@
 # `dtd detect` against a plain Python loop (OpenCV, ONNX Runtime, NumPy) with the same model, videos and windows, and against SAHI's
 # slicing. One run, rounds alternating, so that a busy machine is busy for all; prints a table of the best of each and their ratios.
 #
-# Usage: benches/python_loop.sh CORPUS [MODEL.onnx]   (labelled; a model with rows of `[batch, candidates, 6]`; default: the one that ships)
+# Usage: [ROUNDS=3] benches/python_loop.sh CORPUS [MODEL.onnx]
+# CORPUS must be labelled; a model must have rows of `[batch, candidates, 6]`, and is the one that ships by default.
 # Needs the release build and scripts/setup.sh. Installs Python packages into target/python-loop. Writes nothing into CORPUS.
 set -euo pipefail
 cd "$(dirname "$0")/.."

@@ -16,7 +16,7 @@ import tempfile
 import time
 from pathlib import Path
 
-ROUNDS = 3
+ROUNDS = int(os.environ.get("ROUNDS", "3"))
 SAHI_PICTURES = 20
 ALL = 1_000_000
 HERE = Path(__file__).parent
