@@ -27,10 +27,6 @@ pub struct TilingSettings {
     pub tile_score: f64,
     /// Minimum score of a detection in a centred window, 0 to 1.
     pub score: f64,
-    /// Minimum score where an aircraft that is followed is expected, 0 to 1: a fainter box than `score` is believed there, and nowhere
-    /// else (Zhang et al., "ByteTrack", ECCV 2022). Missing in records of earlier versions: `score` everywhere.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub followed_score: Option<f64>,
     /// Boxes that overlap by more than this (intersection over union) are one aircraft, 0 to 1.
     pub merge_iou: f64,
     /// Maximum number of hits per picture that get a second pass, the best first: limits the time spent on clutter.
@@ -55,7 +51,6 @@ impl Default for TilingSettings {
         Self {
             tile_score: 0.15,
             score: 0.4,
-            followed_score: Some(0.15),
             merge_iou: 0.3,
             most_windows: 6,
             tile_px: None,
@@ -72,7 +67,6 @@ impl TilingSettings {
         let ratios = [
             ("tile_score", self.tile_score),
             ("score", self.score),
-            ("followed_score", self.followed_score.unwrap_or(self.score)),
             ("merge_iou", self.merge_iou),
         ];
         for (name, value) in ratios {
@@ -108,12 +102,6 @@ impl TilingSettings {
             });
         }
         Ok(())
-    }
-
-    /// A detection is never worse than this.
-    pub(crate) fn least_score(&self) -> f64 {
-        self.followed_score
-            .map_or(self.score, |followed| followed.min(self.score))
     }
 
     /// The rows of both scales, as far as they are limited.
@@ -172,7 +160,7 @@ pub struct Sighting {
 
 /// What a search of a whole picture gives.
 pub(crate) struct Found {
-    /// All aircraft, best first, also those that only count where one is expected.
+    /// All aircraft, best first.
     pub(crate) sightings: Vec<Sighting>,
     /// How many places the first pass found.
     pub(crate) hits: usize,
@@ -184,9 +172,7 @@ pub fn find_aircraft(
     picture: &PictureView<'_>,
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
-    let mut found = search_picture(detector, picture, settings)?.sightings;
-    found.retain(|sighting| sighting.score >= settings.score);
-    Ok(found)
+    Ok(search_picture(detector, picture, settings)?.sightings)
 }
 
 /// The same, with what the first pass found.
@@ -204,7 +190,7 @@ pub(crate) fn search_picture(
         .iter()
         .map(|hit| window_around(&hit.pixel_box, picture_px, size))
         .collect();
-    let answers = detector.detect(picture, &windows, settings.least_score())?;
+    let answers = detector.detect(picture, &windows, settings.score)?;
     let sightings = hits
         .iter()
         .zip(answers)

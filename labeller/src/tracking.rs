@@ -3,7 +3,7 @@
 //! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, where the aircraft that are
 //! followed are expected next, and, at the end, which tracks count. A track begins with any box that belongs to none; it is confirmed by
 //! [`HITS`] boxes in [`OUTCOMES`] pictures, and then all of its boxes count, the first ones too, because a scenario is written at its end.
-//! A faint box counts only if it continues a confirmed track. The filter is in [`motion`].
+//! The filter is in [`motion`].
 
 mod motion;
 
@@ -20,12 +20,6 @@ const OUTCOMES: u32 = 5;
 /// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
 /// errors are normal; those of boxes have longer tails.
 const GATE: f64 = 30.0;
-/// The same for a faint box: the limit for one true box in a thousand if errors are normal.
-const FAINT_GATE: f64 = 18.5;
-/// A track is not continued by faint boxes alone for more than this number of pictures...
-const MOST_FAINT: u32 = 20;
-/// ... if they also took so long, seconds.
-const LONGEST_FAINT_S: f64 = 20.0;
 /// A confirmed track ends after this number of consecutive pictures without a box...
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
@@ -71,9 +65,6 @@ struct Track {
     looks: u32,
     misses: u32,
     seen_s: f64,
-    /// Pictures in which it was looked for since its last box that is not faint, and when that box was.
-    unclear: u32,
-    clear_s: f64,
 }
 
 /// What is left of a track for the final decision.
@@ -82,8 +73,6 @@ struct History {
     /// Enough boxes in a row.
     is_confirmed: bool,
     boxes: Vec<(f64, PixelBox)>,
-    /// How long it was seen, without the times for which faint boxes alone keep a track.
-    clear_for_s: f64,
 }
 
 /// An aircraft that is followed, as expected at the time of [`Tracker::advance`].
@@ -94,14 +83,6 @@ pub(crate) struct Expected {
     /// How far it may move between two pictures, in lengths of its box.
     pub(crate) lengths_moved: f64,
     pub(crate) is_confirmed: bool,
-}
-
-/// A box that was found.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Seen {
-    pub(crate) pixel_box: PixelBox,
-    /// Too uncertain to be believed where nothing is expected.
-    pub(crate) is_faint: bool,
 }
 
 /// Where a picture was searched.
@@ -151,7 +132,7 @@ impl Tracker {
     }
 
     /// Whether one of these boxes is missing: that of an aircraft which is confirmed and was in the picture before.
-    pub(crate) fn loses_any(&self, boxes: &[Seen]) -> bool {
+    pub(crate) fn loses_any(&self, boxes: &[PixelBox]) -> bool {
         let matches = self.matches(boxes);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
@@ -159,20 +140,17 @@ impl Tracker {
             .any(|(at, track)| track.misses == 0 && self.is_confirmed(track.number) && !is_seen(at))
     }
 
-    /// Takes the boxes that were found at the current time, and returns the tracks that they belong to; `None` for a faint box that
-    /// continues none.
-    pub(crate) fn take(&mut self, boxes: &[Seen], searched: Searched<'_>) -> Vec<Option<u32>> {
+    /// Takes the boxes that were found at the current time, and returns the tracks that they belong to.
+    pub(crate) fn take(&mut self, boxes: &[PixelBox], searched: Searched<'_>) -> Vec<u32> {
         let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
         for (index, at) in self.matches(boxes) {
             let track = &mut self.followed[at];
             let seen = boxes[index];
-            track.motion.correct(&seen.pixel_box);
+            track.motion.correct(&seen);
             track_of[index] = Some(track.number);
-            let history = &mut self.histories[track.number as usize];
-            history.boxes.push((self.now_s, seen.pixel_box));
-            if !seen.is_faint {
-                history.clear_for_s += track.clear_again(self.now_s);
-            }
+            self.histories[track.number as usize]
+                .boxes
+                .push((self.now_s, seen));
         }
         let hits = self.hits;
         for track in &mut self.followed {
@@ -191,30 +169,20 @@ impl Tracker {
             let is_confirmed = histories[track.number as usize].is_confirmed;
             !track.has_ended(is_confirmed, now_s)
         });
-        for (track, seen) in track_of.iter_mut().zip(boxes) {
-            if track.is_none() && !seen.is_faint {
-                *track = Some(self.begin(seen.pixel_box));
-            }
-        }
-        track_of
+        let begin = |(index, track): (usize, Option<u32>)| {
+            track.unwrap_or_else(|| self.begin(boxes[index]))
+        };
+        track_of.into_iter().enumerate().map(begin).collect()
     }
 
-    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others, and
-    /// faint boxes last.
-    fn matches(&self, boxes: &[Seen]) -> Vec<(usize, usize)> {
+    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others.
+    fn matches(&self, boxes: &[PixelBox]) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
-            let is_confirmed = self.is_confirmed(track.number);
-            for (index, seen) in boxes.iter().enumerate() {
-                let distance = track.motion.distance(&seen.pixel_box);
-                let belongs = match seen.is_faint {
-                    true => {
-                        is_confirmed && distance <= FAINT_GATE && track.may_be_faint(self.now_s)
-                    }
-                    false => distance <= GATE,
-                };
-                if belongs {
-                    pairs.push(((seen.is_faint, !is_confirmed), distance, index, at));
+            for (index, found) in boxes.iter().enumerate() {
+                let distance = track.motion.distance(found);
+                if distance <= GATE {
+                    pairs.push((!self.is_confirmed(track.number), distance, index, at));
                 }
             }
         }
@@ -236,7 +204,6 @@ impl Tracker {
         self.histories.push(History {
             is_confirmed: self.hits <= 1,
             boxes: vec![(self.now_s, seen)],
-            clear_for_s: 0.0,
         });
         self.followed.push(Track {
             number,
@@ -245,8 +212,6 @@ impl Tracker {
             looks: 1,
             misses: 0,
             seen_s: self.now_s,
-            unclear: 0,
-            clear_s: self.now_s,
         });
         number
     }
@@ -274,7 +239,7 @@ impl Tracker {
         };
         let counts = |(history, still): (&History, &Option<PixelBox>)| {
             history.is_confirmed
-                && history.clear_for_s >= shortest_s
+                && history.lasted_s() >= shortest_s
                 && !still.as_ref().is_some_and(is_fixture)
         };
         histories.iter().zip(&still).map(counts).collect()
@@ -285,25 +250,12 @@ impl Track {
     fn note(&mut self, was_found: bool, now_s: f64) {
         self.outcomes = self.outcomes << 1 | u32::from(was_found);
         self.looks = self.looks.saturating_add(1);
-        self.unclear = self.unclear.saturating_add(u32::from(self.clear_s < now_s));
         if was_found {
             self.misses = 0;
             self.seen_s = now_s;
         } else {
             self.misses += 1;
         }
-    }
-
-    /// Notes a box that is not faint. Returns the time since the last one, or 0 if no track would have lasted so long without a box.
-    fn clear_again(&mut self, now_s: f64) -> f64 {
-        let since_s = now_s - self.clear_s;
-        let is_gap = self.unclear >= MOST_MISSES && since_s >= LONGEST_GAP_S;
-        (self.unclear, self.clear_s) = (0, now_s);
-        if is_gap { 0.0 } else { since_s }
-    }
-
-    fn may_be_faint(&self, now_s: f64) -> bool {
-        self.unclear < MOST_FAINT || now_s - self.clear_s <= LONGEST_FAINT_S
     }
 
     fn has_hits(&self, hits: u32) -> bool {
@@ -333,8 +285,8 @@ impl History {
     fn of(mut boxes: Vec<(f64, PixelBox)>) -> Self {
         boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self {
+            is_confirmed: false,
             boxes,
-            ..Self::default()
         }
     }
 

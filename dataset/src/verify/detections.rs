@@ -225,7 +225,6 @@ fn check_counts(
     for (name, limits) in [
         ("tile_score", limits::RATIO),
         ("score", limits::RATIO),
-        ("followed_score", limits::RATIO),
         ("merge_iou", limits::RATIO),
         ("most_windows", limits::WINDOWS),
     ] {

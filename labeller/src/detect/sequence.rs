@@ -13,7 +13,7 @@ use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize, keep
 use crate::error::Result;
 use crate::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
-use crate::tracking::{Expected, Searched, Seen, Tracker};
+use crate::tracking::{Expected, Searched, Tracker};
 
 /// After a loss the whole picture is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
 /// in every other picture.
@@ -41,7 +41,6 @@ pub(super) struct Sequence<'a> {
 
 /// What was seen in a picture.
 struct Looked {
-    /// Best first, also those that only count where an aircraft is expected.
     sightings: Vec<Sighting>,
     mode: SearchMode,
     /// The tracks that it was searched for, if it was not searched whole.
@@ -116,7 +115,7 @@ impl<'a> Sequence<'a> {
             return self.everywhere(pictures);
         }
         let looked = self.around(pictures, &expected)?;
-        if may_follow_loss && self.tracker.loses_any(&self.seen(&looked.sightings)) {
+        if may_follow_loss && self.tracker.loses_any(&boxes_of(&looked.sightings)) {
             return self.everywhere(pictures);
         }
         Ok(looked)
@@ -140,7 +139,7 @@ impl<'a> Sequence<'a> {
         let picture = pictures.whole()?;
         let found = self
             .detector
-            .detect(&picture, &[window], self.tiling.least_score())?;
+            .detect(&picture, &[window], self.tiling.score)?;
         let sightings = found
             .into_iter()
             .flatten()
@@ -165,7 +164,7 @@ impl<'a> Sequence<'a> {
             let shown_px = [pixels.width_px, pixels.height_px];
             let found = self
                 .detector
-                .detect(&pixels, &[within], self.tiling.least_score())?;
+                .detect(&pixels, &[within], self.tiling.score)?;
             let whole = found.into_iter().flatten().map(|found| ScoredBox {
                 pixel_box: PixelBox {
                     cx_px: found.pixel_box.cx_px + f64::from(window.left_px),
@@ -200,43 +199,23 @@ impl<'a> Sequence<'a> {
             None => Searched::Everywhere,
             Some(tracks) => Searched::Around(tracks),
         };
-        let tracks = self.tracker.take(&self.seen(&looked.sightings), searched);
-        let row = |(seen, track): (Sighting, Option<u32>)| {
-            let track = track?;
-            Some(Detection {
-                track: Some(track),
-                mode: looked.mode,
-                confirmed: self.tracker.is_confirmed(track),
-                ..Detection::untracked(at.tick, self.view, seen.pixel_box, seen.score, seen.tile)
-            })
-        };
-        let boxes: Vec<_> = looked
-            .sightings
-            .into_iter()
-            .zip(tracks)
-            .filter_map(row)
-            .collect();
-        let miss = boxes.is_empty().then(|| Miss {
+        let tracks = self.tracker.take(&boxes_of(&looked.sightings), searched);
+        let miss = looked.sightings.is_empty().then(|| Miss {
             tick: at.tick,
             view: self.view.to_owned(),
             mode: looked.mode,
             reason: looked.nothing,
         });
+        let row = |(seen, track): (Sighting, u32)| Detection {
+            track: Some(track),
+            mode: looked.mode,
+            confirmed: self.tracker.is_confirmed(track),
+            ..Detection::untracked(at.tick, self.view, seen.pixel_box, seen.score, seen.tile)
+        };
         Detections {
-            boxes,
+            boxes: looked.sightings.into_iter().zip(tracks).map(row).collect(),
             misses: miss.into_iter().collect(),
         }
-    }
-
-    /// What the tracker has to know of what was seen.
-    fn seen(&self, sightings: &[Sighting]) -> Vec<Seen> {
-        sightings
-            .iter()
-            .map(|sighting| Seen {
-                pixel_box: sighting.pixel_box,
-                is_faint: sighting.score < self.tiling.score,
-            })
-            .collect()
     }
 
     /// When all pictures are done: decides which boxes count, and returns the number of windows that were searched.
@@ -247,6 +226,10 @@ impl<'a> Sequence<'a> {
         }
         self.detector.windows
     }
+}
+
+fn boxes_of(sightings: &[Sighting]) -> Vec<PixelBox> {
+    sightings.iter().map(|seen| seen.pixel_box).collect()
 }
 
 /// Whether a box ends inside the pixels that a window shows, or where the picture ends.

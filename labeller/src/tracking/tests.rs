@@ -26,20 +26,6 @@ fn shaken(exact: PixelBox, seed: u32, step: u32) -> PixelBox {
     }
 }
 
-fn clear(pixel_box: PixelBox) -> Seen {
-    Seen {
-        pixel_box,
-        is_faint: false,
-    }
-}
-
-fn faint(pixel_box: PixelBox) -> Seen {
-    Seen {
-        pixel_box,
-        is_faint: true,
-    }
-}
-
 /// The tracks of the boxes of each picture, and which tracks count.
 fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let mut tracker = Tracker::of_pictures(pictures.len());
@@ -47,9 +33,7 @@ fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>
         .iter()
         .map(|boxes| {
             tracker.advance(period_s);
-            let seen: Vec<_> = boxes.iter().copied().map(clear).collect();
-            let tracks = tracker.take(&seen, Searched::Everywhere);
-            tracks.into_iter().flatten().collect()
+            tracker.take(boxes, Searched::Everywhere)
         })
         .collect();
     (tracks, tracker.finish())
@@ -191,7 +175,7 @@ fn a_track_that_was_not_looked_for_does_not_end() {
     let mut tracker = Tracker::of_pictures(100);
     for _ in 0..3 {
         tracker.advance(0.1);
-        tracker.take(&[clear(at(300.0, 400.0, 24.0))], Searched::Everywhere);
+        tracker.take(&[at(300.0, 400.0, 24.0)], Searched::Everywhere);
     }
     for _ in 0..40 {
         tracker.advance(0.1);
@@ -208,14 +192,14 @@ fn a_track_that_was_not_looked_for_does_not_end() {
 #[test]
 fn a_confirmed_aircraft_that_was_just_seen_is_missed_at_once_and_only_once() {
     let mut tracker = Tracker::of_pictures(100);
-    let here = clear(at(300.0, 400.0, 24.0));
+    let here = at(300.0, 400.0, 24.0);
     for step in 0..4 {
         tracker.advance(0.1);
         assert_eq!(tracker.loses_any(&[]), step == 3);
         tracker.take(&[here], Searched::Everywhere);
     }
     tracker.advance(0.1);
-    assert!(tracker.loses_any(&[clear(at(900.0, 400.0, 24.0))]));
+    assert!(tracker.loses_any(&[at(900.0, 400.0, 24.0)]));
     assert!(!tracker.loses_any(&[here]));
     tracker.take(&[], Searched::Everywhere);
     tracker.advance(0.1);
@@ -269,57 +253,4 @@ fn a_lamp_that_is_found_for_some_seconds_again_and_again_is_one_thing_that_stand
     // It stands still elsewhere, for too short a time to know.
     let elsewhere = pictures(&|_| at(930.0, 500.0, 40.0));
     assert_eq!(track(1.0, &elsewhere).1, [true, true, true]);
-}
-
-#[test]
-fn a_faint_box_continues_a_confirmed_track_and_is_nothing_elsewhere() {
-    let mut tracker = Tracker::of_pictures(100);
-    let mut take = |seen: &[Seen]| {
-        tracker.advance(1.0);
-        tracker.take(seen, Searched::Everywhere)
-    };
-    let (aircraft, patch) = (at(300.0, 400.0, 24.0), at(900.0, 400.0, 24.0));
-    assert_eq!(take(&[faint(aircraft)]), [None]);
-    for _ in 0..2 {
-        assert_eq!(take(&[clear(aircraft)]), [Some(0)]);
-        assert_eq!(take(&[faint(aircraft)]), [None], "not confirmed yet");
-    }
-    assert_eq!(take(&[clear(aircraft)]), [Some(0)]);
-    for _ in 0..20 {
-        assert_eq!(take(&[faint(patch), faint(aircraft)]), [None, Some(0)]);
-    }
-    let both = take(&[faint(at(301.0, 400.0, 24.0)), clear(aircraft)]);
-    assert_eq!(both, [None, Some(0)], "the clear one comes first");
-}
-
-#[test]
-fn faint_boxes_do_not_make_a_track_long_enough_to_be_an_aircraft() {
-    // Pictures with clear boxes at the beginning, and how many there are after 9 s of faint ones.
-    for (first, last, counts) in [(30, 0, false), (30, 10, false), (90, 0, true)] {
-        let mut tracker = Tracker::of_pictures(1_000);
-        for picture in 0..300 {
-            let seen = shaken(at(300.0, 400.0, 24.0), 1, picture);
-            tracker.advance(1.0 / 30.0);
-            let is_clear = picture < first || picture >= 300 - last;
-            let seen = if is_clear { clear(seen) } else { faint(seen) };
-            assert_eq!(tracker.take(&[seen], Searched::Everywhere), [Some(0)]);
-        }
-        assert_eq!(tracker.finish(), [counts], "{first} and {last} clear boxes");
-    }
-}
-
-#[test]
-fn faint_boxes_alone_do_not_keep_a_track_for_ever() {
-    let mut tracker = Tracker::of_pictures(1_000);
-    let mut kept_s = 0.0;
-    for second in 0..60 {
-        tracker.advance(1.0);
-        let seen = shaken(at(300.0, 400.0, 24.0), 1, second);
-        let seen = if second < 5 { clear(seen) } else { faint(seen) };
-        if tracker.take(&[seen], Searched::Everywhere) == [Some(0)] {
-            kept_s = f64::from(second) - 4.0;
-        }
-    }
-    assert_eq!(kept_s, LONGEST_FAINT_S);
-    assert_eq!(tracker.expected(1.0), []);
 }
