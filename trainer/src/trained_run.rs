@@ -100,6 +100,16 @@ pub(crate) struct RunSummary {
 }
 
 impl RunSummary {
+    /// That of these files; an error if they are in another format.
+    pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
+        const WHAT: &str = "run summary";
+        let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, WHAT)?;
+        if format != RUN_FORMAT {
+            return Err(sealed.refused(RunFolder::SUMMARY, RunFault::OtherFormat { format, dtd }));
+        }
+        sealed.json(RunFolder::SUMMARY, WHAT)
+    }
+
     /// Whether a flight was used for training or its decisions.
     pub(crate) fn knows(&self, scenario: &ScenarioSummary) -> bool {
         [&self.training_flights, &self.validation_flights]
@@ -319,10 +329,7 @@ impl TrainedRun {
 
     /// The run in these files.
     pub(crate) fn of(sealed: &SealedRun) -> Result<Self> {
-        let FormatStamp { format, dtd } = sealed.json(RunFolder::SUMMARY, "run summary")?;
-        if format != RUN_FORMAT {
-            return Err(sealed.refused(RunFolder::SUMMARY, RunFault::OtherFormat { format, dtd }));
-        }
+        let summary = RunSummary::of(sealed)?;
         let config: TrainConfig = sealed.json(RunFolder::CONFIG, "training configuration")?;
         config.check()?;
         let normalisation: Normalisation =
@@ -373,7 +380,7 @@ impl TrainedRun {
         }
         Ok(Self {
             backgrounds,
-            summary: sealed.json(RunFolder::SUMMARY, "run summary")?,
+            summary,
             convergence: sealed.json(RunFolder::CONVERGENCE, "convergence log")?,
             baselines,
             config,

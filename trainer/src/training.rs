@@ -315,7 +315,7 @@ pub(crate) fn train_unless(
 /// The result of the run that is there, if a training of this origin made it.
 fn outcome_of(run: &RunFolder, origin: &Origin) -> Option<TrainOutcome> {
     let sealed = SealedRun::read(run).ok()?;
-    let summary: RunSummary = sealed.json(RunFolder::SUMMARY, "run summary").ok()?;
+    let summary = RunSummary::of(&sealed).ok()?;
     let its_origin = Origin {
         dtd: summary.dtd,
         config: sealed
@@ -324,7 +324,7 @@ fn outcome_of(run: &RunFolder, origin: &Origin) -> Option<TrainOutcome> {
         start_blake3: summary.started_from_blake3,
         samples_blake3: summary.samples_blake3,
     };
-    (its_origin == *origin && summary.format == RUN_FORMAT).then(|| TrainOutcome {
+    (its_origin == *origin).then(|| TrainOutcome {
         run: run.clone(),
         validation_mape_pct: summary.validation_mape_pct,
         choice: summary.choice,

@@ -222,4 +222,15 @@ fn a_view_by_itself_is_less_precise_far_from_the_flights_that_it_learned_from_an
         }
     }
     assert_eq!(alone, 2);
+    // Where covariances are not known, all measurements have the same precision.
+    let mut unknown = fitted;
+    for fit in &mut unknown.fits {
+        fit.covariance_per_m2.clear();
+    }
+    assert!(unknown.is_of(2));
+    let precisions = |right_px: f64| -> Vec<f64> {
+        let measured = unknown.measurements(&moved(right_px));
+        measured.iter().map(|m| m.precision).collect()
+    };
+    assert_eq!(precisions(0.0), precisions(150.0));
 }
