@@ -6,7 +6,9 @@
 //! the aircraft. The best whole-pixel shift near that of the boxes starts a Gauss-Newton iteration over shift, contrast and brightness
 //! (Lucas and Kanade, "An iterative image registration technique", 1981; with brightness: Hager and Belhumeur, "Efficient region
 //! tracking", 1998), in which pixels that disagree count less (Cauchy's weights). Scale and rotation are not fitted: views from
-//! two sides see nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse.
+//! two sides see nose, wings and fin displaced by different amounts, and any freedom to follow them makes the shift worse. If the view
+//! has coarser pixels than the reference, it is the other way round: the reference is resampled to the view, because the finer picture
+//! bears interpolation better.
 
 mod expected;
 mod fit;
@@ -23,8 +25,11 @@ use fit::{Fit, fit};
 use patch::Cleaned;
 
 /// Version of this measurement; registrations of another one are repeated.
-pub(crate) const METHOD: u32 = 1;
+pub(crate) const METHOD: u32 = 2;
 
+/// A view that shows the aircraft smaller than the reference by more than this factor has coarser pixels. Views from two sides differ
+/// by some percent even with equal cameras.
+const COARSER: f64 = 0.95;
 /// Pixels around the larger box that are compared.
 const MARGIN_PX: f64 = 4.0;
 /// Search radius around the boxes' centres: a minimum in pixels, plus a part of the aircraft's width.
@@ -55,7 +60,18 @@ pub(crate) fn register(
     let bin = reference.bin().max(view.bin());
     let [reference, view] = [reference, view].map(|patch| Cleaned::of(&patch.binned(bin)));
     let [reference, view] = [reference?, view?];
-    let fit = fit(&reference, &view, expected)?;
+    let view_from_reference = expected.view_from_reference;
+    let fit = match view_from_reference.determinant().abs().sqrt() < COARSER {
+        true => {
+            let reference_from_view = view_from_reference.inverse();
+            fit(&view, &reference, reference_from_view)?.reversed(
+                reference.centre_px(),
+                view.centre_px(),
+                view_from_reference,
+            )
+        }
+        false => fit(&reference, &view, view_from_reference)?,
+    };
     shift_of(&reference, &fit, expected)
 }
 

@@ -1,9 +1,8 @@
 //! The shift that fits best, and how certain it is.
 
 use dataset::registrations::NoShift;
-use glam::DVec2;
+use glam::{DMat2, DVec2};
 
-use super::expected::Expected;
 use super::linear::{Normal, inverse, robust_sd};
 use super::patch::Cleaned;
 use super::{MARGIN_PX, SEARCH_PX};
@@ -92,11 +91,34 @@ struct Pair {
     slope: DVec2,
 }
 
-/// Fits the aircraft of the reference to the view.
+impl Fit {
+    /// Of the reference to the view, if `self` is that of the view to the reference. The centres are those of their boxes.
+    pub(super) fn reversed(
+        self,
+        reference_px: DVec2,
+        view_px: DVec2,
+        view_from_reference: DMat2,
+    ) -> Self {
+        let view_in_reference_px = view_px + self.shift_px;
+        let reference_in_view_px =
+            view_px + view_from_reference * (reference_px - view_in_reference_px);
+        let DMat2 { x_axis, y_axis } = view_from_reference;
+        let sd_px = self.sd_px;
+        Self {
+            shift_px: reference_in_view_px - reference_px,
+            sd_px: ((x_axis * sd_px.x).powf(2.0) + (y_axis * sd_px.y).powf(2.0)).map(f64::sqrt),
+            scale: self.scale.recip(),
+            gain: self.gain.recip(),
+            correlation: self.correlation,
+        }
+    }
+}
+
+/// Fits the aircraft of the reference to the view. `view_from_reference`: small displacements in the view, from those in the reference.
 pub(super) fn fit(
     reference: &Cleaned,
     view: &Cleaned,
-    expected: &Expected,
+    view_from_reference: DMat2,
 ) -> Result<Fit, NoShift> {
     let template = Template::new(reference, view)?;
     // The centre of the reference's box in the view.
@@ -107,7 +129,7 @@ pub(super) fn fit(
     let mut pairs = Vec::with_capacity(template.len());
     let mut weights = Vec::with_capacity(template.len());
     for iteration in 0..ITERATIONS {
-        collect(&template, view, expected, at, &mut pairs);
+        collect(&template, view, view_from_reference, at, &mut pairs);
         if pairs.len() < template.len() * 9 / 10 {
             return Err(NoShift::Lost);
         }
@@ -137,7 +159,7 @@ pub(super) fn fit(
     if last_step > SWING_PX || strayed > SEARCH_PX {
         return Err(NoShift::Lost);
     }
-    collect(&template, view, expected, at, &mut pairs);
+    collect(&template, view, view_from_reference, at, &mut pairs);
     if pairs.len() < template.len() {
         // A part of the template is outside the patch.
         return Err(NoShift::Edge);
@@ -145,7 +167,7 @@ pub(super) fn fit(
     weigh(&pairs, gain, offset, &mut weights);
     let scatter = scatter(&template, &pairs, &weights, gain, offset).ok_or(NoShift::Vague)?;
     let step_px = reference.step_px();
-    let shape = expected.view_from_reference.determinant().abs().sqrt();
+    let shape = view_from_reference.determinant().abs().sqrt();
     Ok(Fit {
         shift_px: view.centre_px() + (at - view.centre) * step_px - reference.centre_px(),
         sd_px: scatter * step_px,
@@ -202,14 +224,14 @@ fn coarse(template: &Template<'_>, view: &Cleaned) -> Option<DVec2> {
 fn collect(
     template: &Template<'_>,
     view: &Cleaned,
-    expected: &Expected,
+    view_from_reference: DMat2,
     at: DVec2,
     pairs: &mut Vec<Pair>,
 ) {
     let centre = template.reference.centre;
     pairs.clear();
     pairs.extend(template.pixels().filter_map(|(pixel, value)| {
-        let offset = expected.view_from_reference * (pixel - centre);
+        let offset = view_from_reference * (pixel - centre);
         let (there, slope) = view.sample(at + offset)?;
         Some(Pair {
             offset,

@@ -263,21 +263,28 @@ fn lamps_help_and_one_that_only_one_view_sees_hardly_pulls() {
 #[test]
 fn scale_and_rotation_that_the_cameras_expect_are_taken_out_and_others_are_reported() {
     let by = DVec2::new(5.3, -2.6);
-    let near = Scene {
-        size: 1.2,
+    for size in [1.2, 1.04, 0.9, 0.8] {
+        let other = Scene {
+            size,
+            ..moved(SKY, by)
+        };
+        let expected = Expected {
+            view_from_reference: DMat2::from_diagonal(DVec2::splat(size)),
+            ..Expected::SHIFT_ALONE
+        };
+        // With a box that is not centred on the aircraft, the followed point moves with the scale.
+        let off = DVec2::new(0.4, -0.3) * (size - 1.0);
+        let shift = compare(SKY, other, &expected, DVec2::new(0.2, 0.5)).unwrap();
+        let wrong = error(SKY, other, &shift) - off;
+        assert!(wrong.abs().max_element() < 0.05, "{shift:?}: {wrong}");
+        assert!((shift.scale - size).abs() < 0.02, "{shift:?}");
+        let scaled = wrong / DVec2::new(shift.sd_x_px, shift.sd_y_px);
+        assert!(scaled.abs().max_element() < 3.0, "{shift:?}: {scaled}");
+    }
+    let unexpected = Scene {
+        size: 1.04,
         ..moved(SKY, by)
     };
-    let expected = Expected {
-        view_from_reference: DMat2::from_diagonal(DVec2::splat(1.2)),
-        ..Expected::SHIFT_ALONE
-    };
-    // With a box that is not centred on the aircraft, the followed point moves with the scale.
-    let off = DVec2::new(0.4, -0.3) * 0.2;
-    let shift = compare(SKY, near, &expected, DVec2::ZERO).unwrap();
-    let wrong = error(SKY, near, &shift) - off;
-    assert!(wrong.abs().max_element() < 0.05, "{shift:?}: {wrong}");
-    assert!((shift.scale - 1.2).abs() < 0.02, "{shift:?}");
-    let unexpected = Scene { size: 1.04, ..near };
     let shift = same(SKY, unexpected).unwrap();
     assert!((shift.scale - 1.04).abs() < 0.015, "{shift:?}");
 }
