@@ -27,6 +27,10 @@ pub struct TilingSettings {
     pub tile_score: f64,
     /// Minimum score of a detection in a centred window, 0 to 1.
     pub score: f64,
+    /// A fainter box, down to this score, counts if it belongs to a track that others confirm. Missing in records of earlier versions:
+    /// none does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faint_score: Option<f64>,
     /// Boxes that overlap by more than this (intersection over union) are one aircraft, 0 to 1.
     pub merge_iou: f64,
     /// Maximum number of hits per picture that get a second pass, the best first: limits the time spent on clutter.
@@ -51,6 +55,7 @@ impl Default for TilingSettings {
         Self {
             tile_score: 0.15,
             score: 0.4,
+            faint_score: Some(0.15),
             merge_iou: 0.3,
             most_windows: 6,
             tile_px: None,
@@ -67,6 +72,7 @@ impl TilingSettings {
         let ratios = [
             ("tile_score", self.tile_score),
             ("score", self.score),
+            ("faint_score", self.least_score()),
             ("merge_iou", self.merge_iou),
         ];
         for (name, value) in ratios {
@@ -102,6 +108,12 @@ impl TilingSettings {
             });
         }
         Ok(())
+    }
+
+    /// The score of the faintest boxes that may count.
+    pub(crate) fn least_score(&self) -> f64 {
+        self.faint_score
+            .map_or(self.score, |faint| faint.min(self.score))
     }
 
     /// The rows of both scales, as far as they are limited.
@@ -160,7 +172,7 @@ pub struct Sighting {
 
 /// What a search of a whole picture gives.
 pub(crate) struct Found {
-    /// All aircraft, best first.
+    /// All aircraft, best first, with faint ones.
     pub(crate) sightings: Vec<Sighting>,
     /// How many places the first pass found.
     pub(crate) hits: usize,
@@ -172,7 +184,9 @@ pub fn find_aircraft(
     picture: &PictureView<'_>,
     settings: &TilingSettings,
 ) -> Result<Vec<Sighting>> {
-    Ok(search_picture(detector, picture, settings)?.sightings)
+    let mut found = search_picture(detector, picture, settings)?.sightings;
+    found.retain(|sighting| sighting.score >= settings.score);
+    Ok(found)
 }
 
 /// The same, with what the first pass found.
@@ -190,7 +204,7 @@ pub(crate) fn search_picture(
         .iter()
         .map(|hit| window_around(&hit.pixel_box, picture_px, size))
         .collect();
-    let answers = detector.detect(picture, &windows, settings.score)?;
+    let answers = detector.detect(picture, &windows, settings.least_score())?;
     let sightings = hits
         .iter()
         .zip(answers)

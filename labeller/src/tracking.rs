@@ -2,8 +2,9 @@
 //!
 //! Input: the boxes of one picture after another, with their times. Output: the number of each box's track, where the aircraft that are
 //! followed are expected next, and, at the end, which tracks count. A track begins with any box that belongs to none; it is confirmed by
-//! [`HITS`] boxes in [`OUTCOMES`] pictures, and then all of its boxes count, the first ones too, because a scenario is written at its end.
-//! The filter is in [`motion`].
+//! [`HITS`] clear boxes in [`OUTCOMES`] pictures, and then all of its boxes count, the first ones too, because a scenario is written at its
+//! end. Faint boxes, which are too uncertain to be believed alone, begin and continue tracks as well, but confirm none (Zhang et al.,
+//! "ByteTrack", ECCV 2022). The filter is in [`motion`].
 
 mod motion;
 
@@ -13,13 +14,15 @@ use dataset::pixel_box::PixelBox;
 
 use motion::Motion;
 
-/// Boxes that confirm a track...
+/// Clear boxes that confirm a track...
 const HITS: u32 = 3;
 /// ... within this number of consecutive pictures in which it was looked for.
 const OUTCOMES: u32 = 5;
 /// A box whose squared distance from the expected one is larger belongs to another aircraft. 18.5 leaves out one box in a thousand if all
 /// errors are normal; those of boxes have longer tails.
 const GATE: f64 = 30.0;
+/// The same for a faint box: clutter is more likely than a long tail.
+const FAINT_GATE: f64 = 18.5;
 /// A confirmed track ends after this number of consecutive pictures without a box...
 const MOST_MISSES: u32 = 5;
 /// ... if they also took so long, seconds.
@@ -61,6 +64,8 @@ struct Track {
     motion: Motion,
     /// The pictures in which it was looked for: the last one in the lowest bit, 1 with a box.
     outcomes: u32,
+    /// The same, 1 with a clear box.
+    clear: u32,
     /// How many of these there were.
     looks: u32,
     misses: u32,
@@ -70,9 +75,19 @@ struct Track {
 /// What is left of a track for the final decision.
 #[derive(Debug, Default)]
 struct History {
-    /// Enough boxes in a row.
+    /// Enough clear boxes in a row.
     is_confirmed: bool,
     boxes: Vec<(f64, PixelBox)>,
+    /// When the first and the last clear box were.
+    clear_s: Option<(f64, f64)>,
+}
+
+/// A box that was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Seen {
+    pub(crate) pixel_box: PixelBox,
+    /// Too uncertain to be believed alone.
+    pub(crate) is_faint: bool,
 }
 
 /// An aircraft that is followed, as expected at the time of [`Tracker::advance`].
@@ -114,12 +129,13 @@ impl Tracker {
         }
     }
 
-    /// Where the aircraft that are followed are expected: confirmed ones first, then by the beginning of their tracks. `period_s`: time
-    /// between two pictures, seconds.
+    /// Where the aircraft that are followed are expected: confirmed ones first, then by the beginning of their tracks; none of which only
+    /// faint boxes are known. `period_s`: time between two pictures, seconds.
     pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
         let mut expected: Vec<_> = self
             .followed
             .iter()
+            .filter(|track| self.histories[track.number as usize].clear_s.is_some())
             .map(|track| Expected {
                 track: track.number,
                 pixel_box: track.motion.expected(),
@@ -132,7 +148,7 @@ impl Tracker {
     }
 
     /// Whether one of these boxes is missing: that of an aircraft which is confirmed and was in the picture before.
-    pub(crate) fn loses_any(&self, boxes: &[PixelBox]) -> bool {
+    pub(crate) fn loses_any(&self, boxes: &[Seen]) -> bool {
         let matches = self.matches(boxes);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
@@ -141,33 +157,37 @@ impl Tracker {
     }
 
     /// Takes the boxes that were found at the current time, and returns the tracks that they belong to.
-    pub(crate) fn take(&mut self, boxes: &[PixelBox], searched: Searched<'_>) -> Vec<u32> {
+    pub(crate) fn take(&mut self, boxes: &[Seen], searched: Searched<'_>) -> Vec<u32> {
         let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
         for (index, at) in self.matches(boxes) {
             let track = &mut self.followed[at];
             let seen = boxes[index];
-            track.motion.correct(&seen);
+            track.motion.correct(&seen.pixel_box);
             track_of[index] = Some(track.number);
-            self.histories[track.number as usize]
-                .boxes
-                .push((self.now_s, seen));
+            self.histories[track.number as usize].push(self.now_s, &seen);
         }
         let hits = self.hits;
         for track in &mut self.followed {
-            let was_found = track_of.contains(&Some(track.number));
+            let index = track_of
+                .iter()
+                .position(|number| *number == Some(track.number));
+            let found = index.map(|index| boxes[index]);
             let was_looked_for = match searched {
                 Searched::Everywhere => true,
                 Searched::Around(tracks) => tracks.contains(&track.number),
             };
-            if was_found || was_looked_for {
-                track.note(was_found, self.now_s);
-                self.histories[track.number as usize].is_confirmed |= track.has_hits(hits);
+            if found.is_some() || was_looked_for {
+                track.note(found, self.now_s);
+                self.histories[track.number as usize].is_confirmed |= hits_in(track.clear) >= hits;
             }
         }
         let (histories, now_s) = (&self.histories, self.now_s);
         self.followed.retain(|track| {
-            let is_confirmed = histories[track.number as usize].is_confirmed;
-            !track.has_ended(is_confirmed, now_s)
+            let history = &histories[track.number as usize];
+            match history.is_confirmed {
+                true => !track.is_gone(now_s),
+                false => !track.has_failed(hits) && !history.stands_still(),
+            }
         });
         let begin = |(index, track): (usize, Option<u32>)| {
             track.unwrap_or_else(|| self.begin(boxes[index]))
@@ -175,14 +195,31 @@ impl Tracker {
         track_of.into_iter().enumerate().map(begin).collect()
     }
 
-    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others.
-    fn matches(&self, boxes: &[PixelBox]) -> Vec<(usize, usize)> {
+    /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others, and
+    /// faint boxes last. No faint box continues a confirmed track that stands still: that may be a lamp, and would wait for an aircraft.
+    fn matches(&self, boxes: &[Seen]) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
-            for (index, found) in boxes.iter().enumerate() {
-                let distance = track.motion.distance(found);
-                if distance <= GATE {
-                    pairs.push((!self.is_confirmed(track.number), distance, index, at));
+            let history = &self.histories[track.number as usize];
+            let is_confirmed = history.is_confirmed;
+            for (
+                index,
+                Seen {
+                    pixel_box,
+                    is_faint,
+                },
+            ) in boxes.iter().enumerate()
+            {
+                let distance = track.motion.distance(pixel_box);
+                let belongs = match is_faint {
+                    true => {
+                        distance <= FAINT_GATE
+                            && (!is_confirmed || history.place_if_still().is_none())
+                    }
+                    false => distance <= GATE,
+                };
+                if belongs {
+                    pairs.push(((is_faint, !is_confirmed), distance, index, at));
                 }
             }
         }
@@ -199,16 +236,20 @@ impl Tracker {
         matches
     }
 
-    fn begin(&mut self, seen: PixelBox) -> u32 {
+    fn begin(&mut self, seen: Seen) -> u32 {
         let number = self.histories.len() as u32;
-        self.histories.push(History {
-            is_confirmed: self.hits <= 1,
-            boxes: vec![(self.now_s, seen)],
-        });
+        let clear = u32::from(!seen.is_faint);
+        let mut history = History {
+            is_confirmed: clear >= self.hits,
+            ..History::default()
+        };
+        history.push(self.now_s, &seen);
+        self.histories.push(history);
         self.followed.push(Track {
             number,
-            motion: Motion::starting_at(&seen),
+            motion: Motion::starting_at(&seen.pixel_box),
             outcomes: 1,
+            clear,
             looks: 1,
             misses: 0,
             seen_s: self.now_s,
@@ -239,7 +280,7 @@ impl Tracker {
         };
         let counts = |(history, still): (&History, &Option<PixelBox>)| {
             history.is_confirmed
-                && history.lasted_s() >= shortest_s
+                && history.clear_for_s() >= shortest_s
                 && !still.as_ref().is_some_and(is_fixture)
         };
         histories.iter().zip(&still).map(counts).collect()
@@ -247,8 +288,11 @@ impl Tracker {
 }
 
 impl Track {
-    fn note(&mut self, was_found: bool, now_s: f64) {
+    fn note(&mut self, found: Option<Seen>, now_s: f64) {
+        let was_found = found.is_some();
+        let is_clear = found.is_some_and(|seen| !seen.is_faint);
         self.outcomes = self.outcomes << 1 | u32::from(was_found);
+        self.clear = self.clear << 1 | u32::from(is_clear);
         self.looks = self.looks.saturating_add(1);
         if was_found {
             self.misses = 0;
@@ -258,22 +302,37 @@ impl Track {
         }
     }
 
-    fn has_hits(&self, hits: u32) -> bool {
-        let last = self.outcomes & ((1 << OUTCOMES) - 1);
-        last.count_ones() >= hits
+    /// Whether a confirmed one is not looked for any longer.
+    fn is_gone(&self, now_s: f64) -> bool {
+        self.misses >= MOST_MISSES && now_s - self.seen_s >= LONGEST_GAP_S
     }
 
-    /// Whether it is not looked for any longer.
-    fn has_ended(&self, is_confirmed: bool, now_s: f64) -> bool {
-        match is_confirmed {
-            true => self.misses >= MOST_MISSES && now_s - self.seen_s >= LONGEST_GAP_S,
-            // Too few of its first pictures had a box.
-            false => self.misses > OUTCOMES - HITS || self.looks >= OUTCOMES,
-        }
+    /// Whether too few of the last pictures had a box for one that is not confirmed.
+    fn has_failed(&self, hits: u32) -> bool {
+        let is_known = self.looks >= OUTCOMES;
+        self.misses > OUTCOMES - HITS || is_known && hits_in(self.outcomes) < hits
     }
 }
 
+/// How many of the last [`OUTCOMES`] pictures had a box.
+fn hits_in(outcomes: u32) -> u32 {
+    (outcomes & ((1 << OUTCOMES) - 1)).count_ones()
+}
+
 impl History {
+    fn push(&mut self, now_s: f64, seen: &Seen) {
+        self.boxes.push((now_s, seen.pixel_box));
+        if !seen.is_faint {
+            let (first_s, _) = self.clear_s.unwrap_or((now_s, now_s));
+            self.clear_s = Some((first_s, now_s));
+        }
+    }
+
+    fn clear_for_s(&self) -> f64 {
+        self.clear_s
+            .map_or(0.0, |(first_s, last_s)| last_s - first_s)
+    }
+
     fn lasted_s(&self) -> f64 {
         match (self.boxes.first(), self.boxes.last()) {
             (Some((first_s, _)), Some((last_s, _))) => last_s - first_s,
@@ -285,8 +344,8 @@ impl History {
     fn of(mut boxes: Vec<(f64, PixelBox)>) -> Self {
         boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
         Self {
-            is_confirmed: false,
             boxes,
+            ..Self::default()
         }
     }
 

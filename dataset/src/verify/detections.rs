@@ -225,6 +225,7 @@ fn check_counts(
     for (name, limits) in [
         ("tile_score", limits::RATIO),
         ("score", limits::RATIO),
+        ("faint_score", limits::RATIO),
         ("merge_iou", limits::RATIO),
         ("most_windows", limits::WINDOWS),
     ] {

@@ -235,6 +235,8 @@ impl ScenarioJob {
             windows,
             cpu_s,
         } = ViewFindings::together(views);
+        let registered =
+            registered.map(|(reference, done)| (reference, done.without_boxes(&detections)));
         let registration = registered
             .as_ref()
             .map(|(reference, done)| RegistrationRecord {

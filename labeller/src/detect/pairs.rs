@@ -3,11 +3,12 @@
 //! A patch waits for its counterpart and is dropped with it. If both views are decoded at the same time few wait; if one worker
 //! decodes one after the other, those of a whole view do: some kilobytes each.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use dataset::camera::Camera;
+use dataset::detections::Detections;
 use dataset::registrations::{NoShift, Registration};
 
 use crate::registration::{Expected, Patch, register};
@@ -38,6 +39,21 @@ struct Waiting {
 pub(super) struct Done {
     pub(super) registrations: Vec<Registration>,
     pub(super) seconds: f64,
+}
+
+impl Done {
+    /// Takes back the registrations of pictures of which no box was kept.
+    pub(super) fn without_boxes(mut self, detections: &Detections) -> Self {
+        let boxes = detections.boxes.iter();
+        let seen: HashSet<_> = boxes.map(|kept| (kept.tick, kept.view.as_str())).collect();
+        for found in &mut self.registrations {
+            let is_seen = |view: &String| seen.contains(&(found.tick, view.as_str()));
+            if !is_seen(&found.view) || !is_seen(&found.reference) {
+                found.result = Err(NoShift::NoBox);
+            }
+        }
+        self
+    }
 }
 
 impl Pairs {

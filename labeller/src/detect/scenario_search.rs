@@ -139,11 +139,12 @@ pub(super) fn search_scenario(
     let ViewFindings {
         detections, cpu_s, ..
     } = ViewFindings::together(found);
+    let registrations = pairs
+        .map(|pairs| pairs.finish().without_boxes(&detections).registrations)
+        .unwrap_or_default();
     Ok(Findings {
         detections,
-        registrations: pairs
-            .map(|pairs| pairs.finish().registrations)
-            .unwrap_or_default(),
+        registrations,
         cpu_s,
     })
 }

@@ -13,7 +13,7 @@ use crate::detector::{Detector, PictureView, ScoredBox, Window, WindowSize, keep
 use crate::error::Result;
 use crate::search_windows::{shrunk_picture, window_around};
 use crate::tiling::{Sighting, TilingSettings, search_picture};
-use crate::tracking::{Expected, Searched, Tracker};
+use crate::tracking::{Expected, Searched, Seen, Tracker};
 
 /// After a loss the whole picture is searched at once, but not more often than this part of the usual period: in fog an aircraft is lost
 /// in every other picture.
@@ -72,7 +72,7 @@ impl<'a> Sequence<'a> {
         }
     }
 
-    /// Searches the next picture. Whether its boxes count is not final yet.
+    /// Searches the next picture. Whether its boxes count is not final yet, and faint ones may be dropped at the end.
     pub(super) fn look(
         &mut self,
         pictures: &mut Pictures<'_>,
@@ -115,7 +115,7 @@ impl<'a> Sequence<'a> {
             return self.everywhere(pictures);
         }
         let looked = self.around(pictures, &expected)?;
-        if may_follow_loss && self.tracker.loses_any(&boxes_of(&looked.sightings)) {
+        if may_follow_loss && self.tracker.loses_any(&self.seen(&looked.sightings)) {
             return self.everywhere(pictures);
         }
         Ok(looked)
@@ -139,7 +139,7 @@ impl<'a> Sequence<'a> {
         let picture = pictures.whole()?;
         let found = self
             .detector
-            .detect(&picture, &[window], self.tiling.score)?;
+            .detect(&picture, &[window], self.tiling.least_score())?;
         let sightings = found
             .into_iter()
             .flatten()
@@ -164,7 +164,7 @@ impl<'a> Sequence<'a> {
             let shown_px = [pixels.width_px, pixels.height_px];
             let found = self
                 .detector
-                .detect(&pixels, &[within], self.tiling.score)?;
+                .detect(&pixels, &[within], self.tiling.least_score())?;
             let whole = found.into_iter().flatten().map(|found| ScoredBox {
                 pixel_box: PixelBox {
                     cx_px: found.pixel_box.cx_px + f64::from(window.left_px),
@@ -199,7 +199,7 @@ impl<'a> Sequence<'a> {
             None => Searched::Everywhere,
             Some(tracks) => Searched::Around(tracks),
         };
-        let tracks = self.tracker.take(&boxes_of(&looked.sightings), searched);
+        let tracks = self.tracker.take(&self.seen(&looked.sightings), searched);
         let miss = looked.sightings.is_empty().then(|| Miss {
             tick: at.tick,
             view: self.view.to_owned(),
@@ -224,12 +224,41 @@ impl<'a> Sequence<'a> {
         for found in &mut detections.boxes {
             found.confirmed = found.track.is_some_and(|track| counts[track as usize]);
         }
+        drop_faint(detections, self.tiling.score);
         self.detector.windows
+    }
+
+    /// What the tracker has to know of what was seen.
+    fn seen(&self, sightings: &[Sighting]) -> Vec<Seen> {
+        let seen = |sighting: &Sighting| Seen {
+            pixel_box: sighting.pixel_box,
+            is_faint: sighting.score < self.tiling.score,
+        };
+        sightings.iter().map(seen).collect()
     }
 }
 
-fn boxes_of(sightings: &[Sighting]) -> Vec<PixelBox> {
-    sightings.iter().map(|seen| seen.pixel_box).collect()
+/// Drops the boxes below this score that do not count; a picture that had no others is a miss.
+fn drop_faint(detections: &mut Detections, score: f64) {
+    let Detections { boxes, misses } = detections;
+    for here in boxes.chunk_by(|a, b| a.tick == b.tick) {
+        let is_kept = |found: &Detection| found.confirmed || found.score >= score;
+        if !here.iter().any(is_kept) {
+            let reason = match here[0].mode {
+                SearchMode::Full => MissReason::Refuted,
+                SearchMode::Tracked => MissReason::Lost,
+                SearchMode::Scaled => MissReason::Nothing,
+            };
+            misses.push(Miss {
+                tick: here[0].tick,
+                view: here[0].view.clone(),
+                mode: here[0].mode,
+                reason,
+            });
+        }
+    }
+    boxes.retain(|found| found.confirmed || found.score >= score);
+    misses.sort_by_key(|miss| miss.tick);
 }
 
 /// Whether a box ends inside the pixels that a window shows, or where the picture ends.

@@ -26,8 +26,28 @@ fn shaken(exact: PixelBox, seed: u32, step: u32) -> PixelBox {
     }
 }
 
-/// The tracks of the boxes of each picture, and which tracks count.
+fn clear(pixel_box: PixelBox) -> Seen {
+    Seen {
+        pixel_box,
+        is_faint: false,
+    }
+}
+
+fn faint(pixel_box: PixelBox) -> Seen {
+    Seen {
+        pixel_box,
+        is_faint: true,
+    }
+}
+
+/// The tracks of the boxes of each picture, all of them clear, and which tracks count.
 fn track(period_s: f64, pictures: &[Vec<PixelBox>]) -> (Vec<Vec<u32>>, Vec<bool>) {
+    let all_clear = |boxes: &Vec<PixelBox>| boxes.iter().copied().map(clear).collect();
+    let pictures: Vec<_> = pictures.iter().map(all_clear).collect();
+    track_seen(period_s, &pictures)
+}
+
+fn track_seen(period_s: f64, pictures: &[Vec<Seen>]) -> (Vec<Vec<u32>>, Vec<bool>) {
     let mut tracker = Tracker::of_pictures(pictures.len());
     let tracks = pictures
         .iter()
@@ -175,7 +195,7 @@ fn a_track_that_was_not_looked_for_does_not_end() {
     let mut tracker = Tracker::of_pictures(100);
     for _ in 0..3 {
         tracker.advance(0.1);
-        tracker.take(&[at(300.0, 400.0, 24.0)], Searched::Everywhere);
+        tracker.take(&[clear(at(300.0, 400.0, 24.0))], Searched::Everywhere);
     }
     for _ in 0..40 {
         tracker.advance(0.1);
@@ -192,14 +212,14 @@ fn a_track_that_was_not_looked_for_does_not_end() {
 #[test]
 fn a_confirmed_aircraft_that_was_just_seen_is_missed_at_once_and_only_once() {
     let mut tracker = Tracker::of_pictures(100);
-    let here = at(300.0, 400.0, 24.0);
+    let here = clear(at(300.0, 400.0, 24.0));
     for step in 0..4 {
         tracker.advance(0.1);
         assert_eq!(tracker.loses_any(&[]), step == 3);
         tracker.take(&[here], Searched::Everywhere);
     }
     tracker.advance(0.1);
-    assert!(tracker.loses_any(&[at(900.0, 400.0, 24.0)]));
+    assert!(tracker.loses_any(&[clear(at(900.0, 400.0, 24.0))]));
     assert!(!tracker.loses_any(&[here]));
     tracker.take(&[], Searched::Everywhere);
     tracker.advance(0.1);
@@ -253,4 +273,89 @@ fn a_lamp_that_is_found_for_some_seconds_again_and_again_is_one_thing_that_stand
     // It stands still elsewhere, for too short a time to know.
     let elsewhere = pictures(&|_| at(930.0, 500.0, 40.0));
     assert_eq!(track(1.0, &elsewhere).1, [true, true, true]);
+}
+
+/// An aircraft that crosses the picture, a picture a second: clear in some of them.
+fn crossing(is_clear: impl Fn(u32) -> bool) -> Vec<Vec<Seen>> {
+    let seen = |second: u32| {
+        let here = shaken(at(300.0 + 3.0 * f64::from(second), 400.0, 24.0), 1, second);
+        vec![if is_clear(second) {
+            clear(here)
+        } else {
+            faint(here)
+        }]
+    };
+    (0..60).map(seen).collect()
+}
+
+#[test]
+fn faint_boxes_before_between_and_after_the_clear_ones_belong_to_the_track() {
+    let (tracks, counts) = track_seen(1.0, &crossing(|second| (20..30).contains(&second)));
+    assert!(tracks.iter().all(|tracks| *tracks == [0]), "{tracks:?}");
+    assert_eq!(counts, [true]);
+    // Never three clear ones in five pictures.
+    let (tracks, counts) = track_seen(1.0, &crossing(|second| second % 5 < 2));
+    assert!(tracks.iter().all(|tracks| *tracks == [0]), "{tracks:?}");
+    assert_eq!(counts, [false]);
+    assert_eq!(track_seen(1.0, &crossing(|_| false)).1, [false]);
+}
+
+#[test]
+fn a_clear_box_belongs_to_the_track_before_a_faint_one() {
+    let mut pictures = crossing(|second| second < 10);
+    let PixelBox { cx_px, cy_px, .. } = pictures[10][0].pixel_box;
+    pictures[10] = vec![
+        faint(at(cx_px, cy_px, 24.0)),
+        clear(at(cx_px + 1.5, cy_px + 1.0, 24.0)),
+    ];
+    let (tracks, _) = track_seen(1.0, &pictures[..11]);
+    assert_eq!(tracks[10], [1, 0]);
+}
+
+#[test]
+fn faint_boxes_do_not_make_what_appears_for_a_moment_an_aircraft() {
+    let flash: Vec<_> = (0..300)
+        .map(|step| {
+            let here = at(300.0 + 0.2 * f64::from(step), 400.0, 24.0);
+            vec![if (100..130).contains(&step) {
+                clear(here)
+            } else {
+                faint(here)
+            }]
+        })
+        .collect();
+    let (_, counts) = track_seen(1.0 / 30.0, &flash);
+    assert!(!counts.contains(&true), "{counts:?}");
+}
+
+#[test]
+fn a_lamp_whose_boxes_grow_faint_does_not_wait_for_an_aircraft() {
+    let lamp = |second: u32| shaken(at(600.0, 400.0, 24.0), 5, second);
+    let pictures: Vec<_> = (0..50)
+        .map(|second: u32| match second {
+            0..5 => vec![clear(lamp(second))],
+            5..40 => vec![faint(lamp(second))],
+            _ => vec![clear(at(600.0 + 4.0 * f64::from(second - 40), 399.0, 24.0))],
+        })
+        .collect();
+    let (tracks, _) = track_seen(1.0, &pictures);
+    assert_ne!(tracks[2], tracks[45], "{tracks:?}");
+}
+
+#[test]
+fn nothing_is_followed_that_was_only_faint() {
+    let mut tracker = Tracker::of_pictures(100);
+    for picture in crossing(|second| second == 4).iter().take(6) {
+        let is_first = tracker.expected(1.0).is_empty();
+        tracker.advance(1.0);
+        tracker.take(picture, Searched::Everywhere);
+        assert!(is_first || !tracker.expected(1.0).is_empty());
+    }
+    assert_eq!(tracker.expected(1.0).len(), 1, "once it was clear");
+    let mut tracker = Tracker::of_pictures(100);
+    for picture in crossing(|_| false).iter().take(6) {
+        tracker.advance(1.0);
+        tracker.take(picture, Searched::Everywhere);
+        assert_eq!(tracker.expected(1.0), []);
+    }
 }

@@ -4,7 +4,8 @@ use testkit::short_corpus;
 
 use super::super::view_search::{Finder, ViewFindings, search_view};
 use super::*;
-use crate::blob_finder::{BlobFinder, paint_blob};
+use crate::blob_finder::{BlobFinder, paint_blob, paint_grey_blob};
+use crate::tiling::find_aircraft;
 
 const WIDTH: u32 = 1280;
 const HEIGHT: u32 = 768;
@@ -187,4 +188,66 @@ fn the_time_of_a_search_is_told_apart_by_stage() {
     for part_s in [cpu_s.decode, cpu_s.convert, cpu_s.infer, cpu_s.rest] {
         assert!(part_s > 0.0, "{cpu_s:?}");
     }
+}
+
+#[test]
+fn faint_boxes_count_where_clear_ones_confirm_their_track_and_are_dropped_elsewhere() {
+    let temporary = tempfile::tempdir().unwrap();
+    let (ticks, clear_ticks) = (20, 8..12);
+    let aircraft = |tick: u32| blob([100 + 4 * tick, 200]);
+    let paint = |_: &str, tick: u32, rgb: &mut [u8]| {
+        rgb.fill(20);
+        let grey = if clear_ticks.contains(&tick) {
+            255
+        } else {
+            170
+        };
+        paint_grey_blob(rgb, WIDTH, &aircraft(tick), grey);
+        paint_grey_blob(rgb, WIDTH, &blob([900, 600]), 170);
+    };
+    let size = [WIDTH, HEIGHT];
+    let corpus =
+        short_corpus::write_flight(temporary.path(), "0001-a", size, EACH_SECOND, ticks, &paint);
+    for mode in [Mode::Full, Mode::Tracked] {
+        let found = search(&corpus, &mut BlobFinder::of_any_size(), mode, 1.0).detections;
+        assert_eq!(found.misses, [], "{mode:?}");
+        let seen: Vec<_> = found.boxes.iter().map(|seen| seen.tick).collect();
+        assert_eq!(seen, (0..ticks).collect::<Vec<_>>(), "one box a picture");
+        for seen in &found.boxes {
+            assert!(seen.confirmed, "{seen:?}");
+            assert_eq!(seen.score < 0.4, !clear_ticks.contains(&seen.tick));
+            assert!((seen.pixel_box.cx_px - aircraft(seen.tick).cx_px).abs() < 2.0);
+        }
+    }
+
+    let faint_alone = tempfile::tempdir().unwrap();
+    let paint = |_: &str, tick: u32, rgb: &mut [u8]| {
+        rgb.fill(20);
+        paint_grey_blob(rgb, WIDTH, &aircraft(tick), 170);
+    };
+    let corpus = short_corpus::write_flight(
+        faint_alone.path(),
+        "0001-a",
+        size,
+        EACH_SECOND,
+        ticks,
+        &paint,
+    );
+    let found = search(&corpus, &mut BlobFinder::of_any_size(), Mode::Full, 1.0).detections;
+    assert_eq!(found.boxes, []);
+    let missed: Vec<_> = found.misses.iter().map(|miss| miss.tick).collect();
+    assert_eq!(missed, (0..ticks).collect::<Vec<_>>());
+    let mut reasons = found.misses.iter().map(|miss| miss.reason);
+    assert!(reasons.all(|reason| reason == MissReason::Refuted));
+
+    let mut rgb = vec![0; (WIDTH * HEIGHT * 3) as usize];
+    paint("", 0, &mut rgb);
+    let picture = PictureView {
+        rgb: &rgb,
+        width_px: WIDTH,
+        height_px: HEIGHT,
+    };
+    let mut finder = BlobFinder::of_any_size();
+    let alone = find_aircraft(&mut finder, &picture, &TilingSettings::default()).unwrap();
+    assert!(alone.is_empty(), "a picture by itself confirms nothing");
 }
