@@ -6,7 +6,7 @@
 //! air hides, are neither right nor wrong, as COCO's crowds, and so is everything of another size where figures are by size: areas of
 //! boxes below 32 x 32 px, below 96 x 96 px, and above. `tests/detector_evaluation.rs` compares with pycocotools.
 //!
-//! The search drops boxes below its score, so precision at recalls beyond the last box counts as 0.
+//! The search drops boxes below its score, but for faint ones of confirmed tracks, so precision at recalls beyond the last box counts as 0.
 
 use dataset::pixel_box::PixelBox;
 use serde::Serialize;
