@@ -72,7 +72,7 @@ impl TilingSettings {
         let ratios = [
             ("tile_score", self.tile_score),
             ("score", self.score),
-            ("faint_score", self.least_score()),
+            ("faint_score", self.faint_score.unwrap_or(self.score)),
             ("merge_iou", self.merge_iou),
         ];
         for (name, value) in ratios {

@@ -75,11 +75,11 @@ struct Track {
 /// What is left of a track for the final decision.
 #[derive(Debug, Default)]
 struct History {
-    /// Enough clear boxes in a row.
-    is_confirmed: bool,
     boxes: Vec<(f64, PixelBox)>,
-    /// When the first and the last clear box were.
-    clear_s: Option<(f64, f64)>,
+    /// When the clear ones were.
+    clear_s: Vec<f64>,
+    /// When the first of the clear boxes was that confirmed it.
+    confirmed_s: Option<f64>,
 }
 
 /// A box that was found.
@@ -129,13 +129,13 @@ impl Tracker {
         }
     }
 
-    /// Where the aircraft that are followed are expected: confirmed ones first, then by the beginning of their tracks; none of which only
-    /// faint boxes are known. `period_s`: time between two pictures, seconds.
+    /// Where the aircraft that are followed are expected: confirmed ones first, then by the beginning of their tracks; none that was only
+    /// faint lately. `period_s`: time between two pictures, seconds.
     pub(crate) fn expected(&self, period_s: f64) -> Vec<Expected> {
         let mut expected: Vec<_> = self
             .followed
             .iter()
-            .filter(|track| self.histories[track.number as usize].clear_s.is_some())
+            .filter(|track| self.is_confirmed(track.number) || hits_in(track.clear) > 0)
             .map(|track| Expected {
                 track: track.number,
                 pixel_box: track.motion.expected(),
@@ -149,17 +149,18 @@ impl Tracker {
 
     /// Whether one of these boxes is missing: that of an aircraft which is confirmed and was in the picture before.
     pub(crate) fn loses_any(&self, boxes: &[Seen]) -> bool {
-        let matches = self.matches(boxes);
+        let matches = self.matches(boxes, Searched::Everywhere);
         let is_seen = |at: usize| matches.iter().any(|(_, seen)| *seen == at);
         let mut tracks = self.followed.iter().enumerate();
         tracks
             .any(|(at, track)| track.misses == 0 && self.is_confirmed(track.number) && !is_seen(at))
     }
 
-    /// Takes the boxes that were found at the current time, and returns the tracks that they belong to.
-    pub(crate) fn take(&mut self, boxes: &[Seen], searched: Searched<'_>) -> Vec<u32> {
+    /// Takes the boxes that were found at the current time, and returns the tracks that they belong to: none for a faint box that
+    /// continues none, unless the whole picture was searched.
+    pub(crate) fn take(&mut self, boxes: &[Seen], searched: Searched<'_>) -> Vec<Option<u32>> {
         let mut track_of: Vec<Option<u32>> = vec![None; boxes.len()];
-        for (index, at) in self.matches(boxes) {
+        for (index, at) in self.matches(boxes, searched) {
             let track = &mut self.followed[at];
             let seen = boxes[index];
             track.motion.correct(&seen.pixel_box);
@@ -178,48 +179,48 @@ impl Tracker {
             };
             if found.is_some() || was_looked_for {
                 track.note(found, self.now_s);
-                self.histories[track.number as usize].is_confirmed |= hits_in(track.clear) >= hits;
+                if hits_in(track.clear) >= hits {
+                    self.histories[track.number as usize].confirm(hits);
+                }
             }
         }
         let (histories, now_s) = (&self.histories, self.now_s);
         self.followed.retain(|track| {
             let history = &histories[track.number as usize];
-            match history.is_confirmed {
+            match history.confirmed_s.is_some() {
                 true => !track.is_gone(now_s),
                 false => !track.has_failed(hits) && !history.stands_still(),
             }
         });
-        let begin = |(index, track): (usize, Option<u32>)| {
-            track.unwrap_or_else(|| self.begin(boxes[index]))
-        };
-        track_of.into_iter().enumerate().map(begin).collect()
+        for (track, seen) in track_of.iter_mut().zip(boxes) {
+            if track.is_none() && (!seen.is_faint || searched == Searched::Everywhere) {
+                *track = Some(self.begin(*seen));
+            }
+        }
+        track_of
     }
 
     /// Boxes and positions of the tracks that they belong to: the closest pairs first, those of confirmed tracks before all others, and
-    /// faint boxes last. No faint box continues a confirmed track that stands still: that may be a lamp, and would wait for an aircraft.
-    fn matches(&self, boxes: &[Seen]) -> Vec<(usize, usize)> {
+    /// faint boxes last. A lamp must not wait for an aircraft: what stands still is either clear or faint, and not continued by the
+    /// other. Tracks that were never clear live on searches of the whole picture alone, since nobody looks for them in between.
+    fn matches(&self, boxes: &[Seen], searched: Searched<'_>) -> Vec<(usize, usize)> {
         let mut pairs = Vec::new();
         for (at, track) in self.followed.iter().enumerate() {
             let history = &self.histories[track.number as usize];
-            let is_confirmed = history.is_confirmed;
-            for (
-                index,
-                Seen {
-                    pixel_box,
-                    is_faint,
-                },
-            ) in boxes.iter().enumerate()
-            {
-                let distance = track.motion.distance(pixel_box);
-                let belongs = match is_faint {
-                    true => {
-                        distance <= FAINT_GATE
-                            && (!is_confirmed || history.place_if_still().is_none())
-                    }
-                    false => distance <= GATE,
+            let is_confirmed = history.confirmed_s.is_some();
+            let was_clear = !history.clear_s.is_empty();
+            if !was_clear && searched != Searched::Everywhere {
+                continue;
+            }
+            for (index, seen) in boxes.iter().enumerate() {
+                let distance = track.motion.distance(&seen.pixel_box);
+                let (gate, is_other) = match seen.is_faint {
+                    true => (FAINT_GATE, is_confirmed),
+                    false => (GATE, !was_clear),
                 };
-                if belongs {
-                    pairs.push(((is_faint, !is_confirmed), distance, index, at));
+                if distance <= gate && !(is_other && history.may_be_lamp()) {
+                    let order = (seen.is_faint, !is_confirmed, !was_clear);
+                    pairs.push((order, distance, index, at));
                 }
             }
         }
@@ -239,11 +240,11 @@ impl Tracker {
     fn begin(&mut self, seen: Seen) -> u32 {
         let number = self.histories.len() as u32;
         let clear = u32::from(!seen.is_faint);
-        let mut history = History {
-            is_confirmed: clear >= self.hits,
-            ..History::default()
-        };
+        let mut history = History::default();
         history.push(self.now_s, &seen);
+        if clear >= self.hits {
+            history.confirm(self.hits);
+        }
         self.histories.push(history);
         self.followed.push(Track {
             number,
@@ -259,7 +260,7 @@ impl Tracker {
 
     /// Whether a track has had enough boxes so far.
     pub(crate) fn is_confirmed(&self, track: u32) -> bool {
-        self.histories[track as usize].is_confirmed
+        self.histories[track as usize].confirmed_s.is_some()
     }
 
     /// Whether each track counts, by number, when all pictures are done.
@@ -279,7 +280,7 @@ impl Tracker {
             History::of(boxes.collect()).stands_still()
         };
         let counts = |(history, still): (&History, &Option<PixelBox>)| {
-            history.is_confirmed
+            history.confirmed_s.is_some()
                 && history.clear_for_s() >= shortest_s
                 && !still.as_ref().is_some_and(is_fixture)
         };
@@ -323,14 +324,28 @@ impl History {
     fn push(&mut self, now_s: f64, seen: &Seen) {
         self.boxes.push((now_s, seen.pixel_box));
         if !seen.is_faint {
-            let (first_s, _) = self.clear_s.unwrap_or((now_s, now_s));
-            self.clear_s = Some((first_s, now_s));
+            self.clear_s.push(now_s);
         }
     }
 
+    /// The last clear boxes, as many as `hits`, confirm it.
+    fn confirm(&mut self, hits: u32) {
+        let first = self.clear_s.len().saturating_sub(hits as usize);
+        let first_s = self.clear_s.get(first).copied();
+        self.confirmed_s = self.confirmed_s.or(first_s);
+    }
+
+    /// From the first of the boxes that confirmed it to its last clear one.
     fn clear_for_s(&self) -> f64 {
-        self.clear_s
-            .map_or(0.0, |(first_s, last_s)| last_s - first_s)
+        match (self.confirmed_s, self.clear_s.last()) {
+            (Some(first_s), Some(last_s)) => last_s - first_s,
+            _ => 0.0,
+        }
+    }
+
+    /// Whether it has stood still for as long as an aircraft takes to show that it comes closer.
+    fn may_be_lamp(&self) -> bool {
+        self.lasted_s() >= GROWTH_SHOWS_S && self.place_if_still().is_some()
     }
 
     fn lasted_s(&self) -> f64 {

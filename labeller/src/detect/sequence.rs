@@ -200,20 +200,25 @@ impl<'a> Sequence<'a> {
             Some(tracks) => Searched::Around(tracks),
         };
         let tracks = self.tracker.take(&self.seen(&looked.sightings), searched);
-        let miss = looked.sightings.is_empty().then(|| Miss {
+        let row = |(seen, track): (Sighting, Option<u32>)| {
+            let track = track?;
+            Some(Detection {
+                track: Some(track),
+                mode: looked.mode,
+                confirmed: self.tracker.is_confirmed(track),
+                ..Detection::untracked(at.tick, self.view, seen.pixel_box, seen.score, seen.tile)
+            })
+        };
+        let seen = looked.sightings.into_iter().zip(tracks);
+        let boxes: Vec<_> = seen.filter_map(row).collect();
+        let miss = boxes.is_empty().then(|| Miss {
             tick: at.tick,
             view: self.view.to_owned(),
             mode: looked.mode,
             reason: looked.nothing,
         });
-        let row = |(seen, track): (Sighting, u32)| Detection {
-            track: Some(track),
-            mode: looked.mode,
-            confirmed: self.tracker.is_confirmed(track),
-            ..Detection::untracked(at.tick, self.view, seen.pixel_box, seen.score, seen.tile)
-        };
         Detections {
-            boxes: looked.sightings.into_iter().zip(tracks).map(row).collect(),
+            boxes,
             misses: miss.into_iter().collect(),
         }
     }

@@ -49,8 +49,13 @@ struct Template<'a> {
 }
 
 impl<'a> Template<'a> {
-    fn new(reference: &'a Cleaned, view: &Cleaned) -> Result<Self, NoShift> {
-        let half = reference.size.max(view.size) / 2.0 + MARGIN_PX;
+    fn new(
+        reference: &'a Cleaned,
+        view: &Cleaned,
+        view_from_reference: DMat2,
+    ) -> Result<Self, NoShift> {
+        let larger = view_from_reference.determinant().abs().sqrt();
+        let half = reference.size.max(view.size / larger) / 2.0 + MARGIN_PX;
         let range = |centre: f64, half: f64, length: usize| {
             let start = (centre - half).ceil().max(0.0) as usize;
             start..((centre + half).floor() as usize + 1).min(length)
@@ -120,7 +125,7 @@ pub(super) fn fit(
     view: &Cleaned,
     view_from_reference: DMat2,
 ) -> Result<Fit, NoShift> {
-    let template = Template::new(reference, view)?;
+    let template = Template::new(reference, view, view_from_reference)?;
     // The centre of the reference's box in the view.
     let start = coarse(&template, view).ok_or(NoShift::Edge)?;
     let mut at = start;

@@ -263,10 +263,16 @@ fn lamps_help_and_one_that_only_one_view_sees_hardly_pulls() {
 #[test]
 fn scale_and_rotation_that_the_cameras_expect_are_taken_out_and_others_are_reported() {
     let by = DVec2::new(5.3, -2.6);
-    for size in [1.2, 1.04, 0.9, 0.8] {
+    for size in [1.2, 1.04, 0.9, 0.8, 0.5] {
+        // Large enough for the coarsest pixels.
+        let reference = Scene {
+            size: if size < 0.8 { 3.0 } else { 1.0 },
+            ..SKY
+        };
         let other = Scene {
-            size,
-            ..moved(SKY, by)
+            size: size * reference.size,
+            contrast: 0.8 * SKY.contrast,
+            ..moved(reference, by)
         };
         let expected = Expected {
             view_from_reference: DMat2::from_diagonal(DVec2::splat(size)),
@@ -274,8 +280,9 @@ fn scale_and_rotation_that_the_cameras_expect_are_taken_out_and_others_are_repor
         };
         // With a box that is not centred on the aircraft, the followed point moves with the scale.
         let off = DVec2::new(0.4, -0.3) * (size - 1.0);
-        let shift = compare(SKY, other, &expected, DVec2::new(0.2, 0.5)).unwrap();
-        let wrong = error(SKY, other, &shift) - off;
+        let shift = compare(reference, other, &expected, DVec2::new(0.2, 0.5)).unwrap();
+        let wrong = error(reference, other, &shift) - off;
+        assert!((shift.gain - 0.8).abs() < 0.05, "{shift:?}");
         assert!(wrong.abs().max_element() < 0.05, "{shift:?}: {wrong}");
         assert!((shift.scale - size).abs() < 0.02, "{shift:?}");
         let scaled = wrong / DVec2::new(shift.sd_x_px, shift.sd_y_px);

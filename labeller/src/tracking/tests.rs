@@ -53,7 +53,8 @@ fn track_seen(period_s: f64, pictures: &[Vec<Seen>]) -> (Vec<Vec<u32>>, Vec<bool
         .iter()
         .map(|boxes| {
             tracker.advance(period_s);
-            tracker.take(boxes, Searched::Everywhere)
+            let tracks = tracker.take(boxes, Searched::Everywhere);
+            tracks.into_iter().flatten().collect()
         })
         .collect();
     (tracks, tracker.finish())
@@ -314,32 +315,82 @@ fn a_clear_box_belongs_to_the_track_before_a_faint_one() {
 
 #[test]
 fn faint_boxes_do_not_make_what_appears_for_a_moment_an_aircraft() {
-    let flash: Vec<_> = (0..300)
-        .map(|step| {
+    let flash = |is_clear: &dyn Fn(u32) -> bool| {
+        let seen = |step: u32| {
             let here = at(300.0 + 0.2 * f64::from(step), 400.0, 24.0);
-            vec![if (100..130).contains(&step) {
+            vec![if is_clear(step) {
                 clear(here)
             } else {
                 faint(here)
             }]
-        })
-        .collect();
-    let (_, counts) = track_seen(1.0 / 30.0, &flash);
-    assert!(!counts.contains(&true), "{counts:?}");
+        };
+        let pictures: Vec<_> = (0..300).map(seen).collect();
+        track_seen(1.0 / 30.0, &pictures).1
+    };
+    assert_eq!(flash(&|step| (100..130).contains(&step)), [false]);
+    assert_eq!(
+        flash(&|step| step == 10 || (100..103).contains(&step)),
+        [false],
+        "once, and again after three seconds"
+    );
+    assert_eq!(flash(&|step| (100..170).contains(&step)), [true]);
 }
 
 #[test]
 fn a_lamp_whose_boxes_grow_faint_does_not_wait_for_an_aircraft() {
-    let lamp = |second: u32| shaken(at(600.0, 400.0, 24.0), 5, second);
-    let pictures: Vec<_> = (0..50)
-        .map(|second: u32| match second {
-            0..5 => vec![clear(lamp(second))],
-            5..40 => vec![faint(lamp(second))],
-            _ => vec![clear(at(600.0 + 4.0 * f64::from(second - 40), 399.0, 24.0))],
-        })
-        .collect();
-    let (tracks, _) = track_seen(1.0, &pictures);
-    assert_ne!(tracks[2], tracks[45], "{tracks:?}");
+    for first_clear in [0, 5] {
+        let lamp = |second: u32| shaken(at(600.0, 400.0, 24.0), 5, second);
+        let pictures: Vec<_> = (0..70)
+            .map(|second: u32| match second {
+                0..50 if second < first_clear => vec![clear(lamp(second))],
+                0..50 => vec![faint(lamp(second))],
+                _ => vec![clear(at(600.0 + 4.0 * f64::from(second - 50), 399.0, 24.0))],
+            })
+            .collect();
+        let (tracks, counts) = track_seen(1.0, &pictures);
+        assert_ne!(tracks[49], tracks[60], "{tracks:?}");
+        assert!(!counts[tracks[49][0] as usize], "{counts:?}");
+        assert!(counts[tracks[60][0] as usize], "{counts:?}");
+    }
+}
+
+#[test]
+fn an_aircraft_that_comes_straight_closer_is_followed_while_it_is_faint() {
+    for period_s in [0.2, 1.0] {
+        let pictures: Vec<_> = (0..(60.0 / period_s) as u32)
+            .map(|step| {
+                let time_s = f64::from(step) * period_s;
+                let here = at(960.0, 600.0, 35.0 * 11_000.0 / (18_000.0 - 80.0 * time_s));
+                vec![if time_s < 4.0 {
+                    clear(here)
+                } else {
+                    faint(here)
+                }]
+            })
+            .collect();
+        let (tracks, counts) = track_seen(period_s, &pictures);
+        assert!(tracks.iter().all(|tracks| *tracks == [0]), "{tracks:?}");
+        assert_eq!(counts, [true]);
+    }
+}
+
+#[test]
+fn a_faint_box_in_a_window_begins_nothing() {
+    let mut tracker = Tracker::of_pictures(100);
+    let here = at(300.0, 400.0, 24.0);
+    tracker.advance(1.0);
+    assert_eq!(
+        tracker.take(&[clear(here)], Searched::Everywhere),
+        [Some(0)]
+    );
+    tracker.advance(1.0);
+    let beside = faint(at(340.0, 420.0, 12.0));
+    let seen = [clear(here), beside];
+    assert_eq!(tracker.take(&seen, Searched::Around(&[0])), [Some(0), None]);
+    assert_eq!(
+        tracker.take(&seen, Searched::Everywhere),
+        [Some(0), Some(1)]
+    );
 }
 
 #[test]
