@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use super::Faults;
 use crate::corpus::ScenarioFolder;
-use crate::detections::{self, Row, read_rows_with_faults};
+use crate::detections::{self, Detection, Row, read_rows_with_faults};
 use crate::json_file::read_json;
 use crate::limits::{self, MOST_PICTURES};
 use crate::open_scenario::{OpenScenario, fault_of, fault_of_registration};
@@ -189,6 +189,31 @@ fn check_registration_counts(
     }
 }
 
+/// Below `score` is only what counts, and nothing is below `faint_score`.
+fn check_scores(file: &str, counts: &Counts, rows: &[Row], faults: &mut Faults) {
+    let setting = |name| counts.settings.get(name).and_then(Value::as_f64);
+    let (Some(score), Some(faint)) = (setting("score"), setting("faint_score")) else {
+        return;
+    };
+    for row in rows {
+        let Row::Box(found) = row else { continue };
+        let (name, least, what) = match found.confirmed {
+            true => ("faint_score", faint.min(score), "a box"),
+            false => ("score", score, "a box that does not count"),
+        };
+        if found.score < least {
+            let Detection {
+                view, tick, score, ..
+            } = found;
+            let message = format!(
+                "settings.{name} is above {score}, the score of {what} of view {view} at tick {tick}"
+            );
+            faults.file(file, message);
+            return;
+        }
+    }
+}
+
 fn check_counts(
     file: &str,
     counts: &Counts,
@@ -222,6 +247,7 @@ fn check_counts(
             format!("seconds is {seconds:e}, expected a time from 0 to 1e10"),
         );
     }
+    check_scores(file, counts, rows, faults);
     for (name, limits) in [
         ("tile_score", limits::RATIO),
         ("score", limits::RATIO),

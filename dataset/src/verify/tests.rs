@@ -757,6 +757,29 @@ fn with_detections(found: &Detections, record: serde_json::Value) -> String {
 }
 
 #[test]
+fn a_faint_box_that_does_not_count_is_found() {
+    let settings = serde_json::json!({"settings": {"score": 0.7, "faint_score": 0.4}});
+    for (confirmed, words) in [
+        (true, ""),
+        (
+            false,
+            "settings.score is above 0.5, the score of a box that does not count",
+        ),
+    ] {
+        let found = Detections {
+            boxes: vec![Detection {
+                confirmed,
+                ..detection()
+            }],
+            misses: Vec::new(),
+        };
+        let findings = with_detections(&found, settings.clone());
+        assert_eq!(findings.is_empty(), words.is_empty(), "{findings}");
+        assert!(findings.contains(words), "{findings}");
+    }
+}
+
+#[test]
 fn counts_settings_and_models_that_cannot_be_are_found_in_records_of_detections() {
     let sound = serde_json::json!({"pictures": 10, "detections": 1, "misses": 1, "seconds": 0.1,
         "settings": {"tile_score": 0.15, "score": 0.3, "merge_iou": 0.3, "most_windows": 6}});
@@ -783,6 +806,14 @@ fn counts_settings_and_models_that_cannot_be_are_found_in_records_of_detections(
         (
             serde_json::json!({"settings": {"score": 1e308}}),
             "settings.score 1e308 is out of range",
+        ),
+        (
+            serde_json::json!({"settings": {"faint_score": 2}}),
+            "settings.faint_score 2 is out of range",
+        ),
+        (
+            serde_json::json!({"settings": {"score": 0.7, "faint_score": 0.6}}),
+            "settings.faint_score is above 0.5, the score of a box of view left at tick 0",
         ),
         (
             serde_json::json!({"settings": {"most_windows": 0}}),
