@@ -76,8 +76,8 @@ struct Track {
 #[derive(Debug, Default)]
 struct History {
     boxes: Vec<(f64, PixelBox)>,
-    /// When the clear ones were.
-    clear_s: Vec<f64>,
+    /// The clear ones, whose sizes can be relied on.
+    clear: Vec<(f64, PixelBox)>,
     /// When the first of the clear boxes was that confirmed it.
     confirmed_s: Option<f64>,
 }
@@ -189,7 +189,7 @@ impl Tracker {
             let history = &histories[track.number as usize];
             match history.confirmed_s.is_some() {
                 true => !track.is_gone(now_s),
-                false => !track.has_failed(hits) && !history.stands_still(),
+                false => !track.has_failed(hits) && !history.has_stood_still(LONGEST_STILL_S),
             }
         });
         for (track, seen) in track_of.iter_mut().zip(boxes) {
@@ -208,7 +208,7 @@ impl Tracker {
         for (at, track) in self.followed.iter().enumerate() {
             let history = &self.histories[track.number as usize];
             let is_confirmed = history.confirmed_s.is_some();
-            let was_clear = !history.clear_s.is_empty();
+            let was_clear = !history.clear.is_empty();
             if !was_clear && searched != Searched::Everywhere {
                 continue;
             }
@@ -218,7 +218,7 @@ impl Tracker {
                     true => (FAINT_GATE, is_confirmed),
                     false => (GATE, !was_clear),
                 };
-                if distance <= gate && !(is_other && history.may_be_lamp()) {
+                if distance <= gate && !(is_other && history.has_stood_still(GROWTH_SHOWS_S)) {
                     let order = (seen.is_faint, !is_confirmed, !was_clear);
                     pairs.push((order, distance, index, at));
                 }
@@ -268,7 +268,10 @@ impl Tracker {
         let video_s = self.now_s - self.began_s.unwrap_or(self.now_s);
         let shortest_s = SHORTEST_S.min(SHORTEST_PART * video_s);
         let histories = self.histories;
-        let still: Vec<Option<PixelBox>> = histories.iter().map(History::place_if_still).collect();
+        let still: Vec<_> = histories
+            .iter()
+            .map(|history| place_if_still(&history.clear))
+            .collect();
         let is_fixture = |place: &PixelBox| {
             let there = histories.iter().zip(&still).filter(|(_, other)| {
                 other.is_some_and(|other| {
@@ -276,8 +279,11 @@ impl Tracker {
                     distance_px(place, &other) < moved_px(place) && ALIKE.contains(&ratio)
                 })
             });
-            let boxes = there.flat_map(|(history, _)| history.boxes.iter().copied());
-            History::of(boxes.collect()).stands_still()
+            let mut boxes: Vec<_> = there
+                .flat_map(|(history, _)| history.clear.iter().copied())
+                .collect();
+            boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
+            stands_still(&boxes)
         };
         let counts = |(history, still): (&History, &Option<PixelBox>)| {
             history.confirmed_s.is_some()
@@ -324,66 +330,77 @@ impl History {
     fn push(&mut self, now_s: f64, seen: &Seen) {
         self.boxes.push((now_s, seen.pixel_box));
         if !seen.is_faint {
-            self.clear_s.push(now_s);
+            self.clear.push((now_s, seen.pixel_box));
         }
     }
 
     /// The last clear boxes, as many as `hits`, confirm it.
     fn confirm(&mut self, hits: u32) {
-        let first = self.clear_s.len().saturating_sub(hits as usize);
-        let first_s = self.clear_s.get(first).copied();
+        let first = self.clear.len().saturating_sub(hits as usize);
+        let first_s = self.clear.get(first).map(|(at_s, _)| *at_s);
         self.confirmed_s = self.confirmed_s.or(first_s);
     }
 
     /// From the first of the boxes that confirmed it to its last clear one.
     fn clear_for_s(&self) -> f64 {
-        match (self.confirmed_s, self.clear_s.last()) {
-            (Some(first_s), Some(last_s)) => last_s - first_s,
+        match (self.confirmed_s, self.clear.last()) {
+            (Some(first_s), Some((last_s, _))) => last_s - first_s,
             _ => 0.0,
         }
     }
 
-    /// Whether it has stood still for as long as an aircraft takes to show that it comes closer.
-    fn may_be_lamp(&self) -> bool {
-        self.lasted_s() >= GROWTH_SHOWS_S && self.place_if_still().is_some()
+    /// Whether it has been seen for so long and has not moved. The sizes of faint boxes say little.
+    fn has_stood_still(&self, seconds: f64) -> bool {
+        lasted_s(&self.boxes) >= seconds && !has_moved(&ends(&self.boxes))
     }
+}
 
-    fn lasted_s(&self) -> f64 {
-        match (self.boxes.first(), self.boxes.last()) {
-            (Some((first_s, _)), Some((last_s, _))) => last_s - first_s,
-            _ => 0.0,
-        }
+fn lasted_s(boxes: &[(f64, PixelBox)]) -> f64 {
+    match (boxes.first(), boxes.last()) {
+        (Some((first_s, _)), Some((last_s, _))) => last_s - first_s,
+        _ => 0.0,
     }
+}
 
-    /// Of boxes in any order.
-    fn of(mut boxes: Vec<(f64, PixelBox)>) -> Self {
-        boxes.sort_by(|a, b| a.0.total_cmp(&b.0));
-        Self {
-            boxes,
-            ..Self::default()
-        }
-    }
+/// Whether this is something like a mast: for a minute it neither moved nor grew. One that is found only now and then has several tracks
+/// at its place. Boxes by time.
+fn stands_still(boxes: &[(f64, PixelBox)]) -> bool {
+    lasted_s(boxes) >= LONGEST_STILL_S && place_if_still(boxes).is_some()
+}
 
-    /// Whether this is something like a mast: for a minute it neither moved nor grew. One that is found only now and then has several
-    /// tracks at its place.
-    fn stands_still(&self) -> bool {
-        self.lasted_s() >= LONGEST_STILL_S && self.place_if_still().is_some()
+/// Where it is, if it neither moved nor grew. Boxes by time.
+fn place_if_still(boxes: &[(f64, PixelBox)]) -> Option<PixelBox> {
+    if boxes.is_empty() {
+        return None;
     }
+    let [before, after] = ends(boxes);
+    let growth = after.width_px / before.width_px.max(1.0) - 1.0;
+    let has_grown = lasted_s(boxes) >= GROWTH_SHOWS_S && growth.abs() >= LEAST_GROWTH;
+    (!has_grown && !has_moved(&[before, after])).then(|| mean(boxes.iter()))
+}
 
-    /// Where it is, if it neither moved nor grew.
-    fn place_if_still(&self) -> Option<PixelBox> {
-        let lasted_s = self.lasted_s();
-        let (first_s, _) = self.boxes.first()?;
-        let (last_s, third_s) = (first_s + lasted_s, lasted_s / 3.0);
-        let middle =
-            |is_in: &dyn Fn(f64) -> bool| mean(self.boxes.iter().filter(|(at_s, _)| is_in(*at_s)));
-        let before = middle(&|at_s| at_s <= first_s + third_s);
-        let after = middle(&|at_s| at_s >= last_s - third_s);
-        let growth = after.width_px / before.width_px.max(1.0) - 1.0;
-        let has_grown = lasted_s >= GROWTH_SHOWS_S && growth.abs() >= LEAST_GROWTH;
-        let has_moved = distance_px(&before, &after) >= moved_px(&before);
-        (!has_grown && !has_moved).then(|| mean(self.boxes.iter()))
-    }
+/// The middles of the first and the last third of its time.
+fn ends(boxes: &[(f64, PixelBox)]) -> [PixelBox; 2] {
+    let third_s = lasted_s(boxes) / 3.0;
+    let [first_s, last_s] =
+        [boxes.first(), boxes.last()].map(|at| at.map_or(0.0, |(at_s, _)| *at_s));
+    [
+        mean(
+            boxes
+                .iter()
+                .take_while(|(at_s, _)| *at_s <= first_s + third_s),
+        ),
+        mean(
+            boxes
+                .iter()
+                .rev()
+                .take_while(|(at_s, _)| *at_s >= last_s - third_s),
+        ),
+    ]
+}
+
+fn has_moved([before, after]: &[PixelBox; 2]) -> bool {
+    distance_px(before, after) >= moved_px(before)
 }
 
 fn distance_px(a: &PixelBox, b: &PixelBox) -> f64 {

@@ -355,12 +355,14 @@ fn a_lamp_whose_boxes_grow_faint_does_not_wait_for_an_aircraft() {
 }
 
 #[test]
-fn an_aircraft_that_comes_straight_closer_is_followed_while_it_is_faint() {
+fn an_approach_is_followed_while_it_is_faint() {
     for period_s in [0.2, 1.0] {
-        let pictures: Vec<_> = (0..(60.0 / period_s) as u32)
+        let pictures: Vec<_> = (0..(90.0 / period_s) as u32)
             .map(|step| {
                 let time_s = f64::from(step) * period_s;
-                let here = at(960.0, 600.0, 35.0 * 11_000.0 / (18_000.0 - 80.0 * time_s));
+                let px_per_m = 11_000.0 / (17_000.0 - 80.0 * time_s);
+                let here = at(960.0 + 300.0 * px_per_m, 640.0, 35.0 * px_per_m);
+                let here = shaken(here, 3, step);
                 vec![if time_s < 4.0 {
                     clear(here)
                 } else {
@@ -372,6 +374,20 @@ fn an_aircraft_that_comes_straight_closer_is_followed_while_it_is_faint() {
         assert!(tracks.iter().all(|tracks| *tracks == [0]), "{tracks:?}");
         assert_eq!(counts, [true]);
     }
+}
+
+#[test]
+fn a_lamp_whose_faint_boxes_have_another_size_stands_still() {
+    let seen = |second: u32| {
+        let here = shaken(at(352.0, 961.0, 35.0), 3, second);
+        let halo = at(here.cx_px, here.cy_px, 21.0);
+        // Clear for some seconds, again and again, and more often later.
+        let is_clear = second % 40 < 4 + second / 40;
+        vec![if is_clear { clear(here) } else { faint(halo) }]
+    };
+    let pictures: Vec<_> = (0..240).map(seen).collect();
+    let (_, counts) = track_seen(1.0, &pictures);
+    assert!(!counts.contains(&true), "{counts:?}");
 }
 
 #[test]
