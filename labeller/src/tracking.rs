@@ -36,6 +36,8 @@ const SHORTEST_PART: f64 = 0.5;
 const LONGEST_STILL_S: f64 = 60.0;
 /// The middle of a track's last third against that of its first third. An aircraft at 13 NM grows by a tenth in 40 s...
 const LEAST_GROWTH: f64 = 0.05;
+/// ... and does so beyond chance, in standard errors: the widths of a lamp that is found now and then differ by half...
+const SURE_GROWTH: f64 = 2.0;
 /// ... and in a shorter time too little to tell, seconds...
 const GROWTH_SHOWS_S: f64 = 20.0;
 /// ... and things at one place whose lengths have another ratio are not one thing...
@@ -374,8 +376,10 @@ fn place_if_still(boxes: &[(f64, PixelBox)]) -> Option<PixelBox> {
         return None;
     }
     let [before, after] = ends(boxes);
-    let growth = after.width_px / before.width_px.max(1.0) - 1.0;
-    let has_grown = lasted_s(boxes) >= GROWTH_SHOWS_S && growth.abs() >= LEAST_GROWTH;
+    let growth_px = (after.width_px - before.width_px).abs();
+    let has_grown = lasted_s(boxes) >= GROWTH_SHOWS_S
+        && growth_px >= LEAST_GROWTH * before.width_px
+        && growth_px >= SURE_GROWTH * growth_error_px(boxes);
     (!has_grown && !has_moved(&[before, after])).then(|| mean(boxes.iter()))
 }
 
@@ -397,6 +401,17 @@ fn ends(boxes: &[(f64, PixelBox)]) -> [PixelBox; 2] {
                 .take_while(|(at_s, _)| *at_s >= last_s - third_s),
         ),
     ]
+}
+
+/// Standard error of the difference of the mean widths of two thirds of these boxes.
+fn growth_error_px(boxes: &[(f64, PixelBox)]) -> f64 {
+    let middle_px = mean(boxes.iter()).width_px;
+    let squares = boxes
+        .iter()
+        .map(|(_, seen)| (seen.width_px - middle_px).powi(2));
+    let count = boxes.len() as f64;
+    let variance = squares.sum::<f64>() / count;
+    (variance * 2.0 / (count / 3.0)).sqrt()
 }
 
 fn has_moved([before, after]: &[PixelBox; 2]) -> bool {

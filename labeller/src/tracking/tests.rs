@@ -379,7 +379,8 @@ fn an_approach_is_followed_while_it_is_faint() {
 #[test]
 fn a_lamp_whose_faint_boxes_have_another_size_stands_still() {
     let seen = |second: u32| {
-        let here = shaken(at(352.0, 961.0, 35.0), 3, second);
+        let length_px = 30.0 + 8.0 * jitter(9, second / 4);
+        let here = shaken(at(352.0, 961.0, length_px), 3, second);
         let halo = at(here.cx_px, here.cy_px, 21.0);
         // Clear for some seconds, again and again, and more often later.
         let is_clear = second % 40 < 4 + second / 40;
