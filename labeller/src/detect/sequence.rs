@@ -246,8 +246,8 @@ impl<'a> Sequence<'a> {
 /// Drops the boxes below this score that do not count; a picture that had no others is a miss.
 fn drop_faint(detections: &mut Detections, score: f64) {
     let Detections { boxes, misses } = detections;
+    let is_kept = |found: &Detection| found.confirmed || found.score >= score;
     for here in boxes.chunk_by(|a, b| a.tick == b.tick) {
-        let is_kept = |found: &Detection| found.confirmed || found.score >= score;
         if !here.iter().any(is_kept) {
             let reason = match here[0].mode {
                 SearchMode::Full => MissReason::Refuted,
@@ -262,7 +262,7 @@ fn drop_faint(detections: &mut Detections, score: f64) {
             });
         }
     }
-    boxes.retain(|found| found.confirmed || found.score >= score);
+    boxes.retain(is_kept);
     misses.sort_by_key(|miss| miss.tick);
 }
 
