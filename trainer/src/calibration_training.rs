@@ -2,7 +2,9 @@
 //!
 //! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same tick
 //! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The
-//! paper's full-batch epochs are mini-batches here.
+//! paper's full-batch epochs are mini-batches here. On the processor gradients come from [`gradients`], on a GPU from autodiff.
+
+mod gradients;
 
 use burn::module::Module;
 use burn::nn::Linear;
@@ -122,6 +124,20 @@ impl CalibrationNetworks {
         self.head.forward(self.features(view, boxes))
     }
 
+    /// Of these gradients those of what trains: the head only together with all views. A parameter without a gradient stays as it is.
+    fn gradients(&self, mut all: Gradients, balance: &GapBalance) -> GradientsParams {
+        let mut selected = GradientsParams::new();
+        for (network, optimised) in self.views.iter().zip(balance.optimised()) {
+            if *optimised {
+                take_gradients(&mut all, network, &mut selected);
+            }
+        }
+        if balance.all_optimised() {
+            take_gradients(&mut all, &self.head, &mut selected);
+        }
+        selected
+    }
+
     /// Of these gradients those of the network of one view.
     pub(crate) fn gradients_of_view(&self, view: usize, mut all: Gradients) -> GradientsParams {
         let mut of_view = GradientsParams::new();
@@ -221,19 +237,21 @@ impl Task for Calibration<'_> {
             self.config.optimisation.batch_size,
             &mut self.setup.random,
         );
-        let optimised = self.state.balance.optimised();
+        let balance = &self.state.balance;
+        let optimised = balance.optimised();
         let Setup { loss, device, .. } = &self.setup;
-        let mut gradients =
-            batch_loss(networks, self.training, &batch, optimised, *loss, device).backward();
-        // The head trains only together with all views; a parameter without a gradient stays as it is.
-        let mut selected = GradientsParams::new();
-        for (network, _) in networks.views.iter().zip(optimised).filter(|(_, on)| **on) {
-            take_gradients(&mut gradients, network, &mut selected);
+        if self.setup.is_on_processor() {
+            return traced_gradients(
+                &networks.valid(),
+                self.training,
+                &batch,
+                balance,
+                *loss,
+                device,
+            );
         }
-        if self.state.balance.all_optimised() {
-            take_gradients(&mut gradients, &networks.head, &mut selected);
-        }
-        selected
+        let total = batch_loss(networks, self.training, &batch, optimised, *loss, device);
+        networks.gradients(total.backward(), balance)
     }
 
     fn errors_pct(&self, networks: &CalibrationNetworks) -> Vec<Option<f64>> {
@@ -261,6 +279,34 @@ impl Task for Calibration<'_> {
     }
 }
 
+/// The gradients of those that train, by hand. Networks must be without autodiff, the device with it.
+fn traced_gradients(
+    networks: &CalibrationNetworks,
+    samples: &Encoded,
+    batch: &[usize],
+    balance: &GapBalance,
+    loss: Loss,
+    device: &Device,
+) -> GradientsParams {
+    let optimised = balance.optimised();
+    let traced = networks.trace(samples, batch, optimised, &device.clone().inner());
+    let predictions: Vec<Tensor<2>> = (traced.predictions().into_iter().zip(optimised))
+        .map(|(prediction, &optimised)| match optimised {
+            true => Tensor::from_inner(prediction).require_grad(),
+            false => Tensor::from_inner(prediction),
+        })
+        .collect();
+    let mut gradients = loss_of(&predictions, samples, batch, optimised, loss, device).backward();
+    let of_predictions: Vec<_> = (predictions.iter().zip(optimised))
+        .map(|(prediction, &optimised)| {
+            optimised
+                .then(|| prediction.grad_remove(&mut gradients))
+                .flatten()
+        })
+        .collect();
+    traced.gradients(&of_predictions, balance.all_optimised())
+}
+
 /// Sum of the losses of the optimised views.
 pub(crate) fn batch_loss(
     networks: &CalibrationNetworks,
@@ -270,13 +316,11 @@ pub(crate) fn batch_loss(
     loss: Loss,
     device: &Device,
 ) -> Tensor<1> {
-    let views = samples.views();
-    let targets = samples.target_column(batch, loss, device);
     // Views that are not optimised are computed without autodiff: a graph that no backward pass consumes is never freed, and burn's
     // search for such graphs slows down every later step.
     let plain_device = device.clone().inner();
     let plain = networks.valid();
-    let predictions: Vec<Tensor<2>> = (0..views)
+    let predictions: Vec<Tensor<2>> = (0..samples.views())
         .map(|view| match optimised[view] {
             true => networks.predict(view, samples.inputs(batch, view, device)),
             false => {
@@ -284,6 +328,20 @@ pub(crate) fn batch_loss(
             }
         })
         .collect();
+    loss_of(&predictions, samples, batch, optimised, loss, device)
+}
+
+/// The same of the predictions from each view.
+fn loss_of(
+    predictions: &[Tensor<2>],
+    samples: &Encoded,
+    batch: &[usize],
+    optimised: &[bool],
+    loss: Loss,
+    device: &Device,
+) -> Tensor<1> {
+    let views = samples.views();
+    let targets = samples.target_column(batch, loss, device);
     let masks: Vec<Vec<f32>> = (0..views).map(|view| samples.mask(batch, view)).collect();
     let mut total = Tensor::<1>::zeros([1], device);
     for view in (0..views).filter(|&view| optimised[view]) {

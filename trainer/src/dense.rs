@@ -3,6 +3,8 @@
 //! Initial weights come from the caller's generator, not from burn's global one, so that a seed gives the same network whatever
 //! else runs in the process.
 
+mod gradients;
+
 use burn::module::{Module, Param};
 use burn::nn::Linear;
 use burn::tensor::activation::leaky_relu;
@@ -13,6 +15,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 
 use crate::encoded::numbers;
+
+pub(crate) use gradients::{DenseTrace, LinearGradients};
 
 /// Slope of LeakyReLU below zero, as in PyTorch.
 pub(crate) const LEAKY_SLOPE: f64 = 0.01;

@@ -49,6 +49,7 @@ mod prediction_table;
 mod refit;
 mod report;
 mod rig;
+mod row_parts;
 mod run_folder;
 mod run_place;
 mod samples;

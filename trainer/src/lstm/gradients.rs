@@ -2,8 +2,7 @@
 //!
 //! burn's autodiff computes the same on one core: it keeps and walks a graph of some eighty small operations per view, each with a tensor
 //! of its own, and of a batch of 256 only few products are large enough for two. Here the gates of a layer are one product, what follows
-//! it is one pass over its rows, and the rows of a batch are divided into parts that cores share: two, and more if the batch has more than
-//! 512. How they are divided depends on the batch alone, so that the same seed gives the same weights on any number of cores.
+//! it is one pass over its rows, and the rows of a batch are divided into [parts that cores share](row_parts).
 
 use std::sync::Arc;
 
@@ -14,11 +13,7 @@ use rayon::prelude::*;
 
 use super::{Gate, Layer, StackedLstm, ViewFeatures};
 use crate::encoded::numbers;
-
-/// Rows that are worked on together: their gates stay in a core's cache.
-const MOST_ROWS: usize = 256;
-/// Parts at least, for two cores.
-const LEAST_PARTS: usize = 2;
+use crate::row_parts::row_parts;
 
 /// The gates of a layer side by side, the one that the first view has no use for last.
 struct Weights {
@@ -77,15 +72,13 @@ impl StackedLstm {
     pub(crate) fn trace(&self, views: &[ViewFeatures]) -> Traced<'_> {
         let weights: Vec<Weights> = self.layers.iter().map(Weights::of).collect();
         let [rows, _] = views[0].features.dims();
-        let parts = rows.div_ceil(MOST_ROWS).max(LEAST_PARTS).min(rows);
-        let ends: Vec<usize> = (0..=parts).map(|part| rows * part / parts).collect();
-        let parts: Vec<_> = ends.windows(2).map(|ends| (ends[0], ends[1])).collect();
-        let parts = parts.par_iter().map(|&(from, to)| {
+        let parts = row_parts(rows).into_par_iter().map(|rows| {
+            let (from, count) = (rows.start, rows.len());
             let views = views.iter().map(|view| ViewFeatures {
-                features: view.features.clone().narrow(0, from, to - from),
-                present: view.present.clone().map(|p| p.narrow(0, from, to - from)),
+                features: view.features.clone().narrow(0, from, count),
+                present: view.present.clone().map(|p| p.narrow(0, from, count)),
             });
-            Part::of(&weights, views, to - from)
+            Part::of(&weights, views, count)
         });
         Traced {
             parts: parts.collect(),
