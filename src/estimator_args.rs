@@ -22,7 +22,7 @@ pub(crate) struct TrainArgs {
     pub(crate) quick: bool,
     /// TOML file with settings that differ from the defaults (docs/training.md)
     ///
-    /// All resulting settings are saved in RUN/config.json.
+    /// All resulting settings are saved in RUN/config.json, which is accepted here, too.
     #[arg(long, value_name = "TRAIN.toml")]
     pub(crate) config: Option<PathBuf>,
     /// Try the settings and seeds of a TOML file, a run in RUN for each, and compare them (docs/training.md)

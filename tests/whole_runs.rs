@@ -174,3 +174,20 @@ fn a_training_that_is_killed_again_and_again_goes_on_to_the_same_weights() {
     assert!(found == expected);
     assert!(!path("run.partial").exists());
 }
+
+#[test]
+fn the_settings_that_a_run_saved_make_the_same_run_again() {
+    let folder = tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    SyntheticCorpus::tiny().write(&path("corpus")).unwrap();
+    fs::write(path("train.toml"), SETTINGS).unwrap();
+    let train = |settings: PathBuf, out: &str| {
+        let mut command = DTD.command(&["train"]);
+        command.arg(path("corpus")).arg("--config").arg(settings);
+        let output = command.arg("--out").arg(path(out)).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        weights_and_settings(&path(out))
+    };
+    let first = train(path("train.toml"), "first");
+    assert!(train(path("first/config.json"), "again") == first);
+}

@@ -6,6 +6,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use dataset::corpus::Corpus;
+use dataset::json_file::read_json;
 use dataset::outside_file::{self, FileKind};
 use dataset::progress::Progress;
 use dataset::toml_file::TomlFile;
@@ -158,8 +159,14 @@ fn overridden(mut config: TrainConfig, args: &TrainArgs) -> TrainConfig {
     config
 }
 
-/// The settings in a file. One that is out of range is shown in its line.
+/// The settings in a file, TOML or the `config.json` of a run. One that is out of range is shown in its line of the former.
 fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
+    if path
+        .extension()
+        .is_some_and(|extension| extension == "json")
+    {
+        return read_json(path, "training configuration").map_err(Failure::bad_input);
+    }
     let text = outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
     let file = TomlFile::new(path, &text);
     let config: TrainConfig = file.parse().map_err(Failure::bad_input)?;

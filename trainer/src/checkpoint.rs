@@ -40,7 +40,7 @@ pub(crate) struct Origin {
     pub(crate) config: TrainConfig,
     /// BLAKE3 of the weights that it starts from, if they are not random.
     pub(crate) start_blake3: Option<String>,
-    /// BLAKE3 of what the networks learn from and are judged by.
+    /// BLAKE3 of what networks and formulas learn from and are judged by ([`crate::samples::Samples::hash`]).
     pub(crate) samples_blake3: String,
 }
 

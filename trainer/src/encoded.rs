@@ -63,23 +63,6 @@ impl Encoded {
         }
     }
 
-    /// BLAKE3 over all numbers, as hexadecimal digits.
-    pub(crate) fn hash(all: &[&Self]) -> String {
-        let mut hasher = blake3::Hasher::new();
-        for encoded in all {
-            for length in [encoded.views, encoded.len()] {
-                hasher.update(&(length as u64).to_le_bytes());
-            }
-            for number in encoded.features.iter().flatten().chain(&encoded.distances) {
-                hasher.update(&number.to_le_bytes());
-            }
-            for &seen in &encoded.seen {
-                hasher.update(&[u8::from(seen)]);
-            }
-        }
-        hasher.finalize().to_string()
-    }
-
     /// Number of samples.
     pub(crate) fn len(&self) -> usize {
         self.seen.len() / self.views

@@ -61,6 +61,8 @@ pub struct Judged {
     pub corpus: String,
     /// Hash of the judged scenarios: of their identifiers and the hashes of their manifests.
     pub scenarios_blake3: String,
+    /// Hash of what the cameras saw there: of boxes, registered shifts and truth.
+    pub samples_blake3: String,
     /// Which of its scenarios.
     pub side: JudgedSide,
     /// ICAO code of the airport and designator of each runway.
@@ -101,6 +103,7 @@ impl Judged {
                 .to_string_lossy()
                 .into(),
             scenarios_blake3: hash.finalize().to_string(),
+            samples_blake3: samples.hash(&[Side::Test]),
             side,
             runways: scenarios()
                 .map(|s| format!("{} {}", s.runway.airport, s.runway.name))
@@ -233,7 +236,7 @@ pub fn evaluate(
             common: common.iter().filter(|&&common| common).count(),
         },
         disbelieved_boxes: found - all.boxes(),
-        deviations_from_paper: trained.config.deviations_from_paper(),
+        deviations_from_paper: trained.deviations_from_paper(),
         cut_off_boxes: judged_ticks().map(|sample| sample.cut_off).sum(),
         estimators: of_estimators
             .map(|(number, (estimator, removed))| {
@@ -386,10 +389,12 @@ pub(crate) fn check_cameras(
     if !same_rig(summary, &samples.rig) {
         let fault = CorpusFault::OtherCameras {
             run: run.root().to_owned(),
-            differences: differences(
-                (&samples.rig.name, &samples.rig.cameras),
-                (&summary.rig, &summary.cameras),
-            ),
+            differences: {
+                let [here, there] = summary
+                    .comparable(&samples.rig)
+                    .unwrap_or([&samples.rig.cameras, &summary.cameras]);
+                differences((&samples.rig.name, here), (&summary.rig, there))
+            },
         };
         return Err(Error::corpus(corpus.root(), fault));
     }
@@ -415,14 +420,15 @@ fn check_unseen(
     }
 }
 
-/// Whether the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the
-/// same views of the same rig.
+/// Whether the networks of a run apply to a corpus: exactly the same cameras, or, where a sweep jitters or turns them, the same views of
+/// the same rig, planned in the same way.
 fn same_rig(run: &RunSummary, rig: &Rig) -> bool {
-    if run.cameras_vary || rig.cameras_vary {
-        let same_form = form(&run.cameras) == form(&rig.cameras);
-        return run.rig == rig.name && same_form;
-    }
-    are_same(&run.cameras, &rig.cameras)
+    let same_kind = !(run.cameras_vary || rig.cameras_vary)
+        || (run.rig == rig.name && form(&run.cameras) == form(&rig.cameras));
+    same_kind
+        && run
+            .comparable(rig)
+            .is_none_or(|[here, there]| are_same(here, there))
 }
 
 /// `seen`: judged ticks that a view saw.

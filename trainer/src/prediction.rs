@@ -8,7 +8,7 @@ use dataset::progress::Progress;
 use dataset::splits::Side;
 
 use crate::answers::Answered;
-use crate::error::{CorpusFault, Error, Result};
+use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::estimator::{Estimator, Task};
 use crate::evaluation::check_cameras;
 use crate::prediction_table::add_answers;
@@ -37,6 +37,14 @@ pub fn predict(
     out: &Path,
     progress: &mut dyn Progress,
 ) -> Result<Predicted> {
+    let refused = |fault| Err(Error::run(out, fault));
+    if out.symlink_metadata().is_ok() {
+        return refused(RunFault::PredictionsExist);
+    }
+    let folder = RunFolder::at(out.parent().unwrap_or(Path::new("")));
+    if folder.summary_path().exists() {
+        return refused(RunFault::InRun);
+    }
     let trained = TrainedRun::of(&SealedRun::read(run)?)?;
     let model = detections.unwrap_or(&trained.summary.model_hash);
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model))?;

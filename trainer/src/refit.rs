@@ -84,6 +84,13 @@ pub fn refit(
             expected: format!("a number from 1 to {MOST_APPROACHES}"),
         });
     }
+    let same = |a: &Path, b: &Path| {
+        a.canonicalize()
+            .is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+    };
+    if same(out, run.root()) {
+        return Err(Error::run(out, RunFault::RefitInPlace));
+    }
     let place = RunPlace::take(&RunFolder::at(out))?;
     let before = TrainedRun::of(&SealedRun::read(run)?)?;
     if before.backgrounds.is_some() {
@@ -152,8 +159,10 @@ fn check_others(
             .collect()
     };
     let (known, found) = (&trained.summary.cameras, &samples.rig.cameras);
-    let vary = trained.summary.cameras_vary || samples.rig.cameras_vary;
-    let same = vary || are_same(&others(known), &others(found));
+    let same = trained
+        .summary
+        .comparable(&samples.rig)
+        .is_none_or(|[here, there]| are_same(&others(here), &others(there)));
     if same && form(known) == form(found) {
         return Ok(());
     }
@@ -320,6 +329,12 @@ fn adopt(run: &mut TrainedRun, samples: &Samples, approaches: &[usize], view: &s
     if let Some(entry) = samples.rig.cameras.get(view) {
         summary.cameras.insert(view.to_owned(), entry.clone());
     }
+    let planned = samples.rig.planned().and_then(|planned| planned.get(view));
+    summary.planned_cameras =
+        (summary.planned_cameras.take().zip(planned)).map(|(mut all, entry)| {
+            all.insert(view.to_owned(), entry.clone());
+            all
+        });
     let scenarios = || approaches.iter().map(|&index| &samples.scenarios[index]);
     let trajectories = scenarios().map(|scenario| scenario.trajectory.clone());
     summary.training_trajectories.extend(trajectories);

@@ -78,6 +78,11 @@ impl Rig {
 }
 
 impl Rig {
+    /// The cameras as planned, if there is a plan.
+    pub(crate) fn planned(&self) -> Option<&Cameras> {
+        self.is_planned.then_some(&self.nominal)
+    }
+
     /// Makes this rig, of the corpus `first`, one for the scenarios of another corpus, too, if they were planned with the same one.
     pub(crate) fn join(&mut self, first: &Corpus, corpus: &Corpus, other: &Self) -> Result<()> {
         let differences = differences((&other.name, &other.nominal), (&self.name, &self.nominal));

@@ -413,6 +413,52 @@ impl Samples {
             .collect()
     }
 
+    /// BLAKE3 over what the cameras saw in the scenarios of these sides, and over the truth.
+    pub(crate) fn hash(&self, sides: &[Side]) -> String {
+        let mut hash = blake3::Hasher::new();
+        for scenario in &self.scenarios {
+            if sides.contains(&scenario.side) {
+                let ScenarioSummary {
+                    id,
+                    manifest_blake3,
+                    side,
+                    ..
+                } = scenario;
+                hash.update(format!("{id} {manifest_blake3} {side:?}\n").as_bytes());
+            }
+        }
+        for sample in &self.samples {
+            if !sides.contains(&self.scenarios[sample.scenario].side) {
+                continue;
+            }
+            hash.update(&sample.tick.to_le_bytes());
+            hash.update(&sample.dtd_m.to_le_bytes());
+            for (view, (seen, shift)) in sample.boxes.iter().zip(&sample.shifts).enumerate() {
+                let seen = seen.map(|b| [b.cx_px, b.cy_px, b.width_px, b.height_px]);
+                let shift = shift.map(|s| {
+                    let of_reference = s.reference as f64;
+                    [
+                        of_reference,
+                        s.shift_px.x,
+                        s.shift_px.y,
+                        s.sd_px.x,
+                        s.sd_px.y,
+                    ]
+                });
+                let numbers = (seen.iter().flatten()).chain(shift.iter().flatten());
+                hash.update(&[
+                    view as u8,
+                    u8::from(seen.is_some()),
+                    u8::from(shift.is_some()),
+                ]);
+                for number in numbers {
+                    hash.update(&number.to_le_bytes());
+                }
+            }
+        }
+        hash.finalize().to_string()
+    }
+
     /// What is flown on one side of the split.
     pub(crate) fn flights(&self, side: Side) -> BTreeSet<String> {
         let scenarios = self.scenarios.iter().filter(|s| s.side == side);
@@ -452,27 +498,35 @@ fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
         .collect()
 }
 
+/// A flight shows its path at these times, whatever its picture rate; nanoseconds.
+const COMMON_TIMES_NS: [i64; 2] = [0, 60_000_000_000];
+
 /// What a trajectory is, whatever it is called: the hash of the recording that it replays, or of the flown path. Live flights of two
-/// sweeps may share a name, and copies of a recording may have several.
+/// sweeps may share a name, and copies of a recording may have several. The path is known by its beginning and its place after a minute,
+/// since the same flight may be recorded with more pictures a second or fewer; by all of its ticks if it has none at these times.
 fn flight_of(flight: &Flight, frames: &Frames) -> String {
-    match flight {
-        Flight::Recorded { blake3, .. } => blake3.clone(),
-        Flight::Live => {
-            let mut path = blake3::Hasher::new();
-            for row in &frames.rows {
-                path.update(&row.time_ns.to_le_bytes());
-                let Geodetic {
-                    latitude_deg,
-                    longitude_deg,
-                    altitude_msl_m,
-                } = row.pose.position();
-                for number in [latitude_deg, longitude_deg, altitude_msl_m] {
-                    path.update(&number.to_le_bytes());
-                }
-            }
-            path.finalize().to_string()
+    if let Flight::Recorded { blake3, .. } = flight {
+        return blake3.clone();
+    }
+    let at = |time_ns: i64| frames.rows.iter().find(|row| row.time_ns == time_ns);
+    let common: Vec<&TickRow> = COMMON_TIMES_NS.into_iter().filter_map(at).collect();
+    let rows = match common.len() == COMMON_TIMES_NS.len() {
+        true => common,
+        false => frames.rows.iter().collect(),
+    };
+    let mut path = blake3::Hasher::new();
+    for row in rows {
+        path.update(&row.time_ns.to_le_bytes());
+        let Geodetic {
+            latitude_deg,
+            longitude_deg,
+            altitude_msl_m,
+        } = row.pose.position();
+        for number in [latitude_deg, longitude_deg, altitude_msl_m] {
+            path.update(&number.to_le_bytes());
         }
     }
+    path.finalize().to_string()
 }
 
 /// What a detector found in one picture.

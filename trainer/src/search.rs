@@ -14,7 +14,8 @@ use dataset::progress::Progress;
 use serde::{Deserialize, Serialize};
 
 use crate::config::TrainConfig;
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, RunFault};
+use crate::run_folder::RunFolder;
 use crate::training::{Finished, train_unless};
 
 /// Name of the table in the folder of a search.
@@ -72,6 +73,9 @@ pub fn search(
     progress: &mut dyn Progress,
 ) -> Result<SearchTable> {
     search.check()?;
+    if RunFolder::at(out).summary_path().exists() {
+        return Err(Error::run(out, RunFault::SearchInRun));
+    }
     fs::create_dir_all(out).map_err(dataset::Error::io("create", out))?;
     let count = search.variants.len() * search.seeds.len();
     let mut variants: Vec<VariantResult> = Vec::new();

@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use crate::background::{Backgrounds, StoredView};
 use crate::calibration_training::{CalibrationLogEntry, CalibrationNetworks};
 use crate::choice::Choice;
-use crate::config::TrainConfig;
+use crate::config::{PaperDeviation, TrainConfig};
 use crate::error::{Error, Result, RunFault};
 use crate::flight_filter::FlightFilter;
 use crate::inverse_range::InverseRange;
@@ -25,7 +25,7 @@ use crate::normalisation::Normalisation;
 use crate::paper_lstm::{EstimatorLogEntry, PaperLstm};
 use crate::pinhole::Pinhole;
 use crate::refit::Refit;
-use crate::rig::Cameras;
+use crate::rig::{Cameras, Rig};
 use crate::run_folder::RunFolder;
 use crate::run_place::RunPlace;
 use crate::samples::ScenarioSummary;
@@ -34,7 +34,7 @@ use crate::self_calibration::SelfCalibrated;
 use crate::triangulation::CentreOffset;
 
 /// Format of a run, increased whenever its numbers change their meaning or new ones are added.
-pub(crate) const RUN_FORMAT: u32 = 1;
+pub(crate) const RUN_FORMAT: u32 = 2;
 
 /// What tells whether a run can be read.
 #[derive(Deserialize)]
@@ -62,6 +62,9 @@ pub(crate) struct RunSummary {
     pub cameras: Cameras,
     /// Whether other scenarios had cameras of the rig in other positions or directions.
     pub cameras_vary: bool,
+    /// The cameras as planned, before scenarios misplace or aim them; missing without a plan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub planned_cameras: Option<Cameras>,
     /// Trajectories on the training side.
     pub training_trajectories: BTreeSet<String>,
     /// Trajectories on the validation side.
@@ -83,7 +86,7 @@ pub(crate) struct RunSummary {
     pub mixed_samples: usize,
     /// Samples on the validation side.
     pub validation_samples: usize,
-    /// BLAKE3 of all that the networks learned from and were judged by.
+    /// BLAKE3 of all that networks and formulas learned from and were judged by.
     pub samples_blake3: String,
     /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
@@ -108,6 +111,15 @@ impl RunSummary {
             return Err(sealed.refused(RunFolder::SUMMARY, RunFault::OtherFormat { format, dtd }));
         }
         sealed.json(RunFolder::SUMMARY, WHAT)
+    }
+
+    /// The cameras of a corpus and of the run that must be the same; `None` if a sweep jitters or turns them and one of the two has no
+    /// plan.
+    pub(crate) fn comparable<'a>(&'a self, rig: &'a Rig) -> Option<[&'a Cameras; 2]> {
+        if !self.cameras_vary && !rig.cameras_vary {
+            return Some([&rig.cameras, &self.cameras]);
+        }
+        Some([rig.planned()?, self.planned_cameras.as_ref()?])
     }
 
     /// Whether a flight was used for training or its decisions.
@@ -295,6 +307,15 @@ pub(crate) struct TrainedRun {
 }
 
 impl TrainedRun {
+    /// What was done otherwise than in the paper; empty for its method.
+    pub(crate) fn deviations_from_paper(&self) -> Vec<PaperDeviation> {
+        let mut found = self.config.deviations_from_paper();
+        if !self.summary.refits.is_empty() {
+            found.push(PaperDeviation::RefittedView);
+        }
+        found
+    }
+
     /// Writes all files into an existing folder.
     pub(crate) fn write(&self, folder: &RunFolder) -> Result<()> {
         write_json_unsynced(&folder.config_path(), &self.config)?;

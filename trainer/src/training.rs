@@ -182,7 +182,7 @@ pub(crate) fn train_unless(
         dtd: env!("CARGO_PKG_VERSION").into(),
         config: config.clone(),
         start_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
-        samples_blake3: Encoded::hash(&[&encoded, together, &encoded_validation]),
+        samples_blake3: samples.hash(&[Side::Train, Side::Validation]),
     };
     if finished == Finished::Stays
         && let Some(outcome) = outcome_of(&place.run(), &origin)
@@ -262,6 +262,7 @@ pub(crate) fn train_unless(
             rig: samples.rig.name.clone(),
             cameras: samples.rig.cameras.clone(),
             cameras_vary: samples.rig.cameras_vary,
+            planned_cameras: samples.rig.planned().cloned(),
             training_trajectories: known(
                 |s| &s.training_trajectories,
                 samples.trajectories(Side::Train),

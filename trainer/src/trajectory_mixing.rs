@@ -6,8 +6,8 @@
 //! many pixels as the projection of the aircraft's position moves, and scaled by the change in range; the detector's errors at that
 //! tick stay in them.
 //!
-//! This needs the calibration of the cameras, but only in training: the networks never see it. Mixed samples never come from, and
-//! never enter, the validation or the test side.
+//! This needs the calibration of the cameras, and networks that learn from mixed samples learn it with them. Mixed samples never come
+//! from, and never enter, the validation or the test side.
 
 use dataset::camera::Camera;
 use dataset::geodesy::Geodetic;

@@ -91,6 +91,22 @@ fn results_of_another_evaluation_are_never_replaced_and_go_to_a_folder_of_their_
     }
     assert_eq!(fs::read(trained.run.metrics_path()).unwrap(), bytes);
 
+    // The same pictures, searched otherwise.
+    let again = SyntheticCorpus {
+        centre_noise_px: 2.0,
+        ..SyntheticCorpus::tiny()
+    };
+    let again = corpus_in(&trained.path("again").join("corpus"), again);
+    let manifest = |corpus: &Corpus| {
+        let first = corpus.scenarios().unwrap().remove(0);
+        first.open().unwrap().seal().manifest_blake3.clone()
+    };
+    assert_eq!(manifest(&again), manifest(&trained.corpus()));
+    let refused = trained.evaluate(&again, &EvaluationConfig::default());
+    let message = refused.unwrap_err().to_string();
+    assert!(message.contains("evaluation.json"), "{message}");
+    assert_eq!(fs::read(trained.run.metrics_path()).unwrap(), bytes);
+
     let out = trained.path("judged");
     let metrics = trained.evaluate(&other, &to(out.clone())).unwrap();
     assert_eq!(fs::read(trained.run.metrics_path()).unwrap(), bytes);
@@ -228,6 +244,17 @@ fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them(
     let out = trained.path("distances.parquet");
     let predicted = predict(&trained.run, &trained.corpus(), None, &out, &mut Silent).unwrap();
     assert_eq!(predicted.scenarios, 7);
+    for (there, expected) in [
+        (out.clone(), "replace nothing"),
+        (trained.run.weights_path(), "replace nothing"),
+        (trained.run.root().join("new.parquet"), "lies in a run"),
+    ] {
+        let before = fs::read(&there).ok();
+        let refused = predict(&trained.run, &trained.corpus(), None, &there, &mut Silent);
+        let message = refused.unwrap_err().to_string();
+        assert!(message.contains(expected), "{message}");
+        assert_eq!(fs::read(&there).ok(), before);
+    }
     let table = Table::read(&out, u64::MAX).unwrap();
     assert_eq!(table.rows(), predicted.ticks);
     assert!(!table.has("dtd_m"), "nothing of the truth");

@@ -182,6 +182,9 @@ fn a_view_that_is_none_too_many_approaches_too_few_ticks_and_another_second_came
         let message = refusal(&before, &of_left(approaches));
         assert!(message.contains("1 to 10"), "{message}");
     }
+    let in_place = refit(&run, &before, run.root(), &of_left(4), &mut Silent);
+    let message = in_place.unwrap_err().to_string();
+    assert!(message.contains("name another folder"), "{message}");
     let both = Changed {
         view: "right",
         ..CHANGED

@@ -107,6 +107,10 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
         table
     );
 
+    // The folder of a run is not that of a search.
+    let in_run = search(&corpora, &out.join(best), &what, &mut Silent);
+    assert!(in_run.unwrap_err().to_string().contains("is a run"));
+
     // Nothing is trained twice, and the evaluation stays.
     let mut idle = Idle::default();
     assert_eq!(search(&corpora, &out, &what, &mut idle).unwrap(), table);
@@ -120,6 +124,16 @@ fn each_variant_is_trained_with_each_seed_once_and_the_best_is_linked() {
     let larger = search(&corpora, &out, &more, &mut Silent).unwrap();
     assert_eq!(larger.variants[0].trainings[..2], learns.trainings);
     assert!(out.join("sleeps-5").is_dir());
+    // Registrations count as well, though no network reads them.
+    let registered = SyntheticCorpus {
+        shift_noise_px: Some(0.05),
+        ..SyntheticCorpus::tiny()
+    };
+    let registered = [registered.write(&folder.path().join("registered")).unwrap()];
+    let formulas = || fs::read(out.join("learns-3/baselines.json")).unwrap();
+    let before = formulas();
+    search(&registered, &out, &more, &mut Silent).unwrap();
+    assert_ne!(formulas(), before);
 }
 
 #[test]

@@ -32,6 +32,12 @@ pub enum PaperDeviation {
     RefitHead,
     /// Widths of the calibration networks, the LSTM or their heads.
     LayerWidths,
+    /// `calibration.patience` or `estimator.patience`: the networks with the lowest validation error are kept, not the last ones.
+    Patience,
+    /// `align_backgrounds`: boxes are corrected by what stands still in the pictures.
+    AlignedBackgrounds,
+    /// `dtd refit`: a calibration network was trained again, with the estimator's error in its loss.
+    RefittedView,
 }
 
 impl fmt::Display for PaperDeviation {
@@ -46,6 +52,9 @@ impl fmt::Display for PaperDeviation {
             Self::ViewDropout => "view dropout in unequal shares",
             Self::RefitHead => "last layer in closed form",
             Self::LayerWidths => "layer widths",
+            Self::Patience => "networks of the lowest validation error",
+            Self::AlignedBackgrounds => "boxes aligned by backgrounds",
+            Self::RefittedView => "a view fitted again",
         })
     }
 }
@@ -83,6 +92,11 @@ impl TrainConfig {
                 PaperDeviation::LayerWidths,
                 widths(c, e) != widths(&paper_c, &paper_e),
             ),
+            (
+                PaperDeviation::Patience,
+                c.patience.is_some() || e.patience.is_some(),
+            ),
+            (PaperDeviation::AlignedBackgrounds, self.align_backgrounds),
         ];
         let named = found.into_iter().filter(|(_, deviates)| *deviates);
         named.map(|(deviation, _)| deviation).collect()
@@ -150,6 +164,14 @@ mod tests {
             (
                 r#"{"estimator": {"lstm": [96, 96]}}"#,
                 PaperDeviation::LayerWidths,
+            ),
+            (
+                r#"{"estimator": {"patience": 5}}"#,
+                PaperDeviation::Patience,
+            ),
+            (
+                r#"{"align_backgrounds": true}"#,
+                PaperDeviation::AlignedBackgrounds,
             ),
         ] {
             let config: TrainConfig = serde_json::from_str(settings).unwrap();

@@ -119,6 +119,19 @@ pub enum RunFault {
          corpora with the new camera"
     )]
     AlignedRefit,
+    /// A refit that would replace the run that it starts from.
+    #[error("is the run to fit again, which stays as it is; name another folder with --out")]
+    RefitInPlace,
+    /// A search in the folder of a run.
+    #[error(
+        "is a run, and a search has a folder of its own with a run for each training; name another folder with --out"
+    )]
+    SearchInRun,
+    /// A table of predictions would replace something.
+    #[error(
+        "is there already, and predictions replace nothing; remove it, or name another file with --out"
+    )]
+    PredictionsExist,
     /// More than one view would change.
     #[error(
         "fitting view {view} again would change numbers that do not belong to it; nothing was written. Please report this"

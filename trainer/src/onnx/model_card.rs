@@ -112,7 +112,7 @@ fn training(card: &mut String, run: &TrainedRun) {
     let farthest = config
         .max_dtd_nm
         .map_or(String::new(), |most| format!(" to {most}"));
-    let deviations: Vec<String> = config
+    let deviations: Vec<String> = run
         .deviations_from_paper()
         .iter()
         .map(ToString::to_string)
@@ -124,8 +124,8 @@ fn training(card: &mut String, run: &TrainedRun) {
     let _ = write!(
         card,
         "\n## Training\n\n\
-         - Rig `{rig}`{vary}. The models apply to these cameras only: another camera, or one that was moved or zoomed, needs a training \
-         of its own.\n\
+         - Rig `{rig}`{vary}. The models apply to these cameras only: one that was moved or zoomed needs `dtd refit`, other \
+         cameras a training of their own.\n\
          - Boxes of the detector {} (`{}`); boxes of another detector need a training of their own.\n\
          - {} ticks of {} trajectories, decisions on {} of {} others; from {}{farthest} NM.\n\
          - `paper_lstm` was trained {method}.\n",

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use dataset::detections::{self, NewTables};
+use dataset::frame_rate::FrameRate;
 use dataset::model_identity::ModelIdentity;
 use dataset::seal::seal_folder;
 
@@ -321,6 +322,26 @@ fn a_renamed_copy_of_a_recording_is_the_same_flight_and_may_not_be_on_two_sides(
     let message = Samples::read(&corpus, None, ALL).unwrap_err().to_string();
     for needed in ["0000", "0006", "the same flight", "Train", "Test"] {
         assert!(message.contains(needed), "{needed}: {message}");
+    }
+}
+
+#[test]
+fn a_live_flight_is_the_same_at_any_picture_rate() {
+    let read = |numerator, denominator| {
+        let folder = tempfile::tempdir().unwrap();
+        let frame_rate = FrameRate {
+            numerator,
+            denominator,
+        };
+        let corpus = SyntheticCorpus {
+            frame_rate,
+            ..SyntheticCorpus::tiny()
+        };
+        read(folder.path(), &corpus).scenarios[0].flight.clone()
+    };
+    let flight = read(1, 3);
+    for (numerator, denominator) in [(1, 10), (1, 2), (7, 1), (30_000, 1_000)] {
+        assert_eq!(read(numerator, denominator), flight);
     }
 }
 
