@@ -2,8 +2,9 @@
 
     [THREADS=N] PYTHON_WITH_TORCH benches/training_speed.py [BATCH_SIZE...]        (default: all cores; 256 1024 4096)
 
-Builds and runs `trainer/examples/training_speed.rs`. Rounds alternate, so that a busy machine is busy for both; the best of each counts.
-With more than one thread PyTorch suffers from a busy machine more than we do.
+Takes a Python with PyPI's torch: Debian's multiplies matrices several times slower. Builds and runs `trainer/examples/training_speed.rs`.
+Rounds alternate, so that a busy machine is busy for both; the best of each counts. With more than one thread PyTorch suffers from a busy
+machine more than we do.
 """
 
 import os

@@ -83,6 +83,9 @@ pub(crate) struct PredictArgs {
     /// Model whose detections to use, by its file name or hash; by default that of the training
     #[arg(long, value_name = "NAME|HASH")]
     pub(crate) detections: Option<String>,
+    /// Print the counts as JSON
+    #[arg(long)]
+    pub(crate) json: bool,
 }
 
 /// Scenarios to judge.

@@ -341,6 +341,14 @@ fn a_mistake_in_a_search_is_named_before_anything_is_trained() {
             "seeds = [0]\n[variants.a.estimator]\nlstn = [8]\n",
             "unknown field `lstn`",
         ),
+        (
+            "seeds = [0]\n[variants.a]\nmax_dtd_nm = -1\n",
+            "odd.toml:3:14: configuration: max_dtd_nm is -1",
+        ),
+        (
+            "seeds = [0]\n[settings]\nmax_dtd_nm = -1\n[variants.a]\n",
+            "odd.toml:3:14: configuration: max_dtd_nm is -1",
+        ),
         ("seeds = []\n[variants.a]\n", "seeds is []"),
         ("seeds = [0]\n[variants.best]\n", "variants is \"best\""),
         ("seed = 0\n", "unknown field `seed`"),

@@ -4,7 +4,7 @@ use trainer::RunFolder;
 
 use super::Outcome;
 use super::open_corpus::open_corpus;
-use super::output::count;
+use super::output::{count, print_json};
 use super::train::{Bars, failure_of};
 use crate::estimator_args::PredictArgs;
 use crate::failure::Ending;
@@ -20,6 +20,10 @@ pub(crate) fn run(args: &PredictArgs) -> Outcome {
         &mut Bars::of("predict"),
     )
     .map_err(failure_of)?;
+    if args.json {
+        print_json(&predicted)?;
+        return Ok(Ending::Done);
+    }
     println!(
         "wrote {}: {} of {}",
         args.out.display(),

@@ -165,15 +165,23 @@ fn settings_in(path: &Path) -> Result<TrainConfig, Failure> {
         .extension()
         .is_some_and(|extension| extension == "json")
     {
-        return read_json(path, "training configuration").map_err(Failure::bad_input);
+        let config: TrainConfig =
+            read_json(path, "training configuration").map_err(Failure::bad_input)?;
+        let named = |error| Failure::bad_input_message(format!("{}: {error}", path.display()));
+        return config.check().map_err(named).map(|()| config);
     }
     let text = outside_file::read_text(path, FileKind::SETTINGS).map_err(Failure::bad_input)?;
     let file = TomlFile::new(path, &text);
     let config: TrainConfig = file.parse().map_err(Failure::bad_input)?;
+    checked(config, file, "")
+}
+
+/// Settings that are in range; `prefix` is where the file has them.
+fn checked(config: TrainConfig, file: TomlFile<'_>, prefix: &str) -> Result<TrainConfig, Failure> {
     match config.check() {
         Ok(()) => Ok(config),
         Err(error @ trainer::Error::Setting { setting, .. }) => {
-            let shown = file.rejected(setting, &error.to_string());
+            let shown = file.rejected(&format!("{prefix}{setting}"), &error.to_string());
             Err(Failure::bad_input(shown))
         }
         Err(error) => Err(failure_of(error)),

@@ -91,6 +91,12 @@ pub enum Error {
         /// Step at which this was noticed.
         step: usize,
     },
+    /// Results would replace a file.
+    #[error("{} is there already and is not replaced; remove it, or name another file with --out", path.display())]
+    Exists {
+        /// The file.
+        path: PathBuf,
+    },
     /// The report cannot be made.
     #[error(transparent)]
     Report(#[from] report_page::Error),

@@ -61,7 +61,7 @@ pub struct Judged {
     pub corpus: String,
     /// Hash of the judged scenarios: of their identifiers and the hashes of their manifests.
     pub scenarios_blake3: String,
-    /// Hash of what the cameras saw there: of boxes, registered shifts and truth.
+    /// Hash of these, of what the cameras saw there (boxes and registered shifts), and of the truth.
     pub samples_blake3: String,
     /// Which of its scenarios.
     pub side: JudgedSide,
@@ -387,14 +387,12 @@ pub(crate) fn check_cameras(
 ) -> Result<()> {
     let summary = &trained.summary;
     if !same_rig(summary, &samples.rig) {
+        let [here, there] = summary
+            .comparable(&samples.rig)
+            .unwrap_or([&samples.rig.cameras, &summary.cameras]);
         let fault = CorpusFault::OtherCameras {
             run: run.root().to_owned(),
-            differences: {
-                let [here, there] = summary
-                    .comparable(&samples.rig)
-                    .unwrap_or([&samples.rig.cameras, &summary.cameras]);
-                differences((&samples.rig.name, here), (&summary.rig, there))
-            },
+            differences: differences((&samples.rig.name, here), (&summary.rig, there)),
         };
         return Err(Error::corpus(corpus.root(), fault));
     }

@@ -6,26 +6,36 @@ use dataset::columns::{TableParts, TableWriter};
 use dataset::corpus::Corpus;
 use dataset::progress::Progress;
 use dataset::splits::Side;
+use serde::{Serialize, Serializer};
 
 use crate::answers::Answered;
-use crate::error::{CorpusFault, Error, Result, RunFault};
+use crate::error::{CorpusFault, Error, Result};
 use crate::estimator::{Estimator, Task};
 use crate::evaluation::check_cameras;
 use crate::prediction_table::add_answers;
 use crate::run_folder::RunFolder;
+use crate::run_place::refuse_in_run;
 use crate::samples::Samples;
 use crate::sealed_run::SealedRun;
 use crate::trained_run::TrainedRun;
 
 /// How much was predicted.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Predicted {
     /// Scenarios.
     pub scenarios: usize,
     /// Ticks, each a row of the table.
     pub ticks: usize,
     /// Ticks with an answer, by name of the estimator.
+    #[serde(serialize_with = "as_map")]
     pub answered: Vec<(&'static str, usize)>,
+}
+
+fn as_map<S: Serializer>(
+    pairs: &[(&'static str, usize)],
+    serializer: S,
+) -> std::result::Result<S::Ok, S::Error> {
+    serializer.collect_map(pairs.iter().copied())
 }
 
 /// Writes the answers of all estimators at all ticks of a corpus to a table (Parquet). The corpus needs detections by the model of the
@@ -37,14 +47,12 @@ pub fn predict(
     out: &Path,
     progress: &mut dyn Progress,
 ) -> Result<Predicted> {
-    let refused = |fault| Err(Error::run(out, fault));
     if out.symlink_metadata().is_ok() {
-        return refused(RunFault::PredictionsExist);
+        return Err(Error::Exists {
+            path: out.to_owned(),
+        });
     }
-    let folder = RunFolder::at(out.parent().unwrap_or(Path::new("")));
-    if folder.summary_path().exists() {
-        return refused(RunFault::InRun);
-    }
+    refuse_in_run(out)?;
     let trained = TrainedRun::of(&SealedRun::read(run)?)?;
     let model = detections.unwrap_or(&trained.summary.model_hash);
     let (mut corpus_read, mut flights) = Samples::without_truth(corpus, Some(model))?;

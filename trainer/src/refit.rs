@@ -330,11 +330,12 @@ fn adopt(run: &mut TrainedRun, samples: &Samples, approaches: &[usize], view: &s
         summary.cameras.insert(view.to_owned(), entry.clone());
     }
     let planned = samples.rig.planned().and_then(|planned| planned.get(view));
-    summary.planned_cameras =
-        (summary.planned_cameras.take().zip(planned)).map(|(mut all, entry)| {
+    match (&mut summary.planned_cameras, planned) {
+        (Some(all), Some(entry)) => {
             all.insert(view.to_owned(), entry.clone());
-            all
-        });
+        }
+        (all, _) => *all = None,
+    }
     let scenarios = || approaches.iter().map(|&index| &samples.scenarios[index]);
     let trajectories = scenarios().map(|scenario| scenario.trajectory.clone());
     summary.training_trajectories.extend(trajectories);

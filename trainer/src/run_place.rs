@@ -58,10 +58,6 @@ impl RunPlace {
             return refused(RunFault::Occupied);
         }
         let place = Self::take(&RunFolder::at(folder))?;
-        let around = parent_of(&place.run).join(RunFolder::SUMMARY);
-        if around.is_file() {
-            return refused(RunFault::InRun);
-        }
         match is_vacant(&place.run) {
             true => Ok(place),
             // Completed just now, after a kill.
@@ -89,6 +85,7 @@ impl RunPlace {
             let own = own.to_owned();
             return Err(Error::run(&run, RunFault::InCorpus { own }));
         }
+        refuse_in_run(&run)?;
         if !is_wanted(&run) {
             return Err(Error::run(&run, RunFault::Unfinished));
         }
@@ -288,6 +285,15 @@ fn identity(run: &Path) -> Result<Option<String>> {
 
 fn parent_of(run: &Path) -> &Path {
     run.parent().unwrap_or(run)
+}
+
+/// Refuses a path in the folder of a run.
+pub(crate) fn refuse_in_run(path: &Path) -> Result<()> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    match folder.join(RunFolder::SUMMARY).is_file() {
+        true => Err(Error::run(path, RunFault::InRun)),
+        false => Ok(()),
+    }
 }
 
 fn cannot_be_made(run: &Path, error: std::io::Error) -> Error {

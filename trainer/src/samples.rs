@@ -413,9 +413,10 @@ impl Samples {
             .collect()
     }
 
-    /// BLAKE3 over what the cameras saw in the scenarios of these sides, and over the truth.
+    /// BLAKE3 over the scenarios of these sides, what the cameras saw in them, the truth, and the cameras as planned.
     pub(crate) fn hash(&self, sides: &[Side]) -> String {
         let mut hash = blake3::Hasher::new();
+        hash.update(format!("{:?}\n", self.rig.planned()).as_bytes());
         for scenario in &self.scenarios {
             if sides.contains(&scenario.side) {
                 let ScenarioSummary {
@@ -433,6 +434,7 @@ impl Samples {
             }
             hash.update(&sample.tick.to_le_bytes());
             hash.update(&sample.dtd_m.to_le_bytes());
+            hash.update(&sample.cut_off.to_le_bytes());
             for (view, (seen, shift)) in sample.boxes.iter().zip(&sample.shifts).enumerate() {
                 let seen = seen.map(|b| [b.cx_px, b.cy_px, b.width_px, b.height_px]);
                 let shift = shift.map(|s| {
@@ -498,21 +500,24 @@ fn absent(splits: &Splits, folders: &[ScenarioFolder]) -> Vec<String> {
         .collect()
 }
 
-/// A flight shows its path at these times, whatever its picture rate; nanoseconds.
-const COMMON_TIMES_NS: [i64; 2] = [0, 60_000_000_000];
+/// A flight is known by its places at these times, of those that it lasts; seconds.
+const KNOWN_BY_S: [i64; 4] = [0, 60, 120, 180];
 
 /// What a trajectory is, whatever it is called: the hash of the recording that it replays, or of the flown path. Live flights of two
-/// sweeps may share a name, and copies of a recording may have several. The path is known by its beginning and its place after a minute,
-/// since the same flight may be recorded with more pictures a second or fewer; by all of its ticks if it has none at these times.
+/// sweeps may share a name, and copies of a recording may have several. The path is known by its places after whole minutes, since the
+/// same flight may be recorded with more pictures a second or fewer; by all of its ticks if it has none after a minute.
 fn flight_of(flight: &Flight, frames: &Frames) -> String {
     if let Flight::Recorded { blake3, .. } = flight {
         return blake3.clone();
     }
-    let at = |time_ns: i64| frames.rows.iter().find(|row| row.time_ns == time_ns);
-    let common: Vec<&TickRow> = COMMON_TIMES_NS.into_iter().filter_map(at).collect();
-    let rows = match common.len() == COMMON_TIMES_NS.len() {
-        true => common,
-        false => frames.rows.iter().collect(),
+    let at = |seconds: i64| {
+        let mut rows = frames.rows.iter();
+        rows.find(|row| row.time_ns == seconds * 1_000_000_000)
+    };
+    let known: Vec<&TickRow> = KNOWN_BY_S.into_iter().map_while(at).collect();
+    let rows = match known.len() {
+        0 | 1 => frames.rows.iter().collect(),
+        _ => known,
     };
     let mut path = blake3::Hasher::new();
     for row in rows {

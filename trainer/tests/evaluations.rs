@@ -245,8 +245,8 @@ fn a_corpus_without_labels_or_split_gets_the_predictions_that_it_gets_with_them(
     let predicted = predict(&trained.run, &trained.corpus(), None, &out, &mut Silent).unwrap();
     assert_eq!(predicted.scenarios, 7);
     for (there, expected) in [
-        (out.clone(), "replace nothing"),
-        (trained.run.weights_path(), "replace nothing"),
+        (out.clone(), "is not replaced"),
+        (trained.run.weights_path(), "is not replaced"),
         (trained.run.root().join("new.parquet"), "lies in a run"),
     ] {
         let before = fs::read(&there).ok();

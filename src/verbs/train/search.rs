@@ -11,7 +11,7 @@ use serde::Deserialize;
 use toml::{Table, Value};
 use trainer::{Search, SearchTable, TrainConfig};
 
-use super::{Bars, failure_of, overridden};
+use super::{Bars, checked, failure_of, overridden};
 use crate::estimator_args::TrainArgs;
 use crate::failure::{Ending, Failure};
 use crate::verbs::Outcome;
@@ -60,19 +60,23 @@ fn search_in(path: &Path, args: &TrainArgs) -> Result<Search, Failure> {
         settings,
         variants,
     } = file.parse().map_err(Failure::bad_input)?;
-    let config = |(name, own): (String, Table)| {
+    let config = |settings: Table, place: &str| {
+        let config: TrainConfig = settings.try_into().map_err(|error: toml::de::Error| {
+            Failure::bad_input(file.rejected(place, error.message()))
+        })?;
+        checked(config, file, &format!("{place}."))
+    };
+    config(settings.clone(), "settings")?;
+    let variant = |(name, own): (String, Table)| {
         let mut all = settings.clone();
         merge(&mut all, own);
-        let config: TrainConfig = all.try_into().map_err(|error: toml::de::Error| {
-            let shown = file.rejected(&format!("variants.{name}"), error.message());
-            Failure::bad_input(shown)
-        })?;
+        let config = config(all, &format!("variants.{name}"))?;
         Ok((name, overridden(config, args)))
     };
     Ok(Search {
         variants: variants
             .into_iter()
-            .map(config)
+            .map(variant)
             .collect::<Result<_, Failure>>()?,
         seeds,
     })

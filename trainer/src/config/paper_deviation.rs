@@ -1,4 +1,5 @@
-//! What a training does otherwise than the paper, named from its settings, so that nothing passes for the paper's method that is not.
+//! What a training does otherwise than the paper, named from its settings and refits, so that nothing passes for the paper's method that
+//! is not.
 
 use std::fmt;
 

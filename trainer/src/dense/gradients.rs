@@ -102,7 +102,7 @@ fn with_bias(product: Tensor<2>, layer: &Linear, slope: f32) -> Tensor<2> {
     for row in values.chunks_exact_mut(dims[1]) {
         for (value, bias) in row.iter_mut().zip(&bias) {
             let sum = *value + bias;
-            *value = sum.max(0.0) + slope * sum.min(0.0);
+            *value = if sum < 0.0 { slope * sum } else { sum };
         }
     }
     Tensor::from_data(TensorData::new(values, dims), &device)

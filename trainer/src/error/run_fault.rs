@@ -38,7 +38,7 @@ pub enum RunFault {
     #[error("is not empty, and the results of an evaluation replace nothing; name a new folder")]
     Occupied,
     /// Results would be foreign files in a run.
-    #[error("lies in a run, which holds nothing but its own files; name a folder outside")]
+    #[error("lies in a run, which holds nothing but its own files; name a place outside")]
     InRun,
     /// Results would replace those of another evaluation.
     #[error(
@@ -127,11 +127,6 @@ pub enum RunFault {
         "is a run, and a search has a folder of its own with a run for each training; name another folder with --out"
     )]
     SearchInRun,
-    /// A table of predictions would replace something.
-    #[error(
-        "is there already, and predictions replace nothing; remove it, or name another file with --out"
-    )]
-    PredictionsExist,
     /// More than one view would change.
     #[error(
         "fitting view {view} again would change numbers that do not belong to it; nothing was written. Please report this"

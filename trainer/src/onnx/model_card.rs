@@ -109,6 +109,12 @@ fn training(card: &mut String, run: &TrainedRun) {
         true => ", whose cameras varied between scenarios",
         false => "",
     };
+    let moved = match config.align_backgrounds {
+        true => "one that was moved or zoomed needs a training of its own, and so do other cameras",
+        false => {
+            "one that was moved or zoomed needs `dtd refit`, other cameras a training of their own"
+        }
+    };
     let farthest = config
         .max_dtd_nm
         .map_or(String::new(), |most| format!(" to {most}"));
@@ -124,8 +130,7 @@ fn training(card: &mut String, run: &TrainedRun) {
     let _ = write!(
         card,
         "\n## Training\n\n\
-         - Rig `{rig}`{vary}. The models apply to these cameras only: one that was moved or zoomed needs `dtd refit`, other \
-         cameras a training of their own.\n\
+         - Rig `{rig}`{vary}. The models apply to these cameras only: {moved}.\n\
          - Boxes of the detector {} (`{}`); boxes of another detector need a training of their own.\n\
          - {} ticks of {} trajectories, decisions on {} of {} others; from {}{farthest} NM.\n\
          - `paper_lstm` was trained {method}.\n",
