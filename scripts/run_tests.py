@@ -7,6 +7,7 @@ failure does not hide the others. What failed is run once more when nothing else
 deadlines that a busy machine can miss; what passes only then is named at the end.
 """
 
+import argparse
 import json
 import os
 import subprocess
@@ -48,6 +49,7 @@ def passes(name, command, folder):
 
 
 def main():
+    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     jobs = [(name, [program], folder) for name, program, folder in programs()]
     jobs.sort(key=lambda job: LONGEST.index(job[0]) if job[0] in LONGEST else len(LONGEST))
     jobs.append(("documentation", [*CARGO_TEST, "--doc"], "."))
