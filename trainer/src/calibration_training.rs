@@ -2,8 +2,8 @@
 //!
 //! The loss of view i is the error of its prediction plus its distance from the mean prediction of the other views at the same tick
 //! (equation (1)), without a gradient through the others. [`GapBalance`] decides which views train, using the validation side. The
-//! paper's full-batch epochs are mini-batches here. Here gradients come from [`gradients`] on the processor; on a GPU and in a
-//! refit they come from autodiff.
+//! paper's full-batch epochs are mini-batches here. Gradients come from [`gradients`] on the processor; on a GPU, and in a
+//! refit, from autodiff.
 
 mod gradients;
 
