@@ -33,6 +33,9 @@ head_hidden = [16]
 optimisation = { steps = 60, batch_size = 64, learning_rate = 0.003 }
 [mono]
 optimisation = { steps = 60, batch_size = 64, learning_rate = 0.003 }
+[residual]
+hidden = [8]
+optimisation = { steps = 200, batch_size = 64, learning_rate = 0.01 }
 ";
 
 /// A corpus of geometry with registrations, and a run that was evaluated on it.
@@ -44,7 +47,8 @@ impl Workshop {
     fn new(settings: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let corpus = SyntheticCorpus {
-            shift_noise_px: Some(0.05),
+            shift_noise_px: Some(0.02),
+            shift_by_contrast: Some(1e-4),
             miss_ratio: 0.2,
             ..SyntheticCorpus::tiny()
         };
@@ -58,6 +62,10 @@ impl Workshop {
             "train", corpus, "--out", run, "--config", settings, "--json",
         ]);
         DTD.json(&["evaluate", run, "--corpus", corpus, "--json"]);
+        let baselines = fs::read(workshop.path("run/baselines.json")).unwrap();
+        let baselines: Value = serde_json::from_slice(&baselines).unwrap();
+        let residual = &baselines["inverse_range"]["residual"];
+        assert!(residual.is_object(), "a network to be exported");
         workshop
     }
 

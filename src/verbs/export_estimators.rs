@@ -7,7 +7,9 @@ use std::time::Instant;
 use dataset::json_file::write_atomically;
 use labeller::detector::{NumberInput, run_numbers};
 use serde::Serialize;
-use trainer::{Agreement, ExportedModel, ExportedRun, Probes, RunFolder, TOLERANCE};
+use trainer::{
+    Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, RunFolder, TOLERANCE,
+};
 
 use super::Outcome;
 use super::output::{finish, print_json};
@@ -22,7 +24,7 @@ const CARD: &str = "MODEL_CARD.md";
 struct Exported<'a> {
     estimator: &'static str,
     file: String,
-    takes_shifts: bool,
+    takes_registrations: bool,
     /// Inputs that it was checked with, and how many of them have an answer.
     probes: usize,
     answered: usize,
@@ -48,7 +50,7 @@ pub(crate) fn run(args: &ExportEstimatorsArgs) -> Outcome {
         exported.push(Exported {
             estimator: model.name,
             file,
-            takes_shifts: model.takes_shifts,
+            takes_registrations: model.takes_registrations,
             probes: probes.ticks,
             answered: agreement.answered,
             largest_difference: agreement.largest,
@@ -123,8 +125,9 @@ fn checked(
         numbers,
     };
     let mut inputs = vec![input("boxes", &probes.boxes[..], 4)];
-    if model.takes_shifts {
-        inputs.push(input("shifts", &probes.shifts[..], 2));
+    if model.takes_registrations {
+        let registrations = &probes.registrations[..];
+        inputs.push(input("registrations", registrations, REGISTRATION_NUMBERS));
     }
     let answers =
         run_numbers(Path::new(file), &model.onnx, &inputs, library).map_err(|error| match error

@@ -80,6 +80,9 @@ pub struct SyntheticCorpus {
     pub size_noise_px: f64,
     /// Standard deviation of the shifts between the views, pixels; `None` for views that are not registered.
     pub shift_noise_px: Option<f64>,
+    /// Part by which a shift is longer at every other tick, at which the view shows more contrast than the reference, and shorter at the
+    /// ticks between, at which it shows less; `None` for equal contrast.
+    pub shift_by_contrast: Option<f64>,
     /// Chance that a view misses the aircraft at a tick.
     pub miss_ratio: f64,
     /// Every scenario's cameras are turned by up to this much to either side, degrees.
@@ -106,6 +109,7 @@ impl SyntheticCorpus {
             centre_noise_px: 0.4,
             size_noise_px: 0.8,
             shift_noise_px: None,
+            shift_by_contrast: None,
             miss_ratio: 0.08,
             turned_deg: 0.0,
             changed: None,
@@ -188,9 +192,16 @@ impl SyntheticCorpus {
             .write(&folder.record_path())?;
         seal_folder(folder.root(), "synthetic")?;
         let detections = self.detect(&frames, &calibration, &mut random);
-        let registrations = self
-            .shift_noise_px
-            .map(|noise_px| register(&frames, &calibration, &detections, noise_px, &mut random));
+        let registrations = self.shift_noise_px.map(|noise_px| {
+            let by_contrast = self.shift_by_contrast;
+            register(
+                &frames,
+                &calibration,
+                &detections,
+                (noise_px, by_contrast),
+                &mut random,
+            )
+        });
         let source = folder.open()?;
         detections::replace(
             &folder.claim()?,
@@ -360,7 +371,7 @@ fn register(
     frames: &Frames,
     calibration: &Calibration,
     detections: &Detections,
-    noise_px: f64,
+    (noise_px, by_contrast): (f64, Option<f64>),
     random: &mut ChaCha12Rng,
 ) -> Vec<Registration> {
     let mut found = Vec::new();
@@ -382,15 +393,21 @@ fn register(
                 let (in_reference, _) = (seen(reference)?, seen(view)?);
                 let ecef_m = row.pose.position().to_ecef();
                 let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
+                let high = if row.tick.is_multiple_of(2) {
+                    1.0
+                } else {
+                    -1.0
+                };
+                let longer = 1.0 + by_contrast.unwrap_or(0.0) * high;
                 Some(Shift {
                     x_px: in_reference.pixel_box.cx_px,
                     y_px: in_reference.pixel_box.cy_px,
-                    dx_px: exact.x + noise_px * normal(random),
+                    dx_px: longer * exact.x + noise_px * normal(random),
                     dy_px: exact.y + noise_px * normal(random),
                     sd_x_px: noise_px.max(0.01),
                     sd_y_px: noise_px.max(0.01),
                     scale: 1.0,
-                    gain: 1.0,
+                    gain: by_contrast.map_or(1.0, |_| 1.0 + 0.2 * high),
                     correlation: 0.9,
                 })
             };

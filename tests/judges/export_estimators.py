@@ -13,6 +13,7 @@ import onnxruntime
 import pyarrow.parquet as pq
 
 NEAREST_M, EDGE_PX = 1852.0, 1.5
+REGISTRATION = ("dx_px", "dy_px", "sd_x_px", "sd_y_px", "scale", "gain", "correlation")
 
 
 def seen_in(folder, sizes):
@@ -29,9 +30,9 @@ def seen_in(folder, sizes):
     return boxes
 
 
-def shifts_in(folder, boxes):
-    """Shifts by tick and view, of the objects in the boxes."""
-    shifts = {}
+def registrations_in(folder, boxes):
+    """Registrations by tick and view, of the objects in the boxes."""
+    registrations = {}
     for path in glob.glob(f"{folder}/registrations/*.parquet"):
         for row in pq.read_table(path).to_pylist():
             tick, view, reference = row["tick"], row["view"], row["reference"]
@@ -40,9 +41,9 @@ def shifts_in(folder, boxes):
             point, shift = (np.array([row[k] for k in keys]) for keys in (("x_px", "y_px"), ("dx_px", "dy_px")))
             pairs = ((boxes[tick, reference], point), (boxes[tick, view], point + shift))
             if all((np.abs(at - box[:2]) <= box[2:] / 2).all() for box, at in pairs):
-                shifts[tick, view] = shift
-                shifts[tick, reference] = np.zeros(2)
-    return shifts
+                registrations[tick, view] = np.array([row[column] for column in REGISTRATION])
+                registrations[tick, reference] = np.array([0, 0] + 5 * [np.nan])
+    return registrations
 
 
 def main():
@@ -54,7 +55,7 @@ def main():
     found = {}
     for scenario in {row["scenario"] for row in rows}:
         boxes = seen_in(corpus / "scenarios" / scenario, sizes)
-        found[scenario] = boxes, shifts_in(corpus / "scenarios" / scenario, boxes)
+        found[scenario] = boxes, registrations_in(corpus / "scenarios" / scenario, boxes)
 
     def gathered(which, length):
         missing = np.full(length, np.nan)
@@ -62,7 +63,7 @@ def main():
             [[found[row["scenario"]][which].get((row["tick"], view), missing) for view in views] for row in rows]
         )
 
-    inputs = {"boxes": gathered(0, 4), "shifts": gathered(1, 2)}
+    inputs = {"boxes": gathered(0, 4), "registrations": gathered(1, 7)}
     verdict = {}
     for path in sorted(models.glob("*.onnx")):
         model = onnxruntime.InferenceSession(path)

@@ -47,6 +47,8 @@ pub struct TrainConfig {
     pub estimator: EstimatorConfig,
     /// The monoscopic baseline networks.
     pub mono: MonoConfig,
+    /// The network on what the formula of `inverse_range` leaves.
+    pub residual: ResidualConfig,
     /// How well the cameras are known before `self_calibrated` is fitted.
     pub self_calibration: SelfCalibrationConfig,
 }
@@ -68,6 +70,7 @@ impl Default for TrainConfig {
             calibration: CalibrationConfig::default(),
             estimator: EstimatorConfig::default(),
             mono: MonoConfig::default(),
+            residual: ResidualConfig::default(),
             self_calibration: SelfCalibrationConfig::default(),
         }
     }
@@ -282,6 +285,29 @@ impl Default for MonoConfig {
                 steps: 2_000,
                 batch_size: 256,
                 learning_rate: 3e-3,
+            },
+        }
+    }
+}
+
+/// Settings of the network on what the most precise formula of `inverse_range` leaves.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ResidualConfig {
+    /// Hidden layers.
+    pub hidden: Vec<usize>,
+    /// Mini-batches and learning rate.
+    pub optimisation: Optimisation,
+}
+
+impl Default for ResidualConfig {
+    fn default() -> Self {
+        Self {
+            hidden: vec![32, 32],
+            optimisation: Optimisation {
+                steps: 3_000,
+                batch_size: 256,
+                learning_rate: 1e-2,
             },
         }
     }

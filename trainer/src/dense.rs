@@ -13,6 +13,7 @@ use onnx_graph::Graph;
 use onnx_graph::proto::AttributeProto;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
+use serde::{Deserialize, Serialize};
 
 use crate::encoded::numbers;
 
@@ -56,6 +57,55 @@ pub(crate) fn linear_to_onnx(layer: &Linear, graph: &mut Graph, input: &str) -> 
             graph.plain("Add", &[&product, &bias])
         }
     }
+}
+
+/// A linear layer that gives nothing but zeros.
+pub(crate) fn zeros(inputs: usize, outputs: usize, device: &Device) -> Linear {
+    Linear {
+        weight: Param::from_data(TensorData::zeros::<f32, _>([inputs, outputs]), device),
+        bias: Some(Param::from_data(
+            TensorData::zeros::<f32, _>([outputs]),
+            device,
+        )),
+    }
+}
+
+/// The numbers of a linear layer, for networks so small that they are stored with formulas.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Layer {
+    /// Input by input.
+    pub(crate) weights: Vec<f32>,
+    /// One for each output.
+    pub(crate) biases: Vec<f32>,
+}
+
+impl Layer {
+    fn forward(&self, input: &[f32]) -> Vec<f32> {
+        let mut output = self.biases.clone();
+        for (value, weights) in input.iter().zip(self.weights.chunks_exact(output.len())) {
+            for (sum, weight) in output.iter_mut().zip(weights) {
+                *sum += value * weight;
+            }
+        }
+        output
+    }
+}
+
+/// The same as [`Dense::forward`] of the stack with these layers, for one row.
+pub(crate) fn forward(layers: &[Layer], input: Vec<f32>) -> Vec<f32> {
+    let last = layers.len().saturating_sub(1);
+    layers
+        .iter()
+        .enumerate()
+        .fold(input, |value, (number, layer)| {
+            let mut output = layer.forward(&value);
+            if number < last {
+                for value in output.iter_mut().filter(|value| **value < 0.0) {
+                    *value *= LEAKY_SLOPE as f32;
+                }
+            }
+            output
+        })
 }
 
 /// Linear layers with LeakyReLU between them and none after the last.
@@ -109,6 +159,42 @@ impl Dense {
             graph.node("LeakyRelu", &[&value], vec![slope])
         });
         linear_to_onnx(self.last(), graph, &hidden)
+    }
+
+    /// Its numbers.
+    pub(crate) fn layers(&self) -> Vec<Layer> {
+        let layer = |layer: &Linear| {
+            let biases = layer
+                .bias
+                .as_ref()
+                .map(|bias| numbers(bias.val().unsqueeze()));
+            Layer {
+                weights: numbers(layer.weight.val()),
+                biases: biases.unwrap_or_default(),
+            }
+        };
+        self.layers.iter().map(layer).collect()
+    }
+
+    /// The stack with such numbers.
+    pub(crate) fn of_layers(layers: &[Layer], device: &Device) -> Self {
+        let linear = |layer: &Layer| {
+            let outputs = layer.biases.len();
+            let weights = TensorData::new(
+                layer.weights.clone(),
+                [layer.weights.len() / outputs, outputs],
+            );
+            Linear {
+                weight: Param::from_data(weights, device),
+                bias: Some(Param::from_data(
+                    TensorData::new(layer.biases.clone(), [outputs]),
+                    device,
+                )),
+            }
+        };
+        Self {
+            layers: layers.iter().map(linear).collect(),
+        }
     }
 
     fn last(&self) -> &Linear {

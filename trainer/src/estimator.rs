@@ -20,7 +20,7 @@ use crate::{paper_lstm, pinhole, triangulation};
 pub(crate) enum Estimator {
     /// Calibration networks, then an LSTM over the views.
     PaperLstm,
-    /// Least squares of the inverse range.
+    /// Least squares of the inverse range, and a network on their residual.
     InverseRange,
     /// The same over the ticks so far.
     InverseRangeFiltered,
@@ -126,7 +126,7 @@ impl Estimator {
             Self::InverseRange => [
                 "inverse_range",
                 "Inverse range",
-                "least squares on the places in all views, registered with each other; learned from labels; not told where the cameras are",
+                "least squares on the places in all views, registered with each other, and a small network on what they leave, where it helps; learned from labels; not told where the cameras are",
             ],
             Self::InverseRangeFiltered => [
                 "inverse_range_filtered",

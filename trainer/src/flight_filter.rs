@@ -23,7 +23,8 @@ use dataset::splits::Side;
 use dataset::spread::Spread;
 use serde::{Deserialize, Serialize};
 
-use crate::inverse_range::InverseRange;
+use crate::flight_parts::{FlightParts, MOST_PARTS};
+use crate::inverse_range::{CrossFitted, InverseRange};
 use crate::normalisation::Normalisation;
 use crate::samples::{Observation, Sample, Samples};
 
@@ -59,21 +60,16 @@ pub(crate) enum Knowing {
     All,
 }
 
-/// Parts at most that flights are divided into, each judged with errors of the others.
-const MOST_PARTS: usize = 10;
-
 impl FlightFilter {
     /// Fits motion, errors and intervals to flights of the training side, held out from the fits in turn, and of the validation side.
-    /// `training`: what `fits` were fitted to.
     pub(crate) fn fit(
-        fits: &InverseRange,
+        fits: &CrossFitted,
         samples: &Samples,
-        training: &[&Sample],
         normalisation: &Normalisation,
     ) -> Self {
         let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
-        let flights = LabelledFlight::held_out(fits, samples, training, believed);
-        Self::fit_to(&flights, fits.deviations())
+        let flights = LabelledFlight::held_out(fits, samples, believed);
+        Self::fit_to(&flights, fits.all.deviations())
     }
 
     /// The same with the errors of those fits that contain a view, which approaches of a new camera tell: each approach is measured by
@@ -92,8 +88,10 @@ impl FlightFilter {
             .ticks_of_side(Side::Train)
             .filter(|sample| approaches.contains(&sample.scenario))
             .collect();
-        let refitted = |others: &[&Sample]| fits.with_view_refitted(view, others);
-        let flights = LabelledFlight::left_out(samples, &ticks, fitted_to, refitted, believed);
+        let parts = FlightParts::of(samples, ticks.iter().copied());
+        let others = parts.others(fitted_to);
+        let refitted = others.map(|others| fits.with_view_refitted(view, &others));
+        let flights = LabelledFlight::left_out(&parts, &ticks, refitted, believed);
         let errors = self.errors.iter().zip(fits.contain(view)).enumerate();
         let errors = errors.map(|(fit, (known, is_of_view))| {
             let errors: Vec<_> = flights.iter().map(|flight| flight.errors_of(fit)).collect();

@@ -11,8 +11,11 @@
 //! aircraft; a training sorts them by precision. Prediction does not read the calibration; training does only to leave out boxes that do
 //! not hold the aircraft, and registered shifts were measured with its help, which tells scale and rotation between two views.
 
+mod cross_fitted;
 mod measurement;
 mod onnx;
+mod residual;
+mod residual_training;
 mod robust_fit;
 
 use std::collections::BTreeSet;
@@ -23,7 +26,10 @@ use crate::minimum::Search;
 use crate::samples::{FARTHEST_M, Observation, Sample};
 use crate::view_shift::Places;
 
+pub(crate) use cross_fitted::CrossFitted;
 pub(crate) use measurement::{Measurement, scale_m};
+use residual::Residual;
+pub(crate) use residual_training::ResidualRecord;
 use robust_fit::{
     Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
 };
@@ -45,6 +51,9 @@ const TICKS_OF_SEARCH: usize = 2_000;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct InverseRange {
     fits: Vec<Fit>,
+    /// What the first of them leaves.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    residual: Option<Residual>,
 }
 
 /// Views whose places a formula is about.
@@ -85,14 +94,27 @@ impl InverseRange {
     }
 
     /// The same fits in the same order, those of sets that contain this view fitted again to other samples; `None` if these are too few for
-    /// one of them.
+    /// one of them. The network on the residual stays, with inputs relative to what is usual now, if it still helps.
     pub(crate) fn with_view_refitted(&self, view: usize, samples: &[&Sample]) -> Option<Self> {
         let refitted = |fit: &Fit| match fit.set.views.contains(&view) {
             true => Fit::of(fit.set.clone(), samples),
             false => Some(fit.clone()),
         };
-        let fits = self.fits.iter().map(refitted).collect::<Option<_>>()?;
-        Some(Self { fits })
+        let mut new = Self {
+            fits: self.fits.iter().map(refitted).collect::<Option<_>>()?,
+            residual: None,
+        };
+        new.residual = match self.is_first_of(view) {
+            true => (self.residual.as_ref()).and_then(|residual| residual.refitted(&new, samples)),
+            false => self.residual.clone(),
+        };
+        Some(new)
+    }
+
+    /// Whether the most precise fit, on whose residual there may be a network, contains this view.
+    fn is_first_of(&self, view: usize) -> bool {
+        let first = self.fits.first();
+        first.is_some_and(|fit| fit.set.views.contains(&view))
     }
 
     /// Whether each of the fits contains this view.
@@ -108,8 +130,10 @@ impl InverseRange {
             .fits
             .iter()
             .filter(|fit| !fit.set.views.contains(&view));
+        let residual = self.residual.as_ref().filter(|_| !self.is_first_of(view));
         Self {
             fits: others.cloned().collect(),
+            residual: residual.cloned(),
         }
     }
 
@@ -122,30 +146,38 @@ impl InverseRange {
         });
         let mut fits: Vec<Fit> = sets.filter_map(|set| Fit::of(set, training)).collect();
         fits.sort_by(|a, b| a.deviation.total_cmp(&b.deviation));
-        Self { fits }
+        Self {
+            fits,
+            residual: None,
+        }
     }
 
     /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the first such has no distance for such
     /// places.
     pub(crate) fn predict(&self, observed: &Observation) -> Option<f64> {
-        let mut applicable =
-            (self.fits.iter()).filter_map(|fit| Some((fit, fit.set.places(observed)?)));
-        let (fit, places) = applicable.next()?;
-        fit.distance_m(&fit.terms(&places))
+        let applies = |fit: &Fit| fit.set.places(observed).is_some();
+        let first = self.fits.iter().position(applies)?;
+        Some(self.measurement(first, observed)?.distance_m)
     }
 
     /// Whether each fit is of some of this many views and has as many numbers as these need.
     pub(crate) fn is_of(&self, views: usize) -> bool {
-        self.fits.iter().all(|fit| {
-            let set = &fit.set.views;
-            let coordinates = 2 * set.len();
-            set.last().is_some_and(|&last| last < views)
-                && set.windows(2).all(|pair| pair[0] < pair[1])
-                && fit.offset_px.len() == coordinates
-                && fit.scale_px.len() == coordinates
-                && fit.coefficients_per_m.len() == terms_of(coordinates)
-                && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
-        })
+        let residual = self.residual.as_ref();
+        let completes = |residual: &Residual| {
+            let first = self.fits.first();
+            first.is_some_and(|fit| residual.is_of(fit))
+        };
+        residual.is_none_or(completes)
+            && self.fits.iter().all(|fit| {
+                let set = &fit.set.views;
+                let coordinates = 2 * set.len();
+                set.last().is_some_and(|&last| last < views)
+                    && set.windows(2).all(|pair| pair[0] < pair[1])
+                    && fit.offset_px.len() == coordinates
+                    && fit.scale_px.len() == coordinates
+                    && fit.coefficients_per_m.len() == terms_of(coordinates)
+                    && [0, terms_of(coordinates).pow(2)].contains(&fit.covariance_per_m2.len())
+            })
     }
 
     /// Means of places, pixels.
@@ -164,13 +196,15 @@ impl InverseRange {
 
     /// The other numbers of the formulas.
     pub(crate) fn constants(&self) -> impl Iterator<Item = f64> {
-        self.fits.iter().flat_map(|fit| {
+        let residual = self.residual.iter().flat_map(Residual::constants);
+        let of_fits = self.fits.iter().flat_map(|fit| {
             let others = [fit.setback_m, fit.deviation];
             others
                 .into_iter()
                 .chain(fit.coefficients_per_m.iter().copied())
                 .chain(fit.covariance_per_m2.iter().copied())
-        })
+        });
+        of_fits.chain(residual)
     }
 }
 

@@ -29,6 +29,7 @@ mod evaluation;
 mod evaluation_rules;
 mod fitted_camera;
 mod flight_filter;
+mod flight_parts;
 mod gap_balance;
 mod head_refit;
 mod inverse_range;
@@ -75,7 +76,9 @@ pub use error::{CorpusFault, Error, Result, RunFault};
 pub use evaluation::{EvaluationConfig, JudgedSide, evaluate};
 pub use evaluation_rules::EvaluationRules;
 pub use metrics::Metrics;
-pub use onnx::{Agreement, ExportedModel, ExportedRun, Probes, TOLERANCE, export};
+pub use onnx::{
+    Agreement, ExportedModel, ExportedRun, Probes, REGISTRATION_NUMBERS, TOLERANCE, export,
+};
 pub use prediction::{Predicted, predict};
 pub use refit::{MOST_APPROACHES, Refit, RefitConfig, refit};
 pub use run_folder::RunFolder;

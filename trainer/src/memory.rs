@@ -5,6 +5,7 @@ use std::fmt::Debug;
 
 use crate::config::{Optimisation, TrainConfig};
 use crate::error::{Error, Result};
+use crate::flight_parts::MOST_PARTS;
 use crate::normalisation::BOX_FEATURES;
 use crate::samples::Sample;
 use crate::view_shift::ViewShift;
@@ -17,6 +18,8 @@ const TRAINED_NUMBER: u64 = 8 * NUMBER;
 const KEPT_PER_UNIT: u64 = 8;
 /// The same per unit of an LSTM layer: four gates, two states.
 const KEPT_PER_LSTM_UNIT: u64 = 48;
+/// Numbers of a registration that the networks on the residual see, at most with the inverse range.
+const REGISTRATION: u64 = 5;
 /// Samples predicted at once without a backward pass.
 const CHUNK: u64 = 2_048;
 
@@ -97,7 +100,7 @@ fn data(config: &TrainConfig, views: u64, samples: SampleCounts) -> Part {
     }
 }
 
-fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [TrainingStage; 3] {
+fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [TrainingStage; 4] {
     let boxes = BOX_FEATURES as u64;
     let judged = samples.judged as u64;
     let c = &config.calibration;
@@ -159,7 +162,21 @@ fn stages(config: &TrainConfig, views: u64, samples: SampleCounts) -> [TrainingS
         sum(&m.hidden).saturating_mul(KEPT_PER_UNIT),
         judged.saturating_mul(sum(&m.hidden)),
     );
-    [calibration, estimator, mono]
+    let r = &config.residual;
+    // That of the formula, and one for each part of the flights.
+    let networks = 1 + MOST_PARTS as u64;
+    let inputs = views.saturating_mul(REGISTRATION);
+    let residual = stage(
+        "residual",
+        &r.hidden,
+        networks.saturating_mul(dense(inputs, &r.hidden, 1)),
+        &r.optimisation,
+        networks
+            .saturating_mul(sum(&r.hidden))
+            .saturating_mul(KEPT_PER_UNIT),
+        judged.saturating_mul(sum(&r.hidden)),
+    );
+    [calibration, estimator, mono, residual]
 }
 
 /// `kept`: numbers per sample of a batch; `judging`: numbers for evaluating all samples.

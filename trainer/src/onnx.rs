@@ -15,9 +15,12 @@ use crate::run_folder::RunFolder;
 use crate::sealed_run::SealedRun;
 use crate::trained_run::TrainedRun;
 
-use estimator_graph::SHIFTS;
 pub(crate) use estimator_graph::{BOXES, EstimatorGraph};
+use estimator_graph::{REGISTRATION_COLUMNS, REGISTRATIONS};
 pub use probes::Probes;
+
+/// Numbers of a registration that models take.
+pub const REGISTRATION_NUMBERS: usize = REGISTRATION_COLUMNS.len();
 
 /// Largest difference between the answers of a runtime and ours, relative to the distance, or to [`Probes::NEAREST_M`] below it.
 pub const TOLERANCE: f64 = 1e-5;
@@ -38,8 +41,8 @@ pub struct ExportedRun {
 pub struct ExportedModel {
     /// Its name.
     pub name: &'static str,
-    /// Whether it also takes the shifts between the views.
-    pub takes_shifts: bool,
+    /// Whether it also takes the registrations of the views.
+    pub takes_registrations: bool,
     /// Content of the ONNX file.
     pub onnx: Vec<u8>,
     /// Our answers to the probes, metres.
@@ -57,9 +60,9 @@ pub fn export(run: &RunFolder) -> Result<ExportedRun> {
         let model = estimator.to_onnx(&trained)?;
         Some(ExportedModel {
             name: estimator.name(),
-            takes_shifts: model.graph.as_ref().is_some_and(|graph| {
+            takes_registrations: model.graph.as_ref().is_some_and(|graph| {
                 let mut names = graph.input.iter().map(|input| input.name.as_str());
-                names.any(|name| name == SHIFTS)
+                names.any(|name| name == REGISTRATIONS)
             }),
             onnx: model.bytes(),
             expected_m: estimator.predict(&task),
@@ -124,7 +127,7 @@ mod tests {
     fn answers_agree_to_the_tolerance_and_only_where_both_have_one() {
         let model = ExportedModel {
             name: "mono_pinhole",
-            takes_shifts: false,
+            takes_registrations: false,
             onnx: Vec::new(),
             expected_m: vec![Some(10_000.0), None, Some(10.0)],
         };

@@ -18,7 +18,7 @@ use crate::choice::Choice;
 use crate::config::{PaperDeviation, TrainConfig};
 use crate::error::{Error, Result, RunFault};
 use crate::flight_filter::FlightFilter;
-use crate::inverse_range::InverseRange;
+use crate::inverse_range::{InverseRange, ResidualRecord};
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
@@ -90,6 +90,9 @@ pub(crate) struct RunSummary {
     pub samples_blake3: String,
     /// Error of `paper_lstm` on the validation side, percent.
     pub validation_mape_pct: f64,
+    /// What the network on the residual of `inverse_range` was worth; missing where it could not be trained.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual: Option<ResidualRecord>,
     /// The recommended estimator.
     pub choice: Choice,
     /// BLAKE3 of the weights that the training started from, if they were not random.

@@ -21,7 +21,7 @@ use crate::encoded::Encoded;
 use crate::error::{CorpusFault, Error, Result};
 use crate::evaluation::split_again;
 use crate::flight_filter::FlightFilter;
-use crate::inverse_range::InverseRange;
+use crate::inverse_range::CrossFitted;
 use crate::memory::{self, SampleCounts};
 use crate::mono_network::{MonoInputs, MonoNetworks};
 use crate::normalisation::Normalisation;
@@ -58,6 +58,7 @@ enum Stream {
     Estimator,
     MonoSize,
     MonoBox,
+    Residual,
 }
 
 impl Stream {
@@ -241,9 +242,28 @@ pub(crate) fn train_unless(
         Stream::MonoBox,
     )?;
 
+    let mut cross_fitted = CrossFitted::fit(&samples, &true_boxes);
+    let residual = cross_fitted.learn_residuals(
+        &samples,
+        &true_boxes,
+        &validation,
+        &config.residual,
+        Stream::Residual.generator(config.seed),
+        watch,
+    )?;
+    let flight_filter = FlightFilter::fit(&cross_fitted, &samples, &normalisation);
     let baselines = Baselines {
+        views: samples.views.clone(),
+        pinholes: (0..samples.views.len())
+            .map(|view| Pinhole::fit(view, &true_boxes))
+            .collect(),
+        centre_offsets: (0..samples.views.len())
+            .map(|view| CentreOffset::fit(view, &samples.scenarios, &true_boxes))
+            .collect(),
+        inverse_range: cross_fitted.all,
+        self_calibrated,
+        flight_filter,
         backgrounds: backgrounds.as_ref().map(Backgrounds::stored),
-        ..baselines(&samples, &true_boxes, &normalisation, self_calibrated)
     };
     let choice = Choice::of(&baselines, &true_boxes);
     // With those that the start knows.
@@ -281,6 +301,7 @@ pub(crate) fn train_unless(
             mixed_samples: mixed.len() + mixed_together.len(),
             validation_samples: validation.len(),
             validation_mape_pct: estimator.error_pct,
+            residual,
             training_s: checkpoints.spent_s(),
             choice: choice.clone(),
             started_from_blake3: start.as_ref().map(|start| start.weights_blake3.clone()),
@@ -377,27 +398,4 @@ fn mixed_samples(
         },
     ]
     .map(|corridor| mix(training, &samples.scenarios, corridor, count, random))
-}
-
-fn baselines(
-    samples: &Samples,
-    training: &[&Sample],
-    normalisation: &Normalisation,
-    self_calibrated: Option<SelfCalibrated>,
-) -> Baselines {
-    let inverse_range = InverseRange::fit(samples.views.len(), training);
-    let scenarios = &samples.scenarios;
-    Baselines {
-        views: samples.views.clone(),
-        pinholes: (0..samples.views.len())
-            .map(|view| Pinhole::fit(view, training))
-            .collect(),
-        centre_offsets: (0..samples.views.len())
-            .map(|view| CentreOffset::fit(view, scenarios, training))
-            .collect(),
-        self_calibrated,
-        flight_filter: FlightFilter::fit(&inverse_range, samples, training, normalisation),
-        inverse_range,
-        backgrounds: None,
-    }
 }

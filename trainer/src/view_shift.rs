@@ -19,9 +19,20 @@ pub(crate) struct ViewShift {
     pub shift_px: DVec2,
     /// Its standard deviation, pixels.
     pub sd_px: DVec2,
+    /// How the aircraft looks in the view, over how it looks in the reference view: its size ...
+    pub scale: f64,
+    /// ... and its contrast.
+    pub gain: f64,
+    /// Correlation of the two pictures.
+    pub correlation: f64,
 }
 
 impl ViewShift {
+    /// Variance along one axis, mean of both, square pixels.
+    pub(crate) fn variance_px2(&self) -> f64 {
+        self.sd_px.length_squared() / 2.0
+    }
+
     /// A registered shift between the views of two boxes; `None` if it is of something else than these boxes: the point that was followed
     /// is outside the box of the reference view, or what it was found at outside that of the view.
     pub(crate) fn between(
@@ -40,6 +51,9 @@ impl ViewShift {
             reference,
             shift_px,
             sd_px: DVec2::new(shift.sd_x_px, shift.sd_y_px),
+            scale: shift.scale,
+            gain: shift.gain,
+            correlation: shift.correlation,
         })
     }
 }
@@ -77,7 +91,7 @@ impl Places {
             true => Some((DVec2::ZERO, None)),
             false => observed.shifts[view]
                 .filter(|shift| shift.reference == reference)
-                .map(|shift| (shift.shift_px, Some(shift.sd_px.length_squared() / 2.0))),
+                .map(|shift| (shift.shift_px, Some(shift.variance_px2()))),
         };
         let shifts: Vec<_> = views.iter().map(shift).collect::<Option<_>>()?;
         let count = views.len() as f64;

@@ -313,7 +313,8 @@ fn a_training_that_leaves_the_paper_s_method_names_in_what() {
 fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
     let folder = tempfile::tempdir().unwrap();
     let corpus = SyntheticCorpus {
-        shift_noise_px: Some(0.05),
+        shift_noise_px: Some(0.02),
+        shift_by_contrast: Some(1e-4),
         ..SyntheticCorpus::tiny()
     }
     .write(&folder.path().join("corpus"))
@@ -338,6 +339,7 @@ fn inverse_range_is_what_scipy_solves_and_what_the_predictions_hold() {
             assert!(fit[key].as_f64().unwrap() < most, "{key}: {fit}");
         }
     }
+    assert_eq!(judged["residual"], true, "{judged}");
     let answered = metrics.estimators["inverse_range"].overall.all.samples;
     assert_eq!(judged["predictions"].as_u64().unwrap(), answered as u64);
     assert!(

@@ -164,6 +164,9 @@ fn what_was_seen_goes_where_the_reference_saw_it_and_keeps_its_rays() {
         reference: 0,
         shift_px: DVec2::new(50.25, 0.5),
         sd_px: DVec2::splat(0.03),
+        scale: 1.0,
+        gain: 1.0,
+        correlation: 0.9,
     });
     let turns = [
         DVec3::new(0.001, -0.004, 0.0),

@@ -126,6 +126,15 @@ impl TrainConfig {
                 "mono.optimisation.learning_rate",
             ],
             &self.mono.optimisation,
+        )?;
+        layers("residual.hidden", &self.residual.hidden, 0)?;
+        optimisation(
+            [
+                "residual.optimisation.steps",
+                "residual.optimisation.batch_size",
+                "residual.optimisation.learning_rate",
+            ],
+            &self.residual.optimisation,
         )
     }
 }

@@ -1,14 +1,15 @@
 //! Flights of the training and validation side, as an evaluation sees them, measured by fits that never saw them: what the filter's noise
 //! and its intervals are fitted to.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::borrow::Borrow;
+use std::collections::BTreeMap;
 
 use dataset::splits::Side;
 
-use crate::inverse_range::{InverseRange, scale_m};
+use crate::flight_parts::FlightParts;
+use crate::inverse_range::{CrossFitted, InverseRange, scale_m};
 use crate::samples::{Observation, Sample, Samples};
 
-use super::MOST_PARTS;
 use super::correlated_error::Observed;
 use super::estimate::{Estimate, HalfWidths};
 use super::forward::Tick;
@@ -32,17 +33,17 @@ pub(super) struct LabelledFlight {
 }
 
 impl LabelledFlight {
-    /// The flights of the training side, each measured by fits to others if there are some, and those of the validation side. Boxes are
-    /// filtered as in an evaluation, which does not know which of them hold the aircraft. `training`: what `fits` were fitted to.
+    /// The flights of the training side, each measured by fits to the others if there are some, and those of the validation side. Boxes are
+    /// filtered as in an evaluation, which does not know which of them hold the aircraft.
     pub(super) fn held_out(
-        fits: &InverseRange,
+        fits: &CrossFitted,
         samples: &Samples,
-        training: &[&Sample],
         believed: impl Fn(&Observation) -> Observation,
     ) -> Vec<Self> {
         let ticks: Vec<_> = samples.ticks_of_side(Side::Train).collect();
-        let refitted = |others: &[&Sample]| Some(fits.refitted(others));
-        let mut flights = Self::left_out(samples, &ticks, training, refitted, &believed);
+        let parts = FlightParts::of(samples, ticks.iter().copied());
+        let others = fits.others.iter().map(Some);
+        let mut flights = Self::left_out(&parts, &ticks, others, &believed);
         let learned = samples.flights(Side::Train).len();
         let validated: Vec<String> = samples.flights(Side::Validation).into_iter().collect();
         let ticks: Vec<_> = samples.ticks_of_side(Side::Validation).collect();
@@ -50,37 +51,26 @@ impl LabelledFlight {
         flights.extend(of_validation.map(|flight| {
             let name = &samples.scenarios[flight[0].scenario].flight;
             let flown = learned + validated.binary_search(name).unwrap_or_default();
-            Self::measured(flown, fits, flight, &believed)
+            Self::measured(flown, &fits.all, flight, &believed)
         }));
         flights
     }
 
-    /// The flights of these ticks, in up to ten parts, each measured by what `refitted` makes of the other parts of `training`. None if
-    /// there is one flight only: the errors on the only flight that a fit has seen tell nothing about those on others.
-    pub(super) fn left_out(
-        samples: &Samples,
+    /// The flights of these ticks, each part measured by what was fitted to the others, if there was enough of them.
+    pub(super) fn left_out<F: Borrow<InverseRange>>(
+        parts: &FlightParts,
         ticks: &[&Sample],
-        training: &[&Sample],
-        refitted: impl Fn(&[&Sample]) -> Option<InverseRange>,
+        fits_to_others: impl Iterator<Item = Option<F>>,
         believed: impl Fn(&Observation) -> Observation,
     ) -> Vec<Self> {
-        let name = |sample: &Sample| &samples.scenarios[sample.scenario].flight;
-        let names: BTreeSet<&String> = ticks.iter().map(|sample| name(sample)).collect();
-        let names: Vec<&String> = names.into_iter().collect();
-        let place = |sample: &Sample| names.binary_search(&name(sample)).ok();
-        let parts = names.len().min(MOST_PARTS);
         let mut flights = Vec::new();
-        for part in (0..parts).filter(|_| parts > 1) {
-            let is_inside = |sample: &Sample| place(sample).is_some_and(|n| n % parts == part);
-            let outside = training.iter().copied().filter(|sample| !is_inside(sample));
-            let Some(fits) = refitted(&outside.collect::<Vec<_>>()) else {
-                continue;
-            };
+        for (part, fits) in fits_to_others.enumerate() {
+            let Some(fits) = fits else { continue };
             let each = ticks.chunk_by(|a, b| a.scenario == b.scenario);
-            let inside = each.filter(|flight| is_inside(flight[0]));
+            let inside = each.filter(|flight| parts.contains(part, flight[0]));
             flights.extend(inside.map(|flight| {
-                let flown = place(flight[0]).unwrap_or_default();
-                Self::measured(flown, &fits, flight, &believed)
+                let flown = parts.flown(flight[0]).unwrap_or_default();
+                Self::measured(flown, fits.borrow(), flight, &believed)
             }));
         }
         flights
@@ -218,8 +208,8 @@ mod tests {
         );
         let true_boxes = samples.with_true_boxes(Side::Train);
         let training: Vec<&Sample> = true_boxes.iter().collect();
-        let fits = InverseRange::fit(2, &training);
-        let flights = LabelledFlight::held_out(&fits, &samples, &training, Clone::clone);
+        let fits = CrossFitted::fit(&samples, &training);
+        let flights = LabelledFlight::held_out(&fits, &samples, Clone::clone);
 
         let ticks: usize = flights.iter().map(|flight| flight.ticks.len()).sum();
         let recorded = [Side::Train, Side::Validation].map(|s| samples.ticks_of_side(s).count());
@@ -229,7 +219,7 @@ mod tests {
             "those without any box count, too"
         );
         let others = training.iter().copied().filter(|s| s.scenario > 1);
-        let fits_to_others = fits.refitted(&others.collect::<Vec<_>>());
+        let fits_to_others = fits.all.refitted(&others.collect::<Vec<_>>());
         let mut copies = Vec::new();
         for flight in samples
             .flights_of_side(Side::Train)

@@ -1,7 +1,8 @@
 //! What the fits tell about a tick one by one, to be weighed against each other and against the ticks before.
 
+use super::Fit;
+use super::InverseRange;
 use super::robust_fit::{NEAREST_M, precision};
-use super::{Fit, InverseRange};
 use crate::samples::{Observation, Sample};
 
 /// The distance that one fit reads from the places at a tick. The formula of the inverse range is inverted exactly, so that no filter has
@@ -33,20 +34,35 @@ pub(crate) fn scale_m(distance_m: f64) -> f64 {
 impl InverseRange {
     /// What each fit measures whose views all saw the aircraft, the most precise first.
     pub(crate) fn measurements(&self, observed: &Observation) -> Vec<Measurement> {
-        let measured = |(number, fit): (usize, &Fit)| {
-            let places = fit.set.places(observed)?;
-            let terms = fit.terms(&places);
-            let distance_m = fit.distance_m(&terms)?;
-            let best = precision(&places);
-            let leverage = fit.leverage(&terms, distance_m);
-            Some(Measurement {
-                fit: number,
-                of_one_view: fit.set.views.len() == 1,
-                distance_m,
-                precision: best / (1.0 + best * best * leverage).sqrt(),
-            })
-        };
-        self.fits.iter().enumerate().filter_map(measured).collect()
+        let fits = 0..self.fits.len();
+        fits.filter_map(|fit| self.measurement(fit, observed))
+            .collect()
+    }
+
+    /// What one fit measures; `None` if a view of it saw nothing, or its formula has no distance for such places.
+    pub(super) fn measurement(&self, fit: usize, observed: &Observation) -> Option<Measurement> {
+        let formula = self.formula(fit, observed)?;
+        let residual = self.residual.as_ref().filter(|_| fit == 0);
+        Some(residual.map_or(formula, |residual| Measurement {
+            distance_m: residual.corrected_m(observed, formula.distance_m),
+            ..formula
+        }))
+    }
+
+    /// The same without the network on the residual.
+    pub(super) fn formula(&self, number: usize, observed: &Observation) -> Option<Measurement> {
+        let fit = &self.fits[number];
+        let places = fit.set.places(observed)?;
+        let terms = fit.terms(&places);
+        let distance_m = fit.distance_m(&terms)?;
+        let best = precision(&places);
+        let leverage = fit.leverage(&terms, distance_m);
+        Some(Measurement {
+            fit: number,
+            of_one_view: fit.set.views.len() == 1,
+            distance_m,
+            precision: best / (1.0 + best * best * leverage).sqrt(),
+        })
     }
 
     /// Standard deviations of the relative errors on the training side, fit by fit.
@@ -54,7 +70,8 @@ impl InverseRange {
         self.fits.iter().map(|fit| fit.deviation)
     }
 
-    /// The same fits in the same order with coefficients from other samples. A fit that these do not determine stays as it is.
+    /// The same fits in the same order with coefficients from other samples, and nothing on their residual. A fit that these do not
+    /// determine stays as it is.
     pub(crate) fn refitted(&self, training: &[&Sample]) -> Self {
         let refitted = |fit: &Fit| {
             let (rows, scales) = fit.set.rows(training);
@@ -63,6 +80,7 @@ impl InverseRange {
         };
         Self {
             fits: self.fits.iter().map(refitted).collect(),
+            residual: None,
         }
     }
 }

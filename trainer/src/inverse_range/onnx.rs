@@ -10,10 +10,13 @@ impl InverseRange {
     /// The distance in metres: of the first fit whose places are all there.
     pub(crate) fn to_onnx(&self, graph: &mut EstimatorGraph) -> String {
         let mut answer = graph.graph.double(f64::NAN);
-        for fit in self.fits.iter().rev() {
+        for (number, fit) in self.fits.iter().enumerate().rev() {
             let applies = fit.set.applies_to_onnx(graph);
             let places = fit.set.places_to_onnx(graph);
-            let distance = fit.distance_to_onnx(graph, &places);
+            let mut distance = fit.distance_to_onnx(graph, &places);
+            if let (Some(residual), 0) = (&self.residual, number) {
+                distance = residual.corrected_to_onnx(graph, &distance);
+            }
             answer = graph.graph.plain("Where", &[&applies, &distance, &answer]);
         }
         answer
@@ -42,8 +45,7 @@ impl ViewSet {
     }
 
     fn shifts_to_onnx(&self, graph: &mut EstimatorGraph) -> String {
-        let shifts = graph.shifts();
-        graph.some_of(shifts, self.views.iter().copied())
+        graph.registrations(&self.views, 0..2)
     }
 
     /// The coordinates, `[batch, 2 * views]`.

@@ -2,6 +2,8 @@
 //!
 //! Inputs and formulas are in double precision, as in this crate: differences between views are a hundredth of a pixel in a thousand.
 
+use std::ops::Range;
+
 use onnx_graph::proto::{AttributeProto, DOUBLE, Dimension, FLOAT, ModelProto, ValueInfoProto};
 use onnx_graph::{Graph, ModelTexts};
 
@@ -11,9 +13,19 @@ use crate::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
 
 /// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN where a view saw nothing.
 pub(crate) const BOXES: &str = "boxes";
-/// Input: `[batch, views, 2]`, where the aircraft of a view is, right and down of where it is in the reference view, pixels; 0 for the
-/// reference view itself, NaN where there is no registration.
-pub(crate) const SHIFTS: &str = "shifts";
+/// Input: `[batch, views, 7]`, what [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` are for a view. The shift of the reference view
+/// itself is 0, and NaN is where there is no registration. Without the columns after the shift, nothing is told about what a formula leaves.
+pub(crate) const REGISTRATIONS: &str = "registrations";
+/// Columns of a registration.
+pub(crate) const REGISTRATION_COLUMNS: [&str; 7] = [
+    "dx_px",
+    "dy_px",
+    "sd_x_px",
+    "sd_y_px",
+    "scale",
+    "gain",
+    "correlation",
+];
 /// Output: `[batch]`, metres; NaN for no answer.
 const DISTANCE: &str = "distance_m";
 
@@ -24,7 +36,7 @@ pub(crate) struct EstimatorGraph<'a> {
     normalisation: &'a Normalisation,
     /// Whether each view saw the aircraft, `[batch, views, 1]`.
     seen: String,
-    takes_shifts: bool,
+    takes_registrations: bool,
 }
 
 impl<'a> EstimatorGraph<'a> {
@@ -50,7 +62,7 @@ impl<'a> EstimatorGraph<'a> {
             graph,
             normalisation,
             seen,
-            takes_shifts: false,
+            takes_registrations: false,
         }
     }
 
@@ -137,10 +149,13 @@ impl<'a> EstimatorGraph<'a> {
         self.graph.plain("Mul", &[&distance, &unit])
     }
 
-    /// The input of shifts, which the model then has.
-    pub(crate) fn shifts(&mut self) -> &'static str {
-        self.takes_shifts = true;
-        SHIFTS
+    /// Some columns of the registrations of some views, `[batch, views, columns]`; the model then has this input.
+    pub(crate) fn registrations(&mut self, views: &[usize], columns: Range<i64>) -> String {
+        self.takes_registrations = true;
+        let of_views = self.some_of(REGISTRATIONS, views.iter().copied());
+        let [from, to, axis] =
+            [columns.start, columns.end, 2].map(|number| self.graph.integers(&[number]));
+        self.graph.plain("Slice", &[&of_views, &from, &to, &axis])
     }
 
     /// The model that answers with these metres, `[batch, 1]`, where any view saw the aircraft.
@@ -159,8 +174,8 @@ impl<'a> EstimatorGraph<'a> {
             ValueInfoProto::doubles(name, &dims)
         };
         let mut inputs = vec![input(BOXES, BOX_FEATURES as i64)];
-        if self.takes_shifts {
-            inputs.push(input(SHIFTS, 2));
+        if self.takes_registrations {
+            inputs.push(input(REGISTRATIONS, REGISTRATION_COLUMNS.len() as i64));
         }
         let names = self.normalisation.views.join(",");
         let texts = ModelTexts {

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::estimator::{Description, Estimator};
 use crate::metrics::{ErrorFigures, Metrics};
-use crate::onnx::{ExportedModel, TOLERANCE};
+use crate::onnx::{ExportedModel, REGISTRATION_COLUMNS, TOLERANCE};
 use crate::trained_run::TrainedRun;
 
 /// The card as Markdown.
@@ -70,17 +70,22 @@ fn inputs(card: &mut String, run: &TrainedRun) {
          - `boxes` `[batch, {views}, 4]`: the aircraft's box in each view, in this order: {}. Centre right, centre down, width, height in \
          pixels of the full picture; pixel (0, 0) is the centre of the top-left pixel. A box that the edge of the picture cuts off is no \
          measurement: leave it out.\n\
-         - `shifts` `[batch, {views}, 2]`, for `inverse_range.onnx` only: where the aircraft of a view is, right and down of where it is in \
-         the reference view, in pixels, as `registrations/*.parquet` has it (`dx_px`, `dy_px`). 0, 0 for the reference view itself. Give \
-         only shifts of the object in the boxes.\n\
+         - `registrations` `[batch, {views}, {}]`, for `inverse_range.onnx` only: {} of `registrations/*.parquet`, the first two of them \
+         where the aircraft of a view is, right and down of where it is in the reference view, in pixels. 0, 0 for the reference view \
+         itself, whatever comes behind. Give only registrations of the object in the boxes. With NaN behind the first two, nothing is \
+         told about what the formula leaves.\n\
          - `distance_m` `[batch]`: distance to touchdown in metres.\n\n\
-         A view that saw nothing has four NaN in `boxes`; a view that is not registered has two NaN in `shifts`. A missing view is not \
+         A view that saw nothing has four NaN in `boxes`; a view that is not registered has NaN in `registrations`. A missing view is not \
          guessed: `paper_lstm` leaves it out of its sequence, the monoscopic estimators average over the others, and `inverse_range` \
          answers with the formula of the views that are there. Without a usable box, or without a formula for the views that are there, \
          `distance_m` is NaN.\n\n\
          Boxes unlike those of the training side count as missing, as in `dtd evaluate`:\n\n\
          | view | picture | centre right | centre down | width | height |\n|---|---|---|---|---|---|\n",
-        normalisation.views.join(", ")
+        normalisation.views.join(", "),
+        REGISTRATION_COLUMNS.len(),
+        REGISTRATION_COLUMNS
+            .map(|column| format!("`{column}`"))
+            .join(", ")
     );
     for (view, name) in normalisation.views.iter().enumerate() {
         let picture = run.summary.cameras.get(name).map_or("–".into(), |camera| {
@@ -96,7 +101,7 @@ fn inputs(card: &mut String, run: &TrainedRun) {
     }
     if run.config.align_backgrounds {
         card.push_str(
-            "\nThe cameras of this run were aligned by their backgrounds (`align_backgrounds`). The models expect boxes and shifts that were \
+            "\nThe cameras of this run were aligned by their backgrounds (`align_backgrounds`). The models expect boxes and registrations that were \
              corrected in the same way, and do not correct them.\n",
         );
     }

@@ -28,8 +28,8 @@ pub struct Probes {
     pub views: usize,
     /// `[ticks, views, 4]`.
     pub boxes: Vec<f64>,
-    /// `[ticks, views, 2]`.
-    pub shifts: Vec<f64>,
+    /// `[ticks, views, 7]`.
+    pub registrations: Vec<f64>,
 }
 
 impl Probes {
@@ -45,7 +45,7 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
         ticks: TICKS,
         views,
         boxes: Vec::new(),
-        shifts: Vec::new(),
+        registrations: Vec::new(),
     };
     let mut believed = Vec::new();
     for tick in 0..TICKS {
@@ -64,7 +64,10 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
                 (registered && view > 0).then(|| ViewShift {
                     reference: 0,
                     shift_px: centre(seen) - centre(reference) + apart,
-                    sd_px: DVec2::ONE,
+                    sd_px: DVec2::splat(random.random_range(0.02..0.7)),
+                    scale: random.random_range(0.5..2.0),
+                    gain: random.random_range(0.1..10.0),
+                    correlation: random.random_range(0.6..1.0),
                 })
             })
             .collect();
@@ -72,11 +75,17 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             probes.boxes.extend(seen.map_or([f64::NAN; 4], |b| {
                 [b.cx_px, b.cy_px, b.width_px, b.height_px]
             }));
-            probes.shifts.extend(match shift {
-                Some(shift) => shift.shift_px.to_array(),
-                None if view == 0 => [0.0; 2],
-                None => [f64::NAN; 2],
-            });
+            let (shift_px, looks) = match shift {
+                None if view == 0 => (DVec2::ZERO, [f64::NAN; 5]),
+                None => (DVec2::NAN, [f64::NAN; 5]),
+                Some(shift) => {
+                    let DVec2 { x, y } = shift.sd_px;
+                    let looks = [x, y, shift.scale, shift.gain, shift.correlation];
+                    (shift.shift_px, looks)
+                }
+            };
+            probes.registrations.extend(shift_px.to_array());
+            probes.registrations.extend(looks);
         }
         let observed = Observation {
             scenario: 0,

@@ -1,0 +1,110 @@
+//! Flights divided into parts, so that each can be judged by what was learned from the others.
+
+use std::collections::BTreeSet;
+
+use crate::samples::{Sample, Samples};
+
+/// Parts at most.
+pub(crate) const MOST_PARTS: usize = 10;
+
+/// The flights of some ticks, told apart by their content: a copy of a flight is in the same part.
+pub(crate) struct FlightParts<'a> {
+    samples: &'a Samples,
+    /// What is flown, sorted.
+    flown: Vec<&'a String>,
+}
+
+impl<'a> FlightParts<'a> {
+    /// Those of these ticks.
+    pub(crate) fn of<'t>(samples: &'a Samples, ticks: impl Iterator<Item = &'t Sample>) -> Self {
+        let flown = ticks.map(|tick| &samples.scenarios[tick.scenario]);
+        let flown: BTreeSet<&String> = flown.map(|scenario| &scenario.flight).collect();
+        Self {
+            samples,
+            flown: flown.into_iter().collect(),
+        }
+    }
+
+    /// Number of parts; none of a single flight, whose errors for what has seen it tell nothing about those on others.
+    pub(crate) fn count(&self) -> usize {
+        match self.flown.len() {
+            0 | 1 => 0,
+            flown => flown.min(MOST_PARTS),
+        }
+    }
+
+    /// Number of what is flown at a tick; `None` of a flight that is not among these.
+    pub(crate) fn flown(&self, tick: &Sample) -> Option<usize> {
+        let flight = &self.samples.scenarios[tick.scenario].flight;
+        self.flown.binary_search(&flight).ok()
+    }
+
+    /// Whether a tick is of a flight of this part.
+    pub(crate) fn contains(&self, part: usize, tick: &Sample) -> bool {
+        let flown = self.flown(tick);
+        flown.is_some_and(|flown| flown % self.count().max(1) == part)
+    }
+
+    /// For each part, one at a time, those of these ticks that are of other flights.
+    pub(crate) fn others<'s>(&self, ticks: &[&'s Sample]) -> impl Iterator<Item = Vec<&'s Sample>> {
+        let outside = move |part| {
+            let ticks = ticks.iter().copied();
+            ticks
+                .filter(move |tick| !self.contains(part, tick))
+                .collect()
+        };
+        (0..self.count()).map(outside)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use dataset::splits::Side;
+    use testkit::synthetic::SyntheticCorpus;
+
+    use super::*;
+    use crate::samples::DistanceRange;
+
+    fn samples(train: usize) -> Samples {
+        let folder = tempfile::tempdir().unwrap();
+        let corpus = SyntheticCorpus {
+            train,
+            ..SyntheticCorpus::tiny()
+        };
+        let corpus = corpus.write(folder.path()).unwrap();
+        Samples::read(&corpus, None, DistanceRange::ALL).unwrap()
+    }
+
+    #[test]
+    fn a_part_has_whole_flights_and_their_copies_and_the_others_have_the_rest() {
+        let mut samples = samples(12);
+        // The first two are the same, under two names.
+        samples.scenarios[1].flight = samples.scenarios[0].flight.clone();
+        let training = samples.of_side(Side::Train);
+        let parts = FlightParts::of(&samples, training.iter().copied());
+        assert_eq!(parts.count(), MOST_PARTS);
+        let part_of = |scenario: usize| -> Vec<usize> {
+            let mut ticks = training.iter().filter(|s| s.scenario == scenario);
+            let tick = ticks.next().unwrap();
+            let parts = (0..parts.count()).filter(|&part| parts.contains(part, tick));
+            parts.collect()
+        };
+        assert_eq!(part_of(0), part_of(1));
+        for (part, others) in parts.others(&training).enumerate() {
+            let inside = training.iter().filter(|tick| parts.contains(part, tick));
+            assert_eq!(inside.count() + others.len(), training.len());
+            assert!(others.iter().all(|tick| !parts.contains(part, tick)));
+        }
+        assert!((0..12).all(|scenario| part_of(scenario).len() == 1));
+        let test = samples.of_side(Side::Test);
+        assert_eq!(parts.flown(test[0]), None);
+    }
+
+    #[test]
+    fn a_single_flight_has_no_parts() {
+        let samples = samples(1);
+        let training = samples.of_side(Side::Train);
+        let parts = FlightParts::of(&samples, training.iter().copied());
+        assert_eq!(parts.others(&training).count(), 0);
+    }
+}

@@ -1,0 +1,314 @@
+//! What the formula of registered views leaves of the error, told by a small network from what their registrations are like.
+//!
+//! A shift follows those parts of the aircraft that both views show, and which these are depends on the light, on the distance and on the
+//! sides that the views see. A formula of places knows nothing of it; scale, gain, correlation and standard deviation of the registrations
+//! tell some. For each registered view the network sees these numbers, relative to what is usual at that distance, and the inverse range.
+//! Its answer is the relative error of the formula in standard deviations, and is subtracted. Inputs are limited, so that what looks like
+//! nothing in the training moves the distance no further than what does.
+//!
+//! Training: [`super::residual_training`]. The numbers are stored with the formulas, which they complete.
+
+use burn::tensor::Device;
+use dataset::least_squares::NormalEquations;
+use dataset::spread::deviation_from_zero;
+use onnx_graph::proto::{AttributeProto, DOUBLE, FLOAT};
+use serde::{Deserialize, Serialize};
+
+use super::measurement::{Measurement, scale_m};
+use super::robust_fit::NEAREST_M;
+use super::{Fit, InverseRange};
+use crate::dense::{Dense, Layer, forward};
+use crate::onnx::EstimatorGraph;
+use crate::samples::{Observation, Sample};
+use crate::view_shift::ViewShift;
+
+/// Numbers of a registration: logarithms of scale and gain, correlation, logarithm of the standard deviation.
+const NUMBERS: usize = 4;
+/// Largest input, in standard deviations.
+const MOST: f64 = 4.0;
+/// A number that hardly varies counts as varying by this much.
+const LEAST_DEVIATION: f64 = 1e-6;
+
+/// What the inputs are relative to, and the network.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(crate) struct Residual {
+    #[serde(flatten)]
+    inputs: Inputs,
+    /// Of the network: linear layers with LeakyReLU between them.
+    layers: Vec<Layer>,
+}
+
+/// How a tick becomes the input of a network.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub(super) struct Inputs {
+    /// Indices of the views whose registrations the network sees, ascending.
+    views: Vec<usize>,
+    /// How far the cameras stand behind the touchdown target, metres.
+    setback_m: f64,
+    /// Standard deviation of the relative error of the formula.
+    pub(super) deviation: f64,
+    /// Mean and standard deviation of the inverse range, 1/m.
+    inverse_range_per_m: [f64; 2],
+    /// What the numbers of the registrations usually are, view by view.
+    usual: Vec<[Usual; NUMBERS]>,
+}
+
+/// What a number of a registration usually is at some distance.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+struct Usual {
+    /// Of 1, the normalised inverse range and its square.
+    coefficients: [f64; 3],
+    /// Robust standard deviation from that.
+    deviation: f64,
+}
+
+impl Inputs {
+    /// What is usual at these ticks, each with what the formula measures; `None` if they do not determine it, or are not registered.
+    pub(super) fn of(fit: &Fit, ticks: &[(&Sample, Measurement)]) -> Option<Self> {
+        let (first, _) = ticks.first()?;
+        let views = fit.set.views.iter().copied();
+        let views: Vec<usize> = views.filter(|&view| first.shifts[view].is_some()).collect();
+        if !fit.set.registered {
+            return None;
+        }
+        let inverse = |formula: &Measurement| (formula.distance_m + fit.setback_m).recip();
+        let inverse_ranges = || ticks.iter().map(|(_, formula)| inverse(formula));
+        let count = ticks.len() as f64;
+        let mean = inverse_ranges().sum::<f64>() / count;
+        let variance = inverse_ranges().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+        let inputs = Self {
+            usual: vec![[Usual::default(); NUMBERS]; views.len()],
+            views,
+            setback_m: fit.setback_m,
+            deviation: fit.deviation,
+            inverse_range_per_m: [mean, variance.sqrt()],
+        };
+        inputs.with_usual_of(ticks)
+    }
+
+    /// The same with what is usual taken from these ticks; `None` if they do not determine it.
+    fn with_usual_of(mut self, ticks: &[(&Sample, Measurement)]) -> Option<Self> {
+        let of_tick = |(sample, formula): &(&Sample, Measurement)| {
+            Some((self.terms(formula.distance_m), self.numbers(sample)?))
+        };
+        let rows: Vec<([f64; 3], Vec<[f64; NUMBERS]>)> = ticks.iter().filter_map(of_tick).collect();
+        for (view, usual) in self.usual.iter_mut().enumerate() {
+            for (number, usual) in usual.iter_mut().enumerate() {
+                let rows = || {
+                    rows.iter()
+                        .map(|(terms, of_views)| (terms, of_views[view][number]))
+                };
+                let mut normal = NormalEquations::new(3);
+                rows().for_each(|(terms, value)| normal.add(terms, value, 1.0));
+                usual.coefficients = normal.solve_for()?;
+                let apart = rows().map(|(terms, value)| value - usual.at(terms));
+                usual.deviation = deviation_from_zero(apart).max(LEAST_DEVIATION);
+            }
+        }
+        Some(self)
+    }
+
+    /// Number of inputs.
+    pub(super) fn len(&self) -> usize {
+        1 + NUMBERS * self.views.len()
+    }
+
+    fn terms(&self, distance_m: f64) -> [f64; 3] {
+        let [mean, deviation] = self.inverse_range_per_m;
+        let normalised = ((distance_m + self.setback_m).recip() - mean) / deviation;
+        [1.0, normalised, normalised * normalised]
+    }
+
+    /// The numbers of all registrations; `None` if one is missing.
+    fn numbers(&self, observed: &Observation) -> Option<Vec<[f64; NUMBERS]>> {
+        let of_view = |&view: &usize| observed.shifts[view].as_ref().map(numbers);
+        self.views.iter().map(of_view).collect()
+    }
+
+    /// The input at a tick, where the formula gives this distance; `None` if a registration is missing or has impossible numbers.
+    pub(super) fn at(&self, observed: &Observation, distance_m: f64) -> Option<Vec<f32>> {
+        let terms = self.terms(distance_m);
+        let of_views = self.numbers(observed)?;
+        let pairs = of_views.iter().flatten().zip(self.usual.iter().flatten());
+        let relative = pairs.map(|(number, usual)| (number - usual.at(&terms)) / usual.deviation);
+        let inputs: Vec<f64> = std::iter::once(terms[1]).chain(relative).collect();
+        let is_possible = inputs.iter().all(|input| !input.is_nan());
+        is_possible.then(|| {
+            inputs
+                .iter()
+                .map(|input| input.clamp(-MOST, MOST) as f32)
+                .collect()
+        })
+    }
+
+    /// The same in an ONNX graph, `[batch, inputs]`, in double precision and not limited.
+    fn to_onnx(&self, graph: &mut EstimatorGraph, distance: &str) -> String {
+        let numbers = self.numbers_to_onnx(graph);
+        let graph = &mut graph.graph;
+        let [mean, deviation] = self.inverse_range_per_m.map(|number| graph.double(number));
+        let setback = graph.double(self.setback_m);
+        let range = graph.plain("Add", &[distance, &setback]);
+        let inverse = graph.plain("Reciprocal", &[&range]);
+        let moved = graph.plain("Sub", &[&inverse, &mean]);
+        let normalised = graph.plain("Div", &[&moved, &deviation]);
+        let square = graph.plain("Mul", &[&normalised, &normalised]);
+
+        let usual = || self.usual.iter().flatten();
+        let mut row = |values: Vec<f64>| graph.doubles(&[1, values.len() as i64], &values);
+        let deviations = row(usual().map(|usual| usual.deviation).collect());
+        let [constant, of_normalised, of_square] =
+            [0, 1, 2].map(|term| row(usual().map(|usual| usual.coefficients[term]).collect()));
+        let linear = graph.plain("Mul", &[&normalised, &of_normalised]);
+        let quadratic = graph.plain("Mul", &[&square, &of_square]);
+        let usual = graph.plain("Sum", &[&constant, &linear, &quadratic]);
+        let apart = graph.plain("Sub", &[&numbers, &usual]);
+        let relative = graph.plain("Div", &[&apart, &deviations]);
+        let columns = AttributeProto::int("axis", 1);
+        graph.node("Concat", &[&normalised, &relative], vec![columns])
+    }
+
+    /// The numbers of all registrations in an ONNX graph, `[batch, numbers]`.
+    fn numbers_to_onnx(&self, graph: &mut EstimatorGraph) -> String {
+        let [deviations, scale, gain, correlation] =
+            [2..4, 4..5, 5..6, 6..7].map(|columns| graph.registrations(&self.views, columns));
+        let graph = &mut graph.graph;
+        let over_axes = vec![AttributeProto::ints("axes", &[2])];
+        let squares = graph.plain("Mul", &[&deviations, &deviations]);
+        let variance = graph.node("ReduceMean", &[&squares], over_axes);
+        let deviation = graph.plain("Sqrt", &[&variance]);
+        let [scale, gain, deviation] =
+            [scale, gain, deviation].map(|value| graph.plain("Log", &[&value]));
+        let last = AttributeProto::int("axis", 2);
+        let numbers = graph.node(
+            "Concat",
+            &[&scale, &gain, &correlation, &deviation],
+            vec![last],
+        );
+        let row = graph.integers(&[-1, (NUMBERS * self.views.len()) as i64]);
+        graph.plain("Reshape", &[&numbers, &row])
+    }
+
+    /// The error of a distance as the network should tell it.
+    pub(super) fn target(&self, distance_m: f64, true_m: f64) -> f32 {
+        ((distance_m - true_m) / (scale_m(distance_m) * self.deviation)) as f32
+    }
+
+    /// The distance without an error that the network told.
+    fn corrected_m(&self, distance_m: f64, told: f32) -> f64 {
+        distance_m - f64::from(told) * scale_m(distance_m) * self.deviation
+    }
+}
+
+impl Usual {
+    fn at(&self, terms: &[f64; 3]) -> f64 {
+        let products = self.coefficients.iter().zip(terms);
+        products.map(|(coefficient, term)| coefficient * term).sum()
+    }
+}
+
+fn numbers(shift: &ViewShift) -> [f64; NUMBERS] {
+    let deviation_px = shift.variance_px2().sqrt();
+    [
+        shift.scale.ln(),
+        shift.gain.ln(),
+        shift.correlation,
+        deviation_px.ln(),
+    ]
+}
+
+impl Residual {
+    pub(super) fn new(inputs: Inputs, layers: Vec<Layer>) -> Self {
+        Self { inputs, layers }
+    }
+
+    /// The distance without the error that the network expects of the formula's, metres.
+    pub(super) fn corrected_m(&self, observed: &Observation, distance_m: f64) -> f64 {
+        let inputs = self.inputs.at(observed, distance_m);
+        inputs.map_or(distance_m, |inputs| {
+            let told = forward(&self.layers, inputs)[0];
+            self.inputs.corrected_m(distance_m, told)
+        })
+    }
+
+    /// The same in an ONNX graph, `[batch, 1]`.
+    pub(super) fn corrected_to_onnx(&self, graph: &mut EstimatorGraph, distance: &str) -> String {
+        let inputs = self.inputs.to_onnx(graph, distance);
+        let graph = &mut graph.graph;
+        // One that is not a number makes the sum none.
+        let columns = graph.integers(&[1]);
+        let sum = graph.plain("ReduceSum", &[&inputs, &columns]);
+        let is_missing = graph.plain("IsNaN", &[&sum]);
+        let (least, most) = (graph.double(-MOST), graph.double(MOST));
+        let limited = graph.plain("Max", &[&inputs, &least]);
+        let limited = graph.plain("Min", &[&limited, &most]);
+        let limited = graph.cast(&limited, FLOAT);
+        let network = Dense::of_layers(&self.layers, &Device::flex());
+        let told = network.to_onnx(graph, &limited);
+        let told = graph.cast(&told, DOUBLE);
+        let (nearest, unit) = (graph.double(NEAREST_M), graph.double(self.inputs.deviation));
+        let scale = graph.plain("Max", &[distance, &nearest]);
+        let error = graph.plain("Mul", &[&told, &scale]);
+        let error = graph.plain("Mul", &[&error, &unit]);
+        let corrected = graph.plain("Sub", &[distance, &error]);
+        graph.plain("Where", &[&is_missing, distance, &corrected])
+    }
+
+    /// The same network for fits that were fitted again to these samples, because a camera is another one; `None` if it does not improve
+    /// them.
+    pub(super) fn refitted(&self, fits: &InverseRange, samples: &[&Sample]) -> Option<Self> {
+        let answered = answered_by_first(fits, samples.iter().copied());
+        let refitted = Self {
+            inputs: self.inputs.clone().with_usual_of(&answered)?,
+            layers: self.layers.clone(),
+        };
+        let error = |distance_m: f64, true_m: f64| (distance_m - true_m).abs() / scale_m(true_m);
+        let gains = answered.iter().map(|(sample, formula)| {
+            let corrected_m = refitted.corrected_m(sample, formula.distance_m);
+            error(formula.distance_m, sample.dtd_m) - error(corrected_m, sample.dtd_m)
+        });
+        (gains.sum::<f64>() > 0.0).then_some(refitted)
+    }
+
+    /// Whether it is one on the residual of this fit, and has layers for its inputs.
+    pub(super) fn is_of(&self, fit: &Fit) -> bool {
+        let mut inputs = self.inputs.len();
+        let goes_on = |layer: &Layer| {
+            let outputs = layer.biases.len();
+            let is_whole = outputs > 0 && layer.weights.len() == inputs * outputs;
+            inputs = outputs;
+            is_whole
+        };
+        let Inputs { views, usual, .. } = &self.inputs;
+        fit.set.registered
+            && views.iter().all(|view| fit.set.views.contains(view))
+            && views.len() == usual.len()
+            && self.layers.iter().all(goes_on)
+            && self
+                .layers
+                .last()
+                .is_some_and(|last| last.biases.len() == 1)
+    }
+
+    /// All of its numbers.
+    pub(super) fn constants(&self) -> impl Iterator<Item = f64> {
+        let inputs = &self.inputs;
+        let [mean, deviation] = inputs.inverse_range_per_m;
+        let usual = inputs.usual.iter().flatten();
+        let usual = usual.flat_map(|of| of.coefficients.into_iter().chain([of.deviation]));
+        let layers = self.layers.iter();
+        let layers = layers.flat_map(|layer| layer.weights.iter().chain(&layer.biases));
+        [inputs.setback_m, inputs.deviation, mean, deviation]
+            .into_iter()
+            .chain(usual)
+            .chain(layers.map(|&number| f64::from(number)))
+    }
+}
+
+/// Ticks that the formula of the most precise fit answers.
+pub(super) fn answered_by_first<'a>(
+    fits: &InverseRange,
+    ticks: impl Iterator<Item = &'a Sample>,
+) -> Vec<(&'a Sample, Measurement)> {
+    let answered = ticks.filter_map(|sample| Some((sample, fits.formula(0, sample)?)));
+    answered.collect()
+}
