@@ -1,5 +1,5 @@
 """Judges the estimator inverse_range of a run: the formulas of baselines.json solve their least-squares problem as SciPy solves it, and
-predictions.parquet holds what they give.
+predictions.parquet holds what they and the network on their residual give.
 
 Usage: inverse_range.py CORPUS RUN. The corpus must have no false boxes. Prints JSON.
 """
@@ -152,7 +152,7 @@ def main():
             if found := places(tick, fit, views):
                 x = terms(found[0][None, :], fit)
                 distance = 1 / (x @ np.array(fit["coefficients_per_m"]))[0] - fit["setback_m"]
-                if residual and fit is fits[0]:
+                if residual and fit is fits[residual["fit"]]:
                     distance = corrected(distance, tick, residual)
                 worst = max(worst, abs(row["inverse_range_dtd_m"] / distance - 1))
                 compared += 1

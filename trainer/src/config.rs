@@ -47,7 +47,7 @@ pub struct TrainConfig {
     pub estimator: EstimatorConfig,
     /// The monoscopic baseline networks.
     pub mono: MonoConfig,
-    /// The network on what the formula of `inverse_range` leaves.
+    /// The network that corrects the formula of `inverse_range`.
     pub residual: ResidualConfig,
     /// How well the cameras are known before `self_calibrated` is fitted.
     pub self_calibration: SelfCalibrationConfig,
@@ -290,7 +290,7 @@ impl Default for MonoConfig {
     }
 }
 
-/// Settings of the network on what the most precise formula of `inverse_range` leaves.
+/// Settings of the network on the residual of `inverse_range`: it corrects the formula that answers most ticks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct ResidualConfig {
@@ -361,6 +361,10 @@ impl TrainConfig {
             mono: MonoConfig {
                 optimisation: narrow(1_500, 3e-3),
                 ..MonoConfig::default()
+            },
+            residual: ResidualConfig {
+                optimisation: narrow(1_500, 1e-2),
+                ..ResidualConfig::default()
             },
             ..Self::default()
         }

@@ -24,7 +24,7 @@ use dataset::spread::Spread;
 use serde::{Deserialize, Serialize};
 
 use crate::flight_parts::{FlightParts, MOST_PARTS};
-use crate::inverse_range::{CrossFitted, InverseRange};
+use crate::inverse_range::{CrossFitted, InverseRange, NewCamera};
 use crate::normalisation::Normalisation;
 use crate::samples::{Observation, Sample, Samples};
 
@@ -72,11 +72,12 @@ impl FlightFilter {
         Self::fit_to(&flights, fits.all.deviations())
     }
 
-    /// The same with the errors of those fits that contain a view, which approaches of a new camera tell: each approach is measured by
-    /// fits that did not see it. Of one approach nothing is learned. `fits` and `fitted_to`: the fits to the approaches, and their samples.
-    pub(crate) fn with_view_refitted(
+    /// The same with the errors of those fits that contain its view, which approaches of a new camera tell: each approach is measured by
+    /// fits that did not see it. Of one approach nothing is learned. `fits` and `fitted_to`: the fits before, and the samples of the
+    /// approaches.
+    pub(crate) fn with_camera_refitted(
         &self,
-        view: usize,
+        new: NewCamera,
         fits: &InverseRange,
         samples: &Samples,
         approaches: &[usize],
@@ -90,9 +91,9 @@ impl FlightFilter {
             .collect();
         let parts = FlightParts::of(samples, ticks.iter().copied());
         let others = parts.others(fitted_to);
-        let refitted = others.map(|others| fits.with_view_refitted(view, &others));
+        let refitted = others.map(|others| fits.with_camera_refitted(new, &others));
         let flights = LabelledFlight::left_out(&parts, &ticks, refitted, believed);
-        let errors = self.errors.iter().zip(fits.contain(view)).enumerate();
+        let errors = self.errors.iter().zip(fits.contain(new.view)).enumerate();
         let errors = errors.map(|(fit, (known, is_of_view))| {
             let errors: Vec<_> = flights.iter().map(|flight| flight.errors_of(fit)).collect();
             let fitted = is_of_view.then(|| CorrelatedError::fit(&errors)).flatten();

@@ -8,52 +8,51 @@ use crate::samples::{Sample, Samples};
 pub(crate) const MOST_PARTS: usize = 10;
 
 /// The flights of some ticks, told apart by their content: a copy of a flight is in the same part.
-pub(crate) struct FlightParts<'a> {
-    samples: &'a Samples,
-    /// What is flown, sorted.
-    flown: Vec<&'a String>,
+pub(crate) struct FlightParts {
+    /// By scenario, the number of what is flown; `None` of a scenario without such ticks.
+    flown: Vec<Option<usize>>,
+    /// Number of parts; none of a single flight.
+    count: usize,
 }
 
-impl<'a> FlightParts<'a> {
+impl FlightParts {
     /// Those of these ticks.
-    pub(crate) fn of<'t>(samples: &'a Samples, ticks: impl Iterator<Item = &'t Sample>) -> Self {
-        let flown = ticks.map(|tick| &samples.scenarios[tick.scenario]);
-        let flown: BTreeSet<&String> = flown.map(|scenario| &scenario.flight).collect();
+    pub(crate) fn of<'t>(samples: &Samples, ticks: impl Iterator<Item = &'t Sample>) -> Self {
+        let flight = |scenario: usize| &samples.scenarios[scenario].flight;
+        let flights: BTreeSet<&String> = ticks.map(|tick| flight(tick.scenario)).collect();
+        let flights: Vec<&String> = flights.into_iter().collect();
+        let scenarios = 0..samples.scenarios.len();
         Self {
-            samples,
-            flown: flown.into_iter().collect(),
-        }
-    }
-
-    /// Number of parts; none of a single flight, whose errors for what has seen it tell nothing about those on others.
-    pub(crate) fn count(&self) -> usize {
-        match self.flown.len() {
-            0 | 1 => 0,
-            flown => flown.min(MOST_PARTS),
+            flown: scenarios
+                .map(|scenario| flights.binary_search(&flight(scenario)).ok())
+                .collect(),
+            count: match flights.len() {
+                // The errors of what has seen the only flight tell nothing about those on others.
+                0 | 1 => 0,
+                flights => flights.min(MOST_PARTS),
+            },
         }
     }
 
     /// Number of what is flown at a tick; `None` of a flight that is not among these.
     pub(crate) fn flown(&self, tick: &Sample) -> Option<usize> {
-        let flight = &self.samples.scenarios[tick.scenario].flight;
-        self.flown.binary_search(&flight).ok()
+        self.flown[tick.scenario]
     }
 
     /// Whether a tick is of a flight of this part.
     pub(crate) fn contains(&self, part: usize, tick: &Sample) -> bool {
         let flown = self.flown(tick);
-        flown.is_some_and(|flown| flown % self.count().max(1) == part)
+        self.count > 0 && flown.is_some_and(|flown| flown % self.count == part)
     }
 
     /// For each part, one at a time, those of these ticks that are of other flights.
     pub(crate) fn others<'s>(&self, ticks: &[&'s Sample]) -> impl Iterator<Item = Vec<&'s Sample>> {
         let outside = move |part| {
             let ticks = ticks.iter().copied();
-            ticks
-                .filter(move |tick| !self.contains(part, tick))
-                .collect()
+            let others = ticks.filter(move |tick| !self.contains(part, tick));
+            others.collect()
         };
-        (0..self.count()).map(outside)
+        (0..self.count).map(outside)
     }
 }
 
@@ -82,11 +81,11 @@ mod tests {
         samples.scenarios[1].flight = samples.scenarios[0].flight.clone();
         let training = samples.of_side(Side::Train);
         let parts = FlightParts::of(&samples, training.iter().copied());
-        assert_eq!(parts.count(), MOST_PARTS);
+        assert_eq!(parts.count, MOST_PARTS);
         let part_of = |scenario: usize| -> Vec<usize> {
             let mut ticks = training.iter().filter(|s| s.scenario == scenario);
             let tick = ticks.next().unwrap();
-            let parts = (0..parts.count()).filter(|&part| parts.contains(part, tick));
+            let parts = (0..parts.count).filter(|&part| parts.contains(part, tick));
             parts.collect()
         };
         assert_eq!(part_of(0), part_of(1));

@@ -51,9 +51,18 @@ const TICKS_OF_SEARCH: usize = 2_000;
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub(crate) struct InverseRange {
     fits: Vec<Fit>,
-    /// What the first of them leaves.
+    /// What one of them leaves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     residual: Option<Residual>,
+}
+
+/// A camera that is to be fitted again.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NewCamera {
+    /// Index of its view.
+    pub(crate) view: usize,
+    /// Its focal length over that of the old camera, if both are known.
+    pub(crate) zoom: Option<f64>,
 }
 
 /// Views whose places a formula is about.
@@ -93,28 +102,57 @@ impl InverseRange {
         Self::fit_sets(sets_of_views(views, training), training)
     }
 
-    /// The same fits in the same order, those of sets that contain this view fitted again to other samples; `None` if these are too few for
-    /// one of them. The network on the residual stays, with inputs relative to what is usual now, if it still helps.
-    pub(crate) fn with_view_refitted(&self, view: usize, samples: &[&Sample]) -> Option<Self> {
-        let refitted = |fit: &Fit| match fit.set.views.contains(&view) {
-            true => Fit::of(fit.set.clone(), samples),
-            false => Some(fit.clone()),
+    /// The same fits in the same order, those of sets that contain the view of a new camera fitted again to other samples; `None` if these
+    /// are too few for one of them, or if the fit with a network contains it and the zoom is not known. The network itself stays as it is:
+    /// its fit is such that both together give the distances of the samples.
+    pub(crate) fn with_camera_refitted(&self, new: NewCamera, samples: &[&Sample]) -> Option<Self> {
+        let residual = match &self.residual {
+            Some(residual) if self.corrects(new.view) => Some(residual.with_camera(new)?),
+            residual => residual.clone(),
         };
-        let mut new = Self {
-            fits: self.fits.iter().map(refitted).collect::<Option<_>>()?,
-            residual: None,
+        let refitted = |(number, fit): (usize, &Fit)| {
+            if !fit.set.views.contains(&new.view) {
+                return Some(fit.clone());
+            }
+            match residual.as_ref().filter(|of| of.fit() == number) {
+                None => Fit::of(fit.set.clone(), samples),
+                Some(residual) => {
+                    let samples = samples.iter().map(|sample| residual.with_error(sample));
+                    let samples: Vec<Sample> = samples.collect();
+                    Fit::of(fit.set.clone(), &samples.iter().collect::<Vec<_>>())
+                }
+            }
         };
-        new.residual = match self.is_first_of(view) {
-            true => (self.residual.as_ref()).and_then(|residual| residual.refitted(&new, samples)),
-            false => self.residual.clone(),
-        };
-        Some(new)
+        let fits = self.fits.iter().enumerate().map(refitted);
+        Some(Self {
+            fits: fits.collect::<Option<_>>()?,
+            residual,
+        })
     }
 
-    /// Whether the most precise fit, on whose residual there may be a network, contains this view.
-    fn is_first_of(&self, view: usize) -> bool {
-        let first = self.fits.first();
-        first.is_some_and(|fit| fit.set.views.contains(&view))
+    /// Whether a network corrects a fit that contains this view.
+    pub(crate) fn corrects(&self, view: usize) -> bool {
+        let residual = self.residual.as_ref();
+        residual.is_some_and(|of| self.fits[of.fit()].set.views.contains(&view))
+    }
+
+    /// The registered fit that answers most of these ticks, the more precise of two that answer as many; `None` if none does.
+    fn most_asked(&self, ticks: &[&Sample]) -> Option<usize> {
+        let mut asked = vec![0; self.fits.len()];
+        for tick in ticks {
+            if let Some(fit) = self.asked(tick) {
+                asked[fit] += 1;
+            }
+        }
+        let registered = (0..self.fits.len()).filter(|&fit| self.fits[fit].set.registered);
+        let best = registered.rev().max_by_key(|&fit| asked[fit])?;
+        (asked[best] > 0).then_some(best)
+    }
+
+    /// The first fit whose views all saw the aircraft.
+    fn asked(&self, observed: &Observation) -> Option<usize> {
+        let applies = |fit: &Fit| fit.set.places(observed).is_some();
+        self.fits.iter().position(applies)
     }
 
     /// Whether each of the fits contains this view.
@@ -124,16 +162,19 @@ impl InverseRange {
             .map(move |fit| fit.set.views.contains(&view))
     }
 
-    /// The fits that do without this view.
+    /// The fits that do without this view, and of a network all that a new camera of it leaves as it is.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self
             .fits
             .iter()
             .filter(|fit| !fit.set.views.contains(&view));
-        let residual = self.residual.as_ref().filter(|_| !self.is_first_of(view));
+        let residual = self.residual.as_ref().map(|of| match self.corrects(view) {
+            true => of.without_scale(),
+            false => of.clone(),
+        });
         Self {
             fits: others.cloned().collect(),
-            residual: residual.cloned(),
+            residual,
         }
     }
 
@@ -155,17 +196,16 @@ impl InverseRange {
     /// Distance to touchdown, metres; `None` if no fit has only views that saw the aircraft, or if the first such has no distance for such
     /// places.
     pub(crate) fn predict(&self, observed: &Observation) -> Option<f64> {
-        let applies = |fit: &Fit| fit.set.places(observed).is_some();
-        let first = self.fits.iter().position(applies)?;
-        Some(self.measurement(first, observed)?.distance_m)
+        let fit = self.asked(observed)?;
+        Some(self.measurement(fit, observed)?.distance_m)
     }
 
     /// Whether each fit is of some of this many views and has as many numbers as these need.
     pub(crate) fn is_of(&self, views: usize) -> bool {
         let residual = self.residual.as_ref();
         let completes = |residual: &Residual| {
-            let first = self.fits.first();
-            first.is_some_and(|fit| residual.is_of(fit))
+            let fit = self.fits.get(residual.fit());
+            fit.is_some_and(|fit| residual.is_of(fit))
         };
         residual.is_none_or(completes)
             && self.fits.iter().all(|fit| {

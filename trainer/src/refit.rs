@@ -24,6 +24,7 @@ use serde::{Deserialize, Serialize};
 use crate::encoded::Encoded;
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::evaluation::split_again;
+use crate::inverse_range::NewCamera;
 use crate::normalisation::Normalisation;
 use crate::pinhole::Pinhole;
 use crate::rig::{Cameras, are_same, form};
@@ -111,17 +112,20 @@ pub fn refit(
     check_others(run, corpus, &before, &samples, &config.view)?;
     let approaches = approaches(corpus, &samples, view, config)?;
     let mut after = before.clone();
-    if !fit_formulas(&mut after, view, &samples, &approaches) {
-        let (view, approaches) = (config.view.clone(), approaches.len());
-        let fault = CorpusFault::TooFewTogether { view, approaches };
-        return Err(Error::corpus(corpus.root(), fault));
-    }
-    if before.baselines.self_calibrated.is_some() && after.baselines.self_calibrated.is_none() {
+    let is_fitted = fit_formulas(&mut after, view, &samples, &approaches);
+    let needs_camera =
+        before.baselines.self_calibrated.is_some() || before.baselines.inverse_range.corrects(view);
+    if needs_camera && after.baselines.self_calibrated.is_none() {
         let view = config.view.clone();
         return Err(Error::corpus(
             corpus.root(),
             CorpusFault::NoFittedCamera { view },
         ));
+    }
+    if !is_fitted {
+        let (view, approaches) = (config.view.clone(), approaches.len());
+        let fault = CorpusFault::TooFewTogether { view, approaches };
+        return Err(Error::corpus(corpus.root(), fault));
     }
     fit_network(&mut after, view, &samples, &approaches, progress)?;
     adopt(&mut after, &samples, &approaches, &config.view);
@@ -251,24 +255,29 @@ fn fit_formulas(
     let trusted: Vec<&Sample> = trusted.iter().collect();
     baselines.pinholes[view] = Pinhole::fit(view, &trusted);
     baselines.centre_offsets[view] = CentreOffset::fit(view, &samples.scenarios, &trusted);
-    let Some(inverse_range) = baselines.inverse_range.with_view_refitted(view, &trusted) else {
+    let new_camera = NewCamera {
+        view,
+        zoom: camera_pair.map(|(old, new)| new.focal_px / old.focal_px),
+    };
+    let old_fits = &baselines.inverse_range;
+    let Some(new_fits) = old_fits.with_camera_refitted(new_camera, &trusted) else {
         return false;
     };
-    baselines.inverse_range = inverse_range;
     let moved = camera_pair.and_then(|(old, new)| run.normalisation.moved(view, &old, &new));
     run.normalisation = moved.unwrap_or_else(|| {
         let views = &run.normalisation.views;
         run.normalisation
             .with_view_of(view, &Normalisation::fit(views, &trusted, &trusted))
     });
-    baselines.flight_filter = baselines.flight_filter.with_view_refitted(
-        view,
-        &baselines.inverse_range,
+    baselines.flight_filter = baselines.flight_filter.with_camera_refitted(
+        new_camera,
+        old_fits,
         samples,
         approaches,
         &trusted,
         &run.normalisation,
     );
+    baselines.inverse_range = new_fits;
     true
 }
 

@@ -437,15 +437,17 @@ impl Samples {
             hash.update(&sample.cut_off.to_le_bytes());
             for (view, (seen, shift)) in sample.boxes.iter().zip(&sample.shifts).enumerate() {
                 let seen = seen.map(|b| [b.cx_px, b.cy_px, b.width_px, b.height_px]);
-                let shift = shift.map(|s| {
-                    let of_reference = s.reference as f64;
-                    [
-                        of_reference,
-                        s.shift_px.x,
-                        s.shift_px.y,
-                        s.sd_px.x,
-                        s.sd_px.y,
-                    ]
+                let shift = shift.map(|shift| {
+                    let ViewShift {
+                        reference,
+                        shift_px,
+                        sd_px,
+                        scale,
+                        gain,
+                        correlation,
+                    } = shift;
+                    let [x, y, sd_x, sd_y] = [shift_px.x, shift_px.y, sd_px.x, sd_px.y];
+                    [reference as f64, x, y, sd_x, sd_y, scale, gain, correlation]
                 });
                 let numbers = (seen.iter().flatten()).chain(shift.iter().flatten());
                 hash.update(&[

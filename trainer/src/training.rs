@@ -244,7 +244,6 @@ pub(crate) fn train_unless(
 
     let mut cross_fitted = CrossFitted::fit(&samples, &true_boxes);
     let residual = cross_fitted.learn_residuals(
-        &samples,
         &true_boxes,
         &validation,
         &config.residual,

@@ -8,7 +8,9 @@ use dataset::corpus::Corpus;
 use dataset::progress::{Progress, Silent};
 use dataset::splits::{Side, Splits};
 use testkit::synthetic::SyntheticCorpus;
-use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
+use trainer::config::{
+    CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation, ResidualConfig,
+};
 use trainer::{RunFolder, TrainConfig, train};
 
 const STEPS: usize = 24;
@@ -44,6 +46,15 @@ fn config() -> TrainConfig {
         mono: MonoConfig {
             hidden: vec![16],
             optimisation: optimisation(),
+        },
+        // Enough to be kept, and to be killed in between.
+        residual: ResidualConfig {
+            hidden: vec![8],
+            optimisation: Optimisation {
+                steps: 600,
+                batch_size: 32,
+                learning_rate: 1e-2,
+            },
         },
         ..TrainConfig::default()
     };
@@ -87,9 +98,12 @@ impl Progress for Killer {
 }
 
 fn tiny(folder: &Path) -> Corpus {
-    SyntheticCorpus::tiny()
-        .write(&folder.join("corpus"))
-        .unwrap()
+    let corpus = SyntheticCorpus {
+        shift_noise_px: Some(0.02),
+        shift_by_contrast: Some(1e-4),
+        ..SyntheticCorpus::tiny()
+    };
+    corpus.write(&folder.join("corpus")).unwrap()
 }
 
 /// Trains until it is killed, and returns what it reported; `None` if it came to its end.
@@ -131,6 +145,11 @@ fn a_training_that_is_killed_again_and_again_comes_to_the_same_numbers() {
         (config.calibration.patience, config.estimator.patience) = (patience, patience);
         let straight = folder.path().join("straight");
         let outcome = train(&corpus, &straight, &config, &mut Silent).unwrap();
+        let baselines = fs::read_to_string(straight.join("baselines.json")).unwrap();
+        assert!(
+            baselines.contains("\"layers\""),
+            "no network on the residual"
+        );
         let run = folder.path().join("killed");
         let mut kills = 0_usize;
         // Each process gets a little further than the last.

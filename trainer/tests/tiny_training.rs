@@ -249,6 +249,7 @@ fn few_steps() -> TrainConfig {
     config.calibration.optimisation.steps = 40;
     config.estimator.optimisation.steps = 40;
     config.mono.optimisation.steps = 20;
+    config.residual.optimisation.steps = 200;
     config
 }
 

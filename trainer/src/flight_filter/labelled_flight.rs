@@ -41,9 +41,8 @@ impl LabelledFlight {
         believed: impl Fn(&Observation) -> Observation,
     ) -> Vec<Self> {
         let ticks: Vec<_> = samples.ticks_of_side(Side::Train).collect();
-        let parts = FlightParts::of(samples, ticks.iter().copied());
         let others = fits.others.iter().map(Some);
-        let mut flights = Self::left_out(&parts, &ticks, others, &believed);
+        let mut flights = Self::left_out(&fits.parts, &ticks, others, &believed);
         let learned = samples.flights(Side::Train).len();
         let validated: Vec<String> = samples.flights(Side::Validation).into_iter().collect();
         let ticks: Vec<_> = samples.ticks_of_side(Side::Validation).collect();

@@ -11,8 +11,10 @@ use crate::samples::{Sample, Samples};
 pub(crate) struct CrossFitted {
     /// Of all.
     pub(crate) all: InverseRange,
-    /// For each part of the training flights ([`FlightParts`]), of those outside of it.
+    /// For each part, of the flights outside of it.
     pub(crate) others: Vec<InverseRange>,
+    /// The training flights.
+    pub(crate) parts: FlightParts,
 }
 
 impl CrossFitted {
@@ -24,6 +26,7 @@ impl CrossFitted {
         Self {
             others: others.map(|others| all.refitted(&others)).collect(),
             all,
+            parts,
         }
     }
 }

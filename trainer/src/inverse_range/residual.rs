@@ -1,12 +1,12 @@
-//! What the formula of registered views leaves of the error, told by a small network from what their registrations are like.
+//! What a formula of registered views leaves of the error, predicted by a small network from what the registrations are like.
 //!
 //! A shift follows those parts of the aircraft that both views show, and which these are depends on the light, on the distance and on the
 //! sides that the views see. A formula of places knows nothing of it; scale, gain, correlation and standard deviation of the registrations
 //! tell some. For each registered view the network sees these numbers, relative to what is usual at that distance, and the inverse range.
-//! Its answer is the relative error of the formula in standard deviations, and is subtracted. Inputs are limited, so that what looks like
+//! It predicts the relative error of the formula in standard deviations, which is subtracted. Inputs are limited, so that what looks like
 //! nothing in the training moves the distance no further than what does.
 //!
-//! Training: [`super::residual_training`]. The numbers are stored with the formulas, which they complete.
+//! One fit has a network: that which answers most ticks. Training: [`super::residual_training`]. The numbers are stored with the formulas.
 
 use burn::tensor::Device;
 use dataset::least_squares::NormalEquations;
@@ -16,7 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::measurement::{Measurement, scale_m};
 use super::robust_fit::NEAREST_M;
-use super::{Fit, InverseRange};
+use super::{Fit, InverseRange, NewCamera};
 use crate::dense::{Dense, Layer, forward};
 use crate::onnx::EstimatorGraph;
 use crate::samples::{Observation, Sample};
@@ -25,7 +25,7 @@ use crate::view_shift::ViewShift;
 /// Numbers of a registration: logarithms of scale and gain, correlation, logarithm of the standard deviation.
 const NUMBERS: usize = 4;
 /// Largest input, in standard deviations.
-const MOST: f64 = 4.0;
+const LARGEST_INPUT: f64 = 4.0;
 /// A number that hardly varies counts as varying by this much.
 const LEAST_DEVIATION: f64 = 1e-6;
 
@@ -41,6 +41,8 @@ pub(crate) struct Residual {
 /// How a tick becomes the input of a network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(super) struct Inputs {
+    /// Number of the fit.
+    fit: usize,
     /// Indices of the views whose registrations the network sees, ascending.
     views: Vec<usize>,
     /// How far the cameras stand behind the touchdown target, metres.
@@ -63,36 +65,29 @@ struct Usual {
 }
 
 impl Inputs {
-    /// What is usual at these ticks, each with what the formula measures; `None` if they do not determine it, or are not registered.
-    pub(super) fn of(fit: &Fit, ticks: &[(&Sample, Measurement)]) -> Option<Self> {
+    /// What is usual at these ticks, each with what the formula of the fit with this number measures; `None` if they do not determine it.
+    pub(super) fn of(number: usize, fit: &Fit, ticks: &[(&Sample, Measurement)]) -> Option<Self> {
         let (first, _) = ticks.first()?;
         let views = fit.set.views.iter().copied();
         let views: Vec<usize> = views.filter(|&view| first.shifts[view].is_some()).collect();
-        if !fit.set.registered {
-            return None;
-        }
         let inverse = |formula: &Measurement| (formula.distance_m + fit.setback_m).recip();
         let inverse_ranges = || ticks.iter().map(|(_, formula)| inverse(formula));
         let count = ticks.len() as f64;
         let mean = inverse_ranges().sum::<f64>() / count;
         let variance = inverse_ranges().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-        let inputs = Self {
+        let mut inputs = Self {
+            fit: number,
             usual: vec![[Usual::default(); NUMBERS]; views.len()],
             views,
             setback_m: fit.setback_m,
             deviation: fit.deviation,
             inverse_range_per_m: [mean, variance.sqrt()],
         };
-        inputs.with_usual_of(ticks)
-    }
-
-    /// The same with what is usual taken from these ticks; `None` if they do not determine it.
-    fn with_usual_of(mut self, ticks: &[(&Sample, Measurement)]) -> Option<Self> {
         let of_tick = |(sample, formula): &(&Sample, Measurement)| {
-            Some((self.terms(formula.distance_m), self.numbers(sample)?))
+            Some((inputs.terms(formula.distance_m), inputs.numbers(sample)?))
         };
         let rows: Vec<([f64; 3], Vec<[f64; NUMBERS]>)> = ticks.iter().filter_map(of_tick).collect();
-        for (view, usual) in self.usual.iter_mut().enumerate() {
+        for (view, usual) in inputs.usual.iter_mut().enumerate() {
             for (number, usual) in usual.iter_mut().enumerate() {
                 let rows = || {
                     rows.iter()
@@ -105,7 +100,7 @@ impl Inputs {
                 usual.deviation = deviation_from_zero(apart).max(LEAST_DEVIATION);
             }
         }
-        Some(self)
+        Some(inputs)
     }
 
     /// Number of inputs.
@@ -119,9 +114,13 @@ impl Inputs {
         [1.0, normalised, normalised * normalised]
     }
 
-    /// The numbers of all registrations; `None` if one is missing.
+    /// The numbers of all registrations; `None` if one is missing, or impossible.
     fn numbers(&self, observed: &Observation) -> Option<Vec<[f64; NUMBERS]>> {
-        let of_view = |&view: &usize| observed.shifts[view].as_ref().map(numbers);
+        let is_possible = |numbers: &[f64; NUMBERS]| numbers.iter().all(|n| n.is_finite());
+        let of_view = |&view: &usize| {
+            let numbers = observed.shifts[view].as_ref().map(numbers);
+            numbers.filter(is_possible)
+        };
         self.views.iter().map(of_view).collect()
     }
 
@@ -132,11 +131,11 @@ impl Inputs {
         let pairs = of_views.iter().flatten().zip(self.usual.iter().flatten());
         let relative = pairs.map(|(number, usual)| (number - usual.at(&terms)) / usual.deviation);
         let inputs: Vec<f64> = std::iter::once(terms[1]).chain(relative).collect();
-        let is_possible = inputs.iter().all(|input| !input.is_nan());
+        let is_possible = inputs.iter().all(|input| input.is_finite());
         is_possible.then(|| {
             inputs
                 .iter()
-                .map(|input| input.clamp(-MOST, MOST) as f32)
+                .map(|input| input.clamp(-LARGEST_INPUT, LARGEST_INPUT) as f32)
                 .collect()
         })
     }
@@ -188,14 +187,14 @@ impl Inputs {
         graph.plain("Reshape", &[&numbers, &row])
     }
 
-    /// The error of a distance as the network should tell it.
+    /// The error of a distance as the network should predict it.
     pub(super) fn target(&self, distance_m: f64, true_m: f64) -> f32 {
         ((distance_m - true_m) / (scale_m(distance_m) * self.deviation)) as f32
     }
 
-    /// The distance without an error that the network told.
-    fn corrected_m(&self, distance_m: f64, told: f32) -> f64 {
-        distance_m - f64::from(told) * scale_m(distance_m) * self.deviation
+    /// The distance without an error that the network predicts.
+    fn without_error_m(&self, distance_m: f64, predicted: f32) -> f64 {
+        distance_m - f64::from(predicted) * scale_m(distance_m) * self.deviation
     }
 }
 
@@ -221,52 +220,80 @@ impl Residual {
         Self { inputs, layers }
     }
 
-    /// The distance without the error that the network expects of the formula's, metres.
+    /// Number of the fit that it corrects.
+    pub(super) fn fit(&self) -> usize {
+        self.inputs.fit
+    }
+
+    /// The distance without the error that the network expects of the formula's, metres; that of the formula if a registration is missing,
+    /// or if the correction would lead behind the target.
     pub(super) fn corrected_m(&self, observed: &Observation, distance_m: f64) -> f64 {
         let inputs = self.inputs.at(observed, distance_m);
-        inputs.map_or(distance_m, |inputs| {
-            let told = forward(&self.layers, inputs)[0];
-            self.inputs.corrected_m(distance_m, told)
-        })
+        let corrected = inputs.map(|inputs| {
+            let predicted = forward(&self.layers, inputs)[0];
+            self.inputs.without_error_m(distance_m, predicted)
+        });
+        corrected.filter(|&m| m >= 0.0).unwrap_or(distance_m)
     }
 
     /// The same in an ONNX graph, `[batch, 1]`.
     pub(super) fn corrected_to_onnx(&self, graph: &mut EstimatorGraph, distance: &str) -> String {
         let inputs = self.inputs.to_onnx(graph, distance);
         let graph = &mut graph.graph;
-        // One that is not a number makes the sum none.
+        // One that is not finite makes the sum neither, and then this no number.
         let columns = graph.integers(&[1]);
         let sum = graph.plain("ReduceSum", &[&inputs, &columns]);
-        let is_missing = graph.plain("IsNaN", &[&sum]);
-        let (least, most) = (graph.double(-MOST), graph.double(MOST));
+        let nothing = graph.plain("Sub", &[&sum, &sum]);
+        let is_missing = graph.plain("IsNaN", &[&nothing]);
+        let (least, most) = (graph.double(-LARGEST_INPUT), graph.double(LARGEST_INPUT));
         let limited = graph.plain("Max", &[&inputs, &least]);
         let limited = graph.plain("Min", &[&limited, &most]);
         let limited = graph.cast(&limited, FLOAT);
         let network = Dense::of_layers(&self.layers, &Device::flex());
-        let told = network.to_onnx(graph, &limited);
-        let told = graph.cast(&told, DOUBLE);
+        let predicted = network.to_onnx(graph, &limited);
+        let predicted = graph.cast(&predicted, DOUBLE);
         let (nearest, unit) = (graph.double(NEAREST_M), graph.double(self.inputs.deviation));
         let scale = graph.plain("Max", &[distance, &nearest]);
-        let error = graph.plain("Mul", &[&told, &scale]);
+        let error = graph.plain("Mul", &[&predicted, &scale]);
         let error = graph.plain("Mul", &[&error, &unit]);
         let corrected = graph.plain("Sub", &[distance, &error]);
-        graph.plain("Where", &[&is_missing, distance, &corrected])
+        let zero = graph.double(0.0);
+        let is_behind = graph.plain("Less", &[&corrected, &zero]);
+        let is_useless = graph.plain("Or", &[&is_missing, &is_behind]);
+        graph.plain("Where", &[&is_useless, distance, &corrected])
     }
 
-    /// The same network for fits that were fitted again to these samples, because a camera is another one; `None` if it does not improve
-    /// them.
-    pub(super) fn refitted(&self, fits: &InverseRange, samples: &[&Sample]) -> Option<Self> {
-        let answered = answered_by_first(fits, samples.iter().copied());
-        let refitted = Self {
-            inputs: self.inputs.clone().with_usual_of(&answered)?,
-            layers: self.layers.clone(),
-        };
-        let error = |distance_m: f64, true_m: f64| (distance_m - true_m).abs() / scale_m(true_m);
-        let gains = answered.iter().map(|(sample, formula)| {
-            let corrected_m = refitted.corrected_m(sample, formula.distance_m);
-            error(formula.distance_m, sample.dtd_m) - error(corrected_m, sample.dtd_m)
-        });
-        (gains.sum::<f64>() > 0.0).then_some(refitted)
+    /// The same network for a new camera of the fit, in whose pictures the aircraft has another size; `None` if it is not known which. Of
+    /// the numbers of a registration only the scale follows from the camera; the others are those of the light.
+    pub(super) fn with_camera(&self, new: NewCamera) -> Option<Self> {
+        let larger = new.zoom?.ln();
+        let mut changed = self.clone();
+        let Inputs { views, usual, .. } = &mut changed.inputs;
+        let is_reference = !views.contains(&new.view);
+        for (view, [scale, ..]) in views.iter().zip(usual) {
+            if is_reference {
+                scale.coefficients[0] -= larger;
+            } else if *view == new.view {
+                scale.coefficients[0] += larger;
+            }
+        }
+        Some(changed)
+    }
+
+    /// What new cameras leave as it is.
+    pub(super) fn without_scale(&self) -> Self {
+        let mut others = self.clone();
+        for [scale, ..] in &mut others.inputs.usual {
+            scale.coefficients[0] = 0.0;
+        }
+        others
+    }
+
+    /// The sample at the distance that a formula must give for the network to correct it to the true one.
+    pub(super) fn with_error(&self, sample: &Sample) -> Sample {
+        let mut with_error = sample.clone();
+        with_error.dtd_m = 2.0 * sample.dtd_m - self.corrected_m(sample, sample.dtd_m);
+        with_error
     }
 
     /// Whether it is one on the residual of this fit, and has layers for its inputs.
@@ -278,8 +305,16 @@ impl Residual {
             inputs = outputs;
             is_whole
         };
-        let Inputs { views, usual, .. } = &self.inputs;
+        let Inputs {
+            views,
+            usual,
+            inverse_range_per_m: [_, deviation],
+            ..
+        } = &self.inputs;
+        let varies = |usual: &Usual| usual.deviation > 0.0;
         fit.set.registered
+            && *deviation > 0.0
+            && usual.iter().flatten().all(varies)
             && views.iter().all(|view| fit.set.views.contains(view))
             && views.len() == usual.len()
             && self.layers.iter().all(goes_on)
@@ -304,11 +339,12 @@ impl Residual {
     }
 }
 
-/// Ticks that the formula of the most precise fit answers.
-pub(super) fn answered_by_first<'a>(
+/// Ticks that the formula of a fit answers.
+pub(super) fn answered<'a>(
     fits: &InverseRange,
+    fit: usize,
     ticks: impl Iterator<Item = &'a Sample>,
 ) -> Vec<(&'a Sample, Measurement)> {
-    let answered = ticks.filter_map(|sample| Some((sample, fits.formula(0, sample)?)));
+    let answered = ticks.filter_map(|sample| Some((sample, fits.formula(fit, sample)?)));
     answered.collect()
 }

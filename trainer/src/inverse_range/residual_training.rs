@@ -1,7 +1,7 @@
 //! Trains the networks of [`super::residual`]: that of the formula, and for each part of the flights that of the formula which did not see
 //! them, all at once.
 //!
-//! Networks start at zero, where they change nothing. They learn from the ticks that their formula learned from, under a loss that is square
+//! Networks start at zero, where they change nothing. They learn from ticks that their formula learned from, under a loss that is square
 //! for small errors and linear for large ones, because the latter are wrong shifts. The validation side decides whether they are kept.
 
 use std::fmt;
@@ -9,7 +9,6 @@ use std::fmt;
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor, TensorData};
-use dataset::splits::Side;
 use rand::RngExt;
 use rand_chacha::ChaCha12Rng;
 use rayon::prelude::*;
@@ -17,20 +16,20 @@ use serde::{Deserialize, Serialize};
 
 use super::InverseRange;
 use super::cross_fitted::CrossFitted;
-use super::residual::{Inputs, Residual, answered_by_first};
+use super::measurement::Measurement;
+use super::residual::{Inputs, Residual, answered};
 use crate::config::ResidualConfig;
 use crate::dense::{Dense, LinearGradients, widths, zeros};
 use crate::encoded::{column, numbers};
 use crate::error::Result;
-use crate::flight_parts::FlightParts;
-use crate::samples::{Sample, Samples};
+use crate::samples::Sample;
 use crate::training_loop::{Task, Watch, learn};
 
 /// Ticks that a network learns from at most: those of 30 pictures a second are much alike.
 const MOST_TICKS: usize = 50_000;
 
-/// What a network on the residual was worth (`run.json`): errors of `inverse_range` on the validation side where its most precise fit
-/// answers, mean of their sizes, percent of the distance (below 0.5 NM: of 0.5 NM).
+/// What a network on the residual was worth (`run.json`): errors of `inverse_range` on the validation side where the fit with the network
+/// applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(crate) struct ResidualRecord {
     /// Of the formula alone.
@@ -58,33 +57,39 @@ impl fmt::Display for ResidualRecord {
 }
 
 impl CrossFitted {
-    /// Trains networks on what the most precise fit leaves, keeps them if they improve the validation side, and says what they were worth;
-    /// `None` where there is nothing to learn from or to judge by. `training`: what the fits were fitted to.
+    /// Trains networks on what the registered fit leaves that answers most ticks, keeps them if they improve the validation side, and says
+    /// what they were worth; `None` where there is nothing to learn from or to judge by. `training`: what the fits were fitted to.
     pub(crate) fn learn_residuals(
         &mut self,
-        samples: &Samples,
         training: &[&Sample],
         validation: &[Sample],
         config: &ResidualConfig,
         mut random: ChaCha12Rng,
         watch: &mut Watch,
     ) -> Result<Option<ResidualRecord>> {
-        let parts = FlightParts::of(samples, samples.ticks_of_side(Side::Train));
-        let others = parts.others(training).zip(&self.others);
-        let of_parts = others.map(|(others, fits)| Pupil::of(fits, &others));
-        let of_all = std::iter::once(Pupil::of(&self.all, training));
-        let pupils: Option<Vec<_>> = of_all.chain(of_parts).collect();
-        let Some(pupils) = pupils else {
+        let Some(fit) = self.all.most_asked(training) else {
             return Ok(None);
         };
-        let judged = Lesson::of(&self.all, &pupils[0].inputs, validation.iter());
+        let Some(of_all) = Trainee::of(&self.all, fit, training) else {
+            return Ok(None);
+        };
+        let judged = validation.iter();
+        let judged = LearnedTicks::of(&of_all.inputs, &answered(&self.all, fit, judged));
         if judged.targets.is_empty() {
             return Ok(None);
         }
+        // A part whose others are too few does without.
+        let others = self.parts.others(training).zip(&self.others);
+        let of_parts: Vec<_> = others
+            .map(|(others, fits)| Trainee::of(fits, fit, &others))
+            .collect();
+        let has_network: Vec<bool> = of_parts.iter().map(Option::is_some).collect();
+        let of_parts = of_parts.into_iter().flatten();
+        let trainees: Vec<_> = std::iter::once(of_all).chain(of_parts).collect();
         let settings = &config.optimisation;
-        let networks = Networks::new(&pupils, &config.hidden, &mut random);
+        let networks = Networks::new(&trainees, &config.hidden, &mut random);
         let mut task = ResidualTask {
-            pupils: &pupils,
+            trainees: &trainees,
             judged: &judged,
             batch_size: settings.batch_size,
             random,
@@ -97,9 +102,11 @@ impl CrossFitted {
         };
         watch.progress.say(&record.to_string());
         if record.is_kept() {
-            let fits = std::iter::once(&mut self.all).chain(&mut self.others);
-            for ((fits, pupil), network) in fits.zip(pupils).zip(&kept.network.of_pupils) {
-                fits.residual = Some(Residual::new(pupil.inputs, network.layers()));
+            let others = self.others.iter_mut().zip(has_network);
+            let others = others.filter_map(|(fits, has_network)| has_network.then_some(fits));
+            let fits = std::iter::once(&mut self.all).chain(others);
+            for ((fits, trainee), network) in fits.zip(trainees).zip(&kept.network.of_trainees) {
+                fits.residual = Some(Residual::new(trainee.inputs, network.layers()));
             }
         }
         Ok(Some(record))
@@ -107,40 +114,35 @@ impl CrossFitted {
 }
 
 /// Ticks as a network sees them.
-struct Lesson {
+struct LearnedTicks {
     /// Numbers in a row.
     width: usize,
     /// Rows of inputs, one after the other.
     rows: Vec<f32>,
-    /// What the network should tell of each.
+    /// What the network should predict for each.
     targets: Vec<f32>,
     /// What each counts for.
     precisions: Vec<f32>,
 }
 
-impl Lesson {
-    /// Those of the ticks that the most precise fit answers.
-    fn of<'a>(
-        fits: &InverseRange,
-        inputs: &Inputs,
-        ticks: impl Iterator<Item = &'a Sample>,
-    ) -> Self {
-        let mut lesson = Self {
+impl LearnedTicks {
+    /// Ticks and what the formula measures there, without those whose registrations are impossible.
+    fn of(inputs: &Inputs, answered: &[(&Sample, Measurement)]) -> Self {
+        let mut ticks = Self {
             width: inputs.len(),
             rows: Vec::new(),
             targets: Vec::new(),
             precisions: Vec::new(),
         };
-        for (sample, formula) in answered_by_first(fits, ticks) {
+        for (sample, formula) in answered {
             if let Some(row) = inputs.at(sample, formula.distance_m) {
-                lesson.rows.extend(row);
-                lesson
-                    .targets
-                    .push(inputs.target(formula.distance_m, sample.dtd_m));
-                lesson.precisions.push(formula.precision as f32);
+                ticks.rows.extend(row);
+                let target = inputs.target(formula.distance_m, sample.dtd_m);
+                ticks.targets.push(target);
+                ticks.precisions.push(formula.precision as f32);
             }
         }
-        lesson
+        ticks
     }
 
     /// Some rows, `[rows, inputs]`.
@@ -155,37 +157,36 @@ impl Lesson {
 }
 
 /// A formula, and what the network on its residual learns from.
-struct Pupil {
+struct Trainee {
     inputs: Inputs,
-    lesson: Lesson,
+    ticks: LearnedTicks,
 }
 
-impl Pupil {
-    /// `None` if there is no fit, or too little to learn from.
-    fn of(fits: &InverseRange, ticks: &[&Sample]) -> Option<Self> {
-        let step = ticks.len().div_ceil(MOST_TICKS).max(1);
-        let ticks = || ticks.iter().copied().step_by(step);
-        let fit = fits.fits.first()?;
-        let inputs = Inputs::of(fit, &answered_by_first(fits, ticks()))?;
-        Some(Self {
-            lesson: Lesson::of(fits, &inputs, ticks()),
-            inputs,
-        })
+impl Trainee {
+    /// `None` if there is too little to learn from.
+    fn of(fits: &InverseRange, fit: usize, ticks: &[&Sample]) -> Option<Self> {
+        let mut answered = answered(fits, fit, ticks.iter().copied());
+        let step = answered.len().div_ceil(MOST_TICKS).max(1);
+        let mut number = 0..;
+        answered.retain(|_| number.next().is_some_and(|n: usize| n.is_multiple_of(step)));
+        let inputs = Inputs::of(fit, &fits.fits[fit], &answered)?;
+        let ticks = LearnedTicks::of(&inputs, &answered);
+        (!ticks.targets.is_empty()).then_some(Self { inputs, ticks })
     }
 
     /// Gradients of the loss of a batch, the mean of `sqrt(1 + (precision * error)^2)`.
     fn gradients(&self, network: &Dense, batch: &[usize], device: &Device) -> Vec<LinearGradients> {
-        let Lesson {
+        let LearnedTicks {
             targets,
             precisions,
             ..
-        } = &self.lesson;
-        let (told, trace) = network.trace(self.lesson.inputs(batch.iter().copied(), device));
-        let gradient = |(told, &row): (f32, &usize)| {
-            let error = precisions[row] * (told - targets[row]);
+        } = &self.ticks;
+        let (predicted, trace) = network.trace(self.ticks.inputs(batch.iter().copied(), device));
+        let gradient = |(predicted, &row): (f32, &usize)| {
+            let error = precisions[row] * (predicted - targets[row]);
             precisions[row] * error / (1.0 + error * error).sqrt() / batch.len() as f32
         };
-        let gradients = numbers(told).into_iter().zip(batch).map(gradient);
+        let gradients = numbers(predicted).into_iter().zip(batch).map(gradient);
         trace.back(column(gradients.collect(), device)).0
     }
 }
@@ -193,40 +194,42 @@ impl Pupil {
 /// Those of all formulas.
 #[derive(Module, Debug)]
 struct Networks {
-    of_pupils: Vec<Dense>,
+    of_trainees: Vec<Dense>,
 }
 
 impl Networks {
-    /// Networks that tell of no error yet.
-    fn new(pupils: &[Pupil], hidden: &[usize], random: &mut ChaCha12Rng) -> Self {
+    /// Networks that predict no error yet.
+    fn new(trainees: &[Trainee], hidden: &[usize], random: &mut ChaCha12Rng) -> Self {
         let device = &Device::flex().autodiff();
-        let network = |pupil: &Pupil| {
-            let network = Dense::new(&widths(pupil.inputs.len(), hidden, 1), random, device);
+        let network = |trainee: &Trainee| {
+            let network = Dense::new(&widths(trainee.inputs.len(), hidden, 1), random, device);
             let inputs = network.last_inputs();
             network.with_last(zeros(inputs, 1, device))
         };
-        Self {
-            of_pupils: pupils.iter().map(network).collect(),
-        }
+        let networks = Self {
+            of_trainees: trainees.iter().map(network).collect(),
+        };
+        // Gradients are by hand, and what autodiff notes about the weights of each step it forgets only when it computes some.
+        networks.no_grad()
     }
 }
 
 struct ResidualTask<'a> {
-    pupils: &'a [Pupil],
-    /// Of the first pupil, on the validation side.
-    judged: &'a Lesson,
+    trainees: &'a [Trainee],
+    /// Of the first trainee, on the validation side.
+    judged: &'a LearnedTicks,
     batch_size: usize,
     random: ChaCha12Rng,
 }
 
 impl ResidualTask<'_> {
-    /// The error that remains where a network tells these errors.
-    fn mape_pct(&self, told: &[f32]) -> f64 {
-        let apart = told
+    /// The error that remains where a network predicts these errors.
+    fn mape_pct(&self, predicted: &[f32]) -> f64 {
+        let apart = predicted
             .iter()
             .zip(&self.judged.targets)
-            .map(|(told, target)| f64::from((target - told).abs()));
-        100.0 * self.pupils[0].inputs.deviation * apart.sum::<f64>() / told.len() as f64
+            .map(|(predicted, target)| f64::from((target - predicted).abs()));
+        100.0 * self.trainees[0].inputs.deviation * apart.sum::<f64>() / predicted.len() as f64
     }
 }
 
@@ -251,20 +254,24 @@ impl Task for ResidualTask<'_> {
     fn gradients(&mut self, networks: &Networks, _step: usize) -> GradientsParams {
         let plain = networks.valid();
         let device = &Device::flex();
-        let batches: Vec<Vec<usize>> = (self.pupils.iter())
-            .map(|pupil| {
-                let rows = pupil.lesson.targets.len();
+        let batches: Vec<Vec<usize>> = (self.trainees.iter())
+            .map(|trainee| {
+                let rows = trainee.ticks.targets.len();
                 (0..self.batch_size)
                     .map(|_| self.random.random_range(0..rows))
                     .collect()
             })
             .collect();
-        let pupils = self.pupils.par_iter().zip(&plain.of_pupils).zip(&batches);
-        let of_pupils: Vec<_> = pupils
-            .map(|((pupil, network), batch)| pupil.gradients(network, batch, device))
+        let trainees = self
+            .trainees
+            .par_iter()
+            .zip(&plain.of_trainees)
+            .zip(&batches);
+        let of_trainees: Vec<_> = trainees
+            .map(|((trainee, network), batch)| trainee.gradients(network, batch, device))
             .collect();
         let mut gradients = GradientsParams::new();
-        for (network, of_network) in plain.of_pupils.iter().zip(of_pupils) {
+        for (network, of_network) in plain.of_trainees.iter().zip(of_trainees) {
             network.register(of_network, &mut gradients);
         }
         gradients
@@ -274,8 +281,8 @@ impl Task for ResidualTask<'_> {
         let inputs = self
             .judged
             .inputs(0..self.judged.targets.len(), &Device::flex());
-        let told = numbers(networks.of_pupils[0].valid().forward(inputs));
-        vec![Some(self.mape_pct(&told))]
+        let predicted = numbers(networks.of_trainees[0].valid().forward(inputs));
+        vec![Some(self.mape_pct(&predicted))]
     }
 
     fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {

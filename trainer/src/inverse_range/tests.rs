@@ -5,6 +5,12 @@ use crate::samples::{DistanceRange, Samples};
 use dataset::splits::Side;
 use testkit::synthetic::SyntheticCorpus;
 
+/// The camera of the second view.
+const SECOND: NewCamera = NewCamera {
+    view: 1,
+    zoom: Some(1.0),
+};
+
 fn read(corpus: &SyntheticCorpus) -> Samples {
     let folder = tempfile::tempdir().unwrap();
     let corpus = corpus.write(folder.path()).unwrap();
@@ -174,7 +180,7 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
         .copied()
         .filter(|sample| sample.scenario > 0)
         .collect();
-    let refitted = fitted.with_view_refitted(1, &other_flights).unwrap();
+    let refitted = fitted.with_camera_refitted(SECOND, &other_flights).unwrap();
     let sets = |fitted: &InverseRange| {
         let mut sets: Vec<_> = fitted.fits.iter().map(|fit| fit.set.clone()).collect();
         sets.sort_by_key(|set| (set.views.clone(), set.registered));
@@ -185,7 +191,10 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
     assert_ne!(refitted.without(0), fitted.without(0));
     let own = fit(&samples, &other_flights);
     assert_eq!(refitted.without(0), own.without(0));
-    assert_eq!(fitted.with_view_refitted(1, &other_flights[..20]), None);
+    assert_eq!(
+        fitted.with_camera_refitted(SECOND, &other_flights[..20]),
+        None
+    );
 }
 
 #[test]

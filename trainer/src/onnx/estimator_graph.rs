@@ -13,8 +13,8 @@ use crate::normalisation::{BOX_FEATURES, Normalisation, TARGET_UNIT_M};
 
 /// Input: `[batch, views, 4]`, centre right, centre down, width, height, pixels; NaN where a view saw nothing.
 pub(crate) const BOXES: &str = "boxes";
-/// Input: `[batch, views, 7]`, what [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` are for a view. The shift of the reference view
-/// itself is 0, and NaN is where there is no registration. Without the columns after the shift, nothing is told about what a formula leaves.
+/// Input: `[batch, views, 7]`, [`REGISTRATION_COLUMNS`] of `registrations/*.parquet` for a view. The shift of the reference view itself is
+/// 0, and NaN is where there is no registration. Where only the shift is given, no network corrects the formula.
 pub(crate) const REGISTRATIONS: &str = "registrations";
 /// Columns of a registration.
 pub(crate) const REGISTRATION_COLUMNS: [&str; 7] = [

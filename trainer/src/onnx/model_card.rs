@@ -72,8 +72,8 @@ fn inputs(card: &mut String, run: &TrainedRun) {
          measurement: leave it out.\n\
          - `registrations` `[batch, {views}, {}]`, for `inverse_range.onnx` only: {} of `registrations/*.parquet`, the first two of them \
          where the aircraft of a view is, right and down of where it is in the reference view, in pixels. 0, 0 for the reference view \
-         itself, whatever comes behind. Give only registrations of the object in the boxes. With NaN behind the first two, nothing is \
-         told about what the formula leaves.\n\
+         itself, whose other columns are ignored. Give only registrations of the object in the boxes. With NaN behind the first two, the \
+         formula is not corrected by its network.\n\
          - `distance_m` `[batch]`: distance to touchdown in metres.\n\n\
          A view that saw nothing has four NaN in `boxes`; a view that is not registered has NaN in `registrations`. A missing view is not \
          guessed: `paper_lstm` leaves it out of its sequence, the monoscopic estimators average over the others, and `inverse_range` \

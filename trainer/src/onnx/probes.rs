@@ -1,5 +1,5 @@
 //! Ticks to hold a runtime against: boxes all over the range of the training side, views that miss the aircraft, boxes of something
-//! else, and shifts.
+//! else, and registrations.
 
 use dataset::pixel_box::PixelBox;
 use glam::DVec2;
@@ -12,7 +12,7 @@ use crate::trusted_boxes::centre_and_size;
 use crate::view_shift::ViewShift;
 
 const TICKS: usize = 500;
-/// Share of views that see nothing, and of boxes that no training side has.
+/// Share of views that see nothing and of shifts without a correlation, and of boxes that no training side has.
 const MISSING: f64 = 0.2;
 const FALSE: f64 = 0.05;
 /// Share of ticks with shifts, and how far they are from the difference of the boxes, pixels.
@@ -64,10 +64,17 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
                 (registered && view > 0).then(|| ViewShift {
                     reference: 0,
                     shift_px: centre(seen) - centre(reference) + apart,
-                    sd_px: DVec2::splat(random.random_range(0.02..0.7)),
-                    scale: random.random_range(0.5..2.0),
-                    gain: random.random_range(0.1..10.0),
-                    correlation: random.random_range(0.6..1.0),
+                    sd_px: DVec2::new(
+                        random.random_range(0.02..0.2),
+                        random.random_range(0.02..0.2),
+                    ),
+                    scale: random.random_range(0.95..1.05),
+                    gain: random.random_range(0.7..1.4),
+                    // A shift may come without the rest.
+                    correlation: match random.random_bool(MISSING) {
+                        true => f64::NAN,
+                        false => random.random_range(0.8..1.0),
+                    },
                 })
             })
             .collect();
@@ -75,17 +82,17 @@ pub(super) fn draw(normalisation: &Normalisation) -> (Probes, Vec<Observation>) 
             probes.boxes.extend(seen.map_or([f64::NAN; 4], |b| {
                 [b.cx_px, b.cy_px, b.width_px, b.height_px]
             }));
-            let (shift_px, looks) = match shift {
+            let (shift_px, quality) = match shift {
                 None if view == 0 => (DVec2::ZERO, [f64::NAN; 5]),
                 None => (DVec2::NAN, [f64::NAN; 5]),
                 Some(shift) => {
                     let DVec2 { x, y } = shift.sd_px;
-                    let looks = [x, y, shift.scale, shift.gain, shift.correlation];
-                    (shift.shift_px, looks)
+                    let quality = [x, y, shift.scale, shift.gain, shift.correlation];
+                    (shift.shift_px, quality)
                 }
             };
             probes.registrations.extend(shift_px.to_array());
-            probes.registrations.extend(looks);
+            probes.registrations.extend(quality);
         }
         let observed = Observation {
             scenario: 0,

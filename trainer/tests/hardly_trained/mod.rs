@@ -18,6 +18,8 @@ pub(crate) fn hardly_trained() -> TrainConfig {
     config.estimator.head_hidden = vec![8];
     config.estimator.optimisation = steps.clone();
     config.mono.hidden = vec![8];
-    config.mono.optimisation = steps;
+    config.mono.optimisation = steps.clone();
+    config.residual.hidden = vec![8];
+    config.residual.optimisation = steps;
     config
 }

@@ -5,10 +5,11 @@ use dataset::splits::Side;
 use rand::SeedableRng;
 use testkit::synthetic::SyntheticCorpus;
 
+use super::super::NewCamera;
 use super::*;
 use crate::checkpoint::Checkpoints;
 use crate::config::Optimisation;
-use crate::samples::DistanceRange;
+use crate::samples::{DistanceRange, Samples};
 
 /// Samples of such a corpus; on one of the sides it may be the other way round.
 fn samples(reversed: Option<Side>) -> Samples {
@@ -58,7 +59,7 @@ fn learned(samples: &Samples) -> (CrossFitted, ResidualRecord) {
         progress: &mut Silent,
     };
     let random = ChaCha12Rng::seed_from_u64(0);
-    let record = fits.learn_residuals(samples, &training, &validation, &config, random, watch);
+    let record = fits.learn_residuals(&training, &validation, &config, random, watch);
     (fits, record.unwrap().unwrap())
 }
 
@@ -105,23 +106,65 @@ fn what_the_validation_side_contradicts_is_not_kept() {
 }
 
 #[test]
-fn after_a_refit_of_a_view_the_network_stays_where_it_helps() {
+fn after_a_refit_of_a_camera_the_network_is_as_it_was_and_helps() {
     let samples = samples(None);
     let (fits, _) = learned(&samples);
     let approaches = samples.of_side(Side::Test);
+    let mut alone = fits.all.clone();
+    alone.residual = None;
     for view in [0, 1] {
-        let refitted = fits.all.with_view_refitted(view, &approaches).unwrap();
-        let mut plain = refitted.clone();
-        plain.residual = None;
-        let [with, without] = [&refitted, &plain].map(|fits| error(fits, &samples, Side::Train));
+        let zoom = Some(1.0);
+        let refitted = |fits: &InverseRange| {
+            let new = NewCamera { view, zoom };
+            fits.with_camera_refitted(new, &approaches).unwrap()
+        };
+        let (refitted, alone) = (refitted(&fits.all), refitted(&alone));
+        let [with, without] = [&refitted, &alone].map(|fits| error(fits, &samples, Side::Train));
         assert!(with < 0.6 * without, "{with} {without}");
-        assert!(fits.all.without(view).residual.is_none());
+        assert_eq!(refitted.residual, fits.all.residual);
+        assert_eq!(refitted.without(view), fits.all.without(view));
+        let unknown = NewCamera { view, zoom: None };
+        assert_eq!(fits.all.with_camera_refitted(unknown, &approaches), None);
     }
-    let reversed = self::samples(Some(Side::Test));
-    let refitted = fits
-        .all
-        .with_view_refitted(1, &reversed.of_side(Side::Test));
-    assert!(refitted.unwrap().residual.is_none());
+}
+
+#[test]
+fn a_refitted_fit_makes_room_for_what_the_network_tells_of_the_light_of_the_approaches() {
+    let samples = samples(None);
+    let (fits, _) = learned(&samples);
+    let new = NewCamera {
+        view: 1,
+        zoom: Some(1.0),
+    };
+    // All approaches in one light, flights later in both.
+    let mut approaches = samples.of_side(Side::Train);
+    approaches.retain(|sample| sample.tick.is_multiple_of(2));
+    let refitted = fits.all.with_camera_refitted(new, &approaches).unwrap();
+    let [before, after] = [&fits.all, &refitted].map(|fits| error(fits, &samples, Side::Test));
+    assert!(refitted.residual.is_some());
+    assert!(after < 1.5 * before, "{after} {before}");
+}
+
+#[test]
+fn a_zoomed_camera_sees_the_aircraft_larger_and_its_network_expects_that() {
+    let samples = samples(None);
+    let (fits, _) = learned(&samples);
+    let residual = fits.all.residual.as_ref().unwrap();
+    let mut sample = samples.of_side(Side::Test)[5].clone();
+    let before_m = residual.corrected_m(&sample, sample.dtd_m);
+    for (view, scale) in [(1, 1.1), (0, 1.0 / 1.1)] {
+        let zoom = Some(1.1);
+        let changed = residual.with_camera(NewCamera { view, zoom }).unwrap();
+        let all = |residual: Option<&Residual>| InverseRange {
+            residual: residual.cloned(),
+            ..fits.all.clone()
+        };
+        assert_ne!(changed, *residual);
+        assert_eq!(all(Some(&changed)).without(view), fits.all.without(view));
+        sample.observed.shifts[1].as_mut().unwrap().scale = scale;
+        let after_m = changed.corrected_m(&sample, sample.dtd_m);
+        assert!((after_m - before_m).abs() < 1e-6, "{after_m} {before_m}");
+    }
 }
 
 #[test]
