@@ -63,6 +63,8 @@ pub(crate) struct NewCamera {
     pub(crate) view: usize,
     /// Its focal length over that of the old camera, if both are known.
     pub(crate) zoom: Option<f64>,
+    /// Whether a network on the residual goes on correcting a fit of it; if `None`, the samples decide.
+    pub(crate) uses_network: Option<bool>,
 }
 
 /// Views whose places a formula is about.
@@ -103,18 +105,42 @@ impl InverseRange {
     }
 
     /// The same fits in the same order, those of sets that contain the view of a new camera fitted again to other samples; `None` if these
-    /// are too few for one of them, or if the fit with a network contains it and the zoom is not known. The network itself stays as it is:
-    /// its fit is such that both together give the distances of the samples.
+    /// are too few for one of them, or if there is a network for a fit of it and the zoom is not known. No number of the network changes
+    /// but the scale that it expects: its fit is such that both together give the distances of the samples. It is idle where a fit alone is
+    /// better at these.
     pub(crate) fn with_camera_refitted(&self, new: NewCamera, samples: &[&Sample]) -> Option<Self> {
         let residual = match &self.residual {
-            Some(residual) if self.corrects(new.view) => Some(residual.with_camera(new)?),
-            residual => residual.clone(),
+            Some(residual) if self.corrects(new.view) => residual.with_camera(new)?,
+            residual => return self.refitted_with(residual.clone(), new.view, samples),
         };
+        let alone = || self.refitted_with(Some(residual.idle()), new.view, samples);
+        let together = || self.refitted_with(Some(residual.clone()), new.view, samples);
+        match new.uses_network {
+            Some(true) => together(),
+            Some(false) => alone(),
+            None => {
+                let (alone, together) = (alone()?, together()?);
+                let error = |fits: &Self| fits.error_of(residual.fit(), samples);
+                Some(match error(&together) < error(&alone) {
+                    true => together,
+                    false => alone,
+                })
+            }
+        }
+    }
+
+    /// The same with such a network, and with fits that contain the view fitted again.
+    fn refitted_with(
+        &self,
+        residual: Option<Residual>,
+        view: usize,
+        samples: &[&Sample],
+    ) -> Option<Self> {
         let refitted = |(number, fit): (usize, &Fit)| {
-            if !fit.set.views.contains(&new.view) {
+            if !fit.set.views.contains(&view) {
                 return Some(fit.clone());
             }
-            match residual.as_ref().filter(|of| of.fit() == number) {
+            match residual.as_ref().filter(|of| of.applies_to(number)) {
                 None => Fit::of(fit.set.clone(), samples),
                 Some(residual) => {
                     let samples = samples.iter().map(|sample| residual.with_error(sample));
@@ -130,7 +156,23 @@ impl InverseRange {
         })
     }
 
-    /// Whether a network corrects a fit that contains this view.
+    /// Mean size of the relative error where a fit answers.
+    fn error_of(&self, fit: usize, samples: &[&Sample]) -> f64 {
+        let error = |sample: &&Sample| {
+            let measured = self.measurement(fit, sample)?;
+            Some((measured.distance_m - sample.dtd_m).abs() / scale_m(sample.dtd_m))
+        };
+        let errors: Vec<f64> = samples.iter().filter_map(error).collect();
+        errors.iter().sum::<f64>() / errors.len() as f64
+    }
+
+    /// Whether a network corrects any fit.
+    pub(crate) fn uses_network(&self) -> bool {
+        let residual = self.residual.as_ref();
+        residual.is_some_and(|residual| residual.applies_to(residual.fit()))
+    }
+
+    /// Whether there is a network for a fit that contains this view.
     pub(crate) fn corrects(&self, view: usize) -> bool {
         let residual = self.residual.as_ref();
         residual.is_some_and(|of| self.fits[of.fit()].set.views.contains(&view))

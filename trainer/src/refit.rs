@@ -258,6 +258,7 @@ fn fit_formulas(
     let new_camera = NewCamera {
         view,
         zoom: camera_pair.map(|(old, new)| new.focal_px / old.focal_px),
+        uses_network: None,
     };
     let old_fits = &baselines.inverse_range;
     let Some(new_fits) = old_fits.with_camera_refitted(new_camera, &trusted) else {
@@ -269,6 +270,11 @@ fn fit_formulas(
         run.normalisation
             .with_view_of(view, &Normalisation::fit(views, &trusted, &trusted))
     });
+    // What flights tell about errors must be errors of the same kind.
+    let new_camera = NewCamera {
+        uses_network: Some(new_fits.uses_network()),
+        ..new_camera
+    };
     baselines.flight_filter = baselines.flight_filter.with_camera_refitted(
         new_camera,
         old_fits,

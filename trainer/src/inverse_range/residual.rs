@@ -36,6 +36,8 @@ pub(crate) struct Residual {
     inputs: Inputs,
     /// Of the network: linear layers with LeakyReLU between them.
     layers: Vec<Layer>,
+    /// Whether it corrects the fit: not where a new camera made it useless.
+    applies: bool,
 }
 
 /// How a tick becomes the input of a network.
@@ -217,10 +219,27 @@ fn numbers(shift: &ViewShift) -> [f64; NUMBERS] {
 
 impl Residual {
     pub(super) fn new(inputs: Inputs, layers: Vec<Layer>) -> Self {
-        Self { inputs, layers }
+        Self {
+            inputs,
+            layers,
+            applies: true,
+        }
     }
 
-    /// Number of the fit that it corrects.
+    /// Whether it corrects this fit.
+    pub(super) fn applies_to(&self, fit: usize) -> bool {
+        self.applies && self.inputs.fit == fit
+    }
+
+    /// The same network where it corrects nothing.
+    pub(super) fn idle(&self) -> Self {
+        Self {
+            applies: false,
+            ..self.clone()
+        }
+    }
+
+    /// Number of the fit that it is about.
     pub(super) fn fit(&self) -> usize {
         self.inputs.fit
     }
@@ -267,7 +286,10 @@ impl Residual {
     /// the numbers of a registration only the scale follows from the camera; the others are those of the light.
     pub(super) fn with_camera(&self, new: NewCamera) -> Option<Self> {
         let larger = new.zoom?.ln();
-        let mut changed = self.clone();
+        let mut changed = Self {
+            applies: true,
+            ..self.clone()
+        };
         let Inputs { views, usual, .. } = &mut changed.inputs;
         let is_reference = !views.contains(&new.view);
         for (view, [scale, ..]) in views.iter().zip(usual) {
@@ -282,7 +304,10 @@ impl Residual {
 
     /// What new cameras leave as it is.
     pub(super) fn without_scale(&self) -> Self {
-        let mut others = self.clone();
+        let mut others = Self {
+            applies: true,
+            ..self.clone()
+        };
         for [scale, ..] in &mut others.inputs.usual {
             scale.coefficients[0] = 0.0;
         }

@@ -9,6 +9,7 @@ use testkit::synthetic::SyntheticCorpus;
 const SECOND: NewCamera = NewCamera {
     view: 1,
     zoom: Some(1.0),
+    uses_network: None,
 };
 
 fn read(corpus: &SyntheticCorpus) -> Samples {

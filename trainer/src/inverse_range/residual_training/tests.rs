@@ -115,7 +115,11 @@ fn after_a_refit_of_a_camera_the_network_is_as_it_was_and_helps() {
     for view in [0, 1] {
         let zoom = Some(1.0);
         let refitted = |fits: &InverseRange| {
-            let new = NewCamera { view, zoom };
+            let new = NewCamera {
+                view,
+                zoom,
+                uses_network: None,
+            };
             fits.with_camera_refitted(new, &approaches).unwrap()
         };
         let (refitted, alone) = (refitted(&fits.all), refitted(&alone));
@@ -123,9 +127,37 @@ fn after_a_refit_of_a_camera_the_network_is_as_it_was_and_helps() {
         assert!(with < 0.6 * without, "{with} {without}");
         assert_eq!(refitted.residual, fits.all.residual);
         assert_eq!(refitted.without(view), fits.all.without(view));
-        let unknown = NewCamera { view, zoom: None };
+        let unknown = NewCamera {
+            view,
+            zoom: None,
+            uses_network: None,
+        };
         assert_eq!(fits.all.with_camera_refitted(unknown, &approaches), None);
     }
+}
+
+#[test]
+fn after_a_refit_of_a_camera_that_contradicts_the_network_it_is_idle_and_as_it_was() {
+    let (samples, reversed) = (samples(None), self::samples(Some(Side::Test)));
+    let (fits, _) = learned(&samples);
+    let new = NewCamera {
+        view: 1,
+        zoom: Some(1.0),
+        uses_network: None,
+    };
+    let approaches = reversed.of_side(Side::Test);
+    let refitted = fits.all.with_camera_refitted(new, &approaches).unwrap();
+    assert!(fits.all.uses_network() && !refitted.uses_network());
+    assert_eq!(refitted.without(1), fits.all.without(1));
+    let mut alone = fits.all.clone();
+    alone.residual = None;
+    let alone = alone.with_camera_refitted(new, &approaches).unwrap();
+    assert_eq!(refitted.fits, alone.fits);
+    let measured = |fits: &InverseRange| fits.measurement(0, approaches[5]);
+    assert_eq!(measured(&refitted), measured(&alone));
+    // A further refit may need it again.
+    let again = refitted.with_camera_refitted(new, &samples.of_side(Side::Test));
+    assert!(again.unwrap().uses_network());
 }
 
 #[test]
@@ -135,6 +167,7 @@ fn a_refitted_fit_makes_room_for_what_the_network_tells_of_the_light_of_the_appr
     let new = NewCamera {
         view: 1,
         zoom: Some(1.0),
+        uses_network: None,
     };
     // All approaches in one light, flights later in both.
     let mut approaches = samples.of_side(Side::Train);
@@ -154,7 +187,12 @@ fn a_zoomed_camera_sees_the_aircraft_larger_and_its_network_expects_that() {
     let before_m = residual.corrected_m(&sample, sample.dtd_m);
     for (view, scale) in [(1, 1.1), (0, 1.0 / 1.1)] {
         let zoom = Some(1.1);
-        let changed = residual.with_camera(NewCamera { view, zoom }).unwrap();
+        let changed = residual.with_camera(NewCamera {
+            view,
+            zoom,
+            uses_network: None,
+        });
+        let changed = changed.unwrap();
         let all = |residual: Option<&Residual>| InverseRange {
             residual: residual.cloned(),
             ..fits.all.clone()
