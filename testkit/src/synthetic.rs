@@ -393,6 +393,7 @@ fn register(
                 let (in_reference, _) = (seen(reference)?, seen(view)?);
                 let ecef_m = row.pose.position().to_ecef();
                 let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
+                let size = |camera: &Camera| camera.focal_px / camera.to_camera(ecef_m).z;
                 let high = if row.tick.is_multiple_of(2) {
                     1.0
                 } else {
@@ -406,7 +407,7 @@ fn register(
                     dy_px: exact.y + noise_px * normal(random),
                     sd_x_px: noise_px.max(0.01),
                     sd_y_px: noise_px.max(0.01),
-                    scale: 1.0,
+                    scale: size(&camera) / size(&first),
                     gain: by_contrast.map_or(1.0, |_| 1.0 + 0.2 * high),
                     correlation: 0.9,
                 })

@@ -40,6 +40,9 @@ const TICKS_PER_COEFFICIENT: usize = 3;
 const MOST_VIEWS: usize = 4;
 /// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
 const FARTHEST_SETBACK_M: f64 = 20_000.0;
+/// Approaches of a new camera may be off by so much more with a network than without, before it is taken for useless: it has learned from
+/// more light than they show, and a fit alone makes up for theirs.
+const LARGEST_LOSS: f64 = 1.1;
 /// Moves of residuals that end an iteration, in deviations: while `s` is searched, and for the coefficients.
 const ROUGHLY: f64 = 1e-2;
 const EXACTLY: f64 = 1e-6;
@@ -107,7 +110,7 @@ impl InverseRange {
     /// The same fits in the same order, those of sets that contain the view of a new camera fitted again to other samples; `None` if these
     /// are too few for one of them, or if there is a network for a fit of it and the zoom is not known. No number of the network changes
     /// but the scale that it expects: its fit is such that both together give the distances of the samples. It is idle where a fit alone is
-    /// better at these.
+    /// much better at these.
     pub(crate) fn with_camera_refitted(&self, new: NewCamera, samples: &[&Sample]) -> Option<Self> {
         let residual = match &self.residual {
             Some(residual) if self.corrects(new.view) => residual.with_camera(new)?,
@@ -121,7 +124,7 @@ impl InverseRange {
             None => {
                 let (alone, together) = (alone()?, together()?);
                 let error = |fits: &Self| fits.error_of(residual.fit(), samples);
-                Some(match error(&together) < error(&alone) {
+                Some(match error(&together) < LARGEST_LOSS * error(&alone) {
                     true => together,
                     false => alone,
                 })

@@ -9,9 +9,7 @@ use dataset::json_file::read_json;
 use dataset::progress::Silent;
 use serde_json::Value;
 use testkit::synthetic::{Changed, SyntheticCorpus};
-use trainer::config::{
-    CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation, ResidualConfig,
-};
+use trainer::config::{CalibrationConfig, EstimatorConfig, MonoConfig, Optimisation};
 use trainer::{
     EvaluationConfig, Metrics, RefitConfig, RunFolder, TrainConfig, evaluate, refit, train,
 };
@@ -26,8 +24,7 @@ const CHANGED: Changed = Changed {
 fn synthetic(changed: Option<Changed>) -> SyntheticCorpus {
     SyntheticCorpus {
         train: 10,
-        shift_noise_px: Some(0.02),
-        shift_by_contrast: Some(1e-4),
+        shift_noise_px: Some(0.05),
         changed,
         ..SyntheticCorpus::tiny()
     }
@@ -60,10 +57,6 @@ fn settings(steps: usize) -> TrainConfig {
         mono: MonoConfig {
             hidden: vec![32],
             optimisation: optimisation(5e-3),
-        },
-        residual: ResidualConfig {
-            hidden: vec![8],
-            optimisation: optimisation(1e-2),
         },
         ..TrainConfig::demo()
     }
@@ -127,11 +120,6 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
         new["self_calibrated"]["point"]
     );
     assert_eq!(old["pinholes"][1], new["pinholes"][1]);
-    let residual = |baselines: &Value| baselines["inverse_range"]["residual"].clone();
-    let (before, after) = (residual(&old), residual(&new));
-    assert!(before["layers"].is_array());
-    assert_eq!(before["layers"], after["layers"]);
-    assert_ne!(before["usual"], after["usual"], "the aircraft is larger");
     let adjusted = &cameras(&new)[0]["adjustment"];
     let number = |name: &str| adjusted[name].as_f64().unwrap();
     assert!((number("pan_deg") - 2.0).abs() < 0.05, "{adjusted}");

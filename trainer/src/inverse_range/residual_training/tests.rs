@@ -167,7 +167,7 @@ fn a_refitted_fit_makes_room_for_what_the_network_tells_of_the_light_of_the_appr
     let new = NewCamera {
         view: 1,
         zoom: Some(1.0),
-        uses_network: None,
+        uses_network: Some(true),
     };
     // All approaches in one light, flights later in both.
     let mut approaches = samples.of_side(Side::Train);
@@ -183,7 +183,7 @@ fn a_zoomed_camera_sees_the_aircraft_larger_and_its_network_expects_that() {
     let samples = samples(None);
     let (fits, _) = learned(&samples);
     let residual = fits.all.residual.as_ref().unwrap();
-    let mut sample = samples.of_side(Side::Test)[5].clone();
+    let sample = samples.of_side(Side::Test)[5].clone();
     let before_m = residual.corrected_m(&sample, sample.dtd_m);
     for (view, scale) in [(1, 1.1), (0, 1.0 / 1.1)] {
         let zoom = Some(1.1);
@@ -199,7 +199,8 @@ fn a_zoomed_camera_sees_the_aircraft_larger_and_its_network_expects_that() {
         };
         assert_ne!(changed, *residual);
         assert_eq!(all(Some(&changed)).without(view), fits.all.without(view));
-        sample.observed.shifts[1].as_mut().unwrap().scale = scale;
+        let mut sample = sample.clone();
+        sample.observed.shifts[1].as_mut().unwrap().scale *= scale;
         let after_m = changed.corrected_m(&sample, sample.dtd_m);
         assert!((after_m - before_m).abs() < 1e-6, "{after_m} {before_m}");
     }
