@@ -27,7 +27,7 @@ const NUMBERS: usize = 4;
 /// Largest input, in standard deviations.
 const LARGEST_INPUT: f64 = 4.0;
 /// A number that hardly varies counts as varying by this much: what is less says nothing.
-const LEAST_DEVIATION: f64 = 1e-2;
+const LEAST_DEVIATION: f64 = 5e-3;
 
 /// What the inputs are relative to, and the network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
