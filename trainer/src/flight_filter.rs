@@ -19,12 +19,11 @@ mod motion;
 
 use std::borrow::Borrow;
 
-use dataset::splits::Side;
 use dataset::spread::Spread;
 use serde::{Deserialize, Serialize};
 
-use crate::flight_parts::{FlightParts, MOST_PARTS};
-use crate::inverse_range::{CrossFitted, InverseRange, NewCamera};
+use crate::flight_parts::MOST_PARTS;
+use crate::inverse_range::{CrossFitted, InverseRange};
 use crate::normalisation::Normalisation;
 use crate::samples::{Observation, Sample, Samples};
 
@@ -72,28 +71,18 @@ impl FlightFilter {
         Self::fit_to(&flights, fits.all.deviations())
     }
 
-    /// The same with the errors of those fits that contain its view, which approaches of a new camera tell: each approach is measured by
-    /// fits that did not see it. Of one approach nothing is learned. `fits` and `fitted_to`: the fits before, and the samples of the
-    /// approaches.
+    /// The same with the errors of those fits that contain the view of a new camera, which its approaches tell: each is measured by fits that
+    /// did not see it. Of one approach nothing is learned.
     pub(crate) fn with_camera_refitted(
         &self,
-        new: NewCamera,
-        fits: &InverseRange,
-        samples: &Samples,
-        approaches: &[usize],
-        fitted_to: &[&Sample],
+        view: usize,
+        fits: &CrossFitted,
+        approaches: &[&Sample],
         normalisation: &Normalisation,
     ) -> Self {
         let believed = |observed: &Observation| normalisation.without_outliers(observed, false);
-        let ticks: Vec<_> = samples
-            .ticks_of_side(Side::Train)
-            .filter(|sample| approaches.contains(&sample.scenario))
-            .collect();
-        let parts = FlightParts::of(samples, ticks.iter().copied());
-        let others = parts.others(fitted_to);
-        let refitted = others.map(|others| fits.with_camera_refitted(new, &others));
-        let flights = LabelledFlight::left_out(&parts, &ticks, refitted, believed);
-        let errors = self.errors.iter().zip(fits.contain(new.view)).enumerate();
+        let flights = LabelledFlight::left_out(fits, approaches, believed);
+        let errors = self.errors.iter().zip(fits.all.contain(view)).enumerate();
         let errors = errors.map(|(fit, (known, is_of_view))| {
             let errors: Vec<_> = flights.iter().map(|flight| flight.errors_of(fit)).collect();
             let fitted = is_of_view.then(|| CorrelatedError::fit(&errors)).flatten();

@@ -8,6 +8,7 @@ use crate::samples::{Sample, Samples};
 pub(crate) const MOST_PARTS: usize = 10;
 
 /// The flights of some ticks, told apart by their content: a copy of a flight is in the same part.
+#[derive(Debug, Clone)]
 pub(crate) struct FlightParts {
     /// By scenario, the number of what is flown; `None` of a scenario without such ticks.
     flown: Vec<Option<usize>>,

@@ -13,6 +13,7 @@
 
 mod cross_fitted;
 mod measurement;
+mod new_camera;
 mod onnx;
 mod residual;
 mod residual_training;
@@ -28,8 +29,9 @@ use crate::view_shift::Places;
 
 pub(crate) use cross_fitted::CrossFitted;
 pub(crate) use measurement::{Measurement, scale_m};
+pub(crate) use new_camera::NewCamera;
 use residual::Residual;
-pub(crate) use residual_training::ResidualRecord;
+pub use residual_training::ResidualRecord;
 use robust_fit::{
     Rows, Scales, Solution, coordinates, dot, normalise, sensitivity_m, terms_of, write_terms,
 };
@@ -40,9 +42,6 @@ const TICKS_PER_COEFFICIENT: usize = 3;
 const MOST_VIEWS: usize = 4;
 /// Maximum distance of the cameras behind the touchdown target, unless the training side reaches farther, metres.
 const FARTHEST_SETBACK_M: f64 = 20_000.0;
-/// Approaches of a new camera may be off by so much more with a network than without, before it is taken for useless: it has learned from
-/// more light than they show, and a fit alone makes up for theirs.
-const LARGEST_LOSS: f64 = 1.1;
 /// Moves of residuals that end an iteration, in deviations: while `s` is searched, and for the coefficients.
 const ROUGHLY: f64 = 1e-2;
 const EXACTLY: f64 = 1e-6;
@@ -57,17 +56,6 @@ pub(crate) struct InverseRange {
     /// What one of them leaves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     residual: Option<Residual>,
-}
-
-/// A camera that is to be fitted again.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct NewCamera {
-    /// Index of its view.
-    pub(crate) view: usize,
-    /// Its focal length over that of the old camera, if both are known.
-    pub(crate) zoom: Option<f64>,
-    /// Whether a network on the residual goes on correcting a fit of it; if `None`, the samples decide.
-    pub(crate) uses_network: Option<bool>,
 }
 
 /// Views whose places a formula is about.
@@ -107,76 +95,13 @@ impl InverseRange {
         Self::fit_sets(sets_of_views(views, training), training)
     }
 
-    /// The same fits in the same order, those of sets that contain the view of a new camera fitted again to other samples; `None` if these
-    /// are too few for one of them, or if there is a network for a fit of it and the zoom is not known. No number of the network changes
-    /// but the scale that it expects: its fit is such that both together give the distances of the samples. It is idle where a fit alone is
-    /// much better at these.
-    pub(crate) fn with_camera_refitted(&self, new: NewCamera, samples: &[&Sample]) -> Option<Self> {
-        let residual = match &self.residual {
-            Some(residual) if self.corrects(new.view) => residual.with_camera(new)?,
-            residual => return self.refitted_with(residual.clone(), new.view, samples),
-        };
-        let alone = || self.refitted_with(Some(residual.idle()), new.view, samples);
-        let together = || self.refitted_with(Some(residual.clone()), new.view, samples);
-        match new.uses_network {
-            Some(true) => together(),
-            Some(false) => alone(),
-            None => {
-                let (alone, together) = (alone()?, together()?);
-                let error = |fits: &Self| fits.error_of(residual.fit(), samples);
-                Some(match error(&together) < LARGEST_LOSS * error(&alone) {
-                    true => together,
-                    false => alone,
-                })
-            }
-        }
-    }
-
-    /// The same with such a network, and with fits that contain the view fitted again.
-    fn refitted_with(
-        &self,
-        residual: Option<Residual>,
-        view: usize,
-        samples: &[&Sample],
-    ) -> Option<Self> {
-        let refitted = |(number, fit): (usize, &Fit)| {
-            if !fit.set.views.contains(&view) {
-                return Some(fit.clone());
-            }
-            match residual.as_ref().filter(|of| of.applies_to(number)) {
-                None => Fit::of(fit.set.clone(), samples),
-                Some(residual) => {
-                    let samples = samples.iter().map(|sample| residual.with_error(sample));
-                    let samples: Vec<Sample> = samples.collect();
-                    Fit::of(fit.set.clone(), &samples.iter().collect::<Vec<_>>())
-                }
-            }
-        };
-        let fits = self.fits.iter().enumerate().map(refitted);
-        Some(Self {
-            fits: fits.collect::<Option<_>>()?,
-            residual,
-        })
-    }
-
-    /// Mean size of the relative error where a fit answers.
-    fn error_of(&self, fit: usize, samples: &[&Sample]) -> f64 {
-        let error = |sample: &&Sample| {
-            let measured = self.measurement(fit, sample)?;
-            Some((measured.distance_m - sample.dtd_m).abs() / scale_m(sample.dtd_m))
-        };
-        let errors: Vec<f64> = samples.iter().filter_map(error).collect();
-        errors.iter().sum::<f64>() / errors.len() as f64
-    }
-
-    /// Whether a network corrects any fit.
-    pub(crate) fn uses_network(&self) -> bool {
-        let residual = self.residual.as_ref();
-        residual.is_some_and(|residual| residual.applies_to(residual.fit()))
+    /// The network on the residual of a fit.
+    fn residual_of(&self, fit: usize) -> Option<&Residual> {
+        self.residual.as_ref().filter(|of| of.fit() == fit)
     }
 
     /// Whether there is a network for a fit that contains this view.
-    pub(crate) fn corrects(&self, view: usize) -> bool {
+    fn corrects(&self, view: usize) -> bool {
         let residual = self.residual.as_ref();
         residual.is_some_and(|of| self.fits[of.fit()].set.views.contains(&view))
     }
@@ -207,19 +132,16 @@ impl InverseRange {
             .map(move |fit| fit.set.views.contains(&view))
     }
 
-    /// The fits that do without this view, and of a network all that a new camera of it leaves as it is.
+    /// What a new camera of this view leaves as it is: the fits that do without it, and the network if it is on the residual of one of them.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self
             .fits
             .iter()
             .filter(|fit| !fit.set.views.contains(&view));
-        let residual = self.residual.as_ref().map(|of| match self.corrects(view) {
-            true => of.without_scale(),
-            false => of.clone(),
-        });
+        let residual = self.residual.clone();
         Self {
+            residual: residual.filter(|_| !self.corrects(view)),
             fits: others.cloned().collect(),
-            residual,
         }
     }
 

@@ -1,7 +1,7 @@
 //! A new, moved or turned camera: what belongs to it is fitted again from a few labelled approaches, and nothing else is touched.
 //!
-//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`) and the
-//! errors that the filter expects of them, its pinhole and centre offset, its calibration network (the paper's way), and the offset and
+//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the network on
+//! the residual of one of them, the errors that the filter expects of them, its pinhole and centre offset, its calibration network (the paper's way), and the offset and
 //! scale of its features. These follow from the old and the new fitted camera: they make of a box in the new picture what the old camera
 //! would have given, so that the networks start where they were. The fingerprint of everything else ([`frozen`]) is compared and recorded.
 
@@ -21,10 +21,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha12Rng;
 use serde::{Deserialize, Serialize};
 
+use crate::checkpoint::Checkpoints;
+use crate::config::TrainConfig;
 use crate::encoded::Encoded;
 use crate::error::{CorpusFault, Error, Result, RunFault};
 use crate::evaluation::split_again;
-use crate::inverse_range::NewCamera;
+use crate::flight_parts::FlightParts;
+use crate::inverse_range::{NewCamera, ResidualRecord};
 use crate::normalisation::Normalisation;
 use crate::pinhole::Pinhole;
 use crate::rig::{Cameras, are_same, form};
@@ -34,7 +37,7 @@ use crate::samples::{DistanceRange, Sample, Samples};
 use crate::sealed_run::SealedRun;
 use crate::self_calibration::LEAST_TICKS;
 use crate::trained_run::TrainedRun;
-use crate::training_loop::Setup;
+use crate::training_loop::{Setup, Watch};
 use crate::triangulation::CentreOffset;
 use crate::trusted_boxes::holds_aircraft;
 
@@ -65,6 +68,10 @@ pub struct Refit {
     pub frozen_before_blake3: String,
     /// The same after.
     pub frozen_after_blake3: String,
+    /// What the network on the residual of `inverse_range` is worth at approaches left out in turn, if a fit of the view had one and
+    /// there are several approaches; it is kept if it helps.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub residual: Option<ResidualRecord>,
     /// Wall-clock time, seconds.
     pub refit_s: f64,
 }
@@ -112,21 +119,19 @@ pub fn refit(
     check_others(run, corpus, &before, &samples, &config.view)?;
     let approaches = approaches(corpus, &samples, view, config)?;
     let mut after = before.clone();
-    let is_fitted = fit_formulas(&mut after, view, &samples, &approaches);
-    let needs_camera =
-        before.baselines.self_calibrated.is_some() || before.baselines.inverse_range.corrects(view);
-    if needs_camera && after.baselines.self_calibrated.is_none() {
+    let residual = fit_formulas(&mut after, view, &samples, &approaches, progress)?;
+    if before.baselines.self_calibrated.is_some() && after.baselines.self_calibrated.is_none() {
         let view = config.view.clone();
         return Err(Error::corpus(
             corpus.root(),
             CorpusFault::NoFittedCamera { view },
         ));
     }
-    if !is_fitted {
+    let Some(residual) = residual else {
         let (view, approaches) = (config.view.clone(), approaches.len());
         let fault = CorpusFault::TooFewTogether { view, approaches };
         return Err(Error::corpus(corpus.root(), fault));
-    }
+    };
     fit_network(&mut after, view, &samples, &approaches, progress)?;
     adopt(&mut after, &samples, &approaches, &config.view);
 
@@ -136,6 +141,7 @@ pub fn refit(
         scenarios: ids(&samples, &approaches),
         frozen_before_blake3: frozen::fingerprint(&before, view, run)?,
         frozen_after_blake3: frozen::fingerprint(&after, view, &new)?,
+        residual,
         refit_s: started.elapsed().as_secs_f64(),
     };
     if record.frozen_before_blake3 != record.frozen_after_blake3 {
@@ -222,13 +228,15 @@ fn ids(samples: &Samples, scenarios: &[usize]) -> Vec<String> {
     scenarios.iter().map(id).collect()
 }
 
-/// Fits camera, formulas and features of the view; `false` if there are too few ticks for one of the formulas.
+/// Fits camera, formulas and features of the view, and says what the network on the residual is worth, if that was judged; `None` in place
+/// of all that if there are too few ticks for one of the formulas.
 fn fit_formulas(
     run: &mut TrainedRun,
     view: usize,
     samples: &Samples,
     approaches: &[usize],
-) -> bool {
+    progress: &mut dyn Progress,
+) -> Result<Option<Option<ResidualRecord>>> {
     let recorded: Vec<&Sample> = of_scenarios(samples, approaches).collect();
     let baselines = &mut run.baselines;
     let settings = &run.config.self_calibration;
@@ -255,14 +263,27 @@ fn fit_formulas(
     let trusted: Vec<&Sample> = trusted.iter().collect();
     baselines.pinholes[view] = Pinhole::fit(view, &trusted);
     baselines.centre_offsets[view] = CentreOffset::fit(view, &samples.scenarios, &trusted);
+    let ticks: Vec<&Sample> = samples
+        .ticks_of_side(Side::Train)
+        .filter(|tick| approaches.contains(&tick.scenario))
+        .collect();
     let new_camera = NewCamera {
         view,
         zoom: camera_pair.map(|(old, new)| new.focal_px / old.focal_px),
-        uses_network: None,
     };
-    let old_fits = &baselines.inverse_range;
-    let Some(new_fits) = old_fits.with_camera_refitted(new_camera, &trusted) else {
-        return false;
+    let refitted = baselines.inverse_range.for_new_camera(
+        new_camera,
+        &FlightParts::of(samples, ticks.iter().copied()),
+        &trusted,
+        &run.config.residual,
+        random(&run.config),
+        &mut Watch {
+            checkpoints: &mut Checkpoints::none(),
+            progress,
+        },
+    )?;
+    let Some(refitted) = refitted else {
+        return Ok(None);
     };
     let moved = camera_pair.and_then(|(old, new)| run.normalisation.moved(view, &old, &new));
     run.normalisation = moved.unwrap_or_else(|| {
@@ -270,21 +291,19 @@ fn fit_formulas(
         run.normalisation
             .with_view_of(view, &Normalisation::fit(views, &trusted, &trusted))
     });
-    // What flights tell about errors must be errors of the same kind.
-    let new_camera = NewCamera {
-        uses_network: Some(new_fits.uses_network()),
-        ..new_camera
-    };
     baselines.flight_filter = baselines.flight_filter.with_camera_refitted(
-        new_camera,
-        old_fits,
-        samples,
-        approaches,
-        &trusted,
+        view,
+        &refitted.fits,
+        &ticks,
         &run.normalisation,
     );
-    baselines.inverse_range = new_fits;
-    true
+    baselines.inverse_range = refitted.fits.all;
+    Ok(Some(refitted.residual))
+}
+
+/// What draws the batches of a network.
+fn random(config: &TrainConfig) -> ChaCha12Rng {
+    ChaCha12Rng::seed_from_u64(config.seed)
 }
 
 /// The sample with only those boxes in which fitted cameras see the aircraft.
@@ -321,7 +340,7 @@ fn fit_network(
     let setup = Setup {
         loss: run.config.loss,
         device: Device::flex().autodiff(),
-        random: ChaCha12Rng::seed_from_u64(run.config.seed),
+        random: random(&run.config),
     };
     run.networks.calibration = refit_network(
         view,

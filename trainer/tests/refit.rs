@@ -25,6 +25,7 @@ fn synthetic(changed: Option<Changed>) -> SyntheticCorpus {
     SyntheticCorpus {
         train: 10,
         shift_noise_px: Some(0.05),
+        shift_by_contrast: Some(1e-4),
         changed,
         ..SyntheticCorpus::tiny()
     }
@@ -92,6 +93,8 @@ fn a_turned_and_zoomed_camera_is_as_good_as_before_and_the_rest_of_the_run_is_th
     let record = refit(&run, &after, &out, &of_left(10), &mut Silent).unwrap();
     assert_eq!(record.frozen_before_blake3, record.frozen_after_blake3);
     assert_eq!(record.scenarios.len(), 10);
+    println!("{:?}", record.residual);
+    assert!(record.residual.is_some_and(|residual| residual.is_kept()));
 
     let refitted = RunFolder::at(&out);
     let (old, new) = (evaluated(&run, &before), evaluated(&refitted, &after));

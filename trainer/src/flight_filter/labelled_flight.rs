@@ -1,12 +1,10 @@
 //! Flights of the training and validation side, as an evaluation sees them, measured by fits that never saw them: what the filter's noise
 //! and its intervals are fitted to.
 
-use std::borrow::Borrow;
 use std::collections::BTreeMap;
 
 use dataset::splits::Side;
 
-use crate::flight_parts::FlightParts;
 use crate::inverse_range::{CrossFitted, InverseRange, scale_m};
 use crate::samples::{Observation, Sample, Samples};
 
@@ -41,8 +39,7 @@ impl LabelledFlight {
         believed: impl Fn(&Observation) -> Observation,
     ) -> Vec<Self> {
         let ticks: Vec<_> = samples.ticks_of_side(Side::Train).collect();
-        let others = fits.others.iter().map(Some);
-        let mut flights = Self::left_out(&fits.parts, &ticks, others, &believed);
+        let mut flights = Self::left_out(fits, &ticks, &believed);
         let learned = samples.flights(Side::Train).len();
         let validated: Vec<String> = samples.flights(Side::Validation).into_iter().collect();
         let ticks: Vec<_> = samples.ticks_of_side(Side::Validation).collect();
@@ -56,20 +53,20 @@ impl LabelledFlight {
     }
 
     /// The flights of these ticks, each part measured by what was fitted to the others, if there was enough of them.
-    pub(super) fn left_out<F: Borrow<InverseRange>>(
-        parts: &FlightParts,
+    pub(super) fn left_out(
+        fits: &CrossFitted,
         ticks: &[&Sample],
-        fits_to_others: impl Iterator<Item = Option<F>>,
         believed: impl Fn(&Observation) -> Observation,
     ) -> Vec<Self> {
+        let parts = &fits.parts;
         let mut flights = Vec::new();
-        for (part, fits) in fits_to_others.enumerate() {
+        for (part, fits) in fits.others.iter().enumerate() {
             let Some(fits) = fits else { continue };
             let each = ticks.chunk_by(|a, b| a.scenario == b.scenario);
             let inside = each.filter(|flight| parts.contains(part, flight[0]));
             flights.extend(inside.map(|flight| {
                 let flown = parts.flown(flight[0]).unwrap_or_default();
-                Self::measured(flown, fits.borrow(), flight, &believed)
+                Self::measured(flown, fits, flight, &believed)
             }));
         }
         flights

@@ -1,4 +1,4 @@
-//! The formulas fitted to all training flights, and again without each part of them: what is off on flights that a fit has not seen tells
+//! The formulas fitted to all flights, and again without each part of them: what is off on flights that a fit has not seen tells
 //! how far off it will be on new ones.
 
 use dataset::splits::Side;
@@ -11,9 +11,9 @@ use crate::samples::{Sample, Samples};
 pub(crate) struct CrossFitted {
     /// Of all.
     pub(crate) all: InverseRange,
-    /// For each part, of the flights outside of it.
-    pub(crate) others: Vec<InverseRange>,
-    /// The training flights.
+    /// For each part, of the flights outside of it; `None` if these are too few.
+    pub(crate) others: Vec<Option<InverseRange>>,
+    /// The flights.
     pub(crate) parts: FlightParts,
 }
 
@@ -24,7 +24,7 @@ impl CrossFitted {
         let parts = FlightParts::of(samples, samples.ticks_of_side(Side::Train));
         let others = parts.others(training);
         Self {
-            others: others.map(|others| all.refitted(&others)).collect(),
+            others: others.map(|others| Some(all.refitted(&others))).collect(),
             all,
             parts,
         }

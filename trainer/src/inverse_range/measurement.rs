@@ -42,11 +42,13 @@ impl InverseRange {
     /// What one fit measures; `None` if a view of it saw nothing, or its formula has no distance for such places.
     pub(super) fn measurement(&self, fit: usize, observed: &Observation) -> Option<Measurement> {
         let formula = self.formula(fit, observed)?;
-        let residual = self.residual.as_ref().filter(|of| of.applies_to(fit));
-        Some(residual.map_or(formula, |residual| Measurement {
-            distance_m: residual.corrected_m(observed, formula.distance_m),
-            ..formula
-        }))
+        Some(
+            self.residual_of(fit)
+                .map_or(formula, |residual| Measurement {
+                    distance_m: residual.corrected_m(observed, formula.distance_m),
+                    ..formula
+                }),
+        )
     }
 
     /// The same without the network on the residual.

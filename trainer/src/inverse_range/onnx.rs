@@ -14,7 +14,7 @@ impl InverseRange {
             let applies = fit.set.applies_to_onnx(graph);
             let places = fit.set.places_to_onnx(graph);
             let mut distance = fit.distance_to_onnx(graph, &places);
-            if let Some(residual) = self.residual.as_ref().filter(|of| of.applies_to(number)) {
+            if let Some(residual) = self.residual_of(number) {
                 distance = residual.corrected_to_onnx(graph, &distance);
             }
             answer = graph.graph.plain("Where", &[&applies, &distance, &answer]);

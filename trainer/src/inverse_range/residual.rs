@@ -6,7 +6,8 @@
 //! It predicts the relative error of the formula in standard deviations, which is subtracted. Inputs are limited, so that what looks like
 //! nothing in the training moves the distance no further than what does.
 //!
-//! One fit has a network: that which answers most ticks. Training: [`super::residual_training`]. The numbers are stored with the formulas.
+//! One fit has a network: that which answers most ticks. Training: [`super::residual_training`]; for a new camera: [`super::new_camera`]. The
+//! numbers are stored with the formulas.
 
 use burn::tensor::Device;
 use dataset::least_squares::NormalEquations;
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::measurement::{Measurement, scale_m};
 use super::robust_fit::NEAREST_M;
-use super::{Fit, InverseRange, NewCamera};
+use super::{Fit, InverseRange};
 use crate::dense::{Dense, Layer, forward};
 use crate::onnx::EstimatorGraph;
 use crate::samples::{Observation, Sample};
@@ -33,11 +34,9 @@ const LEAST_DEVIATION: f64 = 5e-3;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Residual {
     #[serde(flatten)]
-    inputs: Inputs,
+    pub(super) inputs: Inputs,
     /// Of the network: linear layers with LeakyReLU between them.
-    layers: Vec<Layer>,
-    /// Whether it corrects the fit: not where a new camera made it useless.
-    applies: bool,
+    pub(super) layers: Vec<Layer>,
 }
 
 /// How a tick becomes the input of a network.
@@ -103,6 +102,21 @@ impl Inputs {
             }
         }
         Some(inputs)
+    }
+
+    /// The same for a new camera of this view, with a focal length that is so many times the old one. Of the numbers of a registration only
+    /// the scale follows from the camera; the others are those of the light.
+    pub(super) fn zoomed(mut self, view: usize, zoom: f64) -> Self {
+        let larger = zoom.ln();
+        let is_reference = !self.views.contains(&view);
+        for (&other, [scale, ..]) in self.views.iter().zip(&mut self.usual) {
+            if is_reference {
+                scale.coefficients[0] -= larger;
+            } else if other == view {
+                scale.coefficients[0] += larger;
+            }
+        }
+        self
     }
 
     /// Number of inputs.
@@ -218,27 +232,6 @@ fn numbers(shift: &ViewShift) -> [f64; NUMBERS] {
 }
 
 impl Residual {
-    pub(super) fn new(inputs: Inputs, layers: Vec<Layer>) -> Self {
-        Self {
-            inputs,
-            layers,
-            applies: true,
-        }
-    }
-
-    /// Whether it corrects this fit.
-    pub(super) fn applies_to(&self, fit: usize) -> bool {
-        self.applies && self.inputs.fit == fit
-    }
-
-    /// The same network where it corrects nothing.
-    pub(super) fn idle(&self) -> Self {
-        Self {
-            applies: false,
-            ..self.clone()
-        }
-    }
-
     /// Number of the fit that it is about.
     pub(super) fn fit(&self) -> usize {
         self.inputs.fit
@@ -280,38 +273,6 @@ impl Residual {
         let is_behind = graph.plain("Less", &[&corrected, &zero]);
         let is_useless = graph.plain("Or", &[&is_missing, &is_behind]);
         graph.plain("Where", &[&is_useless, distance, &corrected])
-    }
-
-    /// The same network for a new camera of the fit, in whose pictures the aircraft has another size; `None` if it is not known which. Of
-    /// the numbers of a registration only the scale follows from the camera; the others are those of the light.
-    pub(super) fn with_camera(&self, new: NewCamera) -> Option<Self> {
-        let larger = new.zoom?.ln();
-        let mut changed = Self {
-            applies: true,
-            ..self.clone()
-        };
-        let Inputs { views, usual, .. } = &mut changed.inputs;
-        let is_reference = !views.contains(&new.view);
-        for (view, [scale, ..]) in views.iter().zip(usual) {
-            if is_reference {
-                scale.coefficients[0] -= larger;
-            } else if *view == new.view {
-                scale.coefficients[0] += larger;
-            }
-        }
-        Some(changed)
-    }
-
-    /// What new cameras leave as it is.
-    pub(super) fn without_scale(&self) -> Self {
-        let mut others = Self {
-            applies: true,
-            ..self.clone()
-        };
-        for [scale, ..] in &mut others.inputs.usual {
-            scale.coefficients[0] = 0.0;
-        }
-        others
     }
 
     /// The sample at the distance that a formula must give for the network to correct it to the true one.
@@ -364,12 +325,12 @@ impl Residual {
     }
 }
 
-/// Ticks that the formula of a fit answers.
+/// Those of the ticks that the formula of a fit answers.
 pub(super) fn answered<'a>(
     fits: &InverseRange,
     fit: usize,
-    ticks: impl Iterator<Item = &'a Sample>,
+    ticks: &[&'a Sample],
 ) -> Vec<(&'a Sample, Measurement)> {
-    let answered = ticks.filter_map(|sample| Some((sample, fits.formula(fit, sample)?)));
-    answered.collect()
+    let answered = |&sample: &&'a Sample| Some((sample, fits.formula(fit, sample)?));
+    ticks.iter().filter_map(answered).collect()
 }

@@ -4,8 +4,6 @@
 //! Networks start at zero, where they change nothing. They learn from ticks that their formula learned from, under a loss that is square
 //! for small errors and linear for large ones, because the latter are wrong shifts. The validation side decides whether they are kept.
 
-use std::fmt;
-
 use burn::module::Module;
 use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor, TensorData};
@@ -19,7 +17,7 @@ use super::cross_fitted::CrossFitted;
 use super::measurement::Measurement;
 use super::residual::{Inputs, Residual, answered};
 use crate::config::ResidualConfig;
-use crate::dense::{Dense, LinearGradients, widths, zeros};
+use crate::dense::{Dense, Layer, LinearGradients, widths, zeros};
 use crate::encoded::{column, numbers};
 use crate::error::Result;
 use crate::samples::Sample;
@@ -27,11 +25,13 @@ use crate::training_loop::{Task, Watch, learn};
 
 /// Ticks that a network learns from at most: those of 30 pictures a second are much alike.
 const MOST_TICKS: usize = 50_000;
+/// Steps between two looks at the validation side.
+const JUDGED_EVERY: usize = 250;
 
-/// What a network on the residual was worth (`run.json`): errors of `inverse_range` on the validation side where the fit with the network
-/// applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
+/// What a network on the residual is worth (`run.json`): errors of `inverse_range` on flights that taught it nothing, where the fit with the
+/// network applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(crate) struct ResidualRecord {
+pub struct ResidualRecord {
     /// Of the formula alone.
     pub formula_mape_pct: f64,
     /// With the network.
@@ -40,17 +40,15 @@ pub(crate) struct ResidualRecord {
 
 impl ResidualRecord {
     /// Whether `inverse_range` has the network.
-    pub(crate) fn is_kept(&self) -> bool {
+    pub fn is_kept(&self) -> bool {
         self.corrected_mape_pct < self.formula_mape_pct
     }
-}
 
-impl fmt::Display for ResidualRecord {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    /// In words; `flights` are those that judged.
+    pub(super) fn said_of(&self, flights: &str) -> String {
         let is_kept = if self.is_kept() { "kept" } else { "dropped" };
-        write!(
-            f,
-            "inverse_range is off by {:.4} % on the validation side, by {:.4} % with a network on its residual, which is {is_kept}",
+        format!(
+            "inverse_range is off by {:.4} % on {flights}, by {:.4} % with a network on its residual, which is {is_kept}",
             self.formula_mape_pct, self.corrected_mape_pct
         )
     }
@@ -70,51 +68,80 @@ impl CrossFitted {
         let Some(fit) = self.all.most_asked(training) else {
             return Ok(None);
         };
-        let Some(of_all) = Trainee::of(&self.all, fit, training) else {
+        let trainee = |fits: &InverseRange, training: &[&Sample], judges: &[&Sample]| {
+            let learned_from = thinned(answered(fits, fit, training));
+            let inputs = Inputs::of(fit, &fits.fits[fit], &learned_from)?;
+            Trainee::of(inputs, &learned_from, &answered(fits, fit, judges))
+        };
+        let judges: Vec<&Sample> = validation.iter().collect();
+        let Some(of_all) = trainee(&self.all, training, &judges) else {
             return Ok(None);
         };
-        let judged = validation.iter();
-        let judged = LearnedTicks::of(&of_all.inputs, &answered(&self.all, fit, judged));
-        if judged.targets.is_empty() {
+        if !of_all.is_judged() {
             return Ok(None);
         }
+        let others = self.parts.others(training).zip(&mut self.others);
         // A part whose others are too few does without.
-        let others = self.parts.others(training).zip(&self.others);
-        let of_parts: Vec<_> = others
-            .map(|(others, fits)| Trainee::of(fits, fit, &others))
-            .collect();
-        let has_network: Vec<bool> = of_parts.iter().map(Option::is_some).collect();
-        let of_parts = of_parts.into_iter().flatten();
+        let others = others.filter_map(|(training, fits)| {
+            let fits = fits.as_mut()?;
+            Some((trainee(fits, &training, &[])?, fits))
+        });
+        let (of_parts, fits_of_parts): (Vec<_>, Vec<_>) = others.unzip();
         let trainees: Vec<_> = std::iter::once(of_all).chain(of_parts).collect();
-        let settings = &config.optimisation;
         let networks = Networks::new(&trainees, &config.hidden, &mut random);
+        let settings = &config.optimisation;
         let mut task = ResidualTask {
             trainees: &trainees,
-            judged: &judged,
             batch_size: settings.batch_size,
+            judged_every: JUDGED_EVERY,
+            patience: None,
             random,
         };
-        let formula_mape_pct = task.mape_pct(&vec![0.0; judged.targets.len()]);
         let kept = learn(&mut task, networks, settings, watch)?;
         let record = ResidualRecord {
-            formula_mape_pct,
+            formula_mape_pct: formula_mape_pct(&trainees),
             corrected_mape_pct: kept.error_pct,
         };
-        watch.progress.say(&record.to_string());
+        watch.progress.say(&record.said_of("the validation side"));
         if record.is_kept() {
-            let others = self.others.iter_mut().zip(has_network);
-            let others = others.filter_map(|(fits, has_network)| has_network.then_some(fits));
-            let fits = std::iter::once(&mut self.all).chain(others);
-            for ((fits, trainee), network) in fits.zip(trainees).zip(&kept.network.of_trainees) {
-                fits.residual = Some(Residual::new(trainee.inputs, network.layers()));
+            let fits = std::iter::once(&mut self.all).chain(fits_of_parts);
+            let residuals = kept.network.residuals(trainees);
+            for (fits, residual) in fits.zip(residuals) {
+                fits.residual = Some(residual);
             }
         }
         Ok(Some(record))
     }
 }
 
+/// Not more of them than a network learns from.
+pub(super) fn thinned<T>(ticks: Vec<T>) -> Vec<T> {
+    let step = ticks.len().div_ceil(MOST_TICKS).max(1);
+    ticks.into_iter().step_by(step).collect()
+}
+
+/// The errors of the formulas alone at the ticks that judge.
+pub(super) fn formula_mape_pct(trainees: &[Trainee]) -> f64 {
+    mape_pct(trainees, |trainee| {
+        vec![0.0; trainees[trainee].judges.targets.len()]
+    })
+}
+
+/// The errors that remain at the ticks that judge, if these errors are predicted of each trainee's.
+fn mape_pct(trainees: &[Trainee], predicted: impl Fn(usize) -> Vec<f32>) -> f64 {
+    let (mut sum, mut count) = (0.0, 0);
+    for (number, trainee) in trainees.iter().enumerate() {
+        let targets = &trainee.judges.targets;
+        let pairs = predicted(number).into_iter().zip(targets);
+        let apart = pairs.map(|(predicted, target)| f64::from((target - predicted).abs()));
+        sum += trainee.inputs.deviation * apart.sum::<f64>();
+        count += targets.len();
+    }
+    100.0 * sum / count as f64
+}
+
 /// Ticks as a network sees them.
-struct LearnedTicks {
+struct SeenTicks {
     /// Numbers in a row.
     width: usize,
     /// Rows of inputs, one after the other.
@@ -125,7 +152,7 @@ struct LearnedTicks {
     precisions: Vec<f32>,
 }
 
-impl LearnedTicks {
+impl SeenTicks {
     /// Ticks and what the formula measures there, without those whose registrations are impossible.
     fn of(inputs: &Inputs, answered: &[(&Sample, Measurement)]) -> Self {
         let mut ticks = Self {
@@ -156,27 +183,39 @@ impl LearnedTicks {
     }
 }
 
-/// A formula, and what the network on its residual learns from.
-struct Trainee {
+/// A formula, what the network on its residual learns from, and what judges it.
+pub(super) struct Trainee {
     inputs: Inputs,
-    ticks: LearnedTicks,
+    ticks: SeenTicks,
+    /// Of flights that neither learned from; there may be none.
+    judges: SeenTicks,
 }
 
 impl Trainee {
-    /// `None` if there is too little to learn from.
-    fn of(fits: &InverseRange, fit: usize, ticks: &[&Sample]) -> Option<Self> {
-        let mut answered = answered(fits, fit, ticks.iter().copied());
-        let step = answered.len().div_ceil(MOST_TICKS).max(1);
-        let mut number = 0..;
-        answered.retain(|_| number.next().is_some_and(|n: usize| n.is_multiple_of(step)));
-        let inputs = Inputs::of(fit, &fits.fits[fit], &answered)?;
-        let ticks = LearnedTicks::of(&inputs, &answered);
-        (!ticks.targets.is_empty()).then_some(Self { inputs, ticks })
+    /// `None` if there is nothing to learn from.
+    pub(super) fn of(
+        inputs: Inputs,
+        learned_from: &[(&Sample, Measurement)],
+        judges: &[(&Sample, Measurement)],
+    ) -> Option<Self> {
+        let ticks = SeenTicks::of(&inputs, learned_from);
+        let judges = SeenTicks::of(&inputs, judges);
+        let trainee = Self {
+            inputs,
+            ticks,
+            judges,
+        };
+        (!trainee.ticks.targets.is_empty()).then_some(trainee)
+    }
+
+    /// Whether flights that it did not learn from judge it.
+    pub(super) fn is_judged(&self) -> bool {
+        !self.judges.targets.is_empty()
     }
 
     /// Gradients of the loss of a batch, the mean of `sqrt(1 + (precision * error)^2)`.
     fn gradients(&self, network: &Dense, batch: &[usize], device: &Device) -> Vec<LinearGradients> {
-        let LearnedTicks {
+        let SeenTicks {
             targets,
             precisions,
             ..
@@ -191,9 +230,9 @@ impl Trainee {
     }
 }
 
-/// Those of all formulas.
+/// Those of all trainees.
 #[derive(Module, Debug)]
-struct Networks {
+pub(super) struct Networks {
     of_trainees: Vec<Dense>,
 }
 
@@ -206,31 +245,37 @@ impl Networks {
             let inputs = network.last_inputs();
             network.with_last(zeros(inputs, 1, device))
         };
-        let networks = Self {
-            of_trainees: trainees.iter().map(network).collect(),
-        };
+        Self::of(trainees.iter().map(network).collect())
+    }
+
+    /// As many networks with these numbers.
+    pub(super) fn alike(layers: &[Layer], count: usize) -> Self {
+        let device = &Device::flex().autodiff();
+        let network = |_| Dense::of_layers(layers, device);
+        Self::of((0..count).map(network).collect())
+    }
+
+    fn of(of_trainees: Vec<Dense>) -> Self {
         // Gradients are by hand, and what autodiff notes about the weights of each step it forgets only when it computes some.
-        networks.no_grad()
+        Self { of_trainees }.no_grad()
+    }
+
+    /// What corrects the formulas of these trainees.
+    pub(super) fn residuals(&self, trainees: Vec<Trainee>) -> impl Iterator<Item = Residual> {
+        let trainees = trainees.into_iter().zip(&self.of_trainees);
+        trainees.map(|(trainee, network)| Residual {
+            inputs: trainee.inputs,
+            layers: network.layers(),
+        })
     }
 }
 
-struct ResidualTask<'a> {
-    trainees: &'a [Trainee],
-    /// Of the first trainee, on the validation side.
-    judged: &'a LearnedTicks,
-    batch_size: usize,
-    random: ChaCha12Rng,
-}
-
-impl ResidualTask<'_> {
-    /// The error that remains where a network predicts these errors.
-    fn mape_pct(&self, predicted: &[f32]) -> f64 {
-        let apart = predicted
-            .iter()
-            .zip(&self.judged.targets)
-            .map(|(predicted, target)| f64::from((target - predicted).abs()));
-        100.0 * self.trainees[0].inputs.deviation * apart.sum::<f64>() / predicted.len() as f64
-    }
+pub(super) struct ResidualTask<'a> {
+    pub(super) trainees: &'a [Trainee],
+    pub(super) batch_size: usize,
+    pub(super) judged_every: usize,
+    pub(super) patience: Option<usize>,
+    pub(super) random: ChaCha12Rng,
 }
 
 impl Task for ResidualTask<'_> {
@@ -240,7 +285,11 @@ impl Task for ResidualTask<'_> {
     const STAGE: &'static str = "residual of inverse_range";
 
     fn judged_every(&self) -> usize {
-        250
+        self.judged_every
+    }
+
+    fn patience(&self) -> Option<usize> {
+        self.patience
     }
 
     fn random(&mut self) -> &mut ChaCha12Rng {
@@ -278,11 +327,18 @@ impl Task for ResidualTask<'_> {
     }
 
     fn errors_pct(&self, networks: &Networks) -> Vec<Option<f64>> {
-        let inputs = self
-            .judged
-            .inputs(0..self.judged.targets.len(), &Device::flex());
-        let predicted = numbers(networks.of_trainees[0].valid().forward(inputs));
-        vec![Some(self.mape_pct(&predicted))]
+        let plain = networks.valid();
+        let predicted = |trainee: usize| {
+            let judges = &self.trainees[trainee].judges;
+            match judges.targets.len() {
+                0 => Vec::new(),
+                rows => {
+                    let inputs = judges.inputs(0..rows, &Device::flex());
+                    numbers(plain.of_trainees[trainee].forward(inputs))
+                }
+            }
+        };
+        vec![Some(mape_pct(self.trainees, predicted))]
     }
 
     fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {
@@ -292,4 +348,4 @@ impl Task for ResidualTask<'_> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

@@ -1,16 +1,17 @@
 //! Fits to boxes from geometry.
 
-use super::*;
-use crate::samples::{DistanceRange, Samples};
+use dataset::progress::Silent;
 use dataset::splits::Side;
+use rand::SeedableRng;
+use rand_chacha::ChaCha12Rng;
 use testkit::synthetic::SyntheticCorpus;
 
-/// The camera of the second view.
-const SECOND: NewCamera = NewCamera {
-    view: 1,
-    zoom: Some(1.0),
-    uses_network: None,
-};
+use super::*;
+use crate::checkpoint::Checkpoints;
+use crate::config::ResidualConfig;
+use crate::flight_parts::FlightParts;
+use crate::samples::{DistanceRange, Samples};
+use crate::training_loop::Watch;
 
 fn read(corpus: &SyntheticCorpus) -> Samples {
     let folder = tempfile::tempdir().unwrap();
@@ -181,7 +182,23 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
         .copied()
         .filter(|sample| sample.scenario > 0)
         .collect();
-    let refitted = fitted.with_camera_refitted(SECOND, &other_flights).unwrap();
+    let refitted = |approaches: &[&Sample]| {
+        let new = NewCamera {
+            view: 1,
+            zoom: Some(1.0),
+        };
+        let parts = FlightParts::of(&samples, approaches.iter().copied());
+        let watch = &mut Watch {
+            checkpoints: &mut Checkpoints::none(),
+            progress: &mut Silent,
+        };
+        let random = ChaCha12Rng::seed_from_u64(0);
+        let config = ResidualConfig::default();
+        let refitted = fitted.for_new_camera(new, &parts, approaches, &config, random, watch);
+        refitted.unwrap().map(|refitted| refitted.fits.all)
+    };
+    let of_few = refitted(&other_flights[..20]);
+    let refitted = refitted(&other_flights).unwrap();
     let sets = |fitted: &InverseRange| {
         let mut sets: Vec<_> = fitted.fits.iter().map(|fit| fit.set.clone()).collect();
         sets.sort_by_key(|set| (set.views.clone(), set.registered));
@@ -192,10 +209,7 @@ fn a_view_is_fitted_again_without_touching_the_fits_of_others() {
     assert_ne!(refitted.without(0), fitted.without(0));
     let own = fit(&samples, &other_flights);
     assert_eq!(refitted.without(0), own.without(0));
-    assert_eq!(
-        fitted.with_camera_refitted(SECOND, &other_flights[..20]),
-        None
-    );
+    assert_eq!(of_few, None);
 }
 
 #[test]
