@@ -38,6 +38,15 @@ hidden = [8]
 optimisation = { steps = 200, batch_size = 64, learning_rate = 0.01 }
 ";
 
+fn corpus() -> SyntheticCorpus {
+    SyntheticCorpus {
+        shift_noise_px: Some(0.02),
+        shift_by_contrast: Some(1e-4),
+        miss_ratio: 0.2,
+        ..SyntheticCorpus::tiny()
+    }
+}
+
 /// A corpus of geometry with registrations, and a run that was evaluated on it.
 struct Workshop {
     folder: TempDir,
@@ -45,13 +54,11 @@ struct Workshop {
 
 impl Workshop {
     fn new(settings: &str) -> Self {
+        Self::of(&corpus(), settings)
+    }
+
+    fn of(corpus: &SyntheticCorpus, settings: &str) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let corpus = SyntheticCorpus {
-            shift_noise_px: Some(0.02),
-            shift_by_contrast: Some(1e-4),
-            miss_ratio: 0.2,
-            ..SyntheticCorpus::tiny()
-        };
         let workshop = Self { folder };
         corpus.write(&workshop.path("corpus")).unwrap();
         fs::write(workshop.path("train.toml"), settings).unwrap();
@@ -78,6 +85,21 @@ impl Workshop {
         let library = text(onnx_runtime());
         let out = ["--out", text(&out), "--onnx-runtime", library, "--json"];
         DTD.run(&[&["export-estimators", text(&run)][..], &out].concat())
+    }
+}
+
+/// Python's ONNX Runtime answers what the run's predictions are.
+fn assert_onnx_runtime_agrees(workshop: &Workshop) {
+    let judge = repository().join("tests/judges/export_estimators.py");
+    let [corpus, run, models] = ["corpus", "run", "models"].map(|name| workshop.path(name));
+    let judged = python(&[&judge, &corpus, &run, &models], repository());
+    assert!(judged.status.success(), "{}", said(&judged));
+    let verdict: Value = json(&judged);
+    println!("{verdict}");
+    for name in ESTIMATORS {
+        let of = &verdict[name];
+        assert!(of["answered"].as_u64().unwrap() > 100, "{name}: {of}");
+        assert!(of["apart"].as_f64().unwrap() <= 1e-5, "{name}: {of}");
     }
 }
 
@@ -117,17 +139,7 @@ fn onnx_runtime_answers_what_the_evaluation_stored() {
             "ticks without a box have no answer: {model}"
         );
     }
-    let judge = repository().join("tests/judges/export_estimators.py");
-    let [corpus, run, models] = ["corpus", "run", "models"].map(|name| workshop.path(name));
-    let judged = python(&[&judge, &corpus, &run, &models], repository());
-    assert!(judged.status.success(), "{}", said(&judged));
-    let verdict: Value = json(&judged);
-    println!("{verdict}");
-    for name in ESTIMATORS {
-        let of = &verdict[name];
-        assert!(of["answered"].as_u64().unwrap() > 100, "{name}: {of}");
-        assert!(of["apart"].as_f64().unwrap() <= 1e-5, "{name}: {of}");
-    }
+    assert_onnx_runtime_agrees(&workshop);
     let card = fs::read_to_string(workshop.path("models/MODEL_CARD.md")).unwrap();
     for words in [
         "in this order: left, right.",
@@ -143,6 +155,22 @@ fn onnx_runtime_answers_what_the_evaluation_stored() {
     let mape = &metrics["estimators"]["paper_lstm"]["dual"]["mape_pct"];
     let mape = format!("{:.3} %", mape.as_f64().unwrap());
     assert!(card.contains(&mape), "no {mape} in {card}");
+}
+
+#[test]
+fn the_numbers_of_three_views_and_their_registrations_come_in_the_order_of_the_views() {
+    let corpus = SyntheticCorpus {
+        third_camera: true,
+        miss_ratio: 0.05,
+        ..corpus()
+    };
+    let workshop = Workshop::of(&corpus, SETTINGS);
+    let baselines = fs::read(workshop.path("run/baselines.json")).unwrap();
+    let baselines: Value = serde_json::from_slice(&baselines).unwrap();
+    let residual = &baselines["inverse_range"]["residual"];
+    assert_eq!(residual["views"], serde_json::json!([1, 2]));
+    assert!(workshop.export().status.success());
+    assert_onnx_runtime_agrees(&workshop);
 }
 
 #[test]

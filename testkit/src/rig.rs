@@ -11,25 +11,31 @@ pub const VIEWS: [&str; 2] = ["left", "right"];
 
 /// Two cameras 1500 m past the touchdown target, 300 m to either side, turned 5.3 degrees inwards.
 pub fn wide_baseline(runway: &Runway) -> [(&'static str, CameraPose); 2] {
-    let placed = |sideways_m: f64, turned_deg: f64| {
-        let at = runway.point_on_approach(-1_500.0, sideways_m);
-        CameraPose {
-            pose: Pose {
-                latitude_deg: at.latitude_deg,
-                longitude_deg: at.longitude_deg,
-                altitude_msl_m: runway.threshold.altitude_msl_m + 10.0,
-                heading_true_deg: (runway.course_true_deg + 180.0 + turned_deg).rem_euclid(360.0),
-                pitch_deg: 1.6,
-                roll_deg: 0.0,
-            },
-            hfov_deg: 10.0,
-        }
-    };
     // Looking back down the approach, the axis is to the left camera's left.
     [
-        (VIEWS[0], placed(-300.0, -5.3)),
-        (VIEWS[1], placed(300.0, 5.3)),
+        (VIEWS[0], beside(runway, -300.0, -5.3)),
+        (VIEWS[1], beside(runway, 300.0, 5.3)),
     ]
+}
+
+/// A third camera, between both.
+pub fn middle(runway: &Runway) -> (&'static str, CameraPose) {
+    ("middle", beside(runway, 0.0, 0.0))
+}
+
+fn beside(runway: &Runway, sideways_m: f64, turned_deg: f64) -> CameraPose {
+    let at = runway.point_on_approach(-1_500.0, sideways_m);
+    CameraPose {
+        pose: Pose {
+            latitude_deg: at.latitude_deg,
+            longitude_deg: at.longitude_deg,
+            altitude_msl_m: runway.threshold.altitude_msl_m + 10.0,
+            heading_true_deg: (runway.course_true_deg + 180.0 + turned_deg).rem_euclid(360.0),
+            pitch_deg: 1.6,
+            roll_deg: 0.0,
+        },
+        hfov_deg: 10.0,
+    }
 }
 
 /// The camera of a view.

@@ -32,7 +32,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha12Rng;
 
 use crate::changi_02l;
-use crate::rig::wide_baseline;
+use crate::rig::{middle, wide_baseline};
 use crate::scenario::{calm, frame, record, stamp};
 
 /// Its file name.
@@ -81,12 +81,14 @@ pub struct SyntheticCorpus {
     /// Standard deviation of the shifts between the views, pixels; `None` for views that are not registered.
     pub shift_noise_px: Option<f64>,
     /// Part by which a shift is longer at every other tick, at which the view shows more contrast than the reference, and shorter at the
-    /// ticks between, at which it shows less; `None` for equal contrast.
+    /// ticks between, at which it shows less; `None` for equal contrast. Of a third view it is every other pair of ticks.
     pub shift_by_contrast: Option<f64>,
     /// Chance that a view misses the aircraft at a tick.
     pub miss_ratio: f64,
     /// Every scenario's cameras are turned by up to this much to either side, degrees.
     pub turned_deg: f64,
+    /// Whether a third camera stands between the two of the rig.
+    pub third_camera: bool,
     /// A camera that is not as in the rig, in all scenarios.
     pub changed: Option<Changed>,
     /// Lens and air of all cameras.
@@ -112,6 +114,7 @@ impl SyntheticCorpus {
             shift_by_contrast: None,
             miss_ratio: 0.08,
             turned_deg: 0.0,
+            third_camera: false,
             changed: None,
             imaging: Imaging::default(),
             seed: 0,
@@ -220,7 +223,9 @@ impl SyntheticCorpus {
     fn calibration(&self, number: usize, runway: &Runway) -> Calibration {
         let count = self.train + self.validation + self.test;
         let part = 2.0 * number as f64 / (count - 1).max(1) as f64 - 1.0;
-        let rig = wide_baseline(runway).map(|(id, mut placed)| {
+        let third = self.third_camera.then(|| middle(runway));
+        let rig = wide_baseline(runway).into_iter().chain(third);
+        let rig = rig.map(|(id, mut placed)| {
             placed.pose.heading_true_deg += part * self.turned_deg;
             if let Some(changed) = self.changed.filter(|changed| changed.view == id) {
                 placed.pose.heading_true_deg += changed.turned_deg;
@@ -382,7 +387,7 @@ fn register(
     let mut views = calibration.cameras.iter();
     let (reference, first) = views.next().expect("a rig has cameras");
     let first = first.camera();
-    for (view, entry) in views {
+    for (number, (view, entry)) in views.enumerate() {
         let camera = entry.camera();
         for row in &frames.rows {
             let seen = |view: &String| {
@@ -394,7 +399,7 @@ fn register(
                 let ecef_m = row.pose.position().to_ecef();
                 let exact = camera.project(ecef_m)? - first.project(ecef_m)?;
                 let size = |camera: &Camera| camera.focal_px / camera.to_camera(ecef_m).z;
-                let high = if row.tick.is_multiple_of(2) {
+                let high = if (row.tick >> number).is_multiple_of(2) {
                     1.0
                 } else {
                     -1.0

@@ -71,8 +71,8 @@ impl FlightFilter {
         Self::fit_to(&flights, fits.all.deviations())
     }
 
-    /// The same with the errors of those fits that contain the view of a new camera, which its approaches tell: each is measured by fits that
-    /// did not see it. Of one approach nothing is learned.
+    /// The same with the errors of those fits that contain the view of a new camera, which its approaches tell: each is measured by fits
+    /// that did not see it. Of one approach nothing is learned.
     pub(crate) fn with_camera_refitted(
         &self,
         view: usize,

@@ -132,7 +132,8 @@ impl InverseRange {
             .map(move |fit| fit.set.views.contains(&view))
     }
 
-    /// What a new camera of this view leaves as it is: the fits that do without it, and the network if it is on the residual of one of them.
+    /// What a new camera of this view leaves as it is: the fits that do without it, and the network if it is on the residual of one of
+    /// them.
     pub(crate) fn without(&self, view: usize) -> Self {
         let others = self
             .fits

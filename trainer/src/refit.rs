@@ -1,9 +1,10 @@
 //! A new, moved or turned camera: what belongs to it is fitted again from a few labelled approaches, and nothing else is touched.
 //!
-//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the network on
-//! the residual of one of them, the errors that the filter expects of them, its pinhole and centre offset, its calibration network (the paper's way), and the offset and
-//! scale of its features. These follow from the old and the new fitted camera: they make of a box in the new picture what the old camera
-//! would have given, so that the networks start where they were. The fingerprint of everything else ([`frozen`]) is compared and recorded.
+//! Fitted again for the view: its camera (`self_calibrated`), the fits of all sets of views that contain it (`inverse_range`), the network
+//! on the residual of one of them, the errors that the filter expects of them, its pinhole and centre offset, its calibration network (the
+//! paper's way), and the offset and scale of its features. These follow from the old and the new fitted camera: they make of a box in the
+//! new picture what the old camera would have given, so that the networks start where they were. The fingerprint of everything else
+//! ([`frozen`]) is compared and recorded.
 
 mod frozen;
 mod network_refit;

@@ -1,5 +1,7 @@
 //! The surroundings of a box, cut out of a picture, and what remains of them without the background.
 
+use std::iter::repeat_n;
+
 use dataset::pixel_box::PixelBox;
 use dataset::registrations::NoShift;
 use dataset::video::PicturePart;
@@ -168,19 +170,21 @@ const GLOW_PX: f64 = 5.0;
 const GLOW_PART: f64 = 0.1;
 /// Width of the ring that shows the background.
 const RING_PX: f64 = 14.0;
-/// Standard deviation of the blur: just enough that the interpolation does not depend on the fraction of a pixel.
-const BLUR_PX: f64 = 0.8;
+/// Standard deviation of the blur of equal pictures: just enough that the interpolation does not depend on the fraction of a pixel.
+pub(super) const BLUR_PX: f64 = 0.8;
+/// Standard deviations over which a blur reaches.
+const BLUR_REACH: f64 = 4.0;
 /// Noise is never less: 8-bit pictures, in which neighbours are rounded alike.
 const LEAST_NOISE: f64 = 0.15;
 /// Rounds of reweighting of the background.
 const ROUNDS: usize = 4;
 
 impl Cleaned {
-    /// Removes the background.
+    /// Removes the background and blurs by a standard deviation.
     ///
     /// # Errors
     /// The aircraft does not stand out from it, or there is too little of it.
-    pub(super) fn of(patch: &Patch) -> Result<Self, NoShift> {
+    pub(super) fn of(patch: &Patch, blur_px: f64) -> Result<Self, NoShift> {
         let step = patch.bin as f64;
         let raw: Vec<f64> = patch
             .luma
@@ -197,7 +201,7 @@ impl Cleaned {
             origin_px: patch.origin_px,
             bin: patch.bin,
         };
-        cleaned.remove_background()?;
+        cleaned.remove_background(blur_px)?;
         Ok(cleaned)
     }
 
@@ -225,7 +229,7 @@ impl Cleaned {
         &self.values[row * self.width..(row + 1) * self.width]
     }
 
-    fn remove_background(&mut self) -> Result<(), NoShift> {
+    fn remove_background(&mut self, blur_px: f64) -> Result<(), NoShift> {
         let half = self.size / 2.0 + GLOW_PX + GLOW_PART * self.size.x;
         let scale = half.x;
         let from_centre = |index: usize| {
@@ -265,7 +269,7 @@ impl Cleaned {
         let clean: Vec<f64> = (0..self.values.len())
             .map(|index| self.values[index] - value(terms(index), &fitted))
             .collect();
-        self.values = blurred(&clean, self.width);
+        self.values = blurred(&clean, self.width, blur_px);
         let of_ring = || ring.iter().map(|index| self.values[*index]);
         self.noise = robust_sd(of_ring()).max(LEAST_NOISE);
         let reach = self.size / 2.0 + 1.0;
@@ -325,27 +329,27 @@ fn cubic(t: f64) -> ([f64; 4], [f64; 4]) {
 }
 
 /// A Gaussian blur; outside, the edge continues.
-fn blurred(values: &[f64], width: usize) -> Vec<f64> {
-    const REACH: usize = 3;
-    let mut kernel = [0.0; 2 * REACH + 1];
-    for (k, weight) in kernel.iter_mut().enumerate() {
-        let away = k as f64 - REACH as f64;
-        *weight = (-away * away / (2.0 * BLUR_PX * BLUR_PX)).exp();
-    }
-    let sum: f64 = kernel.iter().sum();
-    let kernel = kernel.map(|weight| weight / sum);
+pub(super) fn blurred(values: &[f64], width: usize, blur_px: f64) -> Vec<f64> {
+    let reach = (BLUR_REACH * blur_px) as usize;
+    let weight = |k: usize| {
+        let away = k as f64 - reach as f64;
+        (-away * away / (2.0 * blur_px * blur_px)).exp()
+    };
+    let weights = || (0..2 * reach + 1).map(weight);
+    let sum: f64 = weights().sum();
+    let kernel: Vec<f64> = weights().map(|weight| weight / sum).collect();
     let mut lines: Vec<Vec<f64>> = Vec::with_capacity(values.len() / width);
-    let mut longer = Vec::with_capacity(width + 2 * REACH);
+    let mut longer = Vec::with_capacity(width + 2 * reach);
     for line in values.chunks_exact(width) {
         longer.clear();
-        longer.extend([line[0]; REACH]);
+        longer.extend(repeat_n(line[0], reach));
         longer.extend_from_slice(line);
-        longer.extend([line[width - 1]; REACH]);
+        longer.extend(repeat_n(line[width - 1], reach));
         let sums = longer.windows(kernel.len());
         lines.push(
             sums.map(|taps| {
                 taps.iter()
-                    .zip(kernel)
+                    .zip(&kernel)
                     .map(|(value, weight)| weight * value)
                     .sum()
             })
@@ -357,7 +361,7 @@ fn blurred(values: &[f64], width: usize) -> Vec<f64> {
         let start = both.len();
         both.resize(start + width, 0.0);
         for (k, weight) in kernel.iter().enumerate() {
-            let line = &lines[(row + k).saturating_sub(REACH).min(lines.len() - 1)];
+            let line = &lines[(row + k).saturating_sub(reach).min(lines.len() - 1)];
             for (sum, value) in both[start..].iter_mut().zip(line) {
                 *sum += weight * value;
             }

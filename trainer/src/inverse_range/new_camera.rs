@@ -1,4 +1,5 @@
-//! A new camera: the fits that contain its view learn it from a few approaches, and the network on the residual of one of them is trained on.
+//! A new camera: the fits that contain its view learn it from a few approaches, and the network on the residual of one of them is trained
+//! on.
 //!
 //! What light and distance do to a shift depends on the camera, too, but not on it alone, and approaches in one light do not tell all. So
 //! the network goes on from what it knows: it expects the scale that the new focal length gives, its fit is such that both together give
@@ -18,11 +19,10 @@ use crate::flight_parts::FlightParts;
 use crate::samples::Sample;
 use crate::training_loop::{Watch, learn};
 
-/// Steps, and after how many of them the approaches judge.
-const STEPS: usize = 500;
-const JUDGED_EVERY: usize = 25;
+/// Steps.
+const STEPS: usize = 1_000;
 /// Part of the learning rate of a training from the start.
-const RATE: f64 = 0.1;
+const RATE: f64 = 0.2;
 
 /// A camera that is to be fitted again.
 #[derive(Debug, Clone, Copy)]
@@ -42,8 +42,8 @@ pub(crate) struct Refitted {
 }
 
 impl InverseRange {
-    /// The same fits in the same order for a new camera, those of sets that contain its view fitted to `approaches`; `None` if these are too
-    /// few for one of them. `config` is that of the training of its network.
+    /// The same fits in the same order for a new camera, those of sets that contain its view fitted to `approaches`; `None` if these are
+    /// too few for one of them. `config` is that of the training of its network.
     pub(crate) fn for_new_camera(
         &self,
         new: NewCamera,
@@ -164,21 +164,24 @@ impl RefitOfView<'_> {
         let mut task = ResidualTask {
             trainees: &trainees,
             batch_size: settings.batch_size,
-            judged_every: JUDGED_EVERY,
-            patience: Some(STEPS),
             random,
         };
-        let networks = Networks::alike(&known.layers, trainees.len());
-        let kept = learn(&mut task, networks, &settings, watch)?;
+        let as_it_was = Networks::alike(&known.layers, trainees.len());
+        let error_pct = task.error_pct(&as_it_was);
+        let trained = learn(&mut task, as_it_was.clone(), &settings, watch)?;
+        let (networks, error_pct) = match trained.error_pct < error_pct {
+            true => (trained.network, trained.error_pct),
+            false => (as_it_was, error_pct),
+        };
         let record = ResidualRecord {
             formula_mape_pct: formula_mape_pct(&formulas),
-            corrected_mape_pct: kept.error_pct,
+            corrected_mape_pct: error_pct,
         };
         watch
             .progress
             .say(&record.said_of("approaches left out in turn"));
         let others = fits.others.iter_mut().flatten();
-        let residuals = kept.network.residuals(trainees);
+        let residuals = networks.residuals(trainees);
         for (fits, residual) in std::iter::once(&mut fits.all).chain(others).zip(residuals) {
             fits.residual = Some(residual);
         }

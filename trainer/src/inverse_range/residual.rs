@@ -6,8 +6,8 @@
 //! It predicts the relative error of the formula in standard deviations, which is subtracted. Inputs are limited, so that what looks like
 //! nothing in the training moves the distance no further than what does.
 //!
-//! One fit has a network: that which answers most ticks. Training: [`super::residual_training`]; for a new camera: [`super::new_camera`]. The
-//! numbers are stored with the formulas.
+//! One fit has a network: that which answers most ticks. Training: [`super::residual_training`]; for a new camera: [`super::new_camera`].
+//! The numbers are stored with the formulas.
 
 use burn::tensor::Device;
 use dataset::least_squares::NormalEquations;

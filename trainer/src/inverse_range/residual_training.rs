@@ -25,11 +25,11 @@ use crate::training_loop::{Task, Watch, learn};
 
 /// Ticks that a network learns from at most: those of 30 pictures a second are much alike.
 const MOST_TICKS: usize = 50_000;
-/// Steps between two looks at the validation side.
+/// Steps between two looks at the flights that judge.
 const JUDGED_EVERY: usize = 250;
 
-/// What a network on the residual is worth (`run.json`): errors of `inverse_range` on flights that taught it nothing, where the fit with the
-/// network applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
+/// What a network on the residual is worth (`run.json`): errors of `inverse_range` on flights that taught it nothing, where the fit with
+/// the network applies, mean of their sizes, percent of the formula's distance (below 0.5 NM: of 0.5 NM).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct ResidualRecord {
     /// Of the formula alone.
@@ -93,8 +93,6 @@ impl CrossFitted {
         let mut task = ResidualTask {
             trainees: &trainees,
             batch_size: settings.batch_size,
-            judged_every: JUDGED_EVERY,
-            patience: None,
             random,
         };
         let kept = learn(&mut task, networks, settings, watch)?;
@@ -273,9 +271,24 @@ impl Networks {
 pub(super) struct ResidualTask<'a> {
     pub(super) trainees: &'a [Trainee],
     pub(super) batch_size: usize,
-    pub(super) judged_every: usize,
-    pub(super) patience: Option<usize>,
     pub(super) random: ChaCha12Rng,
+}
+
+impl ResidualTask<'_> {
+    /// The errors that remain at the ticks that judge.
+    pub(super) fn error_pct(&self, networks: &Networks) -> f64 {
+        let plain = networks.valid();
+        mape_pct(self.trainees, |trainee| {
+            let judges = &self.trainees[trainee].judges;
+            match judges.targets.len() {
+                0 => Vec::new(),
+                rows => {
+                    let inputs = judges.inputs(0..rows, &Device::flex());
+                    numbers(plain.of_trainees[trainee].forward(inputs))
+                }
+            }
+        })
+    }
 }
 
 impl Task for ResidualTask<'_> {
@@ -285,11 +298,7 @@ impl Task for ResidualTask<'_> {
     const STAGE: &'static str = "residual of inverse_range";
 
     fn judged_every(&self) -> usize {
-        self.judged_every
-    }
-
-    fn patience(&self) -> Option<usize> {
-        self.patience
+        JUDGED_EVERY
     }
 
     fn random(&mut self) -> &mut ChaCha12Rng {
@@ -327,18 +336,7 @@ impl Task for ResidualTask<'_> {
     }
 
     fn errors_pct(&self, networks: &Networks) -> Vec<Option<f64>> {
-        let plain = networks.valid();
-        let predicted = |trainee: usize| {
-            let judges = &self.trainees[trainee].judges;
-            match judges.targets.len() {
-                0 => Vec::new(),
-                rows => {
-                    let inputs = judges.inputs(0..rows, &Device::flex());
-                    numbers(plain.of_trainees[trainee].forward(inputs))
-                }
-            }
-        };
-        vec![Some(mape_pct(self.trainees, predicted))]
+        vec![Some(self.error_pct(networks))]
     }
 
     fn record(&mut self, _done: usize, errors_pct: Vec<Option<f64>>) -> String {
